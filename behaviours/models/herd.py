@@ -1,0 +1,162 @@
+"""The herd model: social forces turn, a stochastic process sets the speed.
+
+Gong et al. 2025 [1]_, section 5.  Every animal feels cohesion, avoidance,
+alignment and obstacle avoidance, each with its own Gaussian reach in distance
+and in bearing (eqs. 4 and 5); their weighted sum turns its heading (eqs. 2 and
+3).  Speed is not touched: direction and speed are separate.  An animal that
+sees at most two others is a leader and follows the navigation field.
+
+Lengths are in body lengths of the animal itself, so one brush moves mice and
+cattle.  Eq. 2 is read with the unit heading, ``N(v + Δt F)`` with ``|v| = 1``:
+with the velocity's magnitude a fast herd would turn less for the same force
+and falls apart.
+
+.. [1] Gong, X., Gain, J., Rohmer, D., Lyonnet, S., Pettré, J. & Cani, M.-P. (2025). Herds from video: learning a
+   microscopic herd model from macroscopic motion data. Computer Graphics Forum 44(6), e70225.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numba import njit
+from pydantic import Field
+
+from behaviours.behaviour import Parameters, Wishes, behaviour, quantity
+from engine.maths import angle2_, exp_
+from engine.parallel import over_rows
+
+
+class Params(Parameters):
+    """Weights and ranges of the four forces, and who leads.
+
+    A radial range of 1 is four body lengths, an angular range of 1 is 180°; both are the sigmas of Gaussians.
+    """
+
+    avoidance_weight: float = quantity(0.25, "1", "larger keeps more room between animals (W_FV)", 0, 1)
+    avoidance_radial: float = quantity(0.7, "4 body lengths", "how far avoidance reaches (R_FV)", 1e-3, 1)
+    avoidance_angular: float = quantity(1.0, "180°", "how far to the sides and back avoidance reaches (Φ_FV)", 1e-3, 1)
+    cohesion_weight: float = quantity(0.15, "1", "larger draws the herd closer together (W_FC)", 0, 1)
+    cohesion_radial: float = quantity(1.0, "4 body lengths", "how far cohesion reaches (R_FC)", 1e-3, 1)
+    cohesion_angular: float = quantity(0.5, "180°", "how far to the sides and back cohesion reaches (Φ_FC)", 1e-3, 1)
+    alignment_weight: float = quantity(0.15, "1", "larger turns sooner the way the neighbours face (W_FA)", 0, 1)
+    alignment_radial: float = quantity(1.0, "4 body lengths", "how far alignment reaches (R_FA)", 1e-3, 1)
+    alignment_angular: float = quantity(0.5, "180°", "how far to the sides and back alignment reaches (Φ_FA)", 1e-3, 1)
+    obstacle_weight: float = quantity(0.15, "1", "larger turns away from obstacles sooner (W_FO)", 0, 1)
+    obstacle_radial: float = quantity(1.0, "4 body lengths", "how far away obstacles count (R_FO)", 1e-3, 1)
+    obstacle_angular: float = quantity(0.5, "180°", "how far to the sides obstacles count (Φ_FO)", 1e-3, 1)
+    sensitivity: float = quantity(10.0, "1/s", "how fast animals answer to all forces together (Ω)", 0, 1000)
+    neighbour_range: float = quantity(4.0, "body lengths", "neighbours farther away are ignored", 0.5, 20)
+    leader_neighbours: int = Field(
+        2,
+        ge=-1,
+        le=100,
+        description="who sees at most this many others leads; -1: nobody leads",
+        json_schema_extra={"unit": "animals"},
+    )
+    leader_blend: float = quantity(0.0, "1", "how much a leader still listens to its neighbours", 0, 1)
+    unled: Literal["return", "keep"] = Field(
+        "return",
+        description="what a leader does where no guide reaches: return to the others, or keep its way (the paper)",
+        json_schema_extra={"unit": "-"},
+    )
+    slope_aversion: float = quantity(2.0, "1/s", "larger turns sooner downhill on steep ground", 0, 100)
+
+
+@behaviour("herd", Params)
+def steer(scene, rows, p):
+    """Turn by social forces; leaders by the navigation field."""
+    direction, pace = np.zeros((len(rows), 3)), np.ones(len(rows))
+    over_rows(herd_kernel, len(rows), rows, *kernel_scene(scene), *kernel_params(p), direction)
+    return Wishes(direction, pace)
+
+
+def kernel_scene(s):
+    """The columns that `herd_kernel` reads, in its order."""
+    return (
+        s.dt, s.forward, s.length, s.leader, s.first, s.near, s.offset, s.obstacle_first, s.obstacle_offset,
+        s.guidance, s.slope, s.memory, s.known,
+    )  # fmt: skip
+
+
+def kernel_params(p):
+    """The parameters in the order of `herd_kernel`; ranges become body lengths and radians."""
+    names = "avoidance", "cohesion", "alignment", "obstacle"
+    weight = np.array([getattr(p, f"{name}_weight") for name in names])
+    radial = np.array([4.0 * getattr(p, f"{name}_radial") for name in names])
+    angular = np.array([np.pi * getattr(p, f"{name}_angular") for name in names])
+    return (
+        weight, 0.5 / radial**2, 0.5 / angular**2, p.sensitivity, p.neighbour_range, p.leader_blend,
+        p.unled == "return", p.slope_aversion,
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def herd_kernel(
+    lo, hi, rows,
+    dt, forward, length, leader, first, near, offset, obstacle_first, obstacle_offset, guidance, slope, memory, known,
+    weight, radial, angular, sensitivity, neighbour_range, leader_blend, unled_returns, slope_aversion,
+    direction,
+):  # fmt: skip
+    """The next heading of each row asked (eqs. 2-5)."""
+    cut = neighbour_range * neighbour_range
+    for k in range(lo, hi):
+        i = rows[k]
+        fx, fy = forward[i, 0], forward[i, 1]
+        per_length = 1.0 / length[i]
+        vx = vy = cx = cy = ax = ay = ox = oy = 0.0
+        for at in range(first[i], first[i + 1]):
+            j = near[at]
+            x, y = offset[at, 0] * per_length, offset[at, 1] * per_length
+            d2 = x * x + y * y
+            if d2 > cut:
+                continue
+            bearing2 = angle2_(fx * y - fy * x, fx * x + fy * y)
+            w = exp_(-(d2 * radial[0] + bearing2 * angular[0]))  # eq. 4
+            vx -= w * x  # eq. 5: d u is the offset itself
+            vy -= w * y
+            w = exp_(-(d2 * radial[1] + bearing2 * angular[1]))
+            cx += w * x
+            cy += w * y
+            w = exp_(-(d2 * radial[2] + bearing2 * angular[2]))
+            ax += w * forward[j, 0]
+            ay += w * forward[j, 1]
+        for at in range(obstacle_first[i], obstacle_first[i + 1]):
+            x, y = obstacle_offset[at, 0] * per_length, obstacle_offset[at, 1] * per_length
+            d2 = x * x + y * y
+            bearing2 = angle2_(fx * y - fy * x, fx * x + fy * y)
+            w = exp_(-(d2 * radial[3] + bearing2 * angular[3]))
+            ox -= w * x
+            oy -= w * y
+        # eq. 3
+        sx = weight[0] * vx + weight[1] * cx + weight[2] * ax + weight[3] * ox
+        sy = weight[0] * vy + weight[1] * cy + weight[2] * ay + weight[3] * oy
+        turn = dt * sensitivity
+        hx = fx + turn * sx - dt * slope_aversion * slope[i, 0]  # eq. 2
+        hy = fy + turn * sy - dt * slope_aversion * slope[i, 1]
+        if leader[i]:
+            gx, gy = guidance[i, 0], guidance[i, 1]
+            g = np.sqrt(gx * gx + gy * gy)
+            if g > 1e-6:
+                size = np.sqrt(hx * hx + hy * hy)
+                if size > 0.0:
+                    hx, hy = hx / size, hy / size
+                # where the field fades, the herd's own forces take over
+                lead = (1.0 - leader_blend) * min(1.0, 4.0 * g)
+                hx = lead * gx / g + (1.0 - lead) * hx
+                hy = lead * gy / g + (1.0 - lead) * hy
+            elif not unled_returns:
+                hx, hy = fx, fy
+            elif known[i]:
+                # a stray turns back to where it last saw the others
+                mx, my = memory[i, 0] * per_length, memory[i, 1] * per_length
+                m = np.sqrt(mx * mx + my * my)
+                if m > 1.0:
+                    hx += turn * 0.3 * mx / m
+                    hy += turn * 0.3 * my / m
+        size = np.sqrt(hx * hx + hy * hy)
+        if size > 1e-12:
+            direction[k, 0], direction[k, 1] = hx / size, hy / size
+        else:
+            direction[k, 0], direction[k, 1] = fx, fy

@@ -1,0 +1,116 @@
+"""What every animal has: one column per field."""
+
+import numpy as np
+
+from engine.columns import Component, Field
+
+FOLLOWER, LEADER = 0, 1
+
+
+class Position(Component):
+    """Metres east, north and up of the level's south-west corner."""
+
+    xyz = Field((0.0, 0.0, 0.0))
+
+
+class Velocity(Component):
+    """What the animal really did in the last tick, metres per second."""
+
+    xyz = Field((0.0, 0.0, 0.0))
+
+
+class Heading(Component):
+    """The way the body faces: a unit vector.  Direction is separate from speed (Gong et al. 2025, eq. 2)."""
+
+    forward = Field((1.0, 0.0, 0.0))
+
+
+class Body(Component):
+    """A capsule along the heading; a disc when ``length`` is twice ``radius``."""
+
+    length = Field(1.0)  # m, nose to tail
+    radius = Field(0.2)  # m, half the width
+
+
+class Species(Component):
+    """What kind of animal this is, as an index into the level's list of species."""
+
+    index = Field(0, np.int32)
+
+
+class Role(Component):
+    """LEADER (1) sees at most two neighbours and follows the navigation field; FOLLOWER (0) obeys the herd."""
+
+    leader = Field(FOLLOWER, np.uint8)
+
+
+class ReferenceBird(Component):
+    """The animal this one keeps its place by: an entity id, 0 for none."""
+
+    entity = Field(0, np.int64)
+
+
+class Vision(Component):
+    """How far and how wide the animal sees."""
+
+    range = Field(4.0)  # m
+    field_of_view = Field(2 * np.pi)  # rad, full angle
+
+
+class BrushBinding(Component):
+    """Which brush moves the animal, and which one did before while the two blend.
+
+    Indices into the world's `Palette`.
+    """
+
+    brush = Field(0, np.int32)
+    previous = Field(0, np.int32)
+    blend = Field(1.0)  # 0: still the previous brush, 1: the brush alone
+    home = Field(0, np.int32)  # the brush it was born with, taken up again on unpainted ground
+
+
+class Speed(Component):
+    """The Ornstein-Uhlenbeck state (Gong et al. 2025, eq. 6) and what becomes of it."""
+
+    drawn = Field(0.0)  # m/s, the process alone
+    target = Field(0.0)  # m/s, after slope, surface, density and caps: what the animal tries to do
+
+
+class Ground(Component):
+    """What is underfoot."""
+
+    factor = Field(1.0)  # surface, painted factors: multiplies speed
+    cap = Field(np.inf, finite=False)  # m/s, painted maximum
+    slope = Field((0.0, 0.0))  # rise per metre, east and north
+    guidance = Field((0.0, 0.0))  # the navigation field: direction, length at most 1
+
+
+class Memory(Component):
+    """Where the animal last saw others: a stray goes back there."""
+
+    herd = Field((0.0, 0.0))  # m
+    known = Field(0, np.uint8)
+
+
+class Wish(Component):
+    """What the models want in this tick.  Rewritten every tick."""
+
+    direction = Field((1.0, 0.0, 0.0))  # unit vector
+    pace = Field(1.0)  # multiplies the speed (a sprint, a halt)
+
+
+AGENT = (
+    Position,
+    Velocity,
+    Heading,
+    Body,
+    Species,
+    Role,
+    ReferenceBird,
+    Vision,
+    BrushBinding,
+    Speed,
+    Ground,
+    Memory,
+    Wish,
+)
