@@ -26,10 +26,11 @@ class Heading(Component):
 
 
 class Body(Component):
-    """A capsule along the heading; a disc when ``length`` is twice ``radius``."""
+    """A capsule along the heading; a disc where its ``axis`` is 0."""
 
-    length = Field(1.0)  # m, nose to tail
+    length = Field(1.0)  # m, nose to tail: the unit of the models
     radius = Field(0.2)  # m, half the width
+    axis = Field(0.3)  # m, half the length of the capsule's axis: what touches and hides
 
 
 class Species(Component):
@@ -85,6 +86,12 @@ class Ground(Component):
     guidance = Field((0.0, 0.0))  # the navigation field: direction, length at most 1
 
 
+class Destination(Component):
+    """Which goal of the level the animal is bound to: -1 for none."""
+
+    goal = Field(-1, np.int32)
+
+
 class Memory(Component):
     """Where the animal last saw others: a stray goes back there."""
 
@@ -111,6 +118,7 @@ AGENT = (
     BrushBinding,
     Speed,
     Ground,
+    Destination,
     Memory,
     Wish,
 )

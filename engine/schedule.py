@@ -13,14 +13,15 @@ class Stage(enum.IntEnum):
     """The parts of a tick, in order.  Within a stage the order must not matter."""
 
     COMMANDS = 0  # what designers, scripts and the replay asked for
-    GROUND = 1  # what is underfoot, who is near
-    SENSE = 2  # who and what is visible
-    DECIDE = 3  # leader or follower, reference bird, way to go
-    STEER = 4  # models turn senses into wishes
-    SPEED = 5  # how fast
-    MOVE = 6  # the only writer of position and velocity
-    LIVE = 7  # arrivals, exits, births, deaths
-    RECORD = 8  # measure, write; nothing changes state here
+    GROUND = 1  # what is underfoot
+    NEAR = 2  # who is near
+    SENSE = 3  # who and what is visible
+    DECIDE = 4  # leader or follower, reference bird, way to go
+    STEER = 5  # models turn senses into wishes
+    SPEED = 6  # how fast
+    MOVE = 7  # the only writer of position and velocity
+    LIVE = 8  # arrivals, exits, births, deaths
+    RECORD = 9  # measure, write; nothing changes state here
 
 
 class System(esper.Processor):

@@ -61,6 +61,9 @@ class Params(Parameters):
         description="what a leader does where no guide reaches: return to the others, or keep its way (the paper)",
         json_schema_extra={"unit": "-"},
     )
+    max_turn: float = quantity(
+        10.0, "rad/s", "the fastest an animal turns; keeps a change of brush from jerking (the paper has no limit)", 0.1, 200
+    )
     slope_aversion: float = quantity(2.0, "1/s", "larger turns sooner downhill on steep ground", 0, 100)
 
 

@@ -1,0 +1,371 @@
+"""From a level to a running world: columns, resources, systems."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from types import SimpleNamespace
+
+import numpy as np
+
+from behaviours.brush import BrushLibrary, shipped
+from behaviours.problems import Problem, ProblemsError
+from components import AGENT, Body, Heading, Position, Velocity
+from engine.clock import Clock
+from engine.commands import Commands, from_record
+from engine.fields import Raster
+from engine.noise import Noise
+from engine.schedule import Schedule
+from engine.world import World
+from levels.schema import Level, Spawn
+from systems.commands import ApplyCommands
+from systems.decide import ReferenceBirds, Roles
+from systems.ground import Underfoot
+from systems.landscape import Barrier, Landscape
+from systems.life import Live, Nursery, bear, births_due
+from systems.measures import herd_measures
+from systems.motion import Move
+from systems.pace import Pace
+from systems.palette import Palette
+from systems.population import NoRoom, SpeciesList
+from systems.senses import FindNeighbours, Near, ObstaclesInSight, See, SeeObstacles, Sight
+from systems.steer import Steer
+from systems.terrain import compose_brushes, compose_caps, relief_of
+
+DT = 1 / 32  # s; a power of two: tick * dt is exact
+
+
+class Simulation:
+    """A world with its level and its schedule: what is run, drawn, recorded and measured."""
+
+    def __init__(self, world, level, shuffle_seed=None):
+        self.world, self.level = world, level
+        self.schedule = Schedule(systems(), shuffle_seed)
+
+    @property
+    def clock(self):
+        return self.world.resource(Clock)
+
+    @property
+    def agents(self):
+        """The columns of all animals."""
+        return self.world.agents
+
+    def tick(self):
+        """One step of the world."""
+        self.schedule.run(self.world)
+        self.clock.tick += 1
+
+    def run(self, ticks):
+        """So many steps."""
+        for _ in range(ticks):
+            self.tick()
+
+    def submit(self, command, tick=0):
+        """Hand in a command; it is applied at the start of that tick, or of the next."""
+        self.world.resource(Commands).submit(command, tick)
+
+    def measures(self):
+        """Measures of this moment by name (`systems.measures`)."""
+        agents, land = self.agents, self.world.resource(Landscape)
+        length = float(agents[Body.length].mean()) if len(agents) else 1.0
+        return herd_measures(
+            agents[Position.xyz], agents[Velocity.xyz], agents[Heading.forward], length, land.wrap
+        )
+
+    def assets(self):
+        """Every file this world was made from, by name, as bytes: what a recording embeds."""
+        palette = self.world.resource(Palette)
+        return self.level.files | {f"brushes/{b.name}.brush.toml": b.source for b in palette.brushes}
+
+    def close(self):
+        """Forget the world."""
+        self.world.close()
+
+
+def systems():
+    """What an animal goes through in a tick, in order."""
+    return [
+        ApplyCommands(),
+        Underfoot(),
+        FindNeighbours(),
+        See(),
+        SeeObstacles(),
+        Roles(),
+        ReferenceBirds(),
+        Steer(),
+        Pace(),
+        Move(),
+        Live(),
+    ]
+
+
+def build(level: Level, seed=None, agents=None, library: BrushLibrary | None = None, shuffle_seed=None) -> Simulation:
+    """Make the world of a level.
+
+    Parameters
+    ----------
+    level : Level
+    seed : int, optional
+        Instead of the level's own.
+    agents : int, optional
+        So many animals in all, instead of the level's counts; spawn areas are scaled so that density stays, and
+        the map grows where they would not fit.
+    library : BrushLibrary, optional
+        Where brushes are looked up; the shipped ones unless told.
+    shuffle_seed : int, optional
+        Shuffle systems inside their stages: a test that order does not matter.
+
+    Raises
+    ------
+    ProblemsError
+        When animals do not fit into their spawn, or a script command is unknown.
+    """
+    library = shipped() if library is None else library
+    if agents is not None:
+        level = scaled(level, agents)
+    world = World(AGENT, capacity=max(256, level.agents))
+    palette = Palette([library.get(name) for name in brushes_used(level)])
+    for resource in (
+        Clock(DT),
+        Noise(level.seed if seed is None else seed),
+        Commands(),
+        SpeciesList(),
+        palette,
+        Near(),
+        Sight(),
+        ObstaclesInSight(),
+    ):
+        world.insert(resource)
+    world.insert(landscape_of(level, palette))
+    simulation = Simulation(world, level, shuffle_seed)
+    _bear_first(world, level)
+    _queue_script(simulation, level)
+    return simulation
+
+
+def brushes_used(level):
+    """Names of all brushes a level names, sorted."""
+    names = {spawn.brush for spawn in level.spawns}
+    names |= {name for layer in level.brush_layers for name in layer.assets}
+    names |= {zone.brush for zone in level.zones if zone.brush}
+    names |= {key.args["brush"] for key in level.script if key.args.get("brush")}
+    return sorted(names)
+
+
+def landscape_of(level, palette):
+    """The landscape of a level as the kernels want it."""
+    shape, terrain = level.shape, level.terrain
+    reach = _farthest_view(level, palette)
+    names = [goal.name for goal in level.goals]
+    goals = [
+        SimpleNamespace(
+            name=goal.name,
+            xy=np.asarray(goal.xy, float),
+            radius=goal.radius,
+            polygon=goal.polygon,
+            on_arrive=goal.on_arrive,
+            next_index=names.index(goal.next) if goal.next in names else -1,
+        )
+        for goal in level.goals
+    ]
+    height = level.height_map
+    land = Landscape(
+        level.width,
+        level.height,
+        level.boundary,
+        level.cell,
+        compose_caps(
+            shape,
+            level.cell,
+            None if terrain is None else terrain.speed_factor,
+            None if level.factor is None else level.factor.values,
+            None if level.cap is None else level.cap.values,
+            level.zones,
+        ),
+        compose_brushes(level.brush_layers, level.zones, shape, level.cell, palette.names),
+        np.ones(shape, bool) if terrain is None else terrain.walkable.copy(),
+        np.zeros(shape, bool) if terrain is None else terrain.blocks_view.copy(),
+        np.ones(shape) if terrain is None else terrain.cost,
+        relief_of() if height is None else relief_of(height.values, height.cell),
+        1.0 if height is None else height.cell,
+        [Barrier(o.polygon, o.solid, o.blocks_view, o.name) for o in level.obstacles if o.z_min <= 0.0],
+        level.guides,
+        goals,
+        [exit.polygon for exit in level.exits],
+        reach,
+    )
+    land.rebuild()
+    return land
+
+
+def _farthest_view(level, palette):
+    """Metres: of any animal under any brush it may meet."""
+    lengths = [s.body_length or palette.brushes[palette.named(s.brush)].body.length for s in level.spawns]
+    return float(max(lengths, default=1.0) * max(palette.view_range, default=4.0))
+
+
+def _bear_first(world, level):
+    """Spawns without a rate that start at once bring their animals before the first tick; the rest go to the nursery."""
+    world.insert(nursery := Nursery())
+    problems = []
+    for spawn in level.spawns:
+        if births_due(spawn, 0.0) >= spawn.count > 0 and spawn.start <= 0:
+            try:
+                bear(world, spawn, spawn.count, f"spawn {spawn.id}")
+            except NoRoom as full:
+                problems.append(_no_room(level, spawn, full))
+        else:
+            nursery.spawns.append(spawn)
+            nursery.born.append(0)
+    if problems:
+        raise ProblemsError(problems)
+
+
+def _no_room(level, spawn, full):
+    where = f"object {spawn.id} {spawn.name!r} in layer 'spawns'"
+    return Problem(
+        str(level.path), None, where, f"{full}; make the area larger, the count smaller, or take obstacles out of it"
+    )
+
+
+def _queue_script(simulation, level):
+    problems = []
+    for key in level.script:
+        try:
+            command = from_record(key.command, key.args)
+        except ValueError as error:
+            where = f"object {key.id} {key.name!r} in layer 'script'"
+            problems.append(Problem(str(level.path), None, where, str(error)))
+            continue
+        simulation.submit(command, math.ceil(key.at / DT))
+    if problems:
+        raise ProblemsError(problems)
+
+
+# more or fewer animals ----------------------------------------------------------
+
+
+def scaled(level, agents):
+    """The same level with another number of animals at the same density."""
+    total = sum(spawn.count for spawn in level.spawns)
+    if agents < 1:
+        raise ValueError(f"there must be at least 1 animal, got {agents}")
+    if not total:
+        raise ValueError(f"{level.name} has no spawn with a count to scale")
+    factor = agents / total
+    counts = _shares([spawn.count for spawn in level.spawns], agents)
+    spawns = []
+    for spawn, count in zip(level.spawns, counts, strict=True):
+        middle = spawn.polygon.mean(0)
+        polygon = middle + (spawn.polygon - middle) * math.sqrt(factor) if factor > 1 else spawn.polygon
+        if factor < 1:
+            polygon = middle + (spawn.polygon - middle) * math.sqrt(max(count, 1) / max(spawn.count, 1))
+        spawns.append(dataclasses.replace(spawn, count=count, polygon=polygon, rate=spawn.rate * factor))
+    return _grown(dataclasses.replace(level, spawns=[s for s in spawns if s.count or s.rate]))
+
+
+def _shares(counts, total):
+    """Whole numbers in proportion to ``counts`` that add up to ``total``."""
+    exact = np.array(counts, float) * total / sum(counts)
+    whole = np.floor(exact).astype(int)
+    for k in np.argsort(whole - exact, kind="stable")[: total - whole.sum()]:
+        whole[k] += 1
+    return whole.tolist()
+
+
+def _grown(level):
+    """The level on a map large enough for its spawn areas: plain ground is added around the old map."""
+    low = np.min([s.polygon.min(0) for s in level.spawns], axis=0)
+    high = np.max([s.polygon.max(0) for s in level.spawns], axis=0)
+    before = [max(0, math.ceil(-v / level.cell)) for v in low]
+    after = [max(0, math.ceil((v - size) / level.cell)) for v, size in zip(high, (level.width, level.height), strict=True)]
+    if not any(before + after):
+        return level
+    shift = np.array(before) * level.cell
+    pad = (before[1], after[1]), (before[0], after[0])
+
+    def moved(thing, *names):
+        return dataclasses.replace(
+            thing, **{n: getattr(thing, n) + shift for n in names if getattr(thing, n) is not None}
+        )
+
+    def padded(raster, mode="edge"):
+        return None if raster is None else Raster(raster.cell, _pad(raster, pad, level.cell, mode))
+
+    def grid(values, fill):
+        return np.pad(values, pad, constant_values=fill)
+
+    terrain = level.terrain and dataclasses.replace(
+        level.terrain,
+        walkable=grid(level.terrain.walkable, True),
+        speed_factor=grid(level.terrain.speed_factor, 1.0),
+        cost=grid(level.terrain.cost, 1.0),
+        blocks_view=grid(level.terrain.blocks_view, False),
+        index=np.pad(level.terrain.index, pad, mode="edge"),
+    )
+    return dataclasses.replace(
+        level,
+        width=level.width + (before[0] + after[0]) * level.cell,
+        height=level.height + (before[1] + after[1]) * level.cell,
+        terrain=terrain,
+        height_map=padded(level.height_map),
+        cap=None if level.cap is None else Raster(level.cap.cell, grid(level.cap.values, np.inf)),
+        factor=None if level.factor is None else Raster(level.factor.cell, grid(level.factor.values, 1.0)),
+        brush_layers=[dataclasses.replace(b, index=grid(b.index, -1)) for b in level.brush_layers],
+        obstacles=[moved(o, "polygon") for o in level.obstacles],
+        guides=[moved(g, "points") for g in level.guides],
+        goals=[moved(g, "xy", "polygon") for g in level.goals],
+        zones=[moved(z, "polygon") for z in level.zones],
+        spawns=[moved(s, "polygon") for s in level.spawns],
+        exits=[moved(e, "polygon") for e in level.exits],
+        lines=[moved(line, "points") for line in level.lines],
+        areas=[moved(a, "polygon") for a in level.areas],
+    )
+
+
+def _pad(raster, pad, cell, mode):
+    """A raster whose cells may differ from the level's, padded by as many metres."""
+    cells = [tuple(round(k * cell / raster.cell) for k in side) for side in pad]
+    return np.pad(raster.values, cells, mode=mode)
+
+
+# without a level file --------------------------------------------------------------
+
+
+def plane(brush, count, density=0.7, start="scatter", seed=0, heading=None, body_length=None):
+    """One herd on an endless plane: what brush previews, searches and many tests run.
+
+    Parameters
+    ----------
+    brush : Brush
+    count : int
+    density : float
+        Animals per square body length at the start.
+    start : {"scatter", "grid", "ring", "line"}
+        As `systems.spawning.place`.
+    heading : float, optional
+        Radians; None: each its own.
+    """
+    length = brush.body.length if body_length is None else body_length
+    side = math.sqrt(count / density) * length
+    size = 3 * side + 20 * length
+    low, high = 0.5 * (size - side), 0.5 * (size + side)
+    if start == "ring":  # the ring leaves the middle free, and a disc leaves the corners
+        grow = 0.5 * side * (math.sqrt(4 / math.pi / 0.84) - 1)
+        low, high = low - grow, high + grow
+    polygon = np.array([(low, low), (high, low), (high, high), (low, high)])
+    spawn = Spawn(1, "herd", polygon, "animal", brush.name, count, heading, None, 0.0, 0.0, 0.0, start, body_length)
+    cell = max(size / 64, length)
+    level = Level("plane", None, size, size, cell, "open", seed, spawns=[spawn])
+    return build(level, library=_One(brush))
+
+
+class _One:
+    """A library that holds one brush, whatever its name."""
+
+    def __init__(self, brush):
+        self.brush = brush
+
+    def get(self, name):
+        return self.brush

@@ -1,0 +1,159 @@
+"""The ground and what stands on it, as the kernels want it: rasters, edges, fields."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from systems.navigation import Navigation, navigation_of
+from systems.terrain import compose_blocked, relief_of
+from systems.visibility import Edges, edges_by_cell, no_edges
+
+
+@dataclass
+class Barrier:
+    """Something that stops bodies, sight, or both."""
+
+    polygon: np.ndarray  # (k, 2) m, counter-clockwise
+    solid: bool = True
+    blocks_view: bool = True
+    name: str = ""
+
+
+@dataclass
+class Landscape:
+    """Everything about the place that animals feel.
+
+    Attributes
+    ----------
+    width, height : float
+        Metres.
+    boundary : str
+        ``wall``, ``wrap``, ``open`` or ``despawn``.
+    cell : float
+        Size of a cell of the rasters, m.
+    surface : ndarray (ny, nx, 2)
+        Speed factor and cap (m/s).
+    brush : ndarray (ny, nx) int32
+        Painted brush as an index into the `Palette`; -1 unpainted.
+    walkable : ndarray (ny, nx) bool
+        Terrain on which one can stand.
+    blind : ndarray (ny, nx) bool
+        Terrain that blocks the view.
+    cost : ndarray (ny, nx)
+        Of a metre on the way to a goal.
+    relief : ndarray (my, mx, 3)
+        See `systems.terrain.relief_of`.
+    """
+
+    width: float
+    height: float
+    boundary: str
+    cell: float
+    surface: np.ndarray
+    brush: np.ndarray
+    walkable: np.ndarray
+    blind: np.ndarray
+    cost: np.ndarray
+    relief: np.ndarray = field(default_factory=relief_of)
+    relief_cell: float = 1.0
+    barriers: list[Barrier] = field(default_factory=list)
+    guides: list = field(default_factory=list)
+    goals: list = field(default_factory=list)
+    exits: list = field(default_factory=list)  # polygons
+    reach: float = 4.0  # m, the farthest any animal looks: edges are sorted for it
+    navigation: Navigation | None = None
+    solid: Edges = field(default_factory=no_edges)
+    solid_owner: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))  # obstacle of each solid edge
+    opaque: Edges = field(default_factory=no_edges)
+    blocked: np.ndarray | None = None
+
+    @property
+    def wrap(self):
+        """(width, height) of a periodic map, or None."""
+        return (self.width, self.height) if self.boundary == "wrap" else None
+
+    def rebuild(self, navigation=True):
+        """Make edges and fields anew after barriers, terrain, guides or goals have changed."""
+        walls, wall_owner, views = [], [], []
+        for owner, b in enumerate(self.barriers):
+            edges = np.hstack([b.polygon, np.roll(b.polygon, -1, axis=0)])
+            if b.solid:
+                walls.append(edges)
+                wall_owner += [owner] * len(edges)
+            if b.blocks_view:
+                views.append(edges)
+        owner = len(self.barriers)
+        for mask, into in ((~self.walkable, walls), (self.blind, views)):
+            if mask.any():
+                edges = outline_edges(mask) * self.cell
+                into.append(edges)
+                if into is walls:
+                    wall_owner += [owner] * len(edges)
+        if self.boundary == "wall":
+            w, h = self.width, self.height
+            walls.append(np.array([(0, 0, w, 0), (w, 0, w, h), (w, h, 0, h), (0, h, 0, 0)], float))
+            wall_owner += [owner + 1, owner + 2, owner + 3, owner + 4]
+        walls, views = np.concatenate(walls or [np.zeros((0, 4))]), np.concatenate(views or [np.zeros((0, 4))])
+        self.solid_owner = np.array(wall_owner, np.int32)
+        if self.boundary == "wrap":
+            walls, self.solid_owner = _across_seam(walls, self.solid_owner, self.wrap, self.reach)
+            views, _ = _across_seam(views, np.zeros(len(views), np.int32), self.wrap, self.reach)
+        self.solid, self.opaque = edges_by_cell(walls, self.reach), edges_by_cell(views, self.reach)
+        solids = [b.polygon for b in self.barriers if b.solid]
+        self.blocked = compose_blocked(self.brush.shape, self.cell, self.walkable, solids)
+        if navigation:
+            self.navigation = navigation_of(self.guides, self.goals, self.blocked, self.cost, self.cell)
+
+    def digest(self):
+        """What of the landscape may change while a world runs, as a hash: it belongs to the state."""
+        h = hashlib.blake2b(digest_size=16)
+        for array in (self.surface, self.brush, self.walkable, self.solid.ends):
+            h.update(np.ascontiguousarray(array).tobytes())
+        for goal in self.goals:
+            h.update(np.asarray(goal.xy, float).tobytes())
+        return h.digest()
+
+
+def outline_edges(mask):
+    """Straight edges around the true cells of a mask, long runs in one piece.
+
+    Parameters
+    ----------
+    mask : ndarray (ny, nx) bool
+
+    Returns
+    -------
+    ndarray (k, 4)
+        ``x0, y0, x1, y1`` in cells.
+    """
+    padded = np.pad(mask, 1)
+    edges = []
+    across = padded[1:, 1:-1] != padded[:-1, 1:-1]  # a horizontal edge below row iy
+    for iy, line in enumerate(across):
+        edges += [(a, iy, b, iy) for a, b in _runs(line)]
+    along = padded[1:-1, 1:] != padded[1:-1, :-1]
+    for ix, line in enumerate(along.T):
+        edges += [(ix, a, ix, b) for a, b in _runs(line)]
+    return np.array(edges, float).reshape(-1, 4)
+
+
+def _runs(line):
+    """(first, after last) of every run of true."""
+    steps = np.flatnonzero(np.diff(np.pad(line.astype(np.int8), 1)))
+    return zip(steps[::2], steps[1::2], strict=True)
+
+
+def _across_seam(edges, owner, wrap, reach):
+    """Edges and their copies just across the seams of a periodic map."""
+    out, owners = [], []
+    for dx in (-wrap[0], 0.0, wrap[0]):
+        for dy in (-wrap[1], 0.0, wrap[1]):
+            moved = edges + (dx, dy, dx, dy)
+            low, high = np.minimum(moved[:, :2], moved[:, 2:]), np.maximum(moved[:, :2], moved[:, 2:])
+            near = ((high > -reach) & (low < np.array(wrap) + reach)).all(1)
+            out.append(moved[near])
+            owners.append(owner[near])
+    return np.concatenate(out), np.concatenate(owners)

@@ -1,0 +1,203 @@
+"""What a herd looks like in numbers, with the field's names.
+
+Each function takes plain arrays and returns a number or an array; NaN where a
+measure has no meaning (no animals, nobody moving).
+
+References
+----------
+.. [1] Gong et al. 2025, Herds from video, section 7.1.2 (eqs. 12 and 13).
+.. [2] Couzin, Krause, James, Ruxton & Franks 2002, Collective memory and spatial sorting in animal groups.
+   Journal of Theoretical Biology 218(1), 1-11.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+
+
+def _unit(vectors):
+    size = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.divide(vectors, size, out=np.zeros_like(vectors, float), where=size > 0)
+
+
+def compute_polarization(direction):
+    """|mean unit direction|, 0 to 1 (eq. 12 of [1]_); ``direction`` (n, 2 or 3)."""
+    if not len(direction):
+        return np.nan
+    return float(np.linalg.norm(_unit(np.asarray(direction, float)).mean(0)))
+
+
+def compute_rotation(xy, direction, centre=None):
+    """Mean of r̂ x û about the centroid, or another centre: signed, counter-clockwise positive, -1 to 1."""
+    if not len(xy):
+        return np.nan
+    r = _unit(np.asarray(xy, float)[:, :2] - (np.mean(xy, 0)[:2] if centre is None else centre))
+    u = _unit(np.asarray(direction, float)[:, :2])
+    return float((r[:, 0] * u[:, 1] - r[:, 1] * u[:, 0]).mean())
+
+
+def compute_milling(xy, direction, centre=None):
+    """|mean(r̂ x û)|, 0 to 1: the angular momentum of eq. 13 of [1]_, about the centroid unless told otherwise."""
+    return abs(compute_rotation(xy, direction, centre))
+
+
+def compute_nnd(xy, wrap=None):
+    """(n,) distance of each animal to its nearest neighbour, m."""
+    xy = np.asarray(xy, float)
+    if len(xy) < 2:
+        return np.full(len(xy), np.nan)
+    return _tree(xy, wrap).query(_folded(xy, wrap), k=2)[0][:, 1]
+
+
+def compute_group_spread(xy):
+    """Root mean square distance to the centroid, m."""
+    xy = np.asarray(xy, float)
+    return float(np.sqrt(((xy - xy.mean(0)) ** 2).sum(1).mean())) if len(xy) else np.nan
+
+
+def compute_elongation(xy):
+    """1 - minor / major standard deviation: 0 round, 1 a line."""
+    if len(xy) < 3:
+        return np.nan
+    minor, major = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(np.asarray(xy, float)[:, :2].T)), 0))
+    return float(1 - minor / major) if major > 0 else np.nan
+
+
+def compute_aspect_ratio(xy, direction):
+    """Extent across over extent along the mean heading (section 7.1.2 of [1]_): file 0, rank large."""
+    mean = np.asarray(direction, float)[:, :2].mean(0) if len(xy) else np.zeros(2)
+    size = np.linalg.norm(mean)
+    if len(xy) < 2 or size < 1e-9:
+        return np.nan
+    along = mean / size
+    xy = np.asarray(xy, float)[:, :2]
+    length = np.ptp(xy @ along)
+    return float(np.ptp(xy @ (-along[1], along[0])) / length) if length > 0 else np.nan
+
+
+def compute_largest_part(xy, link, wrap=None):
+    """Share of the animals in the largest part that hangs together by links of at most ``link`` metres."""
+    n = len(xy)
+    if n == 0:
+        return np.nan
+    pairs = _tree(np.asarray(xy, float), wrap).query_pairs(link, output_type="ndarray")
+    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (n, n))
+    return float(np.bincount(connected_components(graph, directed=False)[1]).max() / n)
+
+
+def compute_density(xy):
+    """Animals per square metre of their convex hull; NaN for fewer than three, or in a line."""
+    if len(xy) < 3:
+        return np.nan
+    try:
+        return float(len(xy) / ConvexHull(np.asarray(xy, float)[:, :2]).volume)
+    except QhullError:
+        return np.nan
+
+
+def compute_speed(velocity):
+    """(n,) m/s."""
+    return np.linalg.norm(np.asarray(velocity, float), axis=1)
+
+
+def compute_turning_angle(before, after):
+    """(n,) signed angle between two headings, rad, counter-clockwise positive."""
+    b, a = np.asarray(before, float), np.asarray(after, float)
+    return np.arctan2(b[:, 0] * a[:, 1] - b[:, 1] * a[:, 0], (b[:, :2] * a[:, :2]).sum(1))
+
+
+def compute_nn_bearing(xy, forward):
+    """(n,) bearing of the nearest neighbour, rad, counter-clockwise from the own heading."""
+    xy, f = np.asarray(xy, float)[:, :2], np.asarray(forward, float)
+    if len(xy) < 2:
+        return np.full(len(xy), np.nan)
+    off = xy[cKDTree(xy).query(xy, k=2)[1][:, 1]] - xy
+    return np.arctan2(f[:, 0] * off[:, 1] - f[:, 1] * off[:, 0], f[:, 0] * off[:, 0] + f[:, 1] * off[:, 1])
+
+
+def compute_pair_correlation(xy, edges, area):
+    """g(r) in bins between ``edges`` (m) for n animals on ``area`` (m²); no correction at borders."""
+    xy, edges = np.asarray(xy, float), np.asarray(edges, float)
+    n = len(xy)
+    if n < 2:
+        return np.full(len(edges) - 1, np.nan)
+    tree = cKDTree(xy)
+    within = tree.count_neighbors(tree, edges, cumulative=True)
+    expected = n * (n - 1) / area * np.pi * (edges[1:] ** 2 - edges[:-1] ** 2)
+    return np.diff(within) / expected
+
+
+def compute_neighbour_map(xy, forward, reach, bins=21):
+    """Mean density of others about an animal that faces up, (bins, bins) per m²: the radial density histogram.
+
+    Row 0 is behind; the map spans ``-reach`` to ``reach`` metres both ways.
+    """
+    xy, f = np.asarray(xy, float)[:, :2], np.asarray(forward, float)
+    edges = np.linspace(-reach, reach, bins + 1)
+    if len(xy) < 2:
+        return np.zeros((bins, bins))
+    pairs = cKDTree(xy).query_pairs(reach * np.sqrt(2), output_type="ndarray")
+    i, j = np.concatenate([pairs, pairs[:, ::-1]]).T
+    off = xy[j] - xy[i]
+    ahead = (off * f[i, :2]).sum(1)
+    right = off[:, 0] * f[i, 1] - off[:, 1] * f[i, 0]
+    counts = np.histogram2d(ahead, right, [edges, edges])[0]
+    return counts / len(xy) / (edges[1] - edges[0]) ** 2
+
+
+def compute_crossings(before, after, points):
+    """How many animals crossed a line (k, 2) between two moments: (to its left, to its right)."""
+    before, after = np.asarray(before, float)[:, :2], np.asarray(after, float)[:, :2]
+    left = right = 0
+    for a, b in zip(points[:-1], points[1:], strict=True):
+
+        def side(p, a=a, b=b):
+            return (b[0] - a[0]) * (p[:, 1] - a[1]) - (b[1] - a[1]) * (p[:, 0] - a[0])
+
+        def along(p, q, x):
+            return (q[:, 0] - p[:, 0]) * (x[1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (x[0] - p[:, 0])
+
+        was, now = side(before) >= 0, side(after) >= 0
+        between = (along(before, after, a) >= 0) != (along(before, after, b) >= 0)
+        left += int((~was & now & between).sum())
+        right += int((was & ~now & between).sum())
+    return left, right
+
+
+def herd_measures(xyz, velocity, forward, body_length, wrap=None):
+    """The measures of one moment by name; what `flockbrush measure` prints.
+
+    Parameters
+    ----------
+    xyz, velocity, forward : ndarray (n, 3)
+    body_length : float
+        Metres; parts hang together by links of four body lengths.
+    """
+    xy = np.asarray(xyz, float)[:, :2]
+    speed = compute_speed(velocity)
+    n = len(xy)
+    return {
+        "animals": n,
+        "polarization": compute_polarization(forward),
+        "milling": compute_milling(xy, forward),
+        "rotation": compute_rotation(xy, forward),
+        "speed_mean": float(speed.mean()) if n else np.nan,
+        "speed_std": float(speed.std()) if n else np.nan,
+        "nnd": float(np.mean(compute_nnd(xy, wrap))) if n > 1 else np.nan,
+        "group_spread": compute_group_spread(xy),
+        "elongation": compute_elongation(xy),
+        "aspect_ratio": compute_aspect_ratio(xy, forward),
+        "largest_part": compute_largest_part(xy, 4 * body_length, wrap),
+        "density": compute_density(xy),
+    }
+
+
+def _folded(xy, wrap):
+    return xy if wrap is None else np.mod(xy[:, :2], wrap)
+
+
+def _tree(xy, wrap):
+    return cKDTree(_folded(xy, wrap), boxsize=wrap)

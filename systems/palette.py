@@ -1,0 +1,70 @@
+"""The brushes of a world, as numbers by index: what the systems look up for every animal."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from behaviours.behaviour import behaviours
+
+
+class Palette:
+    """Brushes in order of index, and their numbers as arrays.
+
+    Parameters
+    ----------
+    brushes : iterable of Brush
+        `behaviours.brush.Brush` assets.
+    """
+
+    def __init__(self, brushes=()):
+        self.brushes = []
+        self.index = {}
+        for brush in brushes:
+            self.add(brush)
+
+    def __len__(self):
+        return len(self.brushes)
+
+    def add(self, brush):
+        """Index of this brush; one of the same name is replaced, so that whoever has it moves by the new one."""
+        if brush.name in self.index:
+            self.brushes[self.index[brush.name]] = brush
+        else:
+            self.index[brush.name] = len(self.brushes)
+            self.brushes.append(brush)
+        self._tabulate()
+        return self.index[brush.name]
+
+    @property
+    def names(self):
+        return [brush.name for brush in self.brushes]
+
+    def named(self, name):
+        """Index of the brush of this name; LookupError with what there is."""
+        try:
+            return self.index[name]
+        except KeyError:
+            raise LookupError(f"this world has no brush {name!r}; it has {', '.join(self.index) or 'none'}") from None
+
+    def _tabulate(self):
+        def column(value):
+            return np.array([value(b) for b in self.brushes])
+
+        models = behaviours()
+        self.models = [models[b.model] for b in self.brushes]
+        self.mean = column(lambda b: b.speed.mean)  # body lengths / s
+        self.deviation = column(lambda b: b.speed.deviation)  # body lengths / s
+        self.reversion = column(lambda b: b.speed.reversion)  # 1/s
+        self.view_range = column(lambda b: b.vision.range)  # body lengths
+        self.field_of_view = np.radians(column(lambda b: b.vision.field_of_view))
+        self.max_turn = column(lambda b: getattr(b.params, "max_turn", np.inf))  # rad/s
+        self.transition = column(lambda b: b.transition)  # s
+        self.leader_neighbours = column(lambda b: getattr(b.params, "leader_neighbours", -1))
+        self.neighbour_range = column(lambda b: getattr(b.params, "neighbour_range", np.inf))  # body lengths
+        self.danger = column(lambda b: models[b.model].danger).astype(np.uint8)
+        self.sees_through = column(lambda b: not b.vision.occlusion).astype(np.uint8)
+        # by_density as one table: rows of (density per square body length, factor), closed on both sides
+        rows = [np.array(b.speed.by_density or [(0.0, 1.0)], float) for b in self.brushes]
+        self.density_first = np.cumsum([0] + [len(r) for r in rows])
+        self.density_table = np.concatenate(rows)
+        self.uses_density = any(b.speed.by_density for b in self.brushes)

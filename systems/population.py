@@ -1,0 +1,119 @@
+"""Who lives in this world: species, births and the animals' first numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from components import (
+    Body,
+    BrushBinding,
+    Destination,
+    Heading,
+    Position,
+    Species,
+    Speed,
+    Velocity,
+    Vision,
+)
+from engine.clock import Clock
+from engine.noise import Noise
+from systems.landscape import Landscape
+from systems.motion import _height
+from systems.palette import Palette
+from systems.spawning import NoRoom, place
+
+
+@dataclass
+class SpeciesList:
+    """Names of species by index."""
+
+    names: list[str] = field(default_factory=list)
+
+    def index(self, name):
+        """Index of this species, new or known."""
+        if name not in self.names:
+            self.names.append(name)
+        return self.names.index(name)
+
+
+def give_birth(
+    world, polygon, count, brush, species, heading=None, speed=None, altitude=0.0, formation="scatter", body_length=None,
+    stream="birth",
+):  # fmt: skip
+    """Put animals into the world, inside a polygon, touching nobody.
+
+    Parameters
+    ----------
+    polygon : ndarray (k, 2)
+        Metres.
+    brush : str
+        Name in the world's `Palette`.
+    heading : float, optional
+        Radians; None: each its own.
+    speed : float, optional
+        Metres per second at birth; None: drawn from the brush's own spread.
+    body_length : float, optional
+        Metres; None: the brush's.
+    stream : str
+        Name of the noise: two calls in one tick need two names.
+
+    Returns
+    -------
+    list of int
+        Entities.
+
+    Raises
+    ------
+    NoRoom
+        Nothing has been born then.
+    """
+    land, palette, clock, noise = (world.resource(kind) for kind in (Landscape, Palette, Clock, Noise))
+    agents = world.agents
+    index = palette.named(brush)
+    asset = palette.brushes[index]
+    length = asset.body.length if body_length is None else body_length
+    radius = asset.body.radius * length / asset.body.length
+    axis = 0.0 if asset.body.contact == "disc" else max(0.5 * length - radius, 0.0)
+    others = (
+        agents[Position.xyz][:, 0], agents[Position.xyz][:, 1],
+        agents[Heading.forward][:, 0], agents[Heading.forward][:, 1],
+        2 * (agents[Body.axis] + agents[Body.radius]), agents[Body.radius],
+    )  # fmt: skip
+    key = noise.key(stream, clock.tick)
+    xy, forward = place(
+        polygon, count, 2 * (axis + radius), radius, heading, formation, key, land.solid, land.blocked, land.cell,
+        tuple(np.ascontiguousarray(column) for column in others),
+    )  # fmt: skip
+    number = np.arange(count)
+    spread = asset.speed.deviation / np.sqrt(2 * asset.speed.reversion)
+    drawn = np.maximum(asset.speed.mean + spread * noise.normal(stream + " speed", clock.tick, number)[:, 0], 0.0) * length
+    if speed is not None:
+        drawn[:] = speed
+    flat = land.relief.shape[:2] == (1, 1)
+    z = np.array([0.0 if flat else _height(land.relief, land.relief_cell, x, y) for x, y in xy]) + altitude
+    forward = np.column_stack([forward, np.zeros(count)])
+    return world.create_agents(
+        count,
+        {
+            Position.xyz: np.column_stack([xy, z]),
+            Velocity.xyz: forward * drawn[:, None],
+            Heading.forward: forward,
+            Body.length: length,
+            Body.radius: radius,
+            Body.axis: axis,
+            Species.index: world.resource(SpeciesList).index(species),
+            Vision.range: asset.vision.range * length,
+            Vision.field_of_view: np.radians(asset.vision.field_of_view),
+            BrushBinding.brush: index,
+            BrushBinding.previous: index,
+            BrushBinding.home: index,
+            Speed.drawn: drawn,
+            Speed.target: drawn,
+            Destination.goal: 0 if land.goals else -1,
+        },
+    )
+
+
+__all__ = ["NoRoom", "SpeciesList", "give_birth"]

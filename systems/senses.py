@@ -1,0 +1,132 @@
+"""NEAR and SENSE: who is near, who and what is visible."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+
+from components import Body, BrushBinding, Heading, Position, Vision
+from engine.maths import sincos_
+from engine.parallel import over_rows
+from engine.schedule import Stage, System
+from systems.contact import _edge, _edges_near
+from systems.grid import Cells, sort_into_cells
+from systems.landscape import Landscape
+from systems.palette import Palette
+from systems.visibility import Lists, visible_neighbours
+
+
+@dataclass
+class Near:
+    """The herd by cell, as of the start of the tick."""
+
+    cells: Cells | None = None
+
+
+@dataclass
+class Sight:
+    """Visible neighbours of every animal: what any model can use."""
+
+    lists: Lists | None = None
+
+
+@dataclass
+class ObstaclesInSight:
+    """The nearest point of every solid obstacle within an animal's range."""
+
+    first: np.ndarray = field(default_factory=lambda: np.zeros(1, np.int64))
+    offset: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))  # m, from the observer
+
+
+class FindNeighbours(System):
+    """Sort the herd into cells."""
+
+    stage, reads, writes = Stage.NEAR, (Position, Heading, Body, Vision, Landscape), (Near,)
+
+    def process(self, world):
+        agents, land = world.agents, world.resource(Landscape)
+        reach = float(agents[Vision.range].max()) if len(agents) else 1.0
+        world.resource(Near).cells = sort_into_cells(
+            agents[Position.xyz], agents[Heading.forward], 2 * (agents[Body.axis] + agents[Body.radius]),
+            agents[Body.radius], reach, land.wrap,
+        )  # fmt: skip
+
+
+class See(System):
+    """Field of view, range and line of sight."""
+
+    stage = Stage.SENSE
+    reads = (Near, Vision, BrushBinding, Palette, Landscape)
+    writes = (Sight,)
+
+    def process(self, world):
+        agents, land, palette = world.agents, world.resource(Landscape), world.resource(Palette)
+        cosine = np.empty(len(agents))
+        over_rows(_cosine_of_half, len(agents), agents[Vision.field_of_view], cosine)
+        through = bool(len(agents)) and bool(palette.sees_through[agents[BrushBinding.brush]].all())
+        world.resource(Sight).lists = visible_neighbours(
+            world.resource(Near).cells, agents[Vision.range], cosine, land.opaque, not through
+        )
+
+
+class SeeObstacles(System):
+    """The nearest point of each obstacle in range."""
+
+    stage, reads, writes = Stage.SENSE, (Near, Position, Vision, Landscape), (ObstaclesInSight,)
+
+    def process(self, world):
+        agents, land, seen = world.agents, world.resource(Landscape), world.resource(ObstaclesInSight)
+        n = len(agents)
+        if not len(land.solid.ends):
+            seen.first, seen.offset = np.zeros(n + 1, np.int64), np.zeros((0, 2))
+            return
+        count, most = np.zeros(n, np.int64), 8
+        while True:
+            found = np.empty((n, most, 2))
+            args = agents[Position.xyz], agents[Vision.range], *land.solid, land.solid_owner
+            over_rows(_nearest_points, n, *args, found, count)
+            if not n or count.max() <= most:
+                break
+            most = int(count.max())
+        seen.first = np.zeros(n + 1, np.int64)
+        np.cumsum(count, out=seen.first[1:])
+        seen.offset = found[np.arange(most) < count[:, None]]
+
+
+@njit(cache=True, nogil=True)
+def _cosine_of_half(lo, hi, angle, cosine):
+    for i in range(lo, hi):
+        if angle[i] >= 2.0 * np.pi - 1e-9:
+            cosine[i] = -1.0
+        else:
+            cosine[i] = sincos_(0.5 * angle[i])[1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _nearest_points(lo, hi, xyz, reach, ends, start, item, nx, ny, cell, west, south, owner, found, count):
+    most = found.shape[1]
+    for i in range(lo, hi):
+        x, y = xyz[i, 0], xyz[i, 1]
+        e0, e1 = _edges_near(x, y, start, nx, ny, cell, west, south)
+        n, last, best = 0, -1, 0.0
+        px = py = 0.0
+        r2 = reach[i] * reach[i]
+        for e in range(e0, e1 + 1):
+            # edges of one obstacle follow one another
+            who = owner[item[e]] if e < e1 else -1
+            if who != last:
+                if last >= 0 and best < r2:
+                    if n < most:
+                        found[i, n, 0], found[i, n, 1] = px, py
+                    n += 1
+                last, best = who, np.inf
+            if e < e1:
+                cx, cy, ux, uy, half = _edge(ends, item[e])
+                t = min(max((x - cx) * ux + (y - cy) * uy, -half), half)
+                ox, oy = cx + t * ux - x, cy + t * uy - y
+                d2 = ox * ox + oy * oy
+                if d2 < best:
+                    best, px, py = d2, ox, oy
+        count[i] = n

@@ -1,0 +1,124 @@
+"""STEER: one call per brush present; while two brushes blend, both are asked."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from components import Body, BrushBinding, Ground, Heading, Memory, Position, Role, Speed, Velocity, Wish
+from behaviours.behaviour import Scene
+from engine.clock import Clock
+from engine.noise import Noise
+from engine.parallel import over_rows
+from engine.schedule import Stage, System
+from systems.palette import Palette
+from systems.senses import Near, ObstaclesInSight, Sight
+
+
+class NotFinite(ArithmeticError):
+    """A model produced NaN or infinity; nothing of it has reached a column."""
+
+
+class Steer(System):
+    """Asks each model for the wishes of the animals it moves."""
+
+    stage = Stage.STEER
+    reads = (
+        Position, Velocity, Heading, Body, Role, BrushBinding, Speed, Ground, Memory,
+        Near, Sight, ObstaclesInSight, Palette, Clock, Noise,
+    )  # fmt: skip
+    writes = (Wish,)
+
+    def process(self, world):
+        agents, palette = world.agents, world.resource(Palette)
+        if not len(agents):
+            return
+        scene = scene_of(world)
+        binding = agents[BrushBinding.brush]
+        blend = agents[BrushBinding.blend]
+        direction, pace = agents[Wish.direction], agents[Wish.pace]
+        for index, rows in _by_brush(binding[scene.order], scene.order):
+            wishes = self._ask(world, scene, palette, index, rows)
+            direction[rows], pace[rows] = wishes
+        changing = scene.order[blend[scene.order] < 1.0]
+        if len(changing):
+            before = agents[BrushBinding.previous]
+            for index, rows in _by_brush(before[changing], changing):
+                was = self._ask(world, scene, palette, index, rows)
+                over_rows(_mix, len(rows), rows, blend, was.direction, was.pace, direction, pace)
+
+    @staticmethod
+    def _ask(world, scene, palette, index, rows):
+        wishes = palette.models[index].steer(scene, rows, palette.brushes[index].params)
+        fine = np.isfinite(wishes.direction).all(1) & np.isfinite(wishes.pace)
+        if not fine.all():
+            entity = int(scene.ids[rows[np.argmin(fine)]])
+            raise NotFinite(
+                f"model {palette.brushes[index].model!r} (brush {palette.brushes[index].name!r}) gave a wish that is not "
+                f"finite, for entity {entity} in tick {scene.tick}"
+            )
+        return wishes
+
+
+def _by_brush(brush, rows):
+    """(index, rows) of every brush present; ``brush[k]`` is the one of ``rows[k]``."""
+    return [(int(index), rows[brush == index]) for index in np.unique(brush)]
+
+
+def scene_of(world):
+    """What models see now: read-only views of the columns."""
+    agents, clock = world.agents, world.resource(Clock)
+    noise, palette = world.resource(Noise), world.resource(Palette)
+    lists, obstacles, cells = world.resource(Sight).lists, world.resource(ObstaclesInSight), world.resource(Near).cells
+    xyz = agents[Position.xyz]
+    order = cells.row[~cells.ghost]
+    scene = Scene(
+        clock.dt,
+        clock.tick,
+        lambda stream: noise.key(stream, clock.tick),
+        agents.ids,
+        xyz,
+        agents[Velocity.xyz],
+        agents[Heading.forward],
+        agents[Speed.drawn],
+        agents[Body.length],
+        agents[Role.leader],
+        palette.danger[agents[BrushBinding.brush]],
+        lists.first,
+        lists.near,
+        lists.offset,
+        obstacles.first,
+        obstacles.offset,
+        agents[Ground.guidance],
+        agents[Ground.slope],
+        agents[Memory.herd] - xyz[:, :2],
+        agents[Memory.known],
+        order,
+    )
+    return Scene(*(_frozen(column) for column in scene))
+
+
+def _frozen(column):
+    if isinstance(column, np.ndarray):
+        column = column.view()
+        column.flags.writeable = False
+    return column
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mix(lo, hi, rows, blend, was_direction, was_pace, direction, pace):
+    """From the previous brush's wish to the present one's, gently at both ends."""
+    for k in range(lo, hi):
+        i = rows[k]
+        b = blend[i]
+        w = b * b * (3.0 - 2.0 * b)
+        for c in range(3):
+            direction[i, c] = (1.0 - w) * was_direction[k, c] + w * direction[i, c]
+        size = np.sqrt(direction[i, 0] ** 2 + direction[i, 1] ** 2 + direction[i, 2] ** 2)
+        if size > 1e-9:
+            for c in range(3):
+                direction[i, c] /= size
+        else:
+            for c in range(3):
+                direction[i, c] = was_direction[k, c]
+        pace[i] = (1.0 - w) * was_pace[k] + w * pace[i]
