@@ -1,0 +1,191 @@
+"""What a level may not mean: names that name nothing, animals born in rock, arrows beyond the map."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import MISSING, fields
+
+import numpy as np
+
+from behaviours.problems import ProblemsError, did_you_mean
+from levels import geometry
+from levels.schema import MAX_AGENTS
+
+_PACKED = 0.6  # share of the ground that bodies may cover at the start
+_FROM_OBJECT = {"x", "y", "xy", "position", "polygon", "points"}  # a Key's object can stand for these
+
+
+def check_level(level, objects, library, commands=None):
+    """Tell every problem of meaning to the places of the objects concerned.
+
+    Parameters
+    ----------
+    level : Level
+    objects : ObjectReader
+        Knows where each object stands in the file.
+    library : BrushLibrary
+        For the size of the animals.
+    commands : dict of str to dataclass, optional
+        By name; the registered ones when left out.
+    """
+    _Checks(level, objects, library, commands).all()
+
+
+def registered():
+    """The commands there are, by name."""
+    import systems.commands  # noqa: F401  (registers them)
+    from engine.commands import COMMANDS
+
+    return COMMANDS
+
+
+class _Checks:
+    def __init__(self, level, objects, library, commands):
+        self.level, self.objects, self.library = level, objects, library
+        self.commands = registered() if commands is None and level.script else commands
+
+    def place(self, thing):
+        return self.objects.places[thing.id]
+
+    def all(self):
+        self.on_the_map()
+        self.names()
+        self.goals()
+        self.spawns()
+        for key in self.level.script:
+            self.key(key)
+
+    # ------------------------------------------------------------ where things are
+
+    def on_the_map(self):
+        level = self.level
+        for things, shape in (
+            (level.guides, "points"),
+            (level.lines, "points"),
+            (level.zones, "polygon"),
+            (level.exits, "polygon"),
+            (level.areas, "polygon"),
+            (level.obstacles, "polygon"),
+        ):
+            for thing in things:
+                if self.off(getattr(thing, shape)):
+                    self.place(thing).say(f"lies outside of the map, {self.span(getattr(thing, shape))}")
+        for goal in level.goals:
+            if np.any(goal.xy < 0) or np.any(goal.xy > (level.width, level.height)):
+                self.place(goal).say(f"lies outside of the map, {self.span(goal.xy[None])}")
+        for spawn in level.spawns:
+            edge = 1e-6 * level.cell
+            if np.any(spawn.polygon < -edge) or np.any(spawn.polygon > np.array([level.width, level.height]) + edge):
+                self.place(spawn).say(f"reaches outside of the map, {self.span(spawn.polygon)}")
+
+    def off(self, points):
+        """Wholly to one side of the map."""
+        low, high = points.min(axis=0), points.max(axis=0)
+        return bool(np.any(high < 0) or np.any(low > (self.level.width, self.level.height)))
+
+    def span(self, points):
+        (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
+        return (
+            f"which is {self.level.width:g} x {self.level.height:g} m:"
+            f" x from {x0:.1f} to {x1:.1f}, y from {y0:.1f} to {y1:.1f}"
+        )
+
+    # ------------------------------------------------------------ names
+
+    def names(self):
+        """Goals are sent for by name; counts and densities are reported by name."""
+        for what, things in (("goals", self.level.goals), ("measures", self.level.lines + self.level.areas)):
+            seen = defaultdict(list)
+            for thing in things:
+                seen[thing.name].append(thing)
+            for name, same in seen.items():
+                for thing in same[1:]:
+                    self.place(thing).say(f"two {what} are called {name[:60]!r}; object {same[0].id} is the other")
+
+    def goals(self):
+        names = [g.name for g in self.level.goals]
+        for thing, key in [(g, "goal") for g in self.level.guides] + [(g, "next") for g in self.level.goals]:
+            value = getattr(thing, key)
+            if value and value not in names:
+                self.place(thing).say(f"{key}: there is no goal {value[:60]!r}{did_you_mean(value, names)}")
+        for goal in self.level.goals:
+            if goal.on_arrive == "next" and not goal.next:
+                self.place(goal).say("on_arrive is 'next', so next must name a goal")
+            elif goal.next and goal.on_arrive != "next":
+                self.place(goal).say(f"next is given, so on_arrive must be 'next', got '{goal.on_arrive}'")
+
+    # ------------------------------------------------------------ spawns
+
+    def spawns(self):
+        if not self.level.spawns and not any("Spawn" in p.message for p in self.objects.reader.report.problems):
+            self.objects.reader.place.say("no animals: draw an area on an object layer 'spawns', of class Spawn")
+        for spawn in self.level.spawns:
+            free = self.free(spawn)
+            if free == 0:
+                self.place(spawn).say("lies wholly inside obstacles or on ground nobody can walk; move it")
+            else:
+                self.room(spawn, free * geometry.signed_area(spawn.polygon))
+        if self.level.agents > MAX_AGENTS and all(s.count <= MAX_AGENTS for s in self.level.spawns):
+            self.place(self.level.spawns[-1]).say(
+                f"the spawns together ask for {self.level.agents} animals; there may be at most {MAX_AGENTS}"
+            )
+
+    def free(self, spawn):
+        """Share of the spawn's area where an animal can stand."""
+        points = geometry.sample(spawn.polygon)
+        open_ = np.ones(len(points), bool)
+        low, high = spawn.polygon.min(axis=0), spawn.polygon.max(axis=0)
+        for o in self.level.obstacles:
+            near = np.all(o.polygon.max(axis=0) >= low) and np.all(o.polygon.min(axis=0) <= high)
+            if o.solid and near and o.z_min <= spawn.altitude <= o.z_max:
+                open_ &= ~geometry.inside(points, o.polygon)
+        if self.level.terrain is not None and spawn.altitude == 0:
+            ny, nx = self.level.terrain.walkable.shape
+            ix = np.clip((points[:, 0] / self.level.cell).astype(int), 0, nx - 1)
+            iy = np.clip((points[:, 1] / self.level.cell).astype(int), 0, ny - 1)
+            open_ &= self.level.terrain.walkable[iy, ix]
+        return float(open_.mean())
+
+    def room(self, spawn, area):
+        """Bodies must fit on the ground."""
+        body = self.body(spawn)
+        if body is None or spawn.rate:
+            return
+        length, radius = body
+        covered = spawn.count * ((length - 2 * radius) * 2 * radius + np.pi * radius**2)
+        if covered > _PACKED * area:
+            fit = int(_PACKED * area * spawn.count / covered)
+            self.place(spawn).say(
+                f"{spawn.count} animals {length:g} m long do not fit on {area:.0f} m^2 of free ground;"
+                f" there is room for {fit}"
+            )
+
+    def body(self, spawn):
+        """(length, radius) m, if the brush says so."""
+        try:
+            body = self.library.get(spawn.brush).body
+        except ProblemsError:  # an unknown brush is told already, a broken one is the brush check's business
+            return None
+        scale = (spawn.body_length or body.length) / body.length
+        return body.length * scale, body.radius * scale
+
+    # ------------------------------------------------------------ the script
+
+    def key(self, key):
+        place, lines = self.place(key), self.objects.key_lines[key.id]
+        if not key.command or not self.commands:
+            return
+        if key.command not in self.commands:
+            place.say(
+                f"there is no command {key.command[:60]!r}{did_you_mean(key.command, self.commands)}",
+                lines.get("command"),
+            )
+            return
+        known = {f.name: f for f in fields(self.commands[key.command])}
+        for name in key.args:
+            if name not in known:
+                place.say(f"{key.command} has no {name[:60]!r}{did_you_mean(name, known)}", lines.get(name))
+        for name, f in known.items():
+            needed = f.default is MISSING and f.default_factory is MISSING
+            if needed and name not in key.args and name not in _FROM_OBJECT:
+                place.say(f"{key.command} needs the property {name!r}")

@@ -1,0 +1,106 @@
+"""Where a level's files come from: a folder of the disk, never outside of the project, or a recording."""
+
+from __future__ import annotations
+
+import os
+import posixpath
+from pathlib import Path, PurePosixPath, PureWindowsPath
+
+from levels.schema import MAX_FILE_BYTES, PROJECT_FILE
+
+
+class FileRefused(Exception):
+    """This file is not read; the text says why."""
+
+
+def project_folder(level: Path) -> Path:
+    """The nearest folder upwards that holds a Flockbrush project, else the level's own."""
+    here = level.parent.resolve()
+    return next((f for f in (here, *here.parents) if (f / PROJECT_FILE).is_file()), here)
+
+
+class DiskFiles:
+    """The files beside a level; `got` remembers all that was read."""
+
+    def __init__(self, level: Path):
+        self.level = Path(level)
+        self.root = project_folder(self.level)
+        self.got: dict[str, bytes] = {}
+
+    def first(self) -> bytes:
+        """The level itself."""
+        data = self._read(self.level)
+        self.got[self.level.name] = data
+        return data
+
+    def shown(self, relative: str) -> str:
+        """What to call this file in a problem."""
+        return str(Path(os.path.normpath(self.level.parent / relative)))
+
+    def read(self, relative: str) -> bytes:
+        """The bytes of a file named relative to the level's folder; FileRefused."""
+        key = plain(relative)
+        path = self.level.parent / key
+        try:
+            real = path.resolve()
+        except (OSError, RuntimeError, ValueError):
+            raise FileRefused(f"{relative!r} cannot be found") from None
+        if not real.is_relative_to(self.root):
+            raise FileRefused(
+                f"{relative!r} is outside of the project folder; copy it beside the level"
+                f" (the project is the folder with {PROJECT_FILE}, else the level's own)"
+            )
+        self.got[key] = self._read(real)
+        return self.got[key]
+
+    def _read(self, path: Path) -> bytes:
+        try:
+            if path.is_dir():
+                raise FileRefused("is a folder, not a file")
+            if not path.is_file():
+                raise FileRefused("there is no such file" if not path.exists() else "is not an ordinary file")
+            with open(path, "rb") as file:
+                data = file.read(MAX_FILE_BYTES + 1)
+        except (OSError, ValueError) as error:
+            raise FileRefused(f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
+        if len(data) > MAX_FILE_BYTES:
+            raise FileRefused(f"is larger than {MAX_FILE_BYTES // 2**20} MiB")
+        return data
+
+
+class MemoryFiles:
+    """The files a recording has embedded, the level first."""
+
+    def __init__(self, files: dict[str, bytes]):
+        if not files:
+            raise ValueError("no level among the files")
+        self.level = Path(next(iter(files)))
+        self.files = files
+        self.got: dict[str, bytes] = {}
+
+    def first(self) -> bytes:
+        """The level itself."""
+        name = next(iter(self.files))
+        self.got[name] = self.files[name]
+        return self.files[name]
+
+    def shown(self, relative: str) -> str:
+        """What to call this file in a problem."""
+        return posixpath.normpath(relative)
+
+    def read(self, relative: str) -> bytes:
+        """The bytes of a file named relative to the level's folder; FileRefused."""
+        key = plain(relative)
+        if key not in self.files:
+            raise FileRefused(f"{relative!r} is not among the recorded files")
+        self.got[key] = self.files[key]
+        return self.got[key]
+
+
+def plain(relative: str) -> str:
+    """A relative path without detours; FileRefused for an absolute one."""
+    if not relative or "\0" in relative or len(relative) > 1000:
+        raise FileRefused(f"{relative[:60]!r} is not the name of a file")
+    if PurePosixPath(relative).is_absolute() or PureWindowsPath(relative).drive or "://" in relative:
+        raise FileRefused(f"{relative!r} is an absolute path; name the file relative to the level")
+    return posixpath.normpath(relative.replace("\\", "/"))

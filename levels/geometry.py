@@ -1,0 +1,127 @@
+"""Shapes: from Tiled's pixels (y down, clockwise) to metres (y up, counter-clockwise)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+ROUND = 32  # corners of an ellipse
+
+# where a tile object's (x, y) is on its picture, as fractions of width and height from the top left
+ALIGNMENTS = {
+    "unspecified": (0, 1),
+    "topleft": (0, 0),
+    "top": (0.5, 0),
+    "topright": (1, 0),
+    "left": (0, 0.5),
+    "center": (0.5, 0.5),
+    "right": (1, 0.5),
+    "bottomleft": (0, 1),
+    "bottom": (0.5, 1),
+    "bottomright": (1, 1),
+}
+
+
+def rectangle(w, h):
+    """Corners of a w x h box from its top left, (4, 2) px."""
+    return np.array([(0, 0), (w, 0), (w, h), (0, h)], float)
+
+
+def ellipse(w, h):
+    """The ellipse in a w x h box, (32, 2) px."""
+    a = np.arange(ROUND) * (2 * np.pi / ROUND)
+    return np.column_stack([w / 2 * (1 + np.cos(a)), h / 2 * (1 + np.sin(a))])
+
+
+def capsule(w, h):
+    """The box with its short sides made half circles, (34, 2) px."""
+    r = min(w, h) / 2
+    a = np.arange(ROUND // 2 + 1) * (2 * np.pi / ROUND)
+    arc = np.column_stack([np.cos(a), np.sin(a)]) * r  # half a circle from +x over +y to -x
+    if w >= h:
+        turned = np.column_stack([arc[:, 1], -arc[:, 0]])  # from -y over +x to +y
+        return np.vstack([turned + (w - r, r), -turned + (r, r)])
+    return np.vstack([arc + (r, h - r), -arc + (r, r)])
+
+
+def turn(points, degrees):
+    """Points turned about (0, 0), clockwise on a screen with y down."""
+    if degrees % 90 == 0:
+        c, s = [(1, 0), (0, 1), (-1, 0), (0, -1)][int(degrees // 90) % 4]
+    else:
+        c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    return points @ np.array([(c, s), (-s, c)])
+
+
+def signed_area(polygon):
+    """Area, positive counter-clockwise (y up)."""
+    x, y = (polygon - polygon[0]).T
+    return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+def counter_clockwise(polygon):
+    """The polygon wound so that its area is positive."""
+    return polygon if signed_area(polygon) >= 0 else polygon[::-1].copy()
+
+
+def without_repeats(points, closed):
+    """The points with those left out that repeat the one before."""
+    if len(points) < 2:
+        return points
+    keep = np.ones(len(points), bool)
+    keep[1:] = np.any(points[1:] != points[:-1], axis=1)
+    if closed and np.array_equal(points[0], points[-1]):
+        keep[-1] = False
+    if not keep.any():
+        keep[0] = True
+    return points[keep]
+
+
+def centroid(polygon):
+    """Centre of mass of a polygon with an area, (2,)."""
+    p = polygon - polygon[0]
+    q = np.roll(p, -1, axis=0)
+    cross = p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1]
+    return polygon[0] + ((p + q) * cross[:, None]).sum(axis=0) / (3 * cross.sum())
+
+
+def crossing(polygon):
+    """The first two edges that cross or touch without being neighbours, or None: (i, j)."""
+    n = len(polygon)
+    a, b = polygon, np.roll(polygon, -1, axis=0)
+    for i in range(n - 2):
+        j = np.arange(i + 2, n if i else n - 1)
+        hit = _touch(a[i], b[i], a[j], b[j])
+        if hit.any():
+            return i, int(j[hit.argmax()])
+    return None
+
+
+def _touch(p, q, a, b):
+    """Whether segment pq meets segments ab, (n,) bool."""
+    overlap = np.all((np.minimum(a, b) <= np.maximum(p, q)) & (np.maximum(a, b) >= np.minimum(p, q)), axis=-1)
+    return (_side(p, q, a) * _side(p, q, b) <= 0) & (_side(a, b, p) * _side(a, b, q) <= 0) & overlap
+
+
+def _side(u, v, w):
+    """1 where w is left of u -> v, -1 right, 0 on the line."""
+    (ux, uy), (vx, vy), (wx, wy) = (np.moveaxis(k, -1, 0) for k in (u, v, w))
+    return np.sign((vx - ux) * (wy - uy) - (vy - uy) * (wx - ux))
+
+
+def inside(points, polygon):
+    """Which points lie in the polygon, (n,) bool."""
+    x, y = np.asarray(points, float).T
+    found = np.zeros(len(x), bool)
+    for (ax, ay), (bx, by) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if ay != by:
+            found ^= ((ay > y) != (by > y)) & (x < (bx - ax) * (y - ay) / (by - ay) + ax)
+    return found
+
+
+def sample(polygon, n=24):
+    """Points spread over a polygon, up to about n x n, (m, 2)."""
+    low, high = polygon.min(axis=0), polygon.max(axis=0)
+    x, y = (low[k] + (np.arange(n) + 0.5) / n * (high[k] - low[k]) for k in (0, 1))
+    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    found = grid[inside(grid, polygon)]
+    return found if len(found) else centroid(polygon)[None]

@@ -1,0 +1,265 @@
+"""Objects of a level: their class, their shape in metres, their properties."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from behaviours.problems import did_you_mean
+from levels import geometry, schema
+from levels.properties import read_properties
+from levels.schema import CLASSES, HOMES, Area, Exit, Goal, Guide, Key, Line, Obstacle, Spawn, Zone
+
+OBJECT_CLASSES = [c.name for c in CLASSES.values() if c.use == "object"]
+_SHAPES = {"area": "a rectangle, ellipse or polygon", "line": "a polyline", "point": "a point"}
+
+
+class ObjectReader:
+    """Reads the object layers into a level; needs the level reader's helpers."""
+
+    def __init__(self, reader, frame, level):
+        self.reader, self.frame, self.level = reader, frame, level
+        self.ids: dict[int, int] = {}  # id -> line
+        self.places: dict[int, object] = {}  # id -> place, for the checks that come later
+        self.goal_ids: dict[int, str] = {}
+        self.key_lines: dict[int, dict[str, int]] = {}  # id -> line of each property
+        self.vertices = 0
+
+    def layer(self, layer, kind):
+        """Every object of one layer."""
+        nodes = layer.node.get("objects", [])
+        if not isinstance(nodes, list):
+            layer.place.say("'objects' must be a list")
+            return
+        for node in nodes:
+            if not isinstance(node, dict):
+                layer.place.say("each of the 'objects' must be an object")
+            elif len(self.ids) >= schema.MAX_OBJECTS:
+                layer.place.say(f"there are more than {schema.MAX_OBJECTS} objects")
+                return
+            else:
+                self.object(node, layer, kind)
+
+    def object(self, node, layer, kind):
+        """One object: find its class, then let its own method read it."""
+        reader = self.reader
+        place = layer.place.at(node, f"an object in {layer.place.where}")
+        number = reader.whole(node, "id", place, 1, 2**31 - 1)
+        if number is None:
+            return
+        name = reader.text(node, "name", place)
+        called = f" {name[:60]!r}" if name else ""
+        place = layer.place.at(node, f"object {number}{called} in {layer.place.where}")
+        if number in self.ids:
+            place.say(f"object id {number} is taken by the object at line {self.ids[number]}")
+            return
+        self.ids[number] = place.line
+        self.places[number] = place
+        if "template" in node:
+            place.say("templates are not read; detach it (in Tiled: right click > Detach)")
+            return
+        cls = self.class_of(node, kind, layer, place)
+        if cls is not None:
+            shape = self.shape(node, layer, place)
+            if shape is not None and self.takes(CLASSES[cls], shape, place):
+                getattr(self, cls.lower())(number, name, shape, read_properties(node, CLASSES[cls], place), place)
+
+    def class_of(self, node, kind, layer, place):
+        """The object's class, or the one its layer is for; None: not ours, or a problem."""
+        cls = self.reader.class_of(node, place)
+        if cls in OBJECT_CLASSES:
+            return cls
+        own = layer.name.rsplit("/", 1)[-1].strip().lower().startswith(schema.IGNORED)
+        if own or ("text" in node and not cls):
+            return None
+        if cls:
+            place.say(f"there is no class {cls[:60]!r}{did_you_mean(cls, OBJECT_CLASSES)}")
+        elif kind in HOMES:
+            return HOMES[kind]
+        elif kind == "measure":
+            return "Line" if "polyline" in node else "Area"
+        else:
+            place.say(f"has no class; there are {', '.join(OBJECT_CLASSES)}")
+        return None
+
+    def takes(self, cls, shape, place):
+        """Whether this class may have this shape."""
+        kind, points = shape
+        if kind not in cls.shapes:
+            wanted = " or ".join(_SHAPES[s] for s in cls.shapes)
+            place.say(f"{article(cls.name)} must be {wanted}, and this is {_SHAPES[kind]}")
+            return False
+        if kind == "area" and not self.sound(points, place):
+            return False
+        if kind == "line" and len(points) < 2:
+            place.say("the line needs at least two different points")
+            return False
+        return True
+
+    def sound(self, polygon, place):
+        """A polygon with an area that does not cross itself."""
+        if len(polygon) < 3 or abs(geometry.signed_area(polygon)) < 1e-6 * self.frame.metres**2:
+            place.say("it has no area; drag it larger or delete it")
+            return False
+        edges = geometry.crossing(polygon)
+        if edges is not None:
+            at = ", ".join(f"{v:.1f}" for v in polygon[edges[0]])
+            place.say(f"its outline crosses itself near ({at}) m; move the corners apart")
+            return False
+        return True
+
+    # ------------------------------------------------------------ shapes
+
+    def shape(self, node, layer, place):
+        """("area" | "line" | "point", (k, 2) m), areas counter-clockwise; None with a problem."""
+        reader = self.reader
+        x, y = reader.real(node, "x", place), reader.real(node, "y", place)
+        w, h = reader.real(node, "width", place), reader.real(node, "height", place)
+        angle = reader.real(node, "rotation", place, limit=1e6)
+        drawn = self.drawn(node, w, h, place)
+        if drawn is None:
+            return None
+        kind, points = drawn
+        self.vertices += len(points)
+        if self.vertices > schema.MAX_ALL_VERTICES:
+            place.say(f"all outlines together have more than {schema.MAX_ALL_VERTICES} corners")
+            return None
+        points = geometry.turn(points, angle) + (x + layer.dx, y + layer.dy)
+        points = geometry.without_repeats(self.frame.to_metres(points), kind == "area")
+        return kind, geometry.counter_clockwise(points) if kind == "area" else points
+
+    def drawn(self, node, w, h, place):
+        """The outline about the object's own origin, px."""
+        for key in ("polygon", "polyline"):
+            if key in node:
+                points = self.vertex_list(node[key], key, place)
+                return None if points is None else ("area" if key == "polygon" else "line", points)
+        if node.get("point") is True:
+            return "point", np.zeros((1, 2))
+        if w < 0 or h < 0:
+            place.say(f"width and height must not be negative, got {w:g} x {h:g} px")
+            return None
+        if node.get("ellipse") is True:
+            return "area", geometry.ellipse(w, h)
+        if node.get("capsule") is True:
+            return "area", geometry.capsule(w, h)
+        corners = geometry.rectangle(w, h)
+        return "area", corners - self.tile_origin(node, w, h, place) if "gid" in node else corners
+
+    def tile_origin(self, node, w, h, place):
+        """Tile objects stand on their bottom-left corner, unless their tileset says otherwise."""
+        gid = self.reader.whole(node, "gid", place, 1, 2**32 - 1)
+        gid = (gid or 0) & 0x0FFFFFFF
+        tileset = self.reader.tileset_of(gid)
+        if tileset is None:
+            place.say(f"no tileset has tile id {gid}")
+        fx, fy = geometry.ALIGNMENTS[tileset.alignment if tileset else "unspecified"]
+        return np.array([fx * w, fy * h])
+
+    def vertex_list(self, entries, key, place):
+        if not isinstance(entries, list) or not all(isinstance(p, dict) for p in entries):
+            place.say(f"'{key}' must be a list of points")
+            return None
+        if len(entries) > schema.MAX_VERTICES:
+            place.say(f"the outline has {len(entries)} corners; there may be at most {schema.MAX_VERTICES}")
+            return None
+        return np.array([[self.reader.real(p, k, place) for k in "xy"] for p in entries], float).reshape(-1, 2)
+
+    # ------------------------------------------------------------ one method per class
+
+    def obstacle(self, number, name, shape, v, place):
+        if v["z_min"] >= v["z_max"]:
+            place.say(f"z_min must be below z_max, got {v['z_min']:g} and {v['z_max']:g} m")
+        self.level.obstacles.append(Obstacle(number, name, shape[1], **v))
+
+    def guide(self, number, name, shape, v, place):
+        self.level.guides.append(Guide(number, name, shape[1], **v))
+
+    def goal(self, number, name, shape, v, place):
+        kind, points = shape
+        xy = points[0] if kind == "point" else geometry.centroid(points)
+        name = name or f"goal {number}"
+        self.goal_ids[number] = name
+        self.level.goals.append(Goal(number, name, xy, **v, polygon=points if kind == "area" else None))
+
+    def zone(self, number, name, shape, v, place):
+        if not (v["brush"] or v["max_speed"] or v["factor"] != 1):
+            place.say("does nothing; give it a brush, a max_speed or a factor")
+        brush = self.brush(v, place) if v["brush"] else None
+        cap = v["max_speed"] or math.inf
+        self.level.zones.append(Zone(number, name, shape[1], brush, cap, v["factor"], v["blend"]))
+
+    def spawn(self, number, name, shape, v, place):
+        brush = self.brush(v, place) if "brush" in v.given else ""
+        count = self.count(shape[1], v, place)
+        self.level.spawns.append(
+            Spawn(
+                number,
+                name,
+                shape[1],
+                v["species"],
+                brush,
+                count,
+                v["heading"],
+                v["speed"] or None,
+                v["altitude"],
+                v["start"],
+                v["rate"],
+                v["formation"],
+                v["body_length"] or None,
+            )
+        )
+
+    def count(self, polygon, v, place):
+        """How many animals: as counted, or from the density."""
+        count, density = v["count"], v["density"]
+        if count and density:
+            place.say(
+                f"give count or density, not both (count is {count}, density {density:g})", v.lines.get("density")
+            )
+        if density:
+            count = round(density * geometry.signed_area(polygon))
+            if count < 1:
+                place.say(
+                    f"a density of {density:g} per m^2 gives no animal on {geometry.signed_area(polygon):.1f} m^2"
+                )
+        elif count < 1 and not v["rate"] and not {"count", "density", "rate"} & v.wrong:
+            place.say("count must be at least 1, got 0", v.lines.get("count"))
+        if count > schema.MAX_AGENTS:
+            place.say(f"{count} animals are too many; there may be at most {schema.MAX_AGENTS}")
+        return count
+
+    def exit(self, number, name, shape, v, place):
+        self.level.exits.append(Exit(number, name, shape[1]))
+
+    def key(self, number, name, shape, v, place):
+        kind, points = shape
+        xy = geometry.centroid(points) if kind == "area" else points[0]
+        self.level.script.append(Key(number, name, v["at"], v["command"], dict(v.others), xy))
+        self.key_lines[number] = v.lines
+
+    def line(self, number, name, shape, v, place):
+        self.level.lines.append(Line(number, name or f"line {number}", shape[1]))
+
+    def area(self, number, name, shape, v, place):
+        self.level.areas.append(Area(number, name or f"area {number}", shape[1]))
+
+    def brush(self, v, place):
+        return self.reader.brush(v["brush"], "", place, v.lines.get("brush"), "brush")
+
+    # ------------------------------------------------------------ names of goals
+
+    def finish(self):
+        """Object references to goals become names."""
+        for thing, key in [(g, "goal") for g in self.level.guides] + [(g, "next") for g in self.level.goals]:
+            value = getattr(thing, key)
+            if type(value) is int:
+                if value and value not in self.goal_ids:
+                    self.places[thing.id].say(f"{key}: object {value} is no Goal")
+                setattr(thing, key, self.goal_ids.get(value, ""))
+
+
+def article(name):
+    """A Spawn, an Exit."""
+    return f"{'an' if name[0] in 'AEIO' else 'a'} {name}"

@@ -1,0 +1,668 @@
+"""Reading a level: from a .tmj file to a `Level`, or to everything that is wrong with it."""
+
+from __future__ import annotations
+
+import posixpath
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from behaviours.problems import ProblemsError, did_you_mean
+from engine.fields import Raster
+from levels import geometry, schema
+from levels.checks import check_level
+from levels.files import DiskFiles, FileRefused, MemoryFiles, project_folder
+from levels.json_lines import JsonError, Node, parse
+from levels.objects import ObjectReader
+from levels.properties import Place, Report, Values, is_number, read_properties, shown
+from levels.schema import CLASSES, BrushLayer, Level, Terrain
+from levels.tile_data import decode
+
+_FAR = 10_000_000  # px or tiles; nothing real is farther out
+
+
+def read_level(path, library=None, commands=None) -> Level:
+    """The level in a TMJ file.
+
+    Parameters
+    ----------
+    path : path-like
+        A ``.tmj`` (or ``.json``) file saved by Tiled.
+    library : BrushLibrary, optional
+        Which brushes there are; the shipped ones, and those in a folder ``brushes`` beside the level or the project,
+        when left out.
+    commands : dict of str to dataclass, optional
+        Which commands a script may give; `engine.commands.COMMANDS` when left out, unchecked when that is empty.
+
+    Raises
+    ------
+    ProblemsError
+        With every problem of the level and the files it names.
+    """
+    path = Path(path)
+    return _read(DiskFiles(path), library if library is not None else brush_library(path), commands)
+
+
+def read_level_files(files: dict[str, bytes], library=None, commands=None) -> Level:
+    """The level whose files a recording has embedded (`Level.files`), the level itself first.
+
+    Raises
+    ------
+    ProblemsError
+        As `read_level`.
+    """
+    return _read(MemoryFiles(files), library if library is not None else recorded_library(files), commands)
+
+
+def _read(files, library, commands):
+    report = Report()
+    level = LevelReader(files, report, library, commands).level()
+    if report.problems or level is None:
+        raise ProblemsError(sorted(report.problems, key=lambda p: (p.file, p.line or 0)))
+    return level
+
+
+@dataclass
+class Tile:
+    """A tile that a tileset gives a meaning."""
+
+    cls: str
+    values: Values | None
+    label: str  # "tile 3 of tileset 'terrain'"
+    place: Place
+
+
+@dataclass
+class Tileset:
+    """Which global ids it takes, and how big its tiles are."""
+
+    firstgid: int
+    count: int
+    name: str
+    alignment: str
+    tiles: dict[int, Tile]
+
+
+@dataclass
+class Layer:
+    """A layer out of its groups, with what they add up to."""
+
+    node: Node
+    kind: str
+    name: str
+    dx: float  # px
+    dy: float
+    opacity: float
+    place: Place
+    pieces: list | None = None  # its unpacked tile data
+
+
+@dataclass
+class Frame:
+    """From pixels to metres, and the other way round for cells."""
+
+    tile: int  # px
+    metres: float  # of a tile
+    left: int  # tiles; where the map begins (an infinite one begins anywhere)
+    top: int
+    nx: int
+    ny: int
+
+    def to_metres(self, points):
+        """(n, 2) px, y down -> m, y up."""
+        scale = self.metres / self.tile
+        x = points[:, 0] * scale - self.left * self.metres
+        y = (self.top + self.ny) * self.metres - points[:, 1] * scale
+        return np.column_stack([x, y])
+
+
+class LevelReader:
+    """Walks through one document; tells every problem to the report and goes on as long as it makes sense."""
+
+    def __init__(self, files, report, library, commands=None):
+        self.files, self.report = files, report
+        self.library = library
+        self.commands = commands
+        self._names: list[str] | None = None
+        self.tilesets: list[Tileset] = []  # by firstgid
+        self.cells = 0  # tiles decoded so far, against the cap
+        self.layers = 0
+
+    # ------------------------------------------------------------ the document
+
+    def level(self):
+        """The level, or None with problems reported."""
+        doc = self.document()
+        if doc is None:
+            return None
+        place = self.place.at(doc, "map")
+        values = read_properties(doc, CLASSES["FlockbrushLevel"], place)
+        self.check_map(doc, values, place)
+        self.read_tilesets(doc)
+        layers = list(self.walk(doc.get("layers"), place))
+        frame = self.frame(doc, layers, values["metres_per_tile"], place)
+        if frame is None:
+            return None
+        level = Level(
+            name=self.files.level.stem,
+            path=self.files.level,
+            width=frame.nx * frame.metres,
+            height=frame.ny * frame.metres,
+            cell=frame.metres,
+            boundary=values["boundary"],
+            seed=values["seed"],
+        )
+        self.fill(level, layers, frame)
+        level.files = self.files.got
+        check_level(level, self.objects, self.library, self.commands)
+        return level
+
+    def document(self):
+        """The parsed map; None when it is none."""
+        self.file = str(self.files.level)
+        self.place = Place(self.report, self.file, None)
+        try:
+            data = self.files.first()
+        except FileRefused as error:
+            self.place.say(str(error))
+            return None
+        if self.files.level.suffix.lower() == ".tmx" or data.lstrip()[:5].lower() in (b"<?xml", b"<map "):
+            self.place.say("TMX is not read; save as .tmj (in Tiled: File > Save As, type 'JSON map files')")
+            return None
+        return self.parsed(data, self.place, "map")
+
+    def parsed(self, data, place, kind):
+        """The JSON object in these bytes, if it is a `kind`."""
+        try:
+            doc = parse(data, schema.MAX_DEPTH)
+        except JsonError as error:
+            place.say(str(error), error.line)
+            return None
+        if not isinstance(doc, Node):
+            place.say(f"this is not a Tiled {kind}: expected an object, got {shown(doc)}", 1)
+            return None
+        if doc.get("type", kind) != kind:
+            place.say(f"this is not a Tiled {kind}: its type is {shown(doc.get('type'))}", doc.line)
+            return None
+        return doc
+
+    def check_map(self, doc, values, place):
+        if "schema" in values.given and values["schema"] != schema.SCHEMA:
+            place.say(f"schema must be '{schema.SCHEMA}', got {values['schema']!r}", values.lines["schema"])
+        if doc.get("orientation", "orthogonal") != "orthogonal":
+            place.say(f"the orientation must be orthogonal, got {shown(doc['orientation'])}")
+
+    # ------------------------------------------------------------ structure, checked
+
+    def whole(self, node, key, place, low, high, default=None):
+        """A structural whole number; None with a problem."""
+        value = node.get(key, default)
+        if is_number(value) and value == int(value) and low <= value <= high:
+            return int(value)
+        place.say(f"'{key}' must be a whole number from {low} to {high}, got {shown(value)}")
+        return None
+
+    def real(self, node, key, place, default=0.0, limit=_FAR):
+        """A structural number; the default with a problem."""
+        value = node.get(key, default)
+        if is_number(value) and abs(value) <= limit:
+            return float(value)
+        place.say(f"'{key}' must be a number up to {limit:g}, got {shown(value)}")
+        return float(default or 0)
+
+    def text(self, node, key, place, default=""):
+        """A structural text."""
+        value = node.get(key, default)
+        if isinstance(value, str):
+            return value
+        place.say(f"'{key}' must be a text, got {shown(value)}")
+        return default
+
+    def class_of(self, node, place):
+        """Tiled 1.8 and 1.10 say ``type``, 1.9 says ``class``."""
+        return self.text(node, "class", place) or self.text(node, "type", place)
+
+    # ------------------------------------------------------------ tilesets
+
+    def read_tilesets(self, doc):
+        entries = doc.get("tilesets", [])
+        if not isinstance(entries, list):
+            self.place.say("'tilesets' must be a list", doc.line)
+            return
+        for entry in entries:
+            if not isinstance(entry, Node):
+                self.place.say("each tileset must be an object", doc.line)
+                continue
+            place = self.place.at(entry, "tileset")
+            firstgid = self.whole(entry, "firstgid", place, 1, 2**28)
+            if firstgid is not None:
+                self.read_tileset(entry, firstgid, place)
+
+    def read_tileset(self, entry, firstgid, place):
+        folder = ""
+        if "source" in entry:
+            source = self.text(entry, "source", place)
+            entry, place = self.external(source, place)
+            if entry is None:
+                return
+            folder = posixpath.dirname(source.replace("\\", "/"))
+        count = self.whole(entry, "tilecount", place, 0, schema.MAX_TILES)
+        if count is None:
+            return
+        name = self.text(entry, "name", place) or "tileset"
+        alignment = entry.get("objectalignment", "unspecified")
+        if alignment not in geometry.ALIGNMENTS:
+            place.say(f"'objectalignment' must be one of {', '.join(geometry.ALIGNMENTS)}, got {shown(alignment)}")
+            alignment = "unspecified"
+        if any(t.firstgid == firstgid for t in self.tilesets):
+            place.say(f"two tilesets begin at tile id {firstgid}")
+        tiles = self.read_tiles(entry, count, name, folder, place)
+        self.tilesets.append(Tileset(firstgid, count, name, alignment, tiles))
+        self.tilesets.sort(key=lambda t: t.firstgid)
+
+    def tileset_of(self, gid):
+        """The tileset of a global tile id, as Tiled finds it: the last that begins at or before it; None beyond it."""
+        found = next((t for t in reversed(self.tilesets) if t.firstgid <= gid), None)
+        return found if found and gid - found.firstgid < found.count else None
+
+    def external(self, source, place):
+        """(document, place) of a tileset in a file of its own."""
+        if source.lower().endswith((".tsx", ".xml")):
+            place.say(f"tileset {source!r} is TSX, which is not read; save it as .tsj and point the map to that")
+            return None, place
+        try:
+            data = self.files.read(source)
+        except FileRefused as error:
+            place.say(f"tileset {source[:200]!r}: {error}")
+            return None, place
+        there = Place(self.report, self.files.shown(source), 1)
+        return self.parsed(data, there, "tileset"), there
+
+    def read_tiles(self, entry, count, name, folder, place):
+        """{local id: Tile} of those that say something."""
+        nodes, tiles = entry.get("tiles", []), {}
+        if not isinstance(nodes, list):
+            place.say("'tiles' must be a list")
+            return tiles
+        for node in nodes:
+            if not isinstance(node, Node):
+                place.say("each of the 'tiles' must be an object")
+                continue
+            number = self.whole(node, "id", place.at(node, f"tileset {name!r}"), 0, max(count - 1, 0))
+            if number is not None:
+                label = f"tile {number} of tileset {name!r}"
+                tiles[number] = self.read_tile(node, label, folder, place.at(node, label))
+        return tiles
+
+    def read_tile(self, node, label, folder, place):
+        cls = self.class_of(node, place)
+        known = CLASSES.get(cls)
+        if known is None or known.use != "tile":
+            return Tile(cls, None, label, place)
+        values = read_properties(node, known, place)
+        if cls == "Brush":
+            values["asset"] = (values["asset"], folder)
+        return Tile(cls, values, label, place)
+
+    # ------------------------------------------------------------ layers
+
+    def walk(self, nodes, place, dx=0.0, dy=0.0, opacity=1.0, prefix="", depth=0):
+        """Every layer, out of its groups, offsets and opacities added up."""
+        if not isinstance(nodes, list):
+            place.say("'layers' must be a list")
+            return
+        for node in nodes:
+            if not isinstance(node, Node):
+                place.say("each layer must be an object")
+                continue
+            name = prefix + self.text(node, "name", place)
+            here = self.place.at(node, f"layer {name[:80]!r}")
+            x, y = dx + self.real(node, "offsetx", here), dy + self.real(node, "offsety", here)
+            strength = opacity * min(max(self.real(node, "opacity", here, 1.0), 0.0), 1.0)
+            kind = self.text(node, "type", here)
+            if kind == "group":
+                yield from self.walk(node.get("layers"), here, x, y, strength, name + "/", depth + 1)
+            elif kind in ("tilelayer", "objectgroup", "imagelayer"):
+                self.layers += 1
+                if self.layers > schema.MAX_LAYERS:
+                    if self.layers == schema.MAX_LAYERS + 1:
+                        here.say(f"there are more than {schema.MAX_LAYERS} layers")
+                    return
+                yield Layer(node, kind, name, x, y, strength, here)
+            else:
+                here.say(f"the layer's type is {shown(kind)}; there are tilelayer, objectgroup, imagelayer, group")
+
+    def frame(self, doc, layers, metres, place):
+        """The size of the map; None with a problem."""
+        tile = self.whole(doc, "tilewidth", place, 1, 4096)
+        high = self.whole(doc, "tileheight", place, 1, 4096)
+        if tile is None or high is None:
+            return None
+        if tile != high:
+            place.say(f"tiles must be square, got {tile} x {high} pixels")
+            return None
+        infinite = doc.get("infinite", False)
+        if type(infinite) is not bool:
+            place.say(f"'infinite' must be true or false, got {shown(infinite)}")
+            return None
+        if infinite:
+            return self.infinite_frame(layers, tile, metres, place)
+        nx, ny = self.whole(doc, "width", place, 1, 1_000_000), self.whole(doc, "height", place, 1, 1_000_000)
+        if nx is None or ny is None or not self.fits(nx, ny, place):
+            return None
+        return Frame(tile, metres, 0, 0, nx, ny)
+
+    def fits(self, nx, ny, place):
+        if nx * ny <= schema.MAX_CELLS:
+            return True
+        place.say(f"the map has {nx} x {ny} tiles; there may be at most {schema.MAX_CELLS}")
+        return False
+
+    def infinite_frame(self, layers, tile, metres, place):
+        """An infinite map is as large as what is painted."""
+        boxes = [
+            box
+            for layer in layers
+            if layer.kind == "tilelayer" and kind_of(layer.name)
+            for box in self.painted(layer, tile)
+        ]
+        if not boxes:
+            place.say("an infinite map is as large as what is painted, and nothing is; paint terrain or fix the size")
+            return None
+        left, top, right, bottom = np.array(boxes).T
+        x0, y0, x1, y1 = int(left.min()), int(top.min()), int(right.max()), int(bottom.max())
+        if not self.fits(x1 - x0, y1 - y0, place):
+            return None
+        return Frame(tile, metres, x0, y0, x1 - x0, y1 - y0)
+
+    def painted(self, layer, tile):
+        """(left, top, right, bottom) of the painted part of each chunk, in tiles."""
+        sx, sy = self.shift(layer, tile)
+        for x, y, gids in self.chunks(layer):
+            rows, columns = np.nonzero(gids)
+            if len(rows):
+                yield (
+                    x + sx + columns.min(),
+                    y + sy + rows.min(),
+                    x + sx + columns.max() + 1,
+                    y + sy + rows.max() + 1,
+                )
+
+    def shift(self, layer, tile):
+        """A layer's offset in whole tiles."""
+        x, y = layer.dx / tile, layer.dy / tile
+        if x != round(x) or y != round(y):
+            layer.place.say(
+                f"a tile layer may be offset by whole tiles of {tile} px only, got {layer.dx:g}, {layer.dy:g}"
+            )
+        return round(x), round(y)
+
+    def chunks(self, layer):
+        """(x, y, gids) of each piece of a tile layer; the data is unpacked once."""
+        if layer.pieces is None:
+            layer.pieces = list(self.unpack(layer))
+        return layer.pieces
+
+    def unpack(self, layer):
+        node, place = layer.node, layer.place
+        chunks = node.get("chunks", [node])
+        if not isinstance(chunks, list) or not all(isinstance(c, Node) for c in chunks):
+            place.say("'chunks' must be a list of objects")
+            return
+        encoding, compression = self.text(node, "encoding", place), self.text(node, "compression", place)
+        for chunk in chunks:
+            width, height = (self.whole(chunk, k, place, 1, schema.MAX_CELLS) for k in ("width", "height"))
+            x, y = (self.whole(chunk, k, place, -_FAR, _FAR, 0) for k in "xy")
+            if None in (width, height, x, y):
+                continue
+            self.cells += width * height
+            if width * height > schema.MAX_CELLS or self.cells > schema.MAX_ALL_CELLS:
+                place.say(
+                    f"{width} x {height} tiles are too many; a layer may have {schema.MAX_CELLS}, all together four times that"
+                )
+                return
+            try:
+                yield x, y, decode(chunk.get("data"), encoding, compression, width, height)
+            except ValueError as error:
+                place.say(str(error))
+
+    # ------------------------------------------------------------ what the layers say
+
+    def fill(self, level, layers, frame):
+        """Read every layer into the level."""
+        objects = self.objects = ObjectReader(self, frame, level)
+        self.known = {}  # terrain kinds by tile id
+        for layer in layers:
+            kind = kind_of(layer.name)
+            if kind is None and layer.kind != "objectgroup":
+                if not plain_name(layer.name).startswith(schema.IGNORED):
+                    layer.place.say(
+                        f"no such layer{did_you_mean(plain_name(layer.name), schema.LAYER_NAMES)}"
+                        f" (a layer of your own begins with {' or '.join(schema.IGNORED)})"
+                    )
+            elif layer.kind == "tilelayer":
+                self.tile_layer(level, layer, kind, frame)
+            elif layer.kind == "imagelayer":
+                self.image_layer(level, layer, kind, frame)
+            else:
+                objects.layer(layer, kind)
+        objects.finish()
+
+    def tile_layer(self, level, layer, kind, frame):
+        cls = {c.home: c.name for c in CLASSES.values() if c.use == "tile"}.get(kind)
+        if cls is None:
+            layer.place.say(
+                f"this must be {'an image' if kind == 'height' else 'an object'} layer, and is a tile layer"
+            )
+            return
+        gids = self.gids(layer, frame)
+        used = self.used_tiles(gids, cls, layer)
+        if cls == "Terrain":
+            self.paint_terrain(level, gids, used, layer)
+        elif cls == "Brush":
+            level.brush_layers.append(self.brush_layer(gids, used, layer))
+        else:
+            self.paint_speed(level, gids, used, frame)
+
+    def gids(self, layer, frame):
+        """The layer's global tile ids, (ny, nx), south row first."""
+        whole = np.zeros((frame.ny, frame.nx), np.uint32)
+        sx, sy = self.shift(layer, frame.tile)
+        for x, y, piece in self.chunks(layer):
+            left, top = x + sx - frame.left, y + sy - frame.top
+            cut_x, cut_y = max(0, -left), max(0, -top)
+            part = piece[cut_y : max(frame.ny - top, 0), cut_x : max(frame.nx - left, 0)]
+            if part.size:
+                into = whole[top + cut_y : top + cut_y + part.shape[0], left + cut_x : left + cut_x + part.shape[1]]
+                into[part > 0] = part[part > 0]
+        layer.pieces = []
+        return whole[::-1]
+
+    def used_tiles(self, gids, cls, layer):
+        """{gid: Tile} of the tiles painted here; those of another class are problems."""
+        used = {}
+        for gid in map(int, np.unique(gids)):
+            if gid == 0:
+                continue
+            tileset = self.tileset_of(gid)
+            tile = tileset.tiles.get(gid - tileset.firstgid) if tileset else None
+            if tile is not None and tile.cls == cls:
+                used[gid] = tile
+                continue
+            iy, ix = (int(k[0]) for k in np.nonzero(gids == gid))
+            found = (
+                f"it is a {tile.cls} tile"
+                if tile and tile.cls
+                else "it has no class"
+                if tileset
+                else "no tileset has it"
+            )
+            where = f"column {ix}, row {len(gids) - 1 - iy}"
+            layer.place.say(f"tile id {gid} at {where} must be a {cls} tile, and {found}")
+        return used
+
+    def paint_terrain(self, level, gids, used, layer):
+        if level.terrain is None:
+            shape = gids.shape
+            level.terrain = Terrain(
+                np.ones(shape, bool),
+                np.ones(shape),
+                np.ones(shape),
+                np.zeros(shape, bool),
+                np.full(shape, -1, np.int16),
+                [],
+                [],
+            )
+        ground = level.terrain
+        for gid, tile in used.items():
+            here = gids == gid
+            for name in ("walkable", "speed_factor", "cost", "blocks_view"):
+                getattr(ground, name)[here] = tile.values[name]
+            if gid not in self.known:
+                self.known[gid] = len(ground.names)
+                ground.names.append(tile.values["name"] or tile.label)
+                ground.colours.append(tile.values["colour"])
+            ground.index[here] = self.known[gid]
+
+    def brush_layer(self, gids, used, layer):
+        names = {gid: self.tile_brush(tile) for gid, tile in used.items()}
+        assets = sorted(set(names.values()))
+        index = np.full(gids.shape, -1, np.int16)
+        for gid, name in names.items():
+            index[gids == gid] = assets.index(name)
+        return BrushLayer(layer.name, layer.opacity, assets, index)
+
+    def tile_brush(self, tile):
+        """The brush of a painted tile; looked up only now, since a tileset may know brushes that are gone."""
+        if isinstance(tile.values["asset"], tuple):
+            name, folder = tile.values["asset"]
+            line = tile.values.lines.get("asset")
+            tile.values["asset"] = self.brush(name, folder, tile.place, line, "asset") if line else name
+        return tile.values["asset"]
+
+    def paint_speed(self, level, gids, used, frame):
+        """Several layers: the lowest cap, the product of factors."""
+        for gid, tile in used.items():
+            here = gids == gid
+            if tile.values["max_speed"] > 0:
+                if level.cap is None:
+                    level.cap = Raster(frame.metres, np.full(gids.shape, np.inf))
+                values = level.cap.values
+                values[here] = np.minimum(values[here], tile.values["max_speed"])
+            if tile.values["factor"] != 1:
+                if level.factor is None:
+                    level.factor = Raster(frame.metres, np.ones(gids.shape))
+                level.factor.values[here] *= tile.values["factor"]
+
+    def image_layer(self, level, layer, kind, frame):
+        place = layer.place
+        if kind != "height":
+            place.say(
+                f"this must be {'a tile' if kind in ('terrain', 'brush', 'speed') else 'an object'} layer, and is an image layer"
+            )
+            return
+        if level.height_map is not None:
+            place.say("there may be one height layer only")
+            return
+        values = read_properties(layer.node, CLASSES["Height"], place)
+        source = self.text(layer.node, "image", place)
+        try:
+            grey = read_grey(self.files.read(source))
+        except (FileRefused, ValueError) as error:
+            place.say(f"height picture {source[:200]!r}: {error}")
+            return
+        ny, nx = grey.shape
+        if abs(nx * frame.ny / (ny * frame.nx) - 1) > 0.01:
+            place.say(
+                f"the height picture is stretched over the map and must have its proportions,"
+                f" {frame.nx} : {frame.ny}, got {nx} x {ny} pixels"
+            )
+            return
+        level.height_map = Raster(level.width / nx, grey[::-1].astype(float) * values["metres_per_level"])
+
+    # ------------------------------------------------------------ brushes
+
+    def brush(self, name, folder, place, line, key):
+        """The name of a brush that exists, files named relative to the level."""
+        if not name:
+            place.say(f"{key} must name a brush{did_you_mean(name, self.brush_names())}", line)
+            return name
+        if name.endswith(".toml"):
+            return self.brush_file(name, folder, place, line, key)
+        if name not in self.brush_names():
+            place.say(f"{key}: there is no brush {name[:60]!r}{did_you_mean(name, self.brush_names())}", line)
+        return name
+
+    def brush_names(self):
+        if self._names is None:
+            self._names = self.library.names()
+        return self._names
+
+    def brush_file(self, name, folder, place, line, key):
+        from behaviours.brush import load_brush
+
+        try:
+            data = self.files.read(posixpath.join(folder, name))
+        except FileRefused as error:
+            place.say(f"{key}: {error}", line)
+            return name
+        relative = posixpath.normpath(posixpath.join(folder, name).replace("\\", "/"))
+        try:
+            return load_brush(data, file=self.files.shown(relative)).name
+        except ProblemsError as error:
+            self.report.problems.extend(error.problems)
+            return name
+
+
+def brush_library(path, files=None):
+    """Every brush a level can name: files of its own, folders ``brushes`` beside it and in its project, the shipped.
+
+    Parameters
+    ----------
+    path : path-like
+        The level.
+    files : dict of str to bytes, optional
+        `Level.files`, for brushes the level names as files.
+    """
+    from behaviours.brush import SUFFIX, BrushLibrary, shipped
+
+    path = Path(path)
+    own = [folder / "brushes" for folder in dict.fromkeys((path.parent.resolve(), project_folder(path)))]
+    embedded = {name: data for name, data in (files or {}).items() if name.endswith(SUFFIX)}
+    return BrushLibrary([*(f for f in own if f.is_dir()), *shipped().folders], embedded)
+
+
+def recorded_library(files):
+    """The brushes a recording has embedded, and the shipped for what it has not."""
+    from behaviours.brush import SUFFIX, BrushLibrary, shipped
+
+    return BrushLibrary(shipped().folders, {name: data for name, data in files.items() if name.endswith(SUFFIX)})
+
+
+def plain_name(name):
+    """The layer's own name, lower case, without its groups."""
+    return name.rsplit("/", 1)[-1].strip().lower()
+
+
+def kind_of(name):
+    """Which of our layers this is; None for another."""
+    return next((k for k in schema.LAYER_NAMES if plain_name(name).startswith(k)), None)
+
+
+def read_grey(data: bytes) -> np.ndarray:
+    """A grey PNG of 8 or 16 bit, (ny, nx), north row first; ValueError."""
+    if data[:8] != b"\x89PNG\r\n\x1a\n" or len(data) < 33 or data[12:16] != b"IHDR":
+        raise ValueError("this is not a PNG picture")
+    width, height, depth, colour = struct.unpack(">IIBB", data[16:26])
+    if colour != 0 or depth not in (8, 16):
+        raise ValueError("the picture must be grey, 8 or 16 bit, without colour or transparency")
+    if not 0 < width * height <= schema.MAX_IMAGE_PIXELS:
+        raise ValueError(f"the picture has {width} x {height} pixels; there may be at most {schema.MAX_IMAGE_PIXELS}")
+    import cv2
+
+    grey = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if grey is None or grey.ndim != 2:
+        raise ValueError("the picture is damaged")
+    return grey

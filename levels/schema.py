@@ -1,0 +1,478 @@
+"""What a level is made of: the dataclasses the rest of the program sees, and the table of what Tiled may say.
+
+`CLASSES` is the one description of every custom class, property, default, unit and bound.  The reader checks
+against it, the Tiled project is generated from it, and so are the tables in the documentation.  Everything read is in
+metres, seconds and radians, x east, y north, polygons counter-clockwise; what a designer types is in the units below.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from engine.fields import Raster
+
+SCHEMA = "flockbrush-level/1"
+PROJECT_FILE = "flockbrush.tiled-project"
+
+# Caps, checked before memory is taken.
+MAX_FILE_BYTES = 64 * 2**20
+MAX_CELLS = 2048 * 2048  # tiles of one layer
+MAX_ALL_CELLS = 4 * MAX_CELLS  # tiles of all layers together
+MAX_LAYERS = 256
+MAX_OBJECTS = 20_000
+MAX_VERTICES = 2_000  # of one polygon or polyline
+MAX_ALL_VERTICES = 200_000
+MAX_AGENTS = 1_000_000
+MAX_IMAGE_PIXELS = 4096 * 4096
+MAX_TILES = 65_536  # of one tileset
+MAX_DEPTH = 64  # of the JSON, and so of nested groups
+
+COMPASS = {
+    "east": 0.0,
+    "north-east": 45.0,
+    "north": 90.0,
+    "north-west": 135.0,
+    "west": 180.0,
+    "south-west": 225.0,
+    "south": 270.0,
+    "south-east": 315.0,
+}
+
+
+# ---------------------------------------------------------------- what the reader gives
+
+
+@dataclass
+class Terrain:
+    """The ground, cell by cell; arrays are [iy, ix] with iy = 0 at the south edge."""
+
+    walkable: np.ndarray  # bool
+    speed_factor: np.ndarray  # multiplies speed
+    cost: np.ndarray  # what a metre costs on the way to a goal
+    blocks_view: np.ndarray  # bool
+    index: np.ndarray  # int16, into names; -1 where nothing is painted
+    names: list[str]  # of the kinds, "grass"
+    colours: list[str]  # of the kinds, "#rrggbb"
+
+
+@dataclass
+class BrushLayer:
+    """Behaviour painted on the ground: ``assets[index]`` where index >= 0."""
+
+    name: str
+    weight: float  # the layer's opacity, 0..1
+    assets: list[str]
+    index: np.ndarray  # int16
+
+
+@dataclass
+class Obstacle:
+    """What animals walk around; `solid` keeps bodies out, `blocks_view` hides who is behind."""
+
+    id: int
+    name: str
+    polygon: np.ndarray  # (k, 2) m
+    solid: bool
+    blocks_view: bool
+    margin: float  # m, kept free around it
+    z_min: float  # m
+    z_max: float  # m
+    shape: str  # box | cylinder | sphere | plane
+
+
+@dataclass
+class Guide:
+    """An arrow for leaders to follow, in the order of its points."""
+
+    id: int
+    name: str
+    points: np.ndarray  # (k, 2) m; a loop does not repeat its first point
+    strength: float
+    radius: float  # m
+    decay: float  # m
+    goal: str  # name of the goal at its end, or ""
+    loop: bool
+
+
+@dataclass
+class Goal:
+    """Where the way leads, and what becomes of those who arrive."""
+
+    id: int
+    name: str
+    xy: np.ndarray  # (2,) m
+    radius: float  # m
+    on_arrive: str  # stay | despawn | next | disperse
+    next: str  # name of a goal, or ""
+    polygon: np.ndarray | None = None  # the area, if one was drawn instead of a point
+
+
+@dataclass
+class Zone:
+    """Applies to an animal only while it is inside."""
+
+    id: int
+    name: str
+    polygon: np.ndarray
+    brush: str | None
+    max_speed: float  # m/s, inf for none
+    factor: float  # multiplies speed
+    blend: float  # s
+
+
+@dataclass
+class Spawn:
+    """Where animals come into the world."""
+
+    id: int
+    name: str
+    polygon: np.ndarray
+    species: str
+    brush: str
+    count: int  # with a rate: how many in all, 0 for no end
+    heading: float | None  # rad, counter-clockwise from east; None: each its own
+    speed: float | None  # m/s at the start; None: the brush's
+    altitude: float  # m above ground
+    start: float  # s
+    rate: float  # animals per second; 0: all at once
+    formation: str  # scatter | grid | ring | line
+    body_length: float | None = None  # m; None: the brush's
+
+
+@dataclass
+class Exit:
+    """Animals that come here leave the world."""
+
+    id: int
+    name: str
+    polygon: np.ndarray
+
+
+@dataclass
+class Key:
+    """A command of the level's script: at this time, do this."""
+
+    id: int
+    name: str
+    at: float  # s
+    command: str
+    args: dict[str, Any]
+    xy: np.ndarray  # (2,) m, where the object stands
+
+
+@dataclass
+class Line:
+    """Crossings of this line are counted."""
+
+    id: int
+    name: str
+    points: np.ndarray
+
+
+@dataclass
+class Area:
+    """Density is measured in here."""
+
+    id: int
+    name: str
+    polygon: np.ndarray
+
+
+@dataclass
+class Level:
+    """One level, ready to be built into a world."""
+
+    name: str
+    path: Path
+    width: float  # m
+    height: float  # m
+    cell: float  # m, one tile
+    boundary: str  # wall | wrap | open | despawn
+    seed: int
+    terrain: Terrain | None = None
+    height_map: Raster | None = None  # m
+    brush_layers: list[BrushLayer] = field(default_factory=list)
+    cap: Raster | None = None  # m/s, inf for none
+    factor: Raster | None = None
+    obstacles: list[Obstacle] = field(default_factory=list)
+    guides: list[Guide] = field(default_factory=list)
+    goals: list[Goal] = field(default_factory=list)
+    zones: list[Zone] = field(default_factory=list)
+    spawns: list[Spawn] = field(default_factory=list)
+    exits: list[Exit] = field(default_factory=list)
+    script: list[Key] = field(default_factory=list)
+    lines: list[Line] = field(default_factory=list)
+    areas: list[Area] = field(default_factory=list)
+    files: dict[str, bytes] = field(default_factory=dict, repr=False)  # all that was read; the level itself first
+
+    @property
+    def shape(self):
+        """(ny, nx) cells."""
+        return round(self.height / self.cell), round(self.width / self.cell)
+
+    @property
+    def agents(self) -> int:
+        """Animals the level asks for, those with a rate and no count left out."""
+        return sum(spawn.count for spawn in self.spawns)
+
+
+# ---------------------------------------------------------------- what Tiled may say
+
+
+@dataclass(frozen=True)
+class Property:
+    """One custom property as a designer sees it.
+
+    Parameters
+    ----------
+    kind : {"number", "int", "bool", "text", "colour", "enum", "heading", "brush", "goal"}
+        ``heading`` is "random", a compass point or degrees counter-clockwise from east; ``brush`` and ``goal`` are
+        names that must exist.
+    default
+        What an absent property means.  Tiled does not write defaults, so this is the only place they are.
+    low, high : float
+        Inclusive bounds.
+    above : float
+        Exclusive lower bound.
+    """
+
+    name: str
+    kind: str
+    default: Any
+    meaning: str
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    above: float | None = None
+    enum: str = ""
+    required: bool = False
+
+    @property
+    def values(self) -> tuple[str, ...]:
+        """What an enum property may be."""
+        return ENUMS[self.enum] if self.enum else ()
+
+
+@dataclass(frozen=True)
+class ObjectClass:
+    """One custom class: what may carry it, which shapes it takes, and its properties."""
+
+    name: str
+    use: str  # "map", "tile", "layer" or "object"
+    home: str  # name of the layer its objects are drawn on
+    colour: str
+    meaning: str
+    properties: tuple[Property, ...] = ()
+    shapes: tuple[str, ...] = ()  # "area", "line", "point"
+    open: bool = False  # takes further properties (the arguments of a command)
+
+    def property(self, name) -> Property | None:
+        """The property of this name."""
+        return next((p for p in self.properties if p.name == name), None)
+
+
+ENUMS: dict[str, tuple[str, ...]] = {
+    "Boundary": ("wall", "wrap", "open", "despawn"),
+    "ObstacleShape": ("box", "cylinder", "sphere", "plane"),
+    "OnArrive": ("stay", "despawn", "next", "disperse"),
+    "Formation": ("scatter", "grid", "ring", "line"),
+}
+
+_FAR = 1e6  # m; no level is larger
+_BRUSH = "a brush asset, by name, or a .brush.toml file relative to the level"
+
+CLASSES: dict[str, ObjectClass] = {
+    c.name: c
+    for c in (
+        ObjectClass(
+            "FlockbrushLevel",
+            "map",
+            "",
+            "#5a7d3a",
+            "the map itself",
+            (
+                Property("schema", "text", SCHEMA, "the format of this file", required=True),
+                Property("metres_per_tile", "number", 1.0, "size of a tile", "m", above=0, high=1000),
+                Property("boundary", "enum", "wall", "what the edge of the map is", enum="Boundary"),
+                Property("seed", "int", 1, "another number, another run", low=0, high=2**31 - 1),
+            ),
+        ),
+        ObjectClass(
+            "Terrain",
+            "tile",
+            "terrain",
+            "#7aa04a",
+            "a kind of ground",
+            (
+                Property("name", "text", "", "what it is called"),
+                Property("colour", "colour", "#b8c49a", "how it is drawn"),
+                Property("walkable", "bool", True, "false: nobody steps on it"),
+                Property("speed_factor", "number", 1.0, "multiplies speed; less is slower", low=0.01, high=10),
+                Property(
+                    "cost", "number", 1.0, "of a metre on the way to a goal; more is avoided", low=0.01, high=1000
+                ),
+                Property("blocks_view", "bool", False, "true: hides who is behind it"),
+            ),
+        ),
+        ObjectClass(
+            "Brush",
+            "tile",
+            "brush",
+            "#c05a7a",
+            "behaviour painted on the ground; the layer's opacity is the blend weight",
+            (Property("asset", "brush", "", _BRUSH, required=True),),
+        ),
+        ObjectClass(
+            "SpeedCap",
+            "tile",
+            "speed",
+            "#d08a2a",
+            "a speed painted on the ground",
+            (
+                Property("max_speed", "number", 0.0, "nobody is faster here; 0: no cap", "m/s", low=0, high=1000),
+                Property("factor", "number", 1.0, "multiplies speed", low=0.01, high=10),
+            ),
+        ),
+        ObjectClass(
+            "Height",
+            "layer",
+            "height",
+            "#8a7a6a",
+            "a grey picture stretched over the map: slope slows and steers",
+            (Property("metres_per_level", "number", 0.1, "height of one grey level", "m", above=0, high=1000),),
+        ),
+        ObjectClass(
+            "Obstacle",
+            "object",
+            "obstacles",
+            "#6a5a4a",
+            "what animals walk around",
+            (
+                Property("solid", "bool", True, "keeps bodies out"),
+                Property("blocks_view", "bool", True, "hides who is behind it"),
+                Property("margin", "number", 0.0, "room kept free around it", "m", low=0, high=1000),
+                Property("z_min", "number", 0.0, "where it begins above the ground", "m", low=-_FAR, high=_FAR),
+                Property("z_max", "number", 1000.0, "where it ends above the ground", "m", low=-_FAR, high=_FAR),
+                Property("shape", "enum", "box", "how it stands up from its outline", enum="ObstacleShape"),
+            ),
+            shapes=("area",),
+        ),
+        ObjectClass(
+            "Guide",
+            "object",
+            "guides",
+            "#2a7ab8",
+            "an arrow that leaders follow, from its first point to its last",
+            (
+                Property(
+                    "strength", "number", 1.0, "more pulls harder against other guides and goals", low=0, high=100
+                ),
+                Property("radius", "number", 10.0, "full strength this far to both sides", "m", low=0, high=_FAR),
+                Property("decay", "number", 10.0, "then falls to 1/e over this length", "m", low=0, high=_FAR),
+                Property("goal", "goal", "", "name of the goal it leads to"),
+                Property("loop", "bool", False, "the last point leads back to the first"),
+            ),
+            shapes=("line",),
+        ),
+        ObjectClass(
+            "Goal",
+            "object",
+            "goals",
+            "#2a9a5a",
+            "where the way leads",
+            (
+                Property("radius", "number", 5.0, "closer than this is there", "m", above=0, high=_FAR),
+                Property("on_arrive", "enum", "stay", "what becomes of those who arrive", enum="OnArrive"),
+                Property("next", "goal", "", "name of the goal after this one"),
+            ),
+            shapes=("point", "area"),
+        ),
+        ObjectClass(
+            "Zone",
+            "object",
+            "zones",
+            "#8a5ab8",
+            "applies only while inside; give a brush, a max_speed, a factor, or several",
+            (
+                Property("brush", "brush", "", _BRUSH),
+                Property("max_speed", "number", 0.0, "nobody is faster here; 0: no cap", "m/s", low=0, high=1000),
+                Property("factor", "number", 1.0, "multiplies speed", low=0.01, high=10),
+                Property("blend", "number", 0.5, "time to take the brush up", "s", low=0, high=3600),
+            ),
+            shapes=("area",),
+        ),
+        ObjectClass(
+            "Spawn",
+            "object",
+            "spawns",
+            "#d0a02a",
+            "where animals come into the world",
+            (
+                Property("species", "text", "animal", "what they are, for statistics and export"),
+                Property("brush", "brush", "", _BRUSH, required=True),
+                Property("count", "int", 0, "how many; or give density", low=0, high=MAX_AGENTS),
+                Property(
+                    "density", "number", 0.0, "how many per square metre; or give count", "1/m^2", low=0, high=1000
+                ),
+                Property("heading", "heading", "random", "random, north-east, ..., or degrees from east", "deg"),
+                Property("speed", "number", 0.0, "at the start; 0: the brush's", "m/s", low=0, high=1000),
+                Property("altitude", "number", 0.0, "above the ground", "m", low=0, high=_FAR),
+                Property("start", "number", 0.0, "when the first appear", "s", low=0, high=1e7),
+                Property("rate", "number", 0.0, "how many a second; 0: all at once", "1/s", low=0, high=1e5),
+                Property("formation", "enum", "scatter", "how they stand at first", enum="Formation"),
+                Property("body_length", "number", 0.0, "nose to tail; 0: the brush's", "m", low=0, high=100),
+            ),
+            shapes=("area",),
+        ),
+        ObjectClass("Exit", "object", "exits", "#b83a3a", "animals that come here leave the world", shapes=("area",)),
+        ObjectClass(
+            "Key",
+            "object",
+            "script",
+            "#4a4a8a",
+            "a timed command; its other properties are the command's arguments",
+            (
+                Property("at", "number", 0.0, "when", "s", low=0, high=1e7),
+                Property("command", "text", "", "name of the command", required=True),
+            ),
+            shapes=("point", "area", "line"),
+            open=True,
+        ),
+        ObjectClass(
+            "Line", "object", "measure", "#3a3a3a", "crossings are counted here, by the object's name", shapes=("line",)
+        ),
+        ObjectClass(
+            "Area", "object", "measure", "#5a5a5a", "density is measured here, by the object's name", shapes=("area",)
+        ),
+    )
+}
+
+# Which classes an object layer's plain, classless objects take.
+HOMES = {c.home: c.name for c in CLASSES.values() if c.use == "object" and c.home != "measure"}
+LAYER_NAMES = ("terrain", "brush", "speed", "height", *HOMES, "measure")
+IGNORED = ("notes", "decor")  # layers whose names begin so are the designer's own
+
+
+def tables() -> str:
+    """The classes and their properties as Markdown tables, for the documentation."""
+    parts = []
+    for c in CLASSES.values():
+        where = f"on layer `{c.home}{'*' if c.home in ('brush', 'speed') else ''}`" if c.home else "on the map"
+        parts.append(f"### {c.name}\n\n{c.use.capitalize()} {where}: {c.meaning}.\n")
+        if c.properties:
+            parts.append(
+                "| property | type | default | meaning |\n|---|---|---|---|\n"
+                + "\n".join(map(_row, c.properties))
+                + "\n"
+            )
+    return "\n".join(parts)
+
+
+def _row(p: Property) -> str:
+    kind = " \\| ".join(p.values) if p.kind == "enum" else p.kind + (f", {p.unit}" if p.unit else "")
+    default = "required" if p.required else str(p.default).lower() if p.kind == "bool" else str(p.default) or "-"
+    return f"| `{p.name}` | {kind} | {default} | {p.meaning} |"

@@ -1,0 +1,158 @@
+"""A level drawn by a program: terrain from functions, objects in metres, saved as Tiled would save it."""
+
+from __future__ import annotations
+
+import posixpath
+
+import numpy as np
+
+from levels.schema import CLASSES, SCHEMA
+from levels.tilesets_data import COLUMNS, SPEEDS, TERRAINS, TILE
+from levels.writer import Document, dump
+
+
+def _rows(tiles):
+    return -(-len(tiles) // COLUMNS) * COLUMNS
+
+
+TERRAIN_GID = 1
+SPEED_GID = TERRAIN_GID + _rows(TERRAINS)
+BRUSH_GID = SPEED_GID + _rows(SPEEDS)
+
+SPEED_GID, TERRAIN_GID, BRUSH_GID = 901, 1, 1001  # room for the tilesets to grow without moving the others
+
+
+class Sketch:
+    """A new level.
+
+    Parameters
+    ----------
+    nx, ny : int
+        Tiles.
+    metres_per_tile : float
+    tilesets : str
+        Folder of the tilesets, as seen from the level.
+    brushes : sequence of str
+        The brushes of ``brushes.tsj``, in its order.
+    boundary, seed
+        Of the map.
+    """
+
+    def __init__(self, nx, ny, metres_per_tile, tilesets, brushes, boundary="wall", seed=1):
+        self.nx, self.ny, self.cell = nx, ny, metres_per_tile
+        self.brushes = list(brushes)
+        self.width, self.height = nx * metres_per_tile, ny * metres_per_tile
+        self.x, self.y = np.meshgrid((np.arange(nx) + 0.5) * metres_per_tile, (np.arange(ny) + 0.5) * metres_per_tile)
+        self.terrain = np.zeros((ny, nx), np.int64)
+        data = {
+            "compressionlevel": -1,
+            "height": ny,
+            "infinite": False,
+            "layers": [],
+            "nextlayerid": 1,
+            "nextobjectid": 1,
+            "orientation": "orthogonal",
+            "properties": [
+                {"name": "boundary", "propertytype": "Boundary", "type": "string", "value": boundary},
+                {"name": "metres_per_tile", "type": "float", "value": metres_per_tile},
+                {"name": "schema", "type": "string", "value": SCHEMA},
+                {"name": "seed", "type": "int", "value": seed},
+            ],
+            "renderorder": "right-down",
+            "tiledversion": "1.8.2",
+            "tileheight": TILE,
+            "tilesets": [
+                {"firstgid": gid, "source": posixpath.normpath(f"{tilesets}/{name}")}
+                for gid, name in ((TERRAIN_GID, "terrain.tsj"), (SPEED_GID, "speed.tsj"), (BRUSH_GID, "brushes.tsj"))
+            ],
+            "tilewidth": TILE,
+            "type": "map",
+            "version": "1.8",
+            "width": nx,
+        }
+        self.document = Document(data, "sketch.tmj")
+        self.tiles: list[tuple[dict, np.ndarray]] = []
+        self._tile_layer("terrain", self.terrain, 1)
+
+    # ------------------------------------------------------------ ground
+
+    def ground(self, kind, where=True):
+        """Paint terrain where a mask (ny, nx), south row first, is true."""
+        self.terrain[np.broadcast_to(where, self.terrain.shape)] = TERRAIN_GID + _terrain(kind)
+
+    def brush(self, name, where, layer="brush", opacity=0.4):
+        """Paint a brush on the ground."""
+        self._paint(layer, BRUSH_GID + self.brushes.index(name), where, opacity)
+
+    def speed(self, max_speed=0.0, factor=1.0, where=True, layer="speed"):
+        """Paint one of the speeds of ``speed.tsj``."""
+        index = [(s["max_speed"], s["factor"]) for s in SPEEDS].index((max_speed, factor))
+        self._paint(layer, SPEED_GID + index, where, 0.5)
+
+    def _paint(self, layer, gid, where, opacity):
+        for node, gids in self.tiles:
+            if node["name"] == layer:
+                break
+        else:
+            gids = np.zeros((self.ny, self.nx), np.int64)
+            self._tile_layer(layer, gids, opacity)
+        gids[np.broadcast_to(where, gids.shape)] = gid
+
+    def _tile_layer(self, name, gids, opacity):
+        node = {"height": self.ny, "width": self.nx, "name": name, "opacity": opacity, "type": "tilelayer"}
+        self._add(node)
+        self.tiles.append((node, gids))
+
+    def _add(self, node):
+        data = self.document.data
+        data["layers"].append({**node, "id": data["nextlayerid"], "visible": True, "x": 0, "y": 0})
+        node.update(data["layers"][-1])
+        data["layers"][-1] = node
+        data["nextlayerid"] += 1
+
+    # ------------------------------------------------------------ objects
+
+    def draw(self, cls, points, name="", closed=True, **properties) -> int:
+        """A polygon, polyline or point of a class, on the layer where that class is at home."""
+        properties = {k: _as_kind(cls, k, v) for k, v in properties.items()}
+        return self.document.add_object(self._home(cls), cls, points, name, closed, **properties)
+
+    def box(self, cls, x, y, width, height, name="", turned=0.0, round_=False, **properties) -> int:
+        """A rectangle or an ellipse by its centre, in metres, turned counter-clockwise by degrees."""
+        number = self.draw(cls, [(x, y)], name, **properties)
+        thing = self.document.object(number)[0]
+        del thing["point"]
+        a = np.deg2rad(turned)
+        corner = (
+            x - width / 2 * np.cos(a) - height / 2 * np.sin(a),
+            y - width / 2 * np.sin(a) + height / 2 * np.cos(a),
+        )
+        self.document.move_object(number, corner)
+        scale = self.document.scale
+        thing.update(width=round(width * scale, 6), height=round(height * scale, 6), rotation=-turned)
+        if round_:
+            thing["ellipse"] = True
+        return number
+
+    def _home(self, cls):
+        home = CLASSES[cls].home
+        if all(node["name"] != home for node, _, _ in self.document.layers()):
+            self._add({"draworder": "topdown", "name": home, "objects": [], "opacity": 1, "type": "objectgroup"})
+            self.document.layer(home)[0]["color"] = CLASSES[cls].colour
+        return home
+
+    def save(self, path):
+        """Write the level; the same bytes every time."""
+        for node, gids in self.tiles:
+            node["data"] = gids[::-1].ravel().tolist()
+        path.write_text(dump(self.document.data), encoding="utf-8")
+        return path
+
+
+def _terrain(kind):
+    return [t["name"] for t in TERRAINS].index(kind)
+
+
+def _as_kind(cls, name, value):
+    p = CLASSES[cls].property(name)
+    return float(value) if p is not None and p.kind == "number" else value
