@@ -41,7 +41,7 @@ from engine.maths import exp_
 from engine.parallel import over_rows
 from systems.terrain import rasterise_polygon
 
-FADED = 7.0  # decay lengths after which a guide is forgotten: exp(-7) is less than 1/1000
+FADED = 5.0  # decay lengths after which a guide is forgotten: exp(-5) is less than 1/100
 FULL = 4.0  # a field turned aside by a wall keeps its length unless less than 1/4 of it is left
 
 EVERYWHERE = np.empty(0, np.int64)
@@ -213,10 +213,10 @@ def guide_field(guides, shape, cell, blocked=None):
     for points, strength, radius, decay in _in_order(guides, cell):
         inside, seeds = trace_(points, ny, nx)
         distance, order = march_(seeds, slowness, radius + FADED * decay)
-        direction = spread_(_mean(inside), seeds, distance, order)
+        direction = spread_(mean_(inside), seeds, distance, order)
         add_guide_(total, direction, distance, order, strength, radius, decay)
         add_crossing_(crossed, inside, strength)
-    return _guidance(total, crossed, slowness)
+    return guidance_(total, crossed, slowness)
 
 
 def _in_order(guides, cell):
@@ -240,18 +240,32 @@ def _in_order(guides, cell):
     return sorted(ready, key=lambda guide: (guide[0].tobytes(), *guide[1:]))
 
 
-def _mean(inside):
+@njit(cache=True, nogil=True)
+def mean_(inside):
     """(ny, nx, 2) mean direction of the pieces inside each cell."""
-    return inside[..., :2] / np.where(inside[..., 2] > 0, inside[..., 2], 1.0)[..., None]
+    ny, nx, _ = inside.shape
+    out = np.zeros((ny, nx, 2))
+    for iy in range(ny):
+        for ix in range(nx):
+            if inside[iy, ix, 2] > 0.0:
+                out[iy, ix, 0] = inside[iy, ix, 0] / inside[iy, ix, 2]
+                out[iy, ix, 1] = inside[iy, ix, 1] / inside[iy, ix, 2]
+    return out
 
 
-def _guidance(total, crossed, slowness):
-    """(ny, nx, 2) mean direction times reach: what crosses a cell counts alone there."""
-    total = np.where(crossed[..., 2:3] > 0, crossed, total)
-    mean = total[..., :2] / np.where(total[..., 2] > 0, total[..., 2], 1.0)[..., None]
-    field = mean * np.minimum(1.0, total[..., 3:])
-    field[np.isinf(slowness)] = 0.0
-    return field
+@njit(cache=True, nogil=True)
+def guidance_(total, crossed, slowness):
+    """(ny, nx, 2) mean direction times reach: guides that cross a cell count alone there."""
+    ny, nx = slowness.shape
+    out = np.zeros((ny, nx, 2))
+    for iy in range(ny):
+        for ix in range(nx):
+            said = crossed[iy, ix] if crossed[iy, ix, 2] > 0.0 else total[iy, ix]
+            if said[2] > 0.0 and slowness[iy, ix] < np.inf:
+                reach = min(1.0, said[3])
+                out[iy, ix, 0] = said[0] / said[2] * reach
+                out[iy, ix, 1] = said[1] / said[2] * reach
+    return out
 
 
 @njit(cache=True, nogil=True)
@@ -511,7 +525,7 @@ def spread_(values, seeds, distance, order):
 
     A neighbour counts by how much nearer it is; a neighbour behind the corner of an obstacle does not count.
     """
-    ny, nx = distance.shape
+    nx = distance.shape[1]
     wide = nx + 2
     far = rimmed_(distance)
     out = np.zeros(values.shape)
@@ -702,16 +716,15 @@ def _sides(field, blocked):
 
     obstacle, _ = label(blocked, np.ones((3, 3)))
     nx = blocked.shape[1]
-    slowness = np.where(blocked, np.inf, 1.0)
     hit = obstacle[exits[:, 1] // nx, exits[:, 1] % nx]
     boxes = find_objects(obstacle)
     for number in np.unique(hit):
-        before, behind = cells[hit == number], exits[hit == number, 0]
-        seeds = np.full(blocked.shape, np.inf)
-        seeds[behind // nx, behind % nx] = 0.0
-        once_round = 4.0 + 2.0 * sum(extent.stop - extent.start for extent in boxes[number - 1])
-        time, _ = march_(seeds, slowness, once_round, before)
-        choose_side_(side, before, field, time, slowness)
+        ys, xs = boxes[number - 1]
+        size = ys.stop - ys.start + xs.stop - xs.start + 2
+        top, left = max(0, ys.start - size), max(0, xs.start - size)
+        part = np.s_[top : ys.stop + size, left : xs.stop + size]  # no shorter way round leaves it
+        mine = hit == number
+        choose_side_(side, cells[mine], exits[mine, 0], field, blocked[part], top, left, 2.0 * size)
     return side
 
 
@@ -749,19 +762,32 @@ def round_(x):
 
 
 @njit(cache=True, nogil=True)
-def choose_side_(side, cells, field, time, slowness):
-    """Left (1) or right (-1) of the field's direction, as the shortest way leads; 0 where it leads back or nowhere."""
+def choose_side_(side, cells, exits, field, blocked, top, left, limit):
+    """Write the side that leads from the cells round to the exits, within a part of the map that begins at top, left.
+
+    Left (1) or right (-1) of the field's direction; it stays 0 where the shortest way leads back, or nowhere.
+    """
     nx = side.shape[1]
+    ny_part, nx_part = blocked.shape
+    seeds, slowness = np.full(blocked.shape, np.inf), np.ones(blocked.shape)
+    for iy in range(ny_part):
+        for ix in range(nx_part):
+            if blocked[iy, ix]:
+                slowness[iy, ix] = np.inf
+    targets = (cells // nx - top) * nx_part + cells % nx - left
+    for c in exits:
+        seeds[c // nx - top, c % nx - left] = 0.0
+    time, _ = march_(seeds, slowness, limit, targets)
     known, slow = rimmed_(time), rimmed_(slowness)
     for c in cells:
         iy, ix = c // nx, c % nx
-        if time[iy, ix] == np.inf:
+        if time[iy - top, ix - left] == np.inf:
             continue
         gx, gy = field[iy, ix]
-        _, wx, wy = arrive_(known, slow, nx + 2, (iy + 1) * (nx + 2) + ix + 1)
-        left, ahead = gx * wy - gy * wx, gx * wx + gy * wy
-        if abs(left) > -ahead and left != 0.0:
-            side[iy, ix] = 1.0 if left > 0.0 else -1.0
+        _, wx, wy = arrive_(known, slow, nx_part + 2, (iy - top + 1) * (nx_part + 2) + ix - left + 1)
+        aside, ahead = gx * wy - gy * wx, gx * wx + gy * wy
+        if abs(aside) > -ahead and aside != 0.0:
+            side[iy, ix] = 1.0 if aside > 0.0 else -1.0
 
 
 @njit(cache=True, nogil=True)
@@ -918,16 +944,30 @@ def blend(guidance, direction, goal_weight=1.0, blocked=None):
     -------
     ndarray, (ny, nx, 2)
     """
-    a = np.minimum(1.0, _length(guidance))
-    w = goal_weight * (1.0 - a) * _length(direction)
-    mixed = guidance + goal_weight * (1.0 - a) * direction
-    long = _length(mixed)
-    opposed = long <= 1e-9 * (a + w)
-    mixed = np.where(opposed, direction, mixed)
-    long = np.where(opposed, _length(direction), long)
-    out = mixed / np.where(long > 0, long, 1.0) * np.minimum(1.0, a + w)
+    out = blend_(np.asarray(guidance, np.float64), np.asarray(direction, np.float64), float(goal_weight))
     if blocked is not None:
         keep_out_(out, np.ascontiguousarray(blocked, bool))
+    return out
+
+
+@njit(cache=True, nogil=True)
+def blend_(guidance, direction, goal_weight):
+    """`blend`, cell by cell."""
+    ny, nx, _ = guidance.shape
+    out = np.zeros((ny, nx, 2))
+    for iy in range(ny):
+        for ix in range(nx):
+            gx, gy = guidance[iy, ix]
+            dx, dy = direction[iy, ix]
+            a = min(1.0, np.sqrt(gx * gx + gy * gy))
+            w = goal_weight * (1.0 - a)
+            strength = min(1.0, a + w * np.sqrt(dx * dx + dy * dy))
+            x, y = gx + w * dx, gy + w * dy
+            if x * x + y * y <= 1e-18 * strength * strength:  # they cancel
+                x, y = dx, dy
+            long = np.sqrt(x * x + y * y)
+            if long > 0.0:
+                out[iy, ix, 0], out[iy, ix, 1] = x / long * strength, y / long * strength
     return out
 
 
@@ -956,8 +996,3 @@ def _cells_under(xy, cell, shape):
     """(iy, ix) of the cells under xy (n, 2) m, clamped to the map."""
     ix = np.clip(np.floor(xy[:, 0] / cell), 0, shape[1] - 1).astype(np.int64)
     return np.clip(np.floor(xy[:, 1] / cell), 0, shape[0] - 1).astype(np.int64), ix
-
-
-def _length(field):
-    """(ny, nx, 1)"""
-    return np.sqrt(field[..., :1] * field[..., :1] + field[..., 1:] * field[..., 1:])

@@ -1,6 +1,7 @@
 """Guides, walls and goals as fields: scenes small enough to draw."""
 
 import heapq
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -68,6 +69,7 @@ def test_a_straight_guide_gives_its_direction_within_its_radius_and_fades_expone
     field = guide_field([guide([(0, 20.5), (60, 20.5)], strength=0.8, radius=6, decay=3)], (41, 60), 1.0)
     distance = np.abs(np.arange(41) - 20.0)
     expected = 0.8 * np.where(distance <= 6, 1.0, np.exp(-(distance - 6) / 3))
+    assert distance.max() < 6 + 5 * 3
     np.testing.assert_allclose(field[:, 30, 0], expected, rtol=1e-12)
     np.testing.assert_allclose(field[:, :, 1], 0, atol=1e-15)
 
@@ -197,7 +199,7 @@ def test_a_guide_inside_an_obstacle_says_nothing():
 
 
 @pytest.mark.parametrize(
-    "bad", [dict(strength=-1), dict(radius=np.nan), dict(decay=np.inf), dict(points=[(0, 0), (np.nan, 1)])]
+    "bad", [{"strength": -1}, {"radius": np.nan}, {"decay": np.inf}, {"points": [(0, 0), (np.nan, 1)]}]
 )
 def test_a_guide_with_an_impossible_number_is_named(bad):
     with pytest.raises(ValueError, match="guide 2"):
@@ -210,7 +212,7 @@ def test_every_piece_of_a_polyline_is_in_the_cell_that_it_crosses():
     field = guide_field([guide(points, radius=0, decay=0)], (15, 20), 1.0)
     t = np.linspace(0, 1, 20001)[:-1] + 0.5 / 20000
     expected = np.zeros((15, 20, 3))
-    for a, b in zip(points, points[1:], strict=False):
+    for a, b in pairwise(points):
         xy = a + t[:, None] * (b - a)
         piece = [*(b - a), np.hypot(*(b - a))]
         np.add.at(expected, (xy[:, 1].astype(int), xy[:, 0].astype(int)), np.array(piece) / 20000)
@@ -420,7 +422,7 @@ def test_travel_times_are_never_longer_than_dijkstra_over_the_four_sides():
 
 
 def test_in_open_ground_the_way_is_straight_to_the_goal():
-    direction, time = goal_field(one_cell((101, 101), 50, 50), None, free(101, 101), 1.0)
+    direction, _ = goal_field(one_cell((101, 101), 50, 50), None, free(101, 101), 1.0)
     y, x = np.mgrid[:101, :101] - 50.0
     r = np.hypot(x, y)
     away = r > 0
@@ -435,7 +437,7 @@ def test_in_open_ground_the_way_is_straight_to_the_goal():
 def test_costly_ground_is_avoided_when_the_way_round_costs_less():
     cost = np.ones((21, 41))
     cost[4:, 15:25] = 20.0
-    direction, time = goal_field(one_cell((21, 41), 12, 38), cost, free(21, 41), 1.0)
+    direction, _ = goal_field(one_cell((21, 41), 12, 38), cost, free(21, 41), 1.0)
     assert direction[12, 12, 1] < -0.5, "down to the gap in the south"
     cost[4:, 15:25] = 1.2
     direction, _ = goal_field(one_cell((21, 41), 12, 38), cost, free(21, 41), 1.0)
