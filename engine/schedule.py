@@ -7,6 +7,7 @@ import random
 import time
 
 import esper
+import numpy as np
 
 
 class Stage(enum.IntEnum):
@@ -27,8 +28,9 @@ class Stage(enum.IntEnum):
 class System(esper.Processor):
     """A processor that says when it runs and what it touches.
 
-    ``reads`` and ``writes`` name component classes and resource types.  Keep
-    them true: `Schedule.ambiguities` trusts them.
+    ``reads`` and ``writes`` name component classes and resource types; a base
+    class stands for all its subclasses.  Keep them true: `Schedule.ambiguities`
+    trusts them, and `Schedule.undeclared_writes` finds those who lie.
     """
 
     stage: Stage
@@ -53,23 +55,29 @@ class Schedule:
     shuffle_seed : int, optional
         Shuffle inside the stages first: the herd must not notice.
 
+    Attributes
+    ----------
+    nanoseconds : dict of str to int
+        Time spent since the start, by name of system; "flush" is the end of the tick.
+
     Raises
     ------
     Ambiguity
-        When the order inside a stage would matter.
+        When the order inside a stage would matter; one line for each pair.
     """
 
     def __init__(self, systems, shuffle_seed=None):
         systems = list(systems)
+        for system in systems:
+            if not isinstance(getattr(system, "stage", None), Stage):
+                raise TypeError(f"{type(system).__name__} must say its stage, one of {', '.join(Stage.__members__)}")
         if shuffle_seed is not None:
             random.Random(shuffle_seed).shuffle(systems)
         self.systems = sorted(systems, key=lambda s: s.stage)
-        self.nanoseconds = {type(s).__name__: 0 for s in self.systems}
+        self.nanoseconds = {type(s).__name__: 0 for s in self.systems} | {"flush": 0}
         clashes = self.ambiguities()
         if clashes:
-            a, b, shared = clashes[0]
-            names = ", ".join(sorted(k.__name__ for k in shared))
-            raise Ambiguity(f"{a} and {b} both touch {names} in one stage; give them different stages")
+            raise Ambiguity("\n".join(_in_words(*clash) for clash in clashes))
 
     def run(self, world):
         """One tick."""
@@ -77,14 +85,60 @@ class Schedule:
             begin = time.perf_counter_ns()
             system.process(world)
             self.nanoseconds[type(system).__name__] += time.perf_counter_ns() - begin
+        begin = time.perf_counter_ns()
         world.flush()
+        self.nanoseconds["flush"] += time.perf_counter_ns() - begin
 
     def ambiguities(self):
         """(name, name, shared) of systems of one stage of which one writes what the other touches."""
         found = []
         for i, a in enumerate(self.systems):
             for b in self.systems[i + 1 :]:
-                shared = set(a.writes) & {*b.reads, *b.writes} | set(b.writes) & set(a.reads)
+                shared = _overlap(a.writes, (*b.reads, *b.writes)) | _overlap(b.writes, a.reads)
                 if a.stage == b.stage and shared:
                     found.append((type(a).__name__, type(b).__name__, shared))
         return found
+
+    def undeclared_writes(self, world):
+        """One tick, watched: (system, what) of each system that changed what it does not say it writes.
+
+        Slow, for tests.  It sees the columns of animals that live before and
+        after the system, and resources with a ``state``.
+        """
+        found = []
+        for system in self.systems:
+            before = _watched(world)
+            system.process(world)
+            after = _watched(world)
+            changed = [kind for kind in before if kind in after and _differ(before[kind], after[kind])]
+            allowed = tuple(system.writes)
+            found += [(type(system).__name__, kind.__name__) for kind in changed if not issubclass(kind, allowed)]
+        world.flush()
+        return found
+
+
+def _overlap(some, others):
+    """The types of which one side names the type itself or a base of it."""
+    return {b for a in some for b in others if issubclass(b, a)} | {a for a in some for b in others if issubclass(a, b)}
+
+
+def _in_words(a, b, shared):
+    names = ", ".join(sorted(kind.__name__ for kind in shared))
+    return f"{a} and {b} both touch {names} in one stage; give them different stages"
+
+
+def _watched(world):
+    """{type: [copies]} of all columns and of all states of resources."""
+    agents = world.agents
+    seen = {kind: [agents.ids.copy(), *(agents[f].copy() for f in kind.fields.values())] for kind in agents.kinds}
+    return seen | {type(r): r.state() for r in world.resources() if hasattr(r, "state")}
+
+
+def _differ(before, after):
+    if isinstance(before, bytes):
+        return before != after
+    stay, there = np.isin(before[0], after[0]), np.isin(after[0], before[0])
+    return any(
+        not np.array_equal(old[stay], new[there], equal_nan=old.dtype.kind == "f")
+        for old, new in zip(before[1:], after[1:], strict=True)
+    )
