@@ -13,7 +13,7 @@ from typing import Any
 from behaviours.problems import Problem, ProblemsError
 
 LIMIT = 1 << 20  # bytes: a brush is a page of text
-DEPTH = 32  # keys in a dotted key, arrays within arrays: tomllib takes quadratic time, then runs out of stack
+DEPTH = 32  # parts of a key's path; far deeper, tomllib takes quadratic time and runs out of stack
 
 Key = tuple[str | int, ...]
 
@@ -54,7 +54,7 @@ def spelled(key: Key) -> str:
         if isinstance(part, int):
             text += f"[{part}]"
         else:
-            text += ("." if text else "") + (part if _BARE.fullmatch(part) else _shortened(repr(part)))
+            text += ("." if text else "") + _shortened(part if _BARE.fullmatch(part) else repr(part))
     return text
 
 
@@ -140,8 +140,8 @@ _AT = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 def _syntax(error: tomllib.TOMLDecodeError, text: str, name: str) -> Problem:
     message = str(error)
     at = _AT.search(message)
-    line, column = (int(at[1]), int(at[2])) if at and at[1] else (len(text.splitlines()) or 1, None)
-    place = f" at column {column}" if column else ""
+    line, column = (int(at[1]), int(at[2])) if at and at[1] else (text.rstrip("\n").count("\n") + 1, None)
+    place = f" at column {column}" if column else " at the end of the file"
     return Problem(name, line, None, f"is not TOML{place}: {_shortened(_AT.sub('', message), 200)}")
 
 
@@ -218,10 +218,10 @@ class _Scanner:
         parts = []
         while True:
             self.skip(_SPACE)
+            if len(parts) >= DEPTH:
+                self.too_deep()
             parts.append(_unquoted(self.take(_KEY)))
             self.skip(_SPACE)
-            if len(parts) > DEPTH:
-                self.too_deep()
             if not self.text.startswith(".", self.at):
                 return parts
             self.at += 1
@@ -255,6 +255,8 @@ class _Scanner:
         self.value(key, depth)
 
     def note(self, key: Key, position: int):
+        if len(key) > DEPTH:
+            self.too_deep()
         self.found.setdefault(key, bisect.bisect_left(self.ends, position) + 1)
 
     def skip(self, pattern: re.Pattern):

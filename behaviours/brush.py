@@ -1,0 +1,467 @@
+"""Brushes: what a designer paints with.  A model of behaviour, its numbers, and where the numbers come from.
+
+A brush is a file ``NAME.brush.toml`` (``behaviours/brushes`` has the shipped ones), and its name is the file's.
+Parameters are written flat, under the names the model gives them::
+
+    schema = "flockbrush.brush/1"
+    model = "herd"
+
+    [parameters]
+    avoidance_weight = 0.742
+
+    [speed]
+    mean = 4.0  # body lengths per second
+"""
+
+from __future__ import annotations
+
+import datetime
+import functools
+import hashlib
+import itertools
+import os
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, SerializeAsAny, model_validator
+
+from behaviours.brush_writer import brush_to_toml, write_atomically
+from behaviours.problems import Problem, ProblemsError, did_you_mean
+from behaviours.tomlfile import Key, TomlFile, parse_toml, read_bytes
+from behaviours.validation import shown, validated
+
+SCHEMA = "flockbrush.brush/1"
+SUFFIX = ".brush.toml"
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+
+
+def _printable(text: str) -> str:
+    if any(not character.isprintable() and character not in "\n\t" for character in text):
+        raise ValueError("must not have control characters")
+    return text
+
+
+def _one_line(text: str) -> str:
+    if "\n" in text or "\t" in text:
+        raise ValueError("must be one line")
+    return _printable(text)
+
+
+Line = Annotated[str, AfterValidator(_one_line), Field(max_length=200)]
+Text = Annotated[str, AfterValidator(_printable), Field(max_length=20_000)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Spec(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+def _field(default, text: str, unit: str = "", **bounds):
+    return Field(default, description=text, json_schema_extra={"unit": unit} if unit else None, **bounds)
+
+
+class _NoParams(BaseModel):
+    """Stands for parameters that could not be read while the rest of the file is checked."""
+
+
+class SpeedSpec(_Spec):
+    """How fast the animals go: an Ornstein-Uhlenbeck process (Gong et al. 2025, eq. 6).
+
+    In body lengths (BL), so that a brush fits animals of all sizes.
+    """
+
+    mean: float = _field(..., "the speed they come back to", "BL/s", ge=0, le=100)
+    deviation: float = _field(
+        0.0,
+        "noise of the speed (v_sigma of eq. 6); speeds spread by deviation / sqrt(2 reversion)",
+        "BL/s",
+        ge=0,
+        le=50,
+    )
+    reversion: float = _field(1.0, "how soon they come back to the mean (theta of eq. 6)", "1/s", gt=0, le=100)
+    by_density: tuple[tuple[Annotated[Finite, Field(ge=0, le=100)], Annotated[Finite, Field(ge=0, le=10)]], ...] = (
+        _field((), "pairs of animals per BL² and the factor of the speed there, linear between", max_length=64)
+    )
+
+    @model_validator(mode="after")
+    def _densities_rise(self):
+        densities = [density for density, _ in self.by_density]
+        if any(after <= before for before, after in itertools.pairwise(densities)):
+            raise ValueError("the densities of by_density must rise from pair to pair")
+        return self
+
+
+class BodySpec(_Spec):
+    """The body of the animals the brush was made for."""
+
+    length: float = _field(1.0, "nose to tail; one body length (BL)", "m", gt=0, le=50)
+    radius: float = _field(0.2, "half the width", "m", gt=0, le=25)
+    contact: Literal["capsule", "disc"] = _field(
+        "capsule", "shape that never overlaps others: the whole body, or a disc of the radius at its centre"
+    )
+
+    @model_validator(mode="after")
+    def _slender(self):
+        if self.radius > self.length / 2:
+            raise ValueError(f"radius must be at most half the length ({self.length / 2:g} m), got {self.radius:g}")
+        return self
+
+
+class VisionSpec(_Spec):
+    """What the animals see."""
+
+    range: float = _field(4.0, "how far they see", "BL", gt=0, le=100)
+    field_of_view: float = _field(360.0, "full angle of view, centred ahead", "degrees", gt=0, le=360)
+    occlusion: bool = _field(True, "whether nearer bodies and obstacles hide those behind")
+
+
+class Provenance(_Spec):
+    """Where the numbers come from, what is known of them and what is not."""
+
+    kind: Literal["published", "hand-set", "searched", "learned"] = _field(..., "how the numbers were found")
+    source: Line = _field(..., "the paper, clip or map of parameters", min_length=1)
+    date: datetime.date = _field(..., "when the brush was made")
+    by: Line = _field(..., "who or what tool made it", min_length=1)
+    notes: Text = _field("", "how the numbers were found, and what is not known")
+    seed: int | None = _field(None, "seed of the search or the learning", ge=0, le=2**63 - 1)
+    clip: Line | None = _field(None, "the clip learned from")
+    frames: tuple[int, int] | None = _field(None, "first and last frame learned from")
+    clip_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = _field(
+        None, "SHA-256 of the clip", examples=["64 of 0-9 and a-f"]
+    )
+    licence: Line | None = _field(None, "licence of the clip or the numbers")
+    versions: dict[Line, Line] = _field({}, "versions of the tools", max_length=100)
+    report: dict[Line, Finite] = _field({}, "measured figures: losses, held-out errors, bands", max_length=1000)
+
+
+class Brush(_Spec):
+    """A model of behaviour with its parameters, ready to paint with.
+
+    Two brushes are equal when they say the same, however their files are laid out.
+
+    Parameters
+    ----------
+    params : BaseModel
+        The ``Params`` of the model.  In Python ``parameters={...}`` may be given instead.
+
+    Examples
+    --------
+    >>> march = shipped().get("march")
+    >>> slower = march.model_copy(update={"speed": SpeedSpec(mean=2)})
+    """
+
+    name: Annotated[str, Field(pattern=f"^{NAME.pattern}$")] = _field(..., "the file's name without .brush.toml")
+    title: Line = _field("", "the name for people")
+    description: Text = _field("", "what the animals do")
+    model: Line = _field(..., "the model of behaviour")
+    colour: Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$")] = _field(
+        "#808080", "colour of the painted ground, #rrggbb", examples=["#c9a24b"]
+    )
+    transition: float = _field(0.5, "time in which an animal blends into this brush", "s", ge=0, le=60)
+    params: SerializeAsAny[BaseModel] = _field(..., "the parameters of the model")
+    speed: SpeedSpec = _field(..., "how fast")
+    body: BodySpec = _field(BodySpec(), "the animals it was made for")
+    vision: VisionSpec = _field(VisionSpec(), "what they see")
+    provenance: Provenance = _field(..., "where the numbers come from")
+    _source: bytes | None = PrivateAttr(None)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_parameters(cls, data: Any):
+        if not isinstance(data, dict) or "parameters" not in data:
+            return data
+        data = dict(data)
+        parameters = data.pop("parameters")
+        return {**data, "params": _params_of(str(data.get("model"))).model_validate(parameters, strict=True)}
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The parameters of the model by name."""
+        return self.params.model_dump()
+
+    @property
+    def source(self) -> bytes:
+        """The file it was read from, or the file it would be saved as: what a recording embeds."""
+        return self._source if self._source is not None else brush_to_toml(self).encode()
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of `source`, in hex: what ``sha256sum`` says of the file."""
+        return hashlib.sha256(self.source).hexdigest()
+
+    def with_parameters(self, **changes) -> Brush:
+        """The same brush with some parameters changed.
+
+        Raises
+        ------
+        ProblemsError
+            For unknown names and values out of bounds.
+        """
+        params, mistakes = validated(type(self.params), {**self.parameters, **changes}, ("parameters",))
+        if mistakes:
+            named = [Problem(self.name, None, ".".join(map(str, path)), message) for path, message in mistakes]
+            raise ProblemsError(named)
+        return self.model_copy(update={"params": params})
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Brush:
+        copy = super().model_copy(update=update, deep=deep)
+        if update:
+            copy._source = None  # the file says something else
+        return copy
+
+    def __eq__(self, other):
+        return isinstance(other, Brush) and self.__dict__ == other.__dict__
+
+    def __hash__(self):
+        return hash((self.name, self.model, self.colour))
+
+
+def _models() -> Mapping[str, Any]:
+    from behaviours.behaviour import behaviours  # here: finding the models imports them all
+
+    return behaviours()
+
+
+def _params_of(model: str, models: Mapping[str, Any] | None = None) -> type[BaseModel]:
+    models = _models() if models is None else models
+    if model not in models:
+        raise ValueError(f"there is no model '{model}'{did_you_mean(model, models)}")
+    return models[model].Params
+
+
+def load_brush(
+    source: str | os.PathLike | bytes, file: str | None = None, models: Mapping[str, Any] | None = None
+) -> Brush:
+    """Read a brush.
+
+    Parameters
+    ----------
+    source : path or bytes
+        A ``NAME.brush.toml`` file, or what is in it.
+    file : str, optional
+        Its name for messages; the brush's name is its last part.  Needed with bytes.
+    models : mapping of str to Behaviour, optional
+        The models there are; by default those installed.
+
+    Raises
+    ------
+    ProblemsError
+        With everything that is wrong with the file.
+    """
+    if not isinstance(source, bytes):
+        file = file or os.fspath(source)
+        source = read_bytes(source)
+    toml = parse_toml(source, file or f"unnamed{SUFFIX}")
+    brush = _read(toml, _models() if models is None else models)
+    brush._source = source
+    return brush
+
+
+def _read(toml: TomlFile, models: Mapping[str, Any]) -> Brush:
+    document = dict(toml.data)
+    _check_schema(toml, document.pop("schema", None))
+    problems: list[Problem] = []
+    document["name"], name_problems = _name_of(toml)
+    problems += name_problems
+    if "name" in toml.data:
+        problems.append(toml.problem(("name",), "a brush's name is its file's name; remove this line"))
+    document["params"], mistakes = _read_parameters(document, models)
+    if "params" in toml.data:
+        mistakes.append((("params",), "unknown name"))
+    brush, more = validated(Brush, document)
+    for path, message in mistakes + more:
+        problems.append(toml.problem(path, _belongs(path, message, models, document)))
+    if problems:
+        raise ProblemsError(sorted(problems, key=lambda problem: problem.line or 0))
+    return brush
+
+
+def _check_schema(toml: TomlFile, schema: Any):
+    """Another schema has other rules: nothing else is said of the file then."""
+    if not toml.data:
+        raise ProblemsError([Problem(toml.name, 1, None, f'is empty; a brush starts with: schema = "{SCHEMA}"')])
+    if schema is None:
+        raise ProblemsError([Problem(toml.name, 1, "schema", f'is missing; a brush starts with: schema = "{SCHEMA}"')])
+    if schema != SCHEMA:
+        raise ProblemsError([toml.problem(("schema",), f"must be '{SCHEMA}', got {shown(schema)}")])
+
+
+def _name_of(toml: TomlFile) -> tuple[str, list[Problem]]:
+    base = re.split(r"[/\\]", toml.name)[-1]
+    name = base.removesuffix(SUFFIX)
+    if base.endswith(SUFFIX) and NAME.fullmatch(name):
+        return name, []
+    message = f"a brush file is called NAME{SUFFIX}, with letters, digits, - and _ in NAME; this one is called {base!r}"
+    return "unnamed", [Problem(toml.name, None, None, message)]
+
+
+def _read_parameters(document: dict, models: Mapping[str, Any]) -> tuple[BaseModel, list[tuple[Key, str]]]:
+    """The parameters as an object of their model, and what is wrong with them.
+
+    An empty stand-in is returned with the mistakes, so that the rest of the file can still be checked.
+    """
+    written = document.pop("parameters", {})
+    model = document.get("model")
+    if not isinstance(model, str):
+        return _NoParams(), []  # said by the check of `model`
+    if model not in models:
+        return _NoParams(), [(("model",), f"there is no model {shown(model)}{did_you_mean(model, models)}")]
+    if not isinstance(written, dict):
+        return _NoParams(), [(("parameters",), f"must be a table, got {shown(written)}")]
+    params, mistakes = validated(models[model].Params, written, ("parameters",))
+    return params or _NoParams(), [
+        (path, _grouped(path, message, models[model], written)) for path, message in mistakes
+    ]
+
+
+def _grouped(path: Key, message: str, model: Any, written: dict) -> str:
+    """Say how parameters are spelled to somebody who wrote them as tables."""
+    members = [name for name in model.Params.model_fields if name.startswith(f"{path[-1]}_")]
+    if len(path) == 2 and isinstance(written.get(path[1]), dict) and members:
+        return f"parameters are written without tables: {members[0]} = ..."
+    return message
+
+
+def _belongs(path: Key, message: str, models: Mapping[str, Any], document: dict) -> str:
+    """Say where a name belongs that stands in the wrong table: in TOML a table goes on to the next header."""
+    if not message.startswith("unknown name"):
+        return message
+    homes = {"speed": SpeedSpec, "body": BodySpec, "vision": VisionSpec, "provenance": Provenance}
+    names = {table: list(model.model_fields) for table, model in homes.items()}
+    names[""] = ["schema", "parameters", *(name for name in Brush.model_fields if name not in ("name", "params"))]
+    model = document.get("model")
+    if isinstance(model, str) and model in models:
+        names["parameters"] = list(models[model].Params.model_fields)
+    for table, inside in names.items():
+        if path[-1] in inside:
+            place = f"belongs in [{table}]" if table else "belongs at the top, before the first [table]"
+            return f"unknown name here; '{path[-1]}' {place}"
+    return f"unknown name{did_you_mean(str(path[0]), names[''])}" if len(path) == 1 else message
+
+
+class BrushLibrary:
+    """The brushes in some folders, by name.
+
+    When two folders have a brush of one name, the first folder wins: a level's own brushes come before the shipped
+    ones.  Files are looked at anew at every call, and parsed only when they changed.
+
+    Parameters
+    ----------
+    folders : sequence of path
+        In order of precedence.
+    files : mapping of str to bytes, optional
+        Brush files by name or path, before all folders: those a recording has embedded.
+    models : mapping of str to Behaviour, optional
+        The models there are; by default those installed.
+
+    Raises
+    ------
+    ProblemsError
+        When a folder is missing.
+    """
+
+    def __init__(
+        self,
+        folders: Iterable[str | os.PathLike] = (),
+        files: Mapping[str, bytes] | None = None,
+        models: Mapping[str, Any] | None = None,
+    ):
+        self.folders = [Path(folder) for folder in folders]
+        missing = [Problem(str(folder), None, None, "there is no such folder") for folder in self.folders]
+        missing = [problem for problem, folder in zip(missing, self.folders, strict=True) if not folder.is_dir()]
+        if missing:
+            raise ProblemsError(missing)
+        self._files = {name.replace("\\", "/").rsplit("/", 1)[-1]: data for name, data in (files or {}).items()}
+        self._models = models
+        self._parsed: dict[tuple[str, bytes], Brush] = {}
+
+    def names(self) -> list[str]:
+        """Names of all brushes, sorted."""
+        bases = {base for base in self._files if base.endswith(SUFFIX)}
+        for folder in self.folders:
+            bases.update(path.name for path in folder.glob(f"*{SUFFIX}"))
+        return sorted(name for name in (base.removesuffix(SUFFIX) for base in bases) if NAME.fullmatch(name))
+
+    def path(self, name: str) -> Path:
+        """The file of a brush (just its name when the file is embedded in a recording).
+
+        Raises
+        ------
+        ProblemsError
+            When there is no such brush.
+        """
+        base = _safe(name) + SUFFIX
+        if base in self._files:
+            return Path(base)
+        for folder in self.folders:
+            if (folder / base).exists():
+                return folder / base
+        raise ProblemsError(
+            [Problem(base, None, None, f"there is no brush '{name}'{did_you_mean(name, self.names())}")]
+        )
+
+    def get(self, name: str) -> Brush:
+        """A brush by name.
+
+        Raises
+        ------
+        ProblemsError
+            When there is no such brush, or with everything that is wrong with its file.
+        """
+        path = self.path(name)
+        data = self._files[path.name] if path.name in self._files else read_bytes(path)
+        key = str(path), data
+        if key not in self._parsed:
+            self._parsed[key] = load_brush(data, str(path), self._models)
+        return self._parsed[key]
+
+    def problems(self) -> list[Problem]:
+        """Everything that is wrong with any brush of the library."""
+        found = []
+        for name in self.names():
+            try:
+                self.get(name)
+            except ProblemsError as error:
+                found += error.problems
+        return found
+
+
+def _safe(name: str) -> str:
+    """A name that stays inside its folder."""
+    if isinstance(name, str) and NAME.fullmatch(name):
+        return name
+    hint = "; leave out '.brush.toml'" if isinstance(name, str) and NAME.fullmatch(name.removesuffix(SUFFIX)) else ""
+    message = f"{shown(name)} is no name of a brush: letters, digits, - and _, at most 64{hint}"
+    raise ProblemsError([Problem("brush", None, None, message)])
+
+
+@functools.cache
+def shipped() -> BrushLibrary:
+    """The brushes that come with Flockbrush."""
+    return BrushLibrary([Path(__file__).parent / "brushes"])
+
+
+def save_brush(brush: Brush, folder: str | os.PathLike, overwrite: bool = False) -> Path:
+    """Save a brush as ``NAME.brush.toml``, all of it or nothing.
+
+    Parameters
+    ----------
+    brush : Brush
+    folder : path
+        Must be there.
+    overwrite : bool
+        Replace a file that is there.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    ProblemsError
+        When the file is there already, or cannot be written.
+    """
+    return write_atomically(Path(folder) / (_safe(brush.name) + SUFFIX), brush_to_toml(brush).encode(), overwrite)
