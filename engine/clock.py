@@ -1,6 +1,9 @@
 """Simulated time as a whole number of ticks, so that it never drifts."""
 
+import struct
 from dataclasses import dataclass
+
+_STATE = struct.Struct("<dq")
 
 
 @dataclass
@@ -14,3 +17,11 @@ class Clock:
     def now(self):
         """Seconds since the start."""
         return self.tick * self.dt
+
+    def state(self):
+        """The clock as bytes (see `engine.state`)."""
+        return _STATE.pack(self.dt, self.tick)
+
+    def set_state(self, data):
+        """Put back what `state` gave."""
+        self.dt, self.tick = _STATE.unpack(data)

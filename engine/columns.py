@@ -8,6 +8,8 @@ and tests read one animal.
 
 from __future__ import annotations
 
+from typing import Any, ClassVar
+
 import numpy as np
 
 
@@ -35,7 +37,7 @@ class Field:
     def __repr__(self):
         return f"{self.owner.__name__}.{self.name}"
 
-    def __get__(self, component, owner=None):
+    def __get__(self, component, owner=None) -> Any:
         if component is None:
             return self
         home = component._home
@@ -53,32 +55,69 @@ class Field:
 
     def checked(self, value):
         """The value as one row of this column; ValueError when it does not fit or is not finite."""
+        return self.checked_rows(value, ())
+
+    def checked_rows(self, value, rows):
+        """The value as an array of shape ``(*rows, *shape of a row)``, which one row may stand for.
+
+        Raises
+        ------
+        ValueError
+            When it does not fit, is not finite, or would lose its fraction.
+        """
+        shape = (*rows, *self.default.shape)
         try:
-            row = np.broadcast_to(np.asarray(value, self.default.dtype), self.default.shape)
-        except (TypeError, ValueError):
-            shape = self.default.shape or "a single number"
-            raise ValueError(f"{self!r} holds {shape}, got {value!r}") from None
+            given = np.asarray(value)
+            row = np.broadcast_to(np.asarray(value, self.default.dtype), shape)
+        except (TypeError, ValueError, OverflowError):
+            raise ValueError(f"{self!r} holds {_shape_in_words(shape)}{self._kind()}, got {_short(value)}") from None
+        if self.default.dtype.kind in "iu" and given.dtype.kind == "f" and not (given == np.floor(given)).all():
+            raise ValueError(f"{self!r} holds whole numbers, got {_short(value)}")
         if self.finite and not np.isfinite(row).all():
-            raise ValueError(f"{self!r} must be finite, got {value!r}")
+            raise ValueError(f"{self!r} must be finite, got {_short(value)}")
         return row
+
+    def _kind(self):
+        return f" of {self.default.dtype}" if self.default.dtype.kind in "iu" else ""
+
+
+def _shape_in_words(shape):
+    return f"an array of shape {shape}" if shape else "a single number"
+
+
+def _short(value):
+    text = repr(value)
+    return text if len(text) < 80 else f"{text[:70]}..."
 
 
 class Component:
     """Base of every component stored by column."""
 
     __slots__ = ("_entity", "_home")
-    fields: dict[str, Field] = {}
+    fields: ClassVar[dict[str, Field]] = {}
 
     def __init__(self, **values):
         self._home, self._entity = {}, 0
         for name, value in values.items():
             if name not in self.fields:
-                raise TypeError(f"{type(self).__name__} has no field {name!r}; it has {', '.join(self.fields)}")
+                raise TypeError(_no_field(self, name))
             setattr(self, name, value)
+
+    def __setattr__(self, name, value):
+        if name not in self.fields and name not in Component.__slots__:
+            raise AttributeError(_no_field(self, name))
+        object.__setattr__(self, name, value)
+
+    def __getattr__(self, name):
+        raise AttributeError(_no_field(self, name))
 
     def __repr__(self):
         inside = ", ".join(f"{name}={getattr(self, name)}" for name in self.fields)
         return f"{type(self).__name__}({inside})"
+
+
+def _no_field(component, name):
+    return f"{type(component).__name__} has no field {name!r}; it has {', '.join(component.fields)}"
 
 
 class Table:
@@ -88,7 +127,6 @@ class Table:
         self.kinds = tuple(kinds)
         self.count = 0
         self._ids = np.zeros(capacity, np.int64)
-        self._row_of: dict[int, int] = {}
         self.arrays = {
             f: np.empty((capacity, *f.default.shape), f.default.dtype)
             for kind in self.kinds
@@ -104,7 +142,8 @@ class Table:
         return self.count
 
     def __contains__(self, entity):
-        return entity in self._row_of
+        row = self._ids[: self.count].searchsorted(entity)
+        return bool(row < self.count and self._ids[row] == entity)
 
     def __getitem__(self, field):
         """The live rows of a column, ``table[Position.xyz]``.  Good until rows are added or removed."""
@@ -115,34 +154,61 @@ class Table:
 
     def row(self, entity):
         """The row of an agent now.  Nobody keeps it past the tick."""
-        try:
-            return self._row_of[entity]
-        except KeyError:
-            raise KeyError(f"agent {entity} is not alive") from None
+        row = self._ids[: self.count].searchsorted(entity)
+        if row < self.count and self._ids[row] == entity:
+            return int(row)
+        raise KeyError(f"agent {entity} is not alive")
 
     def append(self, entities):
-        """Add a row of defaults for each entity, which must be newer than every row present."""
-        first, self.count = self.count, self.count + len(entities)
-        if self.count > len(self._ids):
-            self._grow()
+        """Add a row of defaults for each entity.
+
+        They must ascend and be newer than every row present, for rows are found by halving.
+        """
+        fresh = np.asarray(entities, np.int64)
+        newest = self._ids[self.count - 1] if self.count else 0
+        if len(fresh) and (fresh[0] <= newest or (np.diff(fresh) <= 0).any()):
+            raise ValueError("new agents need ascending ids above those of all agents present")
+        first, self.count = self.count, self.count + len(fresh)
+        self._reserve(self.count)
         rows = slice(first, self.count)
-        self._ids[rows] = entities
-        self._row_of.update(zip(entities, range(first, self.count), strict=True))
+        self._ids[rows] = fresh
         for field, array in self.arrays.items():
             array[rows] = field.default
         return rows
 
     def remove(self, entities):
         """Drop the rows of these entities and close the gaps, keeping the order of the rest."""
-        keep = ~np.isin(self.ids, list(entities))
+        keep = ~np.isin(self.ids, np.fromiter(entities, np.int64))
         kept = int(keep.sum())
         for array in (self._ids, *self.arrays.values()):
             array[:kept] = array[: self.count][keep]
         self.count = kept
-        self._row_of = dict(zip(self.ids.tolist(), range(kept), strict=True))
 
-    def _grow(self):
-        capacity = max(2 * len(self._ids), self.count)
-        self._ids = np.resize(self._ids, capacity)
+    def replace(self, ids, columns):
+        """Put these agents in the place of all that were here, as a snapshot does.
+
+        Parameters
+        ----------
+        ids : (n,) int64, ascending
+        columns : dict of Field to array
+            Every column of this table, n rows each.
+        """
+        self.count = 0
+        rows = self.append(ids)
+        for field, values in columns.items():
+            self.arrays[field][rows] = values
+
+    def _reserve(self, count):
+        if count <= len(self._ids):
+            return
+        capacity = max(2 * len(self._ids), count)
+        self._ids = _longer(self._ids, capacity)
         for field, array in self.arrays.items():
-            self.arrays[field] = np.resize(array, (capacity, *array.shape[1:]))
+            self.arrays[field] = _longer(array, capacity)
+
+
+def _longer(array, capacity):
+    """The same rows with room for more."""
+    grown = np.empty((capacity, *array.shape[1:]), array.dtype)
+    grown[: len(array)] = array
+    return grown

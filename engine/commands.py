@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+import functools
 import heapq
 import itertools
-from dataclasses import asdict, dataclass, fields
+import json
+import math
+import types
+import typing
+from dataclasses import MISSING, asdict, dataclass, fields
+from difflib import get_close_matches
 
 from engine.clock import Clock
 
 COMMANDS: dict[str, type] = {}
+_WORDS = {
+    float: "a number",
+    int: "a whole number",
+    str: "a text",
+    bool: "true or false",
+    list: "a list",
+    dict: "a table",
+}
 
 
 def command(cls):
@@ -18,8 +32,9 @@ def command(cls):
     recording can hold them as JSON.
     """
     cls = dataclass(frozen=True)(cls)
-    if cls.__name__ in COMMANDS:
-        raise ValueError(f"command {cls.__name__} is already registered by {COMMANDS[cls.__name__].__module__}")
+    known = COMMANDS.get(cls.__name__)
+    if known is not None and known.__module__ != cls.__module__:
+        raise ValueError(f"command {cls.__name__} is already registered by {known.__module__}")
     COMMANDS[cls.__name__] = cls
     return cls
 
@@ -30,22 +45,72 @@ def to_record(cmd):
 
 
 def from_record(name, values):
-    """The command of this name; ValueError that lists what there is."""
+    """The command of this name with these fields.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name or field, a missing one, or a value of the wrong type, with what there is.
+    """
     if name not in COMMANDS:
-        raise ValueError(f"unknown command {name!r}; there are {', '.join(sorted(COMMANDS))}")
+        raise ValueError(f"unknown command {name!r}{_instead(name, COMMANDS)}")
     cls = COMMANDS[name]
-    known = {f.name for f in fields(cls)}
-    wrong = sorted(set(values) - known)
-    if wrong:
-        raise ValueError(f"{name} has no field {wrong[0]!r}; it has {', '.join(sorted(known))}")
+    known = {f.name: f for f in fields(cls)}
+    for field in values:
+        if field not in known:
+            raise ValueError(f"{name} has no field {field!r}{_instead(field, known)}")
+    missing = [f for f in known if f not in values and known[f].default is known[f].default_factory is MISSING]
+    if missing:
+        raise ValueError(f"{name} needs {', '.join(missing)}")
+    hints = _hints(cls)
+    return cls(**{field: _fitting(f"{name}.{field}", hints[field], value) for field, value in values.items()})
+
+
+def to_json(cmd):
+    """A command as JSON, ``[name, fields]``; ValueError when a field cannot be."""
     try:
-        return cls(**values)
-    except TypeError as error:
-        raise ValueError(f"{name}: {error}") from None
+        return json.dumps(to_record(cmd), allow_nan=False, separators=(",", ":"))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{type(cmd).__name__} cannot be recorded: {error}") from None
+
+
+def _as_replayed(cmd):
+    """The command as a recording gives it back, so that a 2 that will be a 2.0 is one from the first."""
+    return from_record(*json.loads(to_json(cmd)))
+
+
+@functools.cache
+def _hints(cls):
+    return typing.get_type_hints(cls)
+
+
+def _fitting(where, hint, value):
+    """The value as this type, an int as a float where one is wanted; ValueError when it is something else."""
+    union = typing.get_origin(hint) in (typing.Union, types.UnionType)
+    kinds = [typing.get_origin(h) or h for h in (typing.get_args(hint) if union else (hint,))]
+    if value is None and type(None) in kinds:
+        return None
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    if float in kinds and (whole or isinstance(value, float)) and abs(value) < 1e300:
+        return float(value)
+    if type(value) in kinds and not isinstance(value, float):
+        return value
+    if not set(kinds) & set(_WORDS):  # a type we cannot judge
+        return value
+    wanted = " or ".join(_WORDS[k] for k in kinds if k in _WORDS)
+    finite = "finite " if isinstance(value, float) and not math.isfinite(value) else ""
+    raise ValueError(f"{where} must be {wanted.replace('a number', f'a {finite}number')}, got {value!r}")
+
+
+def _instead(word, known):
+    close = get_close_matches(str(word), list(known), 1)
+    return f"; did you mean {close[0]!r}?" if close else f"; there are {', '.join(sorted(known)) or 'none'}"
 
 
 class Commands:
     """The queue: what is due, and what was applied when."""
+
+    hashed = False  # a replay knows from the start what a designer submitted in the middle of the run
 
     def __init__(self):
         self._order = itertools.count()
@@ -53,8 +118,29 @@ class Commands:
         self.log: list[tuple[int, object]] = []  # (tick, command), as applied
 
     def submit(self, cmd, tick=0):
-        """Apply a command at the start of the given tick, or of the next one if that has begun."""
-        heapq.heappush(self._pending, (tick, next(self._order), cmd))
+        """Apply a command at the start of the given tick, or of the next one if that has begun.
+
+        Raises
+        ------
+        TypeError
+            When it is no registered command.
+        ValueError
+            When a field is of the wrong type or no recording can hold it.
+        """
+        if COMMANDS.get(type(cmd).__name__) is not type(cmd):
+            raise TypeError(f"{type(cmd).__name__} is no command; mark its class with @command")
+        heapq.heappush(self._pending, (int(tick), next(self._order), _as_replayed(cmd)))
+
+    @property
+    def pending(self):
+        """(tick, command) of what is still to come, in the order of its coming."""
+        return [(tick, cmd) for tick, _, cmd in sorted(self._pending, key=lambda entry: entry[:2])]
+
+    def replace(self, pairs):
+        """Have exactly these (tick, command) waiting, as a replay does."""
+        self._pending.clear()
+        for tick, cmd in pairs:
+            self.submit(cmd, tick)
 
     def apply(self, world):
         """Apply all that is due, in order of tick, then of submission."""
@@ -63,3 +149,11 @@ class Commands:
             _, _, cmd = heapq.heappop(self._pending)
             self.log.append((now, cmd))
             cmd.apply(world)
+
+    def state(self):
+        """What waits, as bytes (see `engine.state`)."""
+        return json.dumps([[tick, *to_record(cmd)] for tick, cmd in self.pending], allow_nan=False).encode()
+
+    def set_state(self, data):
+        """Put back what `state` gave."""
+        self.replace([(tick, from_record(name, values)) for tick, name, values in json.loads(data)])

@@ -20,8 +20,7 @@ def cell_of_(x, cell, count):
     at = x / cell
     if not at > 0.0:  # NaN too
         at = 0.0
-    if at > count - 1.0:
-        at = count - 1.0
+    at = min(at, count - 1.0)
     return int(at)
 
 
@@ -37,8 +36,7 @@ def corners_(x, cell, count):
     at = x / cell - 0.5
     if not at > 0.0:
         at = 0.0
-    if at > count - 1.0:
-        at = count - 1.0
+    at = min(at, count - 1.0)
     low = int(at)
     return low, min(low + 1, count - 1), at - low
 

@@ -13,6 +13,7 @@ References
 
 from __future__ import annotations
 
+import struct
 import zlib
 from functools import lru_cache
 
@@ -150,6 +151,14 @@ class Noise:
 
     def __repr__(self):
         return f"Noise(seed={self.seed})"
+
+    def state(self):
+        """The seed as bytes (see `engine.state`)."""
+        return struct.pack("<Q", self.seed & _MASK)
+
+    def set_state(self, data):
+        """Put back what `state` gave."""
+        self.seed = struct.unpack("<Q", data)[0]
 
     def key(self, stream, tick):
         """What a kernel hands to `uniform_` and `normal_` for this stream in this tick: a uint64."""

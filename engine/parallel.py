@@ -9,21 +9,45 @@ on busy cores, where a 0.3 ms tick then takes 25 ms.
 from __future__ import annotations
 
 import os
-from concurrent.futures import ThreadPoolExecutor
+import threading
+import warnings
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor, wait
 
 SMALL = 2048  # rows; below this a second thread costs more than it brings
 
-_threads = max(1, int(os.environ.get("FLOCKBRUSH_THREADS", 0)) or len(os.sched_getaffinity(0)))
+
+def _cores():
+    """How many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):  # not on macOS and Windows
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _threads_at_start():
+    wanted = os.environ.get("FLOCKBRUSH_THREADS", "")
+    if not wanted:
+        return _cores()
+    if wanted.isdecimal() and int(wanted):
+        return int(wanted)
+    warnings.warn(f"FLOCKBRUSH_THREADS must be a whole number from 1, got {wanted!r}; using all cores", stacklevel=2)
+    return _cores()
+
+
+_threads = _threads_at_start()
 _pool: ThreadPoolExecutor | None = None
+_lock = threading.Lock()
+_helper = threading.local()  # .busy in the threads of the pool
 
 
 def set_threads(count):
     """Use at most this many threads from now on; returns the number before."""
     global _threads, _pool
-    before, _threads = _threads, max(1, int(count))
-    if _pool is not None and before != _threads:
-        _pool.shutdown()
-        _pool = None
+    with _lock:
+        before, _threads = _threads, max(1, int(count))
+        old, _pool = (_pool, None) if before != _threads else (None, _pool)
+    if old is not None:
+        old.shutdown(wait=False)
     return before
 
 
@@ -33,13 +57,61 @@ def threads():
 
 
 def over_rows(kernel, count, *args, chunk=2048):
-    """Run ``kernel(lo, hi, *args)`` over ``count`` rows."""
-    if _threads == 1 or count <= SMALL:
+    """Run ``kernel(lo, hi, *args)`` over ``count`` rows.
+
+    The calling thread works too; it returns when every row is done.  When a
+    kernel raises, no further chunk begins, those begun come to their end, and
+    the error of the lowest rows is raised.  A kernel may call this again: the
+    inner one then runs where it is.
+    """
+    if _threads == 1 or count <= SMALL or getattr(_helper, "busy", False):
         kernel(0, count, *args)
         return
+    chunks = deque(range(0, count, chunk))
+    errors: list[tuple[int, BaseException]] = []
+
+    def work():
+        _helper.busy = True
+        try:
+            while chunks:
+                lo = chunks.popleft()
+                _attempt(kernel, lo, min(lo + chunk, count), args, chunks, errors)
+        except IndexError:  # another thread took the last one
+            pass
+        finally:
+            _helper.busy = False
+
+    helpers = _submit(work, min(_threads, len(chunks)) - 1)
+    work()
+    for helper in helpers:
+        helper.cancel()  # one that never got a core has nothing left to do
+    wait(helpers)
+    if errors:
+        raise min(errors, key=lambda entry: entry[0])[1]
+
+
+def _attempt(kernel, lo, hi, args, chunks, errors):
+    try:
+        kernel(lo, hi, *args)
+    except BaseException as error:  # noqa: BLE001  raised again when all have ended
+        errors.append((lo, error))
+        chunks.clear()
+
+
+def _submit(work, count):
+    """Futures of ``count`` helpers at the same work."""
     global _pool
-    if _pool is None:
-        _pool = ThreadPoolExecutor(_threads, thread_name_prefix="herd")
-    starts = range(0, count, chunk)
-    for done in [_pool.submit(kernel, lo, min(lo + chunk, count), *args) for lo in starts]:
-        done.result()
+    with _lock:
+        if _pool is None:
+            _pool = ThreadPoolExecutor(_threads, thread_name_prefix="herd")
+        return [_pool.submit(work) for _ in range(count)]
+
+
+def _after_fork():
+    """A child process has none of its parent's threads."""
+    global _pool, _lock
+    _pool, _lock = None, threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)

@@ -3,12 +3,30 @@
 from __future__ import annotations
 
 import itertools
+import weakref
+from collections.abc import MutableMapping
+from typing import Any, TypeVar
 
 import esper
+import numpy as np
 
 from engine.columns import Component, Table
 
+T = TypeVar("T")
 _names = (f"world-{n}" for n in itertools.count(1))
+_forgotten: list[str] = []  # contexts whose world is gone, but which esper was in at that moment
+
+
+class Counter:
+    """The entity ids of one world in order.  Unlike itertools.count it can say what comes next."""
+
+    def __init__(self, first=1):
+        self.next = first
+
+    def __next__(self):
+        value = self.next
+        self.next += 1
+        return value
 
 
 class World:
@@ -17,6 +35,9 @@ class World:
     Agents, that is entities with at least one column component, get every
     column of ``kinds``, so a row has no holes.  Entities without any, such as
     obstacles or goals, stay plain esper entities.
+
+    esper keeps its current context in module variables: one thread at a time
+    may use worlds.
 
     Parameters
     ----------
@@ -29,34 +50,48 @@ class World:
         self.agents = Table(kinds, capacity)
         self._resources: dict[type, object] = {}
         self._dying: set[int] = set()
+        self._counter = Counter()
+        self._agent_set: set[int] = set()  # esper asks which entities have a kind: the same ones for every column
         self._enter()
+        esper._entity_count = self._counter  # type: ignore[assignment]
+        weakref.finalize(self, _forget, self.name)
 
     def _enter(self):
         if esper.current_world != self.name:
             esper.switch_world(self.name)
+            while _forgotten:
+                esper._context_map.pop(_forgotten.pop(), None)
 
     def close(self):
         """Forget the world and all that is in it."""
-        esper.switch_world("default")
-        esper.delete_world(self.name)
+        if esper.current_world == self.name:
+            esper.switch_world("default")
+        _forget(self.name)
 
     # entities ---------------------------------------------------------------
+
+    @property
+    def next_entity(self):
+        """The id that the next birth will get."""
+        return self._counter.next
 
     def create_entity(self, *components):
         """Create one entity; with any column component it becomes an agent with every column."""
         self._enter()
-        if not any(isinstance(c, Component) for c in components):
-            return esper.create_entity(*components)
-        given = {type(c) for c in components}
-        unknown = [k.__name__ for k in given if issubclass(k, Component) and k not in self.agents.kinds]
+        columns = [c for c in components if isinstance(c, Component)]
+        unknown = [type(c).__name__ for c in columns if type(c) not in self.agents.kinds]
         if unknown:
             raise TypeError(f"{self.name} has no columns for {', '.join(unknown)}")
-        components += tuple(kind() for kind in self.agents.kinds if kind not in given)
-        entity = esper.create_entity(*components)
-        self.agents.append([entity])
-        for component in components:
-            if isinstance(component, Component):
+        taken = [c for c in columns if not isinstance(c._home, dict)]
+        if taken:
+            raise ValueError(f"this {type(taken[0]).__name__} belongs to agent {taken[0]._entity} already")
+        entity = esper.create_entity(*(c for c in components if not isinstance(c, Component)))
+        if columns:
+            self.agents.append([entity])
+            self._register([entity])
+            for component in columns:
                 _move_in(component, self.agents, entity)
+                esper._entities[entity][type(component)] = component
         return entity
 
     def create_agents(self, count, values):
@@ -66,30 +101,47 @@ class World:
         ----------
         count : int
         values : dict of Field to array_like
-            ``count`` rows, or one value for all.
+            ``count`` rows, or one value for all; the other columns get their defaults.
 
         Returns
         -------
         list of int
             The new entities, ascending.
+
+        Raises
+        ------
+        KeyError, ValueError
+            When a column is not of this world, or a value does not fit or is not finite.
+            Nobody has been born then.
         """
         self._enter()
-        kinds, table = self.agents.kinds, self.agents
-        entities = []
-        for _ in range(count):
-            handles = [kind.__new__(kind) for kind in kinds]
-            entity = esper.create_entity(*handles)
-            for handle in handles:
-                handle._home, handle._entity = table, entity
-            entities.append(entity)
-        rows = table.append(entities)
-        for field, value in values.items():
-            table.arrays[field][rows] = value
+        table = self.agents
+        unknown = [repr(field) for field in values if field not in table.arrays]
+        if unknown:
+            raise KeyError(f"{self.name} has no column {', '.join(unknown)}")
+        rows = {field: field.checked_rows(value, (count,)) for field, value in values.items()}
+        entities = [next(self._counter) for _ in range(count)]
+        into = table.append(entities)
+        for field, value in rows.items():
+            table.arrays[field][into] = value
+        self._register(entities)
         return entities
 
+    def _register(self, entities):
+        """Make esper know these agents; their windows are made when somebody asks."""
+        table, database = self.agents, esper._entities
+        for entity in entities:
+            database[entity] = Windows(table, entity, database.get(entity))
+        self._agent_set.update(entities)
+        for kind in table.kinds:
+            esper._components[kind] = self._agent_set
+        esper.clear_cache()
+
     def delete_entity(self, entity):
-        """Mark an entity; it goes at the next `flush`."""
+        """Mark an entity; it goes at the next `flush`.  Marking it twice is once."""
         self._enter()
+        if entity in self._dying:
+            return
         if not esper.entity_exists(entity):
             raise KeyError(f"no entity {entity} in {self.name}")
         esper.delete_entity(entity)
@@ -104,47 +156,158 @@ class World:
         if not self._dying:
             return
         self._enter()
-        gone = {entity for entity in self._dying if entity in self.agents}
+        gone = self._dying & self._agent_set
         self._dying = set()
         esper.clear_dead_entities()
+        self._agent_set -= gone
         if gone:
             self.agents.remove(gone)
 
-    def component_for_entity(self, entity, kind):
+    def component_for_entity(self, entity, kind: type[T]) -> T:
         """One component of one entity; for an agent, a window on its row."""
         self._enter()
-        return esper.component_for_entity(entity, kind)
+        try:
+            return esper.component_for_entity(entity, kind)
+        except KeyError:
+            raise KeyError(self._missing(entity, kind)) from None
 
-    def get_component(self, kind):
+    def _missing(self, entity, kind):
+        if not esper.entity_exists(entity):
+            return f"no entity {entity} in {self.name}"
+        have = ", ".join(k.__name__ for k in esper._entities[entity])
+        return f"entity {entity} has no {kind.__name__}; it has {have or 'no components'}"
+
+    def get_component(self, kind: type[T]) -> list[tuple[int, T]]:
         """(entity, component) pairs in order of entity: for the few, never per tick for the many."""
         self._enter()
         return sorted(esper.get_component(kind), key=lambda pair: pair[0])
 
     def entity_exists(self, entity):
+        """Whether an entity lives and is not marked for deletion."""
         self._enter()
         return esper.entity_exists(entity)
 
+    def plain_entities(self):
+        """Ids of the entities that are no agents, ascending."""
+        self._enter()
+        return sorted(set(esper._entities) - self._agent_set)
+
+    def components_of(self, entity):
+        """The components of an entity, by type."""
+        self._enter()
+        return dict(esper._entities[entity])
+
     # resources --------------------------------------------------------------
 
-    def insert(self, resource):
+    def insert(self, resource: T) -> T:
         """Put one object of its type into the world, replacing the one there was."""
         self._resources[type(resource)] = resource
         return resource
 
     def has(self, kind):
+        """Whether there is a resource of this type."""
         return kind in self._resources
 
-    def resource(self, kind):
+    def resource(self, kind: type[T]) -> T:
         """The object of this type; LookupError with what there is."""
         try:
-            return self._resources[kind]
+            return self._resources[kind]  # type: ignore[return-value]
         except KeyError:
             have = ", ".join(k.__name__ for k in self._resources) or "none"
             raise LookupError(f"no {kind.__name__} in {self.name}; resources: {have}") from None
 
+    def resources(self):
+        """All resources in order of the name of their type."""
+        return sorted(self._resources.values(), key=lambda r: (type(r).__name__, type(r).__module__))
 
-def _move_in(component, table, entity):
+    # snapshots --------------------------------------------------------------
+
+    def become(self, ids, columns, plain, next_entity):
+        """Have exactly these agents and plain entities, and number births from ``next_entity``.
+
+        Windows on agents that live before and after stay good.
+
+        Parameters
+        ----------
+        ids : (n,) int64, ascending
+        columns : dict of Field to array
+            Every column of this world, n rows each.
+        plain : collection of int
+            Plain entities to keep; all others go.
+        next_entity : int
+        """
+        self._enter()
+        kept = set(plain)
+        for entity in self.plain_entities():
+            if entity not in kept:
+                esper.delete_entity(entity, immediate=True)
+        wanted = set(np.asarray(ids).tolist())
+        for entity in self._agent_set - wanted:
+            esper.delete_entity(entity, immediate=True)
+        esper._dead_entities.clear()
+        self._dying = set()
+        born = sorted(wanted - self._agent_set)
+        self._agent_set.intersection_update(wanted)
+        self.agents.replace(ids, columns)
+        self._register(born)
+        self._counter.next = int(next_entity)
+
+
+class Windows(MutableMapping):
+    """What esper holds for an agent: its components by type, made when first asked for.
+
+    A hundred thousand animals would otherwise be over a million small objects that nobody looks at.
+    """
+
+    __slots__ = ("_entity", "_made", "_table")
+
+    def __init__(self, table, entity, made=None):
+        self._table, self._entity, self._made = table, entity, made or None
+
+    def __getitem__(self, kind):
+        if self._made is None:
+            self._made = {}
+        if kind not in self._made and kind in self._table.kinds:
+            window = kind.__new__(kind)
+            window._home, window._entity = self._table, self._entity
+            self._made[kind] = window
+        return self._made[kind]
+
+    def __setitem__(self, kind, component):
+        if kind in self._table.kinds and not isinstance(component._home, Table):
+            _move_in(component, self._table, self._entity)
+        if self._made is None:
+            self._made = {}
+        self._made[kind] = component
+
+    def __delitem__(self, kind):
+        if kind in self._table.kinds:
+            raise TypeError(f"every agent has a {kind.__name__}; it cannot be taken away")
+        del (self._made or {})[kind]
+
+    def __iter__(self):
+        yield from self._table.kinds
+        for kind in self._made or ():
+            if kind not in self._table.kinds:
+                yield kind
+
+    def __len__(self):
+        return sum(1 for _ in self)
+
+    def __contains__(self, kind):
+        return kind in self._table.kinds or kind in (self._made or ())
+
+
+def _move_in(component: Any, table, entity):
     values, row = component._home, table.row(entity)
     for field, value in values.items():
         table.arrays[field][row] = value
     component._home, component._entity = table, entity
+
+
+def _forget(name):
+    """Drop an esper context, at once or, when esper is in it, as soon as it is in another."""
+    if esper.current_world == name:
+        _forgotten.append(name)
+    else:
+        esper._context_map.pop(name, None)

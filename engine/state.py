@@ -1,0 +1,182 @@
+"""The state of a world as a hash and as a snapshot.
+
+What counts is the ids and columns of all agents, the plain entities, the id of the next birth,
+and every resource or plain component that keeps this protocol:
+
+    state() -> bytes            everything in it that may change while the world runs
+    set_state(data: bytes)      take that back; later ticks must then give the same bits
+
+A resource without the two is taken to be a constant of the level, or to be made anew in every
+tick.  One that must come back with a snapshot, but is no part of what the herd *is*, says
+``hashed = False``: the queue of commands, which a replay fills differently.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import struct
+
+import numpy as np
+
+MAGIC = b"FBSTATE1"
+_LENGTH = struct.Struct("<Q")
+
+
+class StateError(ValueError):
+    """A snapshot that this world cannot take: damaged, or of another kind of world."""
+
+
+def state_hash(world):
+    """16 hexadecimal digits that are the same for the same state.
+
+    Parameters
+    ----------
+    world : World
+
+    Returns
+    -------
+    str
+        BLAKE2b over the next entity id, the agents' ids and columns in order of name, and the
+        states of resources and plain components.
+    """
+    digest = hashlib.blake2b(digest_size=8)
+    for name, data in _parts(world, hashed=True):
+        digest.update(name.encode())
+        digest.update(_LENGTH.pack(memoryview(data).nbytes))
+        digest.update(data)
+    return digest.hexdigest()
+
+
+def snapshot(world):
+    """Everything that a world needs to go on from here, as bytes for `restore`.
+
+    Taken between two ticks.  Animals marked for deletion are still in it; call ``flush`` first.
+    """
+    world.flush()
+    parts = list(_parts(world, hashed=False))
+    head = {
+        "columns": {repr(f): [f.default.dtype.str, list(f.default.shape)] for f in _fields(world)},
+        "parts": [[name, memoryview(data).nbytes] for name, data in parts],
+    }
+    encoded = json.dumps(head, separators=(",", ":")).encode()
+    return b"".join([MAGIC, _LENGTH.pack(len(encoded)), encoded, *(bytes(data) for _, data in parts)])
+
+
+def restore(world, data):
+    """Put a snapshot into a world of the same kind: the same bits, and the same from then on.
+
+    Parameters
+    ----------
+    world : World
+        Built from the same level as the one the snapshot is of.
+    data : bytes
+        From `snapshot`.
+
+    Raises
+    ------
+    StateError
+        When the bytes are no snapshot or do not fit this world, which then is as it was.
+    """
+    parts = _read(world, data)
+    next_entity, plain = _plain_of(world, parts.pop("entities"))
+    ids = np.frombuffer(parts.pop("ids"), np.int64)
+    columns = {f: _column(f, parts.pop(repr(f)), len(ids)) for f in _fields(world)}
+    if len(ids) and ((np.diff(ids) <= 0).any() or ids[0] < 1 or ids[-1] >= next_entity):
+        raise StateError("the snapshot is damaged: its agents are out of order")
+    owners = dict(_owners(world))
+    stray = sorted(set(parts) ^ {name for name, _ in _owners(world, plain)})
+    if stray:
+        raise StateError(f"the snapshot is of another world: {stray[0]} is only in one of them")
+    before = {name: owners[name].state() for name in parts}
+    try:
+        for name, state in parts.items():
+            owners[name].set_state(state)
+    except Exception as error:
+        for name, state in before.items():
+            owners[name].set_state(state)
+        raise StateError(f"the snapshot does not fit this world: {name}: {error}") from error
+    world.become(ids, columns, plain, next_entity)
+
+
+def _fields(world):
+    """The columns of a world in order of name."""
+    return sorted(world.agents.arrays, key=repr)
+
+
+def _owners(world, plain=None):
+    """(name, object) of everything with a state of its own, in an order that is always the same."""
+    for resource in world.resources():
+        if hasattr(resource, "state"):
+            yield f"resource {type(resource).__name__}", resource
+    for entity in world.plain_entities() if plain is None else sorted(plain):
+        for kind, component in sorted(world.components_of(entity).items(), key=lambda item: item[0].__name__):
+            if hasattr(component, "state"):
+                yield f"entity {entity} {kind.__name__}", component
+
+
+def _parts(world, hashed):
+    """(name, bytes-like) of the whole state."""
+    agents = world.agents
+    kinds = {e: sorted(kind.__name__ for kind in world.components_of(e)) for e in world.plain_entities()}
+    yield "entities", json.dumps([world.next_entity, list(kinds.items())], separators=(",", ":")).encode()
+    yield "ids", _bytes(agents.ids)
+    for field in _fields(world):
+        yield repr(field), _bytes(agents[field])
+    for name, owner in _owners(world):
+        if not hashed or getattr(owner, "hashed", True):
+            yield name, owner.state()
+
+
+def _bytes(array):
+    return np.ascontiguousarray(array).reshape(-1).view(np.uint8)
+
+
+def _read(world, data):
+    """{name: bytes} of a snapshot whose columns are this world's."""
+    data = memoryview(data)
+    if bytes(data[: len(MAGIC)]) != MAGIC or len(data) < len(MAGIC) + _LENGTH.size:
+        raise StateError("this is no snapshot of a world")
+    start = len(MAGIC) + _LENGTH.size
+    end = start + _LENGTH.unpack(data[len(MAGIC) : start])[0]
+    try:
+        head = json.loads(bytes(data[start:end]))
+        columns, sizes = dict(head["columns"]), [(str(name), int(size)) for name, size in head["parts"]]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        raise StateError("the snapshot is damaged: its table of contents cannot be read") from None
+    mine = {repr(f): [f.default.dtype.str, list(f.default.shape)] for f in _fields(world)}
+    if columns != mine:
+        odd = sorted(name for name in {**columns, **mine} if columns.get(name) != mine.get(name))
+        raise StateError(f"the snapshot is of another kind of world: column {odd[0]} differs")
+    if min((size for _, size in sizes), default=0) < 0 or end + sum(size for _, size in sizes) != len(data):
+        raise StateError("the snapshot is damaged: it is not as long as it says")
+    parts, at = {}, end
+    for name, size in sizes:
+        parts[name], at = bytes(data[at : at + size]), at + size
+    missing = {"entities", "ids", *mine} - set(parts)
+    if missing or len(parts["ids"]) % 8:
+        raise StateError("the snapshot is damaged: something is missing in it")
+    return parts
+
+
+def _plain_of(world, encoded):
+    """(next entity id, plain entities), which must be among those of this world."""
+    try:
+        next_entity, pairs = json.loads(encoded)
+        plain, next_entity = {int(entity): list(kinds) for entity, kinds in pairs}, int(next_entity)
+    except (ValueError, TypeError, RecursionError):
+        raise StateError("the snapshot is damaged: its entities cannot be read") from None
+    here = set(world.plain_entities())
+    for entity, kinds in plain.items():
+        if entity not in here:
+            raise StateError(
+                f"the snapshot is of another world: entity {entity} ({', '.join(kinds)}) is not in this one"
+            )
+    return next_entity, set(plain)
+
+
+def _column(field, data, count):
+    try:
+        return np.frombuffer(data, field.default.dtype).reshape(count, *field.default.shape)
+    except ValueError:
+        raise StateError(f"the snapshot is damaged: column {field!r} has not one row for each agent") from None
