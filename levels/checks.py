@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from dataclasses import MISSING, fields
 
@@ -9,10 +10,10 @@ import numpy as np
 
 from behaviours.problems import ProblemsError, did_you_mean
 from levels import geometry
+from levels.properties import is_number, shown
 from levels.schema import MAX_AGENTS
 
 _PACKED = 0.6  # share of the ground that bodies may cover at the start
-_FROM_OBJECT = {"x", "y", "xy", "position", "polygon", "points"}  # a Key's object can stand for these
 
 
 def check_level(level, objects, library, commands=None):
@@ -182,10 +183,40 @@ class _Checks:
             )
             return
         known = {f.name: f for f in fields(self.commands[key.command])}
-        for name in key.args:
+        for name, value in key.args.items():
             if name not in known:
                 place.say(f"{key.command} has no {name[:60]!r}{did_you_mean(name, known)}", lines.get(name))
+            elif not _fits(value, str(known[name].type)):
+                place.say(f"{name} must be {_WORDS[str(known[name].type)]}, got {shown(value)}", lines.get(name))
+        self.named(key, place, lines)
+        self.complete(key, known)
         for name, f in known.items():
-            needed = f.default is MISSING and f.default_factory is MISSING
-            if needed and name not in key.args and name not in _FROM_OBJECT:
+            if f.default is MISSING and f.default_factory is MISSING and name not in key.args:
                 place.say(f"{key.command} needs the property {name!r}")
+
+    def named(self, key, place, lines):
+        """What a command names must exist."""
+        for name, known in (("brush", self.library.names()), ("goal", [g.name for g in self.level.goals])):
+            value = key.args.get(name)
+            if isinstance(value, str) and value and value not in known:
+                place.say(f"{name}: there is no {name} {value[:60]!r}{did_you_mean(value, known)}", lines.get(name))
+
+    def complete(self, key, known):
+        """What a command wants and the properties leave out, the drawn object says: x, y, radius, points."""
+        kind, points = self.objects.key_shapes[key.id]
+        drawn = {"x": float(key.xy[0]), "y": float(key.xy[1]), "points": points.tolist()}
+        if kind == "area":
+            drawn["radius"] = math.sqrt(geometry.signed_area(points) / math.pi)
+        for name in known:
+            if name in drawn and name not in key.args:
+                key.args[name] = drawn[name]
+
+
+_WORDS = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "a text"}
+
+
+def _fits(value, kind):
+    """Whether a property's value is what the command's annotation says; what we do not know may pass."""
+    if kind == "float":
+        return is_number(value)
+    return {"int": type(value) is int, "bool": type(value) is bool, "str": isinstance(value, str)}.get(kind, True)

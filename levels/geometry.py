@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from functools import cache
+
 import numpy as np
+
+from engine.maths import sincos_
 
 ROUND = 32  # corners of an ellipse
 
@@ -21,6 +26,16 @@ ALIGNMENTS = {
 }
 
 
+@cache
+def circle():
+    """Corners of the unit circle, (32, 2), clockwise on a screen: the same bits on every processor."""
+    corners = [sincos_(2 * math.pi / ROUND * k)[::-1] for k in range(ROUND // 8 + 1)]
+    corners += [(s, c) for c, s in corners[-2::-1]]  # mirrored, so that the circle is symmetric to the last bit
+    corners += [(-s, c) for c, s in corners[1:]]
+    corners += [(-c, -s) for c, s in corners[1:-1]]
+    return np.array(corners)
+
+
 def rectangle(w, h):
     """Corners of a w x h box from its top left, (4, 2) px."""
     return np.array([(0, 0), (w, 0), (w, h), (0, h)], float)
@@ -28,15 +43,13 @@ def rectangle(w, h):
 
 def ellipse(w, h):
     """The ellipse in a w x h box, (32, 2) px."""
-    a = np.arange(ROUND) * (2 * np.pi / ROUND)
-    return np.column_stack([w / 2 * (1 + np.cos(a)), h / 2 * (1 + np.sin(a))])
+    return (1 + circle()) * (w / 2, h / 2)
 
 
 def capsule(w, h):
     """The box with its short sides made half circles, (34, 2) px."""
     r = min(w, h) / 2
-    a = np.arange(ROUND // 2 + 1) * (2 * np.pi / ROUND)
-    arc = np.column_stack([np.cos(a), np.sin(a)]) * r  # half a circle from +x over +y to -x
+    arc = circle()[: ROUND // 2 + 1] * r  # half a circle from +x over +y to -x
     if w >= h:
         turned = np.column_stack([arc[:, 1], -arc[:, 0]])  # from -y over +x to +y
         return np.vstack([turned + (w - r, r), -turned + (r, r)])
@@ -48,7 +61,7 @@ def turn(points, degrees):
     if degrees % 90 == 0:
         c, s = [(1, 0), (0, 1), (-1, 0), (0, -1)][int(degrees // 90) % 4]
     else:
-        c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+        s, c = sincos_(degrees % 360 * (math.pi / 180))
     return points @ np.array([(c, s), (-s, c)])
 
 

@@ -6,6 +6,7 @@ alone unless named.
 
 from __future__ import annotations
 
+import itertools
 import sys
 from pathlib import Path
 
@@ -13,10 +14,11 @@ import numpy as np
 
 from behaviours.brush import shipped
 from levels.sketch import Sketch
-from levels.tiled import BRUSHES_FILE, known_brushes, write_project
+from levels.tiled import BRUSHES_FILE, known_brushes, png, write_project
 
 HERE = Path(__file__).parent
 LEVELS = {}
+SAVED_BY_TILED = ("gorge", "meadow")  # changed by hand since
 
 
 def level(draw):
@@ -53,7 +55,7 @@ def polygon_about(x, y, radius, corners, seed, rough=0.25, flat=1.0):
 def near_line(x, y, points):
     """Distance of every cell from a polyline, m."""
     best = np.full(x.shape, np.inf)
-    for (ax, ay), (bx, by) in zip(points[:-1], points[1:], strict=True):
+    for (ax, ay), (bx, by) in itertools.pairwise(points):
         dx, dy = bx - ax, by - ay
         t = np.clip(((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy), 0, 1)
         best = np.minimum(best, np.hypot(x - ax - t * dx, y - ay - t * dy))
@@ -92,10 +94,202 @@ def meadow():
     return s
 
 
+@level
+def sheep_pasture():
+    """A corridor between hedges, full of things in the way; one sinusoidal arrow, two brushes (Gong et al. 2025, fig. 1)."""
+    s = new(120, 36, 2.0, seed=1)
+    wave = [(x, 36 + 12 * np.sin(2 * np.pi * (x - 10) / 90)) for x in np.linspace(10, 205, 53)]
+    s.ground("grass")
+    s.ground("meadow", rolling(s.x, s.y, 11, 50) > 0.5)
+    s.ground("dry grass", rolling(s.x, s.y, 12, 60) > 0.9)
+    s.ground("dirt", near_line(s.x, s.y, wave) < 1.6 + 0.8 * rolling(s.x, s.y, 13, 25))
+    pond = ((s.x - 62) / 9) ** 2 + ((s.y - 26) / 6) ** 2
+    s.ground("sand", pond < 1.5)
+    s.ground("deep water", pond < 0.8)
+    s.ground("forest floor", (s.y < 6) | (s.y > 66))
+    for y, name in ((2, "south hedge"), (70, "north hedge")):
+        top = [(x, y + (-1 if y > 36 else 1) * (2.2 + np.sin(x / 7 + y))) for x in range(240, -1, -8)]
+        s.draw("Obstacle", [(0, 72 if y > 36 else 0), (240, 72 if y > 36 else 0), *top], name)
+    s.box("Obstacle", 62, 26, 15, 9.6, "pond", round_=True, blocks_view=False)
+    s.box("Obstacle", 92, 46, 14, 8, "barn", turned=20, margin=0.5)
+    s.draw("Obstacle", polygon_about(40, 50, 4.5, 7, 21), "boulder", margin=0.4)
+    s.draw("Obstacle", polygon_about(128, 28, 5, 8, 22), "outcrop", margin=0.4)
+    s.draw("Obstacle", polygon_about(165, 24, 3.2, 6, 23), "stone")
+    s.draw("Obstacle", [(150, 44), (166, 50), (165.7, 50.8), (149.7, 44.8)], "broken fence", blocks_view=False)
+    trees = [
+        (28, 18, 1.6),
+        (78, 58, 2.0),
+        (112, 12, 1.8),
+        (116, 56, 1.5),
+        (142, 60, 2.0),
+        (180, 58, 1.7),
+        (186, 14, 1.9),
+    ]
+    for k, (x, y, r) in enumerate(trees, 1):
+        s.box("Obstacle", x, y, 2 * r, 2 * r, f"tree {k}", round_=True, shape="cylinder")
+    s.draw("Guide", wave, "sinus", closed=False, strength=1, radius=8, decay=8)
+    s.brush("sheep-narrow", s.x < 110)
+    s.brush("front", (s.x >= 110) & (s.x < 206))
+    s.brush("graze", s.x >= 206)
+    s.box(
+        "Spawn", 20, 36, 32, 30, "herd", species="sheep", brush="sheep-narrow", count=300, heading=50, body_length=1.2
+    )
+    s.draw("Line", [(110, 6), (110, 66)], "brush border", closed=False)
+    s.box("Area", 222, 36, 32, 56, "fold")
+    return s
+
+
+@level
+def anthill():
+    """Ants around a square: narrow lanes left and right, broad ones above and below (Gong et al. 2025, fig. 17)."""
+    s = new(56, 72, 0.25, seed=2)
+    x, y = s.x - 7, s.y - 9
+    s.ground("sand")
+    s.ground("gravel", rolling(s.x, s.y, 31, 4) > 0.9)
+    s.ground("dirt", np.maximum(np.abs(x), np.abs(y)) < 5.3 + 0.3 * rolling(s.x, s.y, 32, 3))
+    s.ground("mud", np.maximum(np.abs(x), np.abs(y)) < 4.5)
+    s.box("Obstacle", 7, 9, 9, 9, "ant hill", margin=0.05)
+    a = np.linspace(0, 2 * np.pi, 41)[:-1]
+    c, d = np.cos(a), np.sin(a)
+    ring = np.column_stack([7 + 5.8 * np.sign(c) * np.sqrt(np.abs(c)), 9 + 6.8 * np.sign(d) * np.sqrt(np.abs(d))])
+    s.draw("Guide", ring, "round the hill", closed=False, strength=1, radius=1.2, decay=1.0, loop=True)
+    s.brush("swarm", s.y >= 9)
+    s.brush("mill-filled", s.y < 9)
+    s.box("Spawn", 7, 16, 10, 2.4, "upper ants", species="ant", brush="swarm", count=180, body_length=0.2)
+    s.box("Spawn", 7, 2, 10, 2.4, "lower ants", species="ant", brush="mill-filled", count=180, body_length=0.2)
+    s.draw("Line", [(0, 9), (2.5, 9)], "west lane", closed=False)
+    s.draw("Line", [(11.5, 9), (14, 9)], "east lane", closed=False)
+    return s
+
+
+@level
+def river():
+    """Ducks between two banks turn around each other with nothing to turn around (Gong et al. 2025, fig. 8)."""
+    s = new(56, 72, 1.0, seed=3)
+    ys = np.arange(0, 73, 3.0)
+
+    def bank(side):
+        return 28 + side * (17 + 1.2 * np.sin(ys / 6 + side)) + 4 * np.sin(ys / 17)
+
+    west, east = (np.interp(s.y, ys, bank(k)) for k in (-1, 1))
+    inside = np.minimum(s.x - west, east - s.x)
+    s.ground("meadow")
+    s.ground("forest floor", (inside < -7) & (rolling(s.x, s.y, 41, 14) > -0.3))
+    s.ground("sand", inside > -1.2)
+    s.ground("shallows", inside > 0.2)
+    s.ground("water", inside > 3 + 0.8 * rolling(s.x, s.y, 42, 16))
+    s.draw("Obstacle", [(0, 0), *zip(bank(-1), ys, strict=True), (0, 72)], "west bank", blocks_view=False)
+    s.draw("Obstacle", [(56, 0), *zip(bank(1), ys, strict=True), (56, 72)], "east bank", blocks_view=False)
+    s.draw("Obstacle", polygon_about(35, 63, 2.2, 9, 43), "islet", blocks_view=False)
+    s.brush("mill-filled", inside > 0.2)
+    s.box(
+        "Spawn", 28, 34, 14, 14, "flock", round_=True, species="duck", brush="mill-filled", count=160, body_length=0.5
+    )
+    s.box("Area", 28, 34, 26, 40, "river")
+    return s
+
+
+@level
+def gorge():
+    """A wide herd, a narrow gap, a goal on the other side: nobody stays behind."""
+    s = new(90, 50, 2.0, seed=4)
+    south = [(62, 0), (74, 16), (80, 30), (86, 42), (92, 45), (100, 45), (106, 40), (112, 26), (124, 12), (132, 0)]
+    north = [(64, 100), (72, 84), (78, 70), (86, 58), (92, 55), (100, 55), (108, 60), (116, 74), (126, 88), (134, 100)]
+    low = np.interp(s.x, *np.transpose(south), left=-9, right=-9)
+    high = np.interp(s.x, *np.transpose(north), left=109, right=109)
+    s.ground("dry grass")
+    s.ground("grass", rolling(s.x, s.y, 51, 55) + (s.x - 110) / 60 > 0.2)
+    s.ground("gravel", np.hypot(s.x - 96, (s.y - 50) * 1.2) < 30 + 5 * rolling(s.x, s.y, 52, 25))
+    s.ground("rock", (s.y < low + 2.5) | (s.y > high - 2.5))
+    s.ground("cliff", (s.y < low - 3) | (s.y > high + 3))
+    s.draw("Obstacle", [*south], "south wall", margin=0.3)
+    s.draw("Obstacle", [*north], "north wall", margin=0.3)
+    for k, (x, y, r) in enumerate([(24, 14, 2.2), (40, 88, 2.6), (150, 20, 2.2), (140, 80, 1.8)], 1):
+        s.draw("Obstacle", polygon_about(x, y, r, 7, 53 + k), f"boulder {k}", margin=0.3)
+    s.draw("Goal", [(166, 50)], "far side", radius=12, on_arrive="despawn")
+    s.box(
+        "Spawn",
+        30,
+        50,
+        36,
+        60,
+        "herd",
+        species="sheep",
+        brush="sheep-narrow",
+        count=400,
+        heading="east",
+        body_length=1.2,
+    )
+    s.draw("Line", [(96, 45), (96, 55)], "gap", closed=False)
+    return s
+
+
+@level
+def predators_valley():
+    """Reindeer graze in a snowy valley until the wolves come (Gong et al. 2025, section 7.5)."""
+    s = new(80, 50, 4.0, seed=5)
+    middle = 100 + 18 * np.sin(s.x / 60)
+    away = np.abs(s.y - middle)
+    s.ground("dry grass")
+    s.ground("grass", rolling(s.x, s.y, 61, 110) > 0.3)
+    s.ground("gravel", away > 58 + 8 * rolling(s.x, s.y, 62, 60))
+    s.ground("snow", away > 66 + 8 * rolling(s.x, s.y, 63, 60))
+    s.ground("rock", away > 84 + 6 * rolling(s.x, s.y, 64, 40))
+    stream = [(0, 62), (50, 78), (110, 74), (170, 52), (230, 58), (320, 92)]
+    s.ground("sand", near_line(s.x, s.y, stream) < 7)
+    s.ground("shallows", near_line(s.x, s.y, stream) < 4.5)
+    wood = np.hypot((s.x - 250) / 1.6, s.y - 148) + 8 * rolling(s.x, s.y, 65, 50)
+    s.ground("forest floor", wood < 24)
+    s.ground("thicket", wood < 9)
+    for k, (x, y, r) in enumerate([(70, 140, 5), (128, 128, 3.5), (190, 96, 4), (262, 82, 5), (150, 40, 4)], 1):
+        s.draw("Obstacle", polygon_about(x, y, r, 7, 65 + k), f"rock {k}", margin=0.5)
+    for k, (x, y) in enumerate([(226, 146), (236, 158), (246, 138), (262, 150), (272, 142), (280, 156)], 1):
+        s.box("Obstacle", x, y, 3, 3, f"spruce {k}", round_=True, shape="cylinder")
+    s.speed(max_speed=2.0, where=near_line(s.x, s.y, stream) < 4.5)
+    s.box("Spawn", 95, 108, 70, 44, "herd", species="reindeer", brush="reindeer-flee", count=160, body_length=2.0)
+    s.box(
+        "Spawn",
+        306,
+        112,
+        14,
+        22,
+        "pack",
+        species="wolf",
+        brush="wolf-hunt",
+        count=7,
+        heading="west",
+        body_length=1.5,
+        start=5,
+    )
+    s.picture("height", "predators-valley-height.png", metres_per_level=0.2)
+    return s
+
+
+def valley_heights():
+    """The grey picture of the predators' valley: flat in the middle, 40 m up the sides, (100, 160) uint8."""
+    x, y = np.meshgrid((np.arange(160) + 0.5) * 2, 200 - (np.arange(100) + 0.5) * 2)
+    side = np.clip((np.abs(y - 100 - 18 * np.sin(x / 60)) - 40) / 60, 0, 1)
+    return (
+        np.round(200 * side * side * (3 - 2 * side) + 4 * (1 + rolling(x, y, 66, 90) / 3)).clip(0, 255).astype(np.uint8)
+    )
+
+
+@level
+def crowded():
+    """Ten thousand animals, one on every 4 square metres: the scene that is timed."""
+    s = new(100, 100, 2.0, seed=6)
+    s.ground("dry grass")
+    s.ground("dirt", rolling(s.x, s.y, 71, 70) > 0.4)
+    s.ground("grass", rolling(s.x, s.y, 72, 80) > 0.8)
+    s.box("Spawn", 100, 100, 200, 200, "crowd", species="sheep", brush="swarm", count=10_000, body_length=2.5)
+    return s
+
+
 def main(names):
-    """Draw the project, the tilesets and the levels named, or all."""
+    """Draw the project, the tilesets and the levels named, or all that Tiled has not changed since."""
     write_project(HERE, shipped())
-    for name in names or LEVELS:
+    (HERE / "shipped" / "predators-valley-height.png").write_bytes(png(valley_heights()))
+    for name in names or (n for n in LEVELS if n not in SAVED_BY_TILED):
         LEVELS[name]().save(HERE / "shipped" / f"{name}.tmj")
         print(f"drew {name}")
 

@@ -24,6 +24,7 @@ class ObjectReader:
         self.places: dict[int, object] = {}  # id -> place, for the checks that come later
         self.goal_ids: dict[int, str] = {}
         self.key_lines: dict[int, dict[str, int]] = {}  # id -> line of each property
+        self.key_shapes: dict[int, tuple[str, np.ndarray]] = {}
         self.vertices = 0
 
     def layer(self, layer, kind):
@@ -238,6 +239,7 @@ class ObjectReader:
         xy = geometry.centroid(points) if kind == "area" else points[0]
         self.level.script.append(Key(number, name, v["at"], v["command"], dict(v.others), xy))
         self.key_lines[number] = v.lines
+        self.key_shapes[number] = shape
 
     def line(self, number, name, shape, v, place):
         self.level.lines.append(Line(number, name or f"line {number}", shape[1]))

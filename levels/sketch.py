@@ -19,8 +19,6 @@ TERRAIN_GID = 1
 SPEED_GID = TERRAIN_GID + _rows(TERRAINS)
 BRUSH_GID = SPEED_GID + _rows(SPEEDS)
 
-SPEED_GID, TERRAIN_GID, BRUSH_GID = 901, 1, 1001  # room for the tilesets to grow without moving the others
-
 
 class Sketch:
     """A new level.
@@ -133,6 +131,11 @@ class Sketch:
         if round_:
             thing["ellipse"] = True
         return number
+
+    def picture(self, name, image, **properties):
+        """An image layer; its picture is a file beside the level."""
+        told = [{"name": k, "type": "float", "value": v} for k, v in sorted(properties.items())]
+        self._add({"image": image, "name": name, "opacity": 0.3, "properties": told, "type": "imagelayer"})
 
     def _home(self, cls):
         home = CLASSES[cls].home

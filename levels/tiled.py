@@ -113,7 +113,7 @@ def project_files(library, known=()) -> dict[str, bytes]:
     ):
         sheet = _sheet(pictures)
         files[f"tilesets/{name}.tsj"] = _json(tileset(name, tiles, sheet.shape))
-        files[f"tilesets/{name}.png"] = _png(sheet)
+        files[f"tilesets/{name}.png"] = png(sheet)
     return files
 
 
@@ -242,10 +242,11 @@ def _tile(number, cls, values):
 # ---------------------------------------------------------------- pictures
 
 
-def _png(bgra):
+def png(picture) -> bytes:
+    """A picture as a PNG file."""
     import cv2
 
-    return cv2.imencode(".png", bgra)[1].tobytes()
+    return cv2.imencode(".png", picture)[1].tobytes()
 
 
 def _sheet(pictures):
