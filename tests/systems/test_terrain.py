@@ -237,6 +237,11 @@ def winding_area(tiles):
     return sum(abs(polygon_area(tile)) for tile in tiles)
 
 
+def test_the_western_and_southern_edges_belong_to_a_polygon():
+    inside = [point_in_polygon(x, y, SQUARE) for x, y in [(2, 2), (4, 1), (2, 1), (6, 2), (4, 4), (6, 4)]]
+    assert inside == [True, True, True, False, False, False]
+
+
 def test_squares_side_by_side_never_share_an_animal():
     for x, y in [(2, 2), (2, 2.5), (2.5, 2), (3, 3), (1, 1), (3, 1.5)]:
         squares = [
