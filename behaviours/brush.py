@@ -194,12 +194,18 @@ class Brush(_Spec):
     def with_parameters(self, **changes) -> Brush:
         """The same brush with some parameters changed.
 
+        Whole floats will do for whole numbers: commands and sliders know floats alone.
+
         Raises
         ------
         ProblemsError
             For unknown names and values out of bounds.
         """
-        params, mistakes = validated(type(self.params), {**self.parameters, **changes}, ("parameters",))
+        now = self.parameters
+        for name, value in changes.items():
+            whole = type(now.get(name)) is int and isinstance(value, float) and value.is_integer()
+            now[name] = int(value) if whole else value
+        params, mistakes = validated(type(self.params), now, ("parameters",))
         if mistakes:
             named = [Problem(self.name, None, ".".join(map(str, path)), message) for path, message in mistakes]
             raise ProblemsError(named)
@@ -273,7 +279,7 @@ def _read(toml: TomlFile, models: Mapping[str, Any]) -> Brush:
     brush, more = validated(Brush, document)
     for path, message in mistakes + more:
         problems.append(toml.problem(path, _belongs(path, message, models, document)))
-    if problems:
+    if brush is None or problems:
         raise ProblemsError(sorted(problems, key=lambda problem: problem.line or 0))
     return brush
 
@@ -328,7 +334,12 @@ def _belongs(path: Key, message: str, models: Mapping[str, Any], document: dict)
     """Say where a name belongs that stands in the wrong table: in TOML a table goes on to the next header."""
     if not message.startswith("unknown name"):
         return message
-    homes = {"speed": SpeedSpec, "body": BodySpec, "vision": VisionSpec, "provenance": Provenance}
+    homes: dict[str, type[BaseModel]] = {
+        "speed": SpeedSpec,
+        "body": BodySpec,
+        "vision": VisionSpec,
+        "provenance": Provenance,
+    }
     names = {table: list(model.model_fields) for table, model in homes.items()}
     names[""] = ["schema", "parameters", *(name for name in Brush.model_fields if name not in ("name", "params"))]
     model = document.get("model")

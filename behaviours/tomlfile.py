@@ -215,7 +215,7 @@ class _Scanner:
         self.value(table, depth)
 
     def dotted_key(self) -> list[str]:
-        parts = []
+        parts: list[str] = []
         while True:
             self.skip(_SPACE)
             if len(parts) >= DEPTH:
@@ -260,7 +260,8 @@ class _Scanner:
         self.found.setdefault(key, bisect.bisect_left(self.ends, position) + 1)
 
     def skip(self, pattern: re.Pattern):
-        self.at = pattern.match(self.text, self.at).end()
+        match = pattern.match(self.text, self.at)
+        self.at = match.end() if match else self.at
 
     def take(self, pattern: re.Pattern) -> str:
         match = pattern.match(self.text, self.at)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import datetime
 import math
 import re
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
 
 from behaviours.problems import did_you_mean
 
@@ -16,6 +17,7 @@ LARGEST = 2**63 - 1  # TOML promises no larger whole number
 
 Key = tuple[str | int, ...]
 Mistake = tuple[Key, str]
+Model = TypeVar("Model", bound=BaseModel)
 
 
 class Bounds(NamedTuple):
@@ -72,7 +74,7 @@ def choices(field: FieldInfo) -> str:
     return ", ".join(values[:-1]) + f" or {values[-1]}" if len(values) > 1 else values[0]
 
 
-def validated(model: type[BaseModel], data: dict[str, Any], where: Key = ()) -> tuple[BaseModel | None, list[Mistake]]:
+def validated(model: type[Model], data: dict[str, Any], where: Key = ()) -> tuple[Model | None, list[Mistake]]:
     """Make a model of plain data.
 
     Numbers are numbers: no bool and no text is taken for one, and none is infinite or not a number.
@@ -102,7 +104,7 @@ def validated(model: type[BaseModel], data: dict[str, Any], where: Key = ()) -> 
         for item in error.errors(include_url=False):
             path = where + item["loc"]
             if not any(path[: len(other)] == other for other in told):
-                mistakes.append((path, _message(model, known, item)))
+                mistakes.append((path, _message(model, item)))
     return (made if not mistakes else None), mistakes
 
 
@@ -149,12 +151,13 @@ def _tuples(value: Any) -> Any:
 
 
 def _field_at(model: type[BaseModel], path: Key) -> FieldInfo | None:
-    field = None
+    field: FieldInfo | None = None
+    table: type[BaseModel] | None = model
     for part in path:
-        if model is None or part not in model.model_fields:
+        if table is None or part not in table.model_fields:
             return None
-        field = model.model_fields[part]
-        model = _table_of(field)
+        field = table.model_fields[str(part)]
+        table = _table_of(field)
     return field
 
 
@@ -173,7 +176,7 @@ _RANGES = {"greater_than_equal", "less_than_equal", "greater_than", "less_than"}
 _WITH_UNIT = re.compile(r"\s*[-+]?\d+(\.\d*)?([eE][-+]?\d+)?\s*\S")
 
 
-def _message(model: type[BaseModel], data: dict, item: dict) -> str:
+def _message(model: type[BaseModel], item: ErrorDetails) -> str:
     kind, value = item["type"], item["input"]
     field = _field_at(model, item["loc"])
     if kind == "missing":
@@ -198,7 +201,7 @@ def _message(model: type[BaseModel], data: dict, item: dict) -> str:
 
 def _missing(field: FieldInfo | None) -> str:
     table = _table_of(field)
-    if table is None:
+    if field is None or table is None:
         return f"is missing; it takes {meaning(field) if field else 'a value'}"
     needed = [name for name, inner in table.model_fields.items() if inner.is_required()]
     return f"is missing; a table with {', '.join(needed)} is needed: {field.description}"

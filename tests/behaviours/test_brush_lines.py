@@ -117,6 +117,7 @@ def test_lines_count_the_same_with_the_line_ends_of_windows_and_a_byte_order_mar
         (b"\n" + b"a." * 100 + b"a = 1", "f:2: is nested more than 32 deep"),
         (b"[" + b"a." * 100 + b"a]", "f:1: is nested more than 32 deep"),
         (b"a = " + b"{a = " * 100 + b"1" + b"}" * 100, "f:1: is nested more than 32 deep"),
+        (b"[" + b"a." * 20 + b"a]\nb = " + b"{b = " * 20 + b"1" + b"}" * 20, "f:2: is nested more than 32 deep"),
         (b" " * (LIMIT + 1), "f: is larger than 1,048,576 bytes"),
     ],
 )
