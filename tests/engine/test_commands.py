@@ -1,0 +1,107 @@
+"""Commands: applied when they are due, written as JSON, read back or refused with a reason."""
+
+import numpy as np
+import pytest
+
+from engine.clock import Clock
+from engine.commands import COMMANDS, Commands, command, from_record, to_json, to_record
+from engine.world import World
+
+
+@command
+class Call:
+    """Somebody calls."""
+
+    who: str
+    loud: float = 1.0
+    times: int = 1
+    heading: float | None = None
+    notes: list | None = None
+    soft: bool = False
+
+    def apply(self, world):
+        world.resource(list).append(self.who)
+
+
+@pytest.fixture
+def world():
+    world = World()
+    world.insert(Clock())
+    world.insert(Commands())
+    world.insert([])
+    yield world
+    world.close()
+
+
+def test_commands_come_in_order_of_tick_then_of_submission(world):
+    queue, clock = world.resource(Commands), world.resource(Clock)
+    for who, tick in (("late", 5), ("first", 0), ("second", 0), ("middle", 3)):
+        queue.submit(Call(who), tick)
+    for clock.tick in range(10):
+        queue.apply(world)
+    assert world.resource(list) == ["first", "second", "middle", "late"]
+    assert [(tick, cmd.who) for tick, cmd in queue.log] == [(0, "first"), (0, "second"), (3, "middle"), (5, "late")]
+
+
+def test_a_command_comes_back_from_its_record():
+    call = Call("dog", 2.5, 3, 0.1, [1, "two"], True)
+    assert from_record(*to_record(call)) == call
+    assert to_json(call).startswith('["Call",{"who":"dog"')
+
+
+def test_the_first_run_has_the_very_numbers_of_the_replay(world):
+    """A designer's 2 is a replay's 2.0."""
+    queue = world.resource(Commands)
+    queue.submit(Call("dog", 2, heading=np.float64(1)))
+    applied = queue.pending[0][1]
+    assert [type(applied.loud), type(applied.heading)] == [float, float]
+
+
+@pytest.mark.parametrize(
+    "name, values, words",
+    [
+        ("Cal", {}, "unknown command 'Cal'; did you mean 'Call'"),
+        ("Zzz", {}, "there are .*Call"),
+        ("Call", {}, "Call needs who"),
+        ("Call", {"who": "a", "lound": 1}, "Call has no field 'lound'; did you mean 'loud'"),
+        ("Call", {"who": 3}, "Call.who must be a text, got 3"),
+        ("Call", {"who": "a", "loud": "very"}, "Call.loud must be a number, got 'very'"),
+        ("Call", {"who": "a", "loud": True}, "Call.loud must be a number, got True"),
+        ("Call", {"who": "a", "loud": float("inf")}, "Call.loud must be a finite number"),
+        ("Call", {"who": "a", "heading": float("nan")}, "Call.heading must be a finite number"),
+        ("Call", {"who": "a", "times": 1.5}, "Call.times must be a whole number"),
+        ("Call", {"who": "a", "times": True}, "Call.times must be a whole number"),
+        ("Call", {"who": "a", "notes": "n"}, "Call.notes must be a list"),
+        ("Call", {"who": "a", "soft": 1}, "Call.soft must be true or false"),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_words(name, values, words):
+    with pytest.raises(ValueError, match=words):
+        from_record(name, values)
+
+
+def test_what_cannot_be_recorded_is_refused_at_once(world):
+    queue = world.resource(Commands)
+    with pytest.raises(TypeError, match="str is no command"):
+        queue.submit("come")
+    with pytest.raises(ValueError, match="cannot be recorded"):
+        queue.submit(Call("a", notes=[object()]))
+    with pytest.raises(ValueError, match="cannot be recorded"):
+        queue.submit(Call("a", notes=[float("nan")]))
+    assert queue.pending == []
+
+
+def test_a_name_is_given_once():
+    try:
+        with pytest.raises(ValueError, match=r"command Call is already registered by .*test_commands"):
+            command(type("Call", (), {"__module__": "somewhere.else"}))
+    finally:
+        assert COMMANDS["Call"] is Call
+
+
+def test_the_queue_is_kept_as_bytes():
+    queue, other = Commands(), Commands()
+    queue.submit(Call("b"), 9)
+    queue.submit(Call("a"), 4)
+    other.set_state(queue.state())
+    assert other.pending == queue.pending == [(4, Call("a")), (9, Call("b"))]
