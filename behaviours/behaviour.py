@@ -53,6 +53,7 @@ class Scene(NamedTuple):
     speed: np.ndarray  # (n,) m/s, the speed process
     length: np.ndarray  # (n,) m, body length
     leader: np.ndarray  # (n,) 1 for leaders
+    species: np.ndarray  # (n,) index of the kind of animal
     danger: np.ndarray  # (n,) 1 for animals that others flee from
     first: np.ndarray  # (n + 1,)
     near: np.ndarray  # (m,) rows

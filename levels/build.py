@@ -189,7 +189,7 @@ def landscape_of(level, palette):
         np.ones(shape) if terrain is None else terrain.cost,
         relief_of() if height is None else relief_of(height.values, height.cell),
         1.0 if height is None else height.cell,
-        [Barrier(o.polygon, o.solid, o.blocks_view, o.name) for o in level.obstacles if o.z_min <= 0.0],
+        [Barrier(o.polygon, o.solid, o.blocks_view, o.name, o.margin) for o in level.obstacles if o.z_min <= 0.0],
         level.guides,
         goals,
         [exit.polygon for exit in level.exits],

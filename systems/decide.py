@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from components import Body, BrushBinding, Heading, Memory, Position, ReferenceBird, Role
+from components import Body, BrushBinding, Heading, Memory, Position, ReferenceBird, Role, Species
 from engine.parallel import over_rows
 from engine.schedule import Stage, System
 from systems.palette import Palette
@@ -13,17 +13,17 @@ from systems.senses import Sight
 
 
 class Roles(System):
-    """Leaders are those who see at most two others (Gong et al. 2025, section 5.1); all remember where the herd was."""
+    """Leaders are those who see at most two of their kind (Gong et al. 2025, section 5.1); all remember where the herd was."""
 
     stage = Stage.DECIDE
-    reads = (Position, Body, BrushBinding, Sight, Palette)
+    reads = (Position, Body, Species, BrushBinding, Sight, Palette)
     writes = (Role, Memory)
 
     def process(self, world):
         agents, palette, lists = world.agents, world.resource(Palette), world.resource(Sight).lists
         over_rows(
-            _roles, len(agents), agents[Position.xyz], agents[Body.length], agents[BrushBinding.brush],
-            lists.first, lists.offset, palette.neighbour_range, palette.leader_neighbours,
+            _roles, len(agents), agents[Position.xyz], agents[Body.length], agents[Species.index], agents[BrushBinding.brush],
+            lists.first, lists.near, lists.offset, palette.neighbour_range, palette.leader_neighbours,
             agents[Role.leader], agents[Memory.herd], agents[Memory.known],
         )  # fmt: skip
 
@@ -42,7 +42,9 @@ class ReferenceBirds(System):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _roles(lo, hi, xyz, length, brush, first, offset, neighbour_range, leader_neighbours, leader, herd, known):
+def _roles(
+    lo, hi, xyz, length, species, brush, first, near, offset, neighbour_range, leader_neighbours, leader, herd, known
+):
     for i in range(lo, hi):
         b = brush[i]
         reach = neighbour_range[b] * length[i]
@@ -50,7 +52,7 @@ def _roles(lo, hi, xyz, length, brush, first, offset, neighbour_range, leader_ne
         count = 0
         for k in range(first[i], first[i + 1]):
             x, y = offset[k, 0], offset[k, 1]
-            if x * x + y * y <= reach * reach:
+            if x * x + y * y <= reach * reach and species[near[k]] == species[i]:
                 sx += x
                 sy += y
                 count += 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
+import json
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,6 +20,7 @@ class Barrier:
     solid: bool = True
     blocks_view: bool = True
     name: str = ""
+    margin: float = 0.0  # m, kept free around it by those who follow a field
 
 
 @dataclass
@@ -102,19 +103,33 @@ class Landscape:
             walls, self.solid_owner = _across_seam(walls, self.solid_owner, self.wrap, self.reach)
             views, _ = _across_seam(views, np.zeros(len(views), np.int32), self.wrap, self.reach)
         self.solid, self.opaque = edges_by_cell(walls, self.reach), edges_by_cell(views, self.reach)
-        solids = [b.polygon for b in self.barriers if b.solid]
+        solids = [b for b in self.barriers if b.solid]
         self.blocked = compose_blocked(self.brush.shape, self.cell, self.walkable, solids)
         if navigation:
             self.navigation = navigation_of(self.guides, self.goals, self.blocked, self.cost, self.cell)
 
-    def digest(self):
-        """What of the landscape may change while a world runs, as a hash: it belongs to the state."""
-        h = hashlib.blake2b(digest_size=16)
-        for array in (self.surface, self.brush, self.walkable, self.solid.ends):
-            h.update(np.ascontiguousarray(array).tobytes())
-        for goal in self.goals:
-            h.update(np.asarray(goal.xy, float).tobytes())
-        return h.digest()
+    def state(self):
+        """What may change while a world runs: paint, obstacles and goals (see `engine.state`)."""
+        head = {
+            "barriers": [[b.polygon.tolist(), b.solid, b.blocks_view, b.name, b.margin] for b in self.barriers],
+            "goals": [
+                [goal.xy.tolist(), None if goal.polygon is None else goal.polygon.tolist()] for goal in self.goals
+            ],
+        }
+        text = json.dumps(head).encode()
+        return b"".join([len(text).to_bytes(8, "little"), text, self.surface.tobytes(), self.brush.tobytes()])
+
+    def set_state(self, data):
+        """Take back what `state` gave."""
+        start = 8 + int.from_bytes(data[:8], "little")
+        head = json.loads(data[8:start])
+        middle = start + self.surface.nbytes
+        self.surface[:] = np.frombuffer(data[start:middle]).reshape(self.surface.shape)
+        self.brush[:] = np.frombuffer(data[middle:], self.brush.dtype).reshape(self.brush.shape)
+        self.barriers = [Barrier(np.array(polygon), *rest) for polygon, *rest in head["barriers"]]
+        for goal, (xy, polygon) in zip(self.goals, head["goals"], strict=True):
+            goal.xy, goal.polygon = np.array(xy), None if polygon is None else np.array(polygon)
+        self.rebuild()
 
 
 def outline_edges(mask):

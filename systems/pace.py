@@ -16,6 +16,9 @@ from systems.senses import Near
 from systems.terrain import slope_factor_
 
 
+GATHER = 0.4  # s in which an animal takes up a new effort.  By eye
+
+
 class Pace(System):
     """The Ornstein-Uhlenbeck speed of each animal (Gong et al. 2025, eq. 6), then density, ground, slope and caps."""
 
@@ -34,7 +37,7 @@ class Pace(System):
             agents[Ground.factor], agents[Ground.cap], agents[Ground.slope], agents[Heading.forward],
             agents[Wish.pace], palette.mean, palette.deviation, palette.reversion,
             palette.density_first, palette.density_table,
-            world.resource(Noise).key("speed", clock.tick), clock.dt, agents[Speed.drawn], agents[Speed.target],
+            world.resource(Noise).key("speed", clock.tick), clock.dt, agents[Speed.drawn], agents[Speed.effort], agents[Speed.target],
         )  # fmt: skip
 
 
@@ -63,7 +66,7 @@ def crowding(lo, hi, x, y, slot, start, nx, ny, cell, west, south, length, densi
 @njit(cache=True, nogil=True, error_model="numpy")
 def _pace(
     lo, hi, ids, length, brush, density, factor, cap, slope, forward, wanted,
-    mean, deviation, reversion, table_first, table, key, dt, drawn, target,
+    mean, deviation, reversion, table_first, table, key, dt, drawn, effort, target,
 ):  # fmt: skip
     root = np.sqrt(dt)
     for i in range(lo, hi):
@@ -75,7 +78,8 @@ def _pace(
         rise = slope[i, 0] * forward[i, 0] + slope[i, 1] * forward[i, 1]
         if rise != 0.0:
             share *= slope_factor_(rise)
-        target[i] = min(drawn[i] * share * factor[i] * wanted[i], cap[i])
+        effort[i] += (wanted[i] - effort[i]) * min(dt / GATHER, 1.0)
+        target[i] = min(drawn[i] * share * factor[i] * effort[i], cap[i])
 
 
 @njit(inline="always")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 
 from behaviours.behaviour import behaviours
+from behaviours.brush import load_brush
 
 
 class Palette:
@@ -34,6 +37,18 @@ class Palette:
             self.brushes.append(brush)
         self._tabulate()
         return self.index[brush.name]
+
+    def state(self):
+        """The brushes as they are now (see `engine.state`)."""
+        return json.dumps([[b.name, b.source.decode()] for b in self.brushes]).encode()
+
+    def set_state(self, data):
+        """Take back what `state` gave."""
+        before = {b.name: b for b in self.brushes}
+        self.brushes, self.index = [], {}
+        for name, source in json.loads(data):
+            same = name in before and before[name].source.decode() == source
+            self.add(before[name] if same else load_brush(source.encode(), f"{name}.brush.toml"))
 
     @property
     def names(self):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,6 +31,14 @@ class SpeciesList:
     """Names of species by index."""
 
     names: list[str] = field(default_factory=list)
+
+    def state(self):
+        """The names (see `engine.state`)."""
+        return json.dumps(self.names).encode()
+
+    def set_state(self, data):
+        """Take back what `state` gave."""
+        self.names = json.loads(data)
 
     def index(self, name):
         """Index of this species, new or known."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from components import Body, BrushBinding, Ground, Heading, Memory, Position, Role, Speed, Velocity, Wish
+from components import Body, BrushBinding, Ground, Heading, Memory, Position, Role, Species, Speed, Velocity, Wish
 from behaviours.behaviour import Scene
 from engine.clock import Clock
 from engine.noise import Noise
@@ -24,7 +24,7 @@ class Steer(System):
 
     stage = Stage.STEER
     reads = (
-        Position, Velocity, Heading, Body, Role, BrushBinding, Speed, Ground, Memory,
+        Position, Velocity, Heading, Body, Species, Role, BrushBinding, Speed, Ground, Memory,
         Near, Sight, ObstaclesInSight, Palette, Clock, Noise,
     )  # fmt: skip
     writes = (Wish,)
@@ -83,6 +83,7 @@ def scene_of(world):
         agents[Speed.drawn],
         agents[Body.length],
         agents[Role.leader],
+        agents[Species.index],
         palette.danger[agents[BrushBinding.brush]],
         lists.first,
         lists.near,

@@ -9,7 +9,8 @@ sees at most two others is a leader and follows the navigation field.
 Lengths are in body lengths of the animal itself, so one brush moves mice and
 cattle.  Eq. 2 is read with the unit heading, ``N(v + Δt F)`` with ``|v| = 1``:
 with the velocity's magnitude a fast herd would turn less for the same force
-and falls apart.
+and falls apart.  Animals of another species are given way to and otherwise
+ignored.
 
 .. [1] Gong, X., Gain, J., Rohmer, D., Lyonnet, S., Pettré, J. & Cani, M.-P. (2025). Herds from video: learning a
    microscopic herd model from macroscopic motion data. Computer Graphics Forum 44(6), e70225.
@@ -78,7 +79,7 @@ def steer(scene, rows, p):
 def kernel_scene(s):
     """The columns that `herd_kernel` reads, in its order."""
     return (
-        s.dt, s.forward, s.length, s.leader, s.first, s.near, s.offset, s.obstacle_first, s.obstacle_offset,
+        s.dt, s.forward, s.length, s.species, s.leader, s.first, s.near, s.offset, s.obstacle_first, s.obstacle_offset,
         s.guidance, s.slope, s.memory, s.known,
     )  # fmt: skip
 
@@ -98,7 +99,7 @@ def kernel_params(p):
 @njit(cache=True, nogil=True, error_model="numpy")
 def herd_kernel(
     lo, hi, rows,
-    dt, forward, length, leader, first, near, offset, obstacle_first, obstacle_offset, guidance, slope, memory, known,
+    dt, forward, length, species, leader, first, near, offset, obstacle_first, obstacle_offset, guidance, slope, memory, known,
     weight, radial, angular, sensitivity, neighbour_range, leader_blend, unled_returns, slope_aversion,
     direction,
 ):  # fmt: skip
@@ -119,6 +120,8 @@ def herd_kernel(
             w = exp_(-(d2 * radial[0] + bearing2 * angular[0]))  # eq. 4
             vx -= w * x  # eq. 5: d u is the offset itself
             vy -= w * y
+            if species[j] != species[i]:
+                continue  # one gives way to other kinds, and does not join them
             w = exp_(-(d2 * radial[1] + bearing2 * angular[1]))
             cx += w * x
             cy += w * y

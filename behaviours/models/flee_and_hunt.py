@@ -1,0 +1,147 @@
+"""Prey that flees and predators that hunt, on top of the herd model.
+
+Gong et al. 2025 [1]_, section 7.5: reindeer move by the herd model with one
+more force, away from wolves; wolves keep to the herd model, in a line, until
+they see prey, then faster, and close to it they leave the pack's rules and
+single out the vulnerable.  The paper gives no formulas for either; those below
+are ours: fear falls off linearly with distance, spreads from neighbour to
+neighbour, and the vulnerable are the near ones with few others about them.
+
+.. [1] Gong, X. et al. (2025). Herds from video: learning a microscopic herd model from macroscopic motion data.
+   Computer Graphics Forum 44(6), e70225.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from behaviours.behaviour import Wishes, behaviour, quantity
+from behaviours.models import herd
+from engine.parallel import over_rows
+
+
+class FleeParams(herd.Params):
+    """The herd's parameters, and fear."""
+
+    flight_distance: float = quantity(12.0, "body lengths", "a predator seen nearer than this is fled from", 0.5, 100)
+    fear_weight: float = quantity(3.0, "1", "larger turns away from predators sooner, against the herd", 0, 100)
+    panic_pace: float = quantity(3.0, "1", "how many times faster an animal runs with a predator upon it", 1, 20)
+    contagion: float = quantity(0.7, "1", "how much of the neighbours' haste an animal takes over", 0, 0.95)
+
+
+class HuntParams(herd.Params):
+    """The pack's parameters, and the chase."""
+
+    chase_distance: float = quantity(30.0, "body lengths", "prey seen nearer than this is followed", 0.5, 200)
+    charge_distance: float = quantity(8.0, "body lengths", "nearer than this the pack's rules are left", 0.5, 200)
+    chase_weight: float = quantity(0.6, "1", "larger heads for the prey sooner, against the pack's line", 0, 100)
+    chase_pace: float = quantity(1.5, "1", "how many times faster on the way to the prey", 0.1, 20)
+    charge_pace: float = quantity(2.5, "1", "how many times faster in the last rush", 0.1, 20)
+    crowd_penalty: float = quantity(
+        1.0, "body lengths", "each animal that the prey sees counts as this much distance: larger singles out strays", 0, 100
+    )
+
+
+@behaviour("flee", FleeParams)
+def flee(scene, rows, p):
+    """The herd's wish, turned away from every predator in view, and hurried."""
+    wishes = herd.steer(scene, rows, p)
+    over_rows(
+        _flee, len(rows), rows, scene.dt, scene.length, scene.velocity, scene.speed, scene.species, scene.danger,
+        scene.first, scene.near, scene.offset,
+        p.sensitivity, p.flight_distance, p.fear_weight, p.panic_pace, p.contagion, wishes.direction, wishes.pace,
+    )  # fmt: skip
+    return wishes
+
+
+@behaviour("hunt", HuntParams, danger=True)
+def hunt(scene, rows, p):
+    """The pack's wish until prey is seen; then towards the most vulnerable one."""
+    wishes = herd.steer(scene, rows, p)
+    over_rows(
+        _hunt, len(rows), rows, scene.dt, scene.length, scene.forward, scene.velocity, scene.speed, scene.danger,
+        scene.first, scene.near, scene.offset, p.sensitivity, p.chase_distance, p.charge_distance, p.chase_weight,
+        p.chase_pace, p.charge_pace, p.crowd_penalty, wishes.direction, wishes.pace,
+    )  # fmt: skip
+    return wishes
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _flee(
+    lo, hi, rows, dt, length, velocity, speed, species, danger, first, near, offset,
+    sensitivity, flight_distance, fear_weight, panic_pace, contagion, direction, pace,
+):  # fmt: skip
+    for k in range(lo, hi):
+        i = rows[k]
+        flight = flight_distance * length[i]
+        ax = ay = worst = haste = 0.0
+        kin = 0
+        for at in range(first[i], first[i + 1]):
+            j = near[at]
+            x, y = offset[at, 0], offset[at, 1]
+            d = np.sqrt(x * x + y * y)
+            if danger[j] and species[j] != species[i]:
+                if 0.0 < d < flight:
+                    fear = 1.0 - d / flight
+                    ax -= fear * x / d
+                    ay -= fear * y / d
+                    worst = max(worst, fear)
+            elif species[j] == species[i] and speed[j] > 1e-9:
+                vx, vy = velocity[j, 0], velocity[j, 1]
+                haste += min(np.sqrt(vx * vx + vy * vy) / speed[j], panic_pace)
+                kin += 1
+        wanted = 1.0 + (panic_pace - 1.0) * worst
+        if kin:
+            wanted = max(wanted, 1.0 + contagion * (haste / kin - 1.0))
+        pace[k] *= wanted
+        _lean(direction, k, dt * sensitivity * fear_weight * ax, dt * sensitivity * fear_weight * ay)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _hunt(
+    lo, hi, rows, dt, length, forward, velocity, speed, danger, first, near, offset,
+    sensitivity, chase_distance, charge_distance, chase_weight, chase_pace, charge_pace, crowd_penalty, direction, pace,
+):  # fmt: skip
+    for k in range(lo, hi):
+        i = rows[k]
+        unit = length[i]
+        best, chosen, distance = np.inf, -1, 0.0
+        for at in range(first[i], first[i + 1]):
+            j = near[at]
+            if danger[j]:
+                continue
+            x, y = offset[at, 0] / unit, offset[at, 1] / unit
+            d = np.sqrt(x * x + y * y)
+            if d >= chase_distance or d == 0.0:
+                continue
+            # ahead is nearer than behind: the chosen one stays chosen
+            ahead = (forward[i, 0] * x + forward[i, 1] * y) / d
+            cost = d * (1.5 - 0.5 * ahead) + crowd_penalty * (first[j + 1] - first[j])
+            if cost < best:
+                best, chosen, distance = cost, at, d
+        if chosen < 0:
+            continue
+        j = near[chosen]
+        x, y = offset[chosen, 0], offset[chosen, 1]
+        run = max(speed[i] * charge_pace, 1e-6)
+        soon = min(distance * unit / run, 2.0)  # s; where the prey will be
+        x, y = x + soon * velocity[j, 0], y + soon * velocity[j, 1]
+        size = max(np.sqrt(x * x + y * y), 1e-9)
+        x, y = x / size, y / size
+        if distance < charge_distance:
+            direction[k, 0], direction[k, 1] = x, y
+            pace[k] *= charge_pace
+        else:
+            turn = dt * sensitivity * chase_weight
+            _lean(direction, k, turn * x, turn * y)
+            pace[k] *= chase_pace
+
+
+@njit(inline="always")
+def _lean(direction, k, x, y):
+    """Turn a unit vector by a push."""
+    hx, hy = direction[k, 0] + x, direction[k, 1] + y
+    size = np.sqrt(hx * hx + hy * hy)
+    if size > 1e-9:
+        direction[k, 0], direction[k, 1] = hx / size, hy / size
