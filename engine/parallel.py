@@ -10,11 +10,14 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 import warnings
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor, wait
 
 SMALL = 2048  # rows; below this a second thread costs more than it brings
+PROBE = 256  # rows done alone, to see how long the rest would take
+WORTH = 500_000  # ns of work left; waking a thread takes 100, on a loaded machine more
 
 
 def _cores():
@@ -56,18 +59,29 @@ def threads():
     return _threads
 
 
-def over_rows(kernel, count, *args, chunk=2048):
+def over_rows(kernel, count, *args, chunk=1024):
     """Run ``kernel(lo, hi, *args)`` over ``count`` rows.
 
-    The calling thread works too; it returns when every row is done.  When a
-    kernel raises, no further chunk begins, those begun come to their end, and
-    the error of the lowest rows is raised.  A kernel may call this again: the
-    inner one then runs where it is.
+    The calling thread begins, calls others when the work is worth it, and
+    returns when every row is done.  Only who does a row depends on the time it
+    takes, never what is written there.  When a kernel raises, no further chunk
+    begins, those begun come to their end, and the error of the lowest rows is
+    raised.  A kernel may call this again: the inner one then runs where it is.
     """
     if _threads == 1 or count <= SMALL or getattr(_helper, "busy", False):
         kernel(0, count, *args)
         return
-    chunks = deque(range(0, count, chunk))
+    begin = time.perf_counter_ns()
+    kernel(0, PROBE, *args)
+    if (time.perf_counter_ns() - begin) * (count - PROBE) < WORTH * PROBE:
+        kernel(PROBE, count, *args)
+    else:
+        _share(kernel, count, args, chunk)
+
+
+def _share(kernel, count, args, chunk):
+    """All rows behind the probe, by this thread and helpers."""
+    chunks = deque(range(PROBE, count, chunk))
     errors: list[tuple[int, BaseException]] = []
 
     def work():

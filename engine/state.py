@@ -18,6 +18,7 @@ import json
 import struct
 
 import numpy as np
+from numba import njit
 
 MAGIC = b"FBSTATE1"
 _LENGTH = struct.Struct("<Q")
@@ -37,15 +38,43 @@ def state_hash(world):
     Returns
     -------
     str
-        BLAKE2b over the next entity id, the agents' ids and columns in order of name, and the
+        A hash of the next entity id, the agents' ids and columns in order of name, and the
         states of resources and plain components.
     """
     digest = hashlib.blake2b(digest_size=8)
     for name, data in _parts(world, hashed=True):
+        array = np.frombuffer(data, np.uint8)
+        whole = len(array) & ~7
         digest.update(name.encode())
-        digest.update(_LENGTH.pack(memoryview(data).nbytes))
-        digest.update(data)
+        digest.update(_LENGTH.pack(len(array)))
+        digest.update(_boiled_down(array[:whole].view(np.uint64)))
+        digest.update(array[whole:])
     return digest.hexdigest()
+
+
+@njit(cache=True, nogil=True)
+def _boiled_down(words):
+    """Four words of many, quicker than the memory they come from.
+
+    Each step is one to one, so columns that differ in a single word never meet again; BLAKE2b
+    does the rest.  A herd has no enemy who would look for more.
+    """
+    lanes = np.array([1, 2, 3, 4], np.uint64)
+    a, b, c, d = lanes[0], lanes[1], lanes[2], lanes[3]
+    end = len(words) & ~3
+    for i in range(0, end, 4):
+        a, b = _stir(a, words[i]), _stir(b, words[i + 1])
+        c, d = _stir(c, words[i + 2]), _stir(d, words[i + 3])
+    for i in range(end, len(words)):
+        a = _stir(a, words[i])
+    lanes[0], lanes[1], lanes[2], lanes[3] = a, b, c, d
+    return lanes
+
+
+@njit(cache=True, inline="always")
+def _stir(lane, word):
+    lane = (lane ^ word) * np.uint64(0x9E3779B97F4A7C15)
+    return (lane << np.uint64(29)) | (lane >> np.uint64(35))
 
 
 def snapshot(world):

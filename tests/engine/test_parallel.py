@@ -16,7 +16,9 @@ from engine.parallel import over_rows, set_threads, threads
 
 
 @pytest.fixture(autouse=True)
-def two_threads():
+def two_threads(monkeypatch):
+    """Two threads, and all work worth them."""
+    monkeypatch.setattr(parallel, "WORTH", 0)
     before = set_threads(2)
     yield
     set_threads(before)
@@ -56,13 +58,39 @@ def test_a_small_herd_stays_in_its_thread():
     assert seen == {threading.get_ident()}
 
 
+def test_quick_work_stays_in_its_thread(monkeypatch):
+    monkeypatch.setattr(parallel, "WORTH", 10**12)
+    seen, done = set(), np.zeros(50_000, int)
+
+    def add(lo, hi):
+        seen.add(threading.get_ident())
+        done[lo:hi] += 1
+
+    over_rows(add, len(done))
+    assert seen == {threading.get_ident()}
+    assert (done == 1).all()
+
+
+def test_slow_work_is_shared():
+    seen, both = set(), threading.Barrier(2, timeout=20)
+
+    def meet(lo, hi):
+        if lo and threading.get_ident() not in seen:
+            seen.add(threading.get_ident())
+            both.wait()  # nobody gets past here alone
+
+    over_rows(meet, 50_000)
+    assert len(seen) == 2
+
+
 def test_the_error_of_the_lowest_rows_comes_out_when_all_have_ended():
     running = []
 
     def fail(lo, hi):
         running.append(lo)
         try:
-            raise ArithmeticError(f"rows {lo} to {hi}")
+            if lo:  # the probe goes well
+                raise ArithmeticError(f"rows {lo} to {hi}")
         finally:
             running.remove(lo)
 
@@ -80,11 +108,12 @@ def test_an_error_stops_what_has_not_begun():
 
     def fail(lo, hi):
         begun.append(lo)
-        raise ArithmeticError
+        if lo:
+            raise ArithmeticError
 
     with pytest.raises(ArithmeticError):
         over_rows(fail, 2048 * 500)
-    assert len(begun) <= 2 * threads()
+    assert len(begun) <= 1 + 2 * threads()
 
 
 def test_a_kernel_may_call_another_without_a_deadlock():
@@ -106,6 +135,18 @@ def test_a_kernel_may_call_another_without_a_deadlock():
     over_rows(nested, 6000, chunk=3000)
     assert (done == 1).all()
     assert (finished == 1).all()
+
+
+def test_a_kernel_within_a_kernel_stays_in_its_thread():
+    strayed = []
+
+    def outer(lo, hi):
+        here = threading.get_ident()
+        if lo:  # behind the probe
+            over_rows(lambda a, b: strayed.append(threading.get_ident() != here), 9000)
+
+    over_rows(outer, 9000)
+    assert strayed and not any(strayed)
 
 
 def test_several_herds_at_once_do_not_wait_for_each_other_forever():
@@ -143,8 +184,10 @@ def test_the_environment_may_say_how_many(monkeypatch, recwarn, wanted, count):
 def test_a_forked_process_makes_its_own_threads():
     program = """
 import os, numpy as np
+from engine import parallel
 from engine.parallel import over_rows, set_threads
 set_threads(2)
+parallel.WORTH = 0
 done = np.zeros(9000, int)
 def add(lo, hi): done[lo:hi] += 1
 over_rows(add, 9000)

@@ -61,6 +61,14 @@ def test_any_difference_is_another_hash(touch):
     assert state_hash(world) != before
 
 
+@pytest.mark.parametrize("row", [0, 1, 2, 3, 4, 5, 6])
+def test_an_exchange_of_two_animals_is_another_hash(row):
+    world, _ = meadow(animals=8)
+    before, xyz = state_hash(world), world.agents[Position.xyz]
+    xyz[[row, row + 1]] = xyz[[row + 1, row]]
+    assert state_hash(world) != before
+
+
 def test_what_still_waits_to_be_commanded_is_no_part_of_the_herd():
     """A replay knows the commands from the first tick, the run learned them one by one."""
     world, _ = meadow()
