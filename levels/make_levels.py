@@ -281,7 +281,7 @@ def crowded():
     s.ground("dry grass")
     s.ground("dirt", rolling(s.x, s.y, 71, 70) > 0.4)
     s.ground("grass", rolling(s.x, s.y, 72, 80) > 0.8)
-    s.box("Spawn", 100, 100, 200, 200, "crowd", species="sheep", brush="swarm", count=10_000, body_length=2.5)
+    s.box("Spawn", 100, 100, 200, 200, "crowd", species="sheep", brush="crowd", count=10_000)
     return s
 
 
