@@ -105,36 +105,51 @@ def herd_kernel(
 ):  # fmt: skip
     """The next heading of each row asked (eqs. 2-5)."""
     cut = neighbour_range * neighbour_range
+    most = 1
+    for k in range(lo, hi):
+        most = max(most, first[rows[k] + 1] - first[rows[k]])
+    # one animal's neighbours in rows of their own, so that the weights are computed several at a time
+    x, y, d2, bearing2, w = np.empty(most), np.empty(most), np.empty(most), np.empty(most), np.empty(most)
+    who = np.empty(most, np.int32)
     for k in range(lo, hi):
         i = rows[k]
         fx, fy = forward[i, 0], forward[i, 1]
         per_length = 1.0 / length[i]
         vx = vy = cx = cy = ax = ay = ox = oy = 0.0
+        n = 0
         for at in range(first[i], first[i + 1]):
-            j = near[at]
-            x, y = offset[at, 0] * per_length, offset[at, 1] * per_length
-            d2 = x * x + y * y
-            if d2 > cut:
-                continue
-            bearing2 = angle2_(fx * y - fy * x, fx * x + fy * y)
-            w = exp_(-(d2 * radial[0] + bearing2 * angular[0]))  # eq. 4
-            vx -= w * x  # eq. 5: d u is the offset itself
-            vy -= w * y
-            if species[j] != species[i]:
-                continue  # one gives way to other kinds, and does not join them
-            w = exp_(-(d2 * radial[1] + bearing2 * angular[1]))
-            cx += w * x
-            cy += w * y
-            w = exp_(-(d2 * radial[2] + bearing2 * angular[2]))
-            ax += w * forward[j, 0]
-            ay += w * forward[j, 1]
+            x[n], y[n], who[n] = offset[at, 0] * per_length, offset[at, 1] * per_length, near[at]
+            n += x[n] * x[n] + y[n] * y[n] <= cut
+        for q in range(n):
+            d2[q] = x[q] * x[q] + y[q] * y[q]
+            bearing2[q] = angle2_(fx * y[q] - fy * x[q], fx * x[q] + fy * y[q])
+        # eqs. 4 and 5; d u is the offset itself
+        for q in range(n):
+            w[q] = exp_(-(d2[q] * radial[0] + bearing2[q] * angular[0]))
+        for q in range(n):
+            vx -= w[q] * x[q]
+            vy -= w[q] * y[q]
+        # one gives way to other kinds, and does not join them
+        kin = 0
+        for q in range(n):
+            x[kin], y[kin], d2[kin], bearing2[kin], who[kin] = x[q], y[q], d2[q], bearing2[q], who[q]
+            kin += species[who[q]] == species[i]
+        for q in range(kin):
+            w[q] = exp_(-(d2[q] * radial[1] + bearing2[q] * angular[1]))
+        for q in range(kin):
+            cx += w[q] * x[q]
+            cy += w[q] * y[q]
+        for q in range(kin):
+            w[q] = exp_(-(d2[q] * radial[2] + bearing2[q] * angular[2]))
+        for q in range(kin):
+            ax += w[q] * forward[who[q], 0]
+            ay += w[q] * forward[who[q], 1]
         for at in range(obstacle_first[i], obstacle_first[i + 1]):
-            x, y = obstacle_offset[at, 0] * per_length, obstacle_offset[at, 1] * per_length
-            d2 = x * x + y * y
-            bearing2 = angle2_(fx * y - fy * x, fx * x + fy * y)
-            w = exp_(-(d2 * radial[3] + bearing2 * angular[3]))
-            ox -= w * x
-            oy -= w * y
+            px, py = obstacle_offset[at, 0] * per_length, obstacle_offset[at, 1] * per_length
+            bearing = angle2_(fx * py - fy * px, fx * px + fy * py)
+            weigh = exp_(-((px * px + py * py) * radial[3] + bearing * angular[3]))
+            ox -= weigh * px
+            oy -= weigh * py
         # eq. 3
         sx = weight[0] * vx + weight[1] * cx + weight[2] * ax + weight[3] * ox
         sy = weight[0] * vy + weight[1] * cy + weight[2] * ay + weight[3] * oy
