@@ -118,7 +118,7 @@ class _Checks:
     # ------------------------------------------------------------ spawns
 
     def spawns(self):
-        if not self.level.spawns and not any("Spawn" in p.message for p in self.objects.reader.report.problems):
+        if not self.level.spawns and not self.objects.reader.report.problems:
             self.objects.reader.place.say("no animals: draw an area on an object layer 'spawns', of class Spawn")
         for spawn in self.level.spawns:
             free = self.free(spawn)
@@ -186,8 +186,8 @@ class _Checks:
         for name, value in key.args.items():
             if name not in known:
                 place.say(f"{key.command} has no {name[:60]!r}{did_you_mean(name, known)}", lines.get(name))
-            elif not _fits(value, str(known[name].type)):
-                place.say(f"{name} must be {_WORDS[str(known[name].type)]}, got {shown(value)}", lines.get(name))
+            elif not _fits(value, _kind(known[name])):
+                place.say(f"{name} must be {_WORDS[_kind(known[name])]}, got {shown(value)}", lines.get(name))
         self.named(key, place, lines)
         self.complete(key, known)
         for name, f in known.items():
@@ -213,6 +213,11 @@ class _Checks:
 
 
 _WORDS = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "a text"}
+
+
+def _kind(field):
+    """The annotation of a field, whether it is kept as text or as a type."""
+    return field.type if isinstance(field.type, str) else getattr(field.type, "__name__", "")
 
 
 def _fits(value, kind):

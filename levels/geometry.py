@@ -71,6 +71,13 @@ def signed_area(polygon):
     return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
+def span_area(polygon):
+    """Twice the area of the largest triangle on its longest diagonal from the first corner: 0 for a line."""
+    d = polygon - polygon[0]
+    far = d[np.argmax((d**2).sum(axis=1))]
+    return float(np.abs(far[0] * d[:, 1] - far[1] * d[:, 0]).max())
+
+
 def counter_clockwise(polygon):
     """The polygon wound so that its area is positive."""
     return polygon if signed_area(polygon) >= 0 else polygon[::-1].copy()
@@ -98,19 +105,30 @@ def centroid(polygon):
 
 
 def crossing(polygon):
-    """The first two edges that cross or touch without being neighbours, or None: (i, j)."""
+    """Two edges that cross or touch without being neighbours, or None: (i, j).
+
+    Edges are swept by their western ends, so that only those side by side are compared.
+    """
     n = len(polygon)
     a, b = polygon, np.roll(polygon, -1, axis=0)
-    for i in range(n - 2):
-        j = np.arange(i + 2, n if i else n - 1)
+    west, east = np.minimum(a, b)[:, 0], np.maximum(a, b)[:, 0]
+    order = np.argsort(west, kind="stable")
+    for apart in range(1, n):
+        i, j = order[:-apart], order[apart:]
+        near = west[j] <= east[i]
+        if not near.any():
+            return None
+        near &= ~np.isin(np.abs(i - j), (1, n - 1))
+        i, j = i[near], j[near]
         hit = _touch(a[i], b[i], a[j], b[j])
         if hit.any():
-            return i, int(j[hit.argmax()])
+            first = hit.argmax()
+            return int(min(i[first], j[first])), int(max(i[first], j[first]))
     return None
 
 
 def _touch(p, q, a, b):
-    """Whether segment pq meets segments ab, (n,) bool."""
+    """Which segments pq meet their segments ab, (n,) bool."""
     overlap = np.all((np.minimum(a, b) <= np.maximum(p, q)) & (np.maximum(a, b) >= np.minimum(p, q)), axis=-1)
     return (_side(p, q, a) * _side(p, q, b) <= 0) & (_side(a, b, p) * _side(a, b, q) <= 0) & overlap
 

@@ -11,8 +11,10 @@ from json.decoder import scanstring
 _SPACE = re.compile(r"[ \t\n\r]*")
 _NUMBER = re.compile(r"-?(?:0|[1-9]\d*)(\.\d+)?([eE][-+]?\d+)?")
 _NUMBERS = re.compile(r"\[[\d\s,]*\]")  # tile data: let the C decoder have it
+_HUGE = re.compile(r"\d{40}")
 _WORDS = {"true": True, "false": False, "null": None}
 _MAX_DIGITS = 40
+_MAX_VALUES = 1_000_000  # outside of tile data; a level with all it may have stays below
 
 
 class Node(dict):
@@ -48,6 +50,7 @@ class _Parser:
     def __init__(self, text, max_depth):
         self.text = text
         self.max_depth = max_depth
+        self.values = 0
         self.starts = [m.end() for m in re.finditer("\n", text)]
 
     def fail(self, at, message):
@@ -68,6 +71,9 @@ class _Parser:
 
     def value(self, at, depth):
         c = self.text[at : at + 1]
+        self.values += 1
+        if self.values > _MAX_VALUES:
+            self.fail(at, f"there are more than {_MAX_VALUES} values in this file")
         if depth > self.max_depth:
             self.fail(at, f"nested deeper than {self.max_depth} levels")
         if c == "{":
@@ -111,7 +117,7 @@ class _Parser:
 
     def array(self, at, depth):
         m = _NUMBERS.match(self.text, at)
-        if m:
+        if m and not _HUGE.search(m[0]):
             try:
                 return json.loads(m[0]), m.end()
             except ValueError:

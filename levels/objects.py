@@ -100,7 +100,7 @@ class ObjectReader:
 
     def sound(self, polygon, place):
         """A polygon with an area that does not cross itself."""
-        if len(polygon) < 3 or abs(geometry.signed_area(polygon)) < 1e-6 * self.frame.metres**2:
+        if len(polygon) < 3 or geometry.span_area(polygon) < 1e-6 * self.frame.metres**2:
             place.say("it has no area; drag it larger or delete it")
             return False
         edges = geometry.crossing(polygon)

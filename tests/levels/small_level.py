@@ -1,0 +1,140 @@
+"""The smallest level there is, to be spoiled by tests: ten by ten tiles of 16 px and 2 m, four kinds of tile, a herd."""
+
+import copy
+import json
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import pytest
+
+from behaviours.problems import ProblemsError
+from levels.reader import read_level_files
+
+GRASS, WALL, MARCH, SLOW, PLAIN = 1, 2, 3, 4, 5
+
+
+class Shelf:
+    """A library of two brushes whose animals are 1 m long."""
+
+    brushes = ("march", "graze")
+
+    def names(self):
+        return list(self.brushes)
+
+    def get(self, name):
+        if name not in self.brushes:
+            raise ProblemsError([])
+        return SimpleNamespace(name=name, body=SimpleNamespace(length=1.0, radius=0.2))
+
+
+@dataclass(frozen=True)
+class Gust:
+    """A command for scripts."""
+
+    strength: float
+    x: float
+    y: float
+    radius: float = 1.0
+    brush: str = ""
+
+
+def properties(**values):
+    """As Tiled writes them."""
+    kinds = {bool: "bool", int: "int", float: "float", str: "string"}
+    return [{"name": k, "type": kinds[type(v)], "value": v} for k, v in values.items()]
+
+
+def thing(number, cls, x, y, width=0, height=0, name="", extra=None, **values):
+    """An object; x, y, width, height in px, y down."""
+    made = {"id": number, "name": name, "type": cls, "x": x, "y": y, "width": width, "height": height, "rotation": 0}
+    return {**made, "visible": True, "properties": properties(**values), **(extra or {})}
+
+
+def polyline(*points):
+    """The shape of a line object."""
+    return {"polyline": [{"x": x, "y": y} for x, y in points]}
+
+
+def polygon(*points):
+    """The shape of a polygon object."""
+    return {"polygon": [{"x": x, "y": y} for x, y in points]}
+
+
+def herd(**values):
+    """A spawn of 16 x 12 m with its corner at (4, 4) m from the north-west."""
+    return thing(1, "Spawn", 32, 32, 128, 96, "herd A", **{"brush": "march", "count": 12, **values})
+
+
+def tiles(name="terrain", gids=None, **more):
+    """A tile layer of ten by ten."""
+    return {
+        "type": "tilelayer",
+        "name": name,
+        "width": 10,
+        "height": 10,
+        "x": 0,
+        "y": 0,
+        "opacity": 1,
+        "data": [GRASS] * 100 if gids is None else gids,
+        **more,
+    }
+
+
+def objects(name, *things, **more):
+    """An object layer."""
+    return {"type": "objectgroup", "name": name, "objects": list(things), "opacity": 1, **more}
+
+
+def tileset():
+    """Grass, wall, a brush, a speed, and a tile that says nothing."""
+    meanings = [
+        {"id": 0, "type": "Terrain", "properties": properties(name="grass")},
+        {"id": 1, "type": "Terrain", "properties": properties(name="wall", walkable=False, blocks_view=True)},
+        {"id": 2, "type": "Brush", "properties": properties(asset="march")},
+        {"id": 3, "type": "SpeedCap", "properties": properties(max_speed=1.5, factor=0.5)},
+    ]
+    return {"name": "kinds", "tilecount": 5, "tilewidth": 16, "tileheight": 16, "columns": 5, "tiles": meanings}
+
+
+def level(*layers, **more):
+    """The document; with no layers, grass and a herd."""
+    document = {
+        "type": "map",
+        "orientation": "orthogonal",
+        "infinite": False,
+        "width": 10,
+        "height": 10,
+        "tilewidth": 16,
+        "tileheight": 16,
+        "properties": properties(schema="flockbrush-level/1", metres_per_tile=2.0),
+        "tilesets": [{"firstgid": 1, **tileset()}],
+        "layers": list(layers) or [tiles(), objects("spawns", herd())],
+        **more,
+    }
+    return copy.deepcopy(document)
+
+
+def with_objects(layer, *things, **more):
+    """The small level with one more object layer."""
+    return level(tiles(), objects("spawns", herd()), objects(layer, *things, **more))
+
+
+def read(document, files=None, indent=1):
+    """The `Level` of a document, or of its text."""
+    text = document if isinstance(document, str | bytes) else json.dumps(document, indent=indent)
+    data = text if isinstance(text, bytes) else text.encode()
+    return read_level_files({"small.tmj": data, **(files or {})}, library=Shelf(), commands={"Gust": Gust})
+
+
+def problems(document, files=None, indent=1):
+    """Everything that is wrong, a list of lines."""
+    with pytest.raises(ProblemsError) as caught:
+        read(document, files, indent)
+    return [str(p) for p in caught.value.problems]
+
+
+def problem(document, files=None, indent=1):
+    """The one thing that is wrong."""
+    found = problems(document, files, indent)
+    assert len(found) == 1, found
+    return found[0]

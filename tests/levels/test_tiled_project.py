@@ -1,0 +1,176 @@
+"""What designers get: a project whose classes are the schema's, tilesets one can read, and levels Tiled agrees about."""
+
+import json
+import os
+import shutil
+import subprocess
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+
+import levels
+from behaviours.brush import shipped
+from levels.reader import read_level
+from levels.schema import CLASSES, ENUMS, tables
+from levels.tiled import (
+    BRUSHES_FILE,
+    init,
+    known_brushes,
+    object_types,
+    project,
+    project_files,
+    tile_order,
+    write_project,
+)
+from levels.tilesets_data import TERRAINS
+from levels.writer import dump
+
+HERE = Path(levels.__file__).parent
+SHIPPED = sorted((HERE / "shipped").glob("*.tmj"))
+TILED = shutil.which("tiled")
+
+
+class Shelf:
+    def __init__(self, *names):
+        self.shelf = names
+
+    def names(self):
+        return sorted(self.shelf)
+
+    def get(self, name):
+        return SimpleNamespace(colour="#3366aa")
+
+
+class TestProject:
+    def test_the_shipped_files_are_the_generated_ones(self):
+        for name, content in project_files(shipped(), known_brushes(HERE / BRUSHES_FILE)).items():
+            kept = (HERE / name).read_bytes()
+            if name.endswith(".png"):  # another version of the library may pack or smooth differently
+                ours, theirs = (cv2.imdecode(np.frombuffer(b, np.uint8), -1).astype(int) for b in (content, kept))
+                assert ours.shape == theirs.shape, name
+                assert np.abs(ours - theirs).max() <= 12, f"{name}: run python -m levels.make_levels"
+            else:
+                assert kept == content, f"{name}: run python -m levels.make_levels"
+
+    def test_every_class_and_enum_of_the_schema_is_in_it(self):
+        types = {t["name"]: t for t in project(["march"])["propertyTypes"]}
+        assert set(types) == {*ENUMS, "BrushAsset", *CLASSES}
+        for cls in CLASSES.values():
+            assert {m["name"] for m in types[cls.name]["members"]} == {p.name for p in cls.properties}
+        assert types["BrushAsset"]["values"] == ["", "march"]
+
+    def test_tiled_1_8_finds_the_same_defaults_as_later_versions(self):
+        later = {t["name"]: t.get("members") for t in project([])["propertyTypes"]}
+        for old in object_types():
+            told = [(p["name"], p["type"], p["value"]) for p in old["properties"]]
+            assert told == [(m["name"], m["type"], m["value"]) for m in later[old["name"]]]
+
+    def test_f5_plays_and_f6_checks(self):
+        commands = {c["shortcut"]: c for c in project([])["commands"]}
+        assert commands["F5"]["arguments"].startswith('run "%mapfile"')
+        assert commands["F6"]["arguments"] == 'level check "%mapfile"'
+
+    def test_a_brush_keeps_its_tile_when_others_come_and_go(self, tmp_path):
+        write_project(tmp_path, Shelf("march", "swarm"))
+        write_project(tmp_path, Shelf("graze", "swarm"))
+        assert known_brushes(tmp_path / BRUSHES_FILE) == ["march", "swarm", "graze"]
+        assert tile_order(Shelf("a", "b"), ["c", "b"]) == ["c", "b", "a"]
+
+    def test_no_two_kinds_of_ground_look_alike(self):
+        sheet = cv2.imread(str(HERE / "tilesets" / "terrain.png"))[..., :3].astype(float)
+        looks = [sheet[32 * (k // 8) :, 32 * (k % 8) :][:32, :32].mean((0, 1)) for k in range(len(TERRAINS))]
+        apart = [np.abs(a - b).max() for i, a in enumerate(looks) for b in looks[:i]]
+        assert min(apart) > 8
+
+    def test_the_documentation_names_every_property(self):
+        text = tables()
+        assert all(f"`{p.name}`" in text for c in CLASSES.values() for p in c.properties)
+        assert "| `on_arrive` | stay \\| despawn \\| next \\| disperse | stay |" in text
+
+
+class TestInit:
+    def test_a_new_project_has_a_level_that_reads(self, tmp_path):
+        written = init(tmp_path / "herds", shipped())
+        assert tmp_path / "herds" / "first.tmj" in written
+        assert read_level(tmp_path / "herds" / "first.tmj").agents == 60
+
+    def test_running_it_again_leaves_the_designers_levels_alone(self, tmp_path):
+        init(tmp_path, shipped())
+        (tmp_path / "first.tmj").rename(tmp_path / "mine.tmj")
+        before = (tmp_path / "mine.tmj").read_bytes()
+        assert all(path.suffix != ".tmj" for path in init(tmp_path, shipped()))
+        assert (tmp_path / "mine.tmj").read_bytes() == before
+
+
+def same(a, b, where=""):
+    """Two levels, thing by thing: where they differ."""
+    if is_dataclass(a):
+        assert type(a) is type(b), where
+        for f in fields(a):
+            if f.name not in ("files", "path", "name") or where:
+                same(getattr(a, f.name), getattr(b, f.name), f"{where}.{f.name}")
+    elif isinstance(a, np.ndarray):
+        assert a.dtype == b.dtype, where
+        np.testing.assert_array_equal(a, b, err_msg=where)
+    elif isinstance(a, list | tuple):
+        assert len(a) == len(b), where
+        for k, (x, y) in enumerate(zip(a, b, strict=True)):
+            same(x, y, f"{where}[{k}]")
+    else:
+        assert a == b, where
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.stem)
+class TestShipped:
+    def test_it_reads(self, path):
+        level = read_level(path)
+        assert level.agents > 0
+        assert level.terrain is not None
+        assert len(level.terrain.names) >= 3
+
+    def test_it_is_written_as_tiled_writes(self, path):
+        text = path.read_text(encoding="utf-8")
+        assert dump(json.loads(text)) == text
+
+    @pytest.mark.skipif(TILED is None, reason="Tiled is not installed")
+    def test_tiled_reads_and_writes_the_same_level(self, path, tmp_path):
+        shutil.copytree(HERE / "tilesets", tmp_path / "tilesets")
+        (tmp_path / "shipped").mkdir()
+        shutil.copy(HERE / "flockbrush.tiled-project", tmp_path)
+        for picture in path.parent.glob("*.png"):
+            shutil.copy(picture, tmp_path / "shipped")
+        shutil.copy(path, tmp_path / "shipped" / "before.tmj")
+        again = tmp_path / "shipped" / path.name
+        environment = {
+            **os.environ,
+            "QT_QPA_PLATFORM": "offscreen",
+            "XDG_RUNTIME_DIR": str(tmp_path),
+            "HOME": str(tmp_path),
+        }
+        command = [TILED, "--export-map", "json", tmp_path / "shipped" / "before.tmj", again]
+        subprocess.run(command, env=environment, check=True, timeout=60, capture_output=True)
+        same(read_level(path), read_level(again))
+
+
+def test_the_scenes_of_the_paper_are_there():
+    names = {path.stem for path in SHIPPED}
+    assert names >= {"meadow", "sheep-pasture", "anthill", "river", "gorge", "predators-valley", "crowded"}
+
+
+def test_the_crowd_is_as_dense_as_it_says():
+    crowd = read_level(HERE / "shipped" / "crowded.tmj")
+    assert crowd.agents == 10_000
+    assert crowd.width * crowd.height / crowd.agents == 4
+    brush = shipped().get(crowd.spawns[0].brush)
+    assert brush.vision.range * (crowd.spawns[0].body_length or brush.body.length) == pytest.approx(10)
+
+
+def test_the_guide_of_the_anthill_runs_counter_clockwise():
+    guide = read_level(HERE / "shipped" / "anthill.tmj").guides[0]
+    x, y = (guide.points - (7, 9)).T
+    assert guide.loop
+    assert np.all(np.roll(y, -1) * x - np.roll(x, -1) * y > 0)
