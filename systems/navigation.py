@@ -212,7 +212,7 @@ def guide_field(guides, shape, cell, blocked=None):
     crossed = np.zeros((ny, nx, 4))
     for points, strength, radius, decay in _in_order(guides, cell):
         inside, seeds = trace_(points, ny, nx)
-        distance, order = march_(seeds, slowness, radius + FADED * decay)
+        distance, order = march_(seeds, slowness, radius + FADED * decay, EVERYWHERE)
         direction = spread_(mean_(inside), seeds, distance, order)
         add_guide_(total, direction, distance, order, strength, radius, decay)
         add_crossing_(crossed, inside, strength)
@@ -381,7 +381,7 @@ def add_crossing_(crossed, inside, strength):
 
 
 @njit(cache=True, nogil=True)
-def march_(seeds, slowness, limit, targets=EVERYWHERE):
+def march_(seeds, slowness, limit, targets):
     """Least cost from the seeds to every cell: |grad T| = slowness, by fast marching.
 
     First order; a front never squeezes through the point where two blocked cells touch.
@@ -621,7 +621,7 @@ def _cancel(field, blocked, radius_cells, side):
         return np.zeros((*blocked.shape, 3))
     seeds, values = beside_(field, blocked, side)
     slowness = np.where(blocked, np.inf, 1.0)
-    distance, order = march_(seeds, slowness, max(1.0, radius_cells))
+    distance, order = march_(seeds, slowness, max(1.0, radius_cells), EVERYWHERE)
     return fade_(field, spread_(values, seeds, distance, order), distance, order, radius_cells)
 
 
@@ -889,7 +889,7 @@ def goal_field(goal, cost, blocked, cell):
     blocked, cost = _ground(blocked, cost)
     slowness = np.where(blocked, np.inf, cost * cell)
     goal = _free_part(np.asarray(goal, bool), np.isinf(slowness))
-    time, _ = march_(np.where(goal, 0.0, np.inf), slowness, np.inf)
+    time, _ = march_(np.where(goal, 0.0, np.inf), slowness, np.inf, EVERYWHERE)
     direction = descent_(time, slowness)
     direction[goal] = 0.0
     keep_out_(direction, np.isinf(slowness))

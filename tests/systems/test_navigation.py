@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from systems.navigation import (
+    EVERYWHERE,
     Navigation,
     around_obstacles,
     blend,
@@ -355,7 +356,7 @@ def test_no_way_and_no_guide_cuts_the_corner_of_an_obstacle():
     assert time[0, 0] == 1.0, "not .7, between the two and into the corner"
     seeds = np.array([[0.5, np.inf], [0.0, np.inf]])
     slowness = np.array([[1.0, 1.0], [1.0, np.inf]])
-    distance, order = march_(seeds, slowness, np.inf)
+    distance, order = march_(seeds, slowness, np.inf, EVERYWHERE)
     values = spread_(np.array([[[0.0], [0.0]], [[1.0], [0.0]]]), seeds, distance, order)
     assert values[0, 1, 0] == 0.0, "what is said behind the corner is not heard"
 
