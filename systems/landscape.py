@@ -69,6 +69,8 @@ class Landscape:
     solid: Edges = field(default_factory=no_edges)
     solid_owner: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))  # obstacle of each solid edge
     opaque: Edges = field(default_factory=no_edges)
+    walls: Edges = field(default_factory=no_edges)  # the solid edges again, sorted for contact: a much shorter reach
+    touch: float = 0.0  # m, the reach of `walls`
     blocked: np.ndarray | None = None
 
     @property
@@ -103,10 +105,24 @@ class Landscape:
             walls, self.solid_owner = _across_seam(walls, self.solid_owner, self.wrap, self.reach)
             views, _ = _across_seam(views, np.zeros(len(views), np.int32), self.wrap, self.reach)
         self.solid, self.opaque = edges_by_cell(walls, self.reach), edges_by_cell(views, self.reach)
+        self.touch = 0.0
         solids = [b for b in self.barriers if b.solid]
         self.blocked = compose_blocked(self.brush.shape, self.cell, self.walkable, solids)
         if navigation:
             self.navigation = navigation_of(self.guides, self.goals, self.blocked, self.cost, self.cell)
+
+    def walls_within(self, reach):
+        """Solid edges by cell, for contact: at least all within ``reach`` metres of an animal."""
+        if reach > self.touch:
+            self.touch = 2.0 * reach
+            self.walls = edges_by_cell(self.solid.ends, self.touch)
+        return self.walls
+
+    def see_to(self, reach):
+        """Sort the edges for animals that look ``reach`` metres far, if they are not yet."""
+        if reach > self.reach:
+            self.reach = reach
+            self.rebuild(navigation=False)
 
     def state(self):
         """What may change while a world runs: paint, obstacles and goals (see `engine.state`)."""

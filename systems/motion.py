@@ -34,9 +34,11 @@ class Move(System):
             np.minimum(palette.max_turn[binding], palette.max_turn[agents[BrushBinding.previous]]),
             palette.max_turn[binding],
         )
+        body = agents[Body.axis] + agents[Body.radius]
+        reach = float(body.max() + agents[Body.radius].max() + 4.0 * clock.dt * agents[Speed.target].max())
         step, heading = move(
             world.resource(Near).cells, agents[Heading.forward], agents[Wish.direction], agents[Speed.target],
-            max_turn, land.solid, clock.dt,
+            max_turn, land.walls_within(reach), clock.dt,
         )  # fmt: skip
         wrap = land.wrap or (0.0, 0.0)
         over_rows(

@@ -85,6 +85,7 @@ def give_birth(
     length = asset.body.length if body_length is None else body_length
     radius = asset.body.radius * length / asset.body.length
     axis = 0.0 if asset.body.contact == "disc" else max(0.5 * length - radius, 0.0)
+    land.see_to(float(length * palette.view_range.max()))
     others = (
         agents[Position.xyz][:, 0], agents[Position.xyz][:, 1],
         agents[Heading.forward][:, 0], agents[Heading.forward][:, 1],
