@@ -16,7 +16,7 @@ _SHAPES = {"area": "a rectangle, ellipse or polygon", "line": "a polyline", "poi
 
 
 class ObjectReader:
-    """Reads the object layers into a level; needs the level reader's helpers."""
+    """Reads the object layers into a level; leans on the level reader for structure and brushes."""
 
     def __init__(self, reader, frame, level):
         self.reader, self.frame, self.level = reader, frame, level

@@ -1,4 +1,9 @@
-"""Reading a level: from a .tmj file to a `Level`, or to everything that is wrong with it."""
+"""Reading a level: from a .tmj file to a `Level`, or to everything that is wrong with it.
+
+An object's class decides what it is, whatever the layer; classless objects take the class of a layer named after one.
+Hidden layers count: the eye in Tiled is for the designer's view.  Layers called ``notes...`` or ``decor...`` are the
+designer's own.
+"""
 
 from __future__ import annotations
 

@@ -27,31 +27,38 @@ _TYPES = {bool: "bool", int: "int", float: "float", str: "string"}
 
 def dump(document: dict) -> str:
     """The document as Tiled 1.8 and later lays it out: sorted keys, whole floats as ints."""
-    return _write(document, 1, " ")
+    return _write(document, 0)
 
 
-def _write(value, depth, indent):
+def _write(value, column):
+    """`column` is where the brace of the object around stands."""
     if isinstance(value, dict):
-        return _write_object(value, depth, indent)
+        return _write_object(value, column)
     if isinstance(value, list | tuple):
-        return _write_list(value, depth, indent)
+        return _write_list(value, column)
     return _scalar(value)
 
 
-def _write_object(value, depth, indent):
+def _write_object(value, column):
+    margin = "\n" + " " * column
     if not value:
-        return "{" + f"\n{indent[:-1]}" + "}"
-    lines = [f"{_scalar(str(k))}:{_write(v, depth, indent)}" for k, v in sorted(value.items())]
-    start = "{ " if indent == " " else "{\n" + indent
-    return start + f",\n{indent}".join(lines) + f"\n{indent[:-1]}" + "}"
+        return "{\n" + margin + "}"
+    start = "{ " if column == 0 else "{" + margin + " "
+    return start + f",{margin} ".join(_member(k, v, column) for k, v in sorted(value.items())) + margin + "}"
 
 
-def _write_list(values, depth, indent):
+def _member(key, value, column):
+    if isinstance(value, dict):
+        column += 4
+        return f"{_scalar(str(key))}:\n{' ' * column}{_write(value, column)}"
+    return f"{_scalar(str(key))}:{_write(value, column)}"
+
+
+def _write_list(values, column):
     if not any(isinstance(v, dict | list | tuple) for v in values):
         return "[" + ", ".join(map(_scalar, values)) + "]"
-    inner = " " * (8 * depth)
-    parts = [inner + _write(v, depth + 1, inner + " ") for v in values]
-    return "[\n" + ", \n".join(parts) + "]"
+    margin = " " * (column + 8)
+    return "[\n" + ", \n".join(margin + _write(v, column + 8) for v in values) + "]"
 
 
 def _scalar(value):

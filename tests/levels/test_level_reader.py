@@ -5,6 +5,7 @@ import gzip
 import json
 import math
 import struct
+import tracemalloc
 import zlib
 
 import cv2
@@ -244,9 +245,13 @@ class TestTiles:
 
     def test_a_bomb_is_not_unpacked(self):
         bomb = base64.b64encode(zlib.compress(bytes(50_000_000))).decode()
-        assert "unpacks to more than 400 bytes" in problem(
-            level(tiles(data=bomb, encoding="base64", compression="zlib"), objects("spawns", herd()))
-        )
+        document = level(tiles(data=bomb, encoding="base64", compression="zlib"), objects("spawns", herd()))
+        tracemalloc.start()
+        try:
+            assert "unpacks to more than 400 bytes" in problem(document)
+            assert tracemalloc.get_traced_memory()[1] < 5_000_000
+        finally:
+            tracemalloc.stop()
 
     def test_a_tile_of_the_wrong_class_is_named_with_its_place(self):
         gids = [GRASS] * 100

@@ -37,6 +37,21 @@ def test_saving_what_was_loaded_changes_nothing(path):
     assert path.read_bytes() == before
 
 
+def test_the_order_of_keys_is_always_the_same():
+    one = {"b": 1, "a": {"d": 1.0, "c": [0.5, True, None]}}
+    other = {"a": {"c": [0.5, True, None], "d": 1}, "b": 1}
+    assert dump(one) == dump(other)
+    assert dump(one).splitlines() == [
+        '{ "a":',
+        "    {",
+        '     "c":[0.5, true, null],',
+        '     "d":1',
+        "    },",
+        ' "b":1',
+        "}",
+    ]
+
+
 def test_a_new_count_is_one_line_of_difference(path):
     before = path.read_text()
     document = Document.load(path)
