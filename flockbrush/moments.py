@@ -1,0 +1,144 @@
+"""The animals of one moment, kept apart from the world that goes on; and moments between two ticks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from components import Body, BrushBinding, Heading, Position, ReferenceBird, Role, Species, Velocity
+from systems.landscape import Landscape
+from systems.palette import Palette
+from systems.population import SpeciesList
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Copies of what leaves us: one row for each animal, in order of id.
+
+    Attributes
+    ----------
+    time : float
+        Seconds since the start.
+    ids : ndarray (n,) int64
+    xyz, velocity, forward : ndarray (n, 3)
+        Metres, metres per second, unit vectors.
+    length, radius : ndarray (n,)
+        Metres.
+    species, brush : ndarray (n,) int
+        Indices into the names.
+    leader : ndarray (n,) bool
+    reference : ndarray (n,) int64
+        Id of the animal it keeps its place by, 0 for none.
+    """
+
+    time: float
+    ids: np.ndarray
+    xyz: np.ndarray
+    velocity: np.ndarray
+    forward: np.ndarray
+    length: np.ndarray
+    radius: np.ndarray
+    species: np.ndarray
+    brush: np.ndarray
+    leader: np.ndarray
+    reference: np.ndarray
+
+    def __len__(self):
+        return len(self.ids)
+
+
+_SOON = 1e-9  # s; rounding of times that are not whole ticks
+_COLUMNS = {
+    "xyz": Position.xyz,
+    "velocity": Velocity.xyz,
+    "forward": Heading.forward,
+    "length": Body.length,
+    "radius": Body.radius,
+    "species": Species.index,
+    "brush": BrushBinding.brush,
+    "leader": Role.leader,
+    "reference": ReferenceBird.entity,
+}
+
+
+def moment_of(simulation) -> Moment:
+    """The animals as they are now."""
+    agents = simulation.agents
+    columns = {name: agents[column].copy() for name, column in _COLUMNS.items()}
+    columns["leader"] = columns["leader"].astype(bool)
+    return Moment(simulation.clock.now, agents.ids.copy(), **columns)
+
+
+def between(before: Moment, after: Moment, time, wrap=None) -> Moment:
+    """The animals at a time between two moments, those of ``after``; one that is new there is where it was born.
+
+    Parameters
+    ----------
+    time : float
+        Seconds, from ``before.time`` to ``after.time``.
+    wrap : (width, height), optional
+        Of a periodic map, metres: who crossed the seam takes the short way.
+    """
+    share = (time - before.time) / (after.time - before.time)
+    if share >= 1:
+        return after
+    there = np.searchsorted(before.ids, after.ids)
+    there[there == len(before.ids)] = 0
+    both = before.ids[there] == after.ids if len(before.ids) else np.zeros(len(after.ids), bool)
+    rows = there[both]
+    xyz, velocity, forward = after.xyz.copy(), after.velocity.copy(), after.forward.copy()
+    way = after.xyz[both] - before.xyz[rows]
+    if wrap is not None:
+        way[:, :2] -= np.round(way[:, :2] / wrap) * wrap
+    xyz[both] = after.xyz[both] - (1 - share) * way
+    if wrap is not None:
+        xyz[:, :2] %= wrap
+    velocity[both] += (1 - share) * (before.velocity[rows] - after.velocity[both])
+    forward[both] += (1 - share) * (before.forward[rows] - after.forward[both])
+    size = np.linalg.norm(forward, axis=1, keepdims=True)
+    forward = np.where(size > 1e-9, forward / np.maximum(size, 1e-9), after.forward)
+    return replace(after, time=time, xyz=xyz, velocity=velocity, forward=forward)
+
+
+class Sampler:
+    """Moments at a steady rate, whatever the length of a tick.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    fps : float
+        Moments per second.  A rate that divides the ticks per second gives the very states of the simulation.
+    """
+
+    def __init__(self, simulation, fps):
+        self.simulation, self.fps = simulation, float(fps)
+        self.wrap = simulation.world.resource(Landscape).wrap
+        self.taken = 0
+        self._first = simulation.clock.now
+        self._last: Moment | None = None
+
+    def due(self):
+        """The moments that have come since the last call: call it at the start and after every tick."""
+        now = self.simulation.clock.now
+        if self._time() > now + _SOON and self._exact():
+            return
+        current = moment_of(self.simulation)
+        while (time := self._time()) <= now + _SOON:
+            exact = self._last is None or time >= now - _SOON
+            yield current if exact else between(self._last, current, time, self.wrap)
+            self.taken += 1
+        self._last = current
+
+    def _time(self):
+        return self._first + self.taken / self.fps
+
+    def _exact(self):
+        """Whether every moment falls on a tick: then the ticks between need not be kept."""
+        ticks = 1 / self.simulation.clock.dt / self.fps
+        return ticks == round(ticks)
+
+
+def names_of(simulation):
+    """(species, brushes): names by index, as they are now."""
+    return list(simulation.world.resource(SpeciesList).names), simulation.world.resource(Palette).names

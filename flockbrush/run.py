@@ -1,0 +1,224 @@
+"""Running levels: by name or path, recorded, timed, and built again from a recording alone."""
+
+from __future__ import annotations
+
+import os
+import posixpath
+import sys
+import time
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+import flockbrush
+import levels
+from behaviours.problems import did_you_mean
+from engine.recording import RecordedRun, Recorder, Recording, RecordingError, resume
+from flockbrush.files import refused
+from levels.build import Simulation, build
+from levels.reader import brush_library, read_level, read_level_files, recorded_library
+from levels.schema import MAX_AGENTS
+
+SHIPPED = Path(levels.__path__[0]) / "shipped"
+KEYFRAME_SECONDS = 10  # s; going to any moment of a recording lives at most so much again
+LEVEL_SUFFIXES = (".tmj", ".json")
+
+
+# levels ------------------------------------------------------------------------
+
+
+def shipped_levels() -> list[str]:
+    """Names of the levels that come with Flockbrush."""
+    return sorted(path.stem for path in SHIPPED.glob("*.tmj"))
+
+
+def find_level(name) -> Path:
+    """The file of a level given as a path, or as the name of a shipped one.
+
+    Raises
+    ------
+    ProblemsError
+        When there is neither.
+    """
+    path = Path(name)
+    if path.exists() or path.suffix or path.name != str(name):
+        return path  # the reader says what is wrong with it
+    if str(name) in shipped_levels():
+        return SHIPPED / f"{name}.tmj"
+    hint = did_you_mean(str(name), shipped_levels())
+    raise refused(name, f"there is no such file, and no shipped level of that name{hint}")
+
+
+def open_level(name):
+    """(level, library of brushes) of a path or a shipped name; ProblemsError."""
+    import systems.commands  # noqa: F401  the commands a script may give
+
+    path = find_level(name)
+    level = read_level(path)
+    return level, brush_library(path, level.files)
+
+
+def start(name, seed=None, agents=None) -> Simulation:
+    """The world of a level, ready for its first tick.
+
+    Parameters
+    ----------
+    name : str or path
+        A level file, or the name of a shipped level.
+    seed : int, optional
+        Instead of the level's own.
+    agents : int, optional
+        So many animals in all, at the level's density.
+
+    Raises
+    ------
+    ProblemsError
+    """
+    level, library = open_level(name)
+    simulation = _built(level, seed, agents, library)
+    simulation.origin = {"seed": level.seed if seed is None else seed, "agents": agents}
+    return simulation
+
+
+def _built(level, seed, agents, library):
+    if agents is None:
+        return build(level, seed, library=library)
+    if not 1 <= agents <= MAX_AGENTS:
+        raise refused(level.path, f"there can be 1 to {MAX_AGENTS} animals, got {agents}")
+    try:
+        return build(level, seed, agents, library)
+    except ValueError as error:
+        raise refused(level.path, str(error)) from None
+
+
+# recordings ------------------------------------------------------------------------
+
+
+def record(path, simulation) -> Recorder:
+    """Begin to record a simulation that `start` or `rebuild` has made; call ``take()`` after every tick.
+
+    A hash is kept for every tick: it costs a few per cent of the tick, and a replay can then name the very tick that
+    differs.
+    """
+    name, assets = rooted(simulation.assets(), simulation.level.path)
+    header = {
+        **simulation.origin,
+        "dt": simulation.clock.dt,
+        "level": name,
+        "flockbrush": flockbrush.__version__,
+    }
+    every = round(KEYFRAME_SECONDS / simulation.clock.dt)
+    return Recorder(Recording.create(path, header, assets), simulation.world, 1, every)
+
+
+def rebuild(run: RecordedRun) -> Simulation:
+    """The world of a recording before its first tick, from nothing but what the recording embeds.
+
+    Call `engine.recording.resume` next: it replaces the level's script by the commands as they were applied.
+
+    Raises
+    ------
+    RecordingError
+        When the files embedded are no level, or the recording is of something else.
+    ProblemsError
+        With everything that is wrong with the embedded files.
+    """
+    import systems.commands  # noqa: F401  a recording's commands
+
+    files = embedded(run)
+    library = recorded_library(files)
+    level = read_level_files(files, library)
+    seed, agents = run.header["seed"], run.header.get("agents")
+    if agents is not None and not isinstance(agents, int):
+        raise RecordingError(f"{run.path}: the header says {agents!r} animals; it must be a whole number")
+    simulation = _built(level, seed, agents, library)
+    if run.header["dt"] != simulation.clock.dt:
+        raise RecordingError(
+            f"{run.path}: recorded with a tick of {run.header['dt']} s; this version has {simulation.clock.dt} s"
+        )
+    simulation.origin = {"seed": seed, "agents": agents}
+    return simulation
+
+
+def go_to(run: RecordedRun, simulation: Simulation, tick: int, stop=lambda tick: None):
+    """Bring the world of a recording to this tick, from the nearest snapshot before it."""
+    resume(run, simulation.world, tick)
+    while simulation.clock.tick < tick:
+        simulation.tick()
+        stop(simulation.clock.tick)
+
+
+def rooted(files, level_path):
+    """(name of the level, files) with names that stay below one folder, where a level's own may begin with "../".
+
+    >>> rooted({"a.tmj": b"", "../tilesets/t.tsj": b""}, Path("/designs/shipped/a.tmj"))[0]
+    'shipped/a.tmj'
+    """
+    climbs = max(PurePosixPath(posixpath.normpath(name)).parts.count("..") for name in files)
+    above = Path(os.path.abspath(level_path)).parent.parts[1:]
+    home = "/".join((("level",) * climbs + above)[-climbs:]) if climbs else ""
+    home = home.replace("\\", "_").replace(":", "_")
+    renamed = {posixpath.normpath(posixpath.join(home, name)): data for name, data in files.items()}
+    return posixpath.join(home, next(iter(files))), renamed
+
+
+def embedded(run: RecordedRun) -> dict[str, bytes]:
+    """The files of a recording by their names relative to the level, the level first."""
+    name = run.header.get("level")
+    if not isinstance(name, str) or name not in run.assets:
+        raise RecordingError(f"{run.path}: this is a recording, but not of a level")
+    home = posixpath.dirname(name) or "."
+    others = {posixpath.relpath(other, home): data for other, data in run.assets.items() if other != name}
+    return {posixpath.basename(name): run.assets[name]} | others
+
+
+# how long it takes --------------------------------------------------------------------
+
+
+class Stopwatch:
+    """Seconds of every tick; the first one, which loads the kernels, counts as part of the start."""
+
+    def __init__(self, simulation):
+        self.simulation = simulation
+        self.seconds: list[float] = []
+        self.startup = float("nan")  # s, from the start of the program to the end of the first tick
+        self._loading: dict[str, int] = {}
+
+    def tick(self):
+        """One tick, timed."""
+        begin = time.perf_counter()
+        self.simulation.tick()
+        end = time.perf_counter()
+        if np.isnan(self.startup):
+            self.startup = end - flockbrush.BEGAN
+            self._loading = dict(self.simulation.schedule.nanoseconds)
+            self._first = end - begin
+        else:
+            self.seconds.append(end - begin)
+
+    def per_tick(self):
+        """{median, p95} in seconds, after the first tick."""
+        seconds = self.seconds or ([self._first] if self._loading else [float("nan")])
+        return {"median": float(np.median(seconds)), "p95": float(np.percentile(seconds, 95))}
+
+    def systems(self):
+        """Seconds spent in each system after the first tick."""
+        total = self.simulation.schedule.nanoseconds
+        return {name: (spent - self._loading.get(name, 0)) / 1e9 for name, spent in total.items()}
+
+
+def peak_memory():
+    """MiB this process has held at most, or NaN where the system does not say."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return float("nan")
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
+
+
+def versions():
+    """{package: version} of what may change a run, and of Flockbrush."""
+    from engine.recording import package_versions
+
+    return {"flockbrush": flockbrush.__version__} | package_versions()

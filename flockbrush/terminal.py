@@ -1,0 +1,224 @@
+"""What people see while a command runs: progress, notices, mistakes in plain words; and how a run is stopped.
+
+Everything here goes to stderr: stdout is for results alone.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from contextlib import contextmanager
+
+PROBLEM, USAGE, INTERRUPTED, PIPE = 1, 2, 130, 141
+
+
+class Stopped(Exception):
+    """A run was asked to end before its time; what is open has been closed in good order."""
+
+
+def debugging():
+    """Whether the person wants tracebacks."""
+    return os.environ.get("FLOCKBRUSH_DEBUG", "") not in ("", "0")
+
+
+def say(text):
+    """One line to the person, never in the way of results."""
+    try:
+        print(text, file=sys.stderr, flush=True)
+    except (OSError, ValueError):  # nobody listens
+        pass
+
+
+def is_terminal(stream):
+    try:
+        return stream.isatty()
+    except (AttributeError, ValueError):
+        return False
+
+
+def show(renderable):
+    """Print a table or a text as a result, as wide as it needs where nobody set a width."""
+    from rich.console import Console
+
+    wide = None if is_terminal(sys.stdout) or "COLUMNS" in os.environ else 160
+    Console(width=wide, highlight=False, soft_wrap=False).print(renderable)
+
+
+def table(*columns, title=None, right=()):
+    """A plain table; the columns named in ``right`` hold numbers."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    made = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, title_style="bold")
+    for column in columns:
+        made.add_column(column, justify="right" if column in right else "left", overflow="fold")
+    return made
+
+
+def number(value, digits=4):
+    """A number for people: four digits that count, "-" for one without meaning."""
+    if value is None or value != value:
+        return "-"
+    if isinstance(value, int):
+        return f"{value:,}"
+    return f"{value:.{digits}g}" if 1e-3 <= abs(value) < 1e5 or value == 0 else f"{value:.{digits - 1}e}"
+
+
+def finite(values):
+    """A copy fit for JSON: NaN and infinity become None, numpy's numbers become plain ones."""
+    if isinstance(values, dict):
+        return {str(key): finite(value) for key, value in values.items()}
+    if isinstance(values, (list, tuple)):
+        return [finite(value) for value in values]
+    if hasattr(values, "tolist"):
+        return finite(values.tolist())
+    if isinstance(values, float) and not abs(values) < float("inf"):
+        return None
+    return values
+
+
+def print_json(values):
+    """One JSON object on stdout."""
+    import json
+
+    print(json.dumps(finite(values), indent=2, ensure_ascii=False))
+
+
+# progress --------------------------------------------------------------------------
+
+
+class _Silent:
+    """Progress that nobody sees."""
+
+    def __call__(self, done, text=None):
+        pass
+
+
+class _Bar:
+    """A bar on stderr, drawn at most a few times a second."""
+
+    def __init__(self, bar, task):
+        self._bar, self._task, self._next = bar, task, 0.0
+
+    def __call__(self, done, text=None):
+        now = time.monotonic()
+        if text is not None or now >= self._next:
+            self._next = now + 0.1
+            self._bar.update(self._task, completed=done, **({"description": text} if text else {}))
+
+
+@contextmanager
+def progress(text, total):
+    """A function ``(done, text=None)`` that moves a bar, where stderr is a terminal."""
+    if not is_terminal(sys.stderr) or total <= 1:
+        yield _Silent()
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        yield _Bar(bar, bar.add_task(text, total=total))
+
+
+@contextmanager
+def compiling():
+    """Say so when numba has to compile, before the wait begins, and how long it took."""
+    from numba.core import event
+
+    listener = _listener(event)()
+    event.register("numba:compile", listener)
+    try:
+        yield
+    finally:
+        event.unregister("numba:compile", listener)
+
+
+def _listener(event):
+    class Compiles(event.Listener):
+        """Tells of the first compilation; those that follow belong to it."""
+
+        said = False
+
+        def on_start(self, event):
+            if not Compiles.said:
+                Compiles.said = True
+                say("compiling kernels for the first time, about a minute ...")
+
+        def on_end(self, event):
+            pass
+
+    return Compiles
+
+
+# being stopped ---------------------------------------------------------------------------
+
+
+class Interrupts:
+    """Ctrl-C and a polite kill: the first ends a run between two ticks, the second at once.
+
+    Until `gently` is called, the first one too ends at once: nothing has been written yet that it could cut.
+    """
+
+    def __init__(self):
+        self.asked = 0
+        self._gentle = False
+        self._before: dict[int, object] = {}
+
+    def __enter__(self):
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                self._before[number] = signal.signal(number, self._hear)
+        return self
+
+    def __exit__(self, *_):
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _hear(self, number, frame):
+        self.asked += 1
+        if not self._gentle or self.asked > 1:
+            raise KeyboardInterrupt
+
+    def gently(self):
+        """From now on wait for the end of a tick."""
+        self._gentle = True
+
+    def check(self):
+        """Between two ticks: Stopped, if somebody asked."""
+        if self.asked:
+            raise Stopped
+
+
+# mistakes ------------------------------------------------------------------------------------
+
+
+def exit_code_of(error) -> int:
+    """Tell a person what went wrong; the exit code."""
+    from behaviours.problems import ProblemsError
+    from engine.recording import RecordingError
+
+    if debugging():
+        import traceback
+
+        traceback.print_exception(error)
+        return PROBLEM
+    if isinstance(error, (ProblemsError, RecordingError)) or type(error) is LookupError:
+        say(str(error))
+    elif isinstance(error, MemoryError):
+        say("there is not enough memory for this; try fewer animals (--agents)")
+    elif isinstance(error, OSError):
+        say(_of_system(error))
+    else:
+        say(f"this is a bug in flockbrush, not your mistake: {type(error).__name__}: {error}")
+        say("run it again with FLOCKBRUSH_DEBUG=1 in the environment to see where, and send us what it says")
+    return PROBLEM
+
+
+def _of_system(error):
+    name = getattr(error, "filename", None)
+    reason = error.strerror or str(error)
+    return f"{name}: {reason}" if name else reason
