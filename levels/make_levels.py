@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from levels.sketch import Sketch
 from levels.tiled import BRUSHES_FILE, known_brushes, png, write_project
 
 HERE = Path(__file__).parent
-LEVELS = {}
+LEVELS: dict[str, Callable[[], Sketch]] = {}
 SAVED_BY_TILED = ("gorge", "meadow")  # changed by hand since
 
 
@@ -98,7 +99,7 @@ def meadow():
 def sheep_pasture():
     """A corridor between hedges, full of things in the way; one sinusoidal arrow, two brushes (Gong et al. 2025, fig. 1)."""
     s = new(120, 36, 2.0, seed=1)
-    wave = [(x, 36 + 12 * np.sin(2 * np.pi * (x - 10) / 90)) for x in np.linspace(10, 205, 53)]
+    wave = [(x, 36 + 9 * np.sin(2 * np.pi * (x - 10) / 110)) for x in np.linspace(10, 205, 53)]
     s.ground("grass")
     s.ground("meadow", rolling(s.x, s.y, 11, 50) > 0.5)
     s.ground("dry grass", rolling(s.x, s.y, 12, 60) > 0.9)
@@ -127,12 +128,22 @@ def sheep_pasture():
     ]
     for k, (x, y, r) in enumerate(trees, 1):
         s.box("Obstacle", x, y, 2 * r, 2 * r, f"tree {k}", round_=True, shape="cylinder")
-    s.draw("Guide", wave, "sinus", closed=False, strength=1, radius=8, decay=8)
+    s.draw("Guide", wave, "sinus", closed=False, strength=1, radius=12, decay=8)
     s.brush("sheep-narrow", s.x < 110)
     s.brush("front", (s.x >= 110) & (s.x < 206))
     s.brush("graze", s.x >= 206)
     s.box(
-        "Spawn", 20, 36, 32, 30, "herd", species="sheep", brush="sheep-narrow", count=300, heading=50, body_length=1.2
+        "Spawn",
+        24,
+        38,
+        32,
+        30,
+        "herd",
+        species="sheep",
+        brush="sheep-narrow",
+        count=300,
+        heading="east",
+        body_length=1.2,
     )
     s.draw("Line", [(110, 6), (110, 66)], "brush border", closed=False)
     s.box("Area", 222, 36, 32, 56, "fold")

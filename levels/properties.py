@@ -80,7 +80,7 @@ def read_properties(node, cls: ObjectClass, place: Place) -> Values:
     """The properties of `node` as class `cls`; problems are told to `place`, wrong values left at the default."""
     values = Values(cls)
     for entry, name, value in _flat(node, cls, place):
-        line = getattr(entry, "line", place.line)
+        line = getattr(entry, "line", place.line) or 1
         if name in values.given or name in values.others:
             place.say(f"property {name!r} is given twice", line)
             continue
