@@ -56,7 +56,7 @@ def run_level(job: Job):
             Exports(job.exports, simulation, job.fps, **job.options) as exports,
         ):
             exports.take()
-            with _stepping(f"{simulation.level.name}", simulation, ticks, interrupts) as stepped:
+            with stepping(f"{simulation.level.name}", simulation, ticks, interrupts) as stepped:
                 while simulation.clock.tick < ticks:
                     watch.tick()
                     if recorder:
@@ -105,7 +105,7 @@ def _recorder(path, simulation):
 
 
 @contextmanager
-def _stepping(text, simulation, ticks, interrupts):
+def stepping(text, simulation, ticks, interrupts):
     """A function to call after every tick: it moves the bar, and ends the run when somebody asked."""
     with terminal.progress(text, ticks) as bar:
 
@@ -199,7 +199,7 @@ def replay_recording(path, verify, to_tick, thread_count, json):
     with terminal.Interrupts() as interrupts, terminal.compiling():
         simulation = running.rebuild(run)
         watch = running.Stopwatch(simulation)
-        with _stepping(Path(path).name, simulation, end, interrupts) as stepped:
+        with stepping(Path(path).name, simulation, end, interrupts) as stepped:
             if verify:
                 difference = _compare(run, simulation, watch, end, stepped)
             else:
@@ -258,7 +258,7 @@ def export_recording(path, outputs, fps, thread_count, options, json):
         resume(run, simulation.world)
         with (
             Exports(outputs, simulation, fps, **options) as exports,
-            _stepping(Path(path).name, simulation, run.last_tick, interrupts) as stepped,
+            stepping(Path(path).name, simulation, run.last_tick, interrupts) as stepped,
         ):
             exports.take()
             while simulation.clock.tick < run.last_tick:
@@ -302,7 +302,7 @@ def render_level(name, output, seconds, seed, agents, theme):
         ticks = ticks_of(job, simulation.clock.dt)
         with (
             Exports([output], simulation, theme=theme) as exports,
-            _stepping(simulation.level.name, simulation, ticks, interrupts) as stepped,
+            stepping(simulation.level.name, simulation, ticks, interrupts) as stepped,
         ):
             exports.take()
             while simulation.clock.tick < ticks:
@@ -312,10 +312,10 @@ def render_level(name, output, seconds, seed, agents, theme):
     print(f"wrote {output}")
 
 
-def check_png(output, inputs=()):
+def check_png(output, inputs=(), hint="-o"):
     """Make sure that a picture can be written."""
     if Path(output).suffix.lower() != ".png":
-        raise typer.BadParameter(f"the name of a picture ends in .png, got {str(output)!r}", param_hint="-o")
+        raise typer.BadParameter(f"the name of a picture ends in .png, got {str(output)!r}", param_hint=hint)
     check_exports([output], inputs)
 
 
