@@ -25,9 +25,20 @@ _WORDS = {
 }
 
 
+class CommandError(ValueError):
+    """A command could not be done; ``str()`` says when, which, and why.  The world is as it was before it."""
+
+    def __init__(self, tick, cmd, reason):
+        shown = repr(cmd)
+        super().__init__(f"tick {tick}: {shown if len(shown) < 200 else shown[:190] + '...'}: {reason}")
+        self.tick, self.command, self.reason = tick, cmd, str(reason)
+
+
 def command(cls):
     """Make a class with an ``apply(world)`` method a frozen dataclass, recordable by its name.
 
+    What cannot be done raises a ValueError or a LookupError before anything has been changed.  A command may also
+    have a ``check(world)`` that raises for what can be known beforehand, such as the name of a brush.
     Its fields must be numbers, strings, booleans, None, or lists and dicts of those, so that a
     recording can hold them as JSON.
     """
@@ -143,12 +154,22 @@ class Commands:
             self.submit(cmd, tick)
 
     def apply(self, world):
-        """Apply all that is due, in order of tick, then of submission."""
+        """Apply all that is due, in order of tick, then of submission.
+
+        Raises
+        ------
+        CommandError
+            When one of them cannot be done.  It is dropped and not in the log; those after it still wait, so that
+            whoever goes on can call this again.
+        """
         now = world.resource(Clock).tick
         while self._pending and self._pending[0][0] <= now:
             _, _, cmd = heapq.heappop(self._pending)
+            try:
+                cmd.apply(world)
+            except (ValueError, LookupError) as error:
+                raise CommandError(now, cmd, error.args[0] if error.args else error) from error
             self.log.append((now, cmd))
-            cmd.apply(world)
 
     def state(self):
         """What waits, as bytes (see `engine.state`)."""

@@ -30,7 +30,7 @@ from systems.palette import Palette
 from systems.population import NoRoom, SpeciesList
 from systems.senses import FindNeighbours, Near, ObstaclesInSight, See, SeeObstacles, Sight
 from systems.steer import Steer
-from systems.terrain import compose_brushes, compose_caps, relief_of
+from systems.terrain import compose_brushes, compose_caps, rasterise_polygon, relief_of
 
 DT = 1 / 32  # s; a power of two: tick * dt is exact
 
@@ -69,9 +69,7 @@ class Simulation:
         """Measures of this moment by name (`systems.measures`)."""
         agents, land = self.agents, self.world.resource(Landscape)
         length = float(agents[Body.length].mean()) if len(agents) else 1.0
-        return herd_measures(
-            agents[Position.xyz], agents[Velocity.xyz], agents[Heading.forward], length, land.wrap
-        )
+        return herd_measures(agents[Position.xyz], agents[Velocity.xyz], agents[Heading.forward], length, land.wrap)
 
     def assets(self):
         """Every file this world was made from, by name, as bytes: what a recording embeds."""
@@ -130,7 +128,7 @@ def build(level: Level, seed=None, agents=None, library: BrushLibrary | None = N
         Clock(DT),
         Noise(level.seed if seed is None else seed),
         Commands(),
-        SpeciesList(),
+        SpeciesList(list(dict.fromkeys(spawn.species for spawn in level.spawns))),
         palette,
         Near(),
         Sight(),
@@ -195,6 +193,9 @@ def landscape_of(level, palette):
         [exit.polygon for exit in level.exits],
         reach,
     )
+    for zone in level.zones:
+        if zone.brush:
+            land.transition[rasterise_polygon(zone.polygon, shape, level.cell)] = zone.blend
     land.rebuild()
     return land
 
@@ -206,7 +207,7 @@ def _farthest_view(level, palette):
 
 
 def _bear_first(world, level):
-    """Spawns without a rate that start at once bring their animals before the first tick; the rest go to the nursery."""
+    """Spawns that start at once bring their animals before the first tick; those with a rate go to the nursery."""
     world.insert(nursery := Nursery())
     problems = []
     for spawn in level.spawns:
@@ -234,9 +235,11 @@ def _queue_script(simulation, level):
     for key in level.script:
         try:
             command = from_record(key.command, key.args)
-        except ValueError as error:
+            if hasattr(command, "check"):  # what can be known before the run is said before the run
+                command.check(simulation.world)
+        except (ValueError, LookupError) as error:
             where = f"object {key.id} {key.name!r} in layer 'script'"
-            problems.append(Problem(str(level.path), None, where, str(error)))
+            problems.append(Problem(str(level.path), None, where, str(error.args[0] if error.args else error)))
             continue
         simulation.submit(command, math.ceil(key.at / DT))
     if problems:
@@ -262,7 +265,8 @@ def scaled(level, agents):
         if factor < 1:
             polygon = middle + (spawn.polygon - middle) * math.sqrt(max(count, 1) / max(spawn.count, 1))
         spawns.append(dataclasses.replace(spawn, count=count, polygon=polygon, rate=spawn.rate * factor))
-    return _grown(dataclasses.replace(level, spawns=[s for s in spawns if s.count or s.rate]))
+    endless = {spawn.id for spawn in level.spawns if spawn.rate and not spawn.count}
+    return _grown(dataclasses.replace(level, spawns=[s for s in spawns if s.count or s.id in endless]))
 
 
 def _shares(counts, total):
@@ -279,7 +283,9 @@ def _grown(level):
     low = np.min([s.polygon.min(0) for s in level.spawns], axis=0)
     high = np.max([s.polygon.max(0) for s in level.spawns], axis=0)
     before = [max(0, math.ceil(-v / level.cell)) for v in low]
-    after = [max(0, math.ceil((v - size) / level.cell)) for v, size in zip(high, (level.width, level.height), strict=True)]
+    after = [
+        max(0, math.ceil((v - size) / level.cell)) for v, size in zip(high, (level.width, level.height), strict=True)
+    ]
     if not any(before + after):
         return level
     shift = np.array(before) * level.cell
@@ -302,7 +308,7 @@ def _grown(level):
         speed_factor=grid(level.terrain.speed_factor, 1.0),
         cost=grid(level.terrain.cost, 1.0),
         blocks_view=grid(level.terrain.blocks_view, False),
-        index=np.pad(level.terrain.index, pad, mode="edge"),
+        index=grid(level.terrain.index, -1),
     )
     return dataclasses.replace(
         level,
@@ -321,7 +327,20 @@ def _grown(level):
         exits=[moved(e, "polygon") for e in level.exits],
         lines=[moved(line, "points") for line in level.lines],
         areas=[moved(a, "polygon") for a in level.areas],
+        script=[dataclasses.replace(key, xy=key.xy + shift, args=_moved_args(key.args, shift)) for key in level.script],
     )
+
+
+def _moved_args(args, shift):
+    """The arguments of a command whose map has grown to the south-west."""
+    moved = dict(args)
+    for name, metres in zip("xy", shift.tolist(), strict=True):
+        if isinstance(args.get(name), (int, float)):
+            moved[name] = args[name] + metres
+    points = args.get("points")
+    if isinstance(points, list) and all(isinstance(p, list) and len(p) == 2 for p in points):
+        moved["points"] = [[x + shift[0], y + shift[1]] for x, y in points]
+    return moved
 
 
 def _pad(raster, pad, cell, mode):

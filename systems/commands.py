@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from components import BrushBinding, Destination, Position, Species
+from behaviours.problems import ProblemsError, did_you_mean
+from components import Body, BrushBinding, Destination, Heading, Position, Species
 from engine.columns import Component
 from engine.commands import Commands, command
+from engine.maths import sincos_
 from engine.schedule import Stage, System
-from systems.landscape import Barrier, Landscape
-from systems.life import inside_polygon
+from systems.landscape import BRUSHES_OWN, Barrier, Landscape
 from systems.palette import Palette
 from systems.population import SpeciesList, give_birth
+from systems.spawning import inside_polygon, nearest_free, outlines, touching
+from systems.terrain import NO_BRUSH
 
 
 class ApplyCommands(System):
@@ -23,10 +26,35 @@ class ApplyCommands(System):
         world.resource(Commands).apply(world)
 
 
+MOST = 1_000_000  # animals, as many as a level may have
+CORNERS = 2_000  # of one obstacle, as many as a level may have
+
+
 def disc(x, y, radius, sides=32):
     """A round brush stroke as a polygon, (sides, 2) m."""
-    angle = 2 * np.pi * np.arange(sides) / sides
-    return np.column_stack([x + radius * np.cos(angle), y + radius * np.sin(angle)])
+    turned = np.array([sincos_(2.0 * np.pi * k / sides) for k in range(sides)])
+    return np.column_stack([x + radius * turned[:, 1], y + radius * turned[:, 0]])
+
+
+def _need(fine, message):
+    if not fine:
+        raise ValueError(message)
+
+
+def _goal_index(land, name):
+    """Index of the goal of this name; LookupError with what there is."""
+    names = [goal.name for goal in land.goals]
+    if name not in names:
+        raise LookupError(f"there is no goal {name!r}{did_you_mean(name, names)}")
+    return names.index(name)
+
+
+def _check_circle(command):
+    _need(command.radius >= 0, f"radius must be at least 0 m, got {command.radius:g}")
+
+
+def _check_brush(world, name):
+    world.resource(Palette).named(name)
 
 
 def _cells_within(land, x, y, radius):
@@ -47,7 +75,9 @@ def _selected(world, x, y, radius, species):
         chosen &= (xyz[:, 0] - x) ** 2 + (xyz[:, 1] - y) ** 2 <= radius**2
     if species:
         names = world.resource(SpeciesList).names
-        chosen &= world.agents[Species.index] == (names.index(species) if species in names else -1)
+        if species not in names:
+            raise LookupError(f"there is no species {species!r}{did_you_mean(species, names)}")
+        chosen &= world.agents[Species.index] == names.index(species)
     return chosen
 
 
@@ -61,7 +91,12 @@ class SwitchBrush:
     y: float = 0.0
     radius: float = 0.0  # m; 0: everywhere
 
+    def check(self, world):
+        _check_brush(world, self.brush)
+        _check_circle(self)
+
     def apply(self, world):
+        self.check(world)
         chosen = _selected(world, self.x, self.y, self.radius, self.species)
         world.agents[BrushBinding.home][chosen] = world.resource(Palette).named(self.brush)
 
@@ -75,11 +110,18 @@ class PaintBrush:
     y: float
     radius: float
 
+    def check(self, world):
+        if self.brush:
+            _check_brush(world, self.brush)
+        _check_circle(self)
+
     def apply(self, world):
+        self.check(world)
         land = world.resource(Landscape)
-        index = world.resource(Palette).named(self.brush) if self.brush else -1
+        index = world.resource(Palette).named(self.brush) if self.brush else NO_BRUSH
         rows, columns, mask = _cells_within(land, self.x, self.y, self.radius)
         land.brush[rows, columns][mask] = index
+        land.transition[rows, columns][mask] = BRUSHES_OWN
 
 
 @command
@@ -91,7 +133,11 @@ class PaintCap:
     y: float
     radius: float
 
+    def check(self, world):
+        _check_circle(self)
+
     def apply(self, world):
+        self.check(world)
         land = world.resource(Landscape)
         rows, columns, mask = _cells_within(land, self.x, self.y, self.radius)
         land.surface[rows, columns, 1][mask] = self.max_speed if self.max_speed > 0 else np.inf
@@ -99,23 +145,39 @@ class PaintCap:
 
 @command
 class AddObstacle:
-    """Put an obstacle down; animals on the spot are moved to its edge."""
+    """Put an obstacle down; animals on the spot are moved to the nearest free place."""
 
     name: str
     points: list
     solid: bool = True
     blocks_view: bool = True
 
+    def check(self, world):
+        self.polygon()
+
+    def polygon(self):
+        """(k, 2) m, counter-clockwise; ValueError when the points are none."""
+        rows = [p for p in self.points if isinstance(p, list) and len(p) == 2 and all(map(_is_number, p))]
+        _need(len(rows) == len(self.points), "points must be pairs of numbers, [[x, y], [x, y], ...]")
+        _need(3 <= len(rows) <= CORNERS, f"an obstacle has 3 to {CORNERS} points, got {len(rows)}")
+        polygon = np.array(rows, float)
+        x, y = polygon.T
+        area = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+        _need(area != 0, "the points lie in one line")
+        return polygon if area > 0 else np.ascontiguousarray(polygon[::-1])
+
     def apply(self, world):
         land = world.resource(Landscape)
-        polygon = np.array(self.points, float)
-        x, y = polygon.T
-        if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) < 0:
-            polygon = polygon[::-1]
-        land.barriers.append(Barrier(np.ascontiguousarray(polygon), self.solid, self.blocks_view, self.name))
+        barrier = Barrier(self.polygon(), self.solid, self.blocks_view, self.name)
+        land.barriers.append(barrier)
         land.rebuild()
-        if self.solid:
-            evict(world, polygon)
+        try:
+            if self.solid:
+                evict(world, barrier.polygon)
+        except ValueError:
+            land.barriers.pop()
+            land.rebuild()
+            raise
 
 
 @command
@@ -126,6 +188,8 @@ class RemoveObstacle:
 
     def apply(self, world):
         land = world.resource(Landscape)
+        names = [b.name for b in land.barriers]
+        _need(self.name in names, f"there is no obstacle {self.name!r}{did_you_mean(self.name, names)}")
         land.barriers = [b for b in land.barriers if b.name != self.name]
         land.rebuild()
 
@@ -138,14 +202,20 @@ class MoveGoal:
     x: float
     y: float
 
-    def apply(self, world):
+    def check(self, world):
         land = world.resource(Landscape)
-        for goal in land.goals:
-            if goal.name == self.goal:
-                shift = np.array([self.x, self.y]) - goal.xy
-                goal.xy = goal.xy + shift
-                if goal.polygon is not None:
-                    goal.polygon = goal.polygon + shift
+        _goal_index(land, self.goal)
+        inside = 0 <= self.x < land.width and 0 <= self.y < land.height
+        _need(inside, f"({self.x:g}, {self.y:g}) is not on the map, which is {land.width:g} x {land.height:g} m")
+
+    def apply(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        goal = land.goals[_goal_index(land, self.goal)]
+        shift = np.array([self.x, self.y]) - goal.xy
+        goal.xy = goal.xy + shift
+        if goal.polygon is not None:
+            goal.polygon = goal.polygon + shift
         land.rebuild()
 
 
@@ -159,10 +229,16 @@ class SendTo:
     y: float = 0.0
     radius: float = 0.0
 
+    def check(self, world):
+        if self.goal:
+            _goal_index(world.resource(Landscape), self.goal)
+        _check_circle(self)
+
     def apply(self, world):
-        names = [goal.name for goal in world.resource(Landscape).goals]
+        self.check(world)
         chosen = _selected(world, self.x, self.y, self.radius, self.species)
-        world.agents[Destination.goal][chosen] = names.index(self.goal) if self.goal in names else -1
+        goal = _goal_index(world.resource(Landscape), self.goal) if self.goal else -1
+        world.agents[Destination.goal][chosen] = goal
 
 
 @command
@@ -177,9 +253,19 @@ class AddAnimals:
     species: str = "animal"
     heading: float | None = None  # rad; None: each its own
 
+    def check(self, world):
+        _check_brush(world, self.brush)
+        _need(self.radius > 0, f"radius must be above 0 m, got {self.radius:g}")
+        _need(1 <= self.count <= MOST, f"count must be 1 to {MOST}, got {self.count}")
+
     def apply(self, world):
-        stream = f"add {self.x!r} {self.y!r}"
-        give_birth(world, disc(self.x, self.y, self.radius), self.count, self.brush, self.species, self.heading, stream=stream)
+        self.check(world)
+        total = len(world.agents) + self.count
+        _need(total <= MOST, f"there may be at most {MOST} animals, and this would make {total}")
+        give_birth(
+            world, disc(self.x, self.y, self.radius), self.count, self.brush, self.species, self.heading,
+            stream=f"add {world.next_entity}",  # two strokes in one tick are two
+        )  # fmt: skip
 
 
 @command
@@ -191,7 +277,11 @@ class RemoveAnimals:
     radius: float
     species: str = ""
 
+    def check(self, world):
+        _check_circle(self)
+
     def apply(self, world):
+        self.check(world)
         chosen = _selected(world, self.x, self.y, self.radius, self.species)
         for entity in world.agents.ids[chosen].tolist():
             world.delete_entity(entity)
@@ -206,21 +296,50 @@ class SetParameter:
     name: str
     value: float
 
+    def check(self, world):
+        self.changed(world.resource(Palette))
+
+    def changed(self, palette):
+        """The brush with the number changed; ValueError when it has none of that name or it is out of bounds."""
+        brush = palette.brushes[palette.named(self.brush)]
+        try:
+            return brush.with_parameters(**{self.name: self.value})
+        except ProblemsError as error:
+            raise ValueError(str(error)) from None
+
     def apply(self, world):
         palette = world.resource(Palette)
-        brush = palette.brushes[palette.named(self.brush)]
-        palette.add(brush.with_parameters(**{self.name: self.value}))
+        palette.add(self.changed(palette))
+
+
+def _is_number(value):
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= 1e6
 
 
 def evict(world, polygon):
-    """Move animals that stand in a polygon to the nearest place outside of it."""
-    agents = world.agents
-    xyz = agents[Position.xyz]
-    for row in np.flatnonzero(inside_polygon(xyz, polygon)):
-        a, b = polygon, np.roll(polygon, -1, axis=0)
-        along = b - a
-        t = np.clip(((xyz[row, :2] - a) * along).sum(1) / np.maximum((along**2).sum(1), 1e-12), 0, 1)
-        nearest = a + t[:, None] * along
-        k = np.argmin(((nearest - xyz[row, :2]) ** 2).sum(1))
-        outward = np.array([along[k, 1], -along[k, 0]]) / max(np.sqrt((along[k] ** 2).sum()), 1e-12)
-        xyz[row, :2] = nearest[k] + outward * 0.5
+    """Move animals whose bodies touch a new obstacle to the nearest free place.
+
+    Raises
+    ------
+    ValueError
+        When there is none nearby.  Nobody has moved then.
+    """
+    agents, land = world.agents, world.resource(Landscape)
+    xyz, forward = agents[Position.xyz], agents[Heading.forward]
+    half, radius = agents[Body.axis], agents[Body.radius]
+    edges = np.hstack([polygon, np.roll(polygon, -1, axis=0)])
+    trapped = inside_polygon(xyz, polygon) | touching(xyz, forward, half, radius, edges)
+    if not trapped.any():
+        return
+    x, y, fx, fy = (np.ascontiguousarray(c) for c in (*xyz[:, :2].T, *forward[:, :2].T))
+    walls = land.walls_within(2.0 * float((half + radius).max()))
+    stands = ~trapped
+    for row in np.flatnonzero(trapped):
+        others = (np.ascontiguousarray(c[stands]) for c in (x, y, fx, fy, half, radius))
+        found, x[row], y[row] = nearest_free(
+            x[row], y[row], fx[row], fy[row], half[row], radius[row], *walls, ~land.walkable, land.cell,
+            *outlines(land.solids), *map(float, land.bounds), *others,
+        )  # fmt: skip
+        _need(found, f"animal {agents.ids[row]} stands there, and has no room to step aside")
+        stands[row] = True
+    xyz[:, 0], xyz[:, 1] = x, y

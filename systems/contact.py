@@ -34,7 +34,7 @@ ROUNDS = 8  # of looking again before all stand firm
 SWEEPS = 6  # projections onto the half-planes before the step is shortened
 
 
-def move(cells, forward, wish, speed, max_turn, edges, dt):
+def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf):
     """Turn and step a whole herd.
 
     Parameters
@@ -51,6 +51,8 @@ def move(cells, forward, wish, speed, max_turn, edges, dt):
         Solid edges of obstacles.
     dt : float
         Seconds.
+    ghosts : float
+        How far across the seam of a wrapped map ``cells`` has copies, metres: who is faster than they allow is slowed.
 
     Returns
     -------
@@ -60,18 +62,31 @@ def move(cells, forward, wish, speed, max_turn, edges, dt):
         The new unit heading.
     """
     n = len(forward)
-    reach = _contact_reach(cells, speed, dt)
+    body, far = _bounds(cells)
+    speed = np.minimum(speed, max(ghosts - 2.0 * (body + far + SLACK), 0.0) / (4.0 * dt))
+    far += 2.0 * dt * float(speed.max(initial=0.0))
+    reach = 2.0 * (body + far + SLACK)  # whoever is farther away cannot be met, for nobody goes farther than ``far``
     near, count = _contacts(cells, reach, n)
     step, heading = np.zeros((n, 2)), np.zeros((n, 2))
-    over_rows(_turn, n, cells.slot, near, count, *_bodies(cells), forward, wish, speed, max_turn, *edges, dt, step, heading)
+    over_rows(
+        _turn, n, cells.slot, near, count, *_bodies(cells), forward, wish, speed, max_turn, *edges, dt, step, heading
+    )
     for _ in range(PUSHES):
         pushed = np.empty_like(step)
-        over_rows(_push, n, *_bodies(cells), cells.row, cells.slot, near, count, step, heading, pushed)
+        over_rows(_push, n, *_bodies(cells), cells.row, cells.slot, near, count, step, heading, far, pushed)
         step = pushed
-    return _agree(n, cells, near, count, edges, step, heading)
+    return _agree(n, cells, near, count, edges, step, heading, far)
 
 
-def _agree(n, cells, near, count, edges, step, heading):
+def _bounds(cells):
+    """The longest body from its middle, and how far anybody may be shoved in a tick, m."""
+    if not len(cells.x):
+        return 0.0, 0.0
+    body, radius = float((cells.half + cells.radius).max()), float(cells.radius.max())
+    return body, min(SKIN * body, radius)
+
+
+def _agree(n, cells, near, count, edges, step, heading, far):
     """Steps that keep everybody on his side of lines which every two agree upon.
 
     At first the line between two bodies moves along with both of them, so that a crowd can stream and be pushed.
@@ -86,7 +101,7 @@ def _agree(n, cells, near, count, edges, step, heading):
         stuck = np.zeros(n, np.uint8)
         over_rows(
             _keep_to_own_side, n, *_bodies(cells), cells.row, cells.slot, near, count, *edges, step, heading,
-            firm, fresh, stuck, safe, turned,
+            firm, fresh, stuck, far, safe, turned,
         )  # fmt: skip
         if not stuck.any():
             break
@@ -97,14 +112,6 @@ def _agree(n, cells, near, count, edges, step, heading):
 
 def _bodies(cells):
     return cells.x, cells.y, cells.fx, cells.fy, cells.half, cells.radius
-
-
-def _contact_reach(cells, speed, dt):
-    if not len(cells.x):
-        return 0.0
-    body = float((cells.half + cells.radius).max())
-    # both may step towards each other, and be pushed as far again
-    return (2.0 + 2.0 * SKIN) * body + 4.0 * dt * float(speed.max()) + 4 * SLACK
 
 
 def _contacts(cells, reach, n, width=16):
@@ -231,7 +238,7 @@ def _turn(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _push(lo, hi, x, y, fx, fy, half, radius, row, slot, near, count, step, heading, pushed):
+def _push(lo, hi, x, y, fx, fy, half, radius, row, slot, near, count, step, heading, far, pushed):
     """Half of every overlap that the wished poses would have."""
     for i in range(lo, hi):
         s = slot[i]
@@ -242,8 +249,8 @@ def _push(lo, hi, x, y, fx, fy, half, radius, row, slot, near, count, step, head
             j = row[t]
             touch = (1.0 + SKIN) * (radius[s] + radius[t])
             dx, dy = x[t] + step[j, 0] - xi, y[t] + step[j, 1] - yi
-            far = touch + half[s] + half[t]  # bounding discs
-            if dx * dx + dy * dy >= far * far:
+            apart = touch + half[s] + half[t]  # bounding discs
+            if dx * dx + dy * dy >= apart * apart:
                 continue
             nx, ny = _nearest(
                 0.0, 0.0, heading[i, 0], heading[i, 1], half[s], dx, dy, heading[j, 0], heading[j, 1], half[t]
@@ -266,14 +273,18 @@ def _push(lo, hi, x, y, fx, fy, half, radius, row, slot, near, count, step, head
         shove, most = np.sqrt(px * px + py * py), 0.5 * radius[s]
         if shove > most:
             px, py = px * most / shove, py * most / shove
-        pushed[i, 0], pushed[i, 1] = step[i, 0] + px, step[i, 1] + py
+        px, py = step[i, 0] + px, step[i, 1] + py
+        size = np.sqrt(px * px + py * py)
+        if size > far:
+            px, py = px * far / size, py * far / size
+        pushed[i, 0], pushed[i, 1] = px, py
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _keep_to_own_side(
     lo, hi, x, y, fx, fy, half, radius, row, slot, near, count,
     ends, estart, eitem, enx, eny, ecell, ewest, esouth,
-    step, heading, firm, fresh, stuck, safe, turned,
+    step, heading, firm, fresh, stuck, far, safe, turned,
 ):  # fmt: skip
     """The nearest step to the wished one that stays on the animal's own side of everybody and everything."""
     room = 64
@@ -336,6 +347,7 @@ def _keep_to_own_side(
                         done = False
                 if done:
                     break
+            done = done and sx * sx + sy * sy <= far * far * (1.0 + 1e-12)
             if done:
                 break
         if not done and not firm[i]:
@@ -346,6 +358,9 @@ def _keep_to_own_side(
                 along = sx * nx[k] + sy * ny[k]
                 if along > free[k]:
                     share = min(share, free[k] / along)
+            size = np.sqrt(sx * sx + sy * sy)
+            if share * size > far:
+                share = far / size
             sx, sy = share * sx, share * sy
         safe[i, 0], safe[i, 1] = sx, sy
         turned[i, 0], turned[i, 1] = gx, gy

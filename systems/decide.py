@@ -13,7 +13,7 @@ from systems.senses import Sight
 
 
 class Roles(System):
-    """Leaders are those who see at most two of their kind (Gong et al. 2025, section 5.1); all remember where the herd was."""
+    """Leaders see at most two of their kind (Gong et al. 2025, section 5.1); all remember where the herd was."""
 
     stage = Stage.DECIDE
     reads = (Position, Body, Species, BrushBinding, Sight, Palette)
@@ -22,7 +22,8 @@ class Roles(System):
     def process(self, world):
         agents, palette, lists = world.agents, world.resource(Palette), world.resource(Sight).lists
         over_rows(
-            _roles, len(agents), agents[Position.xyz], agents[Body.length], agents[Species.index], agents[BrushBinding.brush],
+            _roles, len(agents), agents[Position.xyz], agents[Body.length], agents[Species.index],
+            agents[BrushBinding.brush],
             lists.first, lists.near, lists.offset, palette.neighbour_range, palette.leader_neighbours,
             agents[Role.leader], agents[Memory.herd], agents[Memory.known],
         )  # fmt: skip

@@ -11,6 +11,8 @@ from systems.navigation import Navigation, navigation_of
 from systems.terrain import compose_blocked, relief_of
 from systems.visibility import Edges, edges_by_cell, no_edges
 
+BRUSHES_OWN = -1.0  # of `Landscape.transition`: the brush's own time
+
 
 @dataclass
 class Barrier:
@@ -39,6 +41,8 @@ class Landscape:
         Speed factor and cap (m/s).
     brush : ndarray (ny, nx) int32
         Painted brush as an index into the `Palette`; -1 unpainted.
+    transition : ndarray (ny, nx)
+        Seconds in which a brush is taken up here; `BRUSHES_OWN` where the brush says so itself.
     walkable : ndarray (ny, nx) bool
         Terrain on which one can stand.
     blind : ndarray (ny, nx) bool
@@ -72,11 +76,26 @@ class Landscape:
     walls: Edges = field(default_factory=no_edges)  # the solid edges again, sorted for contact: a much shorter reach
     touch: float = 0.0  # m, the reach of `walls`
     blocked: np.ndarray | None = None
+    transition: np.ndarray | None = None
+
+    def __post_init__(self):
+        if self.transition is None:
+            self.transition = np.full(self.brush.shape, BRUSHES_OWN)
 
     @property
     def wrap(self):
         """(width, height) of a periodic map, or None."""
         return (self.width, self.height) if self.boundary == "wrap" else None
+
+    @property
+    def bounds(self):
+        """(west, south, east, north), m, of the ground one can stand on; an open map has no end."""
+        return (-np.inf, -np.inf, np.inf, np.inf) if self.boundary == "open" else (0.0, 0.0, self.width, self.height)
+
+    @property
+    def solids(self):
+        """Polygons (k, 2) m of the obstacles that keep bodies out."""
+        return [b.polygon for b in self.barriers if b.solid]
 
     def rebuild(self, navigation=True):
         """Make edges and fields anew after barriers, terrain, guides or goals have changed."""
@@ -124,24 +143,30 @@ class Landscape:
             self.reach = reach
             self.rebuild(navigation=False)
 
+    def _painted(self):
+        return self.surface, self.brush, self.transition
+
     def state(self):
         """What may change while a world runs: paint, obstacles and goals (see `engine.state`)."""
         head = {
+            "reach": self.reach,
             "barriers": [[b.polygon.tolist(), b.solid, b.blocks_view, b.name, b.margin] for b in self.barriers],
             "goals": [
                 [goal.xy.tolist(), None if goal.polygon is None else goal.polygon.tolist()] for goal in self.goals
             ],
         }
         text = json.dumps(head).encode()
-        return b"".join([len(text).to_bytes(8, "little"), text, self.surface.tobytes(), self.brush.tobytes()])
+        return b"".join([len(text).to_bytes(8, "little"), text, *(raster.tobytes() for raster in self._painted())])
 
     def set_state(self, data):
         """Take back what `state` gave."""
         start = 8 + int.from_bytes(data[:8], "little")
         head = json.loads(data[8:start])
-        middle = start + self.surface.nbytes
-        self.surface[:] = np.frombuffer(data[start:middle]).reshape(self.surface.shape)
-        self.brush[:] = np.frombuffer(data[middle:], self.brush.dtype).reshape(self.brush.shape)
+        for raster in self._painted():
+            end = start + raster.nbytes
+            raster[:] = np.frombuffer(data[start:end], raster.dtype).reshape(raster.shape)
+            start = end
+        self.reach = head["reach"]
         self.barriers = [Barrier(np.array(polygon), *rest) for polygon, *rest in head["barriers"]]
         for goal, (xy, polygon) in zip(self.goals, head["goals"], strict=True):
             goal.xy, goal.polygon = np.array(xy), None if polygon is None else np.array(polygon)

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 
 from components import Destination, Position
 from engine.clock import Clock
 from engine.schedule import Stage, System
 from systems.landscape import Landscape
 from systems.population import NoRoom, give_birth
-from systems.terrain import point_in_polygon
+from systems.spawning import inside_polygon
 
 
 @dataclass
@@ -23,7 +22,7 @@ class Nursery:
     born: list[int] = field(default_factory=list)
 
     def state(self):
-        """What of it belongs to the state of the world (see `engine.recording.state_hash`)."""
+        """What of it belongs to the state of the world (see `engine.state.state_hash`)."""
         return np.array(self.born, np.int64).tobytes()
 
     def set_state(self, data):
@@ -110,12 +109,3 @@ def inside_goal(goal, xyz):
         return inside_polygon(xyz, goal.polygon)
     off = xyz[:, :2] - goal.xy
     return off[:, 0] ** 2 + off[:, 1] ** 2 <= goal.radius**2
-
-
-@njit(cache=True)
-def inside_polygon(xyz, polygon):
-    """(n,) bool, who stands in a polygon (k, 2)."""
-    out = np.empty(len(xyz), np.bool_)
-    for i in range(len(xyz)):
-        out[i] = point_in_polygon(xyz[i, 0], xyz[i, 1], polygon)
-    return out

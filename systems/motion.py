@@ -23,7 +23,8 @@ class Move(System):
     writes = (Position, Velocity, Heading)
 
     def process(self, world):
-        agents, land, palette, clock = world.agents, world.resource(Landscape), world.resource(Palette), world.resource(Clock)
+        agents, land = world.agents, world.resource(Landscape)
+        palette, clock = world.resource(Palette), world.resource(Clock)
         n = len(agents)
         if not n:
             return
@@ -36,9 +37,10 @@ class Move(System):
         )
         body = agents[Body.axis] + agents[Body.radius]
         reach = float(body.max() + agents[Body.radius].max() + 4.0 * clock.dt * agents[Speed.target].max())
+        near = world.resource(Near)
         step, heading = move(
-            world.resource(Near).cells, agents[Heading.forward], agents[Wish.direction], agents[Speed.target],
-            max_turn, land.walls_within(reach), clock.dt,
+            near.cells, agents[Heading.forward], agents[Wish.direction], agents[Speed.target],
+            max_turn, land.walls_within(reach), clock.dt, near.ghosts,
         )  # fmt: skip
         wrap = land.wrap or (0.0, 0.0)
         over_rows(

@@ -15,7 +15,6 @@ from systems.palette import Palette
 from systems.senses import Near
 from systems.terrain import slope_factor_
 
-
 GATHER = 0.4  # s in which an animal takes up a new effort.  By eye
 
 
@@ -37,7 +36,8 @@ class Pace(System):
             agents[Ground.factor], agents[Ground.cap], agents[Ground.slope], agents[Heading.forward],
             agents[Wish.pace], palette.mean, palette.deviation, palette.reversion,
             palette.density_first, palette.density_table,
-            world.resource(Noise).key("speed", clock.tick), clock.dt, agents[Speed.drawn], agents[Speed.effort], agents[Speed.target],
+            world.resource(Noise).key("speed", clock.tick), clock.dt,
+            agents[Speed.drawn], agents[Speed.effort], agents[Speed.target],
         )  # fmt: skip
 
 

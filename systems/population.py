@@ -23,7 +23,7 @@ from engine.noise import Noise
 from systems.landscape import Landscape
 from systems.motion import _height
 from systems.palette import Palette
-from systems.spawning import NoRoom, place
+from systems.spawning import NoRoom, outlines, place
 
 
 @dataclass
@@ -48,8 +48,8 @@ class SpeciesList:
 
 
 def give_birth(
-    world, polygon, count, brush, species, heading=None, speed=None, altitude=0.0, formation="scatter", body_length=None,
-    stream="birth",
+    world, polygon, count, brush, species, heading=None, speed=None, altitude=0.0, formation="scatter",
+    body_length=None, stream="birth",
 ):  # fmt: skip
     """Put animals into the world, inside a polygon, touching nobody.
 
@@ -85,20 +85,16 @@ def give_birth(
     length = asset.body.length if body_length is None else body_length
     radius = asset.body.radius * length / asset.body.length
     axis = 0.0 if asset.body.contact == "disc" else max(0.5 * length - radius, 0.0)
-    land.see_to(float(length * palette.view_range.max()))
-    others = (
-        agents[Position.xyz][:, 0], agents[Position.xyz][:, 1],
-        agents[Heading.forward][:, 0], agents[Heading.forward][:, 1],
-        2 * (agents[Body.axis] + agents[Body.radius]), agents[Body.radius],
-    )  # fmt: skip
-    key = noise.key(stream, clock.tick)
     xy, forward = place(
-        polygon, count, 2 * (axis + radius), radius, heading, formation, key, land.solid, land.blocked, land.cell,
-        tuple(np.ascontiguousarray(column) for column in others),
+        polygon, count, 2 * (axis + radius), radius, heading, formation, noise.key(stream, clock.tick),
+        land.walls_within(2 * (axis + radius)), land.blocked, land.cell, _bodies(agents, land.wrap, length),
+        outlines(land.solids), _inset(land, axis + radius),
     )  # fmt: skip
+    land.see_to(float(length * palette.view_range.max()))
     number = np.arange(count)
     spread = asset.speed.deviation / np.sqrt(2 * asset.speed.reversion)
-    drawn = np.maximum(asset.speed.mean + spread * noise.normal(stream + " speed", clock.tick, number)[:, 0], 0.0) * length
+    chance = noise.normal(stream + " speed", clock.tick, number)[:, 0]
+    drawn = np.maximum(asset.speed.mean + spread * chance, 0.0) * length
     if speed is not None:
         drawn[:] = speed
     flat = land.relief.shape[:2] == (1, 1)
@@ -124,6 +120,29 @@ def give_birth(
             Destination.goal: 0 if land.goals else -1,
         },
     )
+
+
+def _bodies(agents, wrap, length):
+    """x, y, fx, fy, length, radius of all there are, on a wrapped map with their copies across the seam."""
+    xy, forward = agents[Position.xyz][:, :2], agents[Heading.forward]
+    size, radius = 2 * (agents[Body.axis] + agents[Body.radius]), agents[Body.radius]
+    columns = [np.column_stack([xy, forward[:, :2], size, radius])]
+    if wrap is not None and len(xy):
+        near = length + float(size.max())
+        for dx in (-wrap[0], 0.0, wrap[0]):
+            for dy in (-wrap[1], 0.0, wrap[1]):
+                moved = xy + (dx, dy)
+                close = ((moved > -near) & (moved < np.array(wrap) + near)).all(1)
+                if dx or dy:
+                    columns.append(columns[0][close] + (dx, dy, 0, 0, 0, 0))
+    return tuple(np.ascontiguousarray(column) for column in np.concatenate(columns).T)
+
+
+def _inset(land, body):
+    """Where a newborn's middle may be: on a wrapped map nobody is born across the seam."""
+    west, south, east, north = land.bounds
+    room = body if land.wrap else 0.0
+    return west + room, south + room, east - room, north - room
 
 
 __all__ = ["NoRoom", "SpeciesList", "give_birth"]

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numba import njit
 
-from components import Body, BrushBinding, Heading, Position, Vision
+from components import Body, BrushBinding, Heading, Position, Speed, Vision
+from engine.clock import Clock
 from engine.maths import sincos_
 from engine.parallel import over_rows
 from engine.schedule import Stage, System
@@ -23,6 +24,7 @@ class Near:
     """The herd by cell, as of the start of the tick."""
 
     cells: Cells | None = None
+    ghosts: float = np.inf  # m, how far across the seam of a wrapped map there are copies
 
 
 @dataclass
@@ -43,15 +45,19 @@ class ObstaclesInSight:
 class FindNeighbours(System):
     """Sort the herd into cells."""
 
-    stage, reads, writes = Stage.NEAR, (Position, Heading, Body, Vision, Landscape), (Near,)
+    stage, reads, writes = Stage.NEAR, (Position, Heading, Body, Vision, Speed, Landscape, Clock), (Near,)
 
     def process(self, world):
-        agents, land = world.agents, world.resource(Landscape)
+        agents, land, near = world.agents, world.resource(Landscape), world.resource(Near)
+        size = agents[Body.axis] + agents[Body.radius]
         reach = float(agents[Vision.range].max()) if len(agents) else 1.0
-        world.resource(Near).cells = sort_into_cells(
-            agents[Position.xyz], agents[Heading.forward], 2 * (agents[Body.axis] + agents[Body.radius]),
-            agents[Body.radius], reach, land.wrap,
-        )  # fmt: skip
+        if land.wrap and len(agents):  # who touches across the seam is seen there too, at twice the present speed
+            ahead = 8.0 * world.resource(Clock).dt * float(agents[Speed.target].max())
+            reach = max(reach, 3.0 * float(size.max()) + ahead)
+        near.ghosts = reach if land.wrap else np.inf
+        near.cells = sort_into_cells(
+            agents[Position.xyz], agents[Heading.forward], 2 * size, agents[Body.radius], reach, land.wrap
+        )
 
 
 class See(System):

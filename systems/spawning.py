@@ -11,6 +11,7 @@ from systems.contact import _edge, _edges_near, _nearest
 from systems.terrain import point_in_polygon
 
 TRIES = 400  # places looked at for each animal before giving up
+RINGS = 400  # of a radius each, looked through for a place nearby
 
 
 class NoRoom(ValueError):
@@ -21,7 +22,21 @@ class NoRoom(ValueError):
         self.fitted, self.wanted = fitted, wanted
 
 
-def place(polygon, count, length, radius, heading, formation, key, solid, blocked, cell, others=None):
+def outlines(polygons):
+    """Polygons as one array of points (m, 2) and the first point of each, (k + 1,)."""
+    first = np.cumsum([0] + [len(polygon) for polygon in polygons])
+    points = np.concatenate([np.zeros((0, 2)), *polygons])
+    return np.ascontiguousarray(points), first
+
+
+NOTHING = outlines([])
+EVERYWHERE = (-np.inf, -np.inf, np.inf, np.inf)
+
+
+def place(
+    polygon, count, length, radius, heading, formation, key, solid, blocked, cell, others=None, obstacles=NOTHING,
+    bounds=EVERYWHERE,
+):  # fmt: skip
     """Positions and headings for newborn animals.
 
     Parameters
@@ -43,6 +58,10 @@ def place(polygon, count, length, radius, heading, formation, key, solid, blocke
         Ground on which nobody can stand, cells of ``cell`` metres.
     others : (x, y, fx, fy, length, radius) arrays, optional
         Animals already there.
+    obstacles : (ndarray (m, 2), ndarray (k + 1,))
+        Polygons nobody may stand in, from `outlines`: cells may be coarser than an obstacle.
+    bounds : (west, south, east, north)
+        Metres; nobody stands outside.
 
     Returns
     -------
@@ -64,7 +83,7 @@ def place(polygon, count, length, radius, heading, formation, key, solid, blocke
     side = max(length, 2 * radius, float(max(np.max(others[4], initial=0), 2 * np.max(others[5], initial=0))))
     fitted = _fill(
         polygon, low, high, count, max(0.5 * length - radius, 0.0), radius, aim, formation == "ring", spots, key,
-        *solid, blocked, cell, side, *others, xy, forward,
+        *solid, blocked, cell, side, *others, *obstacles, *bounds, xy, forward,
     )  # fmt: skip
     if fitted < count:
         raise NoRoom(fitted, count)
@@ -79,18 +98,28 @@ def _lattice(polygon, count, body, heading, formation):
     local = (polygon - middle) @ np.array([along, across]).T
     low, high = local.min(0), local.max(0)
     spacing = max(body, np.sqrt(np.prod(np.maximum(high - low, body)) / count))
-    while True:
-        if formation == "line":  # ranks abreast, close together along the way
-            step = np.array([body, max(body, (high - low)[1] / count)])
-        else:
-            step = np.array([spacing, spacing])
-        u = np.arange(high[0] - 0.5 * step[0], low[0], -step[0])
-        v = np.arange(low[1] + 0.5 * step[1], high[1], step[1])
+
+    def lattice(u, v):
         points = np.stack(np.meshgrid(u, v, indexing="ij"), -1).reshape(-1, 2)
         world = middle + points[:, :1] * along + points[:, 1:] * across
-        inside = np.array([point_in_polygon(x, y, polygon) for x, y in world], bool)
-        if inside.sum() >= count or spacing <= body or formation == "line":
-            return np.ascontiguousarray(world[inside])
+        return world[inside_polygon(world, polygon)]
+
+    if formation == "line":  # ranks abreast, close together along the way
+        step = max(body, (high - low)[1] / count)
+        v = np.arange(low[1] + 0.5 * step, high[1], step)
+        ranks, found = [np.zeros((0, 2))], 0
+        for u in np.arange(high[0] - 0.5 * body, low[0], -body):
+            ranks.append(lattice([u], v))
+            found += len(ranks[-1])
+            if found >= 4 * count:  # more than enough, also when some of the spots are taken
+                break
+        return np.concatenate(ranks)
+    while True:
+        u = np.arange(high[0] - 0.5 * spacing, low[0], -spacing)
+        v = np.arange(low[1] + 0.5 * spacing, high[1], spacing)
+        world = lattice(u, v)
+        if len(world) >= count or spacing <= body:
+            return world
         spacing = max(body, 0.97 * spacing)
 
 
@@ -98,7 +127,7 @@ def _lattice(polygon, count, body, heading, formation):
 def _fill(
     polygon, low, high, count, half, radius, aim, ring, spots, key,
     ends, start, item, nx, ny, ecell, west, south, blocked, cell, side,
-    ox, oy, ofx, ofy, olength, oradius, xy, forward,
+    ox, oy, ofx, ofy, olength, oradius, points, first, least_x, least_y, most_x, most_y, xy, forward,
 ):  # fmt: skip
     """Put animals down one after the other; returns how many found a place."""
     total = len(ox) + count
@@ -132,6 +161,8 @@ def _fill(
                 py = low[1] + (high[1] - low[1]) * uniform_(key, k, 3 * t + 1)
             if not point_in_polygon(px, py, polygon):
                 continue
+            if not (least_x <= px <= most_x and least_y <= py <= most_y) or _inside_any(px, py, points, first):
+                continue
             dx, dy = px - middle_x, py - middle_y
             d = np.sqrt(dx * dx + dy * dy)
             if ring and (d < 0.4 * outer or d > outer):
@@ -160,6 +191,65 @@ def _fill(
         xy[k, 0], xy[k, 1], forward[k, 0], forward[k, 1] = px, py, ux, uy
         fitted += 1
     return fitted
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def nearest_free(
+    px, py, ux, uy, half, radius, ends, start, item, nx, ny, ecell, west, south, blocked, cell, points, first,
+    least_x, least_y, most_x, most_y, ox, oy, ofx, ofy, ohalf, oradius,
+):  # fmt: skip
+    """The nearest place where a body stands free, looking outwards in rings: (found, x, y)."""
+    for ring in range(RINGS):
+        for k in range(max(8 * ring, 1)):
+            sine, cosine = sincos_(2.0 * np.pi * k / max(8 * ring, 1))
+            x, y = px + ring * radius * cosine, py + ring * radius * sine
+            if not (least_x <= x <= most_x and least_y <= y <= most_y) or _inside_any(x, y, points, first):
+                continue
+            ix, iy = int(np.floor(x / cell)), int(np.floor(y / cell))
+            if 0 <= ix < blocked.shape[1] and 0 <= iy < blocked.shape[0] and blocked[iy, ix]:
+                continue
+            if not _off_edges(x, y, ux, uy, half, radius, ends, start, item, nx, ny, ecell, west, south):
+                continue
+            free = True
+            for j in range(len(ox)):
+                gx, gy = _nearest(x, y, ux, uy, half, ox[j], oy[j], ofx[j], ofy[j], ohalf[j])
+                touch = radius + oradius[j] + 1e-6
+                if gx * gx + gy * gy < touch * touch:
+                    free = False
+                    break
+            if free:
+                return True, x, y
+    return False, px, py
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def touching(xyz, forward, half, radius, edges):
+    """(n,) bool, whose body touches one of the edges (k, 4)."""
+    out = np.zeros(len(xyz), np.bool_)
+    for i in range(len(xyz)):
+        for e in range(len(edges)):
+            cx, cy, vx, vy, p = _edge(edges, e)
+            gx, gy = _nearest(xyz[i, 0], xyz[i, 1], forward[i, 0], forward[i, 1], half[i], cx, cy, vx, vy, p)
+            out[i] |= gx * gx + gy * gy < radius[i] * radius[i]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def inside_polygon(xyz, polygon):
+    """(n,) bool, who stands in a polygon (k, 2)."""
+    out = np.empty(len(xyz), np.bool_)
+    for i in range(len(xyz)):
+        out[i] = point_in_polygon(xyz[i, 0], xyz[i, 1], polygon)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _inside_any(x, y, points, first):
+    """Whether a point is inside one of the polygons."""
+    inside = False
+    for k in range(len(first) - 1):
+        inside = inside or point_in_polygon(x, y, points[first[k] : first[k + 1]])
+    return inside
 
 
 @njit(inline="always")

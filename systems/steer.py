@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from components import Body, BrushBinding, Ground, Heading, Memory, Position, Role, Species, Speed, Velocity, Wish
 from behaviours.behaviour import Scene
+from components import Body, BrushBinding, Ground, Heading, Memory, Position, Role, Species, Speed, Velocity, Wish
 from engine.clock import Clock
 from engine.noise import Noise
 from engine.parallel import over_rows
 from engine.schedule import Stage, System
+from systems.landscape import Landscape
 from systems.palette import Palette
 from systems.senses import Near, ObstaclesInSight, Sight
 
@@ -25,7 +26,7 @@ class Steer(System):
     stage = Stage.STEER
     reads = (
         Position, Velocity, Heading, Body, Species, Role, BrushBinding, Speed, Ground, Memory,
-        Near, Sight, ObstaclesInSight, Palette, Clock, Noise,
+        Near, Sight, ObstaclesInSight, Landscape, Palette, Clock, Noise,
     )  # fmt: skip
     writes = (Wish,)
 
@@ -50,12 +51,18 @@ class Steer(System):
     @staticmethod
     def _ask(world, scene, palette, index, rows):
         wishes = palette.models[index].steer(scene, rows, palette.brushes[index].params)
+        shapes = np.shape(wishes.direction), np.shape(wishes.pace)
+        if shapes != ((len(rows), 3), (len(rows),)):
+            raise ValueError(
+                f"model {palette.brushes[index].model!r} was asked for {len(rows)} animals: directions must be "
+                f"({len(rows)}, 3) and paces ({len(rows)},), got {shapes[0]} and {shapes[1]}"
+            )
         fine = np.isfinite(wishes.direction).all(1) & np.isfinite(wishes.pace)
         if not fine.all():
             entity = int(scene.ids[rows[np.argmin(fine)]])
             raise NotFinite(
-                f"model {palette.brushes[index].model!r} (brush {palette.brushes[index].name!r}) gave a wish that is not "
-                f"finite, for entity {entity} in tick {scene.tick}"
+                f"model {palette.brushes[index].model!r} (brush {palette.brushes[index].name!r}) gave a wish that is "
+                f"not finite, for entity {entity} in tick {scene.tick}"
             )
         return wishes
 
@@ -92,11 +99,16 @@ def scene_of(world):
         obstacles.offset,
         agents[Ground.guidance],
         agents[Ground.slope],
-        agents[Memory.herd] - xyz[:, :2],
+        _nearest_image(agents[Memory.herd] - xyz[:, :2], world.resource(Landscape).wrap),
         agents[Memory.known],
         order,
     )
     return Scene(*(_frozen(column) for column in scene))
+
+
+def _nearest_image(offset, wrap):
+    """Offsets on a periodic map the short way, across the seam where that is shorter."""
+    return offset if wrap is None else offset - wrap * np.floor(offset / wrap + 0.5)
 
 
 def _frozen(column):

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from behaviours.behaviour import Wishes, behaviour, quantity
+from behaviours.behaviour import behaviour, quantity
 from behaviours.models import herd
 from engine.parallel import over_rows
 
@@ -39,7 +39,11 @@ class HuntParams(herd.Params):
     chase_pace: float = quantity(1.5, "1", "how many times faster on the way to the prey", 0.1, 20)
     charge_pace: float = quantity(2.5, "1", "how many times faster in the last rush", 0.1, 20)
     crowd_penalty: float = quantity(
-        1.0, "body lengths", "each animal that the prey sees counts as this much distance: larger singles out strays", 0, 100
+        1.0,
+        "body lengths",
+        "each animal that the prey sees counts as this much distance: larger singles out strays",
+        0,
+        100,
     )
 
 

@@ -63,7 +63,11 @@ class Params(Parameters):
         json_schema_extra={"unit": "-"},
     )
     max_turn: float = quantity(
-        10.0, "rad/s", "the fastest an animal turns; keeps a change of brush from jerking (the paper has no limit)", 0.1, 200
+        10.0,
+        "rad/s",
+        "the fastest an animal turns; keeps a change of brush from jerking (the paper has no limit)",
+        0.1,
+        200,
     )
     slope_aversion: float = quantity(2.0, "1/s", "larger turns sooner downhill on steep ground", 0, 100)
 
@@ -99,7 +103,8 @@ def kernel_params(p):
 @njit(cache=True, nogil=True, error_model="numpy")
 def herd_kernel(
     lo, hi, rows,
-    dt, forward, length, species, leader, first, near, offset, obstacle_first, obstacle_offset, guidance, slope, memory, known,
+    dt, forward, length, species, leader, first, near, offset, obstacle_first, obstacle_offset,
+    guidance, slope, memory, known,
     weight, radial, angular, sensitivity, neighbour_range, leader_blend, unled_returns, slope_aversion,
     direction,
 ):  # fmt: skip
