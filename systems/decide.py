@@ -16,7 +16,7 @@ class Roles(System):
     """Leaders see at most two of their kind (Gong et al. 2025, section 5.1); all remember where the herd was."""
 
     stage = Stage.DECIDE
-    reads = (Position, Body, Species, BrushBinding, Sight, Palette)
+    reads = (Position, Heading, Body, Species, BrushBinding, Sight, Palette)
     writes = (Role, Memory)
 
     def process(self, world):
@@ -24,7 +24,8 @@ class Roles(System):
         over_rows(
             _roles, len(agents), agents[Position.xyz], agents[Body.length], agents[Species.index],
             agents[BrushBinding.brush],
-            lists.first, lists.near, lists.offset, palette.neighbour_range, palette.leader_neighbours,
+            agents[Heading.forward], lists.first, lists.near, lists.offset,
+            palette.neighbour_range, palette.leader_neighbours, palette.leader_cone,
             agents[Role.leader], agents[Memory.herd], agents[Memory.known],
         )  # fmt: skip
 
@@ -44,20 +45,24 @@ class ReferenceBirds(System):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _roles(
-    lo, hi, xyz, length, species, brush, first, near, offset, neighbour_range, leader_neighbours, leader, herd, known
+    lo, hi, xyz, length, species, brush, forward, first, near, offset, neighbour_range, leader_neighbours, leader_cone,
+    leader, herd, known,
 ):
     for i in range(lo, hi):
         b = brush[i]
         reach = neighbour_range[b] * length[i]
         sx = sy = 0.0
-        count = 0
+        cosine = leader_cone[b]
+        count = before = 0
         for k in range(first[i], first[i + 1]):
             x, y = offset[k, 0], offset[k, 1]
             if x * x + y * y <= reach * reach and species[near[k]] == species[i]:
                 sx += x
                 sy += y
                 count += 1
-        leader[i] = count <= leader_neighbours[b]
+                ahead = forward[i, 0] * x + forward[i, 1] * y
+                before += cosine <= -1.0 or ahead >= cosine * np.sqrt(x * x + y * y)
+        leader[i] = before <= leader_neighbours[b]
         if count > 0:
             herd[i, 0], herd[i, 1] = xyz[i, 0] + sx / count, xyz[i, 1] + sy / count
             known[i] = 1

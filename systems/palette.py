@@ -75,6 +75,7 @@ class Palette:
         self.max_turn = column(lambda b: getattr(b.params, "max_turn", np.inf))  # rad/s
         self.transition = column(lambda b: b.transition)  # s
         self.leader_neighbours = column(lambda b: getattr(b.params, "leader_neighbours", -1))
+        self.leader_cone = np.cos(np.radians(0.5 * column(lambda b: getattr(b.params, "leader_cone", 360.0))))
         self.neighbour_range = column(lambda b: getattr(b.params, "neighbour_range", np.inf))  # body lengths
         self.danger = column(lambda b: models[b.model].danger).astype(np.uint8)
         self.sees_through = column(lambda b: not b.vision.occlusion).astype(np.uint8)

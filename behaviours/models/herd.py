@@ -56,6 +56,9 @@ class Params(Parameters):
         description="who sees at most this many others leads; -1: nobody leads",
         json_schema_extra={"unit": "animals"},
     )
+    leader_cone: float = quantity(
+        360.0, "degrees", "the angle, centred ahead, in which those others count; less lets the front row lead", 1, 360
+    )
     leader_blend: float = quantity(0.0, "1", "how much a leader still listens to its neighbours", 0, 1)
     unled: Literal["return", "keep"] = Field(
         "return",
