@@ -284,9 +284,9 @@ class Png(Exporter):
 
 
 def _usd(path, simulation, fps, **options):
-    from flockbrush.export_usd import Usd
+    from flockbrush.export_usd import UsdScene
 
-    return Usd(path, simulation, fps, **options)
+    return UsdScene(path, simulation, fps, **options)
 
 
 _usd.fps, _usd.needs = 24.0, (("pxr", "usd-core"),)  # type: ignore[attr-defined]
