@@ -19,11 +19,13 @@ from behaviours.problems import Problem, ProblemsError
 from engine.clock import Clock
 from flockbrush.files import check_outputs, publish, refused, temporary_beside, write_text
 from flockbrush.moments import Moment, Sampler, names_of
+from systems.measures import compute_milling, compute_polarization
 
 SCHEMA = "flockbrush.trajectory/1"
 COLUMNS = (
     "frame", "time", "id", "x", "y", "z", "vx", "vy", "vz", "heading", "speed", "species", "brush", "role", "reference",
 )  # fmt: skip
+WORDS = 90  # pixels for title, legend and scale
 ROLES = np.array(["follower", "leader"])
 
 
@@ -231,10 +233,19 @@ def painter_of(simulation, size=None, theme="light"):
     return Painter(simulation.level, size=size or picture_size(simulation.level), theme=theme)
 
 
-def picture_size(level, across=1280, down=1000):
-    """(width, height) in even pixels that fit a level, at most so large."""
-    scale = min(across / level.width, down / level.height)
-    return tuple(max(320, 2 * round(side * scale / 2)) for side in (level.width, level.height))
+def picture_size(level, across=1920, ground=960):
+    """(width, height) in even pixels of a picture with a level's proportions, and room above and below for words."""
+    scale = min(across / level.width, ground / level.height)
+    width, height = max(640.0, scale * level.width), max(200.0, scale * level.height)
+    return 2 * round(width / 2), 2 * round((height + WORDS) / 2)
+
+
+def _measured(moment: Moment):
+    """What is written above the ground."""
+    return {
+        "polarization": compute_polarization(moment.forward),
+        "milling": compute_milling(moment.xyz[:, :2], moment.forward),
+    }
 
 
 def _look(options):
@@ -242,39 +253,44 @@ def _look(options):
     return {name: options[name] for name in ("size", "theme") if options.get(name) is not None}
 
 
-class Mp4(Exporter):
+class _Pictures(Exporter):
+    """Draws every moment, for trails need them all."""
+
+    def open(self):
+        self._painter = painter_of(self.simulation, **_look(self.options))
+
+    def draw(self, moment):
+        """The picture of a moment."""
+        measures = _measured(moment) if len(moment) else None
+        return self._painter.frame(herd_of(self.simulation, moment), time=moment.time, measures=measures)
+
+
+class Mp4(_Pictures):
     """A video of the whole level."""
 
     def open(self):
-        self._painter = painter_of(self.simulation, **_look(self.options))
-        self._video = None
+        from flockbrush.draw import Video
+
+        super().open()
+        self._video = Video(self.temporary, self.fps, self._painter.size)
+        self._video.__enter__()
 
     def take(self, moment):
-        frame = self._painter.frame(herd_of(self.simulation, moment), time=moment.time)
-        if self._video is None:
-            from flockbrush.draw import Video
-
-            self._video = Video(self.temporary, self.fps, (frame.shape[1], frame.shape[0]))
-            self._video.__enter__()
-        self._video.write(frame)
+        self._video.write(self.draw(moment))
         self.frames += 1
 
     def finish(self):
-        if self._video is not None:
-            self._video.__exit__(None, None, None)
+        self._video.__exit__(None, None, None)
 
-    let_go = finish
+    def let_go(self):
+        self._video.__exit__(Exception, None, None)
 
 
-class Png(Exporter):
+class Png(_Pictures):
     """A picture of the last moment."""
 
-    def open(self):
-        self._painter = painter_of(self.simulation, **_look(self.options))
-        self._frame = None
-
     def take(self, moment):
-        self._frame = self._painter.frame(herd_of(self.simulation, moment), time=moment.time)  # trails need them all
+        self._frame = self.draw(moment)
         self.frames += 1
 
     def finish(self):
