@@ -1,0 +1,223 @@
+"""Pictures of a living level, one frame after another."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flockbrush.draw.animals import KINDS, SHADOW, Stamps
+from flockbrush.draw.camera import Camera, checked_size
+from flockbrush.draw.ground import brush_key, paint_ground
+from flockbrush.draw.herd import EMPTY, Herd, checked
+from flockbrush.draw.hud import Hud, Layout, things_of
+from flockbrush.draw.style import PALETTE, Theme, rgb, theme_of
+from flockbrush.draw.trails import Trails
+
+
+class Painter:
+    """Draws the animals of a level.
+
+    The ground is drawn once and copied; a frame costs what its animals cost.
+
+    Parameters
+    ----------
+    level : Level
+        Or anything with `width` and `height` in metres; what it lacks is not drawn.
+    size : (int, int)
+        Width and height of the picture, pixels.
+    theme : {"light", "dark"} or Theme
+    brushes : dict of str to "#rrggbb", optional
+        Colours of brushes by name, for those painted on the level; others are found among the shipped brushes, and
+        those that a herd brings are learned from it.
+    trails : float or None
+        How long trails are to be seen, seconds; None or 0 for no trails.
+    words : bool
+        Leave room for title, legend and scale bar.  Pictures under 300 x 200 have none.
+    labels : bool
+        Write the names of goals, exits and lines on the ground.
+    shadows : bool
+
+    Attributes
+    ----------
+    camera : Camera
+        Where the ground lands in the picture; `look` changes it.
+    """
+
+    def __init__(
+        self, level, size=(1280, 720), theme="light", brushes=None, trails=3.0, words=True, labels=True, shadows=True
+    ):
+        self.level, self.size, self.theme = level, checked_size(size), theme_of(theme)
+        self.brushes = {brush_key(name): rgb(colour) for name, colour in (brushes or {}).items()}
+        self.things = things_of(level)
+        self.layout = (
+            Layout.of(self.size, 2 if self.things else 1) if words else Layout(self.size, _unit(self.size), 0, 0, 0)
+        )
+        self.labels = labels and bool(self.layout.font)
+        self.shadows = shadows
+        self.hud = Hud(self.layout, self.theme)
+        self.home = Camera.fit(level.width, level.height, self.size, self.layout.view, self.layout.pad)
+        self.camera = self.home
+        self.trails = Trails(trails) if trails else None
+        self._ground: np.ndarray | None = None
+        self._stamps: Stamps | None = None
+        self._stamp_key = None
+
+    def look(self, camera: Camera):
+        """Look at another part of the level from now on: the ground is drawn anew, the trails move along."""
+        if camera != self.camera:
+            self.camera, self._ground = camera, None
+
+    @property
+    def ground(self) -> np.ndarray:
+        """The level without animals, (h, w, 3) uint8; shared, do not write to it."""
+        if self._ground is None:
+            self._know_painted_brushes()
+            self._ground = paint_ground(
+                self.level, self.camera, self.theme, self.layout.unit, self.brushes, self.labels
+            )
+            self.hud.things(self._ground, self.things)
+            self._bar = self.hud.scale_bar(self._ground, self.camera)
+        return self._ground
+
+    def frame(self, herd: Herd = EMPTY, time=None, title=None, measures=None, legend=True, trails=True, out=None):
+        """The animals of one moment on their ground.
+
+        Parameters
+        ----------
+        herd : Herd
+            Animals at a place or heading that is not a number are refused.
+        time : float, optional
+            Seconds on the clock; also tells how far trails have faded since the last frame (1/30 s when not given).
+        title : str, optional
+            The level's name unless given.
+        measures : str or dict of str to float, optional
+        legend : bool
+        trails : bool or Trails
+            Whether to draw trails, or trails of one's own to draw.
+        out : (h, w, 3) uint8 array, optional
+            Draw into this one, and return it.
+
+        Returns
+        -------
+        (h, w, 3) uint8
+            Red, green, blue; the first row is the top.
+
+        Raises
+        ------
+        ValueError
+            When a column does not fit or is not finite, naming the animal.
+        """
+        herd = checked(herd)
+        self._learn(herd)
+        frame = self._copy(self.ground, out)
+        stamps = self._stamps_of(herd)
+        look = stamps.looks(herd.brush, herd.leader, herd.predator)
+        self._trails_of(trails, frame, herd, look // KINDS, stamps, time)
+        self._animals(frame, herd, look, stamps)
+        self._words(frame, herd, title, time, measures, legend, stamps)
+        return frame
+
+    def _copy(self, ground, out):
+        if out is None:
+            return ground.copy()
+        if out.shape != ground.shape or out.dtype != np.uint8 or not out.flags.c_contiguous:
+            raise ValueError(
+                f"out must be a contiguous uint8 array of shape {ground.shape}, got {out.dtype} {out.shape}"
+            )
+        np.copyto(out, ground)
+        return out
+
+    @property
+    def _clip(self):
+        return np.array(self.camera.view, np.int64)
+
+    def _animals(self, frame, herd, look, stamps):
+        at = self.camera.pixels(herd.xy)
+        forward = herd.forward * (1.0, -1.0)
+        scale, clip = self.camera.scale, self._clip
+        standing = herd.z if self.shadows else np.ones(len(herd.xy))
+        flying = (herd.z > 0) & self.shadows
+        if flying.any():
+            lift = herd.z[flying] * (0.35 * scale)
+            below = at[flying] + np.stack([0.8 * lift, lift], axis=1)
+            flat = np.ones(len(below))
+            shade = look[flying] // KINDS * KINDS + SHADOW
+            shapes = (herd.length[flying], herd.radius[flying], shade, flat, scale)
+            stamps.draw(frame, clip, below, np.ascontiguousarray(forward[flying]), *shapes)
+        stamps.draw(frame, clip, at, forward, herd.length, herd.radius, look, standing, scale)
+
+    def _trails_of(self, trails, frame, herd, brush, stamps, time):
+        trails = self.trails if trails is True else trails
+        if not trails:
+            return
+        colours = stamps.colours[::KINDS, 0]
+        trails.frame(frame, self._clip, self.camera, herd.xy, herd.ids, brush, colours, self.theme.trail, time)
+
+    def _words(self, frame, herd, title, time, measures, legend, stamps):
+        self.hud.above(frame, getattr(self.level, "name", "") if title is None else title, time, measures)
+        if not legend or not len(herd.xy):
+            return
+        known = len(stamps.brush_colours)
+        brush = np.where((herd.brush >= 0) & (herd.brush < known), herd.brush, -1)
+        counts = np.bincount(brush[~herd.predator] + 1, minlength=known + 1)
+        names = ["animals", *(str(name) for name in herd.brush_names)]
+        names += [f"brush {k + 1}" for k in range(known)][len(names) - 1 :]
+        shown = [(names[k], k * KINDS, int(counts[k])) for k in np.argsort(-counts, kind="stable") if counts[k]]
+        right = self._bar
+        self.hud.animals(frame, right, shown, int(herd.leader.sum()), int(herd.predator.sum()), stamps.colours)
+
+    # colours ---------------------------------------------------------------------
+
+    def _stamps_of(self, herd) -> Stamps:
+        colours = brush_rgb(herd.brush_colours)
+        if self._stamps is None or colours.tobytes() != self._stamp_key:
+            self._stamps, self._stamp_key = Stamps(colours, self.theme), colours.tobytes()
+        return self._stamps
+
+    def _learn(self, herd):
+        """Take the colours of painted brushes from the herd that has them."""
+        if not len(herd.brush_names) or (herd.brush_names, self._ground is None) == getattr(self, "_taught", None):
+            return
+        told = dict(
+            zip(map(brush_key, herd.brush_names), map(tuple, brush_rgb(herd.brush_colours).tolist()), strict=False)
+        )
+        painted = painted_brushes(self.level)
+        news = {name: colour for name, colour in told.items() if name in painted and self.brushes.get(name) != colour}
+        if news:
+            self.brushes |= news
+            self._ground = None
+        self._taught = (herd.brush_names, self._ground is None)
+
+    def _know_painted_brushes(self):
+        """Find the colours of brushes painted on the level that nobody has told us."""
+        unknown = [name for name in painted_brushes(self.level) if name not in self.brushes]
+        if unknown:
+            self.brushes |= {name: colour for name, colour in shipped_colours().items() if name in unknown}
+
+
+def _unit(size):
+    return float(np.clip(min(size[0] / 1280, size[1] / 720), 0.45, 6))
+
+
+def brush_rgb(colours) -> np.ndarray:
+    """Colours as (k, 3) uint8, from an array or from strings."""
+    if isinstance(colours, np.ndarray) and colours.dtype == np.uint8:
+        return colours.reshape(-1, 3)
+    return np.array([rgb(colour) for colour in colours], np.uint8).reshape(-1, 3)
+
+
+def painted_brushes(level) -> list[str]:
+    """Names of the brushes that are painted on a level, or apply in its zones."""
+    layers = [asset for layer in getattr(level, "brush_layers", None) or [] for asset in layer.assets]
+    zones = [zone.brush for zone in getattr(level, "zones", None) or [] if zone.brush]
+    return list(dict.fromkeys(brush_key(name) for name in [*layers, *zones]))
+
+
+def shipped_colours() -> dict:
+    """Colours of the brushes that come with Flockbrush, by name."""
+    from behaviours.brush import shipped
+
+    library = shipped()
+    return {name: rgb(library.get(name).colour) for name in library.names()}
+
+
+__all__ = ["PALETTE", "Painter", "Theme", "brush_rgb"]

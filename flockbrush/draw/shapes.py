@@ -1,0 +1,124 @@
+"""Coverage: how much of each pixel a polygon, a line or a capsule covers, and colours laid over a frame by it.
+
+Everything here takes pixel coordinates (x right, y down, pixel centres at half numbers).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+kernel = njit(nogil=True, cache=True)
+
+
+@kernel
+def over(frame, y, x, red, green, blue, alpha):
+    """Lay a colour over one pixel."""
+    old = float(frame[y, x, 0])
+    frame[y, x, 0] = np.uint8(old + (red - old) * alpha + 0.5)
+    old = float(frame[y, x, 1])
+    frame[y, x, 1] = np.uint8(old + (green - old) * alpha + 0.5)
+    old = float(frame[y, x, 2])
+    frame[y, x, 2] = np.uint8(old + (blue - old) * alpha + 0.5)
+
+
+@kernel
+def window(clip, x, y, reach_x, reach_y):
+    """Columns and rows of the clip that a shape of this reach around (x, y) can touch; empty when far away."""
+    if x + reach_x < clip[0] or x - reach_x > clip[2] or y + reach_y < clip[1] or y - reach_y > clip[3]:
+        return 0, 0, 0, 0
+    left = max(clip[0], int(np.floor(max(x - reach_x, -1e6))))
+    right = min(clip[2], int(np.ceil(min(x + reach_x, 1e6))))
+    top = max(clip[1], int(np.floor(max(y - reach_y, -1e6))))
+    bottom = min(clip[3], int(np.ceil(min(y + reach_y, 1e6))))
+    return left, right, top, bottom
+
+
+@kernel
+def cover_polygon(points, left, top, width, height):
+    """How much of each pixel the polygon covers: (height, width) float32; holes by the even-odd rule."""
+    mask = np.zeros((height, width), np.float32)
+    count = len(points)
+    crossings = np.empty(count)
+    lines = 4
+    for row in range(height):
+        for line in range(lines):
+            y = top + row + (line + 0.5) / lines
+            found = 0
+            for k in range(count):
+                ax, ay = points[k, 0], points[k, 1]
+                bx, by = points[(k + 1) % count, 0], points[(k + 1) % count, 1]
+                if (ay <= y) != (by <= y):
+                    crossings[found] = ax + (y - ay) / (by - ay) * (bx - ax) - left
+                    found += 1
+            edges = np.sort(crossings[:found])
+            for pair in range(found // 2):
+                start, stop = max(edges[2 * pair], 0.0), min(edges[2 * pair + 1], float(width))
+                if stop <= start:
+                    continue
+                for col in range(int(start), min(int(stop) + 1, width)):
+                    mask[row, col] += (min(stop, col + 1.0) - max(start, float(col))) / lines
+    return mask
+
+
+@kernel
+def cover_segments(segments, half_width, left, top, width, height):
+    """How much of each pixel lines of this half width cover; segments (m, 4) x0, y0, x1, y1; round ends."""
+    mask = np.zeros((height, width), np.float32)
+    clip = np.array([0, 0, width, height])
+    for k in range(len(segments)):
+        ax, ay = segments[k, 0] - left, segments[k, 1] - top
+        dx, dy = segments[k, 2] - left - ax, segments[k, 3] - top - ay
+        square = dx * dx + dy * dy
+        reach = half_width + 0.5
+        x0, x1, y0, y1 = window(clip, ax + dx / 2, ay + dy / 2, abs(dx) / 2 + reach, abs(dy) / 2 + reach)
+        for row in range(y0, y1):
+            py = row + 0.5 - ay
+            for col in range(x0, x1):
+                px = col + 0.5 - ax
+                t = min(max((px * dx + py * dy) / square, 0.0), 1.0) if square > 0 else 0.0
+                cover = reach - np.sqrt((px - t * dx) ** 2 + (py - t * dy) ** 2)
+                if cover > mask[row, col]:
+                    mask[row, col] = min(cover, min(1.0, 2 * half_width))
+    return mask
+
+
+@kernel
+def blend(image, mask, left, top, red, green, blue, alpha):
+    """Lay a colour over the image where the mask (h, w) float32 covers it; the mask must lie inside the image."""
+    height, width = mask.shape
+    for row in range(height):
+        for col in range(width):
+            cover = mask[row, col] * alpha
+            if cover > 0:
+                over(image, top + row, left + col, red, green, blue, min(cover, 1.0))
+
+
+@kernel
+def _speck(ix, iy, salt):
+    """A number in [0, 1) that belongs to one place of the ground."""
+    h = np.uint64(ix) * np.uint64(0x9E3779B97F4A7C15) ^ np.uint64(iy) * np.uint64(0xC2B2AE3D27D4EB4F)
+    h ^= np.uint64(salt) * np.uint64(0x165667B19E3779F9)
+    h = (h ^ (h >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
+    h = (h ^ (h >> np.uint64(32))) * np.uint64(0x94D049BB133111EB)
+    return np.float64((h ^ (h >> np.uint64(31))) >> np.uint64(40)) / 16777216.0
+
+
+@kernel
+def grain(xs, ys, wavelength, salt):
+    """Smooth noise in [-1, 1] over the ground: (len(ys), len(xs)) float32, blotches `wavelength` metres across."""
+    out = np.empty((len(ys), len(xs)), np.float32)
+    for row in range(len(ys)):
+        v = ys[row] / wavelength
+        iy = int(np.floor(v))
+        fy = v - iy
+        fy = fy * fy * (3 - 2 * fy)
+        for col in range(len(xs)):
+            u = xs[col] / wavelength
+            ix = int(np.floor(u))
+            fx = u - ix
+            fx = fx * fx * (3 - 2 * fx)
+            low = _speck(ix, iy, salt) * (1 - fx) + _speck(ix + 1, iy, salt) * fx
+            high = _speck(ix, iy + 1, salt) * (1 - fx) + _speck(ix + 1, iy + 1, salt) * fx
+            out[row, col] = 2 * (low * (1 - fy) + high * fy) - 1
+    return out

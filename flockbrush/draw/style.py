@@ -1,0 +1,164 @@
+"""Colours and themes: what every picture of a herd looks like, on light and on dark paper.
+
+Leaders are amber, predators vermilion and of another shape; both keep apart from the fallback brush colours for
+colour-blind eyes (palette after Okabe and Ito [1]_).
+
+References
+----------
+.. [1] M. Okabe, K. Ito, "Color Universal Design", 2008.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+Colour = tuple[int, int, int]
+
+# Okabe-Ito without orange (leaders) and vermilion (predators); muted a little so that thousands stay calm.
+PALETTE = ("#2f7fb8", "#1f9d7a", "#c46b9c", "#58aee0", "#7a62b8", "#9a8a2e", "#4f6d7a", "#a8577e")
+
+
+def rgb(colour) -> Colour:
+    """Red, green and blue, 0 to 255, of "#rrggbb" or of any three numbers; ValueError when it is neither."""
+    if isinstance(colour, str):
+        digits = colour.lstrip("#")
+        try:
+            if len(digits) != 6:
+                raise ValueError
+            return tuple(int(digits[k : k + 2], 16) for k in (0, 2, 4))
+        except ValueError:
+            raise ValueError(f"a colour is written '#rrggbb', got {colour!r}") from None
+    red, green, blue = (int(part) for part in colour)
+    return red, green, blue
+
+
+def mix(one: Colour, other: Colour, share: float) -> Colour:
+    """The colour that has this share (0 to 1) of the other one."""
+    return tuple(round(a + (b - a) * share) for a, b in zip(one, other, strict=True))
+
+
+def palette(count: int) -> np.ndarray:
+    """So many fallback brush colours, (count, 3) uint8; they come round again after eight."""
+    return np.array([rgb(PALETTE[k % len(PALETTE)]) for k in range(count)], np.uint8).reshape(count, 3)
+
+
+@dataclass(frozen=True)
+class Theme:
+    """The colours of one look."""
+
+    name: str
+    paper: Colour  # around the level
+    ground: Colour  # grass, and everything that has no kind of its own
+    rough: Colour  # ground that slows
+    road: Colour  # ground that speeds up
+    water: Colour  # not walkable, but seen across
+    rock: Colour  # neither walkable nor seen through
+    frame: Colour  # the level's border
+    ink: Colour  # text
+    muted: Colour  # lesser text, measure lines
+    obstacle: Colour
+    obstacle_edge: Colour
+    guide: Colour
+    goal: Colour
+    exit: Colour
+    spawn: Colour
+    cap: Colour
+    shadow: Colour
+    shadow_alpha: float
+    leader: Colour
+    predator: Colour
+    outline: Colour  # dark rim of animals
+    rim: float  # how much of it, 0 to 1
+    lift: float  # how much bodies are lightened, to stand out from dark ground
+    head: Colour  # what the head end is lightened towards
+    head_share: float
+    tint: float  # opacity of painted brush regions
+    trail: float  # opacity of a fresh trail
+    texture: float  # contrast of the ground's grain
+    wash: Colour  # designers' terrain colours are mixed with this, to stand behind the animals
+    wash_share: float
+    relief: float  # how much slopes are shaded
+
+
+LIGHT = Theme(
+    name="light",
+    paper=rgb("#f7f5ef"),
+    ground=rgb("#e4e9d6"),
+    rough=rgb("#d9cfb4"),
+    road=rgb("#f1ead9"),
+    water=rgb("#b3d3e2"),
+    rock=rgb("#b9b5aa"),
+    frame=rgb("#aeb3a0"),
+    ink=rgb("#26302c"),
+    muted=rgb("#66716a"),
+    obstacle=rgb("#8f8b83"),
+    obstacle_edge=rgb("#5d5a55"),
+    guide=rgb("#8b6bb5"),
+    goal=rgb("#b8433f"),
+    exit=rgb("#2c8a63"),
+    spawn=rgb("#6f7c74"),
+    cap=rgb("#a0672f"),
+    shadow=rgb("#2a3326"),
+    shadow_alpha=0.26,
+    leader=rgb("#ffb000"),
+    predator=rgb("#d0402b"),
+    outline=rgb("#1a2420"),
+    rim=0.62,
+    lift=0.0,
+    head=rgb("#ffffff"),
+    head_share=0.62,
+    tint=0.20,
+    trail=0.42,
+    texture=0.045,
+    wash=rgb("#f3f2ea"),
+    wash_share=0.52,
+    relief=0.16,
+)
+
+DARK = Theme(
+    name="dark",
+    paper=rgb("#101517"),
+    ground=rgb("#202b27"),
+    rough=rgb("#342f25"),
+    road=rgb("#37403a"),
+    water=rgb("#1c3a4c"),
+    rock=rgb("#41444a"),
+    frame=rgb("#46524c"),
+    ink=rgb("#e8ede8"),
+    muted=rgb("#98a59e"),
+    obstacle=rgb("#59605f"),
+    obstacle_edge=rgb("#8d9794"),
+    guide=rgb("#b79be0"),
+    goal=rgb("#ff8a80"),
+    exit=rgb("#63d2a4"),
+    spawn=rgb("#8fa097"),
+    cap=rgb("#d9a066"),
+    shadow=rgb("#000000"),
+    shadow_alpha=0.42,
+    leader=rgb("#ffc233"),
+    predator=rgb("#ff6a4d"),
+    outline=rgb("#0a0f0d"),
+    rim=0.55,
+    lift=0.22,
+    head=rgb("#ffffff"),
+    head_share=0.66,
+    tint=0.20,
+    trail=0.48,
+    texture=0.09,
+    wash=rgb("#141b1a"),
+    wash_share=0.62,
+    relief=0.35,
+)
+
+THEMES = {theme.name: theme for theme in (LIGHT, DARK)}
+
+
+def theme_of(theme: str | Theme) -> Theme:
+    """The theme of this name, or the theme itself."""
+    if isinstance(theme, Theme):
+        return theme
+    if theme not in THEMES:
+        raise ValueError(f"no theme {theme!r}; there are {', '.join(THEMES)}")
+    return THEMES[theme]
