@@ -48,6 +48,15 @@ class UsdMode(str, enum.Enum):
     xforms = "xforms"
 
 
+class Start(str, enum.Enum):
+    """How a herd stands at first."""
+
+    scatter = "scatter"
+    grid = "grid"
+    ring = "ring"
+    line = "line"
+
+
 LevelName = Annotated[str, typer.Argument(metavar="LEVEL", help="A .tmj file, or the name of a shipped level.")]
 RecordingPath = Annotated[Path, typer.Argument(metavar="RECORDING", help="A file made with --record.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
@@ -300,13 +309,14 @@ def brush_preview(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="PNG", help="Where the picture goes.")],
     agents: Annotated[int, typer.Option(min=1, max=100_000, metavar="N", help="How many animals.")] = 200,
     seconds: Annotated[float, typer.Option(min=0, max=3600, metavar="S", help="How long.")] = 30.0,
-    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, metavar="K")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, metavar="K", help="Of chance.")] = 0,
+    start: Annotated[Start, typer.Option(help="How the herd stands at first.")] = Start.scatter,
     theme: ThemeOption = Theme.light,
 ):
     """Draw what animals under a brush do on a plain: at the start, half-way, at the end."""
     from flockbrush.commands import preview_brush
 
-    preview_brush(name, output, agents, seconds, seed, theme.value)
+    preview_brush(name, output, agents, seconds, seed, start.value, theme.value)
 
 
 # the way in ----------------------------------------------------------------------------------

@@ -434,7 +434,7 @@ def check_brushes(files):
         raise typer.Exit(terminal.PROBLEM)
 
 
-def preview_brush(name, output, agents, seconds, seed, theme):
+def preview_brush(name, output, agents, seconds, seed, start, theme):
     """Draw what animals under a brush do on a plain."""
     from flockbrush.preview import preview
 
@@ -442,5 +442,5 @@ def preview_brush(name, output, agents, seconds, seed, theme):
     brush = find_brush(name)
     ticks_of(Job("", seconds=seconds), 1 / 32)
     with terminal.Interrupts() as interrupts, terminal.compiling():
-        preview(brush, output, agents, seconds, seed, theme, interrupts)
+        preview(brush, output, agents, seconds, seed, start, theme, interrupts)
     print(f"wrote {output}")

@@ -113,7 +113,7 @@ def measure_recording(path, plot, every, thread_count, json):
         from flockbrush.plot import draw_series
 
         with whole(plot) as temporary:
-            draw_series(temporary, series, f"{simulation.level.name}, {run.header['seed']}", PLOTTED)
+            draw_series(temporary, series, f"{simulation.level.name}, seed {run.header['seed']}", PLOTTED)
     if json:
         print_json(
             {
