@@ -324,13 +324,9 @@ def test_the_number_of_threads_changes_no_bit(monkeypatch):
     assert results[0] == results[1] == results[2]
 
 
-animals = st.lists(
-    st.tuples(
-        st.floats(0, 4), st.floats(0, 4), st.floats(0, 6.3), st.sampled_from([0.3, 1.0, 2.0]),
-        st.sampled_from([0.1, 0.25, 0.5]), st.floats(0, 50), st.floats(0, 6.3),
-    ),  # fmt: skip
-    min_size=2, max_size=10,
-)  # fmt: skip
+size, shape = st.sampled_from([0.3, 1.0, 2.0]), st.sampled_from([0.1, 0.25, 0.5])
+place, angle = st.floats(0, 4), st.floats(0, 6.3)
+animals = st.lists(st.tuples(place, place, angle, size, shape, st.floats(0, 50), angle), min_size=2, max_size=10)
 
 
 @given(animals)
