@@ -66,16 +66,18 @@ def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf):
     speed = np.minimum(speed, max(ghosts - 2.0 * (body + far + SLACK), 0.0) / (4.0 * dt))
     far += 2.0 * dt * float(speed.max(initial=0.0))
     reach = 2.0 * (body + far + SLACK)  # whoever is farther away cannot be met, for nobody goes farther than ``far``
-    near, count = _contacts(cells, reach, n)
+    order = cells.row[~cells.ghost]  # by place, so that neighbours in turn are neighbours in memory
+    near, count = _contacts(cells, reach, order)
     step, heading = np.zeros((n, 2)), np.zeros((n, 2))
     over_rows(
-        _turn, n, cells.slot, near, count, *_bodies(cells), forward, wish, speed, max_turn, *edges, dt, step, heading
-    )
+        _turn, n, order, cells.slot, near, count, *_bodies(cells), forward, wish, speed, max_turn, *edges, dt,
+        step, heading,
+    )  # fmt: skip
     for _ in range(PUSHES):
         pushed = np.empty_like(step)
-        over_rows(_push, n, *_bodies(cells), cells.row, cells.slot, near, count, step, heading, far, pushed)
+        over_rows(_push, n, order, *_bodies(cells), cells.row, cells.slot, near, count, step, heading, far, pushed)
         step = pushed
-    return _agree(n, cells, near, count, edges, step, heading, far)
+    return _agree(order, cells, near, count, edges, step, heading, far)
 
 
 def _bounds(cells):
@@ -86,12 +88,13 @@ def _bounds(cells):
     return body, min(SKIN * body, radius)
 
 
-def _agree(n, cells, near, count, edges, step, heading, far):
+def _agree(order, cells, near, count, edges, step, heading, far):
     """Steps that keep everybody on his side of lines which every two agree upon.
 
     At first the line between two bodies moves along with both of them, so that a crowd can stream and be pushed.
     Who cannot keep to all his lines stands firm: his lines stay where they are, and his neighbours look again.
     """
+    n = len(order)
     safe, turned = np.empty_like(step), np.empty_like(heading)
     firm, fresh = np.zeros(n, np.uint8), np.ones(n, np.uint8)
     for again in range(ROUNDS + 1):
@@ -100,7 +103,7 @@ def _agree(n, cells, near, count, edges, step, heading, far):
             firm[:] = 1
         stuck = np.zeros(n, np.uint8)
         over_rows(
-            _keep_to_own_side, n, *_bodies(cells), cells.row, cells.slot, near, count, *edges, step, heading,
+            _keep_to_own_side, n, order, *_bodies(cells), cells.row, cells.slot, near, count, *edges, step, heading,
             firm, fresh, stuck, far, safe, turned,
         )  # fmt: skip
         if not stuck.any():
@@ -114,13 +117,14 @@ def _bodies(cells):
     return cells.x, cells.y, cells.fx, cells.fy, cells.half, cells.radius
 
 
-def _contacts(cells, reach, n, width=16):
+def _contacts(cells, reach, order, width=16):
     """Slots of the bodies that could be met in this tick, by row."""
+    n = len(order)
     count = np.zeros(n, np.int32)
     while True:
         near = np.empty((n, width), np.int32)
         grid = cells.start, cells.nx, cells.ny, cells.cell, cells.west, cells.south
-        over_rows(_find_contacts, n, cells.x, cells.y, cells.slot, *grid, reach, near, count)
+        over_rows(_find_contacts, n, order, cells.x, cells.y, cells.slot, *grid, reach, near, count)
         most = int(count.max()) if n else 0
         if most <= width:
             return near, count
@@ -128,9 +132,10 @@ def _contacts(cells, reach, n, width=16):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _find_contacts(lo, hi, x, y, slot, start, nx, ny, cell, west, south, reach, near, count):
+def _find_contacts(lo, hi, order, x, y, slot, start, nx, ny, cell, west, south, reach, near, count):
     width, reach2 = near.shape[1], reach * reach
-    for i in range(lo, hi):
+    for o in range(lo, hi):
+        i = order[o]
         s = slot[i]
         xi, yi = x[s], y[s]
         r0, r1 = max(0, int((yi - reach - south) / cell)), min(ny - 1, int((yi + reach - south) / cell))
@@ -184,12 +189,13 @@ def _edges_near(x, y, start, nx, ny, cell, west, south):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _turn(
-    lo, hi, slot, near, count, x, y, fx, fy, half, radius, forward, wish, speed, max_turn,
+    lo, hi, order, slot, near, count, x, y, fx, fy, half, radius, forward, wish, speed, max_turn,
     ends, estart, eitem, enx, eny, ecell, ewest, esouth,
     dt, step, heading,
 ):  # fmt: skip
     """The heading within the limit of turning, along a wall that stands in the way, and the step wished for."""
-    for i in range(lo, hi):
+    for o in range(lo, hi):
+        i = order[o]
         s = slot[i]
         gx, gy = wish[i, 0], wish[i, 1]
         ahead = speed[i] * dt
@@ -238,9 +244,10 @@ def _turn(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _push(lo, hi, x, y, fx, fy, half, radius, row, slot, near, count, step, heading, far, pushed):
+def _push(lo, hi, order, x, y, fx, fy, half, radius, row, slot, near, count, step, heading, far, pushed):
     """Half of every overlap that the wished poses would have."""
-    for i in range(lo, hi):
+    for o in range(lo, hi):
+        i = order[o]
         s = slot[i]
         xi, yi = x[s] + step[i, 0], y[s] + step[i, 1]
         px = py = 0.0
@@ -282,14 +289,15 @@ def _push(lo, hi, x, y, fx, fy, half, radius, row, slot, near, count, step, head
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _keep_to_own_side(
-    lo, hi, x, y, fx, fy, half, radius, row, slot, near, count,
+    lo, hi, order, x, y, fx, fy, half, radius, row, slot, near, count,
     ends, estart, eitem, enx, eny, ecell, ewest, esouth,
     step, heading, firm, fresh, stuck, far, safe, turned,
 ):  # fmt: skip
     """The nearest step to the wished one that stays on the animal's own side of everybody and everything."""
     room = 64
     nx, ny, free = np.empty(room), np.empty(room), np.empty(room)
-    for i in range(lo, hi):
+    for o in range(lo, hi):
+        i = order[o]
         anew = fresh[i]
         for k in range(count[i]):
             anew |= fresh[row[near[i, k]]]
