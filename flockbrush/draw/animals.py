@@ -55,14 +55,14 @@ def _bearing(fx, fy):
 def _outline(long, thick, kite):
     """Half axis, rear radius and nose radius of an animal so long and thick, all in pixels."""
     if kite:
-        long = max(long * 1.25, 11.0)
+        long = max(long * 1.2, 10.0)
         rear = max(thick * 1.3, long * 0.27)
         nose = rear * 0.12
         return (long - rear - nose) / 2, rear, nose
     if long < DART:
         long = max(long, SHORTEST)
         rear = max(thick, long * 0.30)
-        nose = rear * 0.45
+        nose = rear * 0.55
         return max(long - rear - nose, 0.0) / 2, rear, nose
     rear = min(max(thick, long * 0.16), long / 2)
     nose = rear * 0.78
@@ -89,7 +89,7 @@ def _capsule(frame, clip, x, y, fx, fy, half, rear, nose, body, head, edge, rim,
     reach = abs(fx) * half + wide
     left, right, top, bottom = window(clip, x, y, reach, abs(fy) * half + wide)
     middle, slope = (rear + nose) / 2 + 0.5, (nose - rear) / 2 / max(half, 1e-9)
-    neck, soft = 0.30 * half - 0.1 * nose, 1.0 / max(0.8, 0.22 * half)
+    neck, soft = 0.30 * half - 0.1 * nose + max(0.5 - 0.1 * half, 0.0), 1.0 / max(0.8, 0.22 * half)
     b0, b1, b2 = body[0], body[1], body[2]
     h0, h1, h2 = head[0] - b0, head[1] - b1, head[2] - b2
     for row in range(top, bottom):
@@ -127,9 +127,11 @@ def figure(frame, clip, x, y, fx, fy, long, thick, kind, grounded, colours):
     colours : (7, 3) float64
         Body, head, edge, mark of leaders, dark, shadow; and the shadow's opacity, first in the last row.
     """
+    long = max(long, SHORTEST)
     half, rear, nose = _outline(long, thick, kind == PREDATOR)
     if fx == 0 and fy == 0:
         half = 0.0
+    x, y = x + fx * (rear - nose) / 2, y + fy * (rear - nose) / 2  # so that both tips are as far off
     body, head, edge, mark, dark, shade = colours[0], colours[1], colours[2], colours[3], colours[4], colours[5]
     opacity = colours[6, 0]
     if (grounded or kind == SHADOW) and opacity > 0:
@@ -140,15 +142,15 @@ def figure(frame, clip, x, y, fx, fy, long, thick, kind, grounded, colours):
         )
     if kind == SHADOW:
         return
-    rim = min(rear * 0.34, 1.1) if rear >= 1.9 else 0.0
+    rim = min(rear * 0.34, 1.1) * min(max(rear - 1.1, 0.0), 1.0)  # small ones need their room for colour
     if kind == PLAIN:
         _capsule(frame, clip, x, y, fx, fy, half, rear, nose, body, head, edge, rim, 1.0)
     elif kind == PREDATOR:
         _capsule(frame, clip, x, y, fx, fy, half, rear + 1.1, nose + 1.1, dark, dark, dark, 0.0, 0.95)
         _capsule(frame, clip, x, y, fx, fy, half, rear, nose, body, head, edge, 0.0, 1.0)
     elif long < RINGED:
-        _capsule(frame, clip, x, y, fx, fy, half, rear + 1.1, nose + 1.1, dark, dark, dark, 0.0, 0.85)
-        _capsule(frame, clip, x, y, fx, fy, half, rear + 0.3, nose + 0.3, mark, head, edge, 0.0, 1.0)
+        _capsule(frame, clip, x, y, fx, fy, half, rear + 1.3, nose + 1.3, dark, dark, dark, 0.0, 0.95)
+        _capsule(frame, clip, x, y, fx, fy, half, rear + 0.4, nose + 0.4, mark, head, edge, 0.0, 1.0)
     else:
         ring = min(max(rear * 0.42, 1.3), 3.0)
         _capsule(frame, clip, x, y, fx, fy, half, rear + ring + 0.9, nose + ring + 0.9, dark, dark, dark, 0.0, 0.85)
@@ -289,7 +291,7 @@ def extent(code: int) -> tuple[int, int]:
     kind, grounded = code // (2 * LENGTHS * RADII) % KINDS, code // (LENGTHS * RADII) % 2
     long, thick = _size(code)
     half, rear, _ = _outline(long, thick, kind == PREDATOR)
-    mark = (0.0, max(1.1, min(max(rear * 0.42, 1.3), 3.0) + 0.9 if long >= RINGED else 0.0), 1.1, 0.2)[kind]
+    mark = (0.0, max(1.3, min(max(rear * 0.42, 1.3), 3.0) + 0.9 if long >= RINGED else 0.0), 1.1, 0.2)[kind]
     shade = (0.10 * long + 0.45 if grounded else 0.0) + 0.3
     reach = half + rear + 0.5
     before = int(np.ceil(reach + mark))

@@ -9,6 +9,8 @@ from flockbrush.draw.canvas import Canvas, circle, smooth
 from flockbrush.draw.shapes import grain
 from flockbrush.draw.style import PALETTE, Theme, mix, rgb
 
+BLUR = 1.1  # cells; rounds the corners of painted regions
+
 
 def brush_key(asset: str) -> str:
     """The name of a brush, from its name or its file."""
@@ -94,16 +96,25 @@ class _Ground:
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         return cv2.warpAffine(values, back, (right - left, bottom - top), flags=flags, borderMode=cv2.BORDER_REPLICATE)
 
+    def soft(self, cells, cell):
+        """How much of the neighbourhood of each pixel of the clip belongs to a region of cells, 0 to 1.
+
+        Single cells and lines of them have more than their share, so as to be seen.
+        """
+        soft = blurred(cells, BLUR)
+        thin, alone = cells & (soft < 0.4), cells & (soft < 0.2)  # would be smoothed away
+        if thin.any():
+            soft = np.maximum(soft, 1.9 * blurred(thin & ~alone, 0.7))
+            soft[alone] = 1.8
+        return self.spread(soft, cell)
+
     def region(self, cells, cell):
         """A region of cells (bool [iy, ix]) with rounded corners: signed distance to its edge in pixels, inside > 0."""
         import cv2
 
-        soft = cv2.GaussianBlur(np.asarray(cells, np.float32), (7, 7), 1.1, borderType=cv2.BORDER_REPLICATE)
-        soft[cells & (soft < 0.4)] = 0.75  # a single cell, or a line of them, would be smoothed away
-        level = self.spread(soft, cell) - 0.5
+        level = self.soft(cells, cell) - 0.5
         across, down = cv2.Sobel(level, -1, 1, 0, scale=0.125), cv2.Sobel(level, -1, 0, 1, scale=0.125)
-        slope = np.sqrt(across**2 + down**2)
-        slope = cv2.GaussianBlur(slope, (5, 5), 0)
+        slope = cv2.GaussianBlur(np.sqrt(across**2 + down**2), (5, 5), 0)
         return level / np.maximum(slope, 0.15 / max(cell * self.camera.scale, 1.0))
 
     def _kinds(self):
@@ -126,25 +137,39 @@ class _Ground:
     def washed(self, colour):
         """A designer's colour, calm enough to stand behind animals."""
         grey = (int(0.3 * colour[0] + 0.6 * colour[1] + 0.1 * colour[2]),) * 3
-        return mix(mix(colour, grey, 0.25), self.theme.wash, self.theme.wash_share)
+        return mix(mix(mix(colour, grey, 0.2), self.theme.wash, self.theme.wash_share), self.theme.ground, 0.12)
 
     def _terrain(self):
         left, top, right, bottom = self.canvas.clip
         part = self.image[top:bottom, left:right]
         part[:] = self.theme.ground
-        for colour, cells in self._kinds():
-            if cells.any():
-                self._kind(part, colour, cells)
+        kinds = [(colour, cells) for colour, cells in self._kinds() if cells.any()]
+        if kinds:
+            part[:] = self._patchwork(kinds)
         light = self._grain() + self._slopes()
         part[:] = np.clip(part * (1 + light[..., None]), 0, 255).astype(np.uint8)
 
-    def _kind(self, part, colour, cells):
-        edge = self.region(cells, self.level.cell)
-        cover = np.clip(edge + 0.5, 0, 1)[..., None]
-        rim = np.exp(-np.clip(edge, 0, 50) / (3 * self.unit))[..., None] * 0.10
-        shade = np.array(mix(colour, self.theme.outline, 1.0), np.float32)
-        ink = np.array(colour, np.float32) * (1 - rim) + shade * rim
-        part[:] = (part + (ink - part) * cover + 0.5).astype(np.uint8)
+    def _patchwork(self, kinds):
+        """Kinds of ground without gaps: each pixel has the kind that most of its neighbourhood has."""
+        bare = ~np.logical_or.reduce([cells for _, cells in kinds])
+        kinds = [(self.theme.ground, bare), *kinds] if bare.any() else kinds
+        left, top, right, bottom = self.canvas.clip
+        most, second = np.full((2, bottom - top, right - left), -1, np.float32)
+        first, other = np.zeros((2, bottom - top, right - left), np.uint8)
+        for k, (_, cells) in enumerate(kinds):
+            share = self.soft(cells, self.level.cell)
+            wins, follows = share > most, (share > second) & (share <= most)
+            second, other = (
+                np.where(wins, most, np.where(follows, share, second)),
+                np.where(wins, first, np.where(follows, k, other)),
+            )
+            most, first = np.where(wins, share, most), np.where(wins, k, first)
+        lead = np.minimum(most - np.maximum(second, 0), 1)
+        edge = lead * self.level.cell * self.camera.scale * BLUR * 1.25
+        inks = np.array([colour for colour, _ in kinds], np.float32)
+        rim = 0.13 * np.exp(-edge / (2.5 * self.unit)) * (1 - lead)
+        ink = inks[other] + (inks[first] - inks[other]) * np.clip(edge + 0.5, 0, 1)[..., None]
+        return ink * (1 - rim[..., None]) + np.array(self.theme.outline, np.float32) * rim[..., None] + 0.5
 
     def _grain(self):
         left, top, right, bottom = self.canvas.clip
@@ -171,7 +196,7 @@ class _Ground:
         phase = np.abs((ground / every + 0.5) % 1 - 0.5) * every
         slope = np.maximum(np.hypot(across, down), 1e-6)
         contour = np.clip(1.1 - phase / slope / self.unit, 0, 1) * (slope > span * 1e-4)
-        return (-steep * self.theme.relief - contour * self.theme.relief * 0.35).astype(np.float32)
+        return (steep * self.theme.relief - contour * self.theme.relief * 0.35).astype(np.float32)
 
     # what is painted -------------------------------------------------------------
 
@@ -286,7 +311,7 @@ class _Ground:
         opaque = 0.92 if getattr(obstacle, "blocks_view", True) else 0.30
         found = self.canvas.area_mask(points)
         if found is not None and self._is_large(points):
-            opaque *= 0.6  # the terrain under a bank or a cliff is worth seeing
+            opaque *= 0.8  # the terrain under a bank or a cliff is worth seeing
         self.canvas.area(points, theme.obstacle, opaque)
         dash = None if getattr(obstacle, "solid", True) else (4 * unit, 3 * unit)
         self.canvas.line(points, 1.5 * unit, theme.obstacle_edge, 0.9, closed=True, dash=dash)
@@ -379,6 +404,13 @@ class _Ground:
         self.taken.append(box)
         ink = mix(colour, self.theme.ink, 0.45)
         self.canvas.words(str(text)[:40], (x, y), height, ink, 0.95, halo=self.theme.paper)
+
+
+def blurred(cells, width):
+    """Cells smeared over so many cells around them, float32."""
+    import cv2
+
+    return cv2.GaussianBlur(np.asarray(cells, np.float32), (7, 7), width, borderType=cv2.BORDER_REPLICATE)
 
 
 def _along(curve, along, at):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,7 +60,7 @@ class Hud:
         canvas, height, y = Canvas(frame), layout.font, layout.above / 2
         right = layout.size[0] - layout.pad
         if time is not None:
-            digits = width_of("0" * len(clock(time)), height)  # so that the words do not dance
+            digits = width_of(re.sub(r"\d", "0", clock(time)), height)  # so that the words do not dance
             canvas.words(clock(time), (right - digits, y), height, theme.ink, anchor=(0, 0.5))
             right -= digits + 2 * height
         large = round(1.2 * height)
@@ -115,7 +116,7 @@ class Hud:
                 return
             if look is not None:
                 self._animal(frame, x + 0.6 * height, y, look, colours)
-                x += 1.55 * height
+                x += 1.7 * height
             ink = self.theme.muted if look is None else self.theme.ink
             x += canvas.words(name, (x, y), height, ink, anchor=(0, 0.5)) + 0.5 * height
             x += canvas.words(count, (x, y), height, self.theme.muted, anchor=(0, 0.5)) + 1.4 * height
@@ -123,7 +124,7 @@ class Hud:
     def _width(self, entry):
         name, count, look = entry
         height = self.layout.font
-        return width_of(name, height) + width_of(count, height) + (1.9 if look is None else 3.45) * height
+        return width_of(name, height) + width_of(count, height) + (1.9 if look is None else 3.6) * height
 
     def _animal(self, frame, x, y, look, colours):
         clip = np.array([0, 0, *self.layout.size])

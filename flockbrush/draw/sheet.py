@@ -37,21 +37,25 @@ def contact_sheet(pictures, columns=None, theme="light", title=None, font=15) ->
     theme, gap = theme_of(theme), round(1.6 * font)
     tall, wide = (max(picture.shape[side] for _, picture in pictures) for side in (0, 1))
     columns = min(columns or max(1, round(np.sqrt(len(pictures) * 1.6 * tall / wide))), len(pictures))
-    rows = -(-len(pictures) // columns)
+    rows = [pictures[k : k + columns] for k in range(0, len(pictures), columns)]
+    heights = [max(picture.shape[0] for _, picture in row) for row in rows]
     head = 3 * font if title else gap
-    step_x, step_y = wide + gap, tall + gap + 2 * font
-    size = checked_size((gap + columns * step_x, head + rows * step_y))
+    step = gap + 2 * font
+    size = checked_size((gap + columns * (wide + gap), head + sum(heights) + len(rows) * step))
     sheet = np.empty((size[1], size[0], 3), np.uint8)
     sheet[:] = theme.paper
     canvas = Canvas(sheet)
     if title:
         text = shortened(str(title), round(1.3 * font), size[0] - 2 * gap)
         canvas.words(text, (gap, head / 2), round(1.3 * font), theme.ink, anchor=(0, 0.5))
-    for k, (name, picture) in enumerate(pictures):
-        left, top = gap + k % columns * step_x, head + k // columns * step_y
-        x, y = left + (wide - picture.shape[1]) // 2, top + (tall - picture.shape[0]) // 2
-        sheet[y : y + picture.shape[0], x : x + picture.shape[1]] = picture
-        canvas.words(shortened(str(name), font, wide), (left, top + tall + 0.5 * font), font, theme.ink)
+    top = head
+    for row, tall in zip(rows, heights, strict=True):
+        for k, (name, picture) in enumerate(row):
+            left = gap + k * (wide + gap)
+            x, y = left + (wide - picture.shape[1]) // 2, top + (tall - picture.shape[0]) // 2
+            sheet[y : y + picture.shape[0], x : x + picture.shape[1]] = picture
+            canvas.words(shortened(str(name), font, wide), (left, top + tall + 0.5 * font), font, theme.ink)
+        top += tall + step
     return sheet
 
 

@@ -1,6 +1,6 @@
 """Colours and themes: what every picture of a herd looks like, on light and on dark paper.
 
-Leaders are amber, predators vermilion and of another shape; both keep apart from the fallback brush colours for
+Leaders are yellow, predators vermilion and of another shape; both keep apart from the fallback brush colours for
 colour-blind eyes (palette after Okabe and Ito [1]_).
 
 References
@@ -16,8 +16,8 @@ import numpy as np
 
 Colour = tuple[int, int, int]
 
-# Okabe-Ito without orange (leaders) and vermilion (predators); muted a little so that thousands stay calm.
-PALETTE = ("#2f7fb8", "#1f9d7a", "#c46b9c", "#58aee0", "#7a62b8", "#9a8a2e", "#4f6d7a", "#a8577e")
+# Okabe-Ito without yellow (leaders) and vermilion (predators); muted a little so that thousands stay calm.
+PALETTE = ("#2f7fb8", "#1f9d7a", "#c46b9c", "#58aee0", "#7a62b8", "#d08a3a", "#4f6d7a", "#a8577e")
 
 
 def rgb(colour) -> Colour:
@@ -102,7 +102,7 @@ LIGHT = Theme(
     cap=rgb("#a0672f"),
     shadow=rgb("#2a3326"),
     shadow_alpha=0.26,
-    leader=rgb("#ffb000"),
+    leader=rgb("#ffd60a"),
     predator=rgb("#d0402b"),
     outline=rgb("#1a2420"),
     rim=0.62,
@@ -110,7 +110,7 @@ LIGHT = Theme(
     head=rgb("#ffffff"),
     head_share=0.62,
     tint=0.20,
-    trail=0.42,
+    trail=0.55,
     texture=0.045,
     wash=rgb("#f3f2ea"),
     wash_share=0.52,
@@ -137,7 +137,7 @@ DARK = Theme(
     cap=rgb("#d9a066"),
     shadow=rgb("#000000"),
     shadow_alpha=0.42,
-    leader=rgb("#ffc233"),
+    leader=rgb("#ffe14d"),
     predator=rgb("#ff6a4d"),
     outline=rgb("#0a0f0d"),
     rim=0.55,
@@ -145,7 +145,7 @@ DARK = Theme(
     head=rgb("#ffffff"),
     head_share=0.66,
     tint=0.20,
-    trail=0.48,
+    trail=0.50,
     texture=0.09,
     wash=rgb("#141b1a"),
     wash_share=0.62,

@@ -7,6 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 
+FINE = 4  # letters are drawn so much larger and shrunk: small ones keep their distances
+
 
 @lru_cache(maxsize=64)
 def _font(height: int):
@@ -27,10 +29,14 @@ def words(text: str, height: int) -> np.ndarray:
     text = "".join(c for c in text if c.isprintable() and ord(c) < 0x10000)
     if not text:
         return np.zeros((height, 0), np.float32)
-    surface = _font(height).render(text, True, (255, 255, 255))
+    surface = _font(FINE * height).render(text, True, (255, 255, 255))
+    import cv2
     from pygame.surfarray import array_alpha
 
-    alpha = np.ascontiguousarray(array_alpha(surface).T).astype(np.float32) / 255
+    alpha = np.ascontiguousarray(array_alpha(surface).T)
+    alpha = np.pad(alpha, [(0, -side % FINE) for side in alpha.shape]).astype(np.float32) / 255
+    alpha = cv2.resize(alpha, None, fx=1 / FINE, fy=1 / FINE, interpolation=cv2.INTER_AREA)
+    alpha = np.minimum(alpha * 1.15, 1)  # as dark as letters drawn at this size
     alpha.setflags(write=False)
     return alpha
 

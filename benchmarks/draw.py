@@ -1,0 +1,149 @@
+"""How long a frame takes to draw, beside the same animals drawn by pygame blits and by OpenCV.
+
+Run from the repository's root::
+
+    python benchmarks/draw.py
+
+All drawers draw the same animals, capsules of 1.2 x 0.7 m at one per 4 square metres, on one thread at 1280 x 720.
+``animals`` is the rasteriser alone; ``frame`` adds the copy of the ground, legend and checks; ``trails`` adds trails.
+pygame blits sprites turned in advance (64 headings); OpenCV draws an anti-aliased line per animal.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+from types import SimpleNamespace
+
+import numpy as np
+
+from flockbrush.draw.herd import Herd
+from flockbrush.draw.painter import Painter
+
+SIZE = (1280, 720)
+AREA = 4.0  # square metres per animal
+LENGTH, RADIUS = 1.2, 0.35  # m
+
+
+def scene(count, rng):
+    """A bare level that `count` animals fill, and the animals."""
+    height = np.sqrt(count * AREA * SIZE[1] / SIZE[0])
+    level = SimpleNamespace(name="bench", width=height * SIZE[0] / SIZE[1], height=height)
+    turn = rng.uniform(0, 2 * np.pi, count)
+    herd = Herd(
+        xy=rng.uniform(0, 1, (count, 2)) * (level.width, level.height),
+        forward=np.stack([np.cos(turn), np.sin(turn)], axis=1),
+        length=LENGTH,
+        radius=RADIUS,
+        leader=rng.random(count) < 0.05,
+        brush=rng.integers(0, 3, count),
+        brush_colours=("#4b7bc9", "#c94ba8", "#6aa84f"),
+        brush_names=("one", "two", "three"),
+    )
+    return level, herd
+
+
+def median(draw, frames):
+    """Median and least milliseconds of `draw(k)` over frames; a few go before, to warm up."""
+    for k in range(3):
+        draw(k)
+    spent = []
+    for k in range(3, frames + 3):
+        start = time.perf_counter()
+        draw(k)
+        spent.append(1000 * (time.perf_counter() - start))
+    return float(np.median(spent)), float(min(spent))
+
+
+def moved(herd, k):
+    """The herd k frames later, at walking speed."""
+    return herd._replace(xy=herd.xy + herd.forward * (0.04 * k))
+
+
+def ours(level, herd, frames):
+    """Our own times: the rasteriser, a frame, a frame with trails."""
+    painter = Painter(level, SIZE, trails=3.0)
+    out = painter.ground.copy()
+
+    def animals(k):
+        from flockbrush.draw.herd import checked
+
+        ready = checked(moved(herd, k))
+        stamps = painter._stamps_of(ready)
+        painter._animals(out, ready, stamps.looks(ready.brush, ready.leader, ready.predator), stamps)
+
+    return {
+        "animals": median(animals, frames),
+        "frame": median(lambda k: painter.frame(moved(herd, k), time=k / 30, trails=False, out=out), frames),
+        "trails": median(lambda k: painter.frame(moved(herd, k), time=k / 30, out=out), frames),
+    }
+
+
+def blits(level, herd, frames):
+    """pygame: a sprite turned in advance for every animal."""
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    import pygame
+
+    camera = Painter(level, SIZE).camera
+    side = max(6, int(np.ceil(LENGTH * camera.scale)) + 2)
+    base = pygame.Surface((side, side), pygame.SRCALPHA)
+    pygame.draw.ellipse(base, (75, 123, 201), (0, side // 4, side, max(2, side // 2)))
+    sprites = [pygame.transform.rotate(base, 360 * k / 64) for k in range(64)]
+    screen, ground = pygame.Surface(SIZE), pygame.Surface(SIZE)
+
+    def draw(k):
+        now = moved(herd, k)
+        corner = (camera.pixels(now.xy) - side / 2).astype(int).tolist()
+        turn = (np.rint(np.arctan2(now.forward[:, 1], now.forward[:, 0]) * 64 / (2 * np.pi)).astype(int) % 64).tolist()
+        screen.blit(ground, (0, 0))
+        screen.blits([(sprites[t], at) for t, at in zip(turn, corner, strict=True)], False)
+
+    return median(draw, frames)
+
+
+def lines(level, herd, frames):
+    """OpenCV: an anti-aliased line for every animal."""
+    import cv2
+
+    cv2.setNumThreads(1)
+    camera = Painter(level, SIZE).camera
+    frame, ground = np.zeros((2, SIZE[1], SIZE[0], 3), np.uint8)
+    thick = max(1, round(2 * RADIUS * camera.scale))
+
+    def draw(k):
+        now = moved(herd, k)
+        half = now.forward * (LENGTH / 2)
+        ends = np.rint(16 * np.hstack([camera.pixels(now.xy - half), camera.pixels(now.xy + half)])).astype(int)
+        np.copyto(frame, ground)
+        for ax, ay, bx, by in ends.tolist():
+            cv2.line(frame, (ax, ay), (bx, by), (75, 123, 201), thick, cv2.LINE_AA, 4)
+
+    return median(draw, frames)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--counts", type=int, nargs="+", default=[1_000, 10_000, 50_000])
+    parser.add_argument("--frames", type=int, default=31)
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    rng, table = np.random.default_rng(1), {}
+    for count in options.counts:
+        level, herd = scene(count, rng)
+        peers = {"pygame blits": blits(level, herd, options.frames), "cv2 lines": lines(level, herd, options.frames)}
+        table[count] = ours(level, herd, options.frames) | peers
+    if options.json:
+        print(json.dumps(table, indent=2))
+        return
+    names = list(next(iter(table.values())))
+    print(f"ms per frame at {SIZE[0]} x {SIZE[1]}, one thread: median (least) of {options.frames} frames")
+    print(f"{'animals':>9}" + "".join(f"{name:>18}" for name in names))
+    for count, row in table.items():
+        print(f"{count:>9,}" + "".join(f"{row[name][0]:>10.2f} ({row[name][1]:.2f})" for name in names))
+
+
+if __name__ == "__main__":
+    main()
