@@ -332,6 +332,8 @@ def called(arguments=None) -> int:
     try:
         code = app(arguments, standalone_mode=False, prog_name="flockbrush")
         sys.stdout.flush()
+        if code == INTERRUPTED:  # some versions of typer turn Ctrl-C into this
+            say("stopped")
         return code if isinstance(code, int) else 0
     except typer.Exit as error:
         return error.exit_code

@@ -15,7 +15,6 @@ from engine.recording import RecordingError, first_difference, open_recording, r
 from flockbrush import run as running
 from flockbrush import terminal
 from flockbrush.export import Exports, check_exports
-from flockbrush.files import check_outputs
 from flockbrush.terminal import Stopped, number, print_json, say, show, table
 
 MOST_TICKS = 10**9
@@ -44,19 +43,18 @@ class Job:
 def run_level(job: Job):
     """Run a level, write what was asked for, print what came of it."""
     path = running.find_level(job.level)
-    check_exports(job.exports, [path])
-    check_outputs([*job.exports, *([job.record] if job.record else [])], [path])
+    check_exports(job.exports, [path], [job.record] if job.record else [])
     use_threads(job.threads)
     with terminal.Interrupts() as interrupts, terminal.compiling():
         simulation = running.start(job.level, job.seed, job.agents)
         ticks = ticks_of(job, simulation.clock.dt)
-        watch = running.Stopwatch(simulation)
+        watch, writing = running.Stopwatch(simulation), bool(job.record or job.exports)
         with (
             _recorder(job.record, simulation) as recorder,
             Exports(job.exports, simulation, job.fps, **job.options) as exports,
         ):
             exports.take()
-            with stepping(f"{simulation.level.name}", simulation, ticks, interrupts) as stepped:
+            with stepping(simulation.level.name, simulation, ticks, interrupts, writing) as stepped:
                 while simulation.clock.tick < ticks:
                     watch.tick()
                     if recorder:
@@ -105,8 +103,9 @@ def _recorder(path, simulation):
 
 
 @contextmanager
-def stepping(text, simulation, ticks, interrupts):
+def stepping(text, simulation, ticks, interrupts, writing=False):
     """A function to call after every tick: it moves the bar, and ends the run when somebody asked."""
+    told = "; what was written is complete up to there" if writing else ""
     with terminal.progress(text, ticks) as bar:
 
         def stepped(*_):
@@ -114,7 +113,7 @@ def stepping(text, simulation, ticks, interrupts):
             interrupts.gently()
             bar(tick)
             if interrupts.asked:
-                say(f"stopped after tick {tick}; what was written is complete up to there")
+                say(f"stopped after tick {tick}{told}")
             interrupts.check()
 
         yield stepped
@@ -258,7 +257,7 @@ def export_recording(path, outputs, fps, thread_count, options, json):
         resume(run, simulation.world)
         with (
             Exports(outputs, simulation, fps, **options) as exports,
-            stepping(Path(path).name, simulation, run.last_tick, interrupts) as stepped,
+            stepping(Path(path).name, simulation, run.last_tick, interrupts, True) as stepped,
         ):
             exports.take()
             while simulation.clock.tick < run.last_tick:
@@ -302,7 +301,7 @@ def render_level(name, output, seconds, seed, agents, theme):
         ticks = ticks_of(job, simulation.clock.dt)
         with (
             Exports([output], simulation, theme=theme) as exports,
-            stepping(simulation.level.name, simulation, ticks, interrupts) as stepped,
+            stepping(simulation.level.name, simulation, ticks, interrupts, True) as stepped,
         ):
             exports.take()
             while simulation.clock.tick < ticks:

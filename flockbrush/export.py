@@ -17,7 +17,7 @@ import numpy as np
 import flockbrush
 from behaviours.problems import Problem, ProblemsError
 from engine.clock import Clock
-from flockbrush.files import check_outputs, publish, refused, temporary_beside, write_text
+from flockbrush.files import output_problems, publish, refused, temporary_beside, write_text
 from flockbrush.moments import Moment, Sampler, names_of
 from systems.measures import compute_milling, compute_polarization
 
@@ -313,8 +313,8 @@ EXPORTERS = {".mp4": Mp4, ".png": Png, ".csv": Csv, ".parquet": Parquet, ".usdc"
 # all of them -----------------------------------------------------------------------------
 
 
-def check_exports(paths, inputs=()):
-    """Make sure before the run that every export can be written.
+def check_exports(paths, inputs=(), others=()):
+    """Make sure before the run that every export can be written, and every other output.
 
     Raises
     ------
@@ -335,10 +335,11 @@ def check_exports(paths, inputs=()):
                     f"this needs the package {package}: pip install {package}   (or: pip install flockbrush[export])"
                 )
                 problems.append(Problem(str(path), None, None, message))
+    beside = [sidecar(path) for path in paths if Path(path).suffix.lower() == ".csv"]
+    problems += output_problems([*paths, *others], inputs)
+    problems = problems or output_problems([*paths, *beside, *others], inputs)
     if problems:
         raise ProblemsError(problems)
-    beside = [sidecar(path) for path in paths if Path(path).suffix.lower() == ".csv"]
-    check_outputs([*paths, *beside], inputs)
 
 
 class Exports:

@@ -15,8 +15,8 @@ def refused(path, message) -> ProblemsError:
     return ProblemsError([Problem(str(path), None, None, message)])
 
 
-def check_outputs(paths, inputs=()):
-    """Make sure that files can be written before a long run begins.
+def output_problems(paths, inputs=()):
+    """What keeps files from being written, known before a long run begins.
 
     Parameters
     ----------
@@ -25,10 +25,9 @@ def check_outputs(paths, inputs=()):
     inputs : iterable of path
         What is read meanwhile: writing there would destroy it.
 
-    Raises
-    ------
-    ProblemsError
-        One problem for each file in the way.
+    Returns
+    -------
+    list of Problem
     """
     problems, seen = [], {}
     read = {os.path.realpath(path): path for path in inputs}
@@ -42,8 +41,7 @@ def check_outputs(paths, inputs=()):
         seen[real] = path
         if message:
             problems.append(Problem(str(path), None, None, message))
-    if problems:
-        raise ProblemsError(problems)
+    return problems
 
 
 def _obstacle(path):

@@ -21,7 +21,6 @@ from levels.schema import MAX_AGENTS
 
 SHIPPED = Path(levels.__path__[0]) / "shipped"
 KEYFRAME_SECONDS = 10  # s; going to any moment of a recording lives at most so much again
-LEVEL_SUFFIXES = (".tmj", ".json")
 
 
 # levels ------------------------------------------------------------------------
@@ -41,10 +40,10 @@ def find_level(name) -> Path:
         When there is neither.
     """
     path = Path(name)
+    if str(name) in shipped_levels() and not path.is_file():
+        return SHIPPED / f"{name}.tmj"
     if path.exists() or path.suffix or path.name != str(name):
         return path  # the reader says what is wrong with it
-    if str(name) in shipped_levels():
-        return SHIPPED / f"{name}.tmj"
     hint = did_you_mean(str(name), shipped_levels())
     raise refused(name, f"there is no such file, and no shipped level of that name{hint}")
 

@@ -1,0 +1,248 @@
+"""Recordings lived again: the same bits on other threads, in other processes, for other processors; and found out."""
+
+import json
+import os
+import re
+import shutil
+
+import pytest
+from conftest import other_process
+from pens import pen
+
+from engine.commands import Commands
+from engine.recording import Recording, open_recording, resume, state_hash
+from flockbrush.run import rebuild, record, start
+from systems.commands import AddAnimals, PaintBrush, SwitchBrush
+
+
+def copied(source, target, hashes=None, assets=None, header=None, last=None):
+    """A recording like another one, with some of it changed, and no checksum that tells."""
+    run = open_recording(source)
+    kept = {key: value for key, value in run.header.items() if key not in ("format", "packages", "assets")}
+    with Recording.create(target, kept | (header or {}), run.assets | (assets or {})) as copy:
+        for tick, command in run.commands:
+            copy.command(tick, command)
+        for tick, digest in (run.hashes | (hashes or {})).items():
+            copy.hash(tick, digest)
+        copy.close(last or run.last_tick)
+    return target
+
+
+def flipped(digest):
+    """The same digits but for one bit."""
+    return f"{int(digest, 16) ^ 1 << 20:016x}"
+
+
+# the same bits ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_recording_verifies_on_one_thread_and_on_two(cli, recording, threads):
+    done = cli("replay", recording, "--verify", "--threads", threads)
+    assert (done.code, done.err) == (0, "")
+    assert "the same, bit for bit: 41 states up to tick 40" in done.out
+
+
+@pytest.fixture(scope="module")
+def crowd(shared):
+    """A recording of so many animals that two threads share them."""
+    path = shared / "crowd.flock"
+    done = other_process("run", "crowded", "--agents", 5000, "--ticks", 4, "--threads", 2, "--record", path)
+    assert done.returncode == 0, done.stderr
+    return path
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_a_crowd_that_threads_share_verifies_on_any_number_of_them(cli, crowd, threads):
+    report = json.loads(cli("replay", crowd, "--verify", "--threads", threads, "--json").out)
+    assert (report["verified"], report["threads"], report["agents"]) == (True, threads, 5000)
+
+
+@pytest.mark.parametrize("seed", ["1", "4242"])
+def test_a_recording_verifies_in_another_process_with_other_hashes_of_strings(recording, seed):
+    done = other_process("replay", recording, "--verify", PYTHONHASHSEED=seed)
+    assert done.returncode == 0, done.stderr + done.stdout
+
+
+def test_a_recording_verifies_on_a_plain_processor(recording, crowd, request):
+    """Kernels compiled without this machine's vector instructions; compiled once, then kept."""
+    cache = request.config.cache.mkdir("kernels-for-a-generic-processor")
+    variables = {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(cache), "NUMBA_CPU_FEATURES": ""}
+    for path in (recording, crowd):
+        done = other_process("replay", path, "--verify", timeout=500, **variables)
+        assert done.returncode == 0, done.stderr + done.stdout
+
+
+def test_a_recording_needs_no_file_but_itself(cli, tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    path = pen(tmp_path / "elsewhere")
+    cli("run", path, "--ticks", 20, "--record", tmp_path / "a.flock")
+    shutil.rmtree(tmp_path / "elsewhere")
+    done = other_process("replay", "a.flock", "--verify", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+def test_seed_and_number_of_animals_come_from_the_recording(cli, level, tmp_path):
+    cli("run", level, "--ticks", 20, "--seed", 77, "--agents", 60, "--record", tmp_path / "a.flock")
+    report = json.loads(cli("replay", tmp_path / "a.flock", "--verify", "--json").out)
+    assert (report["seed"], report["agents"], report["verified"]) == (77, 60, True)
+
+
+def test_a_shipped_level_with_files_above_it_verifies(cli, tmp_path):
+    cli("run", "predators-valley", "--ticks", 12, "--record", tmp_path / "a.flock")
+    assert cli("replay", tmp_path / "a.flock", "--verify").code == 0
+
+
+def test_what_a_designer_did_meanwhile_is_lived_again(cli, level, tmp_path):
+    simulation = start(level)
+    recorder = record(tmp_path / "a.flock", simulation)
+    for _ in range(30):
+        if simulation.clock.tick == 4:
+            simulation.submit(AddAnimals("swarm", 30.0, 22.0, 3.0, 5, "goat"))
+            simulation.submit(PaintBrush("swarm", 12.0, 15.0, 5.0))
+        if simulation.clock.tick == 20:
+            simulation.submit(SwitchBrush("march"))
+        simulation.tick()
+        recorder.take()
+    recorder.close()
+    report = json.loads(cli("replay", tmp_path / "a.flock", "--verify", "--json").out)
+    assert (report["verified"], report["agents"]) == (True, 29)
+    names = [type(command).__name__ for _, command in open_recording(tmp_path / "a.flock").commands]
+    assert names == ["AddAnimals", "PaintBrush", "SwitchBrush", "SwitchBrush"]  # the third is the level's own
+
+
+def test_the_script_runs_once_though_level_and_recording_both_know_it(recording):
+    run = open_recording(recording)
+    simulation = rebuild(run)
+    resume(run, simulation.world)
+    simulation.run(run.last_tick)
+    applied = simulation.world.resource(Commands).log
+    assert [type(command).__name__ for _, command in applied] == ["SwitchBrush"]
+
+
+def test_going_to_a_tick_gives_the_state_recorded_there(cli, recording):
+    report = json.loads(cli("replay", recording, "--to-tick", 25, "--json").out)
+    assert report["tick"] == 25
+    assert report["hash"] == open_recording(recording).hashes[25]
+
+
+def test_a_snapshot_on_the_way_changes_nothing(cli, level, tmp_path):
+    path = tmp_path / "long.flock"
+    cli("run", level, "--ticks", 330, "--agents", 10, "--record", path)
+    run = open_recording(path)
+    assert run.keyframe_before(330) == 320
+    report = json.loads(cli("replay", path, "--to-tick", 330, "--json").out)
+    assert report["hash"] == run.hashes[330]
+
+
+# found out -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tick", [0, 1, 17, 40])
+def test_one_bit_of_one_hash_is_found_and_its_tick_named(cli, recording, tmp_path, tick):
+    digest = open_recording(recording).hashes[tick]
+    path = copied(recording, tmp_path / "a.flock", hashes={tick: flipped(digest)})
+    done = cli("replay", path, "--verify")
+    assert done.code == 1
+    where = f"in tick {tick}:" if tick else "before its first tick:"
+    assert f"the replay differs {where} recorded {flipped(digest)}, replayed {digest}" in done.out
+    report = json.loads(cli("replay", path, "--verify", "--json").out)
+    assert (report["verified"], report["first_difference"]["tick"]) == (False, tick)
+
+
+def test_the_first_of_two_differences_is_the_one_that_is_named(cli, recording, tmp_path):
+    hashes = open_recording(recording).hashes
+    path = copied(recording, tmp_path / "a.flock", hashes={t: flipped(hashes[t]) for t in (30, 12)})
+    assert "in tick 12:" in cli("replay", path, "--verify").out
+
+
+def test_up_to_a_tick_before_the_difference_all_is_well(cli, recording, tmp_path):
+    path = copied(recording, tmp_path / "a.flock", hashes={30: flipped(open_recording(recording).hashes[30])})
+    assert cli("replay", path, "--verify", "--to-tick", 29).code == 0
+    assert cli("replay", path, "--verify", "--to-tick", 30).code == 1
+
+
+def test_another_seed_differs_before_the_first_tick(cli, recording, tmp_path):
+    path = copied(recording, tmp_path / "a.flock", header={"seed": 4})
+    assert "before its first tick" in cli("replay", path, "--verify").out
+
+
+def brush_in(run):
+    return next(name for name in run.assets if name.endswith("march.brush.toml"))
+
+
+def test_a_brush_changed_by_a_hair_inside_a_recording_is_found_out(cli, recording, tmp_path):
+    run = open_recording(recording)
+    name = brush_in(run)
+    text, changes = re.subn(r"alignment_weight = 0\.4\d*", "alignment_weight = 0.41", run.assets[name].decode())
+    assert changes == 1
+    done = cli("replay", copied(recording, tmp_path / "a.flock", assets={name: text.encode()}), "--verify")
+    assert done.code == 1
+    assert "the replay differs before its first tick" in done.out  # the palette is part of the state
+
+
+@pytest.mark.parametrize("damage", [b"\0\xff\0", b"", b'schema = "flockbrush.brush/1"\nmodel = "hered"\n'], ids=repr)
+def test_a_damaged_brush_inside_a_recording_is_refused(cli, recording, tmp_path, damage):
+    name = brush_in(open_recording(recording))
+    path = copied(recording, tmp_path / "a.flock", assets={name: damage})
+    done = cli("replay", path, "--verify")
+    assert done.code == 1
+    assert "march.brush.toml" in done.err
+    assert done.out == ""
+
+
+def test_a_flipped_bit_in_the_files_of_a_recording_is_refused(cli, recording, tmp_path):
+    data = bytearray(recording.read_bytes())
+    data[1500] ^= 4
+    path = tmp_path / "a.flock"
+    path.write_bytes(data)
+    done = cli("replay", path, "--verify")
+    assert done.code == 1
+    assert "damaged" in done.err
+
+
+@pytest.mark.parametrize(
+    "header", [{"level": None}, {"level": "x.tmj"}, {"agents": "many"}, {"agents": -1}, {"dt": 0.5}]
+)
+def test_a_header_that_makes_no_sense_is_refused(cli, recording, tmp_path, header):
+    done = cli("replay", copied(recording, tmp_path / "a.flock", header=header), "--verify")
+    assert (done.code, done.out) == (1, "")
+    assert len(done.err.splitlines()) == 1
+
+
+def test_a_recording_cut_anywhere_opens_or_is_refused_in_words(cli, recording, tmp_path):
+    data, path = recording.read_bytes(), tmp_path / "a.flock"
+    for size in (0, 7, 20, 400, len(data) // 2, len(data) - 300, len(data) - 1):
+        path.write_bytes(data[:size])
+        done = cli("replay", path, "--verify")
+        assert done.code in (0, 1)
+        assert done.err.startswith(str(path))
+
+
+def test_a_tick_after_the_end_is_refused(cli, recording):
+    done = cli("replay", recording, "--to-tick", 41)
+    assert done.code == 1
+    assert "ends with tick 40; there is no tick 41" in done.err
+
+
+def test_a_recording_of_other_versions_says_so(cli, recording, tmp_path, monkeypatch):
+    monkeypatch.setattr("engine.recording.package_versions", lambda: {"python": "4.0", "numpy": "9.9"})
+    path = copied(recording, tmp_path / "a.flock")
+    monkeypatch.undo()
+    done = cli("replay", path, "--verify")
+    assert done.code == 0
+    assert "recorded with numpy 9.9 (here " in done.err
+
+
+def test_another_threads_variable_changes_nothing(recording):
+    assert other_process("replay", recording, "--verify", FLOCKBRUSH_THREADS="1").returncode == 0
+
+
+def test_the_state_of_a_replay_is_the_state_of_the_run(cli, level, recording):
+    report = json.loads(cli("run", level, "--ticks", 40, "--json").out)
+    run = open_recording(recording)
+    simulation = rebuild(run)
+    resume(run, simulation.world)
+    simulation.run(40)
+    assert report["hash"] == run.hashes[40] == state_hash(simulation.world)
+    assert os.path.getsize(recording) < 60_000

@@ -1,0 +1,220 @@
+"""Running levels from the command line: what is told, and that the same run is the same."""
+
+import json
+import math
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from conftest import environment, other_process
+from pens import pen
+
+from engine.recording import open_recording
+from flockbrush import run as running
+from flockbrush import terminal
+
+
+def test_a_run_tells_everything_in_one_object(cli, level, tmp_path):
+    report = json.loads(cli("run", level, "--ticks", 12, "--record", tmp_path / "a.flock", "--json").out)
+    assert report["level"] == "pen"
+    assert (report["seed"], report["ticks"], report["agents"]) == (3, 12, 24)
+    assert 0 < report["seconds_per_tick"]["median"] <= report["seconds_per_tick"]["p95"] < 1
+    assert 0 < report["startup_seconds"] < 600
+    assert {"See", "Steer", "Move", "flush"} <= set(report["systems"])
+    assert 0.5 < report["measures"]["polarization"] <= 1
+    assert {"milling", "speed_mean", "speed_std", "nnd"} <= set(report["measures"])
+    assert report["recording"] == str(tmp_path / "a.flock")
+    assert report["exports"] == []
+    assert {"flockbrush", "numpy", "numba"} <= set(report["versions"])
+    assert 50 < report["peak_memory_mib"] < 4096
+    assert len(report["hash"]) == 16
+
+
+def test_the_times_of_the_systems_add_up_to_about_the_ticks(cli, level):
+    report = json.loads(cli("run", level, "--ticks", 60, "--json").out)
+    assert sum(report["systems"].values()) == pytest.approx(59 * report["seconds_per_tick"]["median"], rel=1.0)
+
+
+def test_a_number_without_meaning_is_null(cli, level):
+    measures = json.loads(cli("run", level, "--ticks", 0, "--agents", 1, "--json").out)["measures"]
+    assert measures["nnd"] is None
+    assert measures["animals"] == 1
+
+
+def test_no_ticks_at_all_is_a_run_too(cli, level):
+    report = json.loads(cli("run", level, "--seconds", 0, "--json").out)
+    assert report["ticks"] == 0
+    assert report["seconds_per_tick"] == {"median": None, "p95": None}
+
+
+def test_seconds_are_ticks_of_a_thirty_second(cli, level):
+    assert json.loads(cli("run", level, "--seconds", 0.5, "--json").out)["ticks"] == 16
+
+
+def test_the_same_seed_gives_the_same_herd_and_another_seed_another(cli, level):
+    hashes = [json.loads(cli("run", level, "--ticks", 5, "--seed", s, "--json").out)["hash"] for s in (8, 8, 9)]
+    assert hashes[0] == hashes[1] != hashes[2]
+
+
+def test_so_many_animals_as_asked_for_walk(cli, level):
+    assert json.loads(cli("run", level, "--ticks", 1, "--agents", 57, "--json").out)["agents"] == 57
+
+
+@pytest.mark.parametrize("more", [[], ["--agents", 5]], ids=["as it is", "with more"])
+def test_a_level_without_animals_is_refused_with_what_to_draw(cli, tmp_path, more):
+    done = cli("run", pen(tmp_path, sheep=0), "--ticks", 2, *more)
+    assert done.code == 1
+    assert "no animals: draw an area on an object layer 'spawns'" in done.err
+
+
+def test_people_get_a_table_and_know_how_to_verify(cli, level, tmp_path):
+    done = cli("run", level, "--ticks", 3, "--record", tmp_path / "a.flock")
+    assert done.code == 0
+    assert "pen: 24 animals after 0.09375 s" in done.out
+    assert "polarization" in done.out
+    assert f"flockbrush replay {tmp_path / 'a.flock'} --verify" in done.out
+    assert done.err == "" or done.err.startswith("compiling")
+
+
+def test_shipped_levels_go_by_name_even_beside_a_folder_of_that_name(cli, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "meadow").mkdir()
+    report = json.loads(cli("run", "meadow", "--ticks", 1, "--agents", 10, "--json").out)
+    assert report["level"] == "meadow"
+
+
+def test_the_first_run_says_that_it_compiles_before_it_waits(tmp_path):
+    program = """
+import numpy, numba
+from flockbrush import terminal
+with terminal.compiling():
+    numba.njit(lambda x: x + 1)(1)
+    print("done", file=__import__("sys").stderr)
+    numba.njit(lambda x: x + 2)(1)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=environment(), capture_output=True, text=True, check=True
+    )
+    assert done.stderr.splitlines() == ["compiling kernels for the first time, about a minute ...", "done"]
+
+
+def test_a_run_whose_kernels_are_there_does_not_speak_of_compiling(level):
+    other_process("run", level, "--ticks", 2)
+    assert other_process("run", level, "--ticks", 2).stderr == ""
+
+
+# stopping ----------------------------------------------------------------------------
+
+
+def started(*arguments):
+    """A run in another process that has come past its first ticks: its recording grows."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "flockbrush", *map(str, arguments)],
+        env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    recording = arguments[arguments.index("--record") + 1]
+    deadline = time.monotonic() + 240
+    while time.monotonic() < deadline and process.poll() is None:
+        if recording.exists() and open_recording(recording).last_tick >= 32:
+            return process
+        time.sleep(0.05)
+    process.kill()
+    raise AssertionError(process.communicate())
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM], ids=["ctrl-c", "polite kill"])
+def test_whoever_stops_a_run_keeps_what_was_written(cli, level, tmp_path, how):
+    film, table, recording = tmp_path / "a.mp4", tmp_path / "a.csv", tmp_path / "a.flock"
+    process = started("run", level, "--seconds", 9000, "--record", recording, "--export", film, "--export", table)
+    process.send_signal(how)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert out == ""
+    assert "Traceback" not in err
+    assert "what was written is complete up to there" in err
+    run = open_recording(recording)
+    assert not run.truncated
+    lines = table.read_text().splitlines()
+    assert lines[-1].startswith(f"{run.last_tick},")
+    assert frames_of(film) == run.last_tick + 1
+    assert cli("replay", recording, "--verify").code == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.csv", "a.csv.json", "a.flock", "a.mp4"]
+
+
+def frames_of(film):
+    import av
+
+    with av.open(str(film)) as container:
+        return sum(1 for _ in container.decode(video=0))
+
+
+def test_a_recording_outlives_a_kill_that_asks_nobody(cli, level, tmp_path):
+    recording = tmp_path / "a.flock"
+    process = started("run", level, "--seconds", 9000, "--record", recording, "--export", tmp_path / "a.mp4")
+    process.kill()
+    process.communicate(timeout=60)
+    assert not (tmp_path / "a.mp4").exists()  # half a film is none
+    done = cli("replay", recording, "--verify")
+    assert done.code == 0
+    assert "the run was not closed" in done.err or "cut off" in done.err
+    assert "the same, bit for bit" in done.out
+
+
+def test_the_first_signal_waits_for_the_end_of_a_tick_and_the_second_does_not():
+    with terminal.Interrupts() as interrupts:
+        interrupts.gently()
+        signal.raise_signal(signal.SIGINT)
+        with pytest.raises(terminal.Stopped):
+            interrupts.check()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+
+
+def test_before_the_first_tick_a_signal_stops_at_once():
+    with terminal.Interrupts(), pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGTERM)
+
+
+def test_a_disk_that_is_full_stops_the_run_in_plain_words(cli, level, tmp_path, monkeypatch):
+    from flockbrush.export import Csv
+
+    taken = []
+
+    def full(self, moment):
+        taken.append(moment)
+        if len(taken) == 3:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Csv, "take", full)
+    (tmp_path / "a.csv").write_text("mine")
+    done = cli("run", level, "--ticks", 9, "--export", tmp_path / "a.csv", "--record", tmp_path / "a.flock")
+    assert done.code == 1
+    assert "No space left on device" in done.err
+    assert (tmp_path / "a.csv").read_text() == "mine"
+    assert open_recording(tmp_path / "a.flock").last_tick == 2
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.csv", "a.flock"]
+
+
+# names and numbers --------------------------------------------------------------------
+
+
+def test_files_of_a_level_are_rooted_in_the_folder_they_all_stand_in():
+    files = {"a.tmj": b"1", "../tilesets/t.tsj": b"2", "brushes/b.toml": b"3"}
+    name, rooted = running.rooted(files, "/designs/farm/a.tmj")
+    assert name == "farm/a.tmj"
+    assert rooted == {"farm/a.tmj": b"1", "tilesets/t.tsj": b"2", "farm/brushes/b.toml": b"3"}
+    assert running.rooted({"a.tmj": b"1"}, "/designs/farm/a.tmj") == ("a.tmj", {"a.tmj": b"1"})
+
+
+def test_numbers_for_people_are_short():
+    assert [terminal.number(v) for v in (0.0, 12345, 0.123456, 1234567.0, math.nan, None)] == [
+        "0", "12,345", "0.1235", "1.235e+06", "-", "-",
+    ]  # fmt: skip
+
+
+def test_json_has_no_numbers_that_json_does_not_know():
+    values = {"a": math.nan, "b": [math.inf, 1.5], "c": np.float64(2), "d": np.array([1, 2]), "e": "x", "f": None}
+    assert terminal.finite(values) == {"a": None, "b": [None, 1.5], "c": 2.0, "d": [1, 2], "e": "x", "f": None}
