@@ -44,6 +44,19 @@ def compute_milling(xy, direction, centre=None):
     return abs(compute_rotation(xy, direction, centre))
 
 
+def compute_unwrapped(xy, wrap):
+    """Positions on a wrapped map (width, height) as one piece: everybody where it is nearest to the herd's middle.
+
+    The middle is the circular mean, so a herd on a seam keeps its shape; one that fills the map has none.
+    """
+    xy = np.asarray(xy, float)[:, :2]
+    if wrap is None or not len(xy):
+        return xy
+    angle = 2 * np.pi * xy / wrap
+    middle = np.arctan2(np.sin(angle).mean(0), np.cos(angle).mean(0)) / (2 * np.pi) * wrap
+    return middle + np.mod(xy - middle + np.divide(wrap, 2), wrap) - np.divide(wrap, 2)
+
+
 def compute_nnd(xy, wrap=None):
     """(n,) distance of each animal to its nearest neighbour, m."""
     xy = np.asarray(xy, float)
@@ -175,8 +188,10 @@ def herd_measures(xyz, velocity, forward, body_length, wrap=None):
     xyz, velocity, forward : ndarray (n, 3)
     body_length : float
         Metres; parts hang together by links of four body lengths.
+    wrap : (float, float), optional
+        Width and height of a wrapped map, metres.
     """
-    xy = np.asarray(xyz, float)[:, :2]
+    xy = compute_unwrapped(xyz, wrap)
     speed = compute_speed(velocity)
     n = len(xy)
     return {
