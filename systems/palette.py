@@ -8,6 +8,7 @@ import numpy as np
 
 from behaviours.behaviour import behaviours
 from behaviours.brush import load_brush
+from engine.maths import sincos_
 
 
 class Palette:
@@ -75,7 +76,7 @@ class Palette:
         self.max_turn = column(lambda b: getattr(b.params, "max_turn", np.inf))  # rad/s
         self.transition = column(lambda b: b.transition)  # s
         self.leader_neighbours = column(lambda b: getattr(b.params, "leader_neighbours", -1))
-        self.leader_cone = np.cos(np.radians(0.5 * column(lambda b: getattr(b.params, "leader_cone", 360.0))))
+        self.leader_cone = column(lambda b: _cosine_of_half(getattr(b.params, "leader_cone", 360.0)))
         self.neighbour_range = column(lambda b: getattr(b.params, "neighbour_range", np.inf))  # body lengths
         self.danger = column(lambda b: models[b.model].danger).astype(np.uint8)
         self.sees_through = column(lambda b: not b.vision.occlusion).astype(np.uint8)
@@ -84,3 +85,8 @@ class Palette:
         self.density_first = np.cumsum([0] + [len(r) for r in rows])
         self.density_table = np.concatenate(rows)
         self.uses_density = any(b.speed.by_density for b in self.brushes)
+
+
+def _cosine_of_half(degrees):
+    """The cosine of half an angle, the same bits on every machine; -1 from all round."""
+    return -1.0 if degrees >= 360.0 else sincos_(np.radians(0.5 * degrees))[1]
