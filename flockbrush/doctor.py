@@ -42,7 +42,7 @@ def _python():
     yield OK, "flockbrush", f"{flockbrush.__version__} in {HOUSE}"
 
 
-def tested_versions(text):
+def pinned_versions(text):
     """{name: version} of the lines ``name==version`` of constraints.txt."""
     pins = (line.split("==") for line in text.splitlines() if "==" in line and not line.startswith("#"))
     return {_canonical(name.strip()): version.strip() for name, version in pins}
@@ -55,7 +55,7 @@ def _canonical(name):
 def _packages():
     needed = _requirements()
     file = HOUSE / "constraints.txt"
-    tested = tested_versions(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    tested = pinned_versions(file.read_text(encoding="utf-8")) if file.is_file() else {}
     for name in needed:
         yield _package(name, tested.get(name), BAD, "is missing: pip install -e . in the project's folder")
     for name, what in OPTIONAL.items():
