@@ -191,9 +191,10 @@ def test_animals_keep_off_the_words():
     p = Painter(field(), (640, 400), trails=None)
     _, top, _, bottom = p.camera.view
     p.look(p.camera.zoomed(6))
-    many = herd(*np.random.default_rng(0).uniform(-10, 50, (500, 2)), length=3.0)
-    pixels = changed(p.frame(many, legend=False, title=""), p.ground)
-    assert pixels[:, 0].min() >= top and pixels[:, 0].max() < bottom
+    for length in (0.2, 3.0):
+        many = herd(*np.random.default_rng(0).uniform((5, 8), (35, 22), (3000, 2)), length=length, radius=length / 4)
+        pixels = changed(p.frame(many, legend=False, title=""), p.ground)
+        assert pixels[:, 0].min() == top and pixels[:, 0].max() == bottom - 1
 
 
 @pytest.mark.parametrize("size", [(40, 30), (8, 8), (301, 201), (3840, 2160)])
@@ -259,6 +260,13 @@ def test_trails_follow_their_animals_through_deaths():
     frame = p.frame(herd((5.5, 5), (5.5, 25), ids=np.array([1, 3])), time=1 / 30)
     between = frame[60:100] != p.ground[60:100]
     assert not between.any()
+
+
+def test_a_newborn_has_no_trail_yet():
+    p = painter(trails=3.0)
+    p.frame(herd((20, 15), ids=np.array([7])), time=0.0)
+    frame = p.frame(herd((20, 15), (20, 18), ids=np.array([7, 8])), time=1 / 30)
+    assert np.array_equal(frame[102:112], p.ground[102:112])  # between the two
 
 
 def test_an_animal_that_comes_round_the_edge_draws_no_line_across():
