@@ -260,7 +260,7 @@ def predators_valley():
     s.box("Spawn", 95, 108, 70, 44, "herd", species="reindeer", brush="reindeer-flee", count=160, body_length=2.0)
     s.box(
         "Spawn",
-        306,
+        200,
         112,
         14,
         22,

@@ -23,6 +23,7 @@ class Palette:
     def __init__(self, brushes=()):
         self.brushes = []
         self.index = {}
+        self._tabulate()  # a world may have no brush at all
         for brush in brushes:
             self.add(brush)
 
@@ -47,6 +48,7 @@ class Palette:
         """Take back what `state` gave."""
         before = {b.name: b for b in self.brushes}
         self.brushes, self.index = [], {}
+        self._tabulate()
         for name, source in json.loads(data):
             same = name in before and before[name].source.decode() == source
             self.add(before[name] if same else load_brush(source.encode(), f"{name}.brush.toml"))
@@ -83,7 +85,7 @@ class Palette:
         # by_density as one table: rows of (density per square body length, factor), closed on both sides
         rows = [np.array(b.speed.by_density or [(0.0, 1.0)], float) for b in self.brushes]
         self.density_first = np.cumsum([0] + [len(r) for r in rows])
-        self.density_table = np.concatenate(rows)
+        self.density_table = np.concatenate([np.zeros((0, 2)), *rows])
         self.uses_density = any(b.speed.by_density for b in self.brushes)
 
 

@@ -43,7 +43,7 @@ def test_with_the_rule_off_nobody_leads_and_with_a_larger_number_more_do():
 
 def test_with_a_cone_the_front_row_leads_and_those_behind_it_do_not():
     for cone, leaders in ((120.0, [1, 1, 1, 0, 0, 0]), (360.0, [0] * 6)):
-        calm = brush("calm", mean=0.0, body={"radius": 0.05}, leader_cone=cone)
+        calm = brush("calm", mean=0.0, body={"radius": 0.05}, leader_cone=cone, leader_neighbours=0)
         simulation = meadow(calm)
         put(simulation, [(20, 18), (20, 19.5), (20, 21), (18.5, 18), (18.5, 19.5), (18.5, 21)], 0.0)
         assert roles(simulation) == leaders

@@ -1,0 +1,369 @@
+"""A whole world: the same bits whatever the order, the threads and the neighbours; every shipped level goes on."""
+
+import functools
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_herd import Shelf, box, brush, gaps_of, meadow, obstacle, put, spawn, straight, xy_of
+
+import levels
+from behaviours import behaviour as registry
+from behaviours.behaviour import Parameters, Wishes, quantity
+from components import AGENT, Heading, Position, Species, Speed, Velocity, Wish
+from engine import parallel
+from engine.parallel import set_threads
+from engine.schedule import Ambiguity, Schedule
+from engine.state import restore, snapshot, state_hash
+from levels.build import build, plane, systems
+from levels.reader import brush_library, read_level
+from levels.schema import Exit, Goal, Zone
+from systems.commands import AddAnimals, AddObstacle, PaintBrush, SwitchBrush
+from systems.steer import NotFinite, Steer
+
+SHIPPED = Path(levels.__file__).parent / "shipped"
+NAMES = sorted(path.stem for path in SHIPPED.glob("*.tmj"))
+
+
+@functools.cache
+def level_of(name):
+    path = SHIPPED / f"{name}.tmj"
+    level = read_level(path)
+    return level, brush_library(path, level.files)
+
+
+def shipped(name, agents=None, **more):
+    level, library = level_of(name)
+    return build(level, agents=agents, library=library, **more)
+
+
+def lively(seed=5, shuffle_seed=None):
+    """A small world in which everything happens: births, exits, goals, zones, prey, a wolf, commands."""
+    deer = brush("deer", "flee", mean=1.0, speed={"deviation": 0.3, "by_density": ((0.0, 1.0), (0.5, 0.5))})
+    wolf = brush("wolf", "hunt", mean=1.4, speed={"deviation": 0.2}, vision={"range": 20.0}, body={"length": 1.5})
+    march = brush("march", mean=2.0, transition=1.0, speed={"deviation": 0.1})
+    simulation = meadow(
+        deer, march, wolf,
+        boundary="wall", seed=seed, shuffle_seed=shuffle_seed,
+        obstacles=[obstacle(box(18, 18, 22, 20))],
+        goals=[
+            Goal(1, "there", np.array([35.0, 35.0]), 2.0, "next", "gate"),
+            Goal(2, "gate", np.array([5.0, 35.0]), 2.0, "despawn", ""),
+        ],
+        zones=[Zone(1, "field", box(20, 22, 30, 40), "march", np.inf, 0.7, 1.0)],
+        exits=[Exit(1, "hole", box(0, 18, 2, 22))],
+        spawns=[
+            spawn(box(5, 5, 15, 15), "deer", 20, None, "deer", 1),
+            spawn(box(24, 3, 36, 8), "march", 12, 1.6, "sheep", 2, start=0.3, rate=8.0),
+            spawn(box(35, 10, 38, 13), "wolf", 1, None, "wolf", 3),
+        ],
+    )  # fmt: skip
+    simulation.submit(PaintBrush("march", 10.0, 20.0, 4.0), 10)
+    simulation.submit(AddObstacle("log", [[28.0, 12.0], [30.0, 12.0], [29.0, 15.0]]), 20)
+    simulation.submit(AddAnimals("deer", 30.0, 30.0, 3.0, 3, "deer"), 30)
+    simulation.submit(SwitchBrush("march", "deer", 10.0, 10.0, 4.0), 40)
+    return simulation
+
+
+# the same bits ----------------------------------------------------------------------------
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_seed_others():
+    one, two, other = lively(), lively(), lively(seed=6)
+    for simulation in (one, two, other):
+        simulation.run(60)
+    assert state_hash(one.world) == state_hash(two.world) != state_hash(other.world)
+
+
+@pytest.mark.parametrize("shuffle", range(3))
+def test_the_order_inside_a_stage_does_not_matter(shuffle):
+    plain, shuffled = lively(), lively(shuffle_seed=shuffle)
+    plain.run(60)
+    shuffled.run(60)
+    assert state_hash(plain.world) == state_hash(shuffled.world)
+
+
+def test_some_shuffles_do_change_the_order():
+    orders = {tuple(type(s).__name__ for s in Schedule(systems(), seed).systems) for seed in range(8)}
+    assert len(orders) > 1
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+def test_the_number_of_threads_changes_no_bit(threads, monkeypatch):
+    monkeypatch.setattr(parallel, "WORTH", 0)
+    monkeypatch.setattr(parallel, "SMALL", 8)
+    monkeypatch.setattr(parallel, "PROBE", 4)
+    before = set_threads(1)
+    try:
+        one = lively()
+        one.run(50)
+        set_threads(threads)
+        many = lively()
+        many.run(50)
+    finally:
+        set_threads(before)
+    assert state_hash(one.world) == state_hash(many.world)
+
+
+def test_worlds_in_one_process_do_not_disturb_one_another():
+    alone = lively()
+    alone.run(45)
+    one, other = lively(), lively(seed=9)
+    for _ in range(45):
+        other.tick()
+        one.tick()
+        other.world.agents[Position.xyz][:, 2] += 0.1
+    assert state_hash(one.world) == state_hash(alone.world)
+
+
+def test_no_systems_of_one_stage_touch_the_same_thing():
+    assert Schedule(systems()).ambiguities() == []
+    with pytest.raises(Ambiguity):
+        Schedule([*systems(), Steer()])
+
+
+def test_every_system_writes_only_what_it_says():
+    simulation = lively()
+    for _ in range(50):
+        assert simulation.schedule.undeclared_writes(simulation.world) == []
+        simulation.clock.tick += 1
+
+
+def test_a_system_that_lies_is_found():
+    class Sleepwalk(Steer):
+        def process(self, world):
+            super().process(world)
+            world.agents[Position.xyz][:] += 1.0
+
+    simulation = lively()
+    simulation.schedule = Schedule([Sleepwalk() if isinstance(s, Steer) else s for s in systems()])
+    assert ("Sleepwalk", "Position") in simulation.schedule.undeclared_writes(simulation.world)
+
+
+@pytest.mark.parametrize("agents", [1, 2, 7])
+def test_taking_an_animal_away_leaves_the_chance_of_others(agents):
+    wander = straight("wander", mean=2.0, speed={"deviation": 0.6})
+    whole, fewer = (meadow(wander, width=900, height=900, cell=10.0) for _ in range(2))
+    xy = [(50 + 90 * k, 50) for k in range(agents + 1)]
+    for simulation in (whole, fewer):
+        put(simulation, xy, 1.0)
+    fewer.world.delete_entity(1)
+    whole.run(30)
+    fewer.run(30)
+    assert np.array_equal(whole.agents[Position.xyz][1:], fewer.agents[Position.xyz])
+
+
+# snapshots -----------------------------------------------------------------------------------
+
+
+def test_a_lively_world_goes_on_from_a_snapshot():
+    simulation = lively()
+    for moment in (0, 25, 25):
+        simulation.run(moment)
+        kept = snapshot(simulation.world)
+        fresh = lively()
+        restore(fresh.world, kept)
+        assert state_hash(fresh.world) == state_hash(simulation.world)
+        simulation.run(20)
+        fresh.run(20)
+        assert state_hash(fresh.world) == state_hash(simulation.world)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_shipped_level_goes_on_from_a_snapshot_in_its_middle(name):
+    agents = 150 if name in ("crowded", "gorge", "anthill") else None
+    simulation = shipped(name, agents)
+    simulation.run(20)
+    fresh = shipped(name, agents)
+    restore(fresh.world, snapshot(simulation.world))
+    simulation.run(20)
+    fresh.run(20)
+    assert state_hash(fresh.world) == state_hash(simulation.world)
+    assert len(simulation.agents) > 0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_in_every_shipped_level_bodies_stay_apart_and_out_of_obstacles(name):
+    agents = 150 if name in ("crowded", "gorge", "anthill") else None
+    simulation = shipped(name, agents)
+    from systems.landscape import Landscape
+    from systems.life import inside_polygon
+
+    land = simulation.world.resource(Landscape)
+    for _ in range(12):
+        simulation.run(8)
+        assert gaps_of(simulation).min() > -1e-6
+        xy = xy_of(simulation)
+        assert not any(inside_polygon(xy, polygon).any() for polygon in land.solids)
+        if land.boundary == "wall":
+            assert ((xy >= 0) & (xy <= (land.width, land.height))).all()
+    assert np.isfinite(simulation.agents[Velocity.xyz]).all()
+
+
+# few animals and odd ones -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("boundary", ["wall", "wrap", "open", "despawn"])
+@pytest.mark.parametrize("n", [0, 1])
+def test_nobody_and_somebody_alone_live_on(n, boundary):
+    simulation = meadow(brush("walk", speed={"deviation": 0.5}), boundary=boundary)
+    if n:
+        put(simulation, [(20, 20)], 0.5)
+    simulation.run(64)
+    assert len(simulation.agents) == n
+    assert simulation.measures()["animals"] == n
+
+
+def test_an_animal_written_to_is_seen_by_the_kernels():
+    walk = straight("walk", mean=2.0)
+    simulation = meadow(walk)
+    entity, other = put(simulation, [(10, 10), (30, 30)], 0.0)
+    world = simulation.world
+    world.component_for_entity(entity, Heading).forward = (0.0, 1.0, 0.0)
+    world.component_for_entity(entity, Position).xyz = (25.0, 30.0, 0.0)
+    world.component_for_entity(entity, Speed).drawn = 4.0
+    simulation.tick()
+    here = world.component_for_entity(entity, Position).xyz
+    assert here[0] == pytest.approx(25.0, abs=1e-9)
+    assert here[1] > 30.05
+    assert world.component_for_entity(other, Position).xyz[0] == pytest.approx(30 + 2 / 32)
+
+
+def test_every_animal_answers_for_every_component():
+    simulation = lively()
+    simulation.run(20)
+    for entity in simulation.agents.ids.tolist():
+        for kind in AGENT:
+            component = simulation.world.component_for_entity(entity, kind)
+            for name, field in kind.fields.items():
+                row = simulation.agents.row(entity)
+                assert np.array_equal(getattr(component, name), simulation.agents[field][row])
+
+
+def test_all_on_one_spot_and_facing_all_ways_stay_finite():
+    for model in ("herd", "flee", "hunt"):
+        simulation = meadow(brush("walk", model), boundary="wall")
+        put(simulation, np.full((30, 2), 20.0), np.arange(30.0))
+        simulation.run(60)
+        assert np.isfinite(simulation.agents[Position.xyz]).all()
+        assert np.isfinite(simulation.agents[Heading.forward]).all()
+
+
+# broken models --------------------------------------------------------------------------------------
+
+
+class Strength(Parameters):
+    """How ill the model is."""
+
+    after: float = quantity(3.0, "ticks", "when it breaks", 0, 100)
+
+
+@pytest.fixture
+def ill(monkeypatch):
+    """Register a model for one test."""
+
+    def register(steer):
+        made = registry.Behaviour("ill", steer, Strength, "ill")
+        monkeypatch.setitem(registry._registry, "ill", made)
+        return brush("sick", "ill", mean=1.0)
+
+    registry.behaviours()
+    return register
+
+
+@pytest.mark.parametrize("what", ["direction", "pace"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_model_that_gives_no_number_is_named_with_tick_and_entity(ill, what, value):
+    def steer(scene, rows, p):
+        direction, pace = np.tile([1.0, 0.0, 0.0], (len(rows), 1)), np.ones(len(rows))
+        if scene.tick >= p.after:
+            (direction if what == "direction" else pace)[scene.ids[rows] == 3] = value
+        return Wishes(direction, pace)
+
+    simulation = meadow(ill(steer))
+    put(simulation, [(10, 10), (15, 10), (20, 10), (25, 10)])
+    simulation.run(3)
+    with pytest.raises(NotFinite, match=r"model 'ill' \(brush 'sick'\) .* for entity 3 in tick 3"):
+        simulation.tick()
+    for column in (Position.xyz, Heading.forward, Wish.direction, Wish.pace):
+        assert np.isfinite(simulation.agents[column]).all()
+
+
+def test_a_model_that_answers_for_too_few_is_named(ill):
+    def steer(scene, rows, p):
+        return Wishes(np.zeros((1, 3)), np.ones(1))
+
+    simulation = meadow(ill(steer))
+    put(simulation, [(10, 10), (15, 10)])
+    with pytest.raises(ValueError, match=r"model 'ill' was asked for 2 animals"):
+        simulation.tick()
+
+
+def test_a_model_cannot_write_into_the_scene(ill):
+    def steer(scene, rows, p):
+        scene.xyz[:] = 0.0
+
+    simulation = meadow(ill(steer))
+    put(simulation, [(10, 10)])
+    with pytest.raises(ValueError, match="read-only"):
+        simulation.tick()
+
+
+def test_many_brushes_in_one_herd_are_each_asked_for_their_own(ill):
+    asked = []
+
+    def steer(scene, rows, p):
+        asked.append(sorted(scene.ids[rows].tolist()))
+        return Wishes(np.tile([0.0, 1.0, 0.0], (len(rows), 1)), np.ones(len(rows)))
+
+    simulation = meadow(ill(steer), straight("walk"))
+    put(simulation, [(10, 10), (20, 10)], brush="walk")
+    put(simulation, [(15, 10), (25, 10), (30, 10)], brush="sick")
+    simulation.tick()
+    assert asked == [[3, 4, 5]]
+    assert simulation.agents[Wish.direction][:, 1].tolist() == [0, 0, 1, 1, 1]
+
+
+# the shipped levels do what they are for ----------------------------------------------------------------
+
+
+def test_through_the_gorge_everybody_comes_and_nobody_stays_behind():
+    simulation = shipped("gorge", agents=160)
+    before = len(simulation.agents)
+    for _ in range(90):
+        simulation.run(32)
+        if not len(simulation.agents):
+            break
+    assert before == 160
+    assert len(simulation.agents) == 0, f"left behind: {xy_of(simulation).round(1).tolist()}"
+
+
+def test_in_the_valley_wolves_find_the_herd_and_the_deer_they_come_near_run():
+    simulation = shipped("predators-valley")
+    agents = simulation.agents
+
+    def look():
+        wolf = agents[Species.index] == 1
+        xy, speed = xy_of(simulation), np.linalg.norm(agents[Velocity.xyz], axis=1)
+        distance = np.hypot(*(xy[~wolf][:, None] - xy[wolf]).T).min(0)
+        return distance, speed[~wolf]
+
+    simulation.run(32 * 6)
+    distance, calm = look()
+    assert distance.min() > 40
+    for _ in range(60):
+        simulation.run(32)
+        distance, speed = look()
+        if speed[distance < 8].max(initial=0) > 2 * calm.max():
+            break
+    else:
+        raise AssertionError("no deer ever ran")
+    assert speed[distance > 40].mean() < 1.5 * calm.mean()  # those far away have noticed nothing
+
+
+def test_a_plane_holds_one_herd_without_end():
+    simulation = plane(brush("walk", mean=2.0), 40, seed=3)
+    assert len(simulation.agents) == 40
+    simulation.run(10)
+    assert gaps_of(simulation).min() > -1e-6
+    assert isinstance(Shelf(brush("walk")).get("walk").name, str)
