@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+A_CELL = 5.0  # animals in a cell, about: fewer make more cells to visit, more make more animals to pass over
+
 
 class Cells(NamedTuple):
     """A herd by cell.  A slot is a place in the sorted order, a row the animal's place in the world's columns."""
@@ -54,44 +56,18 @@ def sort_into_cells(xyz, forward, length, radius, reach, wrap=None):
     Cells
     """
     rows = np.arange(len(xyz), dtype=np.int32)
-    x, y = np.ascontiguousarray(xyz[:, 0]), np.ascontiguousarray(xyz[:, 1])
+    x, y = np.ascontiguousarray(xyz[:, 0], float), np.ascontiguousarray(xyz[:, 1], float)
     if wrap is not None:
         x, y, rows = _with_ghosts(x, y, rows, reach, wrap)
-    if len(x) == 0:
-        west = south = east = north = 0.0
-    else:
-        west, south, east, north = x.min(), y.min(), x.max(), y.max()
-    density = _local_density(x, y, west, south, east, north, reach)
-    cell = min(max((1.5 / density) ** 0.5, reach / 12), reach / 2)
-    # A stray far away must not cost a map of empty cells.
-    most = max(4096, 8 * len(x))
-    while ((east - west) // cell + 1) * ((north - south) // cell + 1) > most:
-        cell *= 2
-    nx, ny = int((east - west) // cell) + 1, int((north - south) // cell) + 1
+    west, south, east, north, density = _survey(x, y, reach)
+    if not np.isfinite(density):
+        wrong = np.flatnonzero(~np.isfinite(xyz[:, 0] + xyz[:, 1]))
+        raise ValueError(f"the position of row {wrong[0]} is not a number: {xyz[wrong[0]]}")
+    cell = max(min((A_CELL / density) ** 0.5, reach / 2), reach / 12, 1e-3)
+    cell, nx, ny = _shape(east - west, north - south, cell, len(x))
     order, start = _sort(x, y, west, south, cell, nx, ny)
-    row = rows[order]
-    slot = np.empty(len(xyz), np.int32)
-    ghost = order >= len(xyz)
-    slot[row[~ghost]] = np.flatnonzero(~ghost)
-    half = np.maximum(0.5 * length - radius, 0.0)
-    return Cells(
-        x[order],
-        y[order],
-        forward[row, 0],
-        forward[row, 1],
-        half[row],
-        radius[row],
-        row,
-        ghost,
-        start,
-        nx,
-        ny,
-        float(cell),
-        float(west),
-        float(south),
-        float(density),
-        slot,
-    )
+    columns = _by_slot(order, x, y, rows, forward, length, radius)
+    return Cells(*columns, start, nx, ny, cell, west, south, density, _slots(columns[6], columns[7], len(xyz)))
 
 
 def _with_ghosts(x, y, rows, reach, wrap):
@@ -106,20 +82,43 @@ def _with_ghosts(x, y, rows, reach, wrap):
     return np.concatenate(xs), np.concatenate(ys), np.concatenate(rs)
 
 
+def _shape(width, height, cell, count):
+    """(cell, nx, ny): as few metres to a cell as asked, unless strays far away would make a map of empty cells."""
+    most = max(1 << 16, 8 * count)
+    while (width // cell + 1) * (height // cell + 1) > most:
+        cell *= 2
+    return float(cell), int(width // cell) + 1, int(height // cell) + 1
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def _local_density(x, y, west, south, east, north, reach):
-    """Animals per m^2, averaged over the animals, on cells of half the reach: what one of them meets."""
+def _survey(x, y, reach):
+    """West, south, east and north end of the herd, and how many animals per m^2 one of them has around him.
+
+    That is the density on cells of half the reach, averaged over the animals, not over the ground.
+    """
+    n = len(x)
+    if n == 0:
+        return 0.0, 0.0, 0.0, 0.0, 1e-6
+    west = east = x[0]
+    south = north = y[0]
+    total = 0.0
+    for i in range(n):
+        west, east = min(west, x[i]), max(east, x[i])
+        south, north = min(south, y[i]), max(north, y[i])
+        total += x[i] + y[i]
+    if not np.isfinite(total):
+        return 0.0, 0.0, 0.0, 0.0, np.nan
     side = max(0.5 * reach, 1e-9)
-    while ((east - west) // side + 1) * ((north - south) // side + 1) > max(4096, 8 * len(x)):
+    while (np.floor((east - west) / side) + 1.0) * (np.floor((north - south) / side) + 1.0) > max(1 << 14, 2 * n):
         side *= 2
-    nx, ny = int((east - west) // side) + 1, int((north - south) // side) + 1
-    count = np.zeros(nx * ny, np.int64)
-    for i in range(len(x)):
-        count[int((y[i] - south) // side) * nx + int((x[i] - west) // side)] += 1
+    nx, ny = int((east - west) / side) + 1, int((north - south) / side) + 1
+    inhabitants = np.zeros(nx * ny, np.int32)
+    for i in range(n):
+        inhabitants[int((y[i] - south) / side) * nx + int((x[i] - west) / side)] += 1
     total = 0.0
     for c in range(nx * ny):
-        total += float(count[c]) * count[c]
-    return max(total / max(len(x), 1) / (side * side), 1e-6)
+        total += float(inhabitants[c]) * inhabitants[c]
+    return west, south, east, north, total / n / (side * side)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -135,8 +134,34 @@ def _sort(x, y, west, south, cell, nx, ny):
     for c in range(nx * ny):
         start[c + 1] += start[c]
     fill = start[:-1].copy()
-    order = np.empty(n, np.int64)
+    order = np.empty(n, np.int32)
     for i in range(n):
         order[fill[where[i]]] = i
         fill[where[i]] += 1
     return order, start
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _by_slot(order, x, y, rows, forward, length, radius):
+    """The columns of `Cells` from x to ghost."""
+    m, n = len(order), len(forward)
+    sx, sy, fx, fy = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
+    half, thick, row, ghost = np.empty(m), np.empty(m), np.empty(m, np.int32), np.empty(m, np.bool_)
+    for s in range(m):
+        i = order[s]
+        r = rows[i]
+        sx[s], sy[s] = x[i], y[i]
+        fx[s], fy[s] = forward[r, 0], forward[r, 1]
+        half[s], thick[s] = max(0.5 * length[r] - radius[r], 0.0), radius[r]
+        row[s], ghost[s] = r, i >= n
+    return sx, sy, fx, fy, half, thick, row, ghost
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _slots(row, ghost, n):
+    """The slot of each row."""
+    slot = np.empty(n, np.int32)
+    for s in range(len(row)):
+        if not ghost[s]:
+            slot[row[s]] = s
+    return slot

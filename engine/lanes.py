@@ -1,0 +1,326 @@
+"""Sixteen numbers at once: short vectors for numba kernels, as wide on every machine.
+
+A kernel written with them does the same elementwise arithmetic everywhere,
+bit for bit; LLVM cuts the sixteen lanes to what the processor has (one AVX-512
+register, two of AVX, four of SSE or NEON).  Nothing here adds lanes up, so no
+result depends on the width.  Needed where numba's own vectoriser gives up: on
+maxima of floats, on compaction and on many arrays at once.
+
+Inside ``@njit``: ``+ - * /`` and comparisons between vectors, or of a vector
+with a scalar on its right, and the functions below.  Vectors live in
+registers: make them, use them, store them; they cannot leave the kernel.
+"""
+
+from __future__ import annotations
+
+import operator
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
+from numba.np.arrayobj import make_array
+
+LANES = 16
+
+
+class Lanes(types.Type):
+    """Numba's type of sixteen numbers of one kind."""
+
+    def __init__(self, dtype):
+        self.dtype = dtype
+        super().__init__(name=f"Lanes({dtype})")
+
+
+F32, F64, I32, MASK = (Lanes(dtype) for dtype in (types.float32, types.float64, types.int32, types.boolean))
+_ELEMENT = {F32: ir.FloatType(), F64: ir.DoubleType(), I32: ir.IntType(32), MASK: ir.IntType(1)}
+_SUFFIX = {F32: "v16f32", F64: "v16f64", I32: "v16i32"}
+_BY_DTYPE = {vector.dtype: vector for vector in (F32, F64, I32)}
+
+
+def _llvm(vector):
+    return ir.VectorType(_ELEMENT[vector], LANES)
+
+
+@register_model(Lanes)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager, fe_type):
+        super().__init__(manager, fe_type, _llvm(fe_type))
+
+
+def _splat(builder, vector, value):
+    return _splat_llvm(builder, _llvm(vector), value)
+
+
+def _splat_llvm(builder, kind, value):
+    lane0 = builder.insert_element(ir.Constant(kind, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
+    everywhere = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    return builder.shuffle_vector(lane0, lane0, everywhere)
+
+
+def _define(op, vector, result, build):
+    """Let ``op`` take two vectors, or a vector and a scalar of its kind."""
+    cases = [signature(result, vector, vector)]
+    lower_builtin(op, vector, vector)(lambda context, builder, sig, args: build(builder, *args))
+    if vector is not MASK:
+        cases.append(signature(result, vector, vector.dtype))
+        lower_builtin(op, vector, vector.dtype)(
+            lambda context, builder, sig, args: build(builder, args[0], _splat(builder, vector, args[1]))
+        )
+    infer_global(op)(type(f"{op.__name__}_{vector}", (ConcreteTemplate,), {"cases": cases}))
+
+
+def _compare(sign, method):
+    return lambda builder, a, b: getattr(builder, method)(sign, a, b)
+
+
+for _vector in (F32, F64):
+    for _op, _name in (
+        (operator.add, "fadd"),
+        (operator.sub, "fsub"),
+        (operator.mul, "fmul"),
+        (operator.truediv, "fdiv"),
+    ):
+        _define(_op, _vector, _vector, lambda builder, a, b, name=_name: getattr(builder, name)(a, b))
+for _op, _sign in (
+    (operator.lt, "<"),
+    (operator.le, "<="),
+    (operator.gt, ">"),
+    (operator.ge, ">="),
+    (operator.ne, "!="),
+):
+    for _vector in (F32, F64):
+        _define(_op, _vector, MASK, _compare(_sign, "fcmp_ordered"))
+    _define(_op, I32, MASK, _compare(_sign, "icmp_signed"))
+_define(operator.add, I32, I32, lambda builder, a, b: builder.add(a, b))
+_define(operator.and_, I32, I32, lambda builder, a, b: builder.and_(a, b))
+_define(operator.and_, MASK, MASK, lambda builder, a, b: builder.and_(a, b))
+_define(operator.or_, MASK, MASK, lambda builder, a, b: builder.or_(a, b))
+
+
+@infer_global(operator.invert)
+class _Invert(ConcreteTemplate):
+    cases = [signature(MASK, MASK)]
+
+
+@lower_builtin(operator.invert, MASK)
+def _invert(context, builder, sig, args):
+    return builder.xor(args[0], ir.Constant(_llvm(MASK), [1] * LANES))
+
+
+def _address(builder, start, at, vector):
+    return builder.bitcast(builder.gep(start, [at]), _llvm(vector).as_pointer())
+
+
+def _cut(builder, lanes, first, width):
+    """Some of the lanes, a narrower vector."""
+    if width == LANES:
+        return lanes
+    these = ir.Constant(ir.VectorType(ir.IntType(32), width), list(range(first, first + width)))
+    return builder.shuffle_vector(lanes, lanes, these)
+
+
+def _call(builder, name, result, args):
+    kind = ir.FunctionType(result, [a.type for a in args])
+    return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
+
+
+def _bytes(vector):
+    return vector.dtype.bitwidth // 8
+
+
+@intrinsic
+def splat(typingctx, value):
+    """The same number in all lanes."""
+    vector = _BY_DTYPE[value]
+    return vector(value), lambda context, builder, sig, args: _splat(builder, vector, args[0])
+
+
+@intrinsic
+def lane_numbers(typingctx):
+    """0 to 15, as int32."""
+    return I32(), lambda *_: ir.Constant(_llvm(I32), list(range(LANES)))
+
+
+@intrinsic
+def pointer(typingctx, array):
+    """Where the numbers of a contiguous array begin; ``p[k]`` reads and writes them, unchecked and uncounted.
+
+    It does not keep the array alive: take pointers only of the arguments of a function, which its caller holds.
+    """
+
+    def build(context, builder, sig, args):
+        return make_array(sig.args[0])(context, builder, args[0]).data
+
+    return types.CPointer(array.dtype)(array), build
+
+
+@intrinsic
+def load(typingctx, start, at):
+    """The numbers ``start[at:at + 16]``, which must exist."""
+    vector = _BY_DTYPE[start.dtype]
+
+    def build(context, builder, sig, args):
+        value = builder.load(_address(builder, *args[:2], vector))
+        value.align = _bytes(vector)
+        return value
+
+    return vector(start, types.intp), build
+
+
+@intrinsic
+def load_where(typingctx, start, at, mask):
+    """As `load` where the mask is set, and 0 elsewhere; reads nothing there."""
+    vector = _BY_DTYPE[start.dtype]
+
+    def build(context, builder, sig, args):
+        address = builder.gep(args[0], [args[1]])
+        align, zero = ir.Constant(ir.IntType(32), _bytes(vector)), ir.Constant(_llvm(vector), [0] * LANES)
+        return _call(builder, f"llvm.masked.load.{_SUFFIX[vector]}.p0", _llvm(vector), [address, align, args[2], zero])
+
+    return vector(start, types.intp, mask), build
+
+
+@intrinsic
+def gather(typingctx, start, at, mask):
+    """``start[at]`` lane by lane where the mask is set, and 0 elsewhere."""
+    vector = _BY_DTYPE[start.dtype]
+
+    def build(context, builder, sig, args):
+        start, at, mask = args
+        wide = ir.VectorType(ir.IntType(64), LANES)
+        base = _splat_llvm(builder, wide, builder.ptrtoint(start, ir.IntType(64)))
+        step = builder.mul(builder.sext(at, wide), ir.Constant(wide, [_bytes(vector)] * LANES))
+        address = builder.inttoptr(builder.add(base, step), ir.VectorType(start.type, LANES))
+        align, zero = ir.Constant(ir.IntType(32), _bytes(vector)), ir.Constant(_llvm(vector), [0] * LANES)
+        name = f"llvm.masked.gather.{_SUFFIX[vector]}.v16p0"
+        return _call(builder, name, _llvm(vector), [address, align, mask, zero])
+
+    return vector(start, at, mask), build
+
+
+@intrinsic
+def store(typingctx, start, at, value):
+    """Write ``start[at:at + 16]``, which must exist."""
+
+    def build(context, builder, sig, args):
+        place = builder.store(args[2], _address(builder, *args[:2], value))
+        place.align = _bytes(value)
+        return context.get_dummy_value()
+
+    return types.void(start, types.intp, value), build
+
+
+@intrinsic
+def pack(typingctx, start, at, value, mask):
+    """Write the lanes that the mask names side by side from ``start[at]`` on; ``start[at:at + 16]`` is overwritten."""
+
+    def build(context, builder, sig, args):
+        start, at, lanes, chosen = args
+        place = builder.gep(start, [at])
+        native = "+avx512f" in context.codegen().magic_tuple()[2]
+        width = (
+            512 // value.dtype.bitwidth if native else 1
+        )  # one AVX-512 register, else lane by lane, without a branch
+        write = _write_packed if native else _write_lane
+        for lane in range(0, LANES, width):
+            one, written = write(builder, place, lanes, chosen, value, lane, width)
+            one.align = _bytes(value)
+            place = builder.gep(place, [builder.zext(written, ir.IntType(64))])
+        return context.get_dummy_value()
+
+    return types.void(start, types.intp, value, mask), build
+
+
+def _write_lane(builder, place, lanes, chosen, vector, lane, width):
+    number = ir.Constant(ir.IntType(32), lane)
+    return builder.store(builder.extract_element(lanes, number), place), builder.extract_element(chosen, number)
+
+
+def _write_packed(builder, place, lanes, chosen, vector, lane, width):
+    part, mask = _cut(builder, lanes, lane, width), _cut(builder, chosen, lane, width)
+    kind, number = part.type, ir.IntType(width)
+    name = f"llvm.experimental.vector.compress.v{width}{_SUFFIX[vector][3:]}"
+    packed = _call(builder, name, kind, [part, mask, ir.Constant(kind, ir.Undefined)])
+    written = _call(builder, f"llvm.ctpop.i{width}", number, [builder.bitcast(mask, number)])
+    return builder.store(packed, builder.bitcast(place, kind.as_pointer())), written
+
+
+@intrinsic
+def bits(typingctx, mask):
+    """The mask as an integer, lane 0 in the lowest bit."""
+
+    def build(context, builder, sig, args):
+        return builder.zext(builder.bitcast(args[0], ir.IntType(LANES)), ir.IntType(64))
+
+    return types.int64(mask), build
+
+
+@intrinsic
+def mask_of(typingctx, number):
+    """The mask of which `bits` gives this number."""
+
+    def build(context, builder, sig, args):
+        return builder.bitcast(builder.trunc(args[0], ir.IntType(LANES)), _llvm(MASK))
+
+    return MASK(types.int64), build
+
+
+@intrinsic
+def count(typingctx, mask):
+    """How many lanes are set."""
+
+    def build(context, builder, sig, args):
+        few = builder.bitcast(args[0], ir.IntType(LANES))
+        return builder.zext(_call(builder, "llvm.ctpop.i16", ir.IntType(LANES), [few]), ir.IntType(64))
+
+    return types.int64(mask), build
+
+
+@intrinsic
+def lowest(typingctx, number):
+    """The place of the lowest bit that is set."""
+
+    def build(context, builder, sig, args):
+        return _call(builder, "llvm.cttz.i64", ir.IntType(64), [args[0], ir.Constant(ir.IntType(1), 1)])
+
+    return types.int64(types.int64), build
+
+
+@intrinsic
+def where(typingctx, mask, yes, no):
+    """``yes`` where the mask is set, else ``no``."""
+    return yes(mask, yes, no), lambda context, builder, sig, args: builder.select(*args)
+
+
+@intrinsic
+def largest(typingctx, a, b):
+    """The larger of two, lane by lane; b where they are equal or a is not a number."""
+    return a(a, b), lambda context, builder, sig, args: builder.select(builder.fcmp_ordered(">", *args), *args)
+
+
+@intrinsic
+def fused(typingctx, a, b, c):
+    """``a * b + c`` rounded once."""
+
+    def build(context, builder, sig, args):
+        return _call(builder, f"llvm.fma.{_SUFFIX[a]}", _llvm(a), list(args))
+
+    return a(a, b, c), build
+
+
+@intrinsic
+def root(typingctx, a):
+    """The square root."""
+
+    def build(context, builder, sig, args):
+        return _call(builder, f"llvm.sqrt.{_SUFFIX[a]}", _llvm(a), list(args))
+
+    return a(a), build
+
+
+@intrinsic
+def narrow(typingctx, a):
+    """float64 to float32."""
+    return F32(F64), lambda context, builder, sig, args: builder.fptrunc(args[0], _llvm(F32))

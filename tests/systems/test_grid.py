@@ -1,0 +1,92 @@
+"""Animals sorted into cells: nobody is lost, nobody is far from his cell."""
+
+import numpy as np
+import pytest
+
+from systems.grid import sort_into_cells
+
+
+def herd(n, side, seed=0):
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform(0, 2 * np.pi, n)
+    xyz = np.c_[rng.uniform(0, side, (n, 2)), np.zeros(n)]
+    return xyz, np.c_[np.cos(angle), np.sin(angle), 0 * angle], rng.uniform(0.4, 1.5, n), rng.uniform(0.1, 0.3, n)
+
+
+def cell_of(cells, x, y):
+    column = np.minimum(((x - cells.west) / cells.cell).astype(int), cells.nx - 1)
+    return np.minimum(((y - cells.south) / cells.cell).astype(int), cells.ny - 1) * cells.nx + column
+
+
+def test_every_animal_has_one_slot_and_takes_its_heading_and_body_there():
+    xyz, forward, length, radius = herd(300, 40)
+    cells = sort_into_cells(xyz, forward, length, radius, 10.0)
+    assert sorted(cells.row) == list(range(300))
+    assert np.array_equal(cells.row[cells.slot], np.arange(300))
+    assert np.array_equal(np.c_[cells.x, cells.y], xyz[cells.row, :2])
+    assert np.array_equal(np.c_[cells.fx, cells.fy], forward[cells.row, :2])
+    assert np.array_equal(cells.radius, radius[cells.row])
+    assert np.array_equal(cells.half, np.maximum(length / 2 - radius, 0)[cells.row])
+    assert not cells.ghost.any()
+
+
+def test_an_animal_is_in_the_cell_where_it_stands_and_cells_go_east_then_north():
+    cells = sort_into_cells(*herd(500, 60), 8.0)
+    assert cells.start[0] == 0 and cells.start[-1] == 500 and len(cells.start) == cells.nx * cells.ny + 1
+    cell = np.repeat(np.arange(cells.nx * cells.ny), np.diff(cells.start))
+    assert np.array_equal(cell, cell_of(cells, cells.x, cells.y))
+
+
+def test_animals_of_one_cell_keep_the_order_of_their_rows():
+    cells = sort_into_cells(*herd(500, 30), 10.0)
+    for a, b in zip(cells.start, cells.start[1:], strict=False):
+        assert np.all(np.diff(cells.row[a:b]) > 0)
+
+
+def test_a_denser_herd_gets_smaller_cells_within_bounds_set_by_the_reach():
+    sparse, dense, packed = (sort_into_cells(*herd(400, side), 10.0).cell for side in (100, 25, 1))
+    assert sparse == 5.0 and dense < sparse and packed == pytest.approx(10 / 12)
+
+
+def test_the_density_is_what_an_animal_meets_not_what_the_map_holds():
+    clump, stray = herd(400, 10), herd(1, 1)
+    xyz = np.r_[clump[0], stray[0] + 1000]
+    rest = [np.r_[a, b] for a, b in zip(clump[1:], stray[1:], strict=True)]
+    cells = sort_into_cells(xyz, *rest, 5.0)
+    assert 2 < cells.density < 8
+
+
+def test_a_stray_far_away_costs_no_map_of_empty_cells():
+    clump, stray = herd(400, 10), herd(1, 1)
+    rest = [np.r_[a, b] for a, b in zip(clump[1:], stray[1:], strict=True)]
+    cells = sort_into_cells(np.r_[clump[0], stray[0] + 1e6], *rest, 5.0)
+    assert len(cells.start) < 100_000
+    assert sorted(cells.row) == list(range(401))
+
+
+def test_across_a_wrapped_seam_stand_ghosts_of_the_animals_of_the_other_side():
+    xyz = np.array([[1.0, 1.0, 0], [29.0, 15.0, 0], [15.0, 15.0, 0]])
+    forward = np.tile([1.0, 0, 0], (3, 1))
+    cells = sort_into_cells(xyz, forward, np.ones(3), np.full(3, 0.2), 5.0, wrap=(30.0, 30.0))
+    ghosts = sorted(zip(cells.row[cells.ghost], cells.x[cells.ghost], cells.y[cells.ghost], strict=True))
+    assert ghosts == [(0, 1.0, 31.0), (0, 31.0, 1.0), (0, 31.0, 31.0), (1, -1.0, 15.0)]
+    assert not cells.ghost[cells.slot].any()
+    assert np.array_equal(cells.row[cells.slot], [0, 1, 2])
+
+
+def test_no_animals_make_an_empty_grid():
+    cells = sort_into_cells(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), 5.0)
+    assert len(cells.x) == 0 and cells.start[-1] == 0
+
+
+def test_a_herd_in_one_point_fits_in_one_cell():
+    forward = np.tile([1.0, 0, 0], (5, 1))
+    cells = sort_into_cells(np.full((5, 3), 7.0), forward, np.ones(5), np.full(5, 0.2), 5.0)
+    assert cells.nx == cells.ny == 1 and list(cells.row) == [0, 1, 2, 3, 4]
+
+
+def test_a_position_that_is_not_a_number_is_named():
+    xyz, forward, length, radius = herd(5, 10)
+    xyz[3, 1] = np.nan
+    with pytest.raises(ValueError, match="the position of row 3 is not a number"):
+        sort_into_cells(xyz, forward, length, radius, 5.0)
