@@ -9,6 +9,7 @@ import pytest
 from conftest import other_process
 from pens import pen
 
+from behaviours.brush import shipped
 from engine.commands import Commands
 from engine.recording import Recording, open_recording, resume, state_hash
 from flockbrush.run import rebuild, record, start
@@ -80,6 +81,22 @@ def test_a_recording_needs_no_file_but_itself(cli, tmp_path):
     shutil.rmtree(tmp_path / "elsewhere")
     done = other_process("replay", "a.flock", "--verify", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", ["mine", "march"])
+def test_brushes_of_the_designers_own_are_in_the_recording(cli, tmp_path, name):
+    """Also where one takes the place of a shipped brush."""
+    folder = tmp_path / "designs"
+    (folder / "brushes").mkdir(parents=True)
+    text = shipped().path("march").read_text().replace("mean = 4.0", "mean = 1.0")
+    assert "mean = 1.0" in text
+    (folder / "brushes" / f"{name}.brush.toml").write_text(text)
+    path = pen(folder, script=False)
+    path.write_text(path.read_text().replace('"march"', f'"{name}"'))
+    report = json.loads(cli("run", path, "--ticks", 20, "--record", tmp_path / "a.flock", "--json").out)
+    assert report["measures"]["speed_mean"] < 2
+    shutil.rmtree(folder)
+    assert cli("replay", tmp_path / "a.flock", "--verify").code == 0
 
 
 def test_seed_and_number_of_animals_come_from_the_recording(cli, level, tmp_path):

@@ -33,9 +33,11 @@ def test_a_run_tells_everything_in_one_object(cli, level, tmp_path):
     assert len(report["hash"]) == 16
 
 
-def test_the_times_of_the_systems_add_up_to_about_the_ticks(cli, level):
-    report = json.loads(cli("run", level, "--ticks", 60, "--json").out)
-    assert sum(report["systems"].values()) == pytest.approx(59 * report["seconds_per_tick"]["median"], rel=1.0)
+def test_the_times_of_the_systems_add_up_to_nearly_the_ticks(level):
+    watch = running.Stopwatch(running.start(level))
+    for _ in range(40):
+        watch.tick()
+    assert 0.5 * sum(watch.seconds) < sum(watch.systems().values()) <= sum(watch.seconds)
 
 
 def test_a_number_without_meaning_is_null(cli, level):
