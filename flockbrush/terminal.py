@@ -199,14 +199,17 @@ class Interrupts:
 def exit_code_of(error) -> int:
     """Tell a person what went wrong; the exit code."""
     from behaviours.problems import ProblemsError
+    from engine.commands import CommandError
     from engine.recording import RecordingError
 
+    steer = sys.modules.get("systems.steer")  # a model that breaks has been loaded; otherwise it would take a second
+    told = (ProblemsError, RecordingError, CommandError) + ((steer.NotFinite,) if steer else ())
     if debugging():
         import traceback
 
         traceback.print_exception(error)
         return PROBLEM
-    if isinstance(error, (ProblemsError, RecordingError)) or type(error) is LookupError:
+    if isinstance(error, told) or type(error) is LookupError:
         say(str(error))
     elif isinstance(error, MemoryError):
         say("there is not enough memory for this; try fewer animals (--agents)")
