@@ -104,14 +104,14 @@ def sheep_pasture():
     s.ground("meadow", rolling(s.x, s.y, 11, 50) > 0.5)
     s.ground("dry grass", rolling(s.x, s.y, 12, 60) > 0.9)
     s.ground("dirt", near_line(s.x, s.y, wave) < 1.6 + 0.8 * rolling(s.x, s.y, 13, 25))
-    pond = ((s.x - 62) / 9) ** 2 + ((s.y - 26) / 6) ** 2
+    pond = ((s.x - 62) / 9) ** 2 + ((s.y - 17) / 6) ** 2
     s.ground("sand", pond < 1.5)
     s.ground("deep water", pond < 0.8)
     s.ground("forest floor", (s.y < 6) | (s.y > 66))
     for y, name in ((2, "south hedge"), (70, "north hedge")):
         top = [(x, y + (-1 if y > 36 else 1) * (2.2 + np.sin(x / 7 + y))) for x in range(240, -1, -8)]
         s.draw("Obstacle", [(0, 72 if y > 36 else 0), (240, 72 if y > 36 else 0), *top], name)
-    s.box("Obstacle", 62, 26, 15, 9.6, "pond", round_=True, blocks_view=False)
+    s.box("Obstacle", 62, 17, 15, 9.6, "pond", round_=True, blocks_view=False)
     s.box("Obstacle", 92, 46, 14, 8, "barn", turned=20, margin=0.5)
     s.draw("Obstacle", polygon_about(40, 50, 4.5, 7, 21), "boulder", margin=0.4)
     s.draw("Obstacle", polygon_about(128, 28, 5, 8, 22), "outcrop", margin=0.4)
@@ -128,7 +128,7 @@ def sheep_pasture():
     ]
     for k, (x, y, r) in enumerate(trees, 1):
         s.box("Obstacle", x, y, 2 * r, 2 * r, f"tree {k}", round_=True, shape="cylinder")
-    s.draw("Guide", wave, "sinus", closed=False, strength=1, radius=12, decay=8)
+    s.draw("Guide", wave, "sinus", closed=False, strength=1, radius=16, decay=8)
     s.brush("sheep-narrow", s.x < 110)
     s.brush("front", (s.x >= 110) & (s.x < 206))
     s.brush("graze", s.x >= 206)
