@@ -65,16 +65,16 @@ def benchmark(sizes, ticks, thread_counts, json):
     results = []
     with terminal.compiling():
         for agents in sizes:
-            simulation = scene(agents)
             for threads in thread_counts:
+                simulation = scene(agents)  # anew: every row times the same ticks
                 before = set_threads(threads)
                 try:
                     results.append(_result(simulation, agents, threads, _fewer(ticks, agents)))
                 finally:
                     set_threads(before)
+                    simulation.close()
                 if terminal.is_terminal(sys.stderr):
                     say(f"{agents:,} animals, {threads} threads: {1e3 * results[-1]['median']:.2f} ms")
-            simulation.close()
     if json:
         scene_of = {"brush": BRUSH, "density": DENSITY, "range": RANGE, "occlusion": True}
         print_json({"machine": machine(), "versions": versions(), "scene": scene_of, "results": results})
