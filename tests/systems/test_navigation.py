@@ -9,19 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from systems.navigation import (
-    EVERYWHERE,
-    Navigation,
-    around_obstacles,
-    blend,
-    cancelling_field,
-    goal_field,
-    goal_mask,
-    guide_field,
-    march_,
-    navigation_of,
-    spread_,
-)
+from systems.navigation import Navigation, blend, goal_field, goal_mask, guide_field, navigation_of
+from systems.sweep import EVERYWHERE, march_, spread_
+from systems.walls import around_obstacles, cancelling_field
 
 EAST = (1.0, 0.0)
 
