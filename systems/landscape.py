@@ -75,6 +75,7 @@ class Landscape:
     opaque: Edges = field(default_factory=no_edges)
     walls: Edges = field(default_factory=no_edges)  # the solid edges again, sorted for contact: a much shorter reach
     touch: float = 0.0  # m, the reach of `walls`
+    _head: bytes | None = None
     blocked: np.ndarray | None = None
     transition: np.ndarray | None = None
 
@@ -99,6 +100,7 @@ class Landscape:
 
     def rebuild(self, navigation=True):
         """Make edges and fields anew after barriers, terrain, guides or goals have changed."""
+        self._head = None
         walls, wall_owner, views = [], [], []
         for owner, b in enumerate(self.barriers):
             edges = np.hstack([b.polygon, np.roll(b.polygon, -1, axis=0)])
@@ -148,6 +150,13 @@ class Landscape:
 
     def state(self):
         """What may change while a world runs: paint, obstacles and goals (see `engine.state`)."""
+        if self._head is None:
+            self._head = self._things()
+        text = self._head
+        return b"".join([len(text).to_bytes(8, "little"), text, *(raster.tobytes() for raster in self._painted())])
+
+    def _things(self):
+        """What is not a raster, as JSON; kept until the next `rebuild`, for it is asked for in every tick."""
         head = {
             "reach": self.reach,
             "barriers": [[b.polygon.tolist(), b.solid, b.blocks_view, b.name, b.margin] for b in self.barriers],
@@ -155,8 +164,7 @@ class Landscape:
                 [goal.xy.tolist(), None if goal.polygon is None else goal.polygon.tolist()] for goal in self.goals
             ],
         }
-        text = json.dumps(head).encode()
-        return b"".join([len(text).to_bytes(8, "little"), text, *(raster.tobytes() for raster in self._painted())])
+        return json.dumps(head).encode()
 
     def set_state(self, data):
         """Take back what `state` gave."""
