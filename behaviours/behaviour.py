@@ -65,6 +65,7 @@ class Scene(NamedTuple):
     memory: np.ndarray  # (n, 2) m, from the observer to where it last saw others
     known: np.ndarray  # (n,) 1 where there is such a memory
     order: np.ndarray  # (n,) rows in spatial order: neighbours in turn are neighbours in memory
+    hidden_points: Any = None  # lists (first, near, offset) by hidden-point removal, if a model present asks for them
 
 
 class Wishes(NamedTuple):
@@ -83,13 +84,21 @@ class Behaviour:
     Params: type[Parameters]
     doc: str
     danger: bool = False  # prey flees from animals that this model moves
+    hidden_points: bool = False  # asks for the lists of hidden-point removal, which cost extra
 
 
 _registry: dict[str, Behaviour] = {}
 
 
-def behaviour(name: str, Params: type[Parameters], danger: bool = False):
+def behaviour(name: str, Params: type[Parameters], danger: bool = False, hidden_points: bool = False):
     """Register ``steer(scene, rows, params) -> Wishes`` under a name.
+
+    Parameters
+    ----------
+    danger : bool
+        Prey flees from animals that this model moves.
+    hidden_points : bool
+        The model wants ``scene.hidden_points``.
 
     Raises
     ------
@@ -101,7 +110,7 @@ def behaviour(name: str, Params: type[Parameters], danger: bool = False):
         if name in _registry:
             raise ValueError(f"behaviour {name!r} is already in {_registry[name].steer.__module__}")
         doc = importlib.import_module(steer.__module__).__doc__ or ""
-        _registry[name] = Behaviour(name, steer, Params, doc, danger)
+        _registry[name] = Behaviour(name, steer, Params, doc, danger, hidden_points)
         return steer
 
     return register

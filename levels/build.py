@@ -28,7 +28,16 @@ from systems.motion import Move
 from systems.pace import Pace
 from systems.palette import Palette
 from systems.population import NoRoom, SpeciesList
-from systems.senses import FindNeighbours, Near, ObstaclesInSight, See, SeeObstacles, Sight
+from systems.senses import (
+    FindNeighbours,
+    Near,
+    ObstaclesInSight,
+    See,
+    SeeByHiddenPoints,
+    SeeObstacles,
+    Sight,
+    SightByHiddenPoints,
+)
 from systems.steer import Steer
 from systems.terrain import compose_brushes, compose_caps, rasterise_polygon, relief_of
 
@@ -88,6 +97,7 @@ def systems():
         Underfoot(),
         FindNeighbours(),
         See(),
+        SeeByHiddenPoints(),
         SeeObstacles(),
         Roles(),
         ReferenceBirds(),
@@ -132,6 +142,7 @@ def build(level: Level, seed=None, agents=None, library: BrushLibrary | None = N
         palette,
         Near(),
         Sight(),
+        SightByHiddenPoints(),
         ObstaclesInSight(),
     ):
         world.insert(resource)

@@ -80,6 +80,7 @@ class Palette:
         self.leader_neighbours = column(lambda b: getattr(b.params, "leader_neighbours", -1))
         self.leader_cone = column(lambda b: _cosine_of_half(getattr(b.params, "leader_cone", 360.0)))
         self.neighbour_range = column(lambda b: getattr(b.params, "neighbour_range", np.inf))  # body lengths
+        self.hidden_points = any(model.hidden_points for model in self.models)
         self.danger = column(lambda b: models[b.model].danger).astype(np.uint8)
         self.sees_through = column(lambda b: not b.vision.occlusion).astype(np.uint8)
         # by_density as one table: rows of (density per square body length, factor), closed on both sides

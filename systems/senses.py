@@ -14,6 +14,7 @@ from engine.parallel import over_rows
 from engine.schedule import Stage, System
 from systems.contact import _edge, _edges_near
 from systems.grid import Cells, sort_into_cells
+from systems.hidden_points import visible_by_hpr
 from systems.landscape import Landscape
 from systems.palette import Palette
 from systems.visibility import Lists, visible_neighbours
@@ -30,6 +31,13 @@ class Near:
 @dataclass
 class Sight:
     """Visible neighbours of every animal: what any model can use."""
+
+    lists: Lists | None = None
+
+
+@dataclass
+class SightByHiddenPoints:
+    """Who is visible by hidden-point removal; None while no model present asks for it."""
 
     lists: Lists | None = None
 
@@ -75,6 +83,20 @@ class See(System):
         world.resource(Sight).lists = visible_neighbours(
             world.resource(Near).cells, agents[Vision.range], cosine, land.opaque, not through
         )
+
+
+class SeeByHiddenPoints(System):
+    """Hidden-point removal (Katz et al. 2007), for models that see by it."""
+
+    stage, reads, writes = Stage.SENSE, (Near, Vision, Palette), (SightByHiddenPoints,)
+
+    def process(self, world):
+        agents, sight = world.agents, world.resource(SightByHiddenPoints)
+        sight.lists = None
+        if world.resource(Palette).hidden_points:
+            cosine = np.empty(len(agents))
+            over_rows(_cosine_of_half, len(agents), agents[Vision.field_of_view], cosine)
+            sight.lists = visible_by_hpr(world.resource(Near).cells, agents[Vision.range], cosine)
 
 
 class SeeObstacles(System):

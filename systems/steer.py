@@ -13,7 +13,7 @@ from engine.parallel import over_rows
 from engine.schedule import Stage, System
 from systems.landscape import Landscape
 from systems.palette import Palette
-from systems.senses import Near, ObstaclesInSight, Sight
+from systems.senses import Near, ObstaclesInSight, Sight, SightByHiddenPoints
 
 
 class NotFinite(ArithmeticError):
@@ -26,7 +26,7 @@ class Steer(System):
     stage = Stage.STEER
     reads = (
         Position, Velocity, Heading, Body, Species, Role, BrushBinding, Speed, Ground, Memory,
-        Near, Sight, ObstaclesInSight, Landscape, Palette, Clock, Noise,
+        Near, Sight, SightByHiddenPoints, ObstaclesInSight, Landscape, Palette, Clock, Noise,
     )  # fmt: skip
     writes = (Wish,)
 
@@ -102,6 +102,7 @@ def scene_of(world):
         _nearest_image(agents[Memory.herd] - xyz[:, :2], world.resource(Landscape).wrap),
         agents[Memory.known],
         order,
+        world.resource(SightByHiddenPoints).lists,
     )
     return Scene(*(_frozen(column) for column in scene))
 
