@@ -32,7 +32,7 @@ class Parameters(BaseModel):
 
 
 def quantity(default: float, unit: str, meaning: str, low: float | None = None, high: float | None = None, **more):
-    """A parameter with a unit, bounds and one line of meaning: the sliders, the brush files and the docs come from it."""
+    """A parameter with a unit, bounds and one line of meaning: sliders, brush files and docs come from it."""
     return Field(default, ge=low, le=high, description=meaning, json_schema_extra={"unit": unit}, **more)
 
 

@@ -9,7 +9,15 @@ from flockbrush.run import start
 
 HERE = Path(__file__).parent
 TRAIL = 2  # s
-SECONDS = {"sheep-pasture": 26, "meadow": 8, "gorge": 22, "anthill": 12, "river": 20, "predators-valley": 20, "crowded": 2}
+SECONDS = {
+    "sheep-pasture": 26,
+    "meadow": 8,
+    "gorge": 22,
+    "anthill": 12,
+    "river": 20,
+    "predators-valley": 20,
+    "crowded": 2,
+}
 
 
 def walked(name, size=None):

@@ -97,7 +97,7 @@ def meadow():
 
 @level
 def sheep_pasture():
-    """A corridor between hedges, full of things in the way; one sinusoidal arrow, two brushes (Gong et al. 2025, fig. 1)."""
+    """A corridor full of things in the way; one sinusoidal arrow, two brushes (Gong et al. 2025, fig. 1)."""
     s = new(120, 36, 2.0, seed=1)
     wave = [(x, 36 + 9 * np.sin(2 * np.pi * (x - 10) / 110)) for x in np.linspace(10, 205, 53)]
     s.ground("grass")

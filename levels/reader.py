@@ -425,7 +425,8 @@ class LevelReader:
             self.cells += width * height
             if width * height > schema.MAX_CELLS or self.cells > schema.MAX_ALL_CELLS:
                 place.say(
-                    f"{width} x {height} tiles are too many; a layer may have {schema.MAX_CELLS}, all together four times that"
+                    f"{width} x {height} tiles are too many; a layer may have {schema.MAX_CELLS}, "
+                    "all together four times that"
                 )
                 return
             try:
@@ -565,7 +566,8 @@ class LevelReader:
         place = layer.place
         if kind != "height":
             place.say(
-                f"this must be {'a tile' if kind in ('terrain', 'brush', 'speed') else 'an object'} layer, and is an image layer"
+                f"this must be {'a tile' if kind in ('terrain', 'brush', 'speed') else 'an object'} layer, "
+                "and is an image layer"
             )
             return
         if level.height_map is not None:

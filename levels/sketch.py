@@ -88,7 +88,7 @@ class Sketch:
         self._paint(layer, SPEED_GID + index, where, 0.5)
 
     def _paint(self, layer, gid, where, opacity):
-        for node, gids in self.tiles:
+        for node, gids in self.tiles:  # noqa: B007
             if node["name"] == layer:
                 break
         else:

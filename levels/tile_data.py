@@ -35,7 +35,7 @@ def decode(data, encoding, compression, width, height) -> np.ndarray:
 
 def _from_list(data, count):
     if not isinstance(data, list):
-        raise ValueError("tile data must be a list of numbers, or name its encoding")  # noqa: TRY004
+        raise ValueError("tile data must be a list of numbers, or name its encoding")
     if len(data) != count:
         raise ValueError(f"tile data must have {count} tiles, got {len(data)}")
     if set(map(type, data)) - {int} or (data and not 0 <= min(data) <= max(data) < 2**32):
@@ -45,7 +45,7 @@ def _from_list(data, count):
 
 def _from_base64(data, compression, count):
     if not isinstance(data, str):
-        raise ValueError("base64 tile data must be a text")  # noqa: TRY004
+        raise ValueError("base64 tile data must be a text")
     try:
         packed = base64.b64decode("".join(data.split()), validate=True)
     except (binascii.Error, ValueError):

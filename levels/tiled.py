@@ -81,7 +81,7 @@ def write_project(folder, library) -> list[Path]:
 
 
 def tile_order(library, known=()) -> list[str]:
-    """The brushes in the order of their tiles: a tile once given to a brush stays with it, for levels are painted with it."""
+    """The brushes in the order of their tiles: a tile once given stays, for levels are painted with it."""
     return [*known, *(name for name in library.names() if name not in known)]
 
 

@@ -45,8 +45,22 @@ class ReferenceBirds(System):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _roles(
-    lo, hi, xyz, length, species, brush, forward, first, near, offset, neighbour_range, leader_neighbours, leader_cone,
-    leader, herd, known,
+    lo,
+    hi,
+    xyz,
+    length,
+    species,
+    brush,
+    forward,
+    first,
+    near,
+    offset,
+    neighbour_range,
+    leader_neighbours,
+    leader_cone,
+    leader,
+    herd,
+    known,
 ):
     for i in range(lo, hi):
         b = brush[i]

@@ -131,7 +131,10 @@ def loaded():
     """Top-level names in memory once every module of the running rooms has been imported."""
     rooms = [room for room in ROOMS[:-1] if (HOUSE / room).is_dir()]
     modules = [".".join(p.relative_to(HOUSE).with_suffix("").parts).removesuffix(".__init__") for p in files(*rooms)]
-    program = f"import importlib, sys\nfor name in {modules!r}: importlib.import_module(name)\nprint(*sorted({{m.split('.')[0] for m in sys.modules}}))"
+    program = (
+        f"import importlib, sys\nfor name in {modules!r}: importlib.import_module(name)\n"
+        "print(*sorted({m.split('.')[0] for m in sys.modules}))"
+    )
     done = subprocess.run(
         [sys.executable, "-c", program],
         cwd=HOUSE, env=os.environ | {"PYTHONPATH": str(HOUSE)}, capture_output=True, text=True, check=False,

@@ -110,7 +110,7 @@ class Painter:
         self._learn(herd)
         frame = self._copy(self.ground, out)
         stamps = self._stamps_of(herd)
-        look = stamps.looks(herd.brush, herd.leader, herd.predator)
+        look = stamps.looks(herd.brush, herd.leader, herd.predator)  # type: ignore[arg-type]  # `checked` fills them
         self._trails_of(trails, frame, herd, look // KINDS, stamps, time)
         self._animals(frame, herd, look, stamps)
         self._words(frame, herd, title, time, measures, legend, stamps)

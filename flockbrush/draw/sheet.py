@@ -138,7 +138,7 @@ def _span(herd: Herd) -> float:
     if not len(herd.xy):
         return 10.0
     far = np.abs(herd.xy - _centre(herd)).max(axis=1)
-    return float(2.3 * np.quantile(far, 0.97) + 6 * herd.length.max())
+    return float(2.3 * np.quantile(far, 0.97) + 6 * np.max(herd.length))
 
 
 def _panel(herds, times, look, size, span, theme, seconds):

@@ -27,7 +27,7 @@ def rgb(colour) -> Colour:
         try:
             if len(digits) != 6:
                 raise ValueError
-            return tuple(int(digits[k : k + 2], 16) for k in (0, 2, 4))
+            return int(digits[:2], 16), int(digits[2:4], 16), int(digits[4:], 16)
         except ValueError:
             raise ValueError(f"a colour is written '#rrggbb', got {colour!r}") from None
     red, green, blue = (int(part) for part in colour)
@@ -36,7 +36,8 @@ def rgb(colour) -> Colour:
 
 def mix(one: Colour, other: Colour, share: float) -> Colour:
     """The colour that has this share (0 to 1) of the other one."""
-    return tuple(round(a + (b - a) * share) for a, b in zip(one, other, strict=True))
+    red, green, blue = (round(a + (b - a) * share) for a, b in zip(one, other, strict=True))
+    return red, green, blue
 
 
 def palette(count: int) -> np.ndarray:

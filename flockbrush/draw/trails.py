@@ -91,8 +91,12 @@ class Trails:
             raise ValueError(f"trails last a positive time, got {seconds} s")
         self.seconds, self.time = float(seconds), None
         self.camera: Camera | None = None
-        self._key = self._dabs = None
-        self.before, self.ids = np.zeros((0, 2)), None
+        self._key: tuple | None = None
+        self._dabs: tuple = ()
+        self.alpha: np.ndarray
+        self.ink: np.ndarray
+        self.before: np.ndarray = np.zeros((0, 2))
+        self.ids: np.ndarray | None = None
 
     def look(self, camera: Camera):
         """Follow the camera: what is on the ground moves with it, what comes into view is bare."""

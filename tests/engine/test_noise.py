@@ -64,7 +64,7 @@ def test_normal_numbers_are_normal():
 
 def test_uniform_numbers_are_even():
     u = Noise(2).uniform("speed", 4, HERD, 2).ravel()
-    assert 0 <= u.min() and u.max() < 1
+    assert u.min() >= 0 and u.max() < 1
     assert kstest(u, "uniform").pvalue > 1e-3
 
 

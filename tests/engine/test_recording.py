@@ -215,7 +215,8 @@ def beginning(header):
 
 @pytest.mark.parametrize(
     "header",
-    [[], {}, {"seed": 1, "dt": 1}, {"seed": 1, "dt": "x", "assets": {}}, {"seed": 1, "dt": 1, "assets": {"../x": {"bytes": 1}}},
+    [[], {}, {"seed": 1, "dt": 1}, {"seed": 1, "dt": "x", "assets": {}},
+     {"seed": 1, "dt": 1, "assets": {"../x": {"bytes": 1}}},
      {"seed": 1, "dt": 1, "assets": {"x": {"bytes": -1}}}, {"seed": 1, "dt": 1, "assets": {"x": {"bytes": 1 << 50}}}],
     ids=str,
 )  # fmt: skip

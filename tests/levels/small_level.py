@@ -1,4 +1,4 @@
-"""The smallest level there is, to be spoiled by tests: ten by ten tiles of 16 px and 2 m, four kinds of tile, a herd."""
+"""The smallest level there is, to be spoiled by tests: ten by ten tiles of 16 px and 2 m, four kinds, a herd."""
 
 import copy
 import json

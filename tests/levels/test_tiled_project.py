@@ -1,4 +1,4 @@
-"""What designers get: a project whose classes are the schema's, tilesets one can read, and levels Tiled agrees about."""
+"""What designers get: a project with the schema's classes, tilesets one can read, levels Tiled agrees about."""
 
 import json
 import os
