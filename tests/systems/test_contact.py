@@ -126,6 +126,16 @@ def test_discs_standing_shoulder_to_shoulder_are_not_shoved_into_those_beyond():
             assert apart(c) > -ROUNDING
 
 
+@pytest.mark.parametrize("seed", [24, 28])
+def test_slow_long_animals_shove_nobody_into_those_they_had_not_looked_at(seed):
+    # scenes in which a shove reached farther than neighbours were looked for
+    xy, heading = scattered(60, 7.0, seed, 1.0, 0.1)
+    c = crowd(xy, heading, 1.0, 0.1, speed=0.0, max_turn=30.0)
+    for k in range(4):
+        tick(c, np.column_stack([np.cos(heading + k), np.sin(heading + k)]))
+        assert apart(c) > -ROUNDING
+
+
 PEN = np.array([(0, 0, 10, 0), (10, 0, 10, 10), (10, 10, 0, 10), (0, 10, 0, 0)], float)
 
 

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from small_herd import box, brush, meadow, obstacle, put, straight
+from small_herd import Shelf, box, brush, level, meadow, obstacle, put, spawn, straight
 
 from components import Heading
 from engine.state import restore, snapshot, state_hash
-from levels.schema import Goal, Terrain
+from levels.build import build
+from levels.schema import Goal, Key, Terrain
 from systems.commands import AddAnimals, AddObstacle, MoveGoal, PaintBrush, PaintCap
 from systems.landscape import Landscape, outline_edges
 
@@ -119,6 +120,26 @@ def test_paint_obstacles_goals_and_how_far_one_looks_come_back_with_a_snapshot()
     assert two.goals[0].polygon.tolist() == one.goals[0].polygon.tolist()
     assert np.array_equal(two.navigation.fields, one.navigation.fields)
     fresh.run(30)
+    assert state_hash(fresh.world) == state_hash(simulation.world)
+
+
+def test_how_far_the_largest_looks_is_not_forgotten():
+    ant, cow = brush("ant", body={"length": 0.02, "radius": 0.004}), brush("cow", body={"length": 2.0, "radius": 0.4})
+    come = Key(
+        1, "come", 0.1, "AddAnimals", {"brush": "cow", "x": 6.0, "y": 6.0, "radius": 5.0, "count": 5}, np.zeros(2)
+    )
+
+    def herd():
+        ground = level(boundary="wall", spawns=[spawn(box(5, 5, 9, 9), "ant", 3)], script=[come])
+        return build(ground, library=Shelf(ant, cow))
+
+    simulation, fresh = herd(), herd()
+    small = land_of(fresh).reach
+    simulation.run(20)
+    restore(fresh.world, snapshot(simulation.world))
+    assert land_of(fresh).reach == land_of(simulation).reach == 8.0 > small
+    simulation.run(40)
+    fresh.run(40)
     assert state_hash(fresh.world) == state_hash(simulation.world)
 
 

@@ -55,6 +55,15 @@ def test_two_goals_that_name_each_other_make_a_beat_to_walk():
     assert turns >= 4
 
 
+def test_one_goal_is_reached_in_a_tick_in_whatever_order_they_are_listed():
+    here = [goal("a", 20.0, "next", "b"), goal("b", 20.0, "next", "a")]
+    simulation = meadow(WALK, goals=here)
+    put(simulation, [(20, 20)], 0.0)
+    for expected in (1, 0, 1):
+        simulation.tick()
+        assert simulation.agents[Destination.goal].tolist() == [expected]
+
+
 def test_at_a_dispersing_goal_animals_are_free_and_at_a_staying_one_they_remain_bound():
     for how, bound in (("disperse", -1), ("stay", 0)):
         simulation = meadow(WALK, goals=[goal(on_arrive=how)])

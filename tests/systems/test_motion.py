@@ -66,6 +66,13 @@ def test_the_fast_do_not_run_through_one_another_across_the_seam(speed):
         assert gaps_across(simulation) > min(before, 0.0) - 1e-6
 
 
+def test_a_seam_slows_nobody_down():
+    simulation = meadow(straight(mean=60.0), width=WIDE, height=HIGH, boundary="wrap", cell=2.0)
+    put(simulation, [(5.0, 12.0)], 0.0)
+    simulation.run(3)
+    assert np.linalg.norm(simulation.agents[Velocity.xyz][0]) == pytest.approx(60.0)
+
+
 def gaps_across(simulation):
     """The smallest room between bodies, also across the seams."""
     from small_herd import gaps

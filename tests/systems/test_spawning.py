@@ -166,6 +166,18 @@ def test_nobody_is_born_into_those_across_the_seam():
     assert gaps(xy, forward, agents[Body.axis], agents[Body.radius]).min() > 0
 
 
+def test_no_two_are_born_into_each_other_across_the_seam():
+    simulation = meadow(WALK, boundary="wrap", width=9, height=9)
+    give_birth(simulation.world, box(0, 0, 9, 9), 70, "walk", "animal", 0.0)
+    agents, xy = simulation.agents, xy_of(simulation)
+    n, east = len(xy), np.tile([1.0, 0.0], (140, 1))
+    half, radius = np.tile(agents[Body.axis], 2), np.tile(agents[Body.radius], 2)
+    i, j = np.triu_indices(2 * n, 1)
+    for shift in ((9, 0), (0, 9), (9, 9), (9, -9)):
+        across = gaps(np.vstack([xy, xy + shift]), east, half, radius)[(i < n) & (j >= n)]
+        assert across.min() > 0
+
+
 def test_nobody_is_born_into_those_who_are_there_already():
     simulation = meadow(WALK)
     put(simulation, [(10 + 1.5 * i, 10 + 1.5 * j) for i in range(8) for j in range(8)], 0.4, length=1.2)
