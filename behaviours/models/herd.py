@@ -6,6 +6,11 @@ and in bearing (eqs. 4 and 5); their weighted sum turns its heading (eqs. 2 and
 3).  Speed is not touched: direction and speed are separate.  An animal that
 sees at most two others is a leader and follows the navigation field.
 
+Headings may also drift at random (``wander``), as in most models of
+self-propelled animals since Vicsek et al. 1995 [2]_; the paper has no such
+term, and none is the default.  Without it herds that press together at the
+start can lock for ever, and mills of few animals give way to marches.
+
 Lengths are in body lengths of the animal itself, so one brush moves mice and
 cattle.  Eq. 2 is read with the unit heading, ``N(v + Δt F)`` with ``|v| = 1``:
 with the velocity's magnitude a fast herd would turn less for the same force
@@ -14,6 +19,8 @@ ignored.
 
 .. [1] Gong, X., Gain, J., Rohmer, D., Lyonnet, S., Pettré, J. & Cani, M.-P. (2025). Herds from video: learning a
    microscopic herd model from macroscopic motion data. Computer Graphics Forum 44(6), e70225.
+.. [2] Vicsek, T., Czirók, A., Ben-Jacob, E., Cohen, I. & Shochet, O. (1995). Novel type of phase transition in a
+   system of self-driven particles. Physical Review Letters 75(6), 1226-1229.
 """
 
 from __future__ import annotations
@@ -25,7 +32,8 @@ from numba import njit
 from pydantic import Field
 
 from behaviours.behaviour import Parameters, Wishes, behaviour, quantity
-from engine.maths import angle2_, exp_
+from engine.maths import angle2_, exp_, sincos_
+from engine.noise import normal_
 from engine.parallel import over_rows
 
 
@@ -73,6 +81,9 @@ class Params(Parameters):
         200,
     )
     slope_aversion: float = quantity(2.0, "1/s", "larger turns sooner downhill on steep ground", 0, 100)
+    wander: float = quantity(
+        0.0, "rad/√s", "random turning: headings drift by so much in a second (the paper has none); loosens jams", 0, 10
+    )
 
 
 @behaviour("herd", Params)
@@ -80,6 +91,9 @@ def steer(scene, rows, p):
     """Turn by social forces; leaders by the navigation field."""
     direction, pace = np.zeros((len(rows), 3)), np.ones(len(rows))
     over_rows(herd_kernel, len(rows), rows, *kernel_scene(scene), *kernel_params(p), direction)
+    if p.wander > 0.0:
+        drift = p.wander * np.sqrt(scene.dt)
+        over_rows(wander_kernel, len(rows), rows, scene.ids, scene.key("wander"), drift, direction)
     return Wishes(direction, pace)
 
 
@@ -189,3 +203,12 @@ def herd_kernel(
             direction[k, 0], direction[k, 1] = hx / size, hy / size
         else:
             direction[k, 0], direction[k, 1] = fx, fy
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def wander_kernel(lo, hi, rows, ids, key, drift, direction):
+    """Turn each heading by chance, ``drift`` radians on average (root mean square)."""
+    for k in range(lo, hi):
+        sine, cosine = sincos_(drift * normal_(key, ids[rows[k]], 0))
+        x, y = direction[k, 0], direction[k, 1]
+        direction[k, 0], direction[k, 1] = cosine * x - sine * y, sine * x + cosine * y
