@@ -205,10 +205,10 @@ def test_a_disk_that_is_full_stops_the_run_in_plain_words(cli, level, tmp_path, 
 
 def test_files_of_a_level_are_rooted_in_the_folder_they_all_stand_in():
     files = {"a.tmj": b"1", "../tilesets/t.tsj": b"2", "brushes/b.toml": b"3"}
-    name, rooted = running.rooted(files, "/designs/farm/a.tmj")
-    assert name == "farm/a.tmj"
-    assert rooted == {"farm/a.tmj": b"1", "tilesets/t.tsj": b"2", "farm/brushes/b.toml": b"3"}
-    assert running.rooted({"a.tmj": b"1"}, "/designs/farm/a.tmj") == ("a.tmj", {"a.tmj": b"1"})
+    name, rooted = running.rooted(files, "/designs/barn/a.tmj")
+    assert name == "barn/a.tmj"
+    assert rooted == {"barn/a.tmj": b"1", "tilesets/t.tsj": b"2", "barn/brushes/b.toml": b"3"}
+    assert running.rooted({"a.tmj": b"1"}, "/designs/barn/a.tmj") == ("a.tmj", {"a.tmj": b"1"})
 
 
 def test_numbers_for_people_are_short():
