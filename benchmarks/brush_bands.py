@@ -1,0 +1,241 @@
+"""Whether each shipped herd brush does what its name says: a herd of every size and seed, and every change of brush.
+
+Run from the repository's root::
+
+    python benchmarks/brush_bands.py                 the whole study: about ten minutes on one core
+    python benchmarks/brush_bands.py march lanes     some brushes
+    python benchmarks/brush_bands.py --switches      the changes of brush alone
+    python benchmarks/brush_bands.py --write         and store what was measured in behaviours/brushes/bands.json
+
+``bands.json`` states for each brush its scene (how the herd starts, how long it goes and from when it is measured),
+the bands of its measures and the herd sizes for which they are promised.  This command measures; it never changes
+what is stated.  A measure is the mean over a run, taken every half second.
+
+Measures: ``polarization``, ``milling``, ``aspect`` (width over length), ``spacing`` (mean distance to the nearest
+neighbour, body lengths), ``together`` (share in the largest part, links of 4 body lengths), ``going`` (distance really
+made over the distance intended: low in a jam), ``middle`` (share of animals closer to the middle than .35 of the mean
+radius: .054 in a disc), ``in file`` (share whose nearest neighbour is within 30° of straight ahead or behind; .33 when
+directions are random).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from behaviours import brush as brushes
+from behaviours.brush import shipped
+from components import Body, BrushBinding, Heading, Position, Speed, Velocity
+from levels.build import plane
+from systems.measures import (
+    compute_aspect_ratio,
+    compute_largest_part,
+    compute_milling,
+    compute_nn_bearing,
+    compute_nnd,
+    compute_polarization,
+    compute_speed,
+    compute_turning_angle,
+)
+from systems.palette import Palette
+
+BANDS = Path(brushes.__file__).parent / "brushes" / "bands.json"
+RATE = 32  # ticks a second
+SEEDS = {50: 5, 200: 5, 800: 2}  # fresh ones: the searches used seeds below 1000
+FIRST_SEED = 1000
+MEASURES = ("polarization", "milling", "aspect", "spacing", "together", "going", "middle", "in file")
+MOST = 20.0  # degrees that a change of brush may add to an animal's largest turn in a tick
+
+
+def stated():
+    """What `bands.json` says, by brush."""
+    return json.loads(BANDS.read_text(encoding="utf-8"))
+
+
+def measures_of(simulation):
+    """The measures of one moment, by name; lengths in body lengths."""
+    agents = simulation.agents
+    xy = agents[Position.xyz][:, :2] / agents[Body.length].mean()
+    forward = agents[Heading.forward]
+    radius = np.linalg.norm(xy - xy.mean(0), axis=1)
+    ahead = np.abs(np.cos(compute_nn_bearing(xy, forward)))
+    return {
+        "polarization": compute_polarization(forward),
+        "milling": compute_milling(xy, forward),
+        "aspect": compute_aspect_ratio(xy, forward),
+        "spacing": float(compute_nnd(xy).mean()),
+        "together": compute_largest_part(xy, 4.0),
+        "going": float(compute_speed(agents[Velocity.xyz]).mean() / agents[Speed.target].mean()),
+        "middle": float((radius < 0.35 * radius.mean()).mean()),
+        "in file": float((ahead > np.cos(np.radians(30))).mean()),
+    }
+
+
+def watch(brush, scene, count, seed, seconds=None, since=None):
+    """Run one herd and return the mean of each measure.
+
+    Parameters
+    ----------
+    brush : Brush
+    scene : dict
+        ``start``, ``density`` (per square body length), ``heading`` (radians, or None: each its own), ``seconds``,
+        ``since``.
+    count, seed : int
+    seconds, since : float, optional
+        Instead of the scene's.
+    """
+    seconds = scene["seconds"] if seconds is None else seconds
+    since = scene["since"] if since is None else since
+    simulation = plane(brush, count, scene["density"], scene["start"], seed, scene["heading"])
+    simulation.run(round(since * RATE))
+    moments = []
+    for _ in range(round(2 * (seconds - since))):
+        simulation.run(RATE // 2)
+        moments.append(measures_of(simulation))
+    simulation.close()
+    return {name: float(np.mean([m[name] for m in moments])) for name in MEASURES}
+
+
+def outside(measured, bands):
+    """The names of the measures that are not in their band."""
+    return [name for name, (low, high) in bands.items() if not low <= measured[name] <= high]
+
+
+def turns_of_a_switch(simulation, index, before, after):
+    """Degrees, (n,): by how much an animal's largest turn in a tick grows when its brush is changed.
+
+    The largest turn in ``after`` ticks from the switch on, less that in the ``before`` ticks just before it.
+    """
+    agents = simulation.agents
+
+    def largest(ticks):
+        most = np.zeros(len(agents))
+        for _ in range(ticks):
+            was = agents[Heading.forward].copy()
+            simulation.tick()
+            most = np.maximum(most, np.abs(compute_turning_angle(was, agents[Heading.forward])))
+        return np.degrees(most)
+
+    usual = largest(before)
+    agents[BrushBinding.home][:] = index
+    return largest(after) - usual
+
+
+def switch(old, new, scene, count=150, seed=0, settle=6.0, before=1.0, after=2.0):
+    """The worst of `turns_of_a_switch` for a herd that goes from one brush to another, degrees."""
+    simulation = plane(old, count, scene["density"], scene["start"], seed, scene["heading"])
+    index = simulation.world.resource(Palette).add(new)
+    simulation.run(round(settle * RATE))
+    worst = turns_of_a_switch(simulation, index, round(before * RATE), round(after * RATE)).max()
+    simulation.close()
+    return float(worst)
+
+
+# the study -------------------------------------------------------------------
+
+
+def study(names, library, say):
+    """Measured ranges by brush and herd size, and the table as lines of Markdown."""
+    plan, measured = stated(), {}
+    lines = [
+        "| brush | animals | " + " | ".join(MEASURES) + " | runs in band |",
+        "|---" * (len(MEASURES) + 3) + "|",
+    ]
+    for name in names:
+        scene, bands = plan[name]["scene"], plan[name]["bands"]
+        measured[name] = {}
+        for count, seeds in SEEDS.items():
+            start = time.perf_counter()
+            runs = [watch(library.get(name), scene, count, FIRST_SEED + k) for k in range(seeds)]
+            fine = sum(not outside(run, bands) for run in runs)
+            spread = {m: [round(min(r[m] for r in runs), 3), round(max(r[m] for r in runs), 3)] for m in MEASURES}
+            measured[name][str(count)] = spread | {"runs": seeds, "in band": fine}
+            promised = "" if count in plan[name]["promised"] else " (not promised)"
+            cells = [_range(*spread[m]) for m in MEASURES]
+            lines.append(f"| {name} | {count} | " + " | ".join(cells) + f" | {fine} of {seeds}{promised} |")
+            say(lines[-1] + f"  {time.perf_counter() - start:.0f} s")
+    return measured, lines
+
+
+def _range(low, high):
+    return f"{low:.2f}" if f"{low:.2f}" == f"{high:.2f}" else f"{low:.2f}-{high:.2f}"
+
+
+def switches(names, library, count=150, seed=FIRST_SEED, **times):
+    """Degrees added to the largest turn in a tick, by old and new brush."""
+    plan = stated()
+    return {
+        old: {
+            new: round(switch(library.get(old), library.get(new), plan[old]["scene"], count, seed, **times), 1)
+            for new in names
+            if new != old
+        }
+        for old in names
+    }
+
+
+def switch_table(matrix):
+    """Lines of Markdown: a row for the brush before, a column for the brush after."""
+    names = list(matrix)
+    lines = ["| from \\ to | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
+    for old in names:
+        lines.append(
+            f"| {old} | " + " | ".join("" if new == old else f"{matrix[old][new]:.0f}" for new in names) + " |"
+        )
+    return lines
+
+
+def main(arguments=None):
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("brush", nargs="*", help="brushes to study; all unless told")
+    parser.add_argument("--switches", action="store_true", help="the changes of brush alone")
+    parser.add_argument("--no-switches", action="store_true", help="leave the changes of brush out")
+    parser.add_argument("--write", action="store_true", help="store what was measured in bands.json")
+    parser.add_argument("--json", action="store_true", help="print one object instead of tables")
+    options = parser.parse_args(arguments)
+    plan, library = stated(), shipped()
+    names = options.brush or [name for name in plan if name != "switches"]
+    if unknown := [name for name in names if name not in plan]:
+        parser.error(f"bands.json states nothing of {', '.join(unknown)}; it has {', '.join(plan)}")
+
+    def say(line):
+        if not options.json:
+            print(line, flush=True)
+
+    measured, matrix = {}, {}
+    if not options.switches:
+        measured, _ = study(names, library, say)
+        if options.write:
+            store(plan, measured)
+    if not options.no_switches:
+        matrix = switches(names, library)
+        say("\n" + "\n".join(switch_table(matrix)))
+        worst = max((d, old, new) for old, row in matrix.items() for new, d in row.items())
+        say(
+            f"\nlargest: {worst[0]:.1f}° more in a tick than before, from {worst[1]} to {worst[2]}; at most {MOST:.0f}°"
+        )
+    if options.json:
+        print(json.dumps({"measured": measured, "switches": matrix}))
+    return 0
+
+
+def store(plan, measured):
+    """Put what was measured beside what is stated."""
+    for name, sizes in measured.items():
+        plan[name]["measured"] = sizes
+    BANDS.write_text(_compact(json.dumps(plan, indent=1, ensure_ascii=False)) + "\n", encoding="utf-8")
+
+
+def _compact(text):
+    """Short lists on one line."""
+    return re.sub(r"\[\s+([^\[\]{}]*?)\s+\]", lambda m: "[" + re.sub(r"\s*\n\s*", " ", m.group(1)) + "]", text)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
