@@ -177,7 +177,8 @@ class TestDefaults:
     def test_notes_and_texts_are_the_designers_own(self):
         note = thing(2, "Whatever", 16, 16, 32, 32)
         text = thing(3, "", 16, 16, 32, 32, extra={"text": {"text": "sheep here"}})
-        read(level(tiles(), objects("spawns", herd()), objects("notes", note), objects("obstacles", text)))
+        found = read(level(tiles(), objects("spawns", herd()), objects("notes", note), objects("obstacles", text)))
+        assert len(found.spawns) == 1 and not found.obstacles
 
     def test_unknown_classes_properties_and_layers_ask_did_you_mean(self):
         assert "there is no class 'Obstical'; did you mean 'Obstacle'?" in problem(
