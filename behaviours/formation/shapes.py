@@ -1,0 +1,207 @@
+"""What is known of a formation: its curve, its birds, frame by frame; and the file it is kept in."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from behaviours.problems import Problem, ProblemsError
+
+SCHEMA = "flockbrush.formation/1"
+MODELS = {"line": 2, "v": 3, "parabola": 3}  # curves and how many numbers each has
+KINDS = ("V", "line", "U", "J", "none")
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Where birds stand: y in wingspans ahead of the leader, as a function of x to its right.
+
+    ``line``: c + b x.  ``v``: c - l max(-x, 0) - r max(x, 0).  ``parabola``: c + b x + a x².
+    """
+
+    model: str
+    numbers: tuple[float, ...]  # (c, b), (c, l, r) or (c, b, a)
+
+    def y(self, x):
+        """Ordinates at ``x``."""
+        return basis(self.model, x) @ np.array(self.numbers)
+
+    def slope(self, x):
+        """dy/dx at ``x``."""
+        return slopes(self.model, x) @ np.array(self.numbers)
+
+    def mirrored(self) -> Curve:
+        """Left and right exchanged."""
+        c, b, *more = self.numbers
+        return Curve(self.model, (c, more[0], b) if self.model == "v" else (c, -b, *more))
+
+    def scaled(self, factor: float) -> Curve:
+        """The similar curve, ``factor`` times as large."""
+        if self.model != "parabola":
+            return self
+        c, b, a = self.numbers
+        return Curve(self.model, (c * factor, b, a / factor))
+
+
+def basis(model: str, x):
+    """Columns whose sum, weighted by a curve's numbers, is y, (n, p)."""
+    x = np.asarray(x, float)
+    one = np.ones_like(x)
+    if model == "v":
+        return np.stack([one, -np.maximum(-x, 0.0), -np.maximum(x, 0.0)], axis=-1)
+    return np.stack([one, x] if model == "line" else [one, x, x * x], axis=-1)
+
+
+def slopes(model: str, x):
+    """Derivatives of the columns of `basis`, (n, p)."""
+    x = np.asarray(x, float)
+    zero, one = np.zeros_like(x), np.ones_like(x)
+    if model == "v":
+        return np.stack([zero, (x < 0) * one, -(x > 0) * one], axis=-1)
+    return np.stack([zero, one] if model == "line" else [zero, one, 2.0 * x], axis=-1)
+
+
+@dataclass(frozen=True)
+class FrameShape:
+    """One frame of a movie as section 4 of the paper sees it.  Birds stand in order from left to right."""
+
+    frame: str
+    birds: tuple[str, ...]  # names, from left to right
+    x: tuple[float, ...]  # wingspans to the right of the leader
+    y: tuple[float, ...]  # wingspans ahead of the leader
+    leader: int  # which of them leads
+    kind: str  # one of KINDS
+    why: str  # what speaks for the kind, or against any
+    curve: Curve | None
+    outliers: tuple[int, ...]  # which birds the curve does not explain
+    spacing: tuple[float, float]  # μ_xf and σ_xf, wingspans
+    deviation: tuple[float, float]  # μ_yf and σ_yf of the others about the curve, wingspans
+
+    @property
+    def roles(self) -> dict[str, str]:
+        """Special roles by bird: leader, outlier, or both."""
+        found = {self.birds[k]: "outlier" for k in self.outliers}
+        found[self.birds[self.leader]] = "leader and outlier" if self.leader in self.outliers else "leader"
+        return found
+
+
+@dataclass(frozen=True)
+class Formation:
+    """An example movie, extracted: what steady flight learns from."""
+
+    name: str
+    frames: tuple[FrameShape, ...]
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def usable(self) -> tuple[FrameShape, ...]:
+        """The frames that have a curve."""
+        return tuple(frame for frame in self.frames if frame.curve is not None)
+
+    def kinds(self) -> dict[str, int]:
+        """How many frames there are of each kind."""
+        return {kind: n for kind in KINDS if (n := sum(f.kind == kind for f in self.frames))}
+
+
+def to_json(formation: Formation) -> str:
+    """The text of a ``.formation.json`` file."""
+    frames = [asdict(frame) for frame in formation.frames]
+    document = {
+        "schema": SCHEMA, "name": formation.name, "unit": "wingspans, +y the way they fly, leader at the origin",
+        "provenance": formation.provenance, "frames": frames,
+    }  # fmt: skip
+    return json.dumps(_rounded(document), indent=1, ensure_ascii=False) + "\n"
+
+
+def _rounded(value):
+    if isinstance(value, float):
+        return round(value, 6)
+    if isinstance(value, dict):
+        return {key: _rounded(part) for key, part in value.items()}
+    return [_rounded(part) for part in value] if isinstance(value, (list, tuple)) else value
+
+
+def load_formation(path: str | os.PathLike) -> Formation:
+    """Read a formation file.
+
+    Raises
+    ------
+    ProblemsError
+        With everything that is wrong, each with its frame.
+    """
+    name = str(path)
+    try:
+        document = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ProblemsError([Problem(name, None, None, f"cannot be read: {error.strerror or error}")]) from None
+    except UnicodeDecodeError:
+        raise ProblemsError([Problem(name, None, None, "is not UTF-8 text")]) from None
+    except (ValueError, RecursionError) as error:
+        line = getattr(error, "lineno", None)
+        raise ProblemsError([Problem(name, line, None, f"is not JSON: {getattr(error, 'msg', error)}")]) from None
+    return read_formation(document, name)
+
+
+def read_formation(document: Any, name: str) -> Formation:
+    """A formation from the parsed document of its file."""
+    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+        got = document.get("schema") if isinstance(document, dict) else type(document).__name__
+        raise ProblemsError([Problem(name, None, "schema", f"must be {SCHEMA!r}, got {got!r}")])
+    problems: list[Problem] = []
+    frames = []
+    given = document.get("frames")
+    if not isinstance(given, list) or not given:
+        raise ProblemsError([Problem(name, None, "frames", "must be a list of at least one frame")])
+    for k, frame in enumerate(given):
+        try:
+            frames.append(_frame(frame))
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            said = f"lacks {error}" if isinstance(error, KeyError) else str(error)
+            problems.append(Problem(name, None, f"frames[{k}]", said))
+    provenance = document.get("provenance", {})
+    if not isinstance(provenance, dict):
+        problems.append(Problem(name, None, "provenance", "must be a table of names and values"))
+    if len({len(frame.birds) for frame in frames}) > 1:
+        problems.append(Problem(name, None, "frames", "all must have the same number of birds"))
+    if problems:
+        raise ProblemsError(problems)
+    return Formation(str(document.get("name", "")), tuple(frames), provenance)
+
+
+def _frame(raw) -> FrameShape:
+    n = len(raw["birds"])
+    x, y = tuple(map(float, raw["x"])), tuple(map(float, raw["y"]))
+    if not n or len(x) != n or len(y) != n:
+        raise ValueError(f"x and y must have one number for each of the {n} birds")
+    if not np.isfinite([x, y]).all():
+        raise ValueError("x and y must be finite numbers")
+    if raw["kind"] not in KINDS:
+        raise ValueError(f"kind must be one of {', '.join(KINDS)}, got {raw['kind']!r}")
+    outliers = tuple(int(k) for k in raw["outliers"])
+    if not all(0 <= k < n for k in (*outliers, int(raw["leader"]))):
+        raise ValueError(f"leader and outliers are places from 0 to {n - 1}")
+    return FrameShape(
+        str(raw["frame"]), tuple(map(str, raw["birds"])), x, y, int(raw["leader"]), raw["kind"], str(raw["why"]),
+        _curve(raw["curve"]), outliers, _pair(raw["spacing"]), _pair(raw["deviation"]),
+    )  # fmt: skip
+
+
+def _curve(raw) -> Curve | None:
+    if raw is None:
+        return None
+    if raw["model"] not in MODELS:
+        raise ValueError(f"curve.model must be one of {', '.join(MODELS)}, got {raw['model']!r}")
+    numbers = tuple(map(float, raw["numbers"]))
+    if len(numbers) != MODELS[raw["model"]] or not np.isfinite(numbers).all():
+        raise ValueError(f"a {raw['model']} has {MODELS[raw['model']]} finite numbers, got {numbers}")
+    return Curve(raw["model"], numbers)
+
+
+def _pair(raw) -> tuple[float, float]:
+    mean, deviation = map(float, raw)
+    return mean, deviation
