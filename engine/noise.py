@@ -45,6 +45,12 @@ def _unit(key, entity, k):
 
 
 @kernel_function
+def key_(stream, tick):
+    """`Noise.key` inside a kernel that goes through ticks itself; ``stream`` is `Noise.stream`, a uint64."""
+    return _mix((stream ^ np.uint64(tick)) + GOLDEN)
+
+
+@kernel_function
 def uniform_(key, entity, k):
     """The k-th number of an entity, even over [0, 1).  ``key`` is `Noise.key`, a uint64."""
     return _unit(key, entity, k)
@@ -164,6 +170,10 @@ class Noise:
         """What a kernel hands to `uniform_` and `normal_` for this stream in this tick: a uint64."""
         return np.uint64(_key(self.seed & _MASK, stream, int(tick) & _MASK))
 
+    def stream(self, name):
+        """What a kernel hands to `key_` for all ticks of a stream: a uint64."""
+        return np.uint64(_stream(self.seed & _MASK, name))
+
     def uniform(self, stream, tick, ids, width=1):
         """Numbers in [0, 1).
 
@@ -202,9 +212,12 @@ def _mix_int(z):
     return z ^ (z >> 31)
 
 
+def _stream(seed, name):
+    golden = int(GOLDEN)
+    z = _mix_int((seed + golden) & _MASK)
+    return _mix_int(((z ^ zlib.crc32(name.encode())) + golden) & _MASK)
+
+
 @lru_cache(maxsize=4096)
 def _key(seed, stream, tick):
-    golden, name = int(GOLDEN), zlib.crc32(stream.encode())
-    z = _mix_int((seed + golden) & _MASK)
-    z = _mix_int(((z ^ name) + golden) & _MASK)
-    return _mix_int(((z ^ tick) + golden) & _MASK)
+    return _mix_int(((_stream(seed, stream) ^ tick) + int(GOLDEN)) & _MASK)

@@ -1,0 +1,160 @@
+"""Flocks by the thousand: the rules run for many flocks at once, without a world.
+
+Each flock has a seed of its own, and its chance is hashed from seed, step and bird (`engine.noise`), so a flock flies the
+same way alone, in any batch and on any number of threads; and in a world of the same seed.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from behaviours.v_rules.rules import Rules, barred, dodge, kernel, law_of, sort_by, turned, wish
+from engine.noise import Noise, key_, normal_, uniform_
+from engine.parallel import over_rows
+
+SIDE = 768 / 50  # wingspans: the unit square of the paper
+STREAM = "v_rules"
+
+
+class Flights(NamedTuple):
+    """What became of many flocks; lengths in wingspans, positions in the frame that flies with the flock."""
+
+    xyz: np.ndarray  # (flocks, birds, 3) at the end: to the right, along the way, up
+    steps: np.ndarray  # (flocks,) until nobody moved any more; the number of steps flown where that never came
+    settled: np.ndarray  # (flocks,) whether it came
+    series: np.ndarray  # (flocks, moments, birds, 3) on the way, if asked for
+
+
+def starts(seeds, birds, rules: Rules = Rules(), side=SIDE, apart=True):  # noqa: B008  frozen
+    """Birds at random in a square, drawn again where they would be too near one another.
+
+    Parameters
+    ----------
+    seeds : sequence of int
+    birds : int
+    side : float
+        Of the square, wingspans.  With ``rules.layer`` it is a cube.
+    apart : bool
+        False takes the first draw, as the paper may have done: some flocks then begin with birds in one another.
+
+    Returns
+    -------
+    (flocks, birds, 3) float64, wingspans
+    """
+    xyz = np.zeros((len(seeds), birds, 3))
+    law = law_of(rules)
+    keys = np.array([Noise(int(seed)).key(f"{STREAM} start", 0) for seed in seeds], np.uint64)
+    _scatter(law, keys, float(side), bool(apart), xyz)
+    return xyz
+
+
+@kernel
+def _scatter(law, keys, side, apart, xyz):
+    for flock in range(len(keys)):
+        draw = 0
+        for i in range(xyz.shape[1]):
+            for again in range(10_000):
+                xyz[flock, i, 0] = side * uniform_(keys[flock], draw, 0)
+                xyz[flock, i, 1] = side * uniform_(keys[flock], draw, 1)
+                xyz[flock, i, 2] = side * uniform_(keys[flock], draw, 2) if law.layer > 0.0 else 0.0
+                draw += 1
+                free = True
+                for k in range(i):
+                    dx, dy = abs(xyz[flock, k, 0] - xyz[flock, i, 0]), abs(xyz[flock, k, 1] - xyz[flock, i, 1])
+                    free &= dx >= law.wide or dy >= law.long or abs(xyz[flock, k, 2] - xyz[flock, i, 2]) >= law.long
+                if free or not apart:
+                    break
+
+
+def fly(xyz, seeds, rules: Rules = Rules(), steps=2000, every=0, ids=None, frame="flock") -> Flights:  # noqa: B008
+    """Let flocks fly until they settle, or for so many steps.
+
+    Parameters
+    ----------
+    xyz : (flocks, birds, 3) array_like
+        Where they begin, wingspans.
+    seeds : sequence of int
+        One for each flock.
+    rules : Rules
+    steps : int
+        At most (the paper's T).
+    every : int
+        Keep positions every so many steps, from the start on; 0 keeps none.
+    ids : (birds,) array_like of int, optional
+        Who the birds are, for their chance; 1, 2, ... unless told, which are the entities of a new world.
+    frame : {"flock", "world"}
+        Whether positions are told from a bird's eye that flies along, or from the ground.
+    """
+    if frame not in ("flock", "world"):
+        raise ValueError(f"frame must be 'flock' or 'world', got {frame!r}")
+    here = np.array(xyz, np.float64)
+    flocks, birds, _ = here.shape
+    ids = np.arange(1, birds + 1) if ids is None else np.asarray(ids, np.int64)
+    streams = np.array([Noise(int(seed)).stream(STREAM) for seed in seeds], np.uint64)
+    took = np.full(flocks, steps, np.int64)
+    settled = np.zeros(flocks, np.bool_)
+    moments = steps // every + 1 if every else 0
+    series = np.zeros((flocks, moments, birds, 3))
+    law = law_of(rules)
+    on = law.cruise if frame == "world" else 0.0
+    over_rows(_fly, flocks, law, ids, streams, here, steps, every, on, took, settled, series)
+    return Flights(here, took, settled, series)
+
+
+@kernel
+def _fly(lo, hi, law, ids, streams, xyz, steps, every, on, took, settled, series):
+    n = xyz.shape[1]
+    x, y, z = np.empty(n), np.empty(n), np.empty(n)
+    seen = np.empty((3, n))
+    angle = np.zeros(n)
+    by_x = np.empty(n, np.int64)
+    for flock in range(lo, hi):
+        for i in range(n):
+            x[i], y[i], z[i], by_x[i], angle[i] = xyz[flock, i, 0], xyz[flock, i, 1], xyz[flock, i, 2], i, 0.0
+        still = False
+        for t in range(steps + 1):
+            if every and t % every == 0:
+                for i in range(n):
+                    at = series[flock, t // every, i]
+                    at[0], at[1], at[2] = x[i], y[i] + t * on, z[i]
+            if t == steps or (still and not every):
+                break
+            if not still:
+                key = key_(streams[flock], t)
+                still = not one_step(law, n, ids, key, x, y, z, seen, angle, by_x) and law.perturbation == 0.0
+                if still:
+                    took[flock], settled[flock] = t, True
+        for i in range(n):
+            xyz[flock, i, 0], xyz[flock, i, 1], xyz[flock, i, 2] = x[i], y[i] + took[flock] * on, z[i]
+
+
+@kernel
+def one_step(law, n, ids, key, x, y, z, seen, angle, by_x):
+    """One time step of a flock, in place.  Whether anybody moved or wanted to."""
+    busy = False
+    sort_by(x, by_x, n)
+    if not law.in_turn:
+        seen[0], seen[1], seen[2] = x, y, z
+    for i in range(n):
+        chance, coin = uniform_(key, ids[i], 0), uniform_(key, ids[i], 1)
+        if law.in_turn:
+            mx, my, mz = wish(law, i, n, x, y, z, by_x, chance)
+        else:
+            mx, my, mz = wish(law, i, n, seen[0], seen[1], seen[2], by_x, chance)
+        busy |= mx != 0.0 or my != 0.0 or mz != 0.0
+        if law.turn > 0.0:
+            angle[i], mx, my = turned(law, angle[i], mx, my)
+            busy |= angle[i] != 0.0
+        if mx != 0.0 or my != 0.0 or mz != 0.0:
+            mx, my, mz = dodge(law, i, n, x, y, z, mx, my, mz, coin)
+        if law.perturbation > 0.0:
+            bx, by = mx + law.perturbation * normal_(key, ids[i], 2), my + law.perturbation * normal_(key, ids[i], 3)
+            bz = mz + (law.perturbation * normal_(key, ids[i], 4) if law.layer > 0.0 else 0.0)
+            if not barred(law, i, n, x, y, z, bx, by, bz):
+                mx, my, mz = bx, by, bz
+        x[i], y[i], z[i] = x[i] + mx, y[i] + my, z[i] + mz
+        if law.in_turn and mx != 0.0:
+            sort_by(x, by_x, n)
+    return busy
