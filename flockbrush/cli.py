@@ -28,8 +28,12 @@ app = typer.Typer(
 )
 level_app = typer.Typer(help="Check, draw and begin levels.", no_args_is_help=True)
 brush_app = typer.Typer(help="Look at brushes: models of behaviour with their numbers.", no_args_is_help=True)
+formation_app = typer.Typer(
+    help="Birds in line formations: find them, learn from them, fly them.", no_args_is_help=True
+)
 app.add_typer(level_app, name="level")
 app.add_typer(brush_app, name="brush")
+app.add_typer(formation_app, name="formation")
 
 RUN_SECONDS = 30.0  # s of a run when nobody says
 
@@ -55,6 +59,13 @@ class Start(str, enum.Enum):
     grid = "grid"
     ring = "ring"
     line = "line"
+
+
+class LiftMethod(str, enum.Enum):
+    """How depths are found."""
+
+    smooth = "smooth"
+    cobyla = "cobyla"
 
 
 LevelName = Annotated[str, typer.Argument(metavar="LEVEL", help="A .tmj file, or the name of a shipped level.")]
@@ -203,6 +214,31 @@ def measure(
 
 
 @app.command()
+def lift(
+    tracks: Annotated[Path, typer.Argument(metavar="TRACKS", help="A table with frame, id, x, y in pixels.")],
+    camera: Annotated[Path, typer.Option(metavar="FILE", help="TOML: width, height, horizontal_fov_deg, fps, ...")],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Where the flight goes, a CSV in metres.")],
+    lambda_t: Annotated[float, typer.Option(min=0, help="Weight of smooth paths.")] = 1.0,
+    lambda_f: Annotated[float, typer.Option(min=0, help="Weight of flying as one.")] = 1.0,
+    evenness: Annotated[float, typer.Option(min=0, help="Weight of equal speeds; 0 for loose flocks.")] = 0.3,
+    separation: Annotated[float, typer.Option(min=0, max=1, help="Weight of keeping apart, for looks.")] = 0.0,
+    separation_distance: Annotated[float, typer.Option(min=0, metavar="M", help="Nearer birds are too close.")] = 1.2,
+    near: Annotated[float | None, typer.Option(metavar="M", help="Instead of the camera's.")] = None,
+    far: Annotated[float | None, typer.Option(metavar="M", help="Instead of the camera's.")] = None,
+    method: Annotated[
+        LiftMethod, typer.Option(help="One global solve, or the thesis' own descent.")
+    ] = LiftMethod.smooth,
+    json: Json = False,
+):
+    """Lift a flock from one camera into space: tracks in pixels become a flight in metres."""
+    from flockbrush.lift import lift_tracks
+
+    wishes = dict(smoothness=lambda_t, flock=lambda_f, evenness=evenness)
+    wishes |= dict(separation=separation, separation_distance=separation_distance)
+    lift_tracks(tracks, camera, out, method.value, near, far, json, **wishes)
+
+
+@app.command()
 def bench(
     agents: Annotated[
         list[int] | None, typer.Option(min=1, metavar="N", help="How many animals; may be given again.")
@@ -317,6 +353,78 @@ def brush_preview(
     from flockbrush.commands import preview_brush
 
     preview_brush(name, output, agents, seconds, seed, start.value, theme.value)
+
+
+# formations ----------------------------------------------------------------------------------
+
+
+@formation_app.command("detect")
+def formation_detect(
+    files: Annotated[
+        list[Path], typer.Argument(metavar="IMAGES|CLIP...", help="Pictures, or a video, of a plain sky.")
+    ],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="MARKS.csv", help="Where the marks go.")],
+    every: Annotated[int, typer.Option(min=1, metavar="K", help="One frame of so many of a video.")] = 1,
+    json: Json = False,
+):
+    """Find birds on a plain sky, follow them from frame to frame, and write where they are."""
+    from flockbrush.formation import detect
+
+    detect(files, out, every, json)
+
+
+@formation_app.command("extract")
+def formation_extract(
+    marks: Annotated[
+        Path, typer.Argument(metavar="MARKS.csv", help="Columns frame, bird and x_px, y_px (or x_b, y_b in wingspans).")
+    ],
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="X.json", help="Where the formation goes.")] = None,
+    plot: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw birds, leader, outliers and curve.")] = None,
+    heading: Annotated[
+        str, typer.Option(metavar="WAY", help="The way they fly: up, down, left, right, degrees, or auto for a V.")
+    ] = "up",
+    wingspan: Annotated[float | None, typer.Option(metavar="PX", help="One wingspan in pixels.")] = None,
+    samples: Annotated[
+        int | None, typer.Option(min=1, max=10**6, metavar="K", help="RANSAC with so many samples, instead of all.")
+    ] = None,
+    json: Json = False,
+):
+    """See which formation marked birds fly in: spacing, leader, curve, outliers, frame by frame."""
+    from flockbrush.formation import extract_formation
+
+    extract_formation(marks, out, plot, heading, wingspan, samples, json)
+
+
+class KeyShapes(str, enum.Enum):
+    """How key shapes are solved."""
+
+    proximal = "proximal"
+    levenberg_marquardt = "levenberg-marquardt"
+
+
+@formation_app.command("fly")
+def formation_fly(
+    formation: Annotated[Path, typer.Argument(metavar="X.json", help="Made by extract.")],
+    birds: Annotated[
+        int | None, typer.Option(min=2, max=500, metavar="N", help="As many as marked unless told.")
+    ] = None,
+    frames: Annotated[int, typer.Option(min=1, max=10**6, metavar="F", help="How long.")] = 250,
+    fps: Annotated[float, typer.Option(min=0.1, max=1000, metavar="F", help="Frames per second.")] = 25.0,
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, metavar="K", help="Of chance.")] = 0,
+    left: Annotated[int | None, typer.Option(min=0, metavar="K", help="So many birds left of the leader.")] = None,
+    exchange: Annotated[bool, typer.Option("--exchange", help="Exchange left and right.")] = False,
+    method: Annotated[KeyShapes, typer.Option(help="The paper's method, or the one that always has an answer.")] = (
+        KeyShapes.proximal
+    ),
+    epsilon: Annotated[float, typer.Option(min=0, max=1, help="How far savings may leave the example's range.")] = 0.1,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="CSV", help="Where the positions go.")] = None,
+    plot: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw six moments.")] = None,
+    json: Json = False,
+):
+    """Fly a formation steadily with any number of birds, and say what the flight kept to."""
+    from flockbrush.formation import fly
+
+    fly(formation, birds, frames, fps, seed, left, exchange, method.value, epsilon, out, plot, json)
 
 
 # the way in ----------------------------------------------------------------------------------

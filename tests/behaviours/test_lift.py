@@ -1,0 +1,262 @@
+"""A flock lifted from one camera: what must hold for any film, and the objective against brute force."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from behaviours.learning.camera import Camera, read_camera
+from behaviours.learning.lift import ACCELERATION, ALIGNMENT, COHESION, VELOCITY, LiftError, Wish, _System, lift
+from behaviours.learning.lift_thesis import energy, lift_by_thesis
+from behaviours.learning.tracks import Tracks, read_tracks, smoothed
+from behaviours.problems import ProblemsError
+
+CAMERA = Camera(width=1280, height=720, horizontal_fov_deg=60, fps=30, mean_speed=9, near=5, far=200)
+
+
+def starlings(birds=5, frames=60, seed=0):
+    """Birds abreast and behind each other that fly past in one gentle curve, (F, N, 3) m."""
+    chance = np.random.default_rng(seed)
+    t = np.arange(frames)[:, None] / 30
+    way = np.stack([9 * t - 9, 40 + 3 * np.sin(t), 1.5 * t], axis=-1)
+    own = chance.normal(0, 2.5, (birds, 3)) + chance.normal(0, 0.25, (birds, 3)) * t[..., None]
+    return way + own
+
+
+def filmed(xyz, noise=0.0, seed=0):
+    px = CAMERA.project(xyz)
+    return Tracks(px + noise * np.random.default_rng(seed).normal(size=px.shape), np.arange(1, px.shape[1] + 1))
+
+
+def written(tmp_path, text):
+    path = tmp_path / "tracks.csv"
+    path.write_text(text)
+    return path
+
+
+# the camera ----------------------------------------------------------------------
+
+
+@given(st.floats(-50, 50), st.floats(1, 200), st.floats(-50, 50))
+def test_a_bird_is_found_again_on_the_ray_of_its_pixel(x, y, z):
+    bird = np.array([x, y, z])
+    ray = CAMERA.rays(CAMERA.project(bird))
+    assert np.allclose(ray * np.linalg.norm(bird), bird, atol=1e-9)
+
+
+def test_the_edge_of_the_picture_is_half_the_field_of_view_away():
+    ray = CAMERA.rays((1280, 360))
+    assert np.degrees(np.arctan2(ray[0], ray[1])) == pytest.approx(30)
+    assert CAMERA.rays((640, 0))[2] > 0  # up in the picture is up in the world
+
+
+def test_a_camera_of_nonsense_is_refused_line_by_line(tmp_path):
+    path = tmp_path / "cam.toml"
+    path.write_text("width = 1280\nheight = 0\nhorizontal_fov = 60\nfps = 30\nmean_speed = 9\nnear = 5\nfar = 200\n")
+    with pytest.raises(ProblemsError) as told:
+        read_camera(path)
+    assert "cam.toml:2: height" in str(told.value)
+    assert "did you mean 'horizontal_fov_deg'" in str(told.value)
+
+
+# tracks ----------------------------------------------------------------------------
+
+
+def test_tracks_are_read_with_gaps_and_birds_that_come_and_go(tmp_path):
+    rows = ["frame,id,x,y"] + [f"{f},7,{f},0" for f in (3, 4, 6, 7)] + [f"{f},2,0,{f}" for f in (5, 6, 7, 8)]
+    tracks = read_tracks(written(tmp_path, "\n".join(rows)))
+    assert tracks.first == 3 and tracks.ids.tolist() == [2, 7]
+    assert tracks.seen[:, 1].tolist() == [True, True, False, True, True, False]
+    assert tracks.alive[:, 1].tolist() == [True] * 5 + [False]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("frame,x,y\n1,2,3", "tracks.csv:1: id: there is no such column"),
+        ("frame,id,x,y\n1,1,2,3\n2,1,abc,3", "tracks.csv:3: x: must be a number, got 'abc'"),
+        ("frame,id,x,y\n1,1,2,nan", "tracks.csv:2: y: must be a finite number of pixels"),
+        ("frame,id,x,y\n1,1,2,3\n1,1,2,4\n", "tracks.csv:3: id: bird 1 is in frame 1 twice, here and in line 2"),
+        ("frame,id,x,y\n", "there is no bird in it"),
+        ("frame,id,x,y\n1,1,2,3\n1,2,2,4\n", "a flight needs three"),
+        ("", "tracks.csv:1: frame"),
+    ],
+)
+def test_bad_tracks_are_refused_with_line_and_column(tmp_path, text, said):
+    with pytest.raises(ProblemsError) as told:
+        read_tracks(written(tmp_path, text))
+    assert said in str(told.value)
+
+
+def test_a_bird_seen_once_is_left_out_and_named(tmp_path):
+    rows = ["frame,id,x,y", "0,9,5,5"] + [f"{f},{n},{f},{n}" for f in range(5) for n in (1, 2)]
+    tracks = read_tracks(written(tmp_path, "\n".join(rows)))
+    assert tracks.ids.tolist() == [1, 2]
+    assert "bird 9" in tracks.notes[0]
+
+
+def test_smoothing_takes_out_the_noise_and_knows_how_much_there_was():
+    truth = filmed(starlings(10, 120)).px
+    noisy = filmed(starlings(10, 120), noise=1.0)
+    clean = smoothed(noisy)
+    assert clean.noise == pytest.approx(1.0, rel=0.1)
+    assert np.abs(clean.px - truth).mean() < 0.4 * np.abs(noisy.px - truth).mean()
+
+
+def test_smoothing_carries_a_bird_through_a_gap():
+    tracks = filmed(starlings(3, 60))
+    truth = tracks.px.copy()
+    tracks.px[20:30, 1] = np.nan
+    clean = smoothed(tracks)
+    assert clean.longest_gap == 10
+    assert np.abs(clean.px[20:30, 1] - truth[20:30, 1]).max() < 1.0
+
+
+# depths -----------------------------------------------------------------------------
+
+
+def cost(depth, rays, wish):
+    """The objective as one reads it, brute force."""
+    b = depth[..., None] * rays
+    v = np.diff(b, axis=0) * CAMERA.fps
+    a = np.diff(v, axis=0) * CAMERA.fps
+    apart = v - v.mean(1, keepdims=True)
+    total = wish.smoothness * (a**2).sum() / ACCELERATION**2
+    total += wish.flock * ALIGNMENT * (apart**2).sum() / VELOCITY**2
+    return total + wish.flock * COHESION * ((b - b.mean(1, keepdims=True)) ** 2).sum()
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.1, 10), st.floats(0.1, 10))
+def test_the_banded_system_is_the_objective(seed, smoothness, flock):
+    chance = np.random.default_rng(seed)
+    rays = CAMERA.rays(chance.uniform((0, 0), (1280, 720), (6, 2, 2)))
+    wish = Wish(smoothness, flock)
+    system = _System(rays, np.ones((6, 2), bool))
+    bands = system.steady(CAMERA.fps, wish)
+    full = np.zeros((12, 12))
+    for row, band in enumerate(bands):
+        offset = system.band - row
+        for j in range(offset, 12):
+            full[j - offset, j] = full[j, j - offset] = band[j]
+    depth = chance.uniform(20, 60, (6, 2))
+    assert depth.ravel() @ full @ depth.ravel() == pytest.approx(cost(depth, rays, wish), rel=1e-9)
+
+
+def test_no_other_depths_of_two_birds_cost_less():
+    rays = CAMERA.rays(filmed(starlings(2, 8)).px)
+    system = _System(rays, np.ones((8, 2), bool))
+    best = system.solve(system.steady(CAMERA.fps, Wish()), mean=40.0)
+    least = cost(best, rays, Wish())
+    chance = np.random.default_rng(1)
+    for size in (1e-3, 0.1, 3.0):
+        for _ in range(200):
+            other = best + size * chance.normal(size=best.shape)
+            assert cost(other * (40.0 / other.mean()), rays, Wish()) >= least
+
+
+def test_every_bird_stays_on_the_ray_of_its_smoothed_track():
+    tracks = filmed(starlings(), noise=0.5)
+    flight = lift(tracks, CAMERA)
+    assert np.allclose(CAMERA.project(flight.xyz), smoothed(tracks).px, atol=1e-6)
+
+
+def test_the_flock_flies_at_the_speed_that_was_given():
+    flight = lift(filmed(starlings(), noise=0.5), CAMERA)
+    assert np.linalg.norm(np.diff(flight.xyz, axis=0), axis=-1).mean() * 30 == pytest.approx(9.0)
+
+
+def test_who_flies_farther_away_is_lifted_farther_away():
+    truth = starlings(10, 120)
+    flight = lift(filmed(truth, noise=0.5), CAMERA)
+    true = np.linalg.norm(truth, axis=-1)
+    scaled = flight.depth * (true.mean() / flight.depth.mean())
+    constant = np.sqrt(((true - true.mean()) ** 2).mean())
+    assert np.sqrt(((scaled - true) ** 2).mean()) < 0.75 * constant
+    assert np.corrcoef(true[60], flight.depth[60])[0, 1] > 0.8
+
+
+def test_birds_that_come_late_and_leave_early_are_lifted_while_they_are_there():
+    tracks = filmed(starlings(6, 90), noise=0.3)
+    tracks.px[:30, 2] = np.nan
+    tracks.px[70:, 4] = np.nan
+    flight = lift(tracks, CAMERA)
+    assert np.isnan(flight.depth[:30, 2]).all() and np.isfinite(flight.depth[30:, 2]).all()
+    assert np.isnan(flight.depth[70:, 4]).all() and np.isfinite(flight.depth[:70, 4]).all()
+
+
+def test_two_birds_on_one_pixel_are_no_trouble():
+    truth = starlings(4, 40)
+    truth[:, 1] = truth[:, 0] * 1.02
+    assert np.isfinite(lift(filmed(truth), CAMERA).depth).all()
+
+
+def test_separation_keeps_birds_apart():
+    truth = starlings(6, 30)
+    truth[:, 1] = truth[:, 0] + 0.1
+    crowded = lift(filmed(truth), CAMERA)
+    roomy = lift(filmed(truth), CAMERA, Wish(separation=1.0, separation_distance=2.0))
+
+    def gap(flight):
+        return np.linalg.norm(flight.xyz[:, 0] - flight.xyz[:, 1], axis=-1).min()
+
+    assert gap(roomy) > 1.0 > gap(crowded)
+
+
+def test_one_bird_has_no_depth():
+    with pytest.raises(LiftError, match="one bird alone has no depth"):
+        lift(filmed(starlings(1)), CAMERA)
+
+
+def test_birds_that_never_meet_are_no_flock():
+    tracks = filmed(starlings(2, 40))
+    tracks.px[:20, 0] = tracks.px[20:, 1] = np.nan
+    with pytest.raises(LiftError, match="no two birds are seen at the same time"):
+        lift(tracks, CAMERA)
+
+
+def test_birds_that_stand_still_set_no_scale():
+    with pytest.raises(LiftError, match="nothing moves"):
+        lift(Tracks(np.full((20, 3, 2), 300.0) + np.arange(3)[:, None], np.arange(3)), CAMERA)
+
+
+def test_depths_out_of_bounds_are_told():
+    close = CAMERA.model_copy(update={"far": 20.0})
+    assert any("near" in note and "far" in note for note in lift(filmed(starlings()), close).notes)
+
+
+# the thesis' method --------------------------------------------------------------------
+
+
+def energy_by_hand(d, ray, last, earlier, weights):
+    """Algorithm 3 for two birds, written out."""
+    smooth, flock, w_sep, d_sep, _ = weights
+    b = [d[0] * ray[0], d[1] * ray[1]]
+    total = 0.0
+    for me, other in ((0, 1), (1, 0)):
+        total += smooth * np.sum((b[me] - 2 * last[me] + earlier[me]) ** 2)
+        gap = np.linalg.norm(b[me] - b[other])
+        separation = (b[me] - b[other]) / gap if gap <= d_sep else np.zeros(3)
+        target = last[me] + w_sep * separation + (1 - w_sep) * (b[other] - b[me])
+        total += flock * np.sum((b[me] - target) ** 2)
+    return total
+
+
+@given(st.integers(0, 10_000))
+def test_the_thesis_energy_of_two_birds_is_as_written(seed):
+    chance = np.random.default_rng(seed)
+    ray = CAMERA.rays(chance.uniform((0, 0), (1280, 720), (2, 2)))
+    last, earlier = chance.normal(0, 10, (2, 2, 3))
+    d = chance.uniform(20, 60, 2)
+    weights = np.array([1.3, 0.7, 0.4, 30.0, 0.3])
+    expected = energy_by_hand(d, ray, last, earlier, weights)
+    assert energy(d, ray, last, earlier, weights) == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_thesis_method_keeps_rays_and_bounds():
+    pytest.importorskip("nlopt")
+    tracks = filmed(starlings(3, 12), noise=0.3)
+    bounds = CAMERA.model_copy(update={"near": 30.0, "far": 50.0})
+    flight = lift_by_thesis(tracks, bounds)
+    assert (flight.depth >= 30.0).all() and (flight.depth <= 50.0).all()
+    assert np.allclose(CAMERA.project(flight.xyz), smoothed(tracks).px, atol=1e-6)
