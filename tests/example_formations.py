@@ -26,7 +26,8 @@ def places(kind, birds, seed=0, frame=0, deviation=0.15, outliers=0, spacing=(1.
     y = CURVES[kind].y(x) + deviation * np.clip(draws[:, 1], -2, 2)
     others = np.delete(np.arange(birds), left)
     out = others[np.argsort(draws[others, 2])[:outliers]]
-    y[out] -= (1.2 + np.abs(draws[out, 3])) * (2 * (np.arange(len(out)) % 2) - 1)
+    far = 1.2 + np.abs(draws[out, 3])
+    y[out] += np.where((np.arange(len(out)) % 2 == 0) & (y[out] + far < -0.3), far, -far)
     front = y[left] = 0.0
     y[others] = np.minimum(y[others], front - 0.02)
     return x, y, left, sorted(out.tolist())

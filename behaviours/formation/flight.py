@@ -30,6 +30,7 @@ from behaviours.problems import Problem, ProblemsError
 from engine.noise import Noise
 
 NEAREST = 0.9  # wingspans: drawn lateral distances are at least this, out of one another's downwash
+WAYS = 1.0, 0.7, 0.4, 0.2  # parts of the way to a key shape that are tried
 IN_FRONT = 0.05  # wingspans by which the leader leads at least
 
 
@@ -180,15 +181,34 @@ class SteadyFlight:
         )
         chance = self.noise.uniform("formation key", at, np.arange(len(self.x)))[:, 0]
         share = project(low + chance * (high - low), low, high)
-        if how.method == "proximal":
-            y = solve_proximal(self.x, share * self.total, last, how.proximal)
-        else:
-            y = solve_levenberg_marquardt(self.x, share * self.total, last)
-        y = _behind_the_leader(y - y[self.left], self.left)
+        y = self._shape(share, last)
         self._keys.append(y)
         self._shares.append(share)
         pause = 2.0 * np.abs(y - last).max() / how.drift  # monotone curves go at most at twice their mean speed
         self._times.append(self._times[-1] + max(how.least_time, pause))
+
+    def _shape(self, share, last):
+        """The key shape of these shares, nobody before the leader; or as much of the way there as keeps the ranges."""
+        how, wanted = self.drawing, share * self.total
+        if how.method == "proximal":
+            y = solve_proximal(self.x, wanted, last, how.proximal)
+        else:
+            y = solve_levenberg_marquardt(self.x, wanted, last)
+        y = _behind_the_leader(y - y[self.left], self.left)
+        best, least = y, np.inf
+        for way in WAYS:
+            there = last + way * (y - last)
+            beyond = max(self._beyond(last + part * (there - last)) for part in (0.3, 0.7, 1.0))
+            if beyond < least - 1e-3:
+                best, least = there, beyond
+            if least <= 0.0:
+                break
+        return best
+
+    def _beyond(self, y):
+        """By how much the worst share leaves its range, relative; not above 0 when none does."""
+        share = relative_power(y, self.spacing)
+        return float((np.maximum(self.low - share, share - self.high) / np.maximum(share, 1e-12)).max())
 
     # step 4 -----------------------------------------------------------------------------
 

@@ -62,7 +62,7 @@ def slopes(model: str, x):
     x = np.asarray(x, float)
     zero, one = np.zeros_like(x), np.ones_like(x)
     if model == "v":
-        return np.stack([zero, (x < 0) * one, -(x > 0) * one], axis=-1)
+        return np.stack([zero, np.where(x < 0, 1.0, 0.0), np.where(x > 0, -1.0, 0.0)], axis=-1)
     return np.stack([zero, one] if model == "line" else [zero, one, 2.0 * x], axis=-1)
 
 
@@ -84,10 +84,21 @@ class FrameShape:
 
     @property
     def roles(self) -> dict[str, str]:
-        """Special roles by bird: leader, outlier, or both."""
-        found = {self.birds[k]: "outlier" for k in self.outliers}
-        found[self.birds[self.leader]] = "leader and outlier" if self.leader in self.outliers else "leader"
+        """Special roles by bird: leader, outlier, straggler (in line, but far from everybody)."""
+        found = {self.birds[k]: "straggler" for k in self.stragglers}
+        found |= {self.birds[k]: "outlier" for k in self.outliers}
+        found[self.birds[self.leader]] = "leader"
         return found
+
+    @property
+    def stragglers(self) -> tuple[int, ...]:
+        """Who is farther from the nearest bird than twice the usual, and yet near the curve."""
+        if len(self.x) < 4:
+            return ()
+        x, y = np.array(self.x), np.array(self.y)
+        apart = np.hypot(x[:, None] - x, y[:, None] - y) + np.diag(np.full(len(x), np.inf))
+        alone = apart.min(axis=1) > 2.0 * np.median(apart.min(axis=1))
+        return tuple(k for k in np.flatnonzero(alone).tolist() if k not in (*self.outliers, self.leader))
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,164 @@
+"""From marked birds to a formation: order, spacing, leader, curve, outliers, roles (Klotsman & Tal [1]_, section 4).
+
+What the paper leaves open and what is settled here:
+
+* A V has its apex at the leader and a slope for each side; U and J are one parabola, a J when the shorter side has less
+  than 30 % of the birds, and a linear shape with less than 15 % on one side is a line.
+* The curve is the cheapest of the three (see `behaviours.formation.curves`); μ_y and σ_y are those of the *residuals*
+  of the birds near it.
+* Some flocks are none of these, and are said to be none: a row abreast, a cluster, too few birds.
+
+.. [1] Klotsman, M. & Tal, A. (2012). Animation of flocks flying in line formations. Artificial Life 18(1), 91-105.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from behaviours.formation.curves import TOLERANCE, fit
+from behaviours.formation.shapes import Formation, FrameShape
+
+SHORT_SIDE_OF_LINE = 0.15  # of the birds besides the leader; below: a line
+SHORT_SIDE_OF_J = 0.3  # below: a J, from here on a U
+ABREAST = 0.06  # depth over width of a row of birds abreast
+CROWDED = 0.4  # wingspans between neighbours, on average: less is a cluster, whatever curve goes through it
+NOT_IN_FRONT = 1.0  # what it costs, in birds, to call another than the front-most one the leader
+CANDIDATES = 3  # for the leader
+
+
+class Marks(NamedTuple):
+    """Marked birds: (frames, n) arrays in wingspans, +y the way they fly."""
+
+    frames: tuple[str, ...]
+    birds: tuple[str, ...]
+    x: np.ndarray
+    y: np.ndarray
+
+
+def extract(marks: Marks, name="", provenance=None, samples=None, seed=0) -> Formation:
+    """Every frame of a movie as a formation.
+
+    Parameters
+    ----------
+    marks : Marks
+    samples : int, optional
+        RANSAC with so many samples instead of all.
+
+    References
+    ----------
+    .. [1] Klotsman, M. & Tal, A. (2012). Animation of flocks flying in line formations. Artificial Life 18(1), 91-105.
+    """
+    shapes = tuple(
+        extract_frame(x, y, frame, marks.birds, samples, seed)
+        for frame, x, y in zip(marks.frames, marks.x, marks.y, strict=True)
+    )
+    return Formation(name, shapes, provenance or {})
+
+
+def extract_frame(x, y, frame="0", birds=None, samples=None, seed=0) -> FrameShape:
+    """One frame as a formation.
+
+    Parameters
+    ----------
+    x, y : array_like (n,)
+        Wingspans, +y the way they fly.
+    birds : sequence of str, optional
+        Names.
+
+    Returns
+    -------
+    FrameShape
+        Of kind ``none``, with the reason in ``why``, when the birds fly in no line formation.
+    """
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    names = [str(k) for k in range(len(x))] if birds is None else list(birds)
+    order = np.lexsort((y, x))
+    x, y, names = x[order], y[order], tuple(names[k] for k in order)
+    gaps = np.diff(x)
+    spacing = (float(gaps.mean()), float(gaps.std())) if len(gaps) else (0.0, 0.0)
+    leader, found, why = _look(x, y, samples, seed)
+    x, y = x - x[leader], y - y[leader]
+    curve, outliers, deviation, kind = None, (), (0.0, 0.0), "none"
+    if found is not None:
+        curve = found.curve
+        kind, why = _kind(curve.model, leader, len(x))
+        outliers = tuple(np.flatnonzero(~found.inlier).tolist())
+        rest = (y - curve.y(x))[found.inlier]
+        deviation = (float(rest.mean()), float(rest.std()))
+    return FrameShape(
+        str(frame), names, tuple(x.tolist()), tuple(y.tolist()), int(leader), kind, why, curve, outliers, spacing,
+        deviation,
+    )  # fmt: skip
+
+
+def _look(x, y, samples, seed):
+    """(leader, fit or None, why none)."""
+    n = len(x)
+    front = np.argsort(-y, kind="stable")
+    if n < 3:
+        return front[0], None, "one bird alone" if n == 1 else "two birds are no formation"
+    if max(np.ptp(x), np.ptp(y)) < 1e-6:
+        return front[0], None, "all birds are marked on one point"
+    best, refusal = None, ""
+    for rank, leader in enumerate(front[:CANDIDATES]):
+        seen = _cheapest(x - x[leader], y - y[leader], samples, seed)
+        if seen is None or (rank and seen.inlier[front[:rank]].any()):
+            continue  # whoever flies ahead of the leader must be out of line
+        cost = seen.cost + NOT_IN_FRONT * (rank > 0)
+        if best is None or cost < best[0]:
+            best = cost, leader, seen
+    if best is None:
+        return front[0], None, "no line, V or parabola goes through them"
+    _, leader, seen = best
+    refusal = _refusal(x - x[leader], y - y[leader], seen, samples, seed)
+    return (leader, None, refusal) if refusal else (leader, seen, "")
+
+
+def _cheapest(x, y, samples, seed):
+    models = ("line", "v", "parabola") if len(x) > 4 else ("line",)
+    fits = [found for model in models if (found := fit(model, x, y, TOLERANCE, samples, seed)) is not None]
+    return min(fits, key=lambda found: found.cost) if fits else None
+
+
+def _refusal(x, y, seen, samples, seed):
+    """Why the cheapest curve is no formation; empty when it is one."""
+    n, out = len(x), int((~seen.inlier).sum())
+    along = seen.curve.y(x[seen.inlier])
+    width = float(np.ptp(x[seen.inlier]))
+    if width < CROWDED * (n - 1):
+        return f"a cluster: the birds are {width / max(n - 1, 1):.2f} wingspans apart to the side"
+    if np.ptp(along) < max(ABREAST * width, TOLERANCE) and out <= _allowed(n):
+        return "a row of birds abreast"
+    if seen.curve.model == "line" and min((x < 0).sum(), (x > 0).sum()) > max(1, SHORT_SIDE_OF_LINE * (n - 1)):
+        return "a straight row, led from its middle"
+    turned = (
+        [fit(model, x, y, TOLERANCE, samples, seed, upside_down=True) for model in ("v", "parabola")] if n > 4 else []
+    )
+    cheaper = [found for found in turned if found is not None and found.cost < seen.cost - 1.0]
+    if cheaper and (~cheaper[0].inlier).sum() <= _allowed(n):
+        return "it opens forward: an inverted V or U"
+    if out > _allowed(n):
+        if n <= 4:
+            return f"{n} birds not in a line are too few to tell"
+        return f"a cluster: {out} of {n} birds are off any curve"
+    return ""
+
+
+def _allowed(n):
+    """How many of n birds may be out of line; through few birds some curve goes by chance."""
+    return int(n * (0.25 if n >= 10 else 0.15))
+
+
+def _kind(model, leader, n):
+    """(kind, why) from the curve and the leader's place."""
+    short = min(leader, n - 1 - leader)
+    share = short / max(n - 1, 1)
+    if model == "parabola":
+        if share < SHORT_SIDE_OF_J:
+            return "J", f"a parabola with {short} of {n - 1} birds on the shorter side"
+        return "U", f"a parabola with {short} of {n - 1} birds on the shorter side"
+    if model == "line" or share < SHORT_SIDE_OF_LINE:
+        return "line", f"straight, with {short} of {n - 1} birds on the shorter side"
+    return "V", f"two straight arms, {short} of {n - 1} birds on the shorter one"

@@ -1,0 +1,230 @@
+"""Reading marked birds from a table: columns, unit, the way they fly, and every mistake with its place."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+
+from behaviours.formation.curves import fit
+from behaviours.formation.extraction import Marks
+from behaviours.problems import Problem, ProblemsError, did_you_mean
+
+HEADINGS = {"right": 0.0, "up": 90.0, "left": 180.0, "down": 270.0}  # degrees counter-clockwise from the right
+FRAME, BIRD = ("frame", "photo", "image"), ("bird", "id", "track")
+PIXELS, WINGSPANS = (("x_px", "y_px"), ("x", "y")), (("x_b", "y_b"),)
+LIMIT = 1 << 26  # bytes
+
+
+def read_marks(path: str | os.PathLike, heading: str = "up", wingspan: float | None = None) -> tuple[Marks, dict]:
+    """Marked birds from a CSV.
+
+    Parameters
+    ----------
+    path : path
+        With a header and a row for each bird and frame: ``frame`` (may be left out when there is one), ``bird``,
+        and ``x_px``, ``y_px`` (pixels, y downward) or ``x_b``, ``y_b`` (wingspans, y upward).  Other columns are
+        left alone, but a ``wingspan_px`` is used.
+    heading : str
+        The way they fly across the picture: up, down, left, right, degrees counter-clockwise from the right, or
+        ``auto``.
+    wingspan : float, optional
+        Pixels.
+
+    Returns
+    -------
+    Marks
+        In wingspans, +y the way they fly.
+    dict
+        Heading and wingspan that were used.
+
+    Raises
+    ------
+    ProblemsError
+        Everything that is wrong, with row and column.
+    """
+    name = str(path)
+    header, rows = _table(path, name)
+    at = _columns(header, name)
+    frames, birds, xy, spans = _numbers(rows, at, name, header)
+    problems = _gaps(frames, birds, rows, name)
+    if problems:
+        raise ProblemsError(problems)
+    pixels = at["pixels"]
+    if pixels and wingspan is None:
+        if not spans:
+            message = (
+                "is in pixels, and nothing says how long a wingspan is; add a column wingspan_px or give --wingspan"
+            )
+            raise ProblemsError([Problem(name, 1, header[at["x"]], message)])
+        wingspan = float(np.median(spans))
+    if wingspan is not None and not (math.isfinite(wingspan) and wingspan > 0):
+        raise ProblemsError([Problem(name, None, "wingspan", f"must be above 0 pixels, got {wingspan}")])
+    order = {key: k for k, key in enumerate(dict.fromkeys(frames))}
+    bird = {key: k for k, key in enumerate(dict.fromkeys(birds))}
+    grid = np.empty((len(order), len(bird), 2))
+    for f, b, point in zip(frames, birds, xy, strict=True):
+        grid[order[f], bird[b]] = point
+    if pixels:
+        grid[..., 1] *= -1.0  # pictures count downward
+        grid /= wingspan
+    turn = _heading(heading, grid[0], name)
+    c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
+    x, y = grid[..., 0] * s - grid[..., 1] * c, grid[..., 0] * c + grid[..., 1] * s
+    said = {"heading_degrees": turn, "wingspan_px": wingspan if pixels else None}
+    return Marks(tuple(order), tuple(bird), x, y), said
+
+
+def _table(path, name):
+    try:
+        data = Path(path).read_bytes()
+        if len(data) > LIMIT:
+            raise ProblemsError([Problem(name, None, None, f"is larger than {LIMIT:,} bytes; these are no marks")])
+        text = data.decode("utf-8-sig")
+    except OSError as error:
+        raise ProblemsError([Problem(name, None, None, f"cannot be read: {error.strerror or error}")]) from None
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise ProblemsError([Problem(name, line, None, "is not UTF-8 text")]) from None
+    try:
+        table = [(number, row) for number, row in _rows(text) if any(cell.strip() for cell in row)]
+    except csv.Error as error:
+        raise ProblemsError([Problem(name, None, None, f"is no table: {error}")]) from None
+    if not table:
+        raise ProblemsError([Problem(name, None, None, "is empty; a header and a row for each bird are needed")])
+    if len(table) < 2:
+        raise ProblemsError([Problem(name, 1, None, "has a header and no birds")])
+    return [cell.strip() for cell in table[0][1]], table[1:]
+
+
+def _rows(text):
+    reader = csv.reader(io.StringIO(text))
+    for row in reader:
+        yield reader.line_num, row
+
+
+def _columns(header, name):
+    """Which column holds what."""
+    lowered = [cell.lower() for cell in header]
+    found = {"pixels": True, "x": -1, "y": -1}
+    for pair in (*PIXELS, *WINGSPANS):
+        if pair[0] in lowered and pair[1] in lowered:
+            found.update(x=lowered.index(pair[0]), y=lowered.index(pair[1]), pixels=pair not in WINGSPANS)
+            break
+    if found["x"] < 0:
+        near = did_you_mean("x_px", header)
+        raise ProblemsError([Problem(name, 1, None, f"needs columns x_px and y_px, or x_b and y_b{near}")])
+    for key, names in (("frame", FRAME), ("bird", BIRD), ("span", ("wingspan_px",))):
+        found[key] = next((lowered.index(n) for n in names if n in lowered), -1)
+    return found
+
+
+def _numbers(rows, at, name, header):
+    """(frames, birds, points, wingspans) of all rows."""
+    problems: list[Problem] = []
+    frames, birds, points, spans = [], [], [], []
+    seen: dict[tuple[str, str], int] = {}
+    for line, row in rows:
+        if len(row) < len(header):
+            problems.append(Problem(name, line, None, f"has {len(row)} cells, the header has {len(header)}"))
+            continue
+        point = [_number(row[at[axis]], name, line, header[at[axis]], problems) for axis in ("x", "y")]
+        if at["span"] >= 0 and row[at["span"]].strip():
+            span = _number(row[at["span"]], name, line, "wingspan_px", problems)
+            if span is not None and span <= 0:
+                problems.append(Problem(name, line, "wingspan_px", f"must be above 0, got {span:g}"))
+            elif span is not None:
+                spans.append(span)
+        frame = row[at["frame"]].strip() if at["frame"] >= 0 else "0"
+        bird = row[at["bird"]].strip() if at["bird"] >= 0 else str(len(birds))
+        if not bird:
+            problems.append(Problem(name, line, header[at["bird"]], "has no name"))
+        if (frame, bird) in seen:
+            message = f"bird {bird!r} of frame {frame!r} is already in row {seen[frame, bird]}"
+            problems.append(Problem(name, line, header[at["bird"]], message))
+        seen[frame, bird] = line
+        frames.append(frame)
+        birds.append(bird)
+        points.append(point)
+    if problems:
+        raise ProblemsError(problems)
+    return frames, birds, np.array(points, float), spans
+
+
+def _number(cell, name, line, column, problems):
+    try:
+        value = float(cell)
+    except ValueError:
+        problems.append(Problem(name, line, column, f"must be a number, got {cell.strip()[:40]!r}"))
+        return None
+    if not math.isfinite(value) or abs(value) > 1e7:
+        problems.append(Problem(name, line, column, f"must be a finite number, got {cell.strip()[:40]}"))
+        return None
+    return value
+
+
+def _gaps(frames, birds, rows, name):
+    """Frames that have other birds than the first."""
+    of: dict[str, list[str]] = {}
+    last: dict[str, int] = {}
+    for frame, bird, (line, _) in zip(frames, birds, rows, strict=True):
+        of.setdefault(frame, []).append(bird)
+        last[frame] = line
+    first = next(iter(of))
+    problems = []
+    for frame, here in of.items():
+        missing, more = sorted(set(of[first]) - set(here)), sorted(set(here) - set(of[first]))
+        if missing or more:
+            said = [f"lacks {', '.join(missing[:5])}"] * bool(missing) + [f"has also {', '.join(more[:5])}"] * bool(
+                more
+            )
+            message = (
+                f"frame {frame!r} has {len(here)} birds, frame {first!r} has {len(of[first])}: it {' and '.join(said)}"
+            )
+            problems.append(Problem(name, last[frame], "bird", message))
+    return problems
+
+
+def _heading(heading, points, name):
+    if heading == "auto":
+        return guess_heading(points, name)
+    if heading in HEADINGS:
+        return HEADINGS[heading]
+    try:
+        turn = float(heading)
+    except ValueError:
+        turn = math.nan
+    if not math.isfinite(turn):
+        raise ProblemsError(
+            [Problem(name, None, "heading", f"must be up, down, left, right, auto or degrees, got {heading!r}")]
+        )
+    return turn % 360.0
+
+
+def guess_heading(points, name="marks", step=5):
+    """The way a V or a U opens backward, degrees counter-clockwise from the right; arms of equal slope decide.
+
+    Raises
+    ------
+    ProblemsError
+        When the birds fly in a line or in none, which says nothing of the way they fly.
+    """
+    best = (math.inf, 0.0)
+    for turn in range(0, 360, step):
+        c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
+        x, y = points[:, 0] * s - points[:, 1] * c, points[:, 0] * c + points[:, 1] * s
+        lead = int(np.argmax(y))
+        found = fit("v", x - x[lead], y - y[lead])
+        if found is None or (~found.inlier).sum() > 0.25 * len(x):
+            continue
+        tilts = np.arctan(found.curve.numbers[1:])
+        if tilts.min() < 0.15:  # a row
+            continue
+        best = min(best, (found.cost + 4.0 * abs(tilts[0] - tilts[1]), float(turn)))
+    if not math.isfinite(best[0]):
+        raise ProblemsError([Problem(name, None, "heading", "cannot be told from a flock without two arms; give it")])
+    return best[1]
