@@ -66,13 +66,75 @@ class Scene(NamedTuple):
     known: np.ndarray  # (n,) 1 where there is such a memory
     order: np.ndarray  # (n,) rows in spatial order: neighbours in turn are neighbours in memory
     hidden_points: Any = None  # lists (first, near, offset) by hidden-point removal, if a model present asks for them
+    air: Air | None = None  # what flyers perceive; None in a world without any
+
+
+class Air(NamedTuple):
+    """What animals in the air perceive, in three dimensions.  Rows of walkers see nobody here.
+
+    Visible others of row i are ``near[first[i]:first[i + 1]]``.  What lies ahead is what the heading would hit within
+    the model's `Flight.foresight`; ``aim`` is where to steer instead, past its nearest silhouette edge.
+    """
+
+    first: np.ndarray  # (n + 1,)
+    near: np.ndarray  # (m,) rows
+    offset: np.ndarray  # (m, 3) m, from the observer to the neighbour
+    up: np.ndarray  # (n, 3) unit vectors out of the back
+    hit: np.ndarray  # (n,) m along the heading to what lies ahead; inf: nothing
+    aim: np.ndarray  # (n, 3) unit vectors
+    gap: np.ndarray  # (n,) m to the nearest surface within foresight; inf: none
+    normal: np.ndarray  # (n, 3) unit vectors away from that surface
+    height: np.ndarray  # (n,) m above the ground
+    bound: np.ndarray  # (n,) migration: 0 nowhere, 1 a direction, 2 a point
+    target: np.ndarray  # (n, 3) the direction, or the offset to the point, m
+    dangers: np.ndarray  # (k,) rows of the animals that others flee from
+
+
+def air_of(scene: Scene) -> Air:
+    """What flyers perceive in a scene; made of the walkers' lists, over no ground, where there is nothing better."""
+    if scene.air is not None:
+        return scene.air
+    n = len(scene.ids)
+    rise = scene.xyz[scene.near, 2] - np.repeat(scene.xyz[:, 2], np.diff(scene.first))
+    up = np.tile([0.0, 0.0, 1.0], (n, 1))
+    return Air(
+        scene.first, scene.near, np.column_stack([scene.offset, rise]), up, np.full(n, np.inf), scene.forward,
+        np.full(n, np.inf), up, np.full(n, np.inf), np.zeros(n, np.uint8), np.zeros((n, 3)),
+        np.flatnonzero(scene.danger),
+    )  # fmt: skip
 
 
 class Wishes(NamedTuple):
-    """What a model wants for the rows asked."""
+    """What a model wants for the rows asked.
+
+    On the ground direction and pace say all.  In the air (`Behaviour.flight`) a model may say an acceleration, or,
+    if its `Flight` is exact, the velocity itself; without either a bird turns to the direction at its own speed.
+    """
 
     direction: np.ndarray  # (k, 3) unit vectors: the way to face next
     pace: np.ndarray  # (k,) multiplies the brush's speed; 1 leaves it alone
+    acceleration: np.ndarray | None = None  # (k, 3) m/s^2
+    velocity: np.ndarray | None = None  # (k, 3) m/s
+
+
+class Flight(NamedTuple):
+    """What air and muscles allow a body; lengths in its own body lengths.  As it stands, everything.
+
+    The geometric flight of Reynolds 1987: see `systems.flight`.
+    """
+
+    min_speed: float = 0.0  # BL/s
+    max_speed: float = np.inf  # BL/s
+    max_acceleration: float = np.inf  # BL/s^2, of what a model wishes
+    damping: float = 0.0  # 1/s, how soon the speed comes back to the bird's own (`Speed.target`)
+    weight: float = 0.0  # share of gravity that pulls
+    buoyancy: float = 0.0  # share of the weight that the air bears by itself
+    lift: float = 0.0  # share of the weight that the wings bear at the bird's own speed; grows with its square
+    banking: float = 0.0  # 1: a coordinated turn; 0: upright; -1: flung outwards
+    roll_time: float = 0.25  # s in which a change of bank is made
+    foresight: float = 0.0  # s of flight that the bird looks ahead for obstacles
+    grounded: bool = False  # held to the terrain: a herd
+    exact: bool = False  # the model says the velocity, and nothing limits it
 
 
 @dataclass(frozen=True)
@@ -85,12 +147,19 @@ class Behaviour:
     doc: str
     danger: bool = False  # prey flees from animals that this model moves
     hidden_points: bool = False  # asks for the lists of hidden-point removal, which cost extra
+    flight: Callable[[Any], Flight] | None = None  # of its parameters: then its animals move in the air
 
 
 _registry: dict[str, Behaviour] = {}
 
 
-def behaviour(name: str, Params: type[Parameters], danger: bool = False, hidden_points: bool = False):
+def behaviour(
+    name: str,
+    Params: type[Parameters],
+    danger: bool = False,
+    hidden_points: bool = False,
+    flight: Callable[[Any], Flight] | None = None,
+):
     """Register ``steer(scene, rows, params) -> Wishes`` under a name.
 
     Parameters
@@ -99,6 +168,8 @@ def behaviour(name: str, Params: type[Parameters], danger: bool = False, hidden_
         Prey flees from animals that this model moves.
     hidden_points : bool
         The model wants ``scene.hidden_points``.
+    flight : callable, optional
+        ``flight(params) -> Flight``: animals of this model move in the air, within these limits.
 
     Raises
     ------
@@ -110,7 +181,7 @@ def behaviour(name: str, Params: type[Parameters], danger: bool = False, hidden_
         if name in _registry:
             raise ValueError(f"behaviour {name!r} is already in {_registry[name].steer.__module__}")
         doc = importlib.import_module(steer.__module__).__doc__ or ""
-        _registry[name] = Behaviour(name, steer, Params, doc, danger, hidden_points)
+        _registry[name] = Behaviour(name, steer, Params, doc, danger, hidden_points, flight)
         return steer
 
     return register

@@ -5,6 +5,8 @@ import numpy as np
 from engine.columns import Component, Field
 
 FOLLOWER, LEADER = 0, 1
+BY_HEADING, BY_ACCELERATION, BY_VELOCITY = 0, 1, 2  # what moves a body in the air
+NOWHERE, DIRECTION, POINT = 0, 1, 2  # where a migrating animal is bound
 
 
 class Position(Component):
@@ -107,6 +109,32 @@ class Wish(Component):
     pace = Field(1.0)  # multiplies the speed (a sprint, a halt)
 
 
+class Airborne(Component):
+    """How a body is held in the air; its heading and `up` are two axes of its own frame, at right angles."""
+
+    optional = True
+    up = Field((0.0, 0.0, 1.0))  # unit vector out of the back: where it leans, the animal banks
+
+
+class Thrust(Component):
+    """What a model in the air wants.  Rewritten every tick."""
+
+    optional = True
+    kind = Field(BY_HEADING, np.uint8)
+    acceleration = Field((0.0, 0.0, 0.0))  # m/s^2
+    velocity = Field((0.0, 0.0, 0.0))  # m/s
+
+
+class Migration(Component):
+    """The migratory urge's own register: where the animal is bound, and where that is moving (Reynolds 1987)."""
+
+    optional = True
+    kind = Field(NOWHERE, np.uint8)
+    target = Field((0.0, 0.0, 0.0))  # m for a point; a vector for a direction
+    next = Field((0.0, 0.0, 0.0))  # what `target` becomes, evenly
+    left = Field(0.0)  # s until it has
+
+
 AGENT = (
     Position,
     Velocity,
@@ -122,4 +150,7 @@ AGENT = (
     Destination,
     Memory,
     Wish,
+    Airborne,
+    Thrust,
+    Migration,
 )

@@ -91,10 +91,15 @@ def _short(value):
 
 
 class Component:
-    """Base of every component stored by column."""
+    """Base of every component stored by column.
+
+    A kind that only some worlds use says ``optional = True``: its columns belong to the state hash only while some
+    animal has another value than at birth, so worlds that never use it keep their hashes.
+    """
 
     __slots__ = ("_entity", "_home")
     fields: ClassVar[dict[str, Field]] = {}
+    optional: ClassVar[bool] = False
 
     def __init__(self, **values):
         self._home, self._entity = {}, 0

@@ -7,8 +7,9 @@ and every resource or plain component that keeps this protocol:
     set_state(data: bytes)      take that back; later ticks must then give the same bits
 
 A resource without the two is taken to be a constant of the level, or to be made anew in every
-tick.  One that must come back with a snapshot, but is no part of what the herd *is*, says
-``hashed = False``: the queue of commands, which a replay fills differently.
+tick.  One that keeps constants in its state leaves them out of ``hashed_state() -> bytes``.  One
+that must come back with a snapshot, but is no part of what the herd *is*, says ``hashed = False``:
+the queue of commands, which a replay fills differently.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ def state_hash(world):
     -------
     str
         A hash of the next entity id, the agents' ids and columns in order of name, and the
-        states of resources and plain components.
+        states of resources and plain components.  Columns of an optional kind that nobody uses are left out.
     """
     digest = hashlib.blake2b(digest_size=8)
     for name, data in _parts(world, hashed=True):
@@ -151,10 +152,11 @@ def _parts(world, hashed):
     yield "entities", json.dumps([world.next_entity, list(kinds.items())], separators=(",", ":")).encode()
     yield "ids", _bytes(agents.ids)
     for field in _fields(world):
-        yield repr(field), _bytes(agents[field])
+        if not (hashed and field.owner.optional and (agents[field] == field.default).all()):
+            yield repr(field), _bytes(agents[field])
     for name, owner in _owners(world):
         if not hashed or getattr(owner, "hashed", True):
-            yield name, owner.state()
+            yield name, (getattr(owner, "hashed_state", owner.state) if hashed else owner.state)()
 
 
 def _bytes(array):

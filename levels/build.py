@@ -20,6 +20,7 @@ from engine.world import World
 from levels.schema import Level, Spawn
 from systems.commands import ApplyCommands
 from systems.decide import ReferenceBirds, Roles
+from systems.foresight import Ahead, Migrate, SeeAhead
 from systems.ground import Underfoot
 from systems.landscape import Barrier, Landscape
 from systems.life import Live, Nursery, bear, births_due
@@ -34,9 +35,11 @@ from systems.senses import (
     ObstaclesInSight,
     See,
     SeeByHiddenPoints,
+    SeeInSpace,
     SeeObstacles,
     Sight,
     SightByHiddenPoints,
+    SightInSpace,
 )
 from systems.steer import Steer
 from systems.terrain import compose_brushes, compose_caps, rasterise_polygon, relief_of
@@ -99,8 +102,11 @@ def systems():
         See(),
         SeeByHiddenPoints(),
         SeeObstacles(),
+        SeeInSpace(),
+        SeeAhead(),
         Roles(),
         ReferenceBirds(),
+        Migrate(),
         Steer(),
         Pace(),
         Move(),
@@ -144,6 +150,8 @@ def build(level: Level, seed=None, agents=None, library: BrushLibrary | None = N
         Sight(),
         SightByHiddenPoints(),
         ObstaclesInSight(),
+        SightInSpace(),
+        Ahead(),
     ):
         world.insert(resource)
     world.insert(landscape_of(level, palette))
@@ -198,17 +206,22 @@ def landscape_of(level, palette):
         np.ones(shape) if terrain is None else terrain.cost,
         relief_of() if height is None else relief_of(height.values, height.cell),
         1.0 if height is None else height.cell,
-        [Barrier(o.polygon, o.solid, o.blocks_view, o.name, o.margin) for o in level.obstacles if o.z_min <= 0.0],
+        [_barrier(o) for o in level.obstacles if o.z_min <= 0.0],
         level.guides,
         goals,
         [exit.polygon for exit in level.exits],
         reach,
+        overhead=[_barrier(o) for o in level.obstacles if o.z_min > 0.0],
     )
     for zone in level.zones:
         if zone.brush:
             land.transition[rasterise_polygon(zone.polygon, shape, level.cell)] = zone.blend
     land.rebuild()
     return land
+
+
+def _barrier(o):
+    return Barrier(o.polygon, o.solid, o.blocks_view, o.name, o.margin, float(o.z_min), float(o.z_max), o.shape)
 
 
 def _farthest_view(level, palette):

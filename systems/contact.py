@@ -40,7 +40,7 @@ def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf):
     Parameters
     ----------
     cells : Cells
-        The herd as it is.
+        The herd as it is; whoever is in no cell does not move.
     forward, wish : ndarray (n, 3)
         Unit headings: as they are and as the models wish them.
     speed : ndarray (n,)
@@ -70,12 +70,14 @@ def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf):
     near, count = _contacts(cells, reach, order)
     step, heading = np.zeros((n, 2)), np.zeros((n, 2))
     over_rows(
-        _turn, n, order, cells.slot, near, count, *_bodies(cells), forward, wish, speed, max_turn, *edges, dt,
+        _turn, len(order), order, cells.slot, near, count, *_bodies(cells), forward, wish, speed, max_turn, *edges, dt,
         step, heading,
     )  # fmt: skip
     for _ in range(PUSHES):
         pushed = np.empty_like(step)
-        over_rows(_push, n, order, *_bodies(cells), cells.row, cells.slot, near, count, step, heading, far, pushed)
+        over_rows(
+            _push, len(order), order, *_bodies(cells), cells.row, cells.slot, near, count, step, heading, far, pushed
+        )
         step = pushed
     return _agree(order, cells, near, count, edges, step, heading, far)
 
@@ -94,7 +96,7 @@ def _agree(order, cells, near, count, edges, step, heading, far):
     At first the line between two bodies moves along with both of them, so that a crowd can stream and be pushed.
     Who cannot keep to all his lines stands firm: his lines stay where they are, and his neighbours look again.
     """
-    n = len(order)
+    n = len(step)
     safe, turned = np.empty_like(step), np.empty_like(heading)
     firm, fresh = np.zeros(n, np.uint8), np.ones(n, np.uint8)
     for again in range(ROUNDS + 1):
@@ -103,8 +105,8 @@ def _agree(order, cells, near, count, edges, step, heading, far):
             firm[:] = 1
         stuck = np.zeros(n, np.uint8)
         over_rows(
-            _keep_to_own_side, n, order, *_bodies(cells), cells.row, cells.slot, near, count, *edges, step, heading,
-            firm, fresh, stuck, far, safe, turned,
+            _keep_to_own_side, len(order), order, *_bodies(cells), cells.row, cells.slot, near, count, *edges, step,
+            heading, firm, fresh, stuck, far, safe, turned,
         )  # fmt: skip
         if not stuck.any():
             break
@@ -119,12 +121,12 @@ def _bodies(cells):
 
 def _contacts(cells, reach, order, width=16):
     """Slots of the bodies that could be met in this tick, by row."""
-    n = len(order)
+    n = len(cells.slot)
     count = np.zeros(n, np.int32)
     while True:
         near = np.empty((n, width), np.int32)
         grid = cells.start, cells.nx, cells.ny, cells.cell, cells.west, cells.south
-        over_rows(_find_contacts, n, order, cells.x, cells.y, cells.slot, *grid, reach, near, count)
+        over_rows(_find_contacts, len(order), order, cells.x, cells.y, cells.slot, *grid, reach, near, count)
         most = int(count.max()) if n else 0
         if most <= width:
             return near, count

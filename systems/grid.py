@@ -34,10 +34,10 @@ class Cells(NamedTuple):
     west: float  # m
     south: float  # m
     density: float  # animals per m^2 where the animals are
-    slot: np.ndarray  # (n,) int32: the slot of each row
+    slot: np.ndarray  # (n,) int32: the slot of each row; -1 for one in no cell
 
 
-def sort_into_cells(xyz, forward, length, radius, reach, wrap=None):
+def sort_into_cells(xyz, forward, length, radius, reach, wrap=None, rows=None):
     """Sort a herd into cells.
 
     Parameters
@@ -50,13 +50,19 @@ def sort_into_cells(xyz, forward, length, radius, reach, wrap=None):
         The farthest any animal sees, metres.
     wrap : (float, float), optional
         Width and height of a periodic map, metres.
+    rows : ndarray (k,) int32, optional
+        Only these animals: the others are in no cell, and their slot is -1.
 
     Returns
     -------
     Cells
     """
-    rows = np.arange(len(xyz), dtype=np.int32)
+    whole = rows is None
+    rows = np.arange(len(xyz), dtype=np.int32) if whole else rows
     x, y = np.ascontiguousarray(xyz[:, 0], float), np.ascontiguousarray(xyz[:, 1], float)
+    if not whole:
+        x, y = x[rows], y[rows]
+    count = len(x)
     if wrap is not None:
         x, y, rows = _with_ghosts(x, y, rows, reach, wrap)
     west, south, east, north, density = _survey(x, y, reach)
@@ -66,7 +72,7 @@ def sort_into_cells(xyz, forward, length, radius, reach, wrap=None):
     cell = max(min((A_CELL / density) ** 0.5, reach / 2), reach / 12, 1e-3)
     cell, nx, ny = _shape(east - west, north - south, cell, len(x))
     order, start = _sort(x, y, west, south, cell, nx, ny)
-    columns = _by_slot(order, x, y, rows, forward, length, radius)
+    columns = _by_slot(order, count, x, y, rows, forward, length, radius)
     return Cells(*columns, start, nx, ny, cell, west, south, density, _slots(columns[6], columns[7], len(xyz)))
 
 
@@ -142,9 +148,9 @@ def _sort(x, y, west, south, cell, nx, ny):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _by_slot(order, x, y, rows, forward, length, radius):
-    """The columns of `Cells` from x to ghost."""
-    m, n = len(order), len(forward)
+def _by_slot(order, n, x, y, rows, forward, length, radius):
+    """The columns of `Cells` from x to ghost; who comes after the first n is a ghost."""
+    m = len(order)
     sx, sy, fx, fy = np.empty(m), np.empty(m), np.empty(m), np.empty(m)
     half, thick, row, ghost = np.empty(m), np.empty(m), np.empty(m, np.int32), np.empty(m, np.bool_)
     for s in range(m):
@@ -160,7 +166,7 @@ def _by_slot(order, x, y, rows, forward, length, radius):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _slots(row, ghost, n):
     """The slot of each row."""
-    slot = np.empty(n, np.int32)
+    slot = np.full(n, -1, np.int32)
     for s in range(len(row)):
         if not ghost[s]:
             slot[row[s]] = s

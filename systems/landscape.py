@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 
 import numpy as np
 
+from engine.fields import bilinear_
+from engine.solids import Solids, convex_parts, cylinder, half_space, packed, prism, sphere
 from systems.navigation import Navigation, navigation_of
 from systems.terrain import compose_blocked, relief_of
 from systems.visibility import Edges, edges_by_cell, no_edges
@@ -23,6 +25,18 @@ class Barrier:
     blocks_view: bool = True
     name: str = ""
     margin: float = 0.0  # m, kept free around it by those who follow a field
+    z_min: float = 0.0  # m above the ground; animals on the ground pass below what begins higher
+    z_max: float = 1000.0  # m above the ground
+    shape: str = "box"  # how it stands up from its outline: box, cylinder, sphere or plane
+
+
+@dataclass
+class Glide:
+    """An obstacle on its way."""
+
+    name: str
+    by: np.ndarray  # (3,) m still to go
+    left: float  # s until it is there
 
 
 @dataclass
@@ -78,6 +92,10 @@ class Landscape:
     _head: bytes | None = None
     blocked: np.ndarray | None = None
     transition: np.ndarray | None = None
+    overhead: list[Barrier] = field(default_factory=list)  # what begins above the ground
+    glides: list[Glide] = field(default_factory=list)  # what is on its way to another place
+    _sky: tuple[Solids, Solids] | None = None
+    _moved: bool = False  # whether anything has glided or moved in height since the level was built
 
     def __post_init__(self):
         if self.transition is None:
@@ -98,9 +116,55 @@ class Landscape:
         """Polygons (k, 2) m of the obstacles that keep bodies out."""
         return [b.polygon for b in self.barriers if b.solid]
 
+    @property
+    def sky(self):
+        """`Solids` that keep those in the air out."""
+        return self._in_space()[0]
+
+    @property
+    def opaque_solids(self):
+        """`Solids` that hide whoever is behind them from those in the air."""
+        return self._in_space()[1]
+
+    def _in_space(self):
+        if self._sky is None:
+            things = [(b, solid) for b in (*self.barriers, *self.overhead) for solid in self._stood_up(b)]
+            bodies = [solid for b, solid in things if b.solid]
+            views = [solid for b, solid in things if b.blocks_view]
+            if self.wrap is not None:
+                bodies, views = _in_all_images(bodies, self.wrap), _in_all_images(views, self.wrap)
+            if self.boundary == "wall":
+                w, h = self.width, self.height
+                bodies += [
+                    half_space((0, 0, 0), (1, 0, 0)), half_space((w, 0, 0), (-1, 0, 0)),
+                    half_space((0, 0, 0), (0, 1, 0)), half_space((0, h, 0), (0, -1, 0)),
+                ]  # fmt: skip
+            self._sky = packed(bodies), packed(views)
+        return self._sky
+
+    def ground(self, xy):
+        """Height of the ground at one place, m."""
+        flat = self.relief.shape[:2] == (1, 1)
+        return 0.0 if flat else float(bilinear_(self.relief[..., 0], self.relief_cell, xy[0], xy[1]))
+
+    def _stood_up(self, barrier):
+        """The `Solid` pieces of a barrier."""
+        polygon, ground = barrier.polygon, self.ground(barrier.polygon.mean(0))
+        low, high = barrier.z_min + ground, barrier.z_max + ground
+        if barrier.shape == "plane":  # below it when it lies on the ground, above it when it is a ceiling
+            point = np.array([*polygon.mean(0), low if barrier.z_min > 0 else high])
+            return [half_space(point, (0, 0, -1) if barrier.z_min > 0 else (0, 0, 1), barrier.blocks_view)]
+        middle, away = np.array([*polygon.mean(0), 0.5 * (low + high)]), polygon - polygon.mean(0)
+        radius = float(np.sqrt((away**2).sum(1).max()))
+        if barrier.shape == "sphere":
+            return [sphere(middle, radius, barrier.blocks_view)]
+        if barrier.shape == "cylinder":
+            return [cylinder(middle, radius, 0.5 * (high - low), opaque=barrier.blocks_view)]
+        return [prism(part, low, high, barrier.blocks_view) for part in convex_parts(polygon)]
+
     def rebuild(self, navigation=True):
         """Make edges and fields anew after barriers, terrain, guides or goals have changed."""
-        self._head = None
+        self._head = self._sky = None
         walls, wall_owner, views = [], [], []
         for owner, b in enumerate(self.barriers):
             edges = np.hstack([b.polygon, np.roll(b.polygon, -1, axis=0)])
@@ -148,12 +212,41 @@ class Landscape:
     def _painted(self):
         return self.surface, self.brush, self.transition
 
+    def find(self, name):
+        """The barriers of this name."""
+        return [b for b in (*self.barriers, *self.overhead) if b.name == name]
+
+    def shift(self, barrier, by):
+        """Put a barrier elsewhere, by (3,) m."""
+        barrier.polygon = barrier.polygon + np.asarray(by[:2], float)
+        barrier.z_min, barrier.z_max = barrier.z_min + float(by[2]), barrier.z_max + float(by[2])
+        self._sky, self._moved = None, True
+        if barrier in self.barriers:
+            self.rebuild()
+
+    def hashed_state(self):
+        """What of `state` makes a difference: heights only once something has moved."""
+        return self._state_of(self._moved)
+
     def state(self):
         """What may change while a world runs: paint, obstacles and goals (see `engine.state`)."""
+        return self._state_of(True)
+
+    def _state_of(self, heights):
         if self._head is None:
             self._head = self._things()
         text = self._head
+        if heights:
+            text = json.dumps(json.loads(text) | self._heights()).encode()
         return b"".join([len(text).to_bytes(8, "little"), text, *(raster.tobytes() for raster in self._painted())])
+
+    def _heights(self):
+        return {
+            "heights": [[b.z_min, b.z_max, b.shape] for b in self.barriers],
+            "overhead": [[b.polygon.tolist(), *astuple(b)[1:]] for b in self.overhead],
+            "glides": [[g.name, g.by.tolist(), g.left] for g in self.glides],
+            "moved": self._moved,
+        }
 
     def _things(self):
         """What is not a raster, as JSON; kept until the next `rebuild`, for it is asked for in every tick."""
@@ -175,10 +268,20 @@ class Landscape:
             raster[:] = np.frombuffer(data[start:end], raster.dtype).reshape(raster.shape)
             start = end
         self.reach = head["reach"]
-        self.barriers = [Barrier(np.array(polygon), *rest) for polygon, *rest in head["barriers"]]
+        pairs = zip(head["barriers"], head["heights"], strict=True)
+        self.barriers = [Barrier(np.array(polygon), *rest, *heights) for (polygon, *rest), heights in pairs]
+        self.overhead = [Barrier(np.array(polygon), *rest) for polygon, *rest in head["overhead"]]
+        self.glides = [Glide(name, np.array(by), left) for name, by, left in head["glides"]]
+        self._moved = head["moved"]
         for goal, (xy, polygon) in zip(self.goals, head["goals"], strict=True):
             goal.xy, goal.polygon = np.array(xy), None if polygon is None else np.array(polygon)
         self.rebuild()
+
+
+def _in_all_images(solids, wrap):
+    """Solids of a periodic map and their copies across the seams."""
+    shifts = [(dx * wrap[0], dy * wrap[1], 0.0) for dx in (0, -1, 1) for dy in (0, -1, 1)]
+    return [solid.moved(shift) for shift in shifts for solid in solids]
 
 
 def outline_edges(mask):

@@ -28,11 +28,13 @@ class Pace(System):
     def process(self, world):
         agents, palette, clock = world.agents, world.resource(Palette), world.resource(Clock)
         n = len(agents)
+        aloft = palette.aloft(agents[BrushBinding.brush])
+        free = np.zeros(n, np.bool_) if aloft is None else aloft & ~palette.grounded[agents[BrushBinding.brush]]
         density = np.zeros(n)
         if palette.uses_density:
             over_rows(crowding, n, *_grid(world.resource(Near).cells), agents[Body.length], density)
         over_rows(
-            _pace, n, agents.ids, agents[Body.length], agents[BrushBinding.brush], density,
+            _pace, n, free, agents.ids, agents[Body.length], agents[BrushBinding.brush], density,
             agents[Ground.factor], agents[Ground.cap], agents[Ground.slope], agents[Heading.forward],
             agents[Wish.pace], palette.mean, palette.deviation, palette.reversion,
             palette.density_first, palette.density_table,
@@ -52,6 +54,8 @@ def crowding(lo, hi, x, y, slot, start, nx, ny, cell, west, south, length, densi
     """Others per square body length within two body lengths (seen or not: what presses, slows)."""
     for i in range(lo, hi):
         s = slot[i]
+        if s < 0:
+            continue
         reach = 2.0 * length[i]
         r0, r1 = max(0, int((y[s] - reach - south) / cell)), min(ny - 1, int((y[s] + reach - south) / cell))
         c0, c1 = max(0, int((x[s] - reach - west) / cell)), min(nx - 1, int((x[s] + reach - west) / cell))
@@ -65,7 +69,7 @@ def crowding(lo, hi, x, y, slot, start, nx, ny, cell, west, south, length, densi
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _pace(
-    lo, hi, ids, length, brush, density, factor, cap, slope, forward, wanted,
+    lo, hi, free, ids, length, brush, density, factor, cap, slope, forward, wanted,
     mean, deviation, reversion, table_first, table, key, dt, drawn, effort, target,
 ):  # fmt: skip
     root = np.sqrt(dt)
@@ -79,6 +83,9 @@ def _pace(
         if rise != 0.0:
             share *= slope_factor_(rise)
         effort[i] += (wanted[i] - effort[i]) * min(dt / GATHER, 1.0)
+        if free[i]:  # in the air there is neither mud nor slope
+            target[i] = min(drawn[i] * effort[i], cap[i])
+            continue
         target[i] = min(drawn[i] * share * factor[i] * effort[i], cap[i])
 
 

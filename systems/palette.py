@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 
-from behaviours.behaviour import behaviours
+from behaviours.behaviour import Flight, behaviours
 from behaviours.brush import load_brush
 from engine.maths import sincos_
 
@@ -57,6 +57,13 @@ class Palette:
     def names(self):
         return [brush.name for brush in self.brushes]
 
+    def aloft(self, brush):
+        """(n,) bool, whose brush moves in the air; None when nobody's does."""
+        if not self.flies.any():
+            return None
+        aloft = self.flies[brush]
+        return aloft if aloft.any() else None
+
     def named(self, name):
         """Index of the brush of this name; LookupError with what there is."""
         try:
@@ -82,6 +89,13 @@ class Palette:
         self.neighbour_range = column(lambda b: getattr(b.params, "neighbour_range", np.inf))  # body lengths
         self.hidden_points = any(model.hidden_points for model in self.models)
         self.danger = column(lambda b: models[b.model].danger).astype(np.uint8)
+        flights = [
+            Flight() if m.flight is None else m.flight(b.params) for m, b in zip(self.models, self.brushes, strict=True)
+        ]
+        self.flies = column(lambda b: models[b.model].flight is not None).astype(bool)
+        self.flight = np.array(flights, float).reshape(len(flights), len(Flight._fields))  # rows of `Flight`
+        self.foresight = np.array([flight.foresight for flight in flights])
+        self.grounded = np.array([flight.grounded for flight in flights], bool)
         self.sees_through = column(lambda b: not b.vision.occlusion).astype(np.uint8)
         # by_density as one table: rows of (density per square body length, factor), closed on both sides
         rows = [np.array(b.speed.by_density or [(0.0, 1.0)], float) for b in self.brushes]

@@ -20,8 +20,8 @@ from components import (
 )
 from engine.clock import Clock
 from engine.noise import Noise
+from systems.ground_height import height_of_ground
 from systems.landscape import Landscape
-from systems.motion import _height
 from systems.palette import Palette
 from systems.spawning import NoRoom, outlines, place
 
@@ -98,7 +98,7 @@ def give_birth(
     if speed is not None:
         drawn[:] = speed
     flat = land.relief.shape[:2] == (1, 1)
-    z = np.array([0.0 if flat else _height(land.relief, land.relief_cell, x, y) for x, y in xy]) + altitude
+    z = np.array([0.0 if flat else height_of_ground(land.relief, land.relief_cell, x, y) for x, y in xy]) + altitude
     forward = np.column_stack([forward, np.zeros(count)])
     return world.create_agents(
         count,

@@ -17,20 +17,30 @@ from systems.grid import Cells, sort_into_cells
 from systems.hidden_points import visible_by_hpr
 from systems.landscape import Landscape
 from systems.palette import Palette
-from systems.visibility import Lists, visible_neighbours
+from systems.space import Space, sort_in_space, visible_in_space
+from systems.visibility import Lists, nobody, visible_neighbours
 
 
 @dataclass
 class Near:
     """The herd by cell, as of the start of the tick."""
 
-    cells: Cells | None = None
+    cells: Cells | None = None  # of those on the ground
     ghosts: float = np.inf  # m, how far across the seam of a wrapped map there are copies
+    aloft: np.ndarray | None = None  # (n,) bool; None when all are on the ground
+    space: Space | None = None  # of those in the air
 
 
 @dataclass
 class Sight:
     """Visible neighbours of every animal: what any model can use."""
+
+    lists: Lists | None = None
+
+
+@dataclass
+class SightInSpace:
+    """Visible neighbours of those in the air, with offsets (m, 3); None when nobody is."""
 
     lists: Lists | None = None
 
@@ -51,20 +61,29 @@ class ObstaclesInSight:
 
 
 class FindNeighbours(System):
-    """Sort the herd into cells."""
+    """Sort the herd into cells: those on the ground on a plane, those in the air in space."""
 
-    stage, reads, writes = Stage.NEAR, (Position, Heading, Body, Vision, Speed, Landscape, Clock), (Near,)
+    stage = Stage.NEAR
+    reads = (Position, Heading, Body, Vision, Speed, BrushBinding, Palette, Landscape, Clock)
+    writes = (Near,)
 
     def process(self, world):
         agents, land, near = world.agents, world.resource(Landscape), world.resource(Near)
+        near.aloft = world.resource(Palette).aloft(agents[BrushBinding.brush])
+        rows, walkers = None, slice(None)
+        if near.aloft is not None:
+            flyers = np.flatnonzero(near.aloft)
+            rows = walkers = np.flatnonzero(~near.aloft).astype(np.int32)
+            reach = float(agents[Vision.range][flyers].max())
+            near.space = sort_in_space(agents[Position.xyz], agents[Heading.forward], flyers, reach, land.wrap)
         size = agents[Body.axis] + agents[Body.radius]
-        reach = float(agents[Vision.range].max()) if len(agents) else 1.0
+        reach = float(agents[Vision.range][walkers].max(initial=0.0)) or 1.0
         if land.wrap and len(agents):  # who touches across the seam is seen there too, at twice the present speed
-            ahead = 8.0 * world.resource(Clock).dt * float(agents[Speed.target].max())
-            reach = max(reach, 3.0 * float(size.max()) + ahead)
+            ahead = 8.0 * world.resource(Clock).dt * float(agents[Speed.target][walkers].max(initial=0.0))
+            reach = max(reach, 3.0 * float(size[walkers].max(initial=0.0)) + ahead)
         near.ghosts = reach if land.wrap else np.inf
         near.cells = sort_into_cells(
-            agents[Position.xyz], agents[Heading.forward], 2 * size, agents[Body.radius], reach, land.wrap
+            agents[Position.xyz], agents[Heading.forward], 2 * size, agents[Body.radius], reach, land.wrap, rows
         )
 
 
@@ -77,11 +96,44 @@ class See(System):
 
     def process(self, world):
         agents, land, palette = world.agents, world.resource(Landscape), world.resource(Palette)
+        near, n = world.resource(Near), len(agents)
+        binding = agents[BrushBinding.brush]
+        if near.aloft is not None:
+            binding = binding[~near.aloft]
+            if not len(binding):
+                world.resource(Sight).lists = nobody(n, 2)
+                return
+        cosine = np.empty(n)
+        over_rows(_cosine_of_half, n, agents[Vision.field_of_view], cosine)
+        through = bool(n) and bool(palette.sees_through[binding].all())
+        world.resource(Sight).lists = visible_neighbours(
+            near.cells, agents[Vision.range], cosine, land.opaque, not through
+        )
+
+
+class SeeInSpace(System):
+    """Range, field of view and line of sight for those in the air, in three dimensions."""
+
+    stage = Stage.SENSE
+    reads = (Near, Body, Vision, BrushBinding, Palette, Landscape)
+    writes = (SightInSpace,)
+
+    def process(self, world):
+        agents, palette, near = world.agents, world.resource(Palette), world.resource(Near)
+        sight = world.resource(SightInSpace)
+        sight.lists = None
+        if near.aloft is None:
+            return
         cosine = np.empty(len(agents))
         over_rows(_cosine_of_half, len(agents), agents[Vision.field_of_view], cosine)
-        through = bool(len(agents)) and bool(palette.sees_through[agents[BrushBinding.brush]].all())
-        world.resource(Sight).lists = visible_neighbours(
-            world.resource(Near).cells, agents[Vision.range], cosine, land.opaque, not through
+        through = palette.sees_through[agents[BrushBinding.brush]]
+        sight.lists = visible_in_space(
+            near.space,
+            agents[Vision.range],
+            cosine,
+            through,
+            agents[Body.radius],
+            world.resource(Landscape).opaque_solids,
         )
 
 

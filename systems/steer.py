@@ -5,15 +5,33 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from behaviours.behaviour import Scene
-from components import Body, BrushBinding, Ground, Heading, Memory, Position, Role, Species, Speed, Velocity, Wish
+from behaviours.behaviour import Air, Scene
+from components import (
+    Airborne,
+    Body,
+    BrushBinding,
+    Destination,
+    Ground,
+    Heading,
+    Memory,
+    Migration,
+    Position,
+    Role,
+    Species,
+    Speed,
+    Thrust,
+    Velocity,
+    Wish,
+)
+from components.agent import BY_ACCELERATION, BY_HEADING, BY_VELOCITY, NOWHERE, POINT
 from engine.clock import Clock
 from engine.noise import Noise
 from engine.parallel import over_rows
 from engine.schedule import Stage, System
+from systems.foresight import Ahead
 from systems.landscape import Landscape
 from systems.palette import Palette
-from systems.senses import Near, ObstaclesInSight, Sight, SightByHiddenPoints
+from systems.senses import Near, ObstaclesInSight, Sight, SightByHiddenPoints, SightInSpace
 
 
 class NotFinite(ArithmeticError):
@@ -25,10 +43,11 @@ class Steer(System):
 
     stage = Stage.STEER
     reads = (
-        Position, Velocity, Heading, Body, Species, Role, BrushBinding, Speed, Ground, Memory,
-        Near, Sight, SightByHiddenPoints, ObstaclesInSight, Landscape, Palette, Clock, Noise,
+        Position, Velocity, Heading, Body, Species, Role, BrushBinding, Speed, Ground, Memory, Airborne, Migration,
+        Destination, Near, Sight, SightByHiddenPoints, SightInSpace, ObstaclesInSight, Ahead, Landscape, Palette, Clock,
+        Noise,
     )  # fmt: skip
-    writes = (Wish,)
+    writes = (Wish, Thrust)
 
     def process(self, world):
         agents, palette = world.agents, world.resource(Palette)
@@ -40,13 +59,17 @@ class Steer(System):
         direction, pace = agents[Wish.direction], agents[Wish.pace]
         for index, rows in _by_brush(binding[scene.order], scene.order):
             wishes = self._ask(world, scene, palette, index, rows)
-            direction[rows], pace[rows] = wishes
+            direction[rows], pace[rows] = wishes.direction, wishes.pace
+            if palette.flies[index]:
+                _take(agents, rows, wishes)
         changing = scene.order[blend[scene.order] < 1.0]
         if len(changing):
             before = agents[BrushBinding.previous]
             for index, rows in _by_brush(before[changing], changing):
                 was = self._ask(world, scene, palette, index, rows)
                 over_rows(_mix, len(rows), rows, blend, was.direction, was.pace, direction, pace)
+                if was.acceleration is not None:
+                    over_rows(_mix_thrust, len(rows), rows, blend, was.acceleration, *_thrust(agents))
 
     @staticmethod
     def _ask(world, scene, palette, index, rows):
@@ -58,6 +81,15 @@ class Steer(System):
                 f"({len(rows)}, 3) and paces ({len(rows)},), got {shapes[0]} and {shapes[1]}"
             )
         fine = np.isfinite(wishes.direction).all(1) & np.isfinite(wishes.pace)
+        for name, vectors in (("accelerations", wishes.acceleration), ("velocities", wishes.velocity)):
+            if vectors is None:
+                continue
+            if np.shape(vectors) != shapes[0]:
+                raise ValueError(
+                    f"model {palette.brushes[index].model!r} was asked for {len(rows)} animals: {name} must be "
+                    f"({len(rows)}, 3), got {np.shape(vectors)}"
+                )
+            fine &= np.isfinite(vectors).all(1)
         if not fine.all():
             entity = int(scene.ids[rows[np.argmin(fine)]])
             raise NotFinite(
@@ -65,6 +97,21 @@ class Steer(System):
                 f"not finite, for entity {entity} in tick {scene.tick}"
             )
         return wishes
+
+
+def _thrust(agents):
+    return agents[Thrust.kind], agents[Thrust.acceleration]
+
+
+def _take(agents, rows, wishes):
+    """What a model in the air wishes, into the columns."""
+    kind = agents[Thrust.kind]
+    if wishes.velocity is not None:
+        kind[rows], agents[Thrust.velocity][rows] = BY_VELOCITY, wishes.velocity
+    elif wishes.acceleration is not None:
+        kind[rows], agents[Thrust.acceleration][rows] = BY_ACCELERATION, wishes.acceleration
+    else:
+        kind[rows] = BY_HEADING
 
 
 def _by_brush(brush, rows):
@@ -78,7 +125,11 @@ def scene_of(world):
     noise, palette = world.resource(Noise), world.resource(Palette)
     lists, obstacles, cells = world.resource(Sight).lists, world.resource(ObstaclesInSight), world.resource(Near).cells
     xyz = agents[Position.xyz]
-    order = cells.row[~cells.ghost]
+    order, air = cells.row[~cells.ghost], None
+    near = world.resource(Near)
+    if near.aloft is not None:
+        order = np.concatenate([order, near.space.order])
+        air = Air(*(_frozen(column) for column in _air_of(world, xyz, near)))
     scene = Scene(
         clock.dt,
         clock.tick,
@@ -103,8 +154,32 @@ def scene_of(world):
         agents[Memory.known],
         order,
         world.resource(SightByHiddenPoints).lists,
+        air,
     )
     return Scene(*(_frozen(column) for column in scene))
+
+
+def _air_of(world, xyz, near):
+    """The columns of `Air`."""
+    agents, lists, ahead = world.agents, world.resource(SightInSpace).lists, world.resource(Ahead)
+    palette, land = world.resource(Palette), world.resource(Landscape)
+    bound, target = agents[Migration.kind], agents[Migration.target]
+    if (bound == POINT).any() or land.goals:
+        target, bound = target.copy(), bound.copy()
+        if land.goals:  # who has no target of his own goes to his goal, at the height he has
+            goal = agents[Destination.goal]
+            heads = near.aloft & (bound == NOWHERE) & (goal >= 0)
+            target[heads, :2] = np.array([g.xy for g in land.goals])[goal[heads]]
+            target[heads, 2] = xyz[heads, 2]
+            bound[heads] = POINT
+        points = bound == POINT
+        target[points] -= xyz[points]
+        target[points, :2] = _nearest_image(target[points, :2], land.wrap)
+    dangers = np.flatnonzero(palette.danger[agents[BrushBinding.brush]])
+    return (
+        lists.first, lists.near, lists.offset, agents[Airborne.up], ahead.hit, ahead.aim, ahead.gap, ahead.normal,
+        ahead.height, bound, target, dangers,
+    )  # fmt: skip
 
 
 def _nearest_image(offset, wrap):
@@ -117,6 +192,18 @@ def _frozen(column):
         column = column.view()
         column.flags.writeable = False
     return column
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mix_thrust(lo, hi, rows, blend, was, kind, acceleration):
+    """As `_mix`, where both brushes say an acceleration."""
+    for k in range(lo, hi):
+        i = rows[k]
+        b = blend[i]
+        w = b * b * (3.0 - 2.0 * b)
+        if kind[i] == BY_ACCELERATION:
+            for c in range(3):
+                acceleration[i, c] = (1.0 - w) * was[k, c] + w * acceleration[i, c]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

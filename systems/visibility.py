@@ -31,11 +31,16 @@ class Lists(NamedTuple):
 
     first: np.ndarray  # (n + 1,) int64
     near: np.ndarray  # (m,) int32 rows
-    offset: np.ndarray  # (m, 2) m, from the observer to the neighbour, across the seam where that is shorter
+    offset: np.ndarray  # (m, 2 or 3) m, from the observer to the neighbour, across the seam where that is shorter
 
     def of(self, row):
         """Rows of the neighbours of one row."""
         return self.near[self.first[row] : self.first[row + 1]]
+
+
+def nobody(n, dimensions):
+    """The lists of n animals who see nobody."""
+    return Lists(np.zeros(n + 1, np.int64), np.zeros(0, np.int32), np.zeros((0, dimensions)))
 
 
 class Edges(NamedTuple):

@@ -1,0 +1,282 @@
+"""Boids: flocks, and herds and schools, in three dimensions.
+
+Reynolds 1987 [1]_.  Each bird has urges, which ask for accelerations of at most
+1 (the most it can give): keep clear of obstacles, keep clear of neighbours,
+flee, match the neighbours' velocity, stay near their middle, migrate, keep its
+height.  The acceleration there is, is handed out in that order until it is
+used up ("prioritised acceleration allocation"); weighted averaging is the
+paper's other way, with its indecision.  What the urges leave is geometric
+flight (`systems.flight`).
+
+Neighbours weigh by the inverse square of distance, or another exponent, and
+more ahead than behind as the bird flies faster.  Obstacles are steered past
+(``avoid = "steer"``: one body length beyond the silhouette edge nearest to
+where the heading points) or push (``"field"``).  With ``grounded`` the same
+model is a herd, held to the terrain.
+
+The paper gives no numbers; those here are ours.  Lengths are in body lengths.
+
+.. [1] Reynolds, C. W. (1987). Flocks, herds, and schools: a distributed behavioral model. Computer Graphics 21(4),
+   25-34.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numba import njit
+from pydantic import Field
+
+from behaviours.behaviour import Flight, Parameters, Wishes, air_of, behaviour, quantity
+from engine.maths import exp_, kernel_function, log_
+from engine.parallel import over_rows
+
+DIRECTION, POINT = 1, 2  # what `Air.bound` may be
+URGES = ("obstacle", "separation", "fear", "matching", "centring", "migration", "height")  # in order of priority
+SAFETY = 2.0  # times the acceleration that would just do, asked for to pass an obstacle.  By trial
+NEAREST = 0.3  # body lengths: nearer neighbours weigh no more
+
+
+class Params(Parameters):
+    """Strengths of the urges, in order of priority, what is nearby, and what the body can do."""
+
+    obstacle_strength: float = quantity(1.0, "1", "larger gives more of the acceleration to passing obstacles", 0, 1)
+    separation_strength: float = quantity(1.0, "1", "larger keeps clear of neighbours more firmly", 0, 1)
+    fear_strength: float = quantity(1.0, "1", "larger flees from predators more firmly", 0, 1)
+    matching_strength: float = quantity(0.8, "1", "larger matches the neighbours' velocity more firmly", 0, 1)
+    centring_strength: float = quantity(1.0, "1", "larger stays nearer to the middle of the neighbours", 0, 1)
+    migration_strength: float = quantity(0.4, "1", "larger follows the migratory urge more firmly", 0, 1)
+    height_strength: float = quantity(0.3, "1", "larger keeps its height, and level flight, more firmly", 0, 1)
+    arbitration: Literal["priority", "average"] = Field(
+        "priority",
+        description="priority hands out the acceleration urge by urge, average mixes all requests",
+        json_schema_extra={"unit": "-"},
+    )
+    avoid: Literal["steer", "field"] = Field(
+        "steer",
+        description="steer aims past the silhouette of what is ahead, field is pushed off by what is near",
+        json_schema_extra={"unit": "-"},
+    )
+    neighbour_range: float = quantity(25.0, "body lengths", "neighbours farther away are ignored", 0.5, 100)
+    exponent: float = quantity(2.0, "1", "neighbours weigh by distance to minus this; larger looks nearer", 0, 4)
+    forward_weight: float = quantity(1.0, "1", "how much more those ahead weigh than those behind, at full speed", 0, 4)
+    separation: float = quantity(4.0, "body lengths", "neighbours nearer than this are moved away from", 0, 50)
+    matching_time: float = quantity(0.15, "s", "time in which a velocity would be matched; less is stiffer", 0.03, 10)
+    field_range: float = quantity(10.0, "body lengths", "how far the force field of obstacles reaches", 0.1, 1000)
+    flight_distance: float = quantity(50.0, "body lengths", "a predator nearer than this is fled from", 0.5, 1000)
+    panic_pace: float = quantity(1.6, "1", "how many times faster a bird flies with a predator upon it", 1, 20)
+    height: float = quantity(0.0, "m", "height above the ground that is kept; 0: any, in level flight", 0, 1e5)
+    clearance: float = quantity(5.0, "body lengths", "nearer to the ground than this it climbs", 0, 1000)
+    min_speed: float = quantity(10.0, "body lengths/s", "it never flies slower, unless something stops it", 0, 1000)
+    max_speed: float = quantity(80.0, "body lengths/s", "it never flies faster", 0.1, 1000)
+    max_acceleration: float = quantity(
+        2.0, "1/s", "the most it can give to all urges together, times the maximum speed", 0.01, 100
+    )
+    damping: float = quantity(1.0, "1/s", "how soon the speed comes back to the bird's own", 0, 30)
+    weight: float = quantity(0.0, "1", "share of gravity that pulls it down", 0, 1)
+    buoyancy: float = quantity(0.0, "1", "share of that weight which the medium bears", 0, 1)
+    lift: float = quantity(
+        1.0, "1", "share of that weight which the wings bear at its own speed; along its back, by speed squared", 0, 10
+    )
+    banking: float = quantity(1.0, "1", "1 rolls into the turn as a bird, 0 stays upright, -1 is flung outwards", -1, 1)
+    roll_time: float = quantity(0.25, "s", "time in which it rolls", 0.03, 10)
+    foresight: float = quantity(2.0, "s", "how far ahead it looks for obstacles, in time of flight", 0, 60)
+    grounded: bool = Field(
+        False,
+        description="true holds it to the terrain, as a herd",
+        json_schema_extra={"unit": "-", "enum": [False, True]},
+    )
+
+
+def flight(p):
+    """What the air allows a boid."""
+    return Flight(
+        min_speed=p.min_speed,
+        max_speed=p.max_speed,
+        max_acceleration=p.max_acceleration * p.max_speed,
+        damping=p.damping,
+        weight=p.weight,
+        buoyancy=p.buoyancy,
+        lift=p.lift,
+        banking=p.banking,
+        roll_time=p.roll_time,
+        foresight=p.foresight,
+        grounded=p.grounded,
+    )
+
+
+@behaviour("boids", Params, flight=flight)
+def steer(scene, rows, p):
+    """The acceleration that the urges agree on."""
+    air, n = air_of(scene), len(rows)
+    direction, pace, acceleration = np.empty((n, 3)), np.ones(n), np.empty((n, 3))
+    strength = np.array([getattr(p, f"{urge}_strength") for urge in URGES])
+    over_rows(
+        _steer, n, rows, scene.dt, scene.xyz, scene.velocity, scene.forward, scene.length, scene.species,
+        air.first, air.near, air.offset, air.hit, air.aim, air.gap, air.normal, air.height, air.bound, air.target,
+        air.dangers, strength, p.arbitration == "average", p.avoid == "field", p.neighbour_range, p.exponent,
+        p.forward_weight, p.separation, p.matching_time, p.field_range, p.flight_distance, p.panic_pace, p.height,
+        p.clearance, p.foresight, p.max_acceleration * p.max_speed, p.max_speed, p.grounded,
+        direction, pace, acceleration,
+    )  # fmt: skip
+    return Wishes(direction, pace, acceleration)
+
+
+@kernel_function
+def _request(ask, urge, x, y, z, strength):
+    """An urge's request, cut to 1, times its strength."""
+    size = np.sqrt(x * x + y * y + z * z)
+    share = strength[urge] / max(size, 1.0)
+    ask[urge, 0], ask[urge, 1], ask[urge, 2] = share * x, share * y, share * z
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def allocated(ask):
+    """Prioritised acceleration allocation: requests in order, the last one trimmed, until 1 is handed out."""
+    x = y = z = used = 0.0
+    for urge in range(len(ask)):
+        size = np.sqrt(ask[urge, 0] ** 2 + ask[urge, 1] ** 2 + ask[urge, 2] ** 2)
+        share = 1.0
+        if used + size > 1.0:
+            share = (1.0 - used) / size
+        x, y, z = x + share * ask[urge, 0], y + share * ask[urge, 1], z + share * ask[urge, 2]
+        used += size
+        if used >= 1.0:
+            break
+    return x, y, z
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def averaged(ask, strength):
+    """Weighted average of the requests of those urges that ask for anything."""
+    x = y = z = total = 0.0
+    for urge in range(len(ask)):
+        if ask[urge, 0] != 0.0 or ask[urge, 1] != 0.0 or ask[urge, 2] != 0.0:
+            x, y, z = x + ask[urge, 0], y + ask[urge, 1], z + ask[urge, 2]
+            total += strength[urge]
+    if total > 0.0:
+        return x / total, y / total, z / total
+    return 0.0, 0.0, 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _steer(
+    lo, hi, rows, dt, xyz, velocity, forward, length, species,
+    first, near, offset, hit, aim, gap, normal, height, bound, target, dangers,
+    strength, average, field, neighbour_range, exponent, forward_weight, separation, matching_time, field_range,
+    flight_distance, panic_pace, wanted_height, clearance, foresight, most, top, grounded,
+    direction, pace, acceleration,
+):  # fmt: skip
+    ask = np.zeros((len(strength), 3))
+    cut2, apart2 = neighbour_range * neighbour_range, separation * separation
+    for k in range(lo, hi):
+        i = rows[k]
+        own = length[i]
+        per = 1.0 / own
+        fx, fy, fz = forward[i, 0], forward[i, 1], forward[i, 2]
+        vx, vy, vz = velocity[i, 0] * per, velocity[i, 1] * per, velocity[i, 2] * per  # body lengths / s
+        speed = np.sqrt(vx * vx + vy * vy + vz * vz)
+        ahead_counts = forward_weight * min(speed / top, 1.0)
+        sx = sy = sz = mx = my = mz = cx = cy = cz = total = 0.0
+        for at in range(first[i], first[i + 1]):
+            j = near[at]
+            x, y, z = offset[at, 0] * per, offset[at, 1] * per, offset[at, 2] * per
+            d2 = x * x + y * y + z * z
+            if d2 > cut2 or d2 == 0.0:
+                continue
+            d = np.sqrt(d2)
+            if d2 < apart2:  # inverse square, nothing at `separation`
+                push = (apart2 / max(d2, NEAREST * NEAREST) - 1.0) / d
+                sx, sy, sz = sx - push * x, sy - push * y, sz - push * z
+            if species[j] != species[i]:
+                continue
+            near2 = max(d2, NEAREST * NEAREST)
+            w = 1.0 / near2 if exponent == 2.0 else exp_(-0.5 * exponent * log_(near2))
+            w *= 1.0 + ahead_counts * 0.5 * (1.0 + (fx * x + fy * y + fz * z) / d)
+            total += w
+            mx, my, mz = mx + w * velocity[j, 0], my + w * velocity[j, 1], mz + w * velocity[j, 2]
+            cx, cy, cz = cx + w * x, cy + w * y, cz + w * z
+        _request(ask, 1, sx, sy, sz, strength)
+        if total > 0.0:
+            share, soon = per / total, 1.0 / (matching_time * most)
+            _request(ask, 3, (mx * share - vx) * soon, (my * share - vy) * soon, (mz * share - vz) * soon, strength)
+            share = 1.0 / (total * neighbour_range)
+            _request(ask, 4, cx * share, cy * share, cz * share, strength)
+        else:
+            ask[3], ask[4] = 0.0, 0.0
+        x, y, z = _clear_of_obstacles(
+            field, fx, fy, fz, speed, most, hit[i] * per, aim[i], gap[i] * per, normal[i], field_range
+        )
+        # the ground: as a plane below that rises as fast as the bird sinks
+        low = height[i] * per - clearance
+        if low < 0.0 and not grounded:
+            z += min(-low / max(clearance, 1e-9), 1.0) + max(-vz, 0.0) / most
+        _request(ask, 0, x, y, z, strength)
+        worst = 0.0
+        x = y = z = 0.0
+        for at in range(len(dangers)):
+            j = dangers[at]
+            if species[j] == species[i]:
+                continue
+            dx, dy, dz = (xyz[i, 0] - xyz[j, 0]) * per, (xyz[i, 1] - xyz[j, 1]) * per, (xyz[i, 2] - xyz[j, 2]) * per
+            d = np.sqrt(dx * dx + dy * dy + dz * dz)
+            if 0.0 < d < flight_distance:
+                fear = 1.0 - d / flight_distance
+                x, y, z = x + fear * dx / d, y + fear * dy / d, z + fear * dz / d
+                worst = max(worst, fear)
+        _request(ask, 2, 2.0 * x, 2.0 * y, 2.0 * z, strength)
+        pace[k] = 1.0 + (panic_pace - 1.0) * worst
+        x, y, z = target[i, 0], target[i, 1], target[i, 2]
+        size = np.sqrt(x * x + y * y + z * z)
+        ask[5] = 0.0
+        if bound[i] > 0 and size > 1e-9:
+            # turned towards it, not hurried: where it lies behind, to the side that is nearer
+            x, y, z = x / size, y / size, z / size
+            along = fx * x + fy * y + fz * z
+            if along < -0.999:
+                x, y, z, along = x - fy, y + fx, z, 0.0
+            _request(ask, 5, 2.0 * (x - along * fx), 2.0 * (y - along * fy), 2.0 * (z - along * fz), strength)
+        ask[6] = 0.0
+        if not grounded:
+            climb = 0.0
+            if wanted_height > 0.0:
+                climb = min(max((wanted_height - height[i]) * per / 10.0, -0.5), 0.5) * speed
+            ask[6, 2] = strength[6] * min(max((climb - vz) * 2.0 / most, -1.0), 1.0)
+        if grounded:
+            ask[:, 2] = 0.0
+        x, y, z = averaged(ask, strength) if average else allocated(ask)
+        x, y, z = x * most * own, y * most * own, z * most * own
+        acceleration[k, 0], acceleration[k, 1], acceleration[k, 2] = x, y, z
+        x, y, z = fx * speed * own + dt * x, fy * speed * own + dt * y, fz * speed * own + dt * z
+        size = np.sqrt(x * x + y * y + z * z)
+        if (acceleration[k, 0] == 0.0 and acceleration[k, 1] == 0.0 and acceleration[k, 2] == 0.0) or size < 1e-9:
+            direction[k, 0], direction[k, 1], direction[k, 2] = fx, fy, fz
+        else:
+            direction[k, 0], direction[k, 1], direction[k, 2] = x / size, y / size, z / size
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _clear_of_obstacles(field, fx, fy, fz, speed, most, hit, aim, gap, normal, field_range):
+    """The request of obstacles; lengths in body lengths.
+
+    Steered past, it is the acceleration across the heading that reaches the aim by the time of the impact, and some
+    more; pushed by a field, it falls with the square of the share of its range.
+    """
+    if field:
+        if gap >= field_range:
+            return 0.0, 0.0, 0.0
+        push = (1.0 - max(gap, 0.0) / field_range) ** 2
+        return push * normal[0], push * normal[1], push * normal[2]
+    if not np.isfinite(hit):
+        return 0.0, 0.0, 0.0
+    along = fx * aim[0] + fy * aim[1] + fz * aim[2]
+    x, y, z = aim[0] - along * fx, aim[1] - along * fy, aim[2] - along * fz
+    size = np.sqrt(x * x + y * y + z * z)
+    if size < 1e-9:
+        return 0.0, 0.0, 0.0
+    distance = max(hit, 0.5)
+    aside = distance * size / max(along, 0.2)
+    ask = SAFETY * 2.0 * aside * speed * speed / (distance * distance * most)
+    ask = min(ask, 1.0) / size
+    return ask * x, ask * y, ask * z

@@ -1,0 +1,116 @@
+"""SENSE and DECIDE for those in the air: what lies ahead, and where the migration goes.
+
+What lies ahead is what the heading meets within the brush's foresight, a body and a half away from the animal's own
+middle line; where to steer instead is a point one body length past its silhouette edge (Reynolds 1987, "Avoiding
+Environmental Obstacles", steer-to-avoid).  Animals on the ground are obstacles too: upright cylinders as wide as they
+are long and as high as they are wide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+
+from components import Airborne, Body, BrushBinding, Heading, Migration, Position, Velocity
+from engine.clock import Clock
+from engine.parallel import over_rows
+from engine.schedule import Stage, System
+from engine.solids import ahead_, far_, past_, surface_, with_cylinders
+from systems.ground_height import height_of_ground
+from systems.landscape import Landscape
+from systems.palette import Palette
+from systems.senses import Near
+
+ROOM = 0.5  # body lengths beside the body that count as in the way
+
+
+@dataclass
+class Ahead:
+    """What lies ahead of those in the air, by row (see `behaviours.behaviour.Air`)."""
+
+    hit: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    aim: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    gap: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    normal: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    height: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+
+class SeeAhead(System):
+    """The first solid in the way, and the way past it."""
+
+    stage = Stage.SENSE
+    reads = (Near, Position, Velocity, Heading, Airborne, Body, BrushBinding, Palette, Landscape)
+    writes = (Ahead,)
+
+    def process(self, world):
+        agents, land, palette = world.agents, world.resource(Landscape), world.resource(Palette)
+        near, ahead = world.resource(Near), world.resource(Ahead)
+        if near.aloft is None:
+            return
+        n = len(agents)
+        ahead.hit, ahead.gap, ahead.height = np.full(n, np.inf), np.full(n, np.inf), np.zeros(n)
+        ahead.aim, ahead.normal = agents[Heading.forward].copy(), np.zeros((n, 3))
+        order = near.space.order
+        over_rows(
+            _look_ahead, len(order), order, agents.ids, agents[Position.xyz], agents[Velocity.xyz],
+            agents[Heading.forward], agents[Airborne.up], agents[Body.length], agents[Body.radius],
+            palette.foresight[agents[BrushBinding.brush]], in_the_way(agents, land.sky, near.aloft),
+            land.relief_cell, land.relief, ahead.hit, ahead.aim, ahead.gap, ahead.normal, ahead.height,
+        )  # fmt: skip
+
+
+class Migrate(System):
+    """The migratory register moves evenly to where the script wants it."""
+
+    stage, reads, writes = Stage.DECIDE, (Clock,), (Migration,)
+
+    def process(self, world):
+        left = world.agents[Migration.left]
+        moving = left > 0.0
+        if moving.any():
+            dt = world.resource(Clock).dt
+            target, next_ = world.agents[Migration.target], world.agents[Migration.next]
+            share = np.minimum(dt / left[moving], 1.0)
+            target[moving] += share[:, None] * (next_[moving] - target[moving])
+            left[moving] = np.maximum(left[moving] - dt, 0.0)
+
+
+def in_the_way(agents, sky, aloft):
+    """The solids of the sky, and the bodies of animals on the ground where they are now."""
+    walkers = np.flatnonzero(~aloft)
+    if not len(walkers):
+        return sky
+    radius = agents[Body.radius][walkers]
+    centre = agents[Position.xyz][walkers] + np.column_stack([np.zeros((len(walkers), 2)), radius])
+    return with_cylinders(sky, centre, agents[Body.axis][walkers] + radius, radius)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _look_ahead(
+    lo, hi, order, ids, xyz, velocity, forward, up, length, radius, foresight, solids, relief_cell, relief,
+    hit, aim, gap, normal, height,
+):  # fmt: skip
+    for o in range(lo, hi):
+        i = order[o]
+        x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+        height[i] = z - height_of_ground(relief, relief_cell, x, y)
+        if foresight[i] <= 0.0 or len(solids.kind) == 0:
+            continue
+        speed = np.sqrt(velocity[i, 0] ** 2 + velocity[i, 1] ** 2 + velocity[i, 2] ** 2)
+        reach = foresight[i] * speed + 2.0 * length[i]
+        fx, fy, fz = forward[i, 0], forward[i, 1], forward[i, 2]
+        who, distance = ahead_(solids, x, y, z, fx, fy, fz, reach, radius[i] + ROOM * length[i])
+        if who >= 0:
+            hit[i] = distance
+            beyond = radius[i] + (ROOM + 0.5) * length[i]
+            aim[i, 0], aim[i, 1], aim[i, 2] = past_(
+                solids, who, x, y, z, fx, fy, fz, up[i, 0], up[i, 1], up[i, 2], beyond, height[i], ids[i] & 1
+            )
+        for k in range(len(solids.kind)):
+            if not far_(solids, k, x, y, z, reach):
+                near, nx, ny, nz = surface_(solids, k, x, y, z)
+                if near < gap[i]:
+                    gap[i] = near
+                    normal[i, 0], normal[i, 1], normal[i, 2] = nx, ny, nz
