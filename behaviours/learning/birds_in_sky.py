@@ -33,10 +33,12 @@ class Patch(NamedTuple):
     span: float  # pixels, its longest extent
 
 
-def find_birds(image) -> list[Patch]:
-    """Birds in a picture (h, w, 3) or (h, w), uint8, in order from left to right.
+def away_from_sky(image):
+    """How far each pixel of a picture is from the sky around it, (h, w) float32 grey levels, and from where it counts.
 
-    A bird must be small: at most a twelfth of the picture's shorter side.
+    Parameters
+    ----------
+    image : (h, w, 3) or (h, w) uint8
     """
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     window = max(3, min(grey.shape) // 6 | 1)
@@ -46,9 +48,17 @@ def find_birds(image) -> list[Patch]:
     sky = cv2.resize(sky, grey.shape[::-1], interpolation=cv2.INTER_LINEAR)
     away = np.abs(grey.astype(np.float32) - sky)
     noise = 1.4826 * float(np.median(np.abs(away - np.median(away))))
-    threshold = max(CONTRAST * noise, LEAST_CONTRAST, 0.35 * float(np.quantile(away, 0.9995)))
+    return away, max(CONTRAST * noise, LEAST_CONTRAST, 0.35 * float(np.quantile(away, 0.9995)))
+
+
+def find_birds(image) -> list[Patch]:
+    """Birds in a picture (h, w, 3) or (h, w), uint8, in order from left to right.
+
+    A bird must be small: at most a twelfth of the picture's shorter side.
+    """
+    away, threshold = away_from_sky(image)
     mask = cv2.morphologyEx((away > threshold).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    return sorted(_birds(mask, min(grey.shape) / 12), key=lambda patch: patch.x)
+    return sorted(_birds(mask, min(mask.shape) / 12), key=lambda patch: patch.x)
 
 
 def _birds(mask, most):
