@@ -52,7 +52,7 @@ class SeeAhead(System):
         n = len(agents)
         ahead.hit, ahead.gap, ahead.height = np.full(n, np.inf), np.full(n, np.inf), np.zeros(n)
         ahead.aim, ahead.normal = agents[Heading.forward].copy(), np.zeros((n, 3))
-        order = near.space.order
+        order = np.flatnonzero(near.aloft)
         over_rows(
             _look_ahead, len(order), order, agents.ids, agents[Position.xyz], agents[Velocity.xyz],
             agents[Heading.forward], agents[Airborne.up], agents[Body.length], agents[Body.radius],

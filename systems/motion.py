@@ -70,7 +70,7 @@ def _walk(world, rows, max_turn):
 
 def _fly(world, near, max_turn):
     agents, land, palette = world.agents, world.resource(Landscape), world.resource(Palette)
-    wrap, order = land.wrap or (0.0, 0.0), near.space.order
+    wrap, order = land.wrap or (0.0, 0.0), np.flatnonzero(near.aloft)
     over_rows(
         fly, len(order), order, world.resource(Clock).dt, agents[BrushBinding.brush], palette.flight, max_turn,
         agents[Body.length], agents[Body.radius], agents[Speed.target], agents[Ground.cap], agents[Thrust.kind],

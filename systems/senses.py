@@ -12,6 +12,7 @@ from engine.clock import Clock
 from engine.maths import sincos_
 from engine.parallel import over_rows
 from engine.schedule import Stage, System
+from engine.scratch import Scratch
 from systems.contact import _edge, _edges_near
 from systems.grid import Cells, sort_into_cells
 from systems.hidden_points import visible_by_hpr
@@ -43,6 +44,7 @@ class SightInSpace:
     """Visible neighbours of those in the air, with offsets (m, 3); None when nobody is."""
 
     lists: Lists | None = None
+    scratch: Scratch = field(default_factory=Scratch)
 
 
 @dataclass

@@ -16,8 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from engine.lanes import LANES, load, pack, pointer
+from engine.lanes import count as count_lanes
 from engine.parallel import over_rows
+from engine.scratch import Scratch
 from engine.solids import blocks_, no_solids
+from systems.sightline import kernel, step
 from systems.visibility import Lists, _crowded, nobody
 
 CHUNK = 1024  # observers to a piece of work
@@ -68,12 +72,7 @@ def sort_in_space(xyz, forward, rows, reach, wrap=None):
     Space
     """
     rows = np.asarray(rows, np.int32)
-    place = xyz[rows]
-    ghosts = np.zeros(len(rows), np.bool_)
-    if wrap is not None:
-        place, rows, ghosts = _with_ghosts(place, rows, reach, wrap)
-    if not len(rows):
-        place = np.zeros((0, 3))
+    place, rows, ghosts = _placed(xyz, rows, reach, *(wrap or (0.0, 0.0)))
     low, high = _box(place)
     if not np.isfinite(low + high).all():
         wrong = np.flatnonzero(~np.isfinite(place).all(1))
@@ -89,15 +88,34 @@ def sort_in_space(xyz, forward, rows, reach, wrap=None):
     return Space(*columns, start, nx, ny, nz, float(side), *map(float, low))
 
 
-def _with_ghosts(place, rows, reach, wrap):
-    places, all_rows, ghosts = [place], [rows], [np.zeros(len(rows), np.bool_)]
-    for dx in (-wrap[0], 0.0, wrap[0]):
-        for dy in (-wrap[1], 0.0, wrap[1]):
-            moved = place + (dx, dy, 0.0)
-            near = ((moved[:, :2] > -reach) & (moved[:, :2] < np.array(wrap) + reach)).all(1)
-            if dx or dy:
-                places.append(moved[near]), all_rows.append(rows[near]), ghosts.append(np.ones(near.sum(), np.bool_))
-    return np.concatenate(places), np.concatenate(all_rows), np.concatenate(ghosts)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _placed(xyz, rows, reach, width, depth):
+    """Where the rows are, and after them their copies within reach of a wrapped map: (positions, rows, ghosts)."""
+    n, total = len(rows), len(rows)
+    if width > 0.0:
+        for k in range(n):
+            x, y = xyz[rows[k], 0], xyz[rows[k], 1]
+            total += _images(x, width, reach) * _images(y, depth, reach) - 1
+    place, row, ghost = np.empty((total, 3)), np.empty(total, np.int32), np.zeros(total, np.bool_)
+    at = n
+    for k in range(n):
+        x, y, z = xyz[rows[k], 0], xyz[rows[k], 1], xyz[rows[k], 2]
+        place[k, 0], place[k, 1], place[k, 2], row[k] = x, y, z, rows[k]
+        if width > 0.0 and _images(x, width, reach) * _images(y, depth, reach) > 1:
+            for i in range(-1, 2):
+                for j in range(-1, 2):
+                    gx, gy = x + i * width, y + j * depth
+                    if (i or j) and -reach < gx < width + reach and -reach < gy < depth + reach:
+                        place[at, 0], place[at, 1], place[at, 2] = gx, gy, z
+                        row[at], ghost[at] = rows[k], True
+                        at += 1
+    return place, row, ghost
+
+
+@njit(inline="always")
+def _images(x, width, reach):
+    """How many of x, one width less and one more lie within reach of the map; x itself always counts."""
+    return 1 + (-reach < x - width) + (x + width < width + reach)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -149,7 +167,7 @@ def _by_slot(order, place, rows, ghosts, forward):
     return x, y, z, fx, fy, fz, row, ghost
 
 
-def visible_in_space(space, view_range, cos_half_view, through, radius, solids=None, width=32):
+def visible_in_space(space, view_range, cos_half_view, through, radius, solids=None, width=32, scratch=None):
     """Compressed lists of whom everybody in a `Space` sees.
 
     Parameters
@@ -166,6 +184,8 @@ def visible_in_space(space, view_range, cos_half_view, through, radius, solids=N
         What blocks the view besides.
     width : int
         First guess of the mean length of the lists.
+    scratch : Scratch, optional
+        Memory for the lists, which then are good until the next call with it.
 
     Returns
     -------
@@ -176,9 +196,10 @@ def visible_in_space(space, view_range, cos_half_view, through, radius, solids=N
     if not m:
         return nobody(n, 3)
     solids = no_solids() if solids is None else solids
+    scratch = Scratch() if scratch is None else scratch
     begin, count = np.empty(m, np.int64), np.zeros(n, np.int64)
     while True:
-        seen = np.empty(m * width, np.int32)
+        seen = scratch.take("seen", (m * width + LANES,), np.int32)
         given = (space, view_range, cos_half_view, through, radius, solids, width, seen, begin, count)
         over_rows(_look, m, *given, chunk=CHUNK)
         if not _crowded(begin, space.ghost):
@@ -186,63 +207,44 @@ def visible_in_space(space, view_range, cos_half_view, through, radius, solids=N
         width = 2 * max(width, -(-int(count.sum()) // m))
     first = np.zeros(n + 1, np.int64)
     np.cumsum(count, out=first[1:])
-    near, offset = np.empty(first[-1], np.int32), np.empty((first[-1], 3))
+    near, offset = scratch.take("near", (first[-1],), np.int32), scratch.take("offset", (first[-1], 3))
     over_rows(_by_row, m, space, seen, begin, first, near, offset, chunk=CHUNK)
     return Lists(first, near, offset)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _look(lo, hi, space, view_range, cos_half_view, through, radius, solids, width, seen, begin, count):
     """The visible of observers lo to hi, into ``seen`` from ``lo * width`` on; ``begin[i] = -1``: no room."""
-    x, y, z = space.x, space.y, space.z
-    nx, ny, nz, side = space.nx, space.ny, space.nz, space.side
+    room = 1024
+    x, y, z, slot = np.empty(room), np.empty(room), np.empty(room), np.empty(room, np.int32)
     at, end = lo * width, hi * width
-    who = np.empty(64, np.int32)
-    ox, oy, oz, d2 = np.empty(64), np.empty(64), np.empty(64), np.empty(64)
+    cube, n = -1, 0
     for i in range(lo, hi):
         if space.ghost[i]:
             continue
         row = space.row[i]
-        xi, yi, zi = x[i], y[i], z[i]
-        reach2, cosine = view_range[row] * view_range[row], cos_half_view[row]
-        cx, cy, cz = int((xi - space.west) / side), int((yi - space.south) / side), int((zi - space.low) / side)
-        c0, c1 = max(min(cx, nx - 1) - 1, 0), min(cx + 1, nx - 1)
-        r0, r1 = max(min(cy, ny - 1) - 1, 0), min(cy + 1, ny - 1)
-        found = 0
-        for level in range(max(min(cz, nz - 1) - 1, 0), min(cz + 1, nz - 1) + 1):
-            for r in range(r0, r1 + 1):
-                a, b = space.start[(level * ny + r) * nx + c0], space.start[(level * ny + r) * nx + c1 + 1]
-                if found + b - a > len(who):
-                    who = _longer(who, found + b - a)
-                for j in range(a, b):
-                    dx, dy, dz = x[j] - xi, y[j] - yi, z[j] - zi
-                    who[found] = j
-                    found += (dx * dx + dy * dy + dz * dz <= reach2) & (j != i)
-        if len(ox) < found:
-            ox, oy, oz, d2 = np.empty(2 * found), np.empty(2 * found), np.empty(2 * found), np.empty(2 * found)
-        for k in range(found):
-            j = who[k]
-            ox[k], oy[k], oz[k] = x[j] - xi, y[j] - yi, z[j] - zi
-        for k in range(found):
-            d2[k] = ox[k] * ox[k] + oy[k] * oy[k] + oz[k] * oz[k]
-        visible = 0
-        fx, fy, fz = space.fx[i], space.fy[i], space.fz[i]
-        cos2 = cosine * cosine
-        for k in range(found):
-            ahead = fx * ox[k] + fy * oy[k] + fz * oz[k]
-            inside = cosine <= -1.0
-            if cosine < 0.0:
-                inside |= (ahead >= 0.0) | (ahead * ahead <= cos2 * d2[k])
+        cx, cy, cz = _cube(space, space.x[i], space.y[i], space.z[i])
+        if (cz * space.ny + cy) * space.nx + cx != cube:  # observers of one cube follow one another
+            cube = (cz * space.ny + cy) * space.nx + cx
+            n = _population(space, cx, cy, cz)
+            if n + LANES > room:
+                room = 2 * (n + LANES)
+                x, y, z, slot = np.empty(room), np.empty(room), np.empty(room), np.empty(room, np.int32)
+            _gather(space, cx, cy, cz, x, y, z, slot)
+        if through[row]:
+            if at + n + LANES <= end:
+                visible = _in_view(
+                    n, x, y, z, slot, seen, at, i, space.x[i], space.y[i], space.z[i], space.fx[i], space.fy[i],
+                    space.fz[i], view_range[row] * view_range[row], cos_half_view[row],
+                )  # fmt: skip
             else:
-                inside |= (ahead >= 0.0) & (ahead * ahead >= cos2 * d2[k])
-            if inside and not through[row]:
-                inside = not _hidden(k, found, who, ox, oy, oz, d2, space.row, radius) and not blocks_(
-                    solids, xi, yi, zi, ox[k], oy[k], oz[k]
+                visible = _in_view_by_one(
+                    n, x, y, z, slot, seen, at, end, i, space, view_range[row], cos_half_view[row], False, radius, solids
                 )
-            if inside:
-                if at + visible < end:
-                    seen[at + visible] = who[k]
-                visible += 1
+        else:
+            visible = _in_view_by_one(
+                n, x, y, z, slot, seen, at, end, i, space, view_range[row], cos_half_view[row], True, radius, solids
+            )
         count[row] = visible
         if at + visible > end:
             begin[i] = -1
@@ -251,11 +253,91 @@ def _look(lo, hi, space, view_range, cos_half_view, through, radius, solids, wid
         at += visible
 
 
-@njit(cache=True, nogil=True)
-def _longer(who, length):
-    longer = np.empty(2 * length, np.int32)
-    longer[: len(who)] = who
-    return longer
+@step
+def _cube(space, x, y, z):
+    """The cube of a place."""
+    return (
+        min(int((x - space.west) / space.side), space.nx - 1),
+        min(int((y - space.south) / space.side), space.ny - 1),
+        min(int((z - space.low) / space.side), space.nz - 1),
+    )
+
+
+@kernel
+def _population(space, cx, cy, cz):
+    """How many live in a cube and those around it."""
+    n = 0
+    c0, c1 = max(cx - 1, 0), min(cx + 1, space.nx - 1)
+    for level in range(max(cz - 1, 0), min(cz + 1, space.nz - 1) + 1):
+        for r in range(max(cy - 1, 0), min(cy + 1, space.ny - 1) + 1):
+            first = (level * space.ny + r) * space.nx
+            n += space.start[first + c1 + 1] - space.start[first + c0]
+    return n
+
+
+@kernel
+def _gather(space, cx, cy, cz, x, y, z, slot):
+    """All who live in a cube and those around it, side by side, and nobody after them."""
+    n = 0
+    c0, c1 = max(cx - 1, 0), min(cx + 1, space.nx - 1)
+    for level in range(max(cz - 1, 0), min(cz + 1, space.nz - 1) + 1):
+        for r in range(max(cy - 1, 0), min(cy + 1, space.ny - 1) + 1):
+            first = (level * space.ny + r) * space.nx
+            for j in range(space.start[first + c0], space.start[first + c1 + 1]):
+                x[n], y[n], z[n], slot[n] = space.x[j], space.y[j], space.z[j], j
+                n += 1
+    for k in range(n, n + LANES):
+        x[k], y[k], z[k], slot[k] = np.inf, 0.0, 0.0, -1
+
+
+@kernel
+def _in_view(n, x, y, z, slot, seen, at, i, xi, yi, zi, fx, fy, fz, reach2, cosine):
+    """Slots of those in range and in the cone, sixteen at a time; returns how many."""
+    px, py, pz, ps, out = pointer(x), pointer(y), pointer(z), pointer(slot), pointer(seen)
+    cos2 = cosine * cosine
+    found = at
+    for k in range(0, n, LANES):
+        dx, dy, dz, who = load(px, k) - xi, load(py, k) - yi, load(pz, k) - zi, load(ps, k)
+        d2 = dx * dx + dy * dy + dz * dz
+        ok = (d2 <= reach2) & ((who < np.int32(i)) | (who > np.int32(i)))
+        if cosine > -1.0:
+            ahead = dx * fx + dy * fy + dz * fz
+            if cosine < 0.0:
+                ok = ok & ((ahead >= 0.0) | (ahead * ahead <= d2 * cos2))
+            else:
+                ok = ok & (ahead >= 0.0) & (ahead * ahead >= d2 * cos2)
+        pack(out, found, who, ok)
+        found += count_lanes(ok)
+    return found - at
+
+
+@kernel
+def _in_view_by_one(n, x, y, z, slot, seen, at, end, i, space, reach, cosine, occlusion, radius, solids):
+    """As `_in_view`, one at a time: with occlusion, and where room may be short."""
+    xi, yi, zi, fx, fy, fz = space.x[i], space.y[i], space.z[i], space.fx[i], space.fy[i], space.fz[i]
+    ox, oy, oz, d2, who = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n, np.int32)
+    found = 0
+    for k in range(n):
+        ox[found], oy[found], oz[found], who[found] = x[k] - xi, y[k] - yi, z[k] - zi, slot[k]
+        d2[found] = ox[found] * ox[found] + oy[found] * oy[found] + oz[found] * oz[found]
+        found += (d2[found] <= reach * reach) & (slot[k] != i)
+    visible, cos2 = 0, cosine * cosine
+    for k in range(found):
+        ahead = ox[k] * fx + oy[k] * fy + oz[k] * fz
+        inside = cosine <= -1.0
+        if cosine < 0.0:
+            inside |= (ahead >= 0.0) | (ahead * ahead <= d2[k] * cos2)
+        else:
+            inside |= (ahead >= 0.0) & (ahead * ahead >= d2[k] * cos2)
+        if inside and occlusion:
+            inside = not _hidden(k, found, who, ox, oy, oz, d2, space.row, radius) and not blocks_(
+                solids, xi, yi, zi, ox[k], oy[k], oz[k]
+            )
+        if inside:
+            if at + visible < end:
+                seen[at + visible] = who[k]
+            visible += 1
+    return visible
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

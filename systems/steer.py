@@ -128,7 +128,7 @@ def scene_of(world):
     order, air = cells.row[~cells.ghost], None
     near = world.resource(Near)
     if near.aloft is not None:
-        order = np.concatenate([order, near.space.order])
+        order = np.concatenate([order, np.flatnonzero(near.aloft)])  # their lists lie in order of row
         air = Air(*(_frozen(column) for column in _air_of(world, xyz, near)))
     scene = Scene(
         clock.dt,

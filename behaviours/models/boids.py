@@ -185,15 +185,16 @@ def _steer(
             d2 = x * x + y * y + z * z
             if d2 > cut2 or d2 == 0.0:
                 continue
-            d = np.sqrt(d2)
+            one = 1.0 / np.sqrt(d2)
+            w = min(one * one, 1.0 / (NEAREST * NEAREST))
             if d2 < apart2:  # inverse square, nothing at `separation`
-                push = (apart2 / max(d2, NEAREST * NEAREST) - 1.0) / d
+                push = (apart2 * w - 1.0) * one
                 sx, sy, sz = sx - push * x, sy - push * y, sz - push * z
             if species[j] != species[i]:
                 continue
-            near2 = max(d2, NEAREST * NEAREST)
-            w = 1.0 / near2 if exponent == 2.0 else exp_(-0.5 * exponent * log_(near2))
-            w *= 1.0 + ahead_counts * 0.5 * (1.0 + (fx * x + fy * y + fz * z) / d)
+            if exponent != 2.0:
+                w = exp_(0.5 * exponent * log_(w))
+            w *= 1.0 + ahead_counts * 0.5 * (1.0 + (fx * x + fy * y + fz * z) * one)
             total += w
             mx, my, mz = mx + w * velocity[j, 0], my + w * velocity[j, 1], mz + w * velocity[j, 2]
             cx, cy, cz = cx + w * x, cy + w * y, cz + w * z
