@@ -214,6 +214,27 @@ def measure(
 
 
 @app.command()
+def track(
+    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A film of birds against the sky.")],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Where the tracks go: frame, id, x, y in pixels.")],
+    seed_points: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Birds to begin with: frame, id, x, y.")
+    ] = None,
+    correct: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Who is really where: frame, id, x, y; followed on from there.")
+    ] = None,
+    reach: Annotated[
+        float | None, typer.Option(min=1, metavar="PX", help="How far from the foretold place a bird may turn up.")
+    ] = None,
+    json: Json = False,
+):
+    """Follow the birds of a film: one id each, through crossings and gaps."""
+    from flockbrush.track import track_clip
+
+    track_clip(clip, out, seed_points, correct, reach, json)
+
+
+@app.command()
 def lift(
     tracks: Annotated[Path, typer.Argument(metavar="TRACKS", help="A table with frame, id, x, y in pixels.")],
     camera: Annotated[Path, typer.Option(metavar="FILE", help="TOML: width, height, horizontal_fov_deg, fps, ...")],
@@ -236,6 +257,34 @@ def lift(
     wishes = dict(smoothness=lambda_t, flock=lambda_f, evenness=evenness)
     wishes |= dict(separation=separation, separation_distance=separation_distance)
     lift_tracks(tracks, camera, out, method.value, near, far, json, **wishes)
+
+
+@app.command()
+def sweep(
+    file: Annotated[Path, typer.Argument(metavar="SWEEP", help="A .sweep.toml file, or the name of a shipped one.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where rows, summary and plots go.")],
+    jobs: Annotated[
+        int | None, typer.Option(min=1, max=1024, metavar="N", help="So many processes; one for each core unless told.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with what DIR has; failed runs are done again.")
+    ] = False,
+    cluster: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="The scheduler of a Dask cluster, such as tcp://host:8786.")
+    ] = None,
+    theme: ThemeOption = Theme.light,
+    json: Json = False,
+):
+    """Run something many times: every combination of parameters with every seed, a row for each run.
+
+    A run that was done is never lost: stop it, kill it, and go on with --resume.
+    The exit code is 1 when a run failed, or when what the file expects did not come.
+    """
+    from flockbrush.sweep import run_sweep
+
+    if jobs is not None and cluster is not None:
+        raise typer.BadParameter("give --jobs or --cluster, not both", param_hint="--jobs")
+    run_sweep(file, out, jobs, resume, cluster, json, theme.value)
 
 
 @app.command()
@@ -393,6 +442,38 @@ def formation_extract(
     from flockbrush.formation import extract_formation
 
     extract_formation(marks, out, plot, heading, wingspan, samples, json)
+
+
+class Shape(str, enum.Enum):
+    """Shapes of the textbook."""
+
+    V = "V"
+    U = "U"
+    J = "J"
+    line = "line"
+
+
+@formation_app.command("initiate")
+def formation_initiate(
+    shape: Annotated[list[Shape] | None, typer.Option(help="Which shape; may be given again. All unless told.")] = None,
+    birds: Annotated[
+        list[int] | None,
+        typer.Option(
+            min=2, max=300, metavar="N", help="How many birds; may be given again. 9, 14, 16, 28, 41 unless told."
+        ),
+    ] = None,
+    runs: Annotated[int, typer.Option(min=1, max=10_000, metavar="K", help="Flocks of each.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, max=2**31, metavar="K", help="Of the first flock.")] = 2000,
+    ablate: Annotated[
+        bool, typer.Option("--ablate", help="Leave out each rule in turn, and all that are not the paper's.")
+    ] = (False),
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="CSV", help="Where the table goes.")] = None,
+    json: Json = False,
+):
+    """Let scattered birds find into a formation, many times, and count who did and how soon."""
+    from flockbrush.formation import initiation
+
+    initiation([s.value for s in shape or Shape], birds or [9, 14, 16, 28, 41], runs, seed, ablate, out, json)
 
 
 class KeyShapes(str, enum.Enum):

@@ -63,11 +63,18 @@ def read_tracks(path: str | Path) -> Tracks:
     ProblemsError
         With file, line and column of what is wrong: up to twenty of them.
     """
+    return _assembled(str(path), *_rows(path))
+
+
+def _rows(path):
+    """(frames, ids, px, lines) of a table of tracks; ProblemsError."""
     name = str(path)
     try:
         text = read_bytes(path, LIMIT).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ProblemsError([Problem(name, 1, None, f"is not UTF-8 text: {error.reason}")]) from None
+    if "\0" in text:
+        raise ProblemsError([Problem(name, 1, None, "is no table: it holds bytes of zero")])
     rows = csv.reader(io.StringIO(text))
     header = [cell.strip().lower() for cell in next(rows, [])]
     missing = [column for column in COLUMNS if column not in header]
@@ -76,7 +83,21 @@ def read_tracks(path: str | Path) -> Tracks:
         raise ProblemsError(
             [Problem(name, 1, missing[0], f"there is no such column{hints}; a file of tracks has {', '.join(COLUMNS)}")]
         )
-    return _assembled(name, *_parsed(name, rows, [header.index(column) for column in COLUMNS]))
+    return _parsed(name, rows, [header.index(column) for column in COLUMNS])
+
+
+def read_marks(path: str | Path) -> dict[int, list[tuple[int, float, float]]]:
+    """Birds as a person marked them, from a CSV as for `read_tracks`: {frame: [(id, x, y)]}.
+
+    Raises
+    ------
+    ProblemsError
+    """
+    frames, ids, px, _ = _rows(path)
+    marks: dict[int, list[tuple[int, float, float]]] = {}
+    for frame, bird, (x, y) in zip(frames.tolist(), ids.tolist(), px.tolist(), strict=True):
+        marks.setdefault(frame, []).append((bird, x, y))
+    return marks
 
 
 def _parsed(name, rows, where):

@@ -1,0 +1,319 @@
+"""Birds in a film of the sky: found in every frame, and followed through crossings, gaps, and the edges of the picture.
+
+Each frame is taken apart into blobs that differ from the sky.  Every bird that is known foretells where it will be, by
+its own velocity within the flock's; a blob in which several are foretold is split among them, so that birds that pass
+in front of each other keep their names.  Birds and parts are then matched at least total cost
+(`scipy.optimize.linear_sum_assignment` [1]_).  In the end, tracks that break off are joined to those that begin a
+little later where both, carried on, meet.
+
+.. [1] Crouse, D. F. (2016). On implementing 2D rectangular assignment algorithms. IEEE Transactions on Aerospace and
+   Electronic Systems 52(4), 1679-1696.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from behaviours.learning.birds_in_sky import away_from_sky
+from behaviours.learning.tracks import Tracks
+
+GAIN_PLACE, GAIN_VELOCITY = 0.7, 0.25  # of the filter that follows a bird (alpha, beta)
+BORN_AFTER = 3  # frames in a row, before something is a bird
+GAP = 12  # frames a bird may be out of sight before its track ends
+SHARE = 10  # frames two birds may lie wholly on each other
+JOIN = 30  # frames between a track that breaks off and one that goes on
+FAR = 1e6  # a cost that means: never
+
+
+@dataclass
+class Blob:
+    """A patch that differs from the sky."""
+
+    at: np.ndarray  # (2,) px
+    pixels: np.ndarray  # (k, 2) px
+    weight: np.ndarray  # (k,) contrast
+
+    @property
+    def area(self):
+        return len(self.pixels)
+
+
+def blobs_of(image, least=5) -> list[Blob]:
+    """The patches of a picture, (h, w, 3) or (h, w) uint8, of at least so many pixels."""
+    away, threshold = away_from_sky(image)
+    mask = (away > threshold).astype(np.uint8)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    most = min(mask.shape) / 6
+    found = []
+    for k in range(1, count):
+        left, top, wide, tall, area = stats[k]
+        if area < least or max(wide, tall) > most:
+            continue
+        y, x = np.nonzero(labels[top : top + tall, left : left + wide] == k)
+        weight = away[top + y, left + x].astype(float)
+        pixels = np.column_stack([x + left + 0.5, y + top + 0.5])
+        found.append(Blob(weight @ pixels / weight.sum(), pixels, weight))
+    return found
+
+
+def split(blob, centres, rounds=8):
+    """Centres of the parts of a blob that holds several birds, (k, 2), begun at where they are foretold (k-means)."""
+    centres = np.array(centres, float)
+    for _ in range(rounds):
+        nearest = np.argmin(((blob.pixels[:, None] - centres[None]) ** 2).sum(-1), axis=1)
+        moved = centres.copy()
+        for k in range(len(centres)):
+            mine = nearest == k
+            if mine.any():
+                moved[k] = blob.weight[mine] @ blob.pixels[mine] / blob.weight[mine].sum()
+        if np.abs(moved - centres).max() < 0.05:
+            break
+        centres = moved
+    return centres
+
+
+@dataclass
+class _Bird:
+    """One bird that is followed."""
+
+    number: int
+    at: np.ndarray
+    velocity: np.ndarray
+    area: float
+    path: dict = field(default_factory=dict)  # frame -> (2,) px
+    missed: int = 0
+    shared: int = 0  # frames in a row in which it lay on another, unseen itself
+    sure: bool = False  # named by hand, or seen often enough
+
+    def foretold(self):
+        return self.at + self.velocity
+
+    def see(self, frame, at, area=None):
+        before = self.foretold()
+        off = at - before
+        gain = GAIN_VELOCITY if len(self.path) > 3 else 0.6
+        self.velocity = self.velocity + gain * off / (1 + self.missed)
+        self.at = before + GAIN_PLACE * off
+        self.path[frame] = np.array(at)
+        self.missed = 0
+        self.sure = self.sure or len(self.path) >= BORN_AFTER
+        if area is not None:
+            self.area += 0.1 * (area - self.area)
+
+    def miss(self):
+        self.at = self.foretold()
+        self.missed += 1
+
+
+class Tracker:
+    """Follows the birds of a film, frame by frame.
+
+    Parameters
+    ----------
+    seeds, corrections : dict of int to list of (id, x, y)
+        By frame: where a person says a bird is.  A correction outweighs whatever was found.
+    reach : float, optional
+        How far from where it was foretold a bird may turn up, pixels; twice the usual blob's extent unless given.
+    """
+
+    def __init__(self, seeds=None, corrections=None, reach=None):
+        self.by_hand = _merged(seeds or {}, corrections or {})
+        self.reach = reach
+        self.frame = -1
+        self.birds: list[_Bird] = []
+        self.gone: list[_Bird] = []
+        self.next = 1 + max((row[0] for rows in self.by_hand.values() for row in rows), default=0)
+        self._areas: list[float] = []
+
+    def step(self, image):
+        """Take the next frame."""
+        self.take(blobs_of(image))
+
+    def take(self, blobs):
+        """Take the blobs of the next frame."""
+        self.frame += 1
+        self._areas = (self._areas + [b.area for b in blobs])[-2000:]
+        usual = float(np.median(self._areas)) if self._areas else 1.0
+        reach = self.reach or max(6.0, 2.2 * np.sqrt(usual))
+        seen, area = self._parts(blobs, usual, reach)
+        free = np.ones(len(seen), bool)
+        for number, x, y in self.by_hand.get(self.frame, ()):
+            self._by_hand(number, np.array([x, y]), seen, free, reach)
+        self._match(seen, area, free, reach)
+        self._begin(seen, area, free, reach)
+        self._unmask()
+        self._let_go()
+
+    def _parts(self, blobs, usual, reach):
+        """Where birds are in this frame, (k, 2), and the area of each: blobs, split where several were foretold."""
+        foretold = [bird.foretold() for bird in self.birds if bird.sure and bird.missed <= 4]
+        inside: list[list[np.ndarray]] = [[] for _ in blobs]
+        if blobs and foretold:
+            gaps = np.array([[_gap(blob, place) for blob in blobs] for place in foretold])
+            for place, row in zip(foretold, gaps, strict=True):
+                k = int(np.argmin(row))
+                if row[k] <= 0.5 * reach:
+                    inside[k].append(place)
+        places, areas = [], []
+        for blob, mine in zip(blobs, inside, strict=True):
+            if len(mine) > 1 and blob.area > 0.55 * usual * len(mine):
+                parts = split(blob, mine)
+            else:  # of two that lie wholly on each other each is there; who was not foretold is one, however large
+                parts = np.array([blob.at] * max(1, len(mine)))
+            places += list(parts)
+            areas += [blob.area / len(parts)] * len(parts)
+        return np.array(places).reshape(-1, 2), np.array(areas)
+
+    def _by_hand(self, number, at, seen, free, reach):
+        bird = next((b for b in self.birds if b.number == number), None)
+        if bird is None:
+            bird = _Bird(number, at.copy(), self._drift(), 0.0)
+            self.birds.append(bird)
+        if len(seen):
+            gaps = np.where(free, np.linalg.norm(seen - at, axis=1), np.inf)
+            k = int(np.argmin(gaps))
+            if gaps[k] <= 0.7 * reach:
+                free[k] = False
+                at = seen[k]
+        jump = at - bird.foretold()
+        bird.see(self.frame, at)
+        if np.linalg.norm(jump) > reach:  # it had been somebody else: its velocity says nothing
+            bird.velocity = self._drift()
+        bird.at, bird.sure = at.copy(), True
+
+    def _drift(self):
+        """The flock's common velocity, px a frame."""
+        known = [b.velocity for b in self.birds if b.sure and not b.missed]
+        return np.median(known, axis=0) if known else np.zeros(2)
+
+    def _match(self, seen, area, free, reach):
+        waiting = [b for b in self.birds if self.frame not in b.path]
+        columns = np.flatnonzero(free)
+        taken = set()
+        if waiting and len(columns):
+            foretold = np.array([b.foretold() for b in waiting])
+            gaps = np.linalg.norm(foretold[:, None] - seen[None, columns], axis=-1)
+            wide = np.array([reach * (1 + 0.25 * min(b.missed, 6)) * (1 if b.sure else 1.5) for b in waiting])
+            cost = np.where(
+                gaps <= wide[:, None],
+                gaps + 0.02 * np.abs(np.subtract.outer([b.area for b in waiting], area[columns])),
+                FAR,
+            )
+            cost[[not b.sure for b in waiting]] += 0.3 * reach  # who is known comes first
+            cost[cost >= FAR] = FAR
+            for r, c in zip(*linear_sum_assignment(cost), strict=True):
+                if cost[r, c] < FAR:
+                    waiting[r].see(self.frame, seen[columns[c]], area[columns[c]])
+                    free[columns[c]] = False
+                    taken.add(r)
+        for r, bird in enumerate(waiting):
+            if r not in taken:
+                bird.miss()
+
+    def _begin(self, seen, area, free, reach):
+        for k in np.flatnonzero(free):
+            near = [np.linalg.norm(b.at - seen[k]) for b in self.birds if b.sure and not b.missed]
+            if near and min(near) < 0.25 * reach:
+                continue  # a scrap of somebody
+            self.birds.append(
+                _Bird(self.next, seen[k].copy(), self._drift(), float(area[k]), {self.frame: seen[k].copy()})
+            )
+            self.next += 1
+
+    def _unmask(self):
+        """Two that have lain on each other for long are one: the younger was never there."""
+        here: dict[tuple, _Bird] = {}
+        for bird in sorted(self.birds, key=lambda b: -len(b.path)):
+            place = bird.path.get(self.frame)
+            elder = None if place is None else here.setdefault(tuple(place), bird)
+            bird.shared = bird.shared + 1 if elder not in (None, bird) else 0
+            if bird.shared > SHARE:
+                for frame in range(self.frame - bird.shared + 1, self.frame + 1):
+                    bird.path.pop(frame, None)
+                bird.missed = GAP + 1
+
+    def _let_go(self):
+        kept = []
+        for bird in self.birds:
+            if bird.missed > (GAP if bird.sure else 1):
+                if bird.sure:
+                    self.gone.append(bird)
+            else:
+                kept.append(bird)
+        self.birds = kept
+
+    def tracks(self) -> Tracks:
+        """The tracks so far, broken ones joined, in order of number.
+
+        Raises
+        ------
+        ValueError
+            When no bird was followed.
+        """
+        birds = [b for b in self.gone + self.birds if b.sure and len(b.path) >= BORN_AFTER]
+        if not birds:
+            raise ValueError("no bird was followed through three frames")
+        paths = _joined({b.number: b.path for b in birds}, self.reach or 30.0)
+        numbers = sorted(paths)
+        frames = [f for path in paths.values() for f in path]
+        first, last = min(frames), max(frames)
+        px = np.full((last - first + 1, len(numbers), 2), np.nan)
+        for n, number in enumerate(numbers):
+            for f, at in paths[number].items():
+                px[f - first, n] = at
+        return Tracks(px, np.array(numbers), first)
+
+
+def _gap(blob, place):
+    """How far a place is from a blob, px; 0 inside."""
+    return max(0.0, float(np.abs(blob.pixels - place).max(1).min()) - 0.5)
+
+
+def _merged(*tables):
+    out: dict[int, list] = {}
+    for table in tables:
+        for frame, rows in table.items():
+            out.setdefault(int(frame), []).extend(rows)
+    return out
+
+
+def _ends(path, at_end, span=6):
+    """(frame, place, velocity) of the beginning or the end of a path, by a line through a few frames."""
+    frames = sorted(path)[-span:] if at_end else sorted(path)[:span]
+    places = np.array([path[f] for f in frames])
+    t = np.array(frames, float)
+    if len(t) < 2:
+        return frames[0], places[0], np.zeros(2)
+    slope = np.polyfit(t, places, 1)
+    f = frames[-1] if at_end else frames[0]
+    return f, slope[0] * f + slope[1], slope[0]
+
+
+def _joined(paths, reach):
+    """Tracks that break off, joined to those that begin up to `JOIN` frames later where both, carried on, meet."""
+    numbers = sorted(paths)
+    ends = {n: _ends(paths[n], True) for n in numbers}
+    starts = {n: _ends(paths[n], False) for n in numbers}
+    cost = np.full((len(numbers), len(numbers)), FAR)
+    for i, a in enumerate(numbers):
+        for j, b in enumerate(numbers):
+            wait = starts[b][0] - ends[a][0]
+            if a != b and 0 < wait <= JOIN:
+                forth = ends[a][1] + wait * ends[a][2] - starts[b][1]
+                back = starts[b][1] - wait * starts[b][2] - ends[a][1]
+                off = 0.5 * (np.linalg.norm(forth) + np.linalg.norm(back))
+                if off <= reach * (0.5 + wait / 12):
+                    cost[i, j] = off + 0.3 * wait
+    out = {n: dict(paths[n]) for n in numbers}
+    name = {n: n for n in numbers}
+    rows, columns = linear_sum_assignment(cost)
+    for i, j in sorted(zip(rows, columns, strict=True), key=lambda pair: ends[numbers[pair[0]]][0]):
+        if cost[i, j] < FAR:
+            a, b = name[numbers[i]], numbers[j]
+            out[a].update(out.pop(b))
+            name[b] = a
+    return out

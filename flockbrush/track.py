@@ -1,0 +1,120 @@
+"""Tracking birds: a film of the sky becomes a table of who was where."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from behaviours.learning.tracking import Tracker
+from behaviours.learning.tracks import Tracks, read_marks
+from behaviours.problems import ProblemsError
+from flockbrush.files import output_problems, refused, write_text
+from flockbrush.terminal import number, print_json, progress, say, show, table
+
+
+def track_clip(clip, out, seed_points=None, correct=None, reach=None, as_json=False):
+    """Follow the birds of a film and write ``frame,id,x,y``.
+
+    Parameters
+    ----------
+    clip, out : path
+    seed_points, correct : path, optional
+        Tables with ``frame,id,x,y``: birds as a person knows them, and as a person puts them right.
+    reach : float, optional
+        How far from where it was foretold a bird may turn up in the next frame, pixels.
+
+    Raises
+    ------
+    ProblemsError
+        When the film cannot be read or has no birds.
+    """
+    inputs = [path for path in (clip, seed_points, correct) if path is not None]
+    problems = output_problems([out], inputs)
+    if problems:
+        raise ProblemsError(problems)
+    by_hand = [read_marks(path) if path else {} for path in (seed_points, correct)]
+    tracker = Tracker(*by_hand, reach)
+    begin = time.perf_counter()
+    frames, stopped = _follow(clip, tracker)
+    try:
+        tracks = tracker.tracks()
+    except ValueError as error:
+        hint = "is it a film of birds against the sky? birds must be small, and darker or lighter than it"
+        raise refused(clip, f"{error} in {frames} frames; {hint}") from None
+    write_text(Path(out), _table(tracks))
+    _tell(out, tracks, frames, time.perf_counter() - begin, stopped, as_json)
+
+
+def _follow(clip, tracker):
+    """(frames taken, whether somebody stopped it)."""
+    path = Path(clip)
+    if not path.is_file():
+        raise refused(clip, "is a folder, not a film" if path.is_dir() else "there is no such file")
+    film = cv2.VideoCapture(str(path))
+    try:
+        if not film.isOpened():
+            raise refused(clip, "is no film that can be read")
+        total = max(0, int(film.get(cv2.CAP_PROP_FRAME_COUNT)))
+        return _steps(film, tracker, total)
+    finally:
+        film.release()
+
+
+def _steps(film, tracker, total):
+    done = 0
+    with progress("following birds", total) as bar:
+        try:
+            while True:
+                fine, image = film.read()
+                if not fine:
+                    return done, False
+                tracker.step(image)
+                done += 1
+                bar(done)
+        except KeyboardInterrupt:  # what was followed so far is worth keeping
+            return done, True
+
+
+def _table(tracks: Tracks):
+    rows = ["frame,id,x,y"]
+    for f in range(len(tracks.px)):
+        for n in np.flatnonzero(tracks.seen[f]):
+            x, y = tracks.px[f, n]
+            rows.append(f"{tracks.first + f},{tracks.ids[n]},{x:.3f},{y:.3f}")
+    return "\n".join(rows) + "\n"
+
+
+def _tell(out, tracks, frames, seconds, stopped, as_json):
+    sights = tracks.seen.sum(0)
+    alive = tracks.alive.sum(0)
+    whole = int((alive >= 0.95 * len(tracks.px)).sum())
+    facts = {
+        "birds": len(tracks.ids),
+        "frames": frames,
+        "whole": whole,
+        "in_gaps": int((alive - sights).sum()),
+        "seconds": seconds,
+        "stopped": stopped,
+        "file": str(out),
+    }
+    if as_json:
+        print_json(facts)
+        return
+    made = table("what", "value", right=("value",))
+    for name, value in (
+        ("tracks", facts["birds"]),
+        ("frames", frames),
+        ("tracks over nearly all frames", whole),
+        ("sights missing within tracks", facts["in_gaps"]),
+        ("a frame took, ms", 1e3 * seconds / max(frames, 1)),
+    ):
+        made.add_row(name, number(value))
+    show(made)
+    if stopped:
+        say(f"stopped after {frames} frames; what was followed so far is kept")
+    if whole < len(tracks.ids):
+        say("tracks that break off are birds that came, left or were lost; put them right with --correct FILE")
+    say(f"wrote {out}")

@@ -1,0 +1,99 @@
+"""Birds followed through a film of the sky, against the truth that the film was made from."""
+
+import numpy as np
+import pytest
+
+from behaviours.learning.camera import Camera
+from behaviours.learning.tracking import Tracker, blobs_of
+from benchmarks.sky_film import compute_tracking, film
+
+CAMERA = Camera(width=480, height=270, horizontal_fov_deg=60, fps=30, mean_speed=9, near=5, far=200)
+
+
+def passing(frames=50):
+    """Six birds to the right; the first overtakes the second behind its back, 20 m away, (F, N, 3) m."""
+    t = np.arange(frames)[:, None] / 30
+    start = np.array([[-7, 20, 0], [-6, 22, 0.1], [-4, 21, 3], [-2, 20, -2], [-8, 21, -4], [-3, 20, 5]], float)
+    speed = np.array([6.0, 4.6, 5, 5, 5, 5])
+    way = np.stack([speed * t, 0 * t + 0 * speed, 0.4 * np.sin(2 * t) + 0 * speed], axis=-1)
+    return start + way
+
+
+def followed(xyz, seeds=None, corrections=None):
+    tracker = Tracker(seeds, corrections)
+    for picture in film(xyz, CAMERA):
+        tracker.step(picture)
+    return tracker.tracks()
+
+
+def seen(xyz):
+    px = CAMERA.project(xyz)
+    return px, ((px > 4) & (px < (CAMERA.width - 4, CAMERA.height - 4))).all(-1)
+
+
+def test_every_bird_is_followed_and_nothing_else():
+    xyz = passing()[:, 2:]
+    told = compute_tracking(*seen(xyz), followed(xyz))
+    assert told["recall"] > 0.98 and told["precision"] > 0.98
+    assert (told["switches"], told["tracks"]) == (0, 4)
+
+
+def test_a_bird_that_passes_behind_another_keeps_its_name():
+    xyz = passing()
+    px, visible = seen(xyz)
+    gap = np.linalg.norm(px[:, 0] - px[:, 1], axis=1)
+    assert gap.min() < 3 < gap[0] and gap[-1] > 8  # they do pass
+    told = compute_tracking(px, visible, followed(xyz))
+    assert told["switches"] == 0 and told["idf1"] > 0.97
+
+
+def test_places_are_true_to_a_part_of_a_pixel():
+    xyz = passing()[:, 2:]
+    tracks, px = followed(xyz), CAMERA.project(xyz)
+    gap = np.linalg.norm(tracks.px[:, :, None] - px[tracks.first :][:, None], axis=-1).min(2)
+    assert np.nanmedian(gap) < 0.8
+
+
+def test_a_bird_that_leaves_the_picture_ends_its_track():
+    xyz = passing(60)[:, 3:5]
+    xyz[:, 0, 0] += np.arange(60) * 0.45
+    tracks = followed(xyz)
+    first = tracks.seen[:, np.argmin(tracks.seen.sum(0))]
+    assert 10 < first.sum() < 45 and not first[-5:].any()
+
+
+def test_a_bird_behind_a_cloud_for_some_frames_is_the_same_bird():
+    xyz = passing()[:, 2:5]
+    tracker = Tracker()
+    for f, picture in enumerate(film(xyz, CAMERA)):
+        blobs = blobs_of(picture)
+        if 20 <= f < 30:
+            hidden = CAMERA.project(xyz[f, 0])
+            blobs = [blob for blob in blobs if np.linalg.norm(blob.at - hidden) > 8]
+        tracker.take(blobs)
+    assert len(tracker.tracks().ids) == 3
+
+
+def test_birds_named_by_hand_keep_their_names():
+    xyz = passing()[:, 2:]
+    px = CAMERA.project(xyz)
+    tracks = followed(xyz, seeds={0: [(40 + n, *px[0, n]) for n in range(4)]})
+    assert tracks.ids.tolist() == [40, 41, 42, 43]
+    assert np.linalg.norm(tracks.px[:, 2] - px[:, 2], axis=1).max() < 3
+
+
+def test_a_correction_moves_a_name_to_the_right_bird_from_there_on():
+    xyz = passing()[:, 2:]
+    px = CAMERA.project(xyz)
+    seeds = {0: [(1 + n, *px[0, n]) for n in range(4)]}
+    tracks = followed(xyz, seeds, {25: [(1, *px[25, 1]), (2, *px[25, 0])]})
+    assert np.linalg.norm(tracks.px[:25, 0] - px[:25, 0], axis=1).max() < 4
+    assert np.linalg.norm(tracks.px[26:, 0] - px[26:, 1], axis=1).max() < 4
+
+
+def test_an_empty_sky_has_no_birds():
+    tracker = Tracker()
+    for _ in range(5):
+        tracker.step(np.full((120, 160), 200, np.uint8))
+    with pytest.raises(ValueError, match="no bird was followed"):
+        tracker.tracks()

@@ -1,0 +1,55 @@
+"""`flockbrush track`: from a film to a table, and from there into space."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from behaviours.learning.camera import Camera
+from benchmarks.sky_film import film
+from flockbrush.cli import called
+
+CAMERA = Camera(width=320, height=180, horizontal_fov_deg=60, fps=30, mean_speed=5, near=5, far=100)
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory):
+    """Four birds that fly through the picture, one second."""
+    from flockbrush.draw import Video
+
+    path = tmp_path_factory.mktemp("sky") / "birds.mp4"
+    t = np.arange(30)[:, None] / 30
+    start = np.array([[-5, 18, 2], [-4, 19, -2], [-6, 18.5, -3.5], [-2, 18, 3.5]])
+    xyz = start + np.stack([5 * t + 0 * start[:, 0], 0 * t + 0 * start[:, 0], 0.3 * t * np.arange(4)], axis=-1)
+    with Video(path, 30, (320, 180)) as video:
+        for picture in film(xyz, CAMERA):
+            video.write(np.repeat(picture[..., None], 3, axis=2))
+    return path
+
+
+def test_a_film_becomes_tracks_and_tracks_become_a_flight(clip, tmp_path, capsys):
+    tracks, flock, camera = tmp_path / "tracks.csv", tmp_path / "flock.csv", tmp_path / "cam.toml"
+    assert called(["track", str(clip), "--out", str(tracks), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["birds"], told["frames"]) == (4, 30)
+    camera.write_text("".join(f"{name} = {value}\n" for name, value in CAMERA.model_dump().items()))
+    assert called(["lift", str(tracks), "--camera", str(camera), "--out", str(flock)]) == 0
+    with open(flock) as file:
+        assert len({row["id"] for row in csv.DictReader(file)}) == 4
+
+
+def test_what_is_no_film_is_refused(tmp_path, capsys):
+    (tmp_path / "notes.mp4").write_text("no film")
+    out = str(tmp_path / "t.csv")
+    assert called(["track", str(tmp_path / "notes.mp4"), "--out", out]) == 1
+    assert "notes.mp4: is no film that can be read" in capsys.readouterr().err
+    assert called(["track", str(tmp_path / "missing.mp4"), "--out", out]) == 1
+    assert "there is no such file" in capsys.readouterr().err
+
+
+def test_a_correction_with_a_mistake_names_its_line(clip, tmp_path, capsys):
+    (tmp_path / "fix.csv").write_text("frame,id,x,y\n3,1,ten,20\n")
+    assert called(["track", str(clip), "--out", str(tmp_path / "t.csv"), "--correct", str(tmp_path / "fix.csv")]) == 1
+    assert "fix.csv:2: x: must be a number, got 'ten'" in capsys.readouterr().err
+    assert not (tmp_path / "t.csv").exists()
