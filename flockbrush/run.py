@@ -79,6 +79,20 @@ def start(name, seed=None, agents=None) -> Simulation:
     return simulation
 
 
+def from_files(files, seed=None, agents=None) -> Simulation:
+    """The world of a level from nothing but the bytes of its files (`Simulation.assets`), the level first.
+
+    Raises
+    ------
+    ProblemsError
+    """
+    import systems.commands  # noqa: F401  the commands its script may give
+
+    library = recorded_library(files)
+    level = read_level_files(files, library)
+    return _built(level, level.seed if seed is None else seed, agents, library)
+
+
 def _built(level, seed, agents, library):
     if agents is None:
         return build(level, seed, library=library)

@@ -1,7 +1,7 @@
 """Flocks by the thousand: the rules run for many flocks at once, without a world.
 
-Each flock has a seed of its own, and its chance is hashed from seed, step and bird (`engine.noise`), so a flock flies the
-same way alone, in any batch and on any number of threads; and in a world of the same seed.
+Each flock has a seed of its own, and its chance is hashed from seed, step and bird (`engine.noise`), so a flock flies
+the same way alone, in any batch and on any number of threads; and in a world of the same seed.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def _scatter(law, keys, side, apart, xyz):
     for flock in range(len(keys)):
         draw = 0
         for i in range(xyz.shape[1]):
-            for again in range(10_000):
+            for _ in range(10_000):
                 xyz[flock, i, 0] = side * uniform_(keys[flock], draw, 0)
                 xyz[flock, i, 1] = side * uniform_(keys[flock], draw, 1)
                 xyz[flock, i, 2] = side * uniform_(keys[flock], draw, 2) if law.layer > 0.0 else 0.0
@@ -107,9 +107,8 @@ def fly(xyz, seeds, rules: Rules = Rules(), steps=2000, every=0, ids=None, frame
 def _fly(lo, hi, law, ids, streams, xyz, steps, every, on, took, settled, series):
     n = xyz.shape[1]
     x, y, z = np.empty(n), np.empty(n), np.empty(n)
-    seen = np.empty((3, n))
-    angle = np.zeros(n)
-    by_x = np.empty(n, np.int64)
+    angle, by_x = np.zeros(n), np.empty(n, np.int64)
+    sx, sy, sz = (x, y, z) if law.in_turn else (np.empty(n), np.empty(n), np.empty(n))
     for flock in range(lo, hi):
         for i in range(n):
             x[i], y[i], z[i], by_x[i], angle[i] = xyz[flock, i, 0], xyz[flock, i, 1], xyz[flock, i, 2], i, 0.0
@@ -122,8 +121,8 @@ def _fly(lo, hi, law, ids, streams, xyz, steps, every, on, took, settled, series
             if t == steps or (still and not every):
                 break
             if not still:
-                key = key_(streams[flock], t)
-                still = not one_step(law, n, ids, key, x, y, z, seen, angle, by_x) and law.perturbation == 0.0
+                still = not one_step(law, n, ids, key_(streams[flock], t), x, y, z, sx, sy, sz, angle, by_x)
+                still &= law.perturbation == 0.0
                 if still:
                     took[flock], settled[flock] = t, True
         for i in range(n):
@@ -131,30 +130,39 @@ def _fly(lo, hi, law, ids, streams, xyz, steps, every, on, took, settled, series
 
 
 @kernel
-def one_step(law, n, ids, key, x, y, z, seen, angle, by_x):
+def one_step(law, n, ids, key, x, y, z, sx, sy, sz, angle, by_x):
     """One time step of a flock, in place.  Whether anybody moved or wanted to."""
     busy = False
     sort_by(x, by_x, n)
     if not law.in_turn:
-        seen[0], seen[1], seen[2] = x, y, z
+        sx[:], sy[:], sz[:] = x, y, z
     for i in range(n):
-        chance, coin = uniform_(key, ids[i], 0), uniform_(key, ids[i], 1)
-        if law.in_turn:
-            mx, my, mz = wish(law, i, n, x, y, z, by_x, chance)
-        else:
-            mx, my, mz = wish(law, i, n, seen[0], seen[1], seen[2], by_x, chance)
-        busy |= mx != 0.0 or my != 0.0 or mz != 0.0
-        if law.turn > 0.0:
-            angle[i], mx, my = turned(law, angle[i], mx, my)
-            busy |= angle[i] != 0.0
-        if mx != 0.0 or my != 0.0 or mz != 0.0:
-            mx, my, mz = dodge(law, i, n, x, y, z, mx, my, mz, coin)
-        if law.perturbation > 0.0:
-            bx, by = mx + law.perturbation * normal_(key, ids[i], 2), my + law.perturbation * normal_(key, ids[i], 3)
-            bz = mz + (law.perturbation * normal_(key, ids[i], 4) if law.layer > 0.0 else 0.0)
-            if not barred(law, i, n, x, y, z, bx, by, bz):
-                mx, my, mz = bx, by, bz
+        acts, angle[i], mx, my, mz = shift(law, i, n, n, sx, sy, sz, x, y, z, by_x, key, ids[i], angle[i])
+        busy |= acts
         x[i], y[i], z[i] = x[i] + mx, y[i] + my, z[i] + mz
         if law.in_turn and mx != 0.0:
             sort_by(x, by_x, n)
     return busy
+
+
+@kernel
+def shift(law, i, kin, n, sx, sy, sz, x, y, z, by_x, key, entity, angle):
+    """What one bird does in one step: (acts?, angle to the flock's way, displacement to the side, forward and up).
+
+    It keeps the rules with the first ``kin`` birds as it has seen them (``sx, sy, sz``), and clear of all n where they
+    are.
+    """
+    mx, my, mz = wish(law, i, kin, sx, sy, sz, by_x, uniform_(key, entity, 0))
+    acts = mx != 0.0 or my != 0.0 or mz != 0.0
+    if law.turn > 0.0:
+        angle, mx, my = turned(law, angle, mx, my)
+        acts |= angle != 0.0
+    if mx != 0.0 or my != 0.0 or mz != 0.0:
+        mx, my, mz = dodge(law, i, n, x, y, z, mx, my, mz, uniform_(key, entity, 1))
+    if law.perturbation > 0.0:
+        bx = mx + law.perturbation * normal_(key, entity, 2)
+        by = my + law.perturbation * normal_(key, entity, 3)
+        bz = mz + (law.perturbation * normal_(key, entity, 4) if law.layer > 0.0 else 0.0)
+        if not barred(law, i, n, x, y, z, bx, by, bz):
+            mx, my, mz = bx, by, bz
+    return acts, angle, mx, my, mz

@@ -1,4 +1,4 @@
-"""What formation a flock is in: the five indicators of Nathan & Barbosa 2008, its straight lines, and its shape by name.
+"""What formation a flock is in: the five indicators of Nathan & Barbosa 2008, its lines, and its shape by name.
 
 All lengths are in wingspans, positions in the frame that flies with the flock (to the right, along the way, up).
 """
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from behaviours.v_rules.rules import Law, Rules, kernel, law_of
+from behaviours.v_rules.rules import Rules, kernel, law_of
 from engine.parallel import over_rows
 
 SHAPES = ("V", "J", "W", "echelon", "inverted V", "several groups", "cluttered", "other")
@@ -215,7 +215,7 @@ def _shape(law, margin, xyz, by_x):
 
 @kernel
 def _bends(margin, xyz, by_x, turns):
-    """(whether the outline first goes forward, how often it turns back by more than the margin); ``turns`` says where."""
+    """(whether the outline first goes forward, how often it turns by more than the margin); ``turns`` says where."""
     low = high = 0
     direction, bends, rising = 0, 0, True
     for k in range(1, len(xyz)):

@@ -1,10 +1,11 @@
 """Where one bird goes next: the three rules of Nathan & Barbosa 2008 [1]_, from one bird's view of the flock.
 
-The kernels know arrays of positions in the frame that flies with the flock: ``x`` to the right, ``y`` along the way, ``z``
-up.  Both the world model (`behaviours.models.v_rules`) and the experiments with thousands of flocks
+The kernels know arrays of positions in the frame that flies with the flock: ``x`` to the right, ``y`` along the way,
+``z`` up.  Both the world model (`behaviours.models.v_rules`) and the experiments with thousands of flocks
 (`behaviours.v_rules.flights`) call them, so the two cannot drift apart.
 
-.. [1] Nathan, A. & Barbosa, V. C. (2008). V-like formations in flocks of artificial birds. Artificial Life 14(2), 179-188.
+.. [1] Nathan, A. & Barbosa, V. C. (2008). V-like formations in flocks of artificial birds. Artificial Life 14(2),
+   179-188.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ def _choice(default, meaning):
 class Rules(Parameters):
     """Table 1 of the paper in wingspans, and every detail it leaves open with the choice that was settled on."""
 
-    angle: float = quantity(180.0, "degrees", "the angle, centred ahead, in which the nearest bird is sought (α)", 1, 180)
+    angle: float = quantity(180.0, "degrees", "the angle ahead in which the nearest bird is sought (α)", 1, 180)
     upwash_width: float = quantity(0.6, "wingspans", "lateral size of each region of upwash (l)", 0.01, 10)
     upwash_length: float = quantity(1.0, "wingspans", "how far behind a bird its wake is felt (d)", 0.01, 20)
     lateral_room: float = quantity(
@@ -42,12 +43,12 @@ class Rules(Parameters):
     margin: float = quantity(0.18, "wingspans", "birds behind one another keep so far apart (ε)", 0, 5)
     update: Literal["in turn", "together"] = _choice(
         "in turn",
-        "whether each bird sees what those before it have done in the same step, or all choose at once and only give way "
+        "whether each bird sees what those before it have done in the same step, or all choose at once and give way "
         "in turn",
     )
     approach: Literal["axis", "box", "coin", "diagonal"] = _choice(
         "axis",
-        "rule 1 within reach along the way: sideways or forward by chance in proportion to the distances left, sideways "
+        "rule 1 near along the way: sideways or forward by chance in proportion to the distances left, sideways "
         "only, by a fair coin, or both at once",
     )
     gaps_between: Literal["ahead", "all"] = _choice("ahead", "whether only birds ahead bound gaps, or all birds")
@@ -305,7 +306,7 @@ def dodge(law, i, n, x, y, z, mx, my, mz, coin):
 
 @kernel
 def turned(law, angle, mx, my):
-    """(angle, lateral, longitudinal) of a bird that must turn to get sideways: its new angle and what becomes of a wish.
+    """(angle, lateral, longitudinal) of a bird that turns to get sideways: its new angle and what becomes of a wish.
 
     It brakes in time: sideways no faster than it can turn back from.
     """

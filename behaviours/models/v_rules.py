@@ -1,0 +1,160 @@
+"""V rules: birds that join the nearest, seek a clear view and stop where the upwash is best.
+
+Nathan & Barbosa 2008 [1]_.  Three rules, and V-like formations come of themselves: J, W, echelons and V.  A bird flies
+with the flock's velocity and shifts its place in the flock by small steps, to the side or forward, without turning;
+which step, `behaviours.v_rules.rules` says, and the experiments with thousands of flocks call the same function.
+
+Beyond the paper: the flock's way follows guides, goals and the migratory urge, and birds follow those ahead into a
+turn; with ``turn`` a bird must turn to get sideways; with ``layer`` height counts; with ``perturbation`` nothing ever
+settles.
+
+.. [1] Nathan, A. & Barbosa, V. C. (2008). V-like formations in flocks of artificial birds. Artificial Life 14(2),
+   179-188.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from behaviours.behaviour import Flight, Wishes, air_of, behaviour, quantity
+from behaviours.v_rules.flights import STREAM, shift
+from behaviours.v_rules.rules import Rules, kernel, law_of, sort_by
+from engine.maths import atan2_, sincos_
+
+
+class Params(Rules):
+    """The rules in wingspans, and how they become metres and seconds."""
+
+    wingspan: float = quantity(1.8, "body lengths", "from wingtip to wingtip (w)", 0.1, 10)
+    time_step: float = quantity(1 / 32, "s", "time in which a bird makes one of the paper's steps", 1 / 1024, 60)
+    follow: float = quantity(
+        0.5, "rad/s", "the fastest the flock's way turns after a guide, or a bird after those ahead", 0, 10
+    )
+
+
+@behaviour("v_rules", Params, flight=lambda params: Flight(exact=True))
+def steer(scene, rows, p):
+    """Fly on with the flock, one step nearer to one's place in it.
+
+    Everybody of the kinds asked for is expected to keep to the rules, whoever moves it: birds act in the order of their
+    ids, and each sees what those before it have done in this tick.
+    """
+    air = air_of(scene)
+    members = np.flatnonzero(np.isin(scene.species, scene.species[rows]))
+    way, velocity = np.zeros((len(scene.ids), 3)), np.zeros((len(scene.ids), 3))
+    if len(members):
+        steps = scene.dt / p.time_step
+        law = law_of(p, p.wingspan * float(scene.length[members].mean()), steps)
+        law = law._replace(cruise=float(scene.speed[members].mean()) * scene.dt)
+        lists = air.first, air.near, air.offset
+        _ways(
+            members, *lists, scene.species, scene.forward, scene.guidance, air.bound, air.target, law.cotangent,
+            p.follow * scene.dt, law.turn > 0.0, way,
+        )  # fmt: skip
+        _shifts(
+            law,
+            members,
+            *lists,
+            scene.species,
+            scene.ids,
+            scene.key(STREAM),
+            scene.forward,
+            way,
+            scene.speed,
+            scene.dt,
+            velocity,
+        )
+    direction = way[rows] if p.turn == 0.0 else _facing(velocity[rows], scene.forward[rows])
+    return Wishes(direction, np.ones(len(rows)), velocity=velocity[rows])
+
+
+def _facing(velocity, forward):
+    """Birds that turn face the way they go; those who stand still, the way they faced."""
+    level = velocity * (1.0, 1.0, 0.0)
+    size = np.linalg.norm(level, axis=1, keepdims=True)
+    return np.where(size > 1e-9, level / np.maximum(size, 1e-9), forward)
+
+
+@kernel
+def _ways(members, first, near, offset, species, forward, guidance, bound, target, cotangent, limit, turning, way):
+    """The flock's way as each bird sees it, a level unit vector: a lead's from its guide, others' from those ahead."""
+    sine_limit, cosine_limit = sincos_(limit)
+    for i in members:
+        fx, fy = _level(forward[i, 0], forward[i, 1], 1.0, 0.0)
+        gx = gy = ax = ay = mx = my = 0.0
+        for at in range(first[i], first[i + 1]):
+            j = near[at]
+            if species[j] != species[i]:
+                continue
+            hx, hy = _level(forward[j, 0], forward[j, 1], fx, fy)
+            mx, my = mx + hx, my + hy
+            x, y = offset[at, 0], offset[at, 1]
+            along, aside = x * fx + y * fy, abs(x * fy - y * fx)
+            if along > 0.0 and along >= aside * cotangent:
+                ax, ay = ax + hx, ay + hy
+        if bound[i] > 0:
+            gx, gy = _level(target[i, 0], target[i, 1], 0.0, 0.0)
+        if gx == 0.0 and gy == 0.0 and (abs(guidance[i, 0]) > 1e-6 or abs(guidance[i, 1]) > 1e-6):
+            gx, gy = _level(guidance[i, 0], guidance[i, 1], 0.0, 0.0)
+        if turning:  # its body does not show the flock's way: the guide's, or everybody's mean
+            if gx == 0.0 and gy == 0.0:
+                gx, gy = _level(mx + fx, my + fy, fx, fy)
+            way[i, 0], way[i, 1] = gx, gy
+            continue
+        if ax != 0.0 or ay != 0.0:
+            gx, gy = _level(ax, ay, fx, fy)
+        elif gx == 0.0 and gy == 0.0:
+            gx, gy = fx, fy
+        if fx * gx + fy * gy < cosine_limit:
+            sine = sine_limit if fx * gy - fy * gx >= 0.0 else -sine_limit
+            gx, gy = _level(fx * cosine_limit - fy * sine, fx * sine + fy * cosine_limit, fx, fy)
+        way[i, 0], way[i, 1] = gx, gy
+
+
+@kernel
+def _level(x, y, instead_x, instead_y):
+    size = np.sqrt(x * x + y * y)
+    if size > 1e-12:
+        return x / size, y / size
+    return instead_x, instead_y
+
+
+@kernel
+def _shifts(law, members, first, near, offset, species, ids, key, forward, way, speed, dt, velocity):
+    """The velocity of each member: the flock's, and the step the rules ask for."""
+    moved = np.zeros((len(ids), 3))
+    most = 1
+    for i in members:
+        most = max(most, first[i + 1] - first[i] + 1)
+    x, y, z = np.empty(most), np.empty(most), np.empty(most)  # where others are now, from the bird's own eye
+    sx, sy, sz = np.empty(most), np.empty(most), np.empty(most)  # and as it sees them
+    by_x = np.empty(most, np.int64)
+    for i in members:
+        fx, fy = way[i, 0], way[i, 1]
+        x[0] = y[0] = z[0] = sx[0] = sy[0] = sz[0] = 0.0
+        kin = last = 1
+        for kind in range(2):  # one's own kind first: one keeps the rules with these, and clear of all
+            for at in range(first[i], first[i + 1]):
+                j = near[at]
+                if (species[j] == species[i]) == (kind == 0):
+                    east, north = offset[at, 0], offset[at, 1]
+                    sx[last], sy[last] = east * fy - north * fx, east * fx + north * fy
+                    east, north = east + moved[j, 0], north + moved[j, 1]
+                    x[last], y[last] = east * fy - north * fx, east * fx + north * fy
+                    sz[last] = offset[at, 2] if law.layer > 0.0 else 0.0
+                    z[last] = sz[last] + (moved[j, 2] if law.layer > 0.0 else 0.0)
+                    last += 1
+            if kind == 0:
+                kin = last
+        if law.in_turn:
+            sx[:kin], sy[:kin], sz[:kin] = x[:kin], y[:kin], z[:kin]
+        for k in range(kin):
+            by_x[k] = k
+        sort_by(sx, by_x, kin)
+        hx, hy = _level(forward[i, 0], forward[i, 1], fx, fy)
+        angle = atan2_(hx * fy - hy * fx, hx * fx + hy * fy)
+        busy, angle, mx, my, mz = shift(law, 0, kin, last, sx, sy, sz, x, y, z, by_x, key, ids[i], angle)
+        moved[i, 0], moved[i, 1], moved[i, 2] = mx * fy + my * fx, -mx * fx + my * fy, mz
+        velocity[i, 0] = speed[i] * fx + moved[i, 0] / dt
+        velocity[i, 1] = speed[i] * fy + moved[i, 1] / dt
+        velocity[i, 2] = mz / dt
