@@ -14,13 +14,15 @@ import flockbrush
 from behaviours.formation.extraction import extract
 from behaviours.formation.flight import Drawing, SteadyFlight
 from behaviours.formation.marks import read_marks
-from behaviours.formation.shapes import load_formation, to_json
+from behaviours.formation.reaching import Rules
+from behaviours.formation.shapes import load_formation, textbook, to_json
 from behaviours.problems import ProblemsError
 from flockbrush.draw import write_png
 from flockbrush.draw.canvas import Canvas
 from flockbrush.draw.style import PALETTE, rgb, theme_of
 from flockbrush.files import output_problems, write_text
-from flockbrush.terminal import number, print_json, say, show, table
+from flockbrush.terminal import number, print_json, progress, say, show, table
+from systems.initiation import initiate, scattered, target_of
 
 
 def detect(paths, out, every, json):
@@ -119,6 +121,69 @@ def fly(formation_path, birds, frames, fps, seed, left, exchange, method, epsilo
     for key, value in said.items():
         lines.add_row(key.replace("_", " "), number(value))
     show(lines)
+
+
+ADDITIONS = {
+    "all rules": {},
+    "no hidden-point removal": {"hidden_points": False},
+    "no separation drive": {"separation": False},
+    "any bird may be a reference": {"ahead_only": False},
+    "the nearest is the reference, every frame": {"loyal": False},
+    "K always positive": {"signed_gain": False},
+    "without a reference: straight on": {"homing": False},
+    "arms of any length": {"capacity": False},
+    "r without limit in eq. 6": {"farthest": float("inf")},
+    "no look ahead": {"look_ahead": 0.0},
+    "any direction off the track": {"onward": float(np.pi)},
+    "not parted in height": {"apart": False},
+}
+PAPER = {
+    "ahead_only": False, "loyal": False, "signed_gain": False, "homing": False, "capacity": False,
+    "farthest": float("inf"), "look_ahead": 0.0, "onward": float(np.pi), "apart": False,
+}  # fmt: skip
+
+
+def initiation(kinds, birds, runs, seed, ablate, out, json):
+    """Initiation from random places: how many flocks find into the shape, how soon, how near birds come."""
+    _allow([out] if out else [], [])
+    without = {**ADDITIONS, "the paper alone": PAPER} if ablate else {"all rules": {}}
+    rows = []
+    with progress("initiation", len(without) * len(kinds) * len(birds)) as moved:
+        for name, changes in without.items():
+            for kind in kinds:
+                for n in birds:
+                    moved(len(rows), f"{kind} of {n}, {name}")
+                    rows.append(
+                        {"rules": name, "shape": kind, "birds": n, **_cell(kind, n, runs, seed, Rules(**changes))}
+                    )
+    if out:
+        text = io.StringIO()
+        writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+        write_text(out, text.getvalue())
+    if json:
+        print_json({"cells": rows})
+        return
+    lines = table(*[name.replace("_", " ") for name in rows[0]], right=("birds", "runs", "converged"))
+    for row in rows:
+        lines.add_row(*[number(value, 3) if isinstance(value, (int, float)) else value for value in row.values()])
+    show(lines)
+
+
+def _cell(kind, birds, runs, seed, rules):
+    """One cell of the table."""
+    goal = target_of(*textbook(kind, birds))
+    flown = [initiate(*scattered(birds, seed + run), goal, rules) for run in range(runs)]
+    frames = [one.frames for one in flown if one.frames >= 0]
+    return {
+        "runs": runs,
+        "converged": len(frames),
+        "median_frames": float(np.median(frames)) if frames else float("nan"),
+        "slowest": max(frames) if frames else float("nan"),
+        "least_distance": min(one.least for one in flown),
+        "longest_flock": max(one.longest for one in flown),
+    }
 
 
 def _allow(outputs, inputs):

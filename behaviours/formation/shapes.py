@@ -48,6 +48,21 @@ class Curve:
         return Curve(self.model, (c * factor, b, a / factor))
 
 
+TEXTBOOK = {
+    "V": (Curve("v", (0.0, 0.8, 0.8)), 0.5),
+    "U": (Curve("parabola", (0.0, 0.0, -0.05)), 0.5),
+    "J": (Curve("parabola", (0.0, 0.0, -0.03)), 0.2),
+    "line": (Curve("line", (0.0, -0.8)), 0.0),
+}  # curve, and the share of birds on the left
+
+
+def textbook(kind: str, birds: int, spacing: float = 1.25):
+    """A shape as it is drawn in books: (x, y), wingspans, the leader at the origin, birds from left to right."""
+    curve, share = TEXTBOOK[kind]
+    x = spacing * (np.arange(birds) - int(share * birds))
+    return x, curve.y(x)
+
+
 def basis(model: str, x):
     """Columns whose sum, weighted by a curve's numbers, is y, (n, p)."""
     x = np.asarray(x, float)

@@ -1,0 +1,325 @@
+"""Initiation: how scattered birds find their places in a line formation (Klotsman & Tal [1]_, section 6).
+
+Every bird looks at the others (visual volume, hidden-point removal), takes one of them as its reference, learns from it
+the side and the place, and flies to the place that is so far from the reference as in the target shape.  Two with one
+reference on one side part: the rear one takes another, farther down the arm.
+
+The paper's rules alone do not converge; the additions have a switch each in `behaviours.formation.reaching.Rules`.
+Arrays are of one flock, in wingspans and frames, x to the right of the track and y along it.
+
+.. [1] Klotsman, M. & Tal, A. (2012). Animation of flocks flying in line formations. Artificial Life 18(1), 91-105.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from behaviours.formation.reaching import Rules, home_, part_in_height, reach_, wrap_
+from engine.maths import atan2_, sincos_
+from engine.noise import Noise
+from systems.hidden_points import _corners
+
+FLIP = 10.0**0.5  # radius of the flipping sphere, in distances of the farthest bird
+
+
+class Target(NamedTuple):
+    """A shape to fly to: what lies between each place and the one before it on its arm.
+
+    Arm 0 is to the left of the leader, arm 1 to the right; place 0 is the leader's own.
+    """
+
+    count: np.ndarray  # (2,) places on each arm
+    dx: np.ndarray  # (2, most + 1) wingspans away from the leader
+    dy: np.ndarray  # (2, most + 1) wingspans back; negative: ahead of the one before
+
+
+def target_of(x, y) -> Target:
+    """The target of a key shape: birds from left to right, the leader at the origin."""
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    leader = int(np.argmin(x * x + y * y))
+    arms = [np.arange(leader, -1, -1), np.arange(leader, len(x))]
+    most = max(len(arm) for arm in arms)
+    dx, dy = np.zeros((2, most)), np.zeros((2, most))
+    for side, arm in enumerate(arms):
+        dx[side, 1 : len(arm)], dy[side, 1 : len(arm)] = np.abs(np.diff(x[arm])), -np.diff(y[arm])
+    return Target(np.array([len(arm) - 1 for arm in arms]), dx, dy)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _look(i, x, y, heading, rules, angle, seen):
+    """Mark whom bird i sees: within the visual volume, and not hidden.  ``angle`` becomes the bearings."""
+    n = len(x)
+    px, py = np.empty(n), np.empty(n)
+    far = 0.0
+    for j in range(n):
+        px[j], py[j] = x[j] - x[i], y[j] - y[i]
+        far = max(far, px[j] * px[j] + py[j] * py[j])
+        angle[j] = abs(wrap_(atan2_(px[j], py[j]) - heading[i]))
+        seen[j] = j != i
+    if rules.hidden_points and far > 0.0:
+        far = np.sqrt(far)
+        for j in range(n):
+            d = np.sqrt(px[j] * px[j] + py[j] * py[j])
+            stretch = 2.0 * FLIP * far / d - 1.0 if d > 0.0 else 0.0
+            px[j], py[j] = px[j] * stretch, py[j] * stretch
+            seen[j] = False
+        for j in _corners(px, py):
+            seen[j] = j != i
+    for j in range(n):
+        seen[j] &= angle[j] <= rules.volume
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _follows(j, i, reference):
+    """Whether bird j follows bird i, through however many others."""
+    for _ in range(len(reference)):
+        if j == i:
+            return True
+        j = reference[j]
+        if j < 0:
+            return False
+    return True  # a ring
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _nearest(i, x, y, reference, side, slot, seen, angle, rules, arm, beyond):
+    """The nearest bird that i sees and may follow, first within the narrow volume; -1 for none.
+
+    ``arm`` 0 takes any side, otherwise that side (and the leader); ``beyond`` asks for places behind that one.
+    """
+    best, chosen, wide_best, wide = np.inf, -1, np.inf, -1
+    for j in range(len(x)):
+        if not seen[j] or (rules.ahead_only and y[j] <= y[i]) or slot[j] < beyond:
+            continue
+        if arm != 0 and side[j] != arm and slot[j] != 0:
+            continue
+        if _follows(j, i, reference):
+            continue
+        d2 = (x[j] - x[i]) ** 2 + (y[j] - y[i]) ** 2
+        if d2 < wide_best:
+            wide_best, wide = d2, j
+        if angle[j] <= rules.narrow and d2 < best:
+            best, chosen = d2, j
+    return chosen if chosen >= 0 else wide
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def decide(x, y, heading, leader, reference, side, slot, count, rules, new_reference, new_side, new_slot):
+    """Whom each bird follows next, on which side (-1 left, 1 right, 0 open) and as which of the arm (-1 open)."""
+    n = len(x)
+    angle, seen = np.empty(n), np.empty(n, np.bool_)
+    for i in range(n):
+        if i == leader:
+            new_reference[i], new_side[i], new_slot[i] = -1, 0, 0
+            continue
+        j, s, looked = reference[i], side[i], False
+        if (
+            j >= 0 and reference[j] >= 0 and _follows(reference[j], j, reference)
+        ):  # a ring of birds that follow one another
+            j = -1
+        if j < 0 or not rules.loyal:
+            _look(i, x, y, heading, rules, angle, seen)
+            looked = True
+            j = _nearest(i, x, y, reference, side, slot, seen, angle, rules, 0, -1)
+            if j != reference[i]:
+                s = 0
+        if j < 0:
+            new_reference[i], new_side[i], new_slot[i] = -1, 0, -1
+            continue
+        if j != leader and side[j] != 0:
+            s = side[j]
+        elif s == 0:
+            s = 1 if x[i] > x[j] else -1
+        place = slot[j] + 1 if slot[j] >= 0 else -1
+        if rules.capacity and place > count[(s + 1) // 2]:
+            s = -s
+            if not looked:
+                _look(i, x, y, heading, rules, angle, seen)
+                looked = True
+            j = _nearest(i, x, y, reference, side, slot, seen, angle, rules, s, 0)
+            if j < 0 or slot[j] >= count[(s + 1) // 2]:
+                j = leader
+            place = slot[j] + 1
+        if rules.separation:
+            rival = _rival(i, j, s, leader, x, y, reference, side, rules)
+            if rival >= 0:
+                if not looked:
+                    _look(i, x, y, heading, rules, angle, seen)
+                other = _nearest(i, x, y, reference, side, slot, seen, angle, rules, s, place) if place >= 0 else -1
+                if other < 0 or slot[other] == 0:
+                    other = rival
+                if not _follows(other, i, reference):
+                    j = other
+                    place = slot[j] + 1 if slot[j] >= 0 else -1
+        new_reference[i], new_side[i], new_slot[i] = j, s, place
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rival(i, j, s, leader, x, y, reference, side, rules):
+    """The front-most of those who follow j on side s, are near and in front of i; -1 for none."""
+    rival, front = -1, 0.0
+    for b in range(len(x)):
+        if b == i or reference[b] != j or (j == leader and side[b] != s):
+            continue
+        if y[b] < y[i] or (y[b] == y[i] and b > i):
+            continue
+        d2 = (x[b] - x[i]) ** 2 + (y[b] - y[i]) ** 2
+        if d2 < rules.separation_distance**2 and (rival < 0 or y[b] > front):
+            rival, front = b, y[b]
+    return rival
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def move(x, y, z, heading, speed, leader, reference, side, slot, dx, dy, usual, rules, new_heading, new_speed, climb):
+    """Speed and heading of every bird in the next frame (eqs. 5 and 6), and how much it climbs."""
+    for i in range(len(x)):
+        j = reference[i]
+        if j < 0:
+            new_speed[i], new_heading[i] = speed[i], heading[i]
+            if rules.homing or i == leader:
+                waits = i != leader and y[i] > y[leader]
+                new_speed[i], new_heading[i] = home_(heading[i], speed[i], waits, rules)
+            continue
+        s, k = side[i], slot[i]
+        arm = (s + 1) // 2
+        ox, oy = (dx[arm, k], dy[arm, k]) if 0 < k < dx.shape[1] else usual
+        sine, cosine = sincos_(heading[j])
+        tx, ty = x[j] + speed[j] * sine + s * ox, y[j] + speed[j] * cosine - oy
+        new_speed[i], new_heading[i] = reach_(x[i], y[i], heading[i], speed[i], tx, ty, speed[j], heading[j], rules)
+    if rules.apart:
+        part_in_height(x, y, z, heading, speed, rules, climb)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fly(x, y, heading, speed, leader, count, dx, dy, usual, rules, most, hold, tolerance, track, step, said):
+    """Fly until everybody has kept its place for ``hold`` frames: (frames or -1, least distance, length of flock)."""
+    n = len(x)
+    z, climb = np.zeros(n), np.zeros(n)
+    reference, side, slot = np.full(n, -1), np.zeros(n, np.int64), np.full(n, -1)
+    slot[leader] = 0
+    reference2, side2, slot2 = reference.copy(), side.copy(), slot.copy()
+    heading2, speed2 = heading.copy(), speed.copy()
+    place_x, place_y = np.zeros(dx.shape), np.zeros(dx.shape)
+    for arm in range(2):
+        for k in range(1, dx.shape[1]):
+            place_x[arm, k] = place_x[arm, k - 1] + (2 * arm - 1) * dx[arm, k]
+            place_y[arm, k] = place_y[arm, k - 1] - dy[arm, k]
+    taken = np.zeros((2, dx.shape[1]), np.int64)
+    least, longest, since = np.inf, 0.0, -1
+    for frame in range(most):
+        decide(x, y, heading, leader, reference, side, slot, count, rules, reference2, side2, slot2)
+        reference[:], side[:], slot[:] = reference2, side2, slot2
+        move(x, y, z, heading, speed, leader, reference, side, slot, dx, dy, usual, rules, heading2, speed2, climb)
+        heading[:], speed[:] = heading2, speed2
+        for i in range(n):
+            sine, cosine = sincos_(heading[i])
+            x[i] += speed[i] * sine
+            y[i] += speed[i] * cosine
+            z[i] += climb[i]
+        if step > 0 and frame % step == 0 and frame // step < len(track):
+            for i in range(n):
+                track[frame // step, i, 0], track[frame // step, i, 1], track[frame // step, i, 2] = x[i], y[i], z[i]
+            said[0] = frame // step + 1
+        taken[:] = 0
+        right, low, high = True, np.inf, -np.inf
+        for i in range(n):
+            low, high = min(low, y[i]), max(high, y[i])
+            for j in range(i):
+                least = min(least, (x[i] - x[j]) ** 2 + (y[i] - y[j]) ** 2 + (z[i] - z[j]) ** 2)
+            if i == leader:
+                continue
+            k, arm = slot[i], (side[i] + 1) // 2
+            if k < 1 or side[i] == 0 or k > count[arm] or taken[arm, k]:
+                right = False
+                continue
+            taken[arm, k] = 1
+            ex, ey = x[i] - x[leader] - place_x[arm, k], y[i] - y[leader] - place_y[arm, k]
+            right &= ex * ex + ey * ey + (z[i] - z[leader]) ** 2 <= tolerance * tolerance
+        longest = max(longest, high - low)
+        since = (frame if since < 0 else since) if right else -1
+        if since >= 0 and frame - since >= hold:
+            return since, np.sqrt(least), longest
+    return -1, np.sqrt(least), longest
+
+
+class Initiation(NamedTuple):
+    """How an initiation went."""
+
+    frames: int  # until everybody was in its place to stay; -1: not within the time
+    least: float  # wingspans, the least distance of two birds on the way
+    longest: float  # wingspans, the longest the flock was on the way
+    track: np.ndarray  # (k, n, 3) positions, every ``step`` frames
+
+
+def initiate(x, y, heading, target, rules=None, speed=None, most=6000, hold=60, tolerance=0.5, step=0) -> Initiation:
+    """Let birds find into a formation.
+
+    Parameters
+    ----------
+    x, y : array_like (n,)
+        Wingspans; +y is the track.  The front-most bird leads.
+    heading : array_like (n,)
+        Radians, clockwise from the track.
+    target : Target
+    rules : Rules, optional
+    speed : array_like (n,), optional
+        Wingspans per frame; cruising unless told.
+    most : int
+        Frames at most.
+    hold, tolerance : int, float
+        Everybody is in place when nobody is farther than ``tolerance`` from its place for ``hold`` frames.
+    step : int
+        Keep positions every so many frames; 0 keeps none.
+
+    Returns
+    -------
+    Initiation
+
+    References
+    ----------
+    .. [1] Klotsman, M. & Tal, A. (2012). Animation of flocks flying in line formations. Artificial Life 18(1), 91-105.
+    """
+    rules = fitting(rules or Rules(), target)
+    x, y, heading = (np.array(a, float) for a in (x, y, heading))
+    speed = np.full(len(x), rules.cruise) if speed is None else np.array(speed, float)
+    track, said = np.zeros((most // step + 1 if step else 0, len(x), 3)), np.zeros(1, np.int64)
+    frames, least, longest = _fly(
+        x, y, heading, speed, int(np.argmax(y)), *target, usual(target), rules, most, hold, tolerance, track, step, said
+    )
+    return Initiation(int(frames), float(least), float(longest), track[: said[0]])
+
+
+def fitting(rules, target):
+    """The rules with a margin that neighbours in the target keep."""
+    places = np.array(
+        [
+            (side * target.dx[arm, : k + 1].sum(), -target.dy[arm, : k + 1].sum())
+            for arm, side in ((0, -1), (1, 1))
+            for k in range(arm, target.count[arm] + 1)
+        ]
+    )
+    apart = np.linalg.norm(places[:, None] - places, axis=2) + np.diag(np.full(len(places), np.inf))
+    return rules._replace(margin=min(rules.margin, 0.95 * float(apart.min())))
+
+
+def usual(target):
+    """The mean step from place to place, for birds that do not know theirs yet."""
+    inner = np.arange(target.dx.shape[1]) <= target.count[:, None]
+    inner[:, 0] = False
+    return float(target.dx[inner].mean()), max(float(target.dy[inner].mean()), 0.3)
+
+
+def scattered(birds, seed, density=9.0, turned=0.5, gap=1.0):
+    """Birds at random places, (x, y, heading): ``density`` square wingspans each, none nearer than ``gap``."""
+    noise, side = Noise(seed), np.sqrt(birds * density)
+    x, y = np.empty(birds), np.empty(birds)
+    for i in range(birds):
+        for k in range(1000):
+            px, py = (noise.uniform("scatter", k, [i], 2)[0] - 0.5) * side
+            if not i or np.hypot(x[:i] - px, y[:i] - py).min() >= gap:
+                break
+        x[i], y[i] = px, py
+    return x, y, turned * noise.normal("scatter heading", 0, np.arange(birds))[:, 0]
