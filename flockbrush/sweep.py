@@ -8,6 +8,7 @@ nothing with it either: what it was doing is done again, alone, to find out whic
 from __future__ import annotations
 
 import json
+import logging
 import multiprocessing
 import os
 import signal
@@ -115,13 +116,21 @@ def run_jobs(
             if not whole or any(isinstance(error, BrokenExecutor) for _, error in died):
                 died += [(job, died[0][1] if died else BrokenExecutor()) for job in running.values()]
                 running.clear()
-                executor.shutdown(wait=False, cancel_futures=True)
+                _let_go(executor)
                 executor = open_executor()
             for job, reason in died:
                 guilty = len(died) == 1 or not isinstance(reason, BrokenExecutor)
                 yield from _blame(replace(job, deaths=job.deaths + guilty), reason, suspects)
     finally:
+        _let_go(executor)
+
+
+def _let_go(executor):
+    """Ask for nothing more; those of clusters know no ``cancel_futures``."""
+    try:
         executor.shutdown(wait=False, cancel_futures=True)
+    except TypeError:
+        executor.shutdown(wait=False)
 
 
 def _fill(executor, running, waiting, suspects, width):
@@ -181,6 +190,7 @@ def cluster(address):
         from distributed import Client
     except ImportError:
         raise refused("--cluster", "dask is missing: pip install 'flockbrush[cluster]'") from None
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters of it is said in our own words
     try:
         client = Client(address, timeout="10s", set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
