@@ -67,6 +67,7 @@ class Scene(NamedTuple):
     order: np.ndarray  # (n,) rows in spatial order: neighbours in turn are neighbours in memory
     hidden_points: Any = None  # lists (first, near, offset) by hidden-point removal, if a model present asks for them
     air: Air | None = None  # what flyers perceive; None in a world without any
+    formation: Any = None  # what birds in line formation know (`behaviours.models.line_formation.InFormation`)
 
 
 class Air(NamedTuple):
@@ -148,6 +149,7 @@ class Behaviour:
     danger: bool = False  # prey flees from animals that this model moves
     hidden_points: bool = False  # asks for the lists of hidden-point removal, which cost extra
     flight: Callable[[Any], Flight] | None = None  # of its parameters: then its animals move in the air
+    formation: bool = False  # its animals have places in a line formation
 
 
 _registry: dict[str, Behaviour] = {}
@@ -159,6 +161,7 @@ def behaviour(
     danger: bool = False,
     hidden_points: bool = False,
     flight: Callable[[Any], Flight] | None = None,
+    formation: bool = False,
 ):
     """Register ``steer(scene, rows, params) -> Wishes`` under a name.
 
@@ -170,6 +173,8 @@ def behaviour(
         The model wants ``scene.hidden_points``.
     flight : callable, optional
         ``flight(params) -> Flight``: animals of this model move in the air, within these limits.
+    formation : bool
+        Animals of this model are given places in a line formation (``scene.formation``).
 
     Raises
     ------
@@ -181,7 +186,7 @@ def behaviour(
         if name in _registry:
             raise ValueError(f"behaviour {name!r} is already in {_registry[name].steer.__module__}")
         doc = importlib.import_module(steer.__module__).__doc__ or ""
-        _registry[name] = Behaviour(name, steer, Params, doc, danger, hidden_points, flight)
+        _registry[name] = Behaviour(name, steer, Params, doc, danger, hidden_points, flight, formation)
         return steer
 
     return register

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from components.formation import FormationPlace
 from engine.columns import Component, Field
 
 FOLLOWER, LEADER = 0, 1
@@ -153,4 +154,5 @@ AGENT = (
     Airborne,
     Thrust,
     Migration,
+    FormationPlace,
 )

@@ -19,7 +19,7 @@ from engine.schedule import Schedule
 from engine.world import World
 from levels.schema import Level, Spawn
 from systems.commands import ApplyCommands
-from systems.decide import ReferenceBirds, Roles
+from systems.decide import Roles
 from systems.foresight import Ahead, Migrate, SeeAhead
 from systems.ground import Underfoot
 from systems.landscape import Barrier, Landscape
@@ -105,7 +105,6 @@ def systems():
         SeeInSpace(),
         SeeAhead(),
         Roles(),
-        ReferenceBirds(),
         Migrate(),
         Steer(),
         Pace(),

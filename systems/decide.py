@@ -5,19 +5,30 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from components import Body, BrushBinding, Heading, Memory, Position, ReferenceBird, Role, Species
+from components import Body, BrushBinding, Heading, Memory, Position, ReferenceBird, Role, Species, Speed, Velocity
+from components.formation import FormationPlace
+from engine.clock import Clock
+from engine.noise import Noise
 from engine.parallel import over_rows
 from engine.schedule import Stage, System
+from systems.formations import keep_formations
+from systems.landscape import Landscape
 from systems.palette import Palette
 from systems.senses import Sight
 
 
 class Roles(System):
-    """Leaders see at most two of their kind (Gong et al. 2025, section 5.1); all remember where the herd was."""
+    """Leaders see at most two of their kind (Gong et al. 2025, section 5.1); all remember where the herd was.
+
+    The nearest visible animal in the front half is the one to keep one's place by.  Birds in line formation have
+    rules of their own for both (`systems.formations`).
+    """
 
     stage = Stage.DECIDE
-    reads = (Position, Heading, Body, Species, BrushBinding, Sight, Palette)
-    writes = (Role, Memory)
+    reads = (
+        Position, Velocity, Heading, Body, Species, Speed, BrushBinding, Sight, Palette, Landscape, Clock, Noise,
+    )  # fmt: skip
+    writes = (Role, Memory, ReferenceBird, FormationPlace)
 
     def process(self, world):
         agents, palette, lists = world.agents, world.resource(Palette), world.resource(Sight).lists
@@ -28,19 +39,11 @@ class Roles(System):
             palette.neighbour_range, palette.leader_neighbours, palette.leader_cone,
             agents[Role.leader], agents[Memory.herd], agents[Memory.known],
         )  # fmt: skip
-
-
-class ReferenceBirds(System):
-    """The nearest visible animal in the front half is the one to keep one's place by."""
-
-    stage, reads, writes = Stage.DECIDE, (Heading, Sight), (ReferenceBird,)
-
-    def process(self, world):
-        agents, lists = world.agents, world.resource(Sight).lists
         over_rows(
             _reference, len(agents), agents.ids, agents[Heading.forward],
             lists.first, lists.near, lists.offset, agents[ReferenceBird.entity],
         )  # fmt: skip
+        keep_formations(world)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

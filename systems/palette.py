@@ -89,6 +89,7 @@ class Palette:
         self.neighbour_range = column(lambda b: getattr(b.params, "neighbour_range", np.inf))  # body lengths
         self.hidden_points = any(model.hidden_points for model in self.models)
         self.danger = column(lambda b: models[b.model].danger).astype(np.uint8)
+        self.formation = column(lambda b: models[b.model].formation).astype(bool)
         flights = [
             Flight() if m.flight is None else m.flight(b.params) for m, b in zip(self.models, self.brushes, strict=True)
         ]

@@ -6,11 +6,13 @@ import numpy as np
 from numba import njit
 
 from behaviours.behaviour import Air, Scene
+from behaviours.models.line_formation import InFormation
 from components import (
     Airborne,
     Body,
     BrushBinding,
     Destination,
+    FormationPlace,
     Ground,
     Heading,
     Memory,
@@ -44,8 +46,8 @@ class Steer(System):
     stage = Stage.STEER
     reads = (
         Position, Velocity, Heading, Body, Species, Role, BrushBinding, Speed, Ground, Memory, Airborne, Migration,
-        Destination, Near, Sight, SightByHiddenPoints, SightInSpace, ObstaclesInSight, Ahead, Landscape, Palette, Clock,
-        Noise,
+        Destination, FormationPlace, Near, Sight, SightByHiddenPoints, SightInSpace, ObstaclesInSight, Ahead,
+        Landscape, Palette, Clock, Noise,
     )  # fmt: skip
     writes = (Wish, Thrust)
 
@@ -155,8 +157,22 @@ def scene_of(world):
         order,
         world.resource(SightByHiddenPoints).lists,
         air,
+        _formation_of(agents, palette),
     )
     return Scene(*(_frozen(column) for column in scene))
+
+
+def _formation_of(agents, palette):
+    """What birds in line formation know; None where there are none."""
+    if not palette.formation.any():
+        return None
+    ids, entity = agents.ids, agents[FormationPlace.reference]
+    row = np.minimum(np.searchsorted(ids, entity), len(ids) - 1)
+    known = InFormation(
+        np.where(ids[row] == entity, row, -1), agents[FormationPlace.place], agents[FormationPlace.offset],
+        agents[FormationPlace.track], agents[FormationPlace.climb],
+    )  # fmt: skip
+    return InFormation(*(_frozen(column) for column in known))
 
 
 def _air_of(world, xyz, near):

@@ -1,0 +1,238 @@
+"""Line formations: birds that fly as a V, a U, a J or a line, from wherever they start.
+
+Klotsman and Tal 2012 [1]_.  Each bird keeps its place from a reference bird (section 6: perception, side, separation
+are in `systems.formations` and `systems.initiation`); its speed and direction are eqs. 5 and 6.  The place comes from
+the flock's steady flight (section 5): key shapes in which every bird saves as large a share of power as in the
+example, drawn as the flight goes on.
+
+The paper counts in wingspans and frames and flies a third of a wingspan a frame; here a frame lasts as long as the
+bird's own speed takes for that, and a tick goes its part of a frame.  What is added to the paper's rules stands in
+`behaviours.formation.reaching`.  Ours are, too: flocks that turn (their frame is the leader's heading), leaders that
+take turns, inverted shapes (one tip leads, the other flies level with it), and heights.
+
+.. [1] Klotsman, M. & Tal, A. (2012). Animation of flocks flying in line formations. Artificial Life 18(1), 91-105.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numba import njit
+from pydantic import Field
+
+from behaviours.behaviour import Flight, Parameters, Wishes, air_of, behaviour, quantity
+from behaviours.formation.flight import Drawing, SteadyFlight
+from behaviours.formation.reaching import Rules, limited_speed_, limited_turn_, reach_, wrap_
+from behaviours.formation.shapes import Curve, Formation, FrameShape
+from engine.maths import atan2_, sincos_
+from engine.parallel import over_rows
+
+EXAMPLE_FRAMES = 6  # of the movie that a brush stands for
+Shape = Literal["V", "U", "J", "line", "inverted V", "inverted U"]
+
+
+class Params(Parameters):
+    """The shape, how alive it is, and how birds reach their places in it."""
+
+    wingspan: float = quantity(1.7, "body lengths", "wing tip to wing tip; all distances of the model", 0.1, 20)
+    shape: Shape = Field("V", description="what they fly as", json_schema_extra={"unit": "-"})
+    spacing: float = quantity(1.25, "wingspans", "to the side, from bird to bird", 0.9, 10)
+    slope: float = quantity(0.8, "1", "of V and line: how far back the next flies for each wingspan aside", 0.1, 5)
+    curvature: float = quantity(0.05, "1/wingspans", "of U and J: larger bends the arms back sooner", 0.001, 1)
+    left: float = quantity(
+        0.5, "1", "share of the birds on the left of the leader; V and U: .5, J: .2, line: 0 or 1", 0, 1
+    )
+    deviation: float = quantity(
+        0.15, "wingspans", "how far birds are from the shape in the example; 0 makes it stiff", 0, 2
+    )
+    drift: float = quantity(0.4, "wingspans/s", "the fastest through the formation, once it stands", 0.01, 5)
+    turns: float = quantity(0.0, "s", "how long one leads before the next does; 0 never changes", 0, 3600)
+    leader_turn: float = quantity(0.1, "rad/s", "how fast the leader turns, and the flock with it", 0.01, 2)
+    leader_climb: float = quantity(0.12, "1", "how steeply the leader climbs at most, share of the speed", 0, 1)
+    gain: float = quantity(0.06, "1/√wingspans", "K of eq. 5: larger catches up faster", 0, 0.5)
+    turning: float = quantity(0.2, "1", "α of eq. 6: larger turns sooner to the place", 0.01, 1)
+    slowest: float = quantity(0.6, "1", "share of its own speed below which no bird falls", 0.1, 1)
+    fastest: float = quantity(1.6, "1", "times its own speed, above which no bird goes", 1, 4)
+    separation_distance: float = quantity(10.0, "wingspans", "rivals for a place part when nearer than this", 0.5, 1000)
+    margin: float = quantity(1.1, "wingspans", "approaches nearer than this are parted in height", 0, 5)
+    foresight: float = quantity(2.0, "s", "how far ahead obstacles are seen, in time of flight", 0, 60)
+
+
+def flight_of(p):
+    """Its velocity is its own; it banks into turns."""
+    return Flight(exact=True, banking=1.0, roll_time=0.8, foresight=p.foresight)
+
+
+class InFormation(NamedTuple):
+    """What birds in formation know, by row (`components.formation.FormationPlace`)."""
+
+    reference: np.ndarray  # (n,) row of the reference bird, -1 for none
+    place: np.ndarray  # (n,) 0 leads, -1 open
+    offset: np.ndarray  # (n, 2) m, to the right of and ahead of the reference bird
+    track: np.ndarray  # (n, 2) unit vectors; (0, 0): in no flock
+    climb: np.ndarray  # (n,) m/s
+
+
+@behaviour("line_formation", Params, flight=flight_of, formation=True)
+def steer(scene, rows, p):
+    """Reach one's place by eqs. 5 and 6; who leads flies where the flock is bound."""
+    k, n = len(rows), len(scene.ids)
+    direction, velocity = np.zeros((k, 3)), np.zeros((k, 3))
+    air, known = air_of(scene), scene.formation
+    if known is None:  # nobody has looked yet
+        known = InFormation(np.full(n, -1), np.full(n, -1), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros(n))
+    over_rows(
+        _steer, k, rows, scene.dt, scene.xyz, scene.velocity, scene.forward, scene.speed, scene.length, *known,
+        air.bound, air.target, scene.guidance, air.hit, air.aim,
+        rules_of(p), p.wingspan, p.leader_turn, p.leader_climb, direction, velocity,
+    )  # fmt: skip
+    return Wishes(direction, np.ones(k), velocity=velocity)
+
+
+def rules_of(p) -> Rules:
+    """The rules of initiation with a brush's numbers."""
+    return Rules(
+        gain=p.gain, turning=p.turning, slowest=p.slowest, fastest=p.fastest,
+        separation_distance=p.separation_distance, margin=p.margin,
+    )  # fmt: skip
+
+
+def frame_of(wing, speed):
+    """How long a frame of the paper lasts, s, for a wingspan in m and a speed in m/s."""
+    return wing / (3.0 * max(float(speed), 1e-3))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _steer(
+    lo, hi, rows, dt, xyz, velocity, forward, own, length, reference, place, offset, track, climb,
+    bound, target, guidance, hit, aim, rules, wingspan, leader_turn, leader_climb, direction, wish,
+):  # fmt: skip
+    for k in range(lo, hi):
+        i = rows[k]
+        fx, fy = forward[i, 0], forward[i, 1]
+        size = np.sqrt(fx * fx + fy * fy)
+        if size > 1e-9:
+            fx, fy = fx / size, fy / size
+        else:
+            fx, fy = 1.0, 0.0
+        wing = wingspan * length[i]
+        frame = wing / (3.0 * max(own[i], 1e-3))
+        part = min(dt / frame, 1.0)  # of a frame of the paper in this tick
+        speed = np.sqrt(velocity[i, 0] ** 2 + velocity[i, 1] ** 2) * frame / wing
+        ux, uy = track[i, 0], track[i, 1]
+        rise, turn = climb[i], 0.0
+        j = reference[i]
+        if place[i] == 0 or (ux == 0.0 and uy == 0.0):  # who leads, and who is in no flock yet
+            gx, gy, gz = fx, fy, 0.0
+            if bound[i] > 0:
+                gx, gy, gz = target[i, 0], target[i, 1], target[i, 2]
+            elif guidance[i, 0] != 0.0 or guidance[i, 1] != 0.0:
+                gx, gy = guidance[i, 0], guidance[i, 1]
+            far = np.sqrt(gx * gx + gy * gy)
+            if far > 1e-9:
+                turn = atan2_(gx * fy - gy * fx, gx * fx + gy * fy)
+            turn = min(max(turn, -leader_turn * dt), leader_turn * dt)
+            now = limited_speed_(speed, rules.cruise, rules)
+            speed += part * (now - speed)
+            steepest = leader_climb * own[i]
+            if bound[i] == 1 and far > 1e-9:
+                rise = gz / far * own[i]
+            elif bound[i] == 2:
+                rise = 0.3 * gz  # 1/s
+            else:
+                rise = 0.0
+            before = velocity[i, 2]
+            rise = before + min(
+                max(min(max(rise, -steepest), steepest) - before, -2.0 * steepest * dt), 2.0 * steepest * dt
+            )
+        else:
+            heading = atan2_(fx * uy - fy * ux, fx * ux + fy * uy)  # clockwise from the track
+            if j >= 0:
+                ax, ay = xyz[j, 0] - xyz[i, 0], xyz[j, 1] - xyz[i, 1]
+                tx = (ax * uy - ay * ux + offset[i, 0]) / wing
+                ty = (ax * ux + ay * uy + offset[i, 1]) / wing
+                vx, vy = velocity[j, 0] * frame / wing, velocity[j, 1] * frame / wing
+                lx, ly = vx * uy - vy * ux, vx * ux + vy * uy
+                lead = np.sqrt(lx * lx + ly * ly)
+                lead_heading = atan2_(lx, ly) if lead > 1e-9 else 0.0
+                now, aimed = reach_(0.0, 0.0, heading, speed, tx + lx, ty + ly, max(lead, 1e-3), lead_heading, rules)
+            else:
+                now = limited_speed_(speed, 0.75 * rules.cruise, rules)
+                aimed = limited_turn_(heading, -rules.turning * wrap_(heading), rules)
+            speed += part * (now - speed)
+            turn = part * wrap_(aimed - heading)
+        if hit[i] < np.inf:  # something stands ahead
+            most = 3.0 * rules.most_turn * part
+            past = atan2_(aim[i, 0] * fy - aim[i, 1] * fx, aim[i, 0] * fx + aim[i, 1] * fy)
+            turn = min(max(past, -most), most)
+            rise += 0.5 * aim[i, 2] * own[i]
+        sine, cosine = sincos_(turn)  # clockwise
+        gx, gy = cosine * fx + sine * fy, cosine * fy - sine * fx
+        v = speed * wing / frame
+        wish[k, 0], wish[k, 1], wish[k, 2] = v * gx, v * gy, rise
+        size = np.sqrt(v * v + rise * rise)
+        if size > 1e-9 and v > 1e-9:
+            direction[k, 0], direction[k, 1], direction[k, 2] = v * gx / size, v * gy / size, rise / size
+        else:
+            direction[k, 0], direction[k, 1], direction[k, 2] = gx, gy, 0.0
+
+
+# the flock's own flight ---------------------------------------------------------------
+
+
+class _Stiff:
+    """A shape that does not change."""
+
+    def __init__(self, x, y):
+        self.x, self.y = x, y
+
+    def at(self, time):
+        return self.x, self.y
+
+
+class _Alive:
+    """A shape that changes as in steady flight."""
+
+    def __init__(self, flight):
+        self.flight = flight
+
+    def at(self, time):
+        return self.flight.x, self.flight.at(time)
+
+
+@lru_cache(maxsize=64)
+def places(p, birds, seed):
+    """Where the birds of a flock have their places: ``.at(seconds)`` gives (x, y) in wingspans, from left to right."""
+    if p.shape.startswith("inverted"):
+        return _Stiff(*_inverted(p, birds))
+    left = min(int(p.left * (birds - 1) + 0.5), birds - 1)
+    x = p.spacing * (np.arange(birds) - left)
+    curve = _curve(p)
+    if p.deviation == 0.0:
+        return _Stiff(x, np.where(x == 0.0, 0.0, np.minimum(curve.y(x), -0.01)))
+    names = tuple(str(k) for k in range(birds))
+    zero = tuple(0.0 for _ in names)
+    frames = tuple(
+        FrameShape(
+            str(f), names, zero, zero, left, p.shape, "of a brush", curve, (), (p.spacing, 0.0), (0.0, p.deviation)
+        )
+        for f in range(EXAMPLE_FRAMES)
+    )
+    return _Alive(SteadyFlight(Formation("brush", frames), birds, seed, left, Drawing(drift=p.drift)))
+
+
+def _curve(p):
+    if p.shape in ("V", "line"):
+        return Curve("v", (0.0, p.slope, p.slope))
+    return Curve("parabola", (0.0, 0.0, -p.curvature))
+
+
+def _inverted(p, birds):
+    """The left tip leads; the middle flies behind, the right tip level with the leader."""
+    x = p.spacing * np.arange(birds)
+    middle = 0.5 * x[-1]
+    if p.shape == "inverted V":
+        return x, p.slope * (np.abs(x - middle) - middle)
+    return x, p.curvature * ((x - middle) ** 2 - middle**2)

@@ -1,0 +1,18 @@
+"""What a bird in a line formation knows of its place."""
+
+import numpy as np
+
+from engine.columns import Component, Field
+
+
+class FormationPlace(Component):
+    """Whom the bird follows, and where its place is from there (Klotsman & Tal, section 6)."""
+
+    optional = True
+    reference = Field(0, np.int64)  # entity id of the reference bird, 0 for none
+    arm = Field(0, np.int8)  # side of the leader: -1 left, 1 right, 0 open
+    place = Field(-1, np.int32)  # 0 leads, 1 is next on its arm ...; -1 open
+    offset = Field((0.0, 0.0))  # m, to the right of and ahead of the reference bird
+    track = Field((0.0, 0.0))  # unit vector the flock flies along; (0, 0): in no flock
+    climb = Field(0.0)  # m/s, to keep clear of others on the way and come back to the flock's height
+    led = Field(0.0)  # s since this bird took the lead

@@ -1,0 +1,173 @@
+"""Flocks in line formation, tick by tick: who leads, whom each follows, where its place is (Klotsman & Tal).
+
+A flock is all birds of one kind under one brush whose model flies in formation.  Its frame has the leader as origin
+and the leader's heading as track, so a flock turns with its leader.  The target shape is the steady flight of the
+brush, which goes on by itself: initiation and steady flight are one, and a bird that comes later finds its place.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from behaviours.formation.reaching import Rules, part_in_height
+from behaviours.models.line_formation import frame_of, places, rules_of
+from components import Body, BrushBinding, Heading, Position, ReferenceBird, Role, Species, Speed, Velocity
+from components.formation import FormationPlace
+from engine.clock import Clock
+from engine.maths import atan2_
+from engine.noise import Noise
+from systems.initiation import decide, fitting, target_of, usual
+from systems.landscape import Landscape
+from systems.palette import Palette
+
+
+def keep_formations(world):
+    """Roles, reference birds and places of all birds that fly in formation; those that do not any more lose theirs."""
+    agents, palette = world.agents, world.resource(Palette)
+    if not palette.formation.any():
+        return
+    brush, species = agents[BrushBinding.brush], agents[Species.index]
+    flies = palette.formation[brush]
+    _forget(agents, ~flies)
+    for b, kind in sorted(set(zip(brush[flies].tolist(), species[flies].tolist(), strict=True))):
+        rows = np.flatnonzero(flies & (brush == b) & (species == kind))
+        _keep(world, rows, palette.brushes[b].params)
+
+
+def _forget(agents, rows):
+    rows = rows & (agents[FormationPlace.track] != 0.0).any(axis=1)
+    for field in (FormationPlace.reference, FormationPlace.arm, FormationPlace.offset, FormationPlace.track,
+                  FormationPlace.climb, FormationPlace.led):  # fmt: skip
+        agents[field][rows] = 0
+    agents[FormationPlace.place][rows] = -1
+
+
+def _keep(world, rows, p):
+    """One flock."""
+    agents, clock = world.agents, world.resource(Clock)
+    ids, n = agents.ids, len(rows)
+    forward = agents[Heading.forward][rows, :2]
+    place, arm = agents[FormationPlace.place][rows].astype(np.int64), agents[FormationPlace.arm][rows].astype(np.int64)
+    reference = _rows_of(ids, rows, agents[FormationPlace.reference][rows])
+    xy = agents[Position.xyz][rows, :2]
+    leader = _leader(place, xy, forward)
+    led = agents[FormationPlace.led][rows]
+    if p.turns > 0.0 and led[leader] >= p.turns and n > 2:
+        leader = _change_leader(leader, reference, arm, place)
+        led = np.zeros(n)
+    place[(place == 0) & (np.arange(n) != leader)] = -1
+    place[leader], arm[leader], reference[leader] = 0, 0, -1
+    ahead = _unit(forward[leader])
+    x, y = _in_frame(xy, xy[leader], ahead, world.resource(Landscape).wrap)
+    wing = p.wingspan * agents[Body.length][rows[leader]]
+    x, y = x / wing, y / wing
+    heading = np.array([_bearing(f, ahead) for f in forward])
+    rules = rules_of(p)
+    target = _target(p, n, clock.tick * clock.dt, world.resource(Noise).seed)
+    if n > 1:
+        rules = fitting(rules, target)
+        now = np.full(n, -1), np.zeros(n, np.int64), np.full(n, -1)
+        decide(x, y, heading, leader, reference, arm, place, target.count, rules, *now)
+        reference, arm, place = now
+    frame = frame_of(wing, agents[Speed.drawn][rows[leader]])
+    agents[FormationPlace.climb][rows] = _climb(agents, rows, leader, x, y, heading, rules, wing, frame)
+    agents[FormationPlace.offset][rows] = _offsets(reference, arm, place, target) * wing
+    agents[FormationPlace.track][rows] = ahead
+    agents[FormationPlace.arm][rows], agents[FormationPlace.place][rows] = arm, place
+    follows = reference >= 0
+    agents[FormationPlace.reference][rows] = np.where(follows, ids[rows[np.maximum(reference, 0)]], 0)
+    agents[ReferenceBird.entity][rows] = agents[FormationPlace.reference][rows]
+    agents[Role.leader][rows] = place == 0
+    led = np.where(np.arange(n) == leader, led + clock.dt, 0.0)
+    agents[FormationPlace.led][rows] = led
+
+
+def _rows_of(ids, rows, entities):
+    """Which of the flock's rows these entities are; -1 for none of them."""
+    at = np.searchsorted(ids[rows], entities)
+    at = np.minimum(at, len(rows) - 1)
+    return np.where(ids[rows[at]] == entities, at, -1)
+
+
+def _leader(place, xy, forward):
+    """Who has led so far, or else the front-most."""
+    leads = np.flatnonzero(place == 0)
+    if len(leads):
+        return int(leads[0])
+    ahead = _unit(np.array([_sum(forward[:, 0]), _sum(forward[:, 1])]))
+    return int(np.argmax((xy[:, 0] - xy[0, 0]) * ahead[0] + (xy[:, 1] - xy[0, 1]) * ahead[1]))
+
+
+def _change_leader(leader, reference, arm, place):
+    """The first of the longer arm leads from now on; who has led goes to the end of that arm."""
+    longer = max((-1, 1), key=lambda side: int(((arm == side) & (place > 0)).sum()))
+    mine = np.flatnonzero((arm == longer) & (place > 0))
+    first = mine[place[mine] == 1]
+    if not len(first):
+        return leader
+    new = int(first[0])
+    last = int(mine[np.argmax(place[mine])])
+    reference[reference == leader] = new
+    place[mine] -= 1
+    reference[leader] = last if last != new else new
+    arm[leader], place[leader] = longer, len(mine)
+    reference[new], arm[new], place[new] = -1, 0, 0
+    return new
+
+
+def _in_frame(xy, origin, ahead, wrap):
+    """(to the right, ahead) of the leader, m."""
+    away = xy - origin
+    if wrap is not None:
+        away = away - np.array(wrap) * np.floor(away / np.array(wrap) + 0.5)
+    return (
+        np.ascontiguousarray(away[:, 0] * ahead[1] - away[:, 1] * ahead[0]),
+        np.ascontiguousarray(away[:, 0] * ahead[0] + away[:, 1] * ahead[1]),
+    )
+
+
+def _climb(agents, rows, leader, x, y, heading, rules: Rules, wing, frame):
+    """m/s up, for each bird."""
+    n = len(rows)
+    climb = np.zeros(n)
+    z = (agents[Position.xyz][rows, 2] - agents[Position.xyz][rows[leader], 2]) / wing
+    v = agents[Velocity.xyz][rows]
+    speed = np.sqrt(v[:, 0] ** 2 + v[:, 1] ** 2) * frame / wing
+    part_in_height(x, y, np.ascontiguousarray(z), heading, speed, rules, climb)
+    return climb * wing / frame + v[leader, 2]
+
+
+def _offsets(reference, arm, place, target):
+    """(to the right, ahead) of the reference bird, wingspans."""
+    out = np.zeros((len(reference), 2))
+    ox, oy = usual(target)
+    for i in np.flatnonzero(reference >= 0):
+        side, k = (arm[i] + 1) // 2, place[i]
+        known = 0 < k < target.dx.shape[1]
+        dx, dy = (target.dx[side, k], target.dy[side, k]) if known else (ox, oy)
+        out[i] = arm[i] * dx, -dy
+    return out
+
+
+def _target(p, birds, time, seed):
+    """The target of this moment."""
+    x, y = places(p, max(birds, 2), seed).at(time)
+    return target_of(x, y)
+
+
+def _bearing(forward, ahead):
+    """Angle of a heading, clockwise from the track, rad."""
+    return atan2_(forward[0] * ahead[1] - forward[1] * ahead[0], forward[0] * ahead[0] + forward[1] * ahead[1])
+
+
+def _unit(vector):
+    size = np.sqrt(vector[0] * vector[0] + vector[1] * vector[1])
+    return vector / size if size > 1e-9 else np.array([1.0, 0.0])
+
+
+def _sum(values):
+    """In order, so that the bits are the same everywhere."""
+    total = 0.0
+    for value in values.tolist():
+        total += value
+    return total
