@@ -251,7 +251,9 @@ def _scenarios(toml, tables, experiment, folder, measures):
             except Mistakes as error:
                 for name, message in error.found:
                     path = paths.get(name) or paths.get(name.split(".")[0]) or ("fixed",)
-                    problems.append(toml.problem(_element(toml, path, given.get(name)), message))
+                    if message.startswith("must"):
+                        path = _element(toml, path, given.get(name))
+                    problems.append(toml.problem(path, message))
                 continue
             unknown = [name for name in measures if name not in ready.measures]
             problems += [
