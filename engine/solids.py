@@ -1,8 +1,8 @@
 """Convex solids in space: what lies ahead, where its silhouette ends, and steps that never enter one.
 
 Spheres, cylinders and convex polyhedra (boxes, prisms, half-spaces) [1]_.  A body of radius w meets a solid grown by w:
-every face is moved outwards by w, so corners stay sharp and a grown solid is never too small.  The functions with a
-trailing underscore are for use inside a kernel.
+every face is moved outwards by w, so corners stay sharp and a grown solid is never too small; very sharp ones are cut.
+The functions with a trailing underscore are for use inside a kernel.
 
 .. [1] Reynolds, C. W. (1987). Flocks, herds, and schools: a distributed behavioral model. Computer Graphics 21(4),
    25-34; "Avoiding Environmental Obstacles".
@@ -23,6 +23,8 @@ SLACK = 1e-6  # m of room kept free against rounding
 SLIDES = 4  # surfaces a body slides along in one step
 PUSHES = 16  # out of solids that have come over a body
 FLAT = 1e-9  # m; corners nearer to a plane lie in it
+GROWTH = 2.5  # no point of a solid grown by w is farther than this times w from the solid
+SHARP = -0.2  # cosine between the normals of two faces: sharper edges are cut when the solid grows
 
 
 class Solid(NamedTuple):
@@ -101,11 +103,33 @@ def polyhedron(points, opaque=True):
             along = (line - line[0]) @ (line[-1] - line[0])
             edges.append([*line[along.argmin()], *line[along.argmax()]])
             sides.append((a, b))
-    bound = float(np.sqrt(((points - middle) ** 2).sum(1).max()))
+    return _solid(middle, np.array([f for _, f in faces]), np.array(edges), np.array(sides, np.int32), opaque)
+
+
+def _solid(middle, faces, edges, edge_faces, opaque):
+    """A polyhedron, with further faces that touch it at sharp edges and corners, for when it grows."""
+    cuts = []
+    for (a, b), edge in zip(edge_faces, edges, strict=True):
+        if faces[a, :3] @ faces[b, :3] < SHARP:
+            cuts.append(_cut(faces[[a, b]], edge[:3]))
+    faces = np.vstack([faces, *cuts])
+    corners = np.unique(edges.reshape(-1, 3), axis=0)
+    cuts = []
+    for corner in corners:
+        there = faces[np.abs(faces[:, :3] @ corner - faces[:, 3]) < 1e-7 * (1 + np.abs(corner).max())]
+        if np.linalg.norm(np.linalg.lstsq(there[:, :3], np.ones(len(there)), rcond=None)[0]) > 2.0:
+            cuts.append(_cut(there, corner))
+    bound = float(np.sqrt(((corners - middle) ** 2).sum(1).max()))
     return Solid(
-        POLYHEDRON, middle, bound, faces=np.array([f for _, f in faces]), edges=np.array(edges),
-        edge_faces=np.array(sides, np.int32), opaque=opaque,
-    )  # fmt: skip
+        POLYHEDRON, middle, bound, faces=np.vstack([faces, *cuts]), edges=edges, edge_faces=edge_faces, opaque=opaque
+    )
+
+
+def _cut(faces, point):
+    """A face through a point of an edge or corner, between those that meet there."""
+    normal = faces[:, :3].sum(0)
+    normal = normal / np.sqrt(normal @ normal)
+    return np.array([*normal, normal @ point])
 
 
 def prism(polygon, low, high, opaque=True):
@@ -129,10 +153,7 @@ def prism(polygon, low, high, opaque=True):
         ]
     )
     middle = np.array([*polygon.mean(0), 0.5 * (low + high)])
-    bound = float(np.sqrt(((bottom - middle) ** 2).sum(1).max()))
-    return Solid(
-        POLYHEDRON, middle, bound, faces=faces, edges=edges, edge_faces=edge_faces.astype(np.int32), opaque=opaque
-    )
+    return _solid(middle, faces, edges, edge_faces.astype(np.int32), opaque)
 
 
 def convex_parts(polygon):
@@ -232,10 +253,10 @@ def with_cylinders(solids, centre, radius, half):
 
 
 @kernel_function
-def far_(s, k, x, y, z, reach):
-    """Whether a solid is surely farther than ``reach`` m."""
+def far_(s, k, x, y, z, reach, w):
+    """Whether a solid, grown by w, is surely farther than ``reach`` m."""
     dx, dy, dz = s.centre[k, 0] - x, s.centre[k, 1] - y, s.centre[k, 2] - z
-    room = reach + s.bound[k]
+    room = reach + s.bound[k] + GROWTH * w
     return dx * dx + dy * dy + dz * dz > room * room
 
 
@@ -321,7 +342,7 @@ def blocks_(s, x, y, z, ox, oy, oz):
     d = np.sqrt(ox * ox + oy * oy + oz * oz)
     if d > 0.0:
         for k in range(len(s.kind)):
-            seen = s.opaque[k] and not far_(s, k, x, y, z, d)
+            seen = s.opaque[k] and not far_(s, k, x, y, z, d, 0.0)
             if seen and entry_(s, k, x, y, z, ox / d, oy / d, oz / d, 0.0) <= d:
                 return True
     return False
@@ -335,7 +356,7 @@ def ahead_(s, x, y, z, ux, uy, uz, reach, w):
     """
     who, hit = -1, np.inf
     for k in range(len(s.kind)):
-        if far_(s, k, x, y, z, reach + w):
+        if far_(s, k, x, y, z, reach, w):
             continue
         gap = surface_(s, k, x, y, z)[0]
         t = entry_(s, k, x, y, z, ux, uy, uz, min(w, 0.99 * gap) if gap > 0.0 else 0.0)
@@ -494,7 +515,7 @@ def out_of_(s, x, y, z, w):
     for _ in range(PUSHES):
         worst, mx, my, mz = 0.5 * SLACK, 0.0, 0.0, 0.0
         for k in range(len(s.kind)):
-            if far_(s, k, x, y, z, w):
+            if far_(s, k, x, y, z, 0.0, w):
                 continue
             gap, nx, ny, nz = surface_(s, k, x, y, z)
             if gap - w < worst:
@@ -517,7 +538,7 @@ def slide_(s, x, y, z, sx, sy, sz, w):
         ux, uy, uz = sx / length, sy / length, sz / length
         hit, who = length + SLACK, -1
         for k in range(len(s.kind)):
-            if far_(s, k, x, y, z, w + length):
+            if far_(s, k, x, y, z, length, w):
                 continue
             t = entry_(s, k, x, y, z, ux, uy, uz, w)
             if t < hit:

@@ -358,7 +358,7 @@ def _moved_args(args, shift):
     """The arguments of a command whose map has grown to the south-west."""
     moved = dict(args)
     for name, metres in zip("xy", shift.tolist(), strict=True):
-        if isinstance(args.get(name), (int, float)):
+        if isinstance(args.get(name), (int, float)) and args.get("kind") != "direction":
             moved[name] = args[name] + metres
     points = args.get("points")
     if isinstance(points, list) and all(isinstance(p, list) and len(p) == 2 for p in points):

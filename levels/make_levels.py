@@ -296,6 +296,55 @@ def crowded():
     return s
 
 
+@level
+def pillars():
+    """Starlings through a field of pillars, split by a great one, joined again, led through a gate (Reynolds 1987)."""
+    s = new(170, 50, 2.0, boundary="open", seed=8)
+    s.ground("grass")
+    s.ground("meadow", rolling(s.x, s.y, 81, 60) > 0.5)
+    s.ground("gravel", near_line(s.x, s.y, [(40, 50), (330, 50)]) < 5 + 1.5 * rolling(s.x, s.y, 82, 30))
+    field = [
+        (62, 44, 1.5), (66, 58, 1.8), (73, 36, 2.0), (76, 50, 1.4), (80, 64, 1.7), (87, 43, 1.8), (90, 56, 1.5),
+        (96, 32, 2.2), (98, 49, 1.6), (103, 61, 1.9), (110, 41, 1.5), (113, 53, 1.8),
+    ]  # fmt: skip
+    for k, (x, y, r) in enumerate(field, 1):
+        s.box("Obstacle", x, y, 2 * r, 2 * r, f"pillar {k}", round_=True, shape="cylinder", z_max=60)
+    s.box("Obstacle", 160, 50, 14, 14, "tower", round_=True, shape="cylinder", z_max=80)
+    s.box("Obstacle", 232, 18, 5, 36, "south wall", z_max=60)
+    s.box("Obstacle", 232, 82, 5, 36, "north wall", z_max=60)
+    s.box("Obstacle", 232, 50, 5, 28, "lintel", z_min=34, z_max=60, blocks_view=False)
+    s.box("Spawn", 24, 50, 16, 16, "flock", species="starling", brush="starlings", count=200, heading="east",
+          altitude=14, depth=10)  # fmt: skip
+    s.draw("Key", [(70, 50)], "lure", at=0, command="Migrate", x=75, y=50, z=19, species="starling")
+    s.draw("Key", [(330, 50)], "lure goes east", at=0.1, command="Migrate", x=400, y=50, z=19, seconds=34,
+           species="starling")  # fmt: skip
+    s.draw("Line", [(232, 36), (232, 64)], "gate", closed=False)
+    return s
+
+
+@level
+def elephants():
+    """Sparrows about a grazing herd of elephants, which are obstacles to them, until a falcon comes."""
+    s = new(80, 60, 2.0, boundary="open", seed=9)
+    s.ground("dry grass")
+    s.ground("grass", rolling(s.x, s.y, 91, 50) > 0.4)
+    s.ground("dirt", rolling(s.x, s.y, 92, 40) > 1.0)
+    s.box("Obstacle", 52, 84, 5, 5, "baobab", round_=True, shape="cylinder", z_max=14)
+    s.box("Obstacle", 112, 40, 4, 4, "acacia", round_=True, shape="sphere", z_max=8)
+    s.box("Spawn", 80, 60, 60, 44, "herd", species="elephant", brush="graze", count=14, body_length=5)
+    s.box("Spawn", 40, 60, 14, 14, "flock", species="sparrow", brush="sparrows", count=120, heading="east",
+          altitude=2, depth=4)  # fmt: skip
+    s.box("Spawn", 150, 100, 4, 4, "hunter", species="falcon", brush="falcon", count=1, heading="south-west",
+          altitude=20, start=9)  # fmt: skip
+    places = [(80, 60), (110, 70), (96, 40), (60, 48), (52, 72), (84, 84), (104, 60)]
+    for k, (x, y) in enumerate(places):
+        s.draw("Key", [(x, y)], f"feed {k + 1}", at=4 * k, command="Migrate", x=x, y=y, z=4, seconds=3 if k else 0,
+               species="sparrow")  # fmt: skip
+    for at, x, y, z in ((9.1, 80, 70, 5), (16, 30, 40, 25), (22, 130, 50, 20)):
+        s.draw("Key", [(x, y)], f"stoop {at:g}", at=at, command="Migrate", x=x, y=y, z=z, species="falcon")
+    return s
+
+
 def main(names):
     """Draw the project, the tilesets and the levels named, or all that Tiled has not changed since."""
     write_project(HERE, shipped())

@@ -209,6 +209,7 @@ class ObjectReader:
                 v["rate"],
                 v["formation"],
                 v["body_length"] or None,
+                v["depth"],
             )
         )
 

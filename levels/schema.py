@@ -141,6 +141,7 @@ class Spawn:
     rate: float  # animals per second; 0: all at once
     formation: str  # scatter | grid | ring | line
     body_length: float | None = None  # m; None: the brush's
+    depth: float = 0.0  # m, from the lowest to the highest of those in the air
 
 
 @dataclass
@@ -421,6 +422,7 @@ CLASSES: dict[str, ObjectClass] = {
                 Property("heading", "heading", "random", "random, north-east, ..., or degrees from east", "deg"),
                 Property("speed", "number", 0.0, "at the start; 0: the brush's", "m/s", low=0, high=1000),
                 Property("altitude", "number", 0.0, "above the ground", "m", low=0, high=_FAR),
+                Property("depth", "number", 0.0, "from the lowest to the highest of a flock", "m", low=0, high=_FAR),
                 Property("start", "number", 0.0, "when the first appear", "s", low=0, high=1e7),
                 Property("rate", "number", 0.0, "how many a second; 0: all at once", "1/s", low=0, high=1e5),
                 Property("formation", "enum", "scatter", "how they stand at first", enum="Formation"),

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from behaviours.problems import ProblemsError, did_you_mean
-from components import Body, BrushBinding, Destination, Heading, Position, Species
+from components import Body, BrushBinding, Destination, Heading, Migration, Position, Species
+from components.agent import DIRECTION, NOWHERE, POINT
+from engine.clock import Clock
 from engine.columns import Component
 from engine.commands import Commands, command
 from engine.maths import sincos_
 from engine.schedule import Stage, System
-from systems.landscape import BRUSHES_OWN, Barrier, Landscape
+from systems.landscape import BRUSHES_OWN, Barrier, Glide, Landscape
 from systems.palette import Palette
 from systems.population import SpeciesList, give_birth
 from systems.spawning import inside_polygon, nearest_free, outlines, touching
@@ -20,10 +22,13 @@ from systems.terrain import NO_BRUSH
 class ApplyCommands(System):
     """Apply what is due."""
 
-    stage, writes = Stage.COMMANDS, (Commands, Landscape, Palette, Component)
+    stage, reads, writes = Stage.COMMANDS, (Clock,), (Commands, Landscape, Palette, Component)
 
     def process(self, world):
         world.resource(Commands).apply(world)
+        land = world.resource(Landscape)
+        for glide in list(land.glides):
+            _advance(world, land, glide, world.resource(Clock).dt)
 
 
 MOST = 1_000_000  # animals, as many as a level may have
@@ -188,10 +193,102 @@ class RemoveObstacle:
 
     def apply(self, world):
         land = world.resource(Landscape)
-        names = [b.name for b in land.barriers]
+        names = [b.name for b in (*land.barriers, *land.overhead)]
         _need(self.name in names, f"there is no obstacle {self.name!r}{did_you_mean(self.name, names)}")
         land.barriers = [b for b in land.barriers if b.name != self.name]
+        land.moved |= any(b.name == self.name for b in land.overhead)
+        land.overhead = [b for b in land.overhead if b.name != self.name]
         land.rebuild()
+
+
+@command
+class MoveObstacle:
+    """Move an obstacle, by its name: its middle to (x, y), and up by ``rise``; evenly within ``seconds``, or at once.
+
+    Animals on the ground step aside; one on the ground waits while they cannot.  Those in the air are pushed.
+    """
+
+    name: str
+    x: float
+    y: float
+    rise: float = 0.0  # m
+    seconds: float = 0.0
+
+    def check(self, world):
+        land = world.resource(Landscape)
+        names = [b.name for b in (*land.barriers, *land.overhead)]
+        _need(self.name in names, f"there is no obstacle {self.name!r}{did_you_mean(self.name, names)}")
+        _need(self.seconds >= 0, f"seconds must be at least 0, got {self.seconds:g}")
+
+    def apply(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        middle = land.find(self.name)[0].polygon.mean(0)
+        by = np.array([self.x - middle[0], self.y - middle[1], self.rise])
+        land.glides = [glide for glide in land.glides if glide.name != self.name]
+        land.glides.append(Glide(self.name, by, self.seconds))
+
+
+def _advance(world, land, glide, dt):
+    """One tick of an obstacle on its way."""
+    barriers = land.find(glide.name)
+    share = 1.0 if glide.left <= dt else dt / glide.left
+    step = share * glide.by
+    for b in barriers:
+        land.shift(b, step)
+    try:
+        for b in barriers:
+            if b.solid and land.on_the_ground(b):
+                evict(world, b.polygon)
+    except ValueError:  # somebody stands there who has no room to step aside: wait
+        for b in barriers:
+            land.shift(b, -step)
+        return
+    glide.by, glide.left = glide.by - step, glide.left - dt
+    if share == 1.0 or not barriers:
+        land.glides.remove(glide)
+
+
+@command
+class Migrate:
+    """Send a flock: to a point or in a direction (``kind``), evenly from where it is bound now within ``seconds``.
+
+    ``kind = "none"`` sets it free.  All, one species, or those within ``radius`` of (at_x, at_y).
+    """
+
+    x: float
+    y: float
+    z: float
+    kind: str = "point"
+    seconds: float = 0.0
+    species: str = ""
+    at_x: float = 0.0
+    at_y: float = 0.0
+    radius: float = 0.0
+
+    def check(self, world):
+        kinds = list(_BOUND)
+        _need(self.kind in kinds, f"kind must be one of {', '.join(kinds)}{did_you_mean(self.kind, kinds)}")
+        _need(self.seconds >= 0, f"seconds must be at least 0, got {self.seconds:g}")
+        _need(self.kind != "direction" or self.x or self.y or self.z, "a direction must not be (0, 0, 0)")
+        _check_circle(self)
+
+    def apply(self, world):
+        self.check(world)
+        agents = world.agents
+        chosen = _selected(world, self.at_x, self.at_y, self.radius, self.species)
+        target = np.array([self.x, self.y, self.z])
+        # who was bound elsewhere, or nowhere, turns at once
+        glides = chosen & (agents[Migration.kind] == _BOUND[self.kind]) & (self.seconds > 0)
+        jumps = chosen & ~glides
+        agents[Migration.kind][chosen] = _BOUND[self.kind]
+        agents[Migration.target][jumps] = target if self.kind != "none" else 0.0
+        agents[Migration.next][chosen] = target if self.kind != "none" else 0.0
+        agents[Migration.left][chosen] = 0.0
+        agents[Migration.left][glides] = self.seconds
+
+
+_BOUND = {"none": NOWHERE, "direction": DIRECTION, "point": POINT}
 
 
 @command

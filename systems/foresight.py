@@ -109,7 +109,7 @@ def _look_ahead(
                 solids, who, x, y, z, fx, fy, fz, up[i, 0], up[i, 1], up[i, 2], beyond, height[i], ids[i] & 1
             )
         for k in range(len(solids.kind)):
-            if not far_(solids, k, x, y, z, reach):
+            if not far_(solids, k, x, y, z, reach, 0.0):
                 near, nx, ny, nz = surface_(solids, k, x, y, z)
                 if near < gap[i]:
                     gap[i] = near

@@ -95,7 +95,7 @@ class Landscape:
     overhead: list[Barrier] = field(default_factory=list)  # what begins above the ground
     glides: list[Glide] = field(default_factory=list)  # what is on its way to another place
     _sky: tuple[Solids, Solids] | None = None
-    _moved: bool = False  # whether anything has glided or moved in height since the level was built
+    moved: bool = False  # whether anything has glided or moved in height since the level was built
 
     def __post_init__(self):
         if self.transition is None:
@@ -220,13 +220,17 @@ class Landscape:
         """Put a barrier elsewhere, by (3,) m."""
         barrier.polygon = barrier.polygon + np.asarray(by[:2], float)
         barrier.z_min, barrier.z_max = barrier.z_min + float(by[2]), barrier.z_max + float(by[2])
-        self._sky, self._moved = None, True
-        if barrier in self.barriers:
-            self.rebuild()
+        self._sky, self.moved = None, True
+        if self.on_the_ground(barrier):
+            self.rebuild(navigation=bool(self.goals or self.guides))
+
+    def on_the_ground(self, barrier):
+        """Whether animals on the ground meet this barrier."""
+        return any(b is barrier for b in self.barriers)
 
     def hashed_state(self):
         """What of `state` makes a difference: heights only once something has moved."""
-        return self._state_of(self._moved)
+        return self._state_of(self.moved)
 
     def state(self):
         """What may change while a world runs: paint, obstacles and goals (see `engine.state`)."""
@@ -245,7 +249,7 @@ class Landscape:
             "heights": [[b.z_min, b.z_max, b.shape] for b in self.barriers],
             "overhead": [[b.polygon.tolist(), *astuple(b)[1:]] for b in self.overhead],
             "glides": [[g.name, g.by.tolist(), g.left] for g in self.glides],
-            "moved": self._moved,
+            "moved": self.moved,
         }
 
     def _things(self):
@@ -272,7 +276,7 @@ class Landscape:
         self.barriers = [Barrier(np.array(polygon), *rest, *heights) for (polygon, *rest), heights in pairs]
         self.overhead = [Barrier(np.array(polygon), *rest) for polygon, *rest in head["overhead"]]
         self.glides = [Glide(name, np.array(by), left) for name, by, left in head["glides"]]
-        self._moved = head["moved"]
+        self.moved = head["moved"]
         for goal, (xy, polygon) in zip(self.goals, head["goals"], strict=True):
             goal.xy, goal.polygon = np.array(xy), None if polygon is None else np.array(polygon)
         self.rebuild()

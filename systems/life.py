@@ -99,7 +99,7 @@ def bear(world, spawn, count, stream):
     """Births as one spawn of the level has them."""
     return give_birth(
         world, spawn.polygon, count, spawn.brush, spawn.species, spawn.heading, spawn.speed, spawn.altitude,
-        spawn.formation, spawn.body_length, stream,
+        spawn.formation, spawn.body_length, stream, spawn.depth,
     )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit
 
 from components import (
     Body,
@@ -20,6 +21,7 @@ from components import (
 )
 from engine.clock import Clock
 from engine.noise import Noise
+from engine.solids import out_of_
 from systems.ground_height import height_of_ground
 from systems.landscape import Landscape
 from systems.palette import Palette
@@ -49,7 +51,7 @@ class SpeciesList:
 
 def give_birth(
     world, polygon, count, brush, species, heading=None, speed=None, altitude=0.0, formation="scatter",
-    body_length=None, stream="birth",
+    body_length=None, stream="birth", depth=0.0,
 ):  # fmt: skip
     """Put animals into the world, inside a polygon, touching nobody.
 
@@ -67,6 +69,8 @@ def give_birth(
         Metres; None: the brush's.
     stream : str
         Name of the noise: two calls in one tick need two names.
+    depth : float
+        Metres: they are born at random between ``altitude`` and so much higher.
 
     Returns
     -------
@@ -99,11 +103,16 @@ def give_birth(
         drawn[:] = speed
     flat = land.relief.shape[:2] == (1, 1)
     z = np.array([0.0 if flat else height_of_ground(land.relief, land.relief_cell, x, y) for x, y in xy]) + altitude
+    if depth > 0.0:
+        z += depth * noise.uniform(stream + " height", clock.tick, number)[:, 0]
+    xyz = np.column_stack([xy, z])
+    if palette.flies[index]:
+        _clear_of_solids(xyz, radius, land.sky)
     forward = np.column_stack([forward, np.zeros(count)])
     return world.create_agents(
         count,
         {
-            Position.xyz: np.column_stack([xy, z]),
+            Position.xyz: xyz,
             Velocity.xyz: forward * drawn[:, None],
             Heading.forward: forward,
             Body.length: length,
@@ -136,6 +145,14 @@ def _bodies(agents, wrap, length):
                 if dx or dy:
                     columns.append(columns[0][close] + (dx, dy, 0, 0, 0, 0))
     return tuple(np.ascontiguousarray(column) for column in np.concatenate(columns).T)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _clear_of_solids(xyz, radius, solids):
+    """Moves out of every solid whoever would be born inside one."""
+    for i in range(len(xyz)):
+        _, x, y, z = out_of_(solids, xyz[i, 0], xyz[i, 1], xyz[i, 2], radius)
+        xyz[i, 0], xyz[i, 1], xyz[i, 2] = x, y, z
 
 
 def _inset(land, body):

@@ -239,7 +239,21 @@ def _look(lo, hi, space, view_range, cos_half_view, through, radius, solids, wid
                 )  # fmt: skip
             else:
                 visible = _in_view_by_one(
-                    n, x, y, z, slot, seen, at, end, i, space, view_range[row], cos_half_view[row], False, radius, solids
+                    n,
+                    x,
+                    y,
+                    z,
+                    slot,
+                    seen,
+                    at,
+                    end,
+                    i,
+                    space,
+                    view_range[row],
+                    cos_half_view[row],
+                    False,
+                    radius,
+                    solids,
                 )
         else:
             visible = _in_view_by_one(

@@ -6,7 +6,8 @@ import numpy as np
 
 import systems.commands  # noqa: F401  the commands a level's script may give
 from behaviours.brush import BodySpec, Brush, Provenance, SpeedSpec, VisionSpec
-from components import Body, BrushBinding, Destination, Heading, Position, Species, Speed, Velocity, Vision
+from components import Airborne, Body, BrushBinding, Destination, Heading, Position, Species, Speed, Velocity, Vision
+from engine.solids import surface_
 from levels.build import build
 from levels.schema import Level, Obstacle, Spawn
 from systems.landscape import Landscape
@@ -164,7 +165,49 @@ def wall_gaps(xy, forward, half, radius, edges):
     return (segment_distance(a[i], b[i], edges[e, :2], edges[e, 2:]) - radius[i]).reshape(n, -1)
 
 
-def gaps_of(simulation):
-    """`gaps` of all animals of a world."""
+def gaps_of(simulation, who=slice(None)):
+    """`gaps` of all animals of a world, or of some."""
     agents = simulation.agents
-    return gaps(xy_of(simulation), forward_of(simulation), agents[Body.axis], agents[Body.radius])
+    return gaps(
+        xy_of(simulation)[who], forward_of(simulation)[who], agents[Body.axis][who], agents[Body.radius][who]
+    )  # fmt: skip
+
+
+# in the air -----------------------------------------------------------------------
+
+STARLING = {
+    "mean": 45.0,
+    "body": {"length": 0.2, "radius": 0.04, "contact": "disc"},
+    "vision": {"range": 25.0, "field_of_view": 300.0, "occlusion": False},
+}
+
+
+def boids(name="boids", mean=45.0, model="boids", speed=None, **parameters):
+    """A brush of starlings; ``mean`` in body lengths of .2 m a second."""
+    return brush(name, model, **{**STARLING, "mean": mean}, speed=speed, **parameters)
+
+
+def put_aloft(simulation, xyz, forward=(1.0, 0.0, 0.0), **more):
+    """Birds exactly here, heading exactly there.  Their entities."""
+    xyz = np.atleast_2d(np.asarray(xyz, float))
+    forward = np.broadcast_to(np.asarray(forward, float), xyz.shape)
+    forward = forward / np.linalg.norm(forward, axis=1, keepdims=True)
+    entities = put(simulation, xyz[:, :2], **more)
+    agents = simulation.agents
+    rows = [agents.row(entity) for entity in entities]
+    agents[Position.xyz][rows] = xyz
+    agents[Heading.forward][rows] = forward
+    agents[Velocity.xyz][rows] = forward * agents[Speed.drawn][rows][:, None]
+    up = np.array([0.0, 0.0, 1.0]) - forward[:, 2:] * forward
+    agents[Airborne.up][rows] = up / np.linalg.norm(up, axis=1, keepdims=True)
+    return entities
+
+
+def room_in_the_air(simulation):
+    """(n,) m between each animal and the nearest solid, or the ground, were it a bird."""
+    agents, land = simulation.agents, simulation.world.resource(Landscape)
+    out = np.empty(len(agents))
+    for i, (xyz, radius) in enumerate(zip(agents[Position.xyz], agents[Body.radius], strict=True)):
+        gaps = [surface_(land.sky, k, *xyz)[0] for k in range(len(land.sky.kind))]
+        out[i] = min([xyz[2] - land.ground(xyz[:2]), *gaps]) - radius
+    return out

@@ -123,6 +123,12 @@ def steer(scene, rows, p):
     return Wishes(direction, pace, acceleration)
 
 
+@behaviour("raptor", Params, danger=True, flight=flight)
+def stoop(scene, rows, p):
+    """A boid that others flee from; the script sends it."""
+    return steer(scene, rows, p)
+
+
 @kernel_function
 def _request(ask, urge, x, y, z, strength):
     """An urge's request, cut to 1, times its strength."""

@@ -205,7 +205,7 @@ class TestEveryModel:
 
 def test_there_are_the_models_of_the_paper():
     assert {"herd", "flee", "hunt"} <= set(behaviours())
-    assert [name for name, model in behaviours().items() if model.danger] == ["hunt"]
+    assert [name for name, model in behaviours().items() if model.danger] == ["hunt", "raptor"]
 
 
 # the herd's formulas ----------------------------------------------------------------
