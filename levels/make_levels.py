@@ -345,6 +345,25 @@ def elephants():
     return s
 
 
+@level
+def skein():
+    """Geese that start anyhow, form a V by three rules and keep it through a bend (Nathan & Barbosa 2008)."""
+    s = new(190, 80, 4.0, boundary="open", seed=12)
+    s.ground("meadow")
+    s.ground("grass", rolling(s.x, s.y, 121, 160) > 0.1)
+    s.ground("dry grass", rolling(s.x, s.y, 122, 130) > 1.0)
+    lake = ((s.x - 250) / 110) ** 2 + ((s.y - 60) / 46) ** 2 + 0.25 * rolling(s.x, s.y, 123, 70, 4)
+    s.ground("sand", lake < 1.15)
+    s.ground("water", lake < 1.0)
+    s.ground("forest floor", rolling(s.x, s.y, 124, 90) - 0.01 * np.hypot(s.x - 560, s.y - 50) > 0.25)
+    s.box("Spawn", 50, 130, 32, 32, "flock", species="goose", brush="skein", count=17, heading="east", altitude=60)
+    s.draw(
+        "Guide", [(20, 130), (260, 130), (420, 136), (540, 170), (620, 230), (670, 310)], "way", closed=False, radius=60
+    )
+    s.draw("Line", [(420, 60), (420, 220)], "before the bend", closed=False)
+    return s
+
+
 def main(names):
     """Draw the project, the tilesets and the levels named, or all that Tiled has not changed since."""
     write_project(HERE, shipped())

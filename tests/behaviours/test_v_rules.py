@@ -296,9 +296,7 @@ W = 1.5  # m, a wingspan
 
 def geese(seed=3, birds=9, heading=np.pi / 2, guides=(), **rules):
     """A world with birds at the places of `starts`, flying at 8 m/s."""
-    asset = brush(
-        "geese", model="v_rules", mean=8.0, vision={"range": 100.0, "occlusion": False}, wingspan=W, **rules
-    )
+    asset = brush("geese", model="v_rules", mean=8.0, vision={"range": 100.0, "occlusion": False}, wingspan=W, **rules)
     simulation = meadow(asset, seed=seed, width=2000, height=2000, guides=list(guides))
     begin = starts([seed], birds, Rules(**{k: v for k, v in rules.items() if k in Rules.model_fields}))
     along = np.array([np.cos(heading), np.sin(heading)])
