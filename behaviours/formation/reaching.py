@@ -83,9 +83,12 @@ def home_(heading, speed, waits, rules):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def limited_speed_(speed, wanted, rules):
-    change = rules.most_faster * rules.cruise
-    speed += min(max(wanted - speed, -change), change)
-    return min(max(speed, rules.slowest * rules.cruise), rules.fastest * rules.cruise)
+    """Changed by no more than a bird can; who is slower than the slowest is taking off, and gathers speed."""
+    change, slowest = rules.most_faster * rules.cruise, rules.slowest * rules.cruise
+    after = speed + min(max(wanted - speed, -change), change)
+    if after < slowest:
+        after = min(slowest, speed + change)
+    return min(after, rules.fastest * rules.cruise)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -57,7 +57,7 @@ class Params(Parameters):
     fastest: float = quantity(1.6, "1", "times its own speed, above which no bird goes", 1, 4)
     separation_distance: float = quantity(10.0, "wingspans", "rivals for a place part when nearer than this", 0.5, 1000)
     margin: float = quantity(1.1, "wingspans", "approaches nearer than this are parted in height", 0, 5)
-    foresight: float = quantity(2.0, "s", "how far ahead obstacles are seen, in time of flight", 0, 60)
+    foresight: float = quantity(2.0, "s", "how far ahead it looks for obstacles, in time of flight", 0, 60)
 
 
 def flight_of(p):

@@ -1,0 +1,171 @@
+"""Birds in line formation in a level: places, leaders, turns, and what is shown of them."""
+
+import numpy as np
+import pytest
+from small_herd import brush, meadow, put
+
+from components import FormationPlace, Heading, Position, ReferenceBird, Role, Velocity
+from engine.state import state_hash
+from systems.commands import Migrate, SwitchBrush
+from systems.initiation import scattered
+from systems.palette import Palette
+
+WING = 1.7 * 0.9  # m
+
+
+def geese(name="geese", **parameters):
+    """Geese of 15 m/s without chance in their speed."""
+    return brush(
+        name, model="line_formation", mean=16.7, body={"length": 0.9, "radius": 0.2}, vision={"range": 60.0},
+        transition=0.0, **parameters,
+    )  # fmt: skip
+
+
+def flock(birds=9, seed=3, height=50.0, **parameters):
+    """Scattered geese over an endless plain, their leader flying north."""
+    simulation = meadow(geese(**parameters), boundary="open")
+    x, y, heading = scattered(birds, seed)
+    put(simulation, np.c_[x * WING, y * WING], np.pi / 2 - 0.5 * heading)
+    agents = simulation.agents
+    agents[Position.xyz][:, 2] = height
+    agents[Velocity.xyz][:] = 15.0 * agents[Heading.forward]
+    simulation.submit(Migrate(0.0, 1.0, 0.0, kind="direction"))
+    return simulation
+
+
+def formation(simulation):
+    """(places, arms, to the right, ahead, above) of all from left to right, wingspans from the leader."""
+    a = simulation.agents
+    lead = int(np.flatnonzero(a[FormationPlace.place] == 0)[0])
+    ahead = a[Heading.forward][lead, :2] / np.linalg.norm(a[Heading.forward][lead, :2])
+    away = (a[Position.xyz] - a[Position.xyz][lead]) / WING
+    x, y = away[:, 0] * ahead[1] - away[:, 1] * ahead[0], away[:, :2] @ ahead
+    order = np.argsort(x)
+    return a[FormationPlace.place][order], a[FormationPlace.arm][order], x[order], y[order], away[order, 2]
+
+
+def test_geese_find_into_a_v_and_touch_nobody():
+    simulation = flock()
+    nearest = []
+    for _ in range(60):
+        simulation.run(16)
+        xyz = simulation.agents[Position.xyz]
+        nearest.append(np.sort(np.linalg.norm(xyz[:, None] - xyz, axis=2) / WING, axis=1)[:, 1].min())
+    place, arm, x, y, z = formation(simulation)
+    assert place.tolist() == [4, 3, 2, 1, 0, 1, 2, 3, 4]
+    assert arm.tolist() == [-1] * 4 + [0] + [1] * 4
+    assert x == pytest.approx(1.25 * np.arange(-4, 5), abs=0.15)
+    assert y == pytest.approx(-0.8 * np.abs(x), abs=1.0)  # alive, so not exactly
+    assert np.abs(z).max() < 0.2
+    assert min(nearest) > 0.5
+
+
+def test_roles_and_reference_birds_are_live():
+    simulation = flock()
+    simulation.run(600)
+    a = simulation.agents
+    assert a[Role.leader].sum() == 1
+    assert (a[ReferenceBird.entity] == 0).tolist() == (a[Role.leader] == 1).tolist()
+    row = {int(i): k for k, i in enumerate(a.ids)}
+    for k in range(len(a)):
+        if a[ReferenceBird.entity][k]:
+            followed = row[int(a[ReferenceBird.entity][k])]
+            assert a[FormationPlace.place][followed] == a[FormationPlace.place][k] - 1
+
+
+@pytest.mark.parametrize("shape", ["line", "J", "inverted V"])
+def test_other_shapes_are_found_too(shape):
+    simulation = flock(shape=shape, left={"line": 0.0, "J": 0.2}.get(shape, 0.5), deviation=0.0)
+    simulation.run(1100)
+    place, _, x, y, _ = formation(simulation)
+    if shape == "line":
+        assert place.tolist() == list(range(9))
+        assert y == pytest.approx(-0.8 * x, abs=0.3)
+    elif shape == "J":
+        assert place.tolist() == [2, 1, 0, 1, 2, 3, 4, 5, 6]
+        assert y == pytest.approx(-0.05 * x**2, abs=0.3)
+    else:
+        assert place.tolist() == list(range(9))
+        assert y[8] == pytest.approx(0.0, abs=0.3)  # the two tips lead side by side
+        assert y[4] == pytest.approx(-4.0, abs=0.3)
+
+
+def test_the_flock_turns_with_its_leader():
+    simulation = flock(deviation=0.0)
+    simulation.run(500)
+    simulation.submit(Migrate(1.0, 0.0, 0.0, kind="direction"), tick=500)
+    simulation.run(1200)
+    a = simulation.agents
+    assert a[Heading.forward][:, 0].min() > 0.99
+    place, _, x, y, _ = formation(simulation)
+    assert place.tolist() == [4, 3, 2, 1, 0, 1, 2, 3, 4]
+    assert y == pytest.approx(-0.8 * np.abs(x), abs=0.3)
+
+
+def test_geese_start_from_the_ground_and_climb_to_where_they_are_bound():
+    simulation = flock(birds=5, height=0.0)
+    simulation.agents[Velocity.xyz][:] = 0.0
+    simulation.submit(Migrate(0.0, 1e4, 40.0))
+    simulation.run(32)
+    assert 0 < np.linalg.norm(simulation.agents[Velocity.xyz], axis=1).max() < 15
+    simulation.run(1000)
+    assert simulation.agents[Position.xyz][:, 2] == pytest.approx(40.0, abs=1.5)
+
+
+def test_leaders_take_turns():
+    simulation = flock(turns=15.0, deviation=0.0)
+    leaders = []
+    for _ in range(3):
+        simulation.run(470)
+        leaders.append(int(np.flatnonzero(simulation.agents[Role.leader])[0]))
+        assert formation(simulation)[0].tolist() == [4, 3, 2, 1, 0, 1, 2, 3, 4]
+    assert len(set(leaders)) == 3
+
+
+def test_a_bird_that_dies_leaves_no_gap():
+    simulation = flock(deviation=0.0)
+    simulation.run(500)
+    a = simulation.agents
+    second = int(a.ids[np.flatnonzero((a[FormationPlace.place] == 1) & (a[FormationPlace.arm] == 1))[0]])
+    simulation.world.delete_entity(second)
+    simulation.run(800)
+    place, _, x, y, _ = formation(simulation)
+    assert sorted(place.tolist()) == [0, 1, 1, 2, 2, 3, 3, 4]
+    assert y == pytest.approx(-0.8 * np.abs(x), abs=0.3)
+
+
+def test_when_the_leader_dies_another_leads():
+    simulation = flock(deviation=0.0)
+    simulation.run(500)
+    a = simulation.agents
+    simulation.world.delete_entity(int(a.ids[np.flatnonzero(a[FormationPlace.place] == 0)[0]]))
+    simulation.run(900)
+    place, *_ = formation(simulation)
+    assert sorted(place.tolist()) == [0, 1, 1, 2, 2, 3, 3, 4]
+
+
+def test_who_takes_another_brush_forgets_its_place():
+    simulation = flock()
+    simulation.world.resource(Palette).add(brush("walk"))
+    simulation.run(40)
+    simulation.submit(SwitchBrush("walk"), tick=40)
+    simulation.run(3)
+    a = simulation.agents
+    assert (a[FormationPlace.place] == -1).all()
+    assert not a[FormationPlace.reference].any()
+
+
+def test_the_same_flight_again_bit_for_bit():
+    one, other = flock(), flock()
+    one.run(100)
+    other.run(100)
+    assert state_hash(one.world) == state_hash(other.world)
+
+
+@pytest.mark.parametrize("birds", [1, 2, 3])
+def test_one_two_and_three_geese_fly(birds):
+    simulation = flock(birds=birds)
+    simulation.run(400)
+    assert np.isfinite(simulation.agents[Position.xyz]).all()
+    assert simulation.agents[Role.leader].sum() == 1
+    assert simulation.agents[Velocity.xyz][:, 1].min() > 10
