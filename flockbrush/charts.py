@@ -18,6 +18,7 @@ PANEL = 460, 320  # pixels
 GAP, HEAD = 28, 62
 COLUMNS = 3
 MARK = 5.0  # pixels, half the size of a mark
+LABELS = 165  # pixels for the words of a row
 
 
 class Curve(NamedTuple):
@@ -36,7 +37,7 @@ class Panel(NamedTuple):
     title: str
     across: str
     curves: list[Curve]
-    words: list[str] | None = None  # what stands at x = 0, 1, ... when x is no number
+    words: list[str] | None = None  # x counts these when it is no number: the panel then has a row for each
 
 
 def draw_chart(path, title, panels, theme="light"):
@@ -84,6 +85,9 @@ def _mark(canvas, at, kind, colour):
 
 
 def _panel(canvas, corner, panel, colours, names, look):
+    if panel.words is not None:
+        _rows(canvas, corner, panel, colours, names, look)
+        return
     (left, top), (wide, tall) = corner, PANEL
     box = np.array([left + 56, top + 30, left + wide - 10, top + tall - 46], float)
     low, high, step = _span_of(panel)
@@ -103,7 +107,7 @@ def _panel(canvas, corner, panel, colours, names, look):
     for value in np.arange(round(low / step), round(high / step) + 1) * step:
         canvas.line(at([start, stop], [value, value]), 1, look.muted, 0.25)
         canvas.words(f"{value:.5g}", at(start, value) - (8, 0), 13, look.muted, anchor=(1, 0.5))
-    for x, words in _stops(panel, start, stop, xs):
+    for x, words in _stops(start, stop, xs):
         canvas.line(at([x, x], [low, high]), 1, look.muted, 0.12)
         canvas.words(words, at(x, low) + (0, 14), 13, look.muted, anchor=(0.5, 0.5))
     canvas.words(panel.across, ((box[0] + box[2]) / 2, box[3] + 33), 14, look.muted, anchor=(0.5, 0.5))
@@ -125,17 +129,42 @@ def _span_of(panel):
     return ticks(float(low), float(high), 5)
 
 
-def _stops(panel, start, stop, xs):
+def _stops(start, stop, xs):
     """(place, words) of what is written along the axis."""
-    if panel.words is not None:
-        yield from enumerate(panel.words)
-        return
     own = np.unique(xs)
     if len(own) <= 8:
         yield from ((x, f"{x:g}") for x in own)
         return
     step = nice((stop - start) / 5)
     yield from ((x, f"{x:g}") for x in np.arange(math.ceil(start / step), math.floor(stop / step) + 1) * step)
+
+
+def _rows(canvas, corner, panel, colours, names, look):
+    """A panel of words: a row each, and the marks of all lines in it."""
+    (left, top), (wide, tall) = corner, PANEL
+    box = np.array([left + LABELS + 8, top + 30, left + wide - 10, top + tall - 26], float)
+    low, high, step = _span_of(panel)
+
+    def at(value, row):
+        x = box[0] + (value - low) / (high - low) * (box[2] - box[0])
+        return np.array([x, box[1] + (row + 0.5) / len(panel.words) * (box[3] - box[1])])
+
+    canvas.words(panel.title, (left, top + 10), 17, look.ink, anchor=(0, 0.5))
+    for value in np.arange(round(low / step), round(high / step) + 1) * step:
+        x = at(value, 0)[0]
+        canvas.line([(x, box[1]), (x, box[3])], 1, look.muted, 0.25)
+        canvas.words(f"{value:.5g}", (x, box[3] + 12), 13, look.muted, anchor=(0.5, 0.5))
+    for row, words in enumerate(panel.words):
+        canvas.line([at(low, row), at(high, row)], 1, look.muted, 0.12)
+        canvas.words(shortened(words, 13, LABELS), at(low, row) - (8, 0), 13, look.muted, anchor=(1, 0.5))
+    for k, curve in enumerate(panel.curves):
+        colour = colours.get(curve.name, rgb(PALETTE[k % len(PALETTE)]))
+        for n, (row, value) in enumerate(zip(curve.x, curve.y, strict=True)):
+            if not np.isfinite(value):
+                continue
+            if curve.error is not None and np.isfinite(curve.error[n]):
+                canvas.line([at(value - curve.error[n], row), at(value + curve.error[n], row)], 1.4, colour, 0.8)
+            _mark(canvas, at(value, row), names.index(curve.name) if curve.name in names else 0, colour)
 
 
 def _curve(canvas, at, curve, kind, colour):

@@ -164,6 +164,10 @@ MEANINGS = {
     "aspect_ratio": "extent across / along the way they go",
     "largest_part": "share of the largest part that hangs together",
     "density": "animals per m² of their hull",
+    "leads": "birds in nobody's upwash (V rules)",
+    "groups": "sets of birds that no upwash connects",
+    "segments": "straight lines of birds",
+    "distance": "wingspans to the nearest line, mean",
 }
 
 

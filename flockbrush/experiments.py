@@ -25,6 +25,7 @@ from behaviours.v_rules.flights import SIDE, fly, starts
 from behaviours.v_rules.indicators import CLUTTERED, GROUPS, OTHER, SHAPES, indicators
 from behaviours.v_rules.rules import Rules
 from behaviours.validation import validated
+from flockbrush.v_measures import v_indicators
 from systems.palette import Palette
 
 _ONE_WORLD = threading.Lock()  # esper has one world at a time; workers of a cluster may have several threads
@@ -146,7 +147,7 @@ class _LevelMeasures:
 
     def values(self) -> Row:
         more = {name: function(self.simulation) for name, function in level_measures().items()}
-        return {**self.simulation.measures(), **self.counts.values(), **more}
+        return {**self.simulation.measures(), **self.counts.values(), **v_indicators(self.simulation), **more}
 
 
 @cache

@@ -15,6 +15,7 @@ from flockbrush import terminal
 from flockbrush.commands import MEANINGS, check_png, opened, stepping, use_threads
 from flockbrush.files import whole
 from flockbrush.terminal import number, print_json, show, table
+from flockbrush.v_measures import v_indicators
 from levels.geometry import inside
 from systems.measures import compute_crossings
 
@@ -83,7 +84,14 @@ def series_of(run, simulation, every, step=lambda: None):
     gap = max(1, round(every / simulation.clock.dt))
 
     def take():
-        for name, value in {"time": simulation.clock.now, **simulation.measures(), **counts.values()}.items():
+        formation = v_indicators(simulation)
+        formation.pop("shape", None)
+        for name, value in {
+            "time": simulation.clock.now,
+            **simulation.measures(),
+            **counts.values(),
+            **formation,
+        }.items():
             series.setdefault(name, []).append(value)
 
     take()

@@ -20,6 +20,7 @@ from flockbrush.terminal import show as print_table
 
 SHOWN_FAILURES = 10
 MOST_CURVES = 8
+WIDE = 160  # characters of a table; more stands in the files
 
 
 # in numbers ------------------------------------------------------------------------------
@@ -139,21 +140,26 @@ def show(sweep: Sweep, found):
     names = list(sweep.varied)
     worded = [name for name in sweep.measures if any(name in s["shares"] for s in found["scenarios"])]
     numbers = [name for name in sweep.measures if name not in worded]
-    made = table(
-        *names,
-        "runs",
-        "a second",
-        *numbers,
-        title=found["title"] or found["sweep"],
-        right=[*names, "runs", "a second", *numbers],
-    )
-    for scenario in found["scenarios"]:
-        made.add_row(
-            *_cells(scenario, names),
-            number(scenario["runs"]),
-            number(scenario["runs_per_core_second"]),
-            *(_cell(scenario, name) for name in numbers),
-        )
+    plotted = [name for name in sweep.plot.measures if name in numbers] or numbers
+    for shown, spread in ((numbers, True), (numbers, False), (plotted, True), (plotted, False)):  # as much as fits
+        columns = [*names, "runs", "a second", *shown]
+        rows = [
+            [
+                *_cells(scenario, names),
+                number(scenario["runs"]),
+                number(scenario["runs_per_core_second"]),
+                *(_cell(scenario, name, spread) for name in shown),
+            ]
+            for scenario in found["scenarios"]
+        ]
+        widths = [max(map(len, column)) for column in zip(columns, *rows, strict=True)]
+        if sum(widths) + 3 * len(widths) <= WIDE:
+            break
+    made = table(*columns, title=found["title"] or found["sweep"], right=[name for name in columns if name != "case"])
+    for column in made.columns:
+        column.no_wrap = column.justify == "right"
+    for cells in rows:
+        made.add_row(*cells)
     print_table(made)
     for name in worded:
         _show_shares(found, names, name)
@@ -191,13 +197,13 @@ def _cells(scenario, names):
     return [_plain(scenario["parameters"].get(name, "-")) for name in names]
 
 
-def _cell(scenario, name):
+def _cell(scenario, name, spread=True):
     """Mean and deviation, with the digits that the deviation leaves."""
     means = scenario["means"].get(name)
     if means is None or not math.isfinite(means["mean"]):
         return "-"
-    if not means["std"] > 0:
-        return number(means["mean"])
+    if not (spread and means["std"] > 0):
+        return f"{means['mean']:,.0f}" if abs(means["mean"]) >= 1000 else number(means["mean"], 3)
     digits = max(0, 1 - math.floor(math.log10(means["std"])))
     return f"{means['mean']:.{digits}f} ± {means['std']:.{digits}f}" if digits < 6 else number(means["mean"])
 
@@ -209,7 +215,9 @@ def _show_shares(found, names, name):
         for word, share in scenario["shares"].get(name, {}).items():
             totals[word] = totals.get(word, 0.0) + share
     words = sorted(totals, key=lambda word: -totals[word])
-    made = table(*names, *words, title=f"{name}, share of the runs", right=[*names, *words])
+    made = table(
+        *names, *words, title=f"{name}, share of the runs", right=[*(name for name in names if name != "case"), *words]
+    )
     for scenario in found["scenarios"]:
         shares = scenario["shares"].get(name, {})
         made.add_row(*_cells(scenario, names), *(f"{shares.get(word, 0.0):.3f}" for word in words))
