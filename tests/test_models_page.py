@@ -15,4 +15,5 @@ def test_every_parameter_stands_on_the_page_as_it_is_in_the_code(name):
         unit = field.json_schema_extra["unit"]
         rows = [line for line in PAGE.splitlines() if line.startswith(f"| `{parameter}` |")]
         assert rows, f"docs/models.md says nothing of {parameter}"
-        assert f"| {field.default} |" in rows[0] and f"| {unit} | {field.description} |" in rows[0]
+        said = f"| {field.default} |", f"| {unit} | {field.description} |"  # other models may have one of this name
+        assert any(all(part in row for part in said) for row in rows), f"docs/models.md: {parameter}: {rows}"
