@@ -408,8 +408,7 @@ def _past_cylinder(s, k, cx, cy, cz, fx, fy, fz, beyond, lowest, odd):
     for turn in range(2):
         end = along + (half + beyond) * (1.0 if turn == 0 else -1.0)
         depth = fx * mx + fy * my + fz * mz if d > r else 0.0
-        lateral = d if depth > 1e-6 else 0.0
-        share = lateral / depth if depth > 1e-6 else 1.0
+        share = (d - r) / depth if depth > 1e-6 else 1.0  # over the rim on this side
         up = fx * ax + fy * ay + fz * az
         qx, qy, qz = (
             share * (fx - up * ax) + end * ax,
@@ -429,6 +428,7 @@ def _past_cylinder(s, k, cx, cy, cz, fx, fy, fz, beyond, lowest, odd):
 def _past_polyhedron(s, k, x, y, z, fx, fy, fz, ux, uy, uz, beyond, lowest):
     """As `_past_sphere`: past the silhouette edge nearest, in perspective, to where the heading points."""
     rx, ry, rz = fy * uz - fz * uy, fz * ux - fx * uz, fx * uy - fy * ux  # to the right
+    outward = 1.0 if entry_(s, k, x, y, z, fx, fy, fz, 0.0) < np.inf else -1.0  # it may point past the edge already
     best, px, py, pz = np.inf, 0.0, 0.0, 0.0
     for e in range(s.edge_first[k], s.edge_first[k + 1]):
         f, g = s.edge_face[e, 0], s.edge_face[e, 1]
@@ -460,7 +460,7 @@ def _past_polyhedron(s, k, x, y, z, fx, fy, fz, ux, uy, uz, beyond, lowest):
         if size >= best - 1e-12:
             continue
         if size > 1e-12:
-            eu, ev = qu / size, qv / size
+            eu, ev = outward * qu / size, outward * qv / size
         else:  # the heading runs through the edge: away from the middle
             eu = -((s.centre[k, 0] - x) * rx + (s.centre[k, 1] - y) * ry + (s.centre[k, 2] - z) * rz)
             ev = -((s.centre[k, 0] - x) * ux + (s.centre[k, 1] - y) * uy + (s.centre[k, 2] - z) * uz)

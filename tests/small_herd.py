@@ -178,7 +178,7 @@ def gaps_of(simulation, who=slice(None)):
 STARLING = {
     "mean": 45.0,
     "body": {"length": 0.2, "radius": 0.04, "contact": "disc"},
-    "vision": {"range": 25.0, "field_of_view": 300.0, "occlusion": False},
+    "vision": {"range": 40.0, "field_of_view": 300.0, "occlusion": False},
 }
 
 

@@ -34,7 +34,7 @@ from engine.parallel import over_rows
 
 DIRECTION, POINT = 1, 2  # what `Air.bound` may be
 URGES = ("obstacle", "separation", "fear", "matching", "centring", "migration", "height")  # in order of priority
-SAFETY = 2.0  # times the acceleration that would just do, asked for to pass an obstacle.  By trial
+SAFETY = 5.0  # times the acceleration that would just do, asked for to pass an obstacle.  By trial: 2 grazes corners
 NEAREST = 0.3  # body lengths: nearer neighbours weigh no more
 
 
@@ -58,7 +58,7 @@ class Params(Parameters):
         description="steer aims past the silhouette of what is ahead, field is pushed off by what is near",
         json_schema_extra={"unit": "-"},
     )
-    neighbour_range: float = quantity(25.0, "body lengths", "neighbours farther away are ignored", 0.5, 100)
+    neighbour_range: float = quantity(40.0, "body lengths", "neighbours farther away are ignored", 0.5, 100)
     exponent: float = quantity(2.0, "1", "neighbours weigh by distance to minus this; larger looks nearer", 0, 4)
     forward_weight: float = quantity(1.0, "1", "how much more those ahead weigh than those behind, at full speed", 0, 4)
     separation: float = quantity(4.0, "body lengths", "neighbours nearer than this are moved away from", 0, 50)

@@ -1,0 +1,458 @@
+"""Boids: the urges' formulas, who gets the acceleration, and what flocks then do (Reynolds 1987)."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from small_herd import boids, box, brush, meadow, obstacle, put, put_aloft, room_in_the_air
+
+from behaviours.behaviour import behaviours
+from behaviours.models.boids import URGES, Params, allocated, averaged
+from components import Body, Heading, Position, Velocity
+from engine import parallel
+from engine.fields import Raster
+from engine.parallel import set_threads
+from engine.solids import surface_
+from engine.state import restore, snapshot, state_hash
+from systems.commands import Migrate
+from systems.landscape import Landscape
+from systems.measures import compute_largest_part, compute_polarization
+from systems.steer import scene_of
+
+BOIDS = behaviours()["boids"]
+LENGTH = 0.2
+
+
+def only(*urges, **more):
+    """Parameters by which birds have no other urges than these."""
+    return {f"{urge}_strength": 0.0 for urge in URGES if urge not in urges} | more
+
+
+def wishes_of(simulation, tick=True, **parameters):
+    """What the model wishes for all birds of a world, body lengths / s^2, as shares of the most."""
+    if tick:
+        simulation.tick()
+    p = Params(**parameters)
+    wishes = BOIDS.steer(scene_of(simulation.world), np.arange(len(simulation.agents)), p)
+    return wishes.acceleration / (simulation.agents[Body.length][:, None] * p.max_acceleration * p.max_speed)
+
+
+def flock(n=150, side=8.0, seed=1, heading=None, things=None, **parameters):
+    """A flock at random in a cube, headings at random unless told."""
+    rng = np.random.default_rng(seed)
+    xyz = rng.uniform(0, side, (n, 3)) + (96, 96, 40)
+    angle = rng.uniform(0, 2 * np.pi, n) if heading is None else np.full(n, heading)
+    simulation = meadow(boids(**parameters), width=200, height=200, cell=2.0, **(things or {}))
+    put_aloft(simulation, xyz, np.column_stack([np.cos(angle), np.sin(angle), 0 * angle]))
+    return simulation
+
+
+def polarization(simulation):
+    return compute_polarization(simulation.agents[Heading.forward])
+
+
+# the urges, one pair after the other -------------------------------------------------------
+
+
+def transcription(scene, p, i):
+    """Separation, matching and centring of one bird in plain numpy; shares of the most, uncut."""
+    air, own = scene.air, scene.length[i]
+    f, v = scene.forward[i], scene.velocity[i] / own
+    lean = p.forward_weight * min(np.linalg.norm(v) / p.max_speed, 1.0)
+    most = p.max_acceleration * p.max_speed
+    apart, offsets, velocities, weights = np.zeros(3), [], [], []
+    for k in range(air.first[i], air.first[i + 1]):
+        o, j = air.offset[k] / own, air.near[k]
+        d = np.linalg.norm(o)
+        if d > p.neighbour_range:
+            continue
+        if d < p.separation:
+            apart -= o / d * (p.separation**2 / max(d, 0.3) ** 2 - 1)
+        offsets.append(o)
+        velocities.append(scene.velocity[j] / own)
+        weights.append(max(d, 0.3) ** -p.exponent * (1 + lean * 0.5 * (1 + f @ o / d)))
+    if not weights:
+        return apart, np.zeros(3), np.zeros(3)
+    matching = (np.average(velocities, 0, weights) - v) / (p.matching_time * most)
+    return apart, matching, np.average(offsets, 0, weights) / p.neighbour_range
+
+
+def cut(v):
+    return v / max(np.linalg.norm(v), 1.0)
+
+
+@given(st.integers(0, 10_000), st.sampled_from([0.0, 1.0, 2.0, 3.0]), st.floats(0, 2), st.floats(1, 8))
+def test_the_three_urges_are_the_formulas_of_the_page(seed, exponent, forward_weight, separation):
+    simulation = flock(12, 3.0, seed)
+    simulation.tick()
+    shape = {"exponent": exponent, "forward_weight": forward_weight, "separation": separation}
+    scene = scene_of(simulation.world)
+    for number, urge in enumerate(("separation", "matching", "centring")):
+        p = only(urge, **shape, **{f"{urge}_strength": 0.7})
+        found = wishes_of(simulation, tick=False, **p)
+        for i in range(12):
+            assert found[i] == pytest.approx(0.7 * cut(transcription(scene, Params(**p), i)[number]), abs=1e-9)
+
+
+def test_a_bird_behind_is_not_seen_and_one_at_the_side_is():
+    simulation = meadow(boids())
+    put_aloft(simulation, [(20, 20, 50), (18, 20, 50), (20, 22, 50)])
+    simulation.tick()
+    air = scene_of(simulation.world).air
+    assert air.near[air.first[0] : air.first[1]].tolist() == [2]
+
+
+def test_a_bird_behind_another_is_seen_only_without_occlusion():
+    for occlusion, expected in ((True, [1]), (False, [1, 2])):
+        eyes = {"range": 40.0, "field_of_view": 300.0, "occlusion": occlusion}
+        simulation = meadow(brush("boids", "boids", 45.0, {"length": 0.2, "radius": 0.04}, eyes))
+        put_aloft(simulation, [(20, 20, 50), (21, 20, 50), (22, 20.001, 50)])
+        simulation.tick()
+        air = scene_of(simulation.world).air
+        assert sorted(air.near[air.first[0] : air.first[1]].tolist()) == expected
+
+
+# arbitration ----------------------------------------------------------------------------------
+
+
+@given(st.lists(st.tuples(*[st.floats(-1, 1)] * 3), min_size=1, max_size=7))
+def test_allocation_hands_out_at_most_one_in_order(requests):
+    ask = np.array([np.array(r) / max(np.linalg.norm(r), 1.0) for r in requests])
+    given_ = np.zeros(3)
+    left = 1.0
+    for request in ask:  # the paper's words
+        size = np.linalg.norm(request)
+        given_ += request * (min(size, left) / size if size else 0.0)
+        left = max(left - size, 0.0)
+    assert allocated(ask) == pytest.approx(given_, abs=1e-12)
+    assert np.linalg.norm(allocated(ask)) <= 1 + 1e-12
+
+
+def test_averaging_wavers_between_two_sides_and_allocation_does_not():
+    """The indecision of the paper: an obstacle says left, the others say right."""
+    ask = np.array([(0.0, 1.0, 0.0), (0.0, 0.0, 0.0), (0.0, -0.95, 0.0)])
+    assert averaged(ask, np.ones(3)) == pytest.approx((0, 0.025, 0))
+    assert allocated(ask) == pytest.approx((0, 1, 0))
+
+
+def passes_the_pillar(arbitration):
+    """How near a bird comes to the face of a pillar, m, soonest passed on the left, while its migration says right."""
+    pillar = obstacle(box(28, 18, 32, 22), "pillar")
+    p = only("obstacle", "migration", migration_strength=1.0, arbitration=arbitration)
+    simulation = meadow(boids(**p), obstacles=[pillar])
+    put_aloft(simulation, (23, 21.2, 50))
+    simulation.submit(Migrate(0.0, -1.0, 0.0, kind="direction"))
+    nearest = np.inf
+    for _ in range(24):
+        simulation.tick()
+        if simulation.agents[Position.xyz][0, 0] > 28:
+            break
+        nearest = min(nearest, room_in_the_air(simulation)[0])
+    return nearest
+
+
+def test_an_undecided_bird_hits_the_pillar_and_one_with_priorities_passes_it():
+    assert passes_the_pillar("average") < 1e-3
+    assert passes_the_pillar("priority") > 0.05
+
+
+# obstacles -------------------------------------------------------------------------------------
+
+
+def head_on(avoid, shape, y=20.0, **more):
+    """(least room, sideways way, least speed) of a bird that flies at an obstacle, m and m/s."""
+    thing = obstacle(box(38, 17, 42, 23) if shape == "box" else box(37.9, 17.9, 42.1, 22.1), "thing")
+    thing.shape, thing.z_max = shape, 100.0
+    simulation = meadow(boids(**only("obstacle", avoid=avoid, **more)), width=80, obstacles=[thing])
+    put_aloft(simulation, (22, y, 50), (1, 0, 0))
+    room, slowest = np.inf, np.inf
+    for _ in range(110):
+        simulation.tick()
+        room = min(room, room_in_the_air(simulation)[0])
+        slowest = min(slowest, np.linalg.norm(simulation.agents[Velocity.xyz][0]))
+    return room, np.abs(simulation.agents[Position.xyz][0] - (22, y, 50))[1:].max(), slowest
+
+
+@pytest.mark.parametrize("shape", ["box", "cylinder", "sphere"])
+def test_a_bird_that_flies_straight_at_an_obstacle_steers_past_it_by_half_a_length_or_more(shape):
+    room, aside, slowest = head_on("steer", shape)
+    assert room > 0.5 * LENGTH
+    assert aside > 1.0
+    assert slowest > 5.0
+
+
+def test_a_force_field_met_head_on_does_not_turn_a_bird():
+    """The paper's first complaint about force fields: it slows, and turns no way."""
+    room, aside, slowest = head_on("field", "box", field_range=40.0)
+    assert aside < 1e-6
+    assert slowest < 5.0
+
+
+def test_a_force_field_bends_the_way_of_one_who_comes_from_the_side():
+    _, aside, _ = head_on("field", "sphere", y=21.5, field_range=30.0)
+    assert aside > 0.5
+
+
+def test_beside_a_wall_steering_does_nothing_and_a_field_pushes():
+    """The paper's second complaint: peripheral vision."""
+    wall = obstacle(box(0, 0, 200, 1), "wall")
+    for avoid, moved in (("steer", False), ("field", True)):
+        simulation = meadow(boids(**only("obstacle", avoid=avoid)), width=200, obstacles=[wall])
+        put_aloft(simulation, (20, 1.8, 50))
+        simulation.run(48)
+        assert bool(abs(simulation.agents[Position.xyz][0, 1] - 1.8) > 0.05) is moved
+
+
+def test_the_animals_on_the_ground_are_obstacles():
+    elephant = brush("elephant", mean=0.0, body={"length": 6.0, "radius": 1.5}, leader_neighbours=-1)
+    simulation = meadow(elephant, boids(**only("obstacle")), width=80)
+    put(simulation, [(30, 20)], np.pi / 2, brush="elephant")
+    put_aloft(simulation, (14, 20, 1.5), brush="boids")
+    for _ in range(100):
+        simulation.tick()
+        x, y, z = simulation.agents[Position.xyz][1] - simulation.agents[Position.xyz][0]
+        assert np.hypot(x, y) > 3.0 or z > 3.0
+    assert x > 5  # past it
+
+
+def test_near_the_ground_it_climbs():
+    simulation = meadow(boids(**only("obstacle")))
+    put_aloft(simulation, (10, 20, 3), (1, 0, -1))
+    simulation.run(120)
+    assert simulation.agents[Position.xyz][0, 2] > 5 * LENGTH - 0.05
+
+
+# fear, migration, height ------------------------------------------------------------------------
+
+
+def test_a_flock_flees_from_a_falcon_in_its_midst_and_hurries():
+    falcon = boids("falcon", 10.0, "raptor", **only())
+    simulation = meadow(boids(), falcon, width=200, height=200, cell=2.0)
+    xyz = np.random.default_rng(1).normal(0, 1.5, (40, 3)) + (100, 100, 40)
+    put_aloft(simulation, xyz, brush="boids")
+    put_aloft(simulation, (100, 100, 40), brush="falcon", species="falcon")
+    simulation.run(24)
+    xyz, velocity = simulation.agents[Position.xyz], simulation.agents[Velocity.xyz]
+    assert np.median(np.linalg.norm(xyz[:40] - xyz[40], axis=1)) > 5.0
+    assert np.linalg.norm(velocity[:40], axis=1).mean() > 9.5
+
+
+@pytest.mark.parametrize("direction", [(1, 0, 0), (0, -1, 0), (-1, 0, 0), (1, 1, 1)])
+def test_a_flock_turns_the_way_it_is_sent(direction):
+    simulation = flock(30, 3.0, heading=0.0)
+    simulation.submit(Migrate(*map(float, direction), kind="direction"))
+    simulation.run(256)
+    way = np.array(direction) / np.linalg.norm(direction)
+    assert (simulation.agents[Heading.forward] @ way).mean() > 0.9
+
+
+def test_a_flock_flies_to_the_point_it_is_sent_to_and_follows_where_that_glides():
+    simulation = flock(30, 3.0, heading=0.0)
+    simulation.submit(Migrate(130.0, 60.0, 45.0))
+    nearest = np.inf
+    for _ in range(400):
+        simulation.tick()
+        middle = simulation.agents[Position.xyz].mean(0)
+        nearest = min(nearest, np.linalg.norm(middle - (130, 60, 45)))
+    assert nearest < 3
+    simulation.submit(Migrate(60.0, 160.0, 45.0, seconds=8.0), 400)
+    simulation.run(480)
+    assert np.linalg.norm(simulation.agents[Position.xyz].mean(0) - (60, 160, 45)) < 25
+
+
+def test_a_script_that_asks_for_nonsense_is_told_so():
+    simulation = flock(3)
+    for wrong, message in (
+        (Migrate(0, 0, 0, kind="somewhere"), "kind must be one of none, direction, point"),
+        (Migrate(0, 0, 0, kind="direction"), "must not be"),
+        (Migrate(1, 0, 0, seconds=-1), "seconds must be at least 0"),
+        (Migrate(1, 0, 0, species="emu"), "no species 'emu'"),
+    ):
+        with pytest.raises((ValueError, LookupError), match=message):
+            wrong.apply(simulation.world)
+
+
+def test_it_climbs_to_the_height_it_should_keep_over_hills():
+    y, x = np.mgrid[0.5:200, 0.5:200]
+    hills = Raster(1.0, 5 * np.sin(x / 25))
+    simulation = flock(10, 3.0, heading=0.0, things={"height_map": hills}, height=15.0, height_strength=1.0)
+    simulation.run(300)
+    xyz = simulation.agents[Position.xyz]
+    land = simulation.world.resource(Landscape)
+    above = np.array([z - land.ground((x, y)) for x, y, z in xyz])
+    assert above == pytest.approx(15.0, abs=3.0)
+
+
+def test_held_to_the_terrain_it_is_a_herd():
+    y, x = np.mgrid[0.5:200, 0.5:200]
+    hills = Raster(1.0, 3 * np.sin(x / 9) + 0.05 * y)
+    herd = brush(
+        "herd", "boids", 2.0, {"length": 1.5, "radius": 0.3, "contact": "disc"},
+        {"range": 8.0, "field_of_view": 300.0}, grounded=True, max_speed=6.0, min_speed=0.2, neighbour_range=8.0,
+        separation=1.5, matching_time=0.4,
+    )  # fmt: skip
+    simulation = meadow(herd, width=200, height=200, cell=2.0, height_map=hills, boundary="wall")
+    rng = np.random.default_rng(2)
+    put(simulation, rng.uniform(90, 110, (40, 2)), rng.normal(0, 1.0, 40))
+    land = simulation.world.resource(Landscape)
+    for _ in range(300):
+        simulation.tick()
+    for x, y, z in simulation.agents[Position.xyz]:
+        assert z == pytest.approx(land.ground((x, y)), abs=1e-12)
+    assert (simulation.agents[Heading.forward][:, 2] == 0).all()
+    assert polarization(simulation) > 0.9
+
+
+# what flocks do -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_from_random_headings_a_flock_becomes_polarized(seed):
+    simulation = flock(150, 7.0, seed)
+    simulation.tick()
+    before = polarization(simulation)
+    simulation.run(255)
+    assert before < 0.2
+    assert polarization(simulation) > 0.9
+
+
+def test_a_crowd_expands_in_a_flash():
+    """Crowded far below the separation, everybody bursts away from the middle."""
+    simulation = flock(120, 0.4, heading=0.0, mean=10.0, min_speed=0.0)
+    spread, outwards = [], None
+    for tick in range(16):
+        xyz = simulation.agents[Position.xyz]
+        spread.append(np.linalg.norm(xyz - xyz.mean(0), axis=1).mean())
+        simulation.tick()
+        if tick == 3:
+            off = xyz - xyz.mean(0)
+            away = simulation.agents[Velocity.xyz] - simulation.agents[Velocity.xyz].mean(0)
+            outwards = np.mean((off * away).sum(1) > 0)
+    assert spread[-1] > 1.8 * spread[0]
+    assert outwards > 0.8
+    assert (np.diff(spread) > 0).all()
+
+
+def test_birds_on_a_small_shell_contract():
+    """Released on a shell within the neighbourhood's radius, at rest, they draw together."""
+    rng = np.random.default_rng(3)
+    shell = rng.normal(size=(40, 3))
+    shell *= 1.6 / np.linalg.norm(shell, axis=1, keepdims=True)
+    simulation = meadow(boids(mean=0.0, min_speed=0.0, separation=1.0, forward_weight=0.0), width=200, height=200)
+    put_aloft(simulation, shell + (100, 100, 40), shell * (-1, -1, 0), speed=0.0)
+    simulation.run(20)
+    xyz = simulation.agents[Position.xyz]
+    assert np.linalg.norm(xyz - xyz.mean(0), axis=1).mean() < 1.5
+
+
+def field_of_pillars(seed, n=60, count=24):
+    """A flock before a field of pillars at random, and the way beyond."""
+    rng = np.random.default_rng(seed)
+    things = []
+    for k in range(count):
+        x, y, r = 40 + 60 * rng.uniform(), 70 + 60 * rng.uniform(), rng.uniform(0.6, 2.2)
+        thing = obstacle(box(x - r, y - r, x + r, y + r), f"pillar {k}")
+        thing.shape, thing.z_max = rng.choice(["cylinder", "box"]), 100.0
+        things.append(thing)
+    simulation = meadow(boids(separation=5.0), width=200, height=200, cell=2.0, obstacles=things, seed=seed)
+    xyz = rng.uniform(0, 1, (n, 3)) * (8, 16, 6) + (20, 92, 30)
+    put_aloft(simulation, xyz)
+    simulation.submit(Migrate(1.0, 0.0, 0.0, kind="direction"))
+    return simulation
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_flock_flies_through_a_field_of_pillars_and_nobody_into_one(seed):
+    simulation = field_of_pillars(seed)
+    for _ in range(420):
+        simulation.tick()
+        assert room_in_the_air(simulation).min() > -1e-5
+    assert (simulation.agents[Position.xyz][:, 0] > 100).mean() > 0.95
+
+
+def test_a_flock_is_split_by_a_tower_and_joins_again():
+    tower = obstacle(box(75, 94, 87, 106), "tower")
+    tower.shape = "cylinder"
+    simulation = meadow(boids(), width=300, height=200, cell=2.0, obstacles=[tower])
+    xyz = np.random.default_rng(1).uniform(-3, 3, (80, 3)) + (50, 100, 40)
+    put_aloft(simulation, xyz)
+    simulation.submit(Migrate(200.0, 100.0, 40.0))
+    parts = []
+    for _ in range(560):
+        simulation.tick()
+        parts.append(compute_largest_part(simulation.agents[Position.xyz], 4.0))
+    split = int(np.argmin(parts))
+    assert parts[0] == 1.0
+    assert parts[split] < 0.9
+    assert max(parts[split:]) == 1.0
+
+
+# the same bits --------------------------------------------------------------------------------------
+
+
+def lively(shuffle_seed=None):
+    """Sheep, elephants' size of sheep, sparrows with occlusion, a falcon, things that move."""
+    sheep = brush("sheep", mean=1.5, speed={"deviation": 0.2})
+    sparrow = brush(
+        "sparrow", "boids", 40.0, {"length": 0.15, "radius": 0.035, "contact": "disc"},
+        {"range": 30.0, "field_of_view": 300.0}, speed={"deviation": 3.0}, height=4.0,
+    )  # fmt: skip
+    falcon = boids("falcon", 30.0, "raptor")
+    hoop = obstacle(box(20, 10, 21, 30), "hoop")
+    hoop.z_min, hoop.z_max, hoop.shape = 6.0, 8.0, "box"
+    pole = obstacle(box(26, 18, 28, 20), "pole")
+    pole.shape = "cylinder"
+    simulation = meadow(sheep, sparrow, falcon, boundary="wall", obstacles=[hoop, pole], shuffle_seed=shuffle_seed)
+    rng = np.random.default_rng(6)
+    put(simulation, rng.uniform(3, 37, (20, 2)), np.arange(20.0), brush="sheep", species="sheep")
+    put_aloft(simulation, rng.uniform(3, 12, (40, 3)), brush="sparrow", species="sparrow")
+    put_aloft(simulation, (35, 35, 15), (-1, -1, 0), brush="falcon", species="falcon")
+    simulation.submit(Migrate(30.0, 20.0, 5.0, species="sparrow"), 5)
+    simulation.submit(Migrate(10.0, 30.0, 5.0, seconds=1.0, species="sparrow"), 20)
+    simulation.submit(Migrate(20.0, 20.0, 5.0, species="falcon"), 10)
+    return simulation
+
+
+@pytest.mark.parametrize("shuffle", range(2))
+def test_the_order_inside_a_stage_does_not_matter_to_a_flock(shuffle):
+    plain, shuffled = lively(), lively(shuffle)
+    plain.run(60)
+    shuffled.run(60)
+    assert state_hash(plain.world) == state_hash(shuffled.world)
+
+
+def test_the_number_of_threads_changes_no_bit_of_a_flock(monkeypatch):
+    monkeypatch.setattr(parallel, "WORTH", 0)
+    monkeypatch.setattr(parallel, "SMALL", 8)
+    monkeypatch.setattr(parallel, "PROBE", 4)
+    before = set_threads(1)
+    try:
+        one = lively()
+        one.run(50)
+        set_threads(3)
+        many = lively()
+        many.run(50)
+    finally:
+        set_threads(before)
+    assert state_hash(one.world) == state_hash(many.world)
+
+
+def test_a_flock_goes_on_from_a_snapshot():
+    simulation, fresh = lively(), lively()
+    simulation.run(30)
+    restore(fresh.world, snapshot(simulation.world))
+    simulation.run(30)
+    fresh.run(30)
+    assert state_hash(fresh.world) == state_hash(simulation.world)
+
+
+def test_every_system_writes_only_what_it_says_with_birds_about():
+    simulation = lively()
+    for _ in range(40):
+        assert simulation.schedule.undeclared_writes(simulation.world) == []
+        simulation.clock.tick += 1
+
+
+def test_surfaces_are_what_the_tests_measure_by():
+    simulation = lively()
+    assert surface_(simulation.world.resource(Landscape).sky, 0, 0.0, 0.0, 0.0)[0] > 0
