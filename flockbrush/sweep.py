@@ -12,6 +12,7 @@ import logging
 import multiprocessing
 import os
 import signal
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -164,11 +165,19 @@ def _blame(job, error, suspects):
 
 
 def _begin_worker():
-    """A worker leaves Ctrl-C to its master, and the other cores to the other workers."""
+    """A worker leaves Ctrl-C to its master, and the other cores to the other workers; it does not outlive its master."""
     from engine.parallel import set_threads
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     set_threads(1)
+    threading.Thread(target=_end_with_master, daemon=True).start()
+
+
+def _end_with_master():
+    master = multiprocessing.parent_process()
+    if master is not None:
+        master.join()
+        os._exit(1)
 
 
 def processes(count) -> Executor:

@@ -356,7 +356,7 @@ def skein():
     s.ground("sand", lake < 1.15)
     s.ground("water", lake < 1.0)
     s.ground("forest floor", rolling(s.x, s.y, 124, 90) - 0.01 * np.hypot(s.x - 560, s.y - 50) > 0.25)
-    s.box("Spawn", 50, 130, 32, 32, "flock", species="goose", brush="skein", count=17, heading="east", altitude=60)
+    s.box("Spawn", 45, 130, 28, 28, "flock", species="goose", brush="skein", count=17, heading="east", altitude=60)
     s.draw(
         "Guide", [(20, 130), (260, 130), (420, 136), (540, 170), (620, 230), (670, 310)], "way", closed=False, radius=60
     )

@@ -81,34 +81,60 @@ def _ways(members, first, near, offset, species, forward, guidance, bound, targe
     sine_limit, cosine_limit = sincos_(limit)
     for i in members:
         fx, fy = _level(forward[i, 0], forward[i, 1], 1.0, 0.0)
-        gx = gy = ax = ay = mx = my = 0.0
-        for at in range(first[i], first[i + 1]):
-            j = near[at]
-            if species[j] != species[i]:
-                continue
-            hx, hy = _level(forward[j, 0], forward[j, 1], fx, fy)
-            mx, my = mx + hx, my + hy
-            x, y = offset[at, 0], offset[at, 1]
-            along, aside = x * fx + y * fy, abs(x * fy - y * fx)
-            if along > 0.0 and along >= aside * cotangent:
-                ax, ay = ax + hx, ay + hy
-        if bound[i] > 0:
-            gx, gy = _level(target[i, 0], target[i, 1], 0.0, 0.0)
-        if gx == 0.0 and gy == 0.0 and (abs(guidance[i, 0]) > 1e-6 or abs(guidance[i, 1]) > 1e-6):
-            gx, gy = _level(guidance[i, 0], guidance[i, 1], 0.0, 0.0)
-        if turning:  # its body does not show the flock's way: the guide's, or everybody's mean
-            if gx == 0.0 and gy == 0.0:
-                gx, gy = _level(mx + fx, my + fy, fx, fy)
-            way[i, 0], way[i, 1] = gx, gy
-            continue
+        gx, gy = 0.0, 0.0
+        if turning:
+            ax, ay = _of_the_foremost(i, first, near, offset, species, forward, fx, fy)
+        else:
+            ax, ay = _of_those_ahead(i, first, near, offset, species, forward, fx, fy, cotangent)
         if ax != 0.0 or ay != 0.0:
             gx, gy = _level(ax, ay, fx, fy)
-        elif gx == 0.0 and gy == 0.0:
+            if turning:  # its own body does not face the flock's way
+                way[i, 0], way[i, 1] = gx, gy
+                continue
+        elif bound[i] > 0:
+            gx, gy = _level(target[i, 0], target[i, 1], fx, fy)
+        elif abs(guidance[i, 0]) > 1e-6 or abs(guidance[i, 1]) > 1e-6:
+            gx, gy = _level(guidance[i, 0], guidance[i, 1], fx, fy)
+        else:
             gx, gy = fx, fy
         if fx * gx + fy * gy < cosine_limit:
             sine = sine_limit if fx * gy - fy * gx >= 0.0 else -sine_limit
             gx, gy = _level(fx * cosine_limit - fy * sine, fx * sine + fy * cosine_limit, fx, fy)
         way[i, 0], way[i, 1] = gx, gy
+
+
+@kernel
+def _of_those_ahead(i, first, near, offset, species, forward, fx, fy, cotangent):
+    """Sum of the headings of one's kind within the angle; (0, 0): nobody, one leads."""
+    ax = ay = 0.0
+    for at in range(first[i], first[i + 1]):
+        j = near[at]
+        x, y = offset[at, 0], offset[at, 1]
+        along, aside = x * fx + y * fy, abs(x * fy - y * fx)
+        if species[j] == species[i] and along > 0.0 and along >= aside * cotangent:
+            hx, hy = _level(forward[j, 0], forward[j, 1], fx, fy)
+            ax, ay = ax + hx, ay + hy
+    return ax, ay
+
+
+@kernel
+def _of_the_foremost(i, first, near, offset, species, forward, fx, fy):
+    """The heading of the foremost of one's kind, who has no reason to turn; (0, 0): one is it oneself."""
+    mx, my = fx, fy
+    for at in range(first[i], first[i + 1]):
+        j = near[at]
+        if species[j] == species[i]:
+            hx, hy = _level(forward[j, 0], forward[j, 1], fx, fy)
+            mx, my = mx + hx, my + hy
+    mx, my = _level(mx, my, fx, fy)
+    farthest, ax, ay = 0.0, 0.0, 0.0
+    for at in range(first[i], first[i + 1]):
+        j = near[at]
+        along = offset[at, 0] * mx + offset[at, 1] * my
+        if species[j] == species[i] and along > farthest:
+            farthest = along
+            ax, ay = _level(forward[j, 0], forward[j, 1], fx, fy)
+    return ax, ay
 
 
 @kernel

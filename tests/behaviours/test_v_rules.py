@@ -334,3 +334,31 @@ def test_a_settled_flock_flies_straight_on_at_the_speed_of_its_brush():
     simulation.run(600)
     assert simulation.agents[Velocity.xyz] == pytest.approx(np.tile([0, 8.0, 0], (5, 1)), abs=1e-9)
     assert forward_of(simulation) == pytest.approx(np.tile([0, 1.0], (5, 1)))
+
+
+def test_a_flock_in_formation_follows_its_guide_through_a_bend():
+    from flockbrush.run import start
+    from flockbrush.v_measures import v_indicators
+
+    skein = start("skein", seed=3)
+    skein.run(32 * 20)
+    assert v_indicators(skein)["leads"] == 1
+    before = forward_of(skein).mean(0)
+    skein.run(32 * 26)
+    after = forward_of(skein).mean(0)
+    assert before @ (1, 0) > 0.99
+    assert after[1] > 0.5  # it has turned to the north-east with the guide
+    assert v_indicators(skein)["groups"] == 1
+    spread = skein.agents[Position.xyz].std(0)
+    assert np.hypot(*spread[:2]) < 15 and spread[2] < 1e-6
+
+
+def test_birds_that_turn_face_the_way_they_shift():
+    simulation, _, _, _ = geese(seed=4, birds=6, turn=0.06)
+    simulation.run(30)
+    velocity = simulation.agents[Velocity.xyz][:, :2]
+    facing = velocity / np.linalg.norm(velocity, axis=1, keepdims=True)
+    assert forward_of(simulation) == pytest.approx(facing, abs=1e-9)
+    assert np.abs(facing[:, 0]).max() > 0.05
+    simulation.run(900)
+    assert np.ptp(forward_of(simulation), axis=0).max() < 1e-6  # settled: all the same way again
