@@ -476,6 +476,34 @@ def formation_initiate(
     initiation([s.value for s in shape or Shape], birds or [9, 14, 16, 28, 41], runs, seed, ablate, out, json)
 
 
+@formation_app.command("brush")
+def formation_brush(
+    formation: Annotated[Path, typer.Argument(metavar="X.json", help="Made by extract.")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="NAME.brush.toml", help="Where the brush goes.")],
+    like: Annotated[str, typer.Option(metavar="BRUSH", help="Speed, body and wingspan of this brush.")] = "geese",
+):
+    """Make a brush of a formation: its shape, slope, spacing and how alive it is."""
+    from flockbrush.formation import make_brush
+
+    make_brush(formation, out, like)
+
+
+@formation_app.command("film")
+def formation_film(
+    level: LevelName,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="MP4", help="Where the film goes; .png: its last frame.")],
+    seconds: Annotated[
+        float, typer.Option(min=0.1, max=3600, metavar="S", help="How long, in simulated seconds.")
+    ] = 60.0,
+    seed: Seed = None,
+    theme: ThemeOption = Theme.light,
+):
+    """Film a flock from close by: wings beat, the leader is yellow, and colours say what each bird saves."""
+    from flockbrush.formation import film_level
+
+    film_level(level, out, seconds, seed, theme.value)
+
+
 class KeyShapes(str, enum.Enum):
     """How key shapes are solved."""
 

@@ -20,7 +20,7 @@ from behaviours.problems import ProblemsError
 from flockbrush.draw import write_png
 from flockbrush.draw.canvas import Canvas
 from flockbrush.draw.style import PALETTE, rgb, theme_of
-from flockbrush.files import output_problems, write_text
+from flockbrush.files import output_problems, refused, write_text
 from flockbrush.terminal import number, print_json, progress, say, show, table
 from systems.initiation import initiate, scattered, target_of
 
@@ -121,6 +121,88 @@ def fly(formation_path, birds, frames, fps, seed, left, exchange, method, epsilo
     for key, value in said.items():
         lines.add_row(key.replace("_", " "), number(value))
     show(lines)
+
+
+def make_brush(formation_path, out, like):
+    """A brush that flies as an example does."""
+    from datetime import date
+
+    from behaviours.brush import Brush, Provenance, load_brush, shipped
+    from behaviours.brush_writer import brush_to_toml
+
+    if not out.name.endswith(".brush.toml"):
+        raise refused(out, "a brush's name ends in .brush.toml")
+    _allow([out], [formation_path])
+    formation = load_formation(formation_path)
+    learned = parameters_of(formation)
+    base = load_brush(like) if like.endswith(".brush.toml") else shipped().get(like)
+    if base.model != "line_formation":
+        raise refused(like, f"is a brush of {base.model}; a formation needs one of line_formation, such as geese")
+    made = Brush(
+        name=out.name.removesuffix(".brush.toml"),
+        model=base.model,
+        description=f"Flies as in {formation.name or formation_path.name}.",
+        colour=base.colour,
+        transition=base.transition,
+        parameters=base.params.model_dump() | learned,
+        speed=base.speed,
+        body=base.body,
+        vision=base.vision,
+        provenance=Provenance(
+            kind="learned",
+            source=str(formation.provenance.get("marks", formation_path.name)),
+            date=date.today(),
+            by=f"flockbrush {flockbrush.__version__}",
+            notes=f"{len(formation.usable)} of {len(formation.frames)} frames; speed and body of {like}",
+        ),
+    )
+    write_text(out, brush_to_toml(made))
+    load_brush(out)
+    say(
+        f"{out}: "
+        + ", ".join(f"{key} {value if isinstance(value, str) else round(value, 3)}" for key, value in learned.items())
+    )
+
+
+def parameters_of(formation):
+    """What the model line_formation takes from an example."""
+    frames = formation.usable
+    if not frames:
+        raise refused(formation.name or "formation", "has no frame with a line formation")
+    kinds = formation.kinds()
+    kind = max((k for k in kinds if k != "none"), key=lambda k: kinds[k])
+    same = [frame for frame in frames if frame.kind == kind]
+    slopes, bends = [], []
+    for frame in same:
+        numbers = frame.curve.numbers
+        if frame.curve.model == "parabola":
+            bends.append(-numbers[2])
+        else:
+            slopes += [abs(number) for number in numbers[1:]]
+    others = [len(frame.birds) - 1 for frame in same]
+    found = {
+        "shape": kind,
+        "spacing": float(np.clip(np.mean([frame.spacing[0] for frame in same]), 0.9, 10)),
+        "left": float(np.mean([frame.leader / max(n, 1) for frame, n in zip(same, others, strict=True)])),
+        "deviation": float(np.clip(np.mean([frame.deviation[1] for frame in same]), 0, 2)),
+    }
+    if slopes:
+        found["slope"] = float(np.clip(np.mean(slopes), 0.1, 5))
+    if bends:
+        found["curvature"] = float(np.clip(np.mean(bends), 0.001, 1))
+    return found
+
+
+def film_level(level, out, seconds, seed, theme):
+    """A level's flock from close by."""
+    if out.suffix.lower() not in (".mp4", ".png"):
+        raise refused(out, "a film's name ends in .mp4, a picture's in .png")
+    _allow([out], [])
+    from flockbrush.formation_film import film
+
+    with progress("filming", int(seconds * 16)) as moved:
+        said = film(level, out, seconds, seed, theme=theme, say=moved)
+    say(f"{out}: {said['frames']} frames; at the end a bird saves {number(said['saved'], 3)} (sum of g)")
 
 
 ADDITIONS = {

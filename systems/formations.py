@@ -67,7 +67,7 @@ def _keep(world, rows, p):
     if n > 1:
         rules = fitting(rules, target)
         now = np.full(n, -1), np.zeros(n, np.int64), np.full(n, -1)
-        decide(x, y, heading, leader, reference, arm, place, target.count, rules, *now)
+        decide(x, y, heading, leader, reference, arm, place, target.length, rules, *now)
         reference, arm, place = now
     frame = frame_of(wing, agents[Speed.drawn][rows[leader]])
     agents[FormationPlace.climb][rows] = _climb(agents, rows, leader, x, y, heading, rules, wing, frame)

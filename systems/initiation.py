@@ -31,7 +31,7 @@ class Target(NamedTuple):
     Arm 0 is to the left of the leader, arm 1 to the right; place 0 is the leader's own.
     """
 
-    count: np.ndarray  # (2,) places on each arm
+    length: np.ndarray  # (2,) places on each arm
     dx: np.ndarray  # (2, most + 1) wingspans away from the leader
     dy: np.ndarray  # (2, most + 1) wingspans back; negative: ahead of the one before
 
@@ -298,7 +298,7 @@ def fitting(rules, target):
         [
             (side * target.dx[arm, : k + 1].sum(), -target.dy[arm, : k + 1].sum())
             for arm, side in ((0, -1), (1, 1))
-            for k in range(arm, target.count[arm] + 1)
+            for k in range(arm, target.length[arm] + 1)
         ]
     )
     apart = np.linalg.norm(places[:, None] - places, axis=2) + np.diag(np.full(len(places), np.inf))
@@ -307,7 +307,7 @@ def fitting(rules, target):
 
 def usual(target):
     """The mean step from place to place, for birds that do not know theirs yet."""
-    inner = np.arange(target.dx.shape[1]) <= target.count[:, None]
+    inner = np.arange(target.dx.shape[1]) <= target.length[:, None]
     inner[:, 0] = False
     return float(target.dx[inner].mean()), max(float(target.dy[inner].mean()), 0.3)
 

@@ -75,12 +75,13 @@ def extract_frame(x, y, frame="0", birds=None, samples=None, seed=0) -> FrameSha
     x, y = np.asarray(x, float), np.asarray(y, float)
     names = [str(k) for k in range(len(x))] if birds is None else list(birds)
     order = np.lexsort((y, x))
-    x, y, names = x[order], y[order], tuple(names[k] for k in order)
+    x, y, known = x[order], y[order], tuple(names[k] for k in order)
     gaps = np.diff(x)
     spacing = (float(gaps.mean()), float(gaps.std())) if len(gaps) else (0.0, 0.0)
     leader, found, why = _look(x, y, samples, seed)
     x, y = x - x[leader], y - y[leader]
-    curve, outliers, deviation, kind = None, (), (0.0, 0.0), "none"
+    curve, deviation, kind = None, (0.0, 0.0), "none"
+    outliers: tuple[int, ...] = ()
     if found is not None:
         curve = found.curve
         kind, why = _kind(curve.model, leader, len(x))
@@ -88,7 +89,7 @@ def extract_frame(x, y, frame="0", birds=None, samples=None, seed=0) -> FrameSha
         rest = (y - curve.y(x))[found.inlier]
         deviation = (float(rest.mean()), float(rest.std()))
     return FrameShape(
-        str(frame), names, tuple(x.tolist()), tuple(y.tolist()), int(leader), kind, why, curve, outliers, spacing,
+        str(frame), known, tuple(x.tolist()), tuple(y.tolist()), int(leader), kind, why, curve, outliers, spacing,
         deviation,
     )  # fmt: skip
 

@@ -69,7 +69,7 @@ def read_marks(path: str | os.PathLike, heading: str = "up", wingspan: float | N
     grid = np.empty((len(order), len(bird), 2))
     for f, b, point in zip(frames, birds, xy, strict=True):
         grid[order[f], bird[b]] = point
-    if pixels:
+    if pixels and wingspan is not None:
         grid[..., 1] *= -1.0  # pictures count downward
         grid /= wingspan
     turn = _heading(heading, grid[0], name)

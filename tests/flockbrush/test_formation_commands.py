@@ -1,0 +1,104 @@
+"""The commands of formations, as people type them."""
+
+import csv
+import json
+
+import cv2
+import numpy as np
+import pytest
+from example_formations import places
+
+from behaviours.brush import load_brush
+from flockbrush.cli import called
+from flockbrush.formation_film import savings
+
+
+@pytest.fixture
+def marks(tmp_path):
+    """Two frames of fourteen marked birds with one out of line, in wingspans."""
+    path = tmp_path / "marks.csv"
+    with path.open("w", newline="") as file:
+        out = csv.writer(file)
+        out.writerow(["frame", "bird", "x_b", "y_b"])
+        for frame in range(2):
+            x, y, *_ = places("V", 14, frame=frame, outliers=1)
+            out.writerows([frame, k, a, b] for k, (a, b) in enumerate(zip(x, y, strict=True)))
+    return path
+
+
+def test_from_marks_to_a_formation_to_a_flight(marks, tmp_path, capsys):
+    formation, picture = tmp_path / "v.json", tmp_path / "v.png"
+    assert called(["formation", "extract", str(marks), "--out", str(formation), "--plot", str(picture), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["kinds"] == {"V": 2}
+    assert len(said["frames"][0]["outliers"]) == 1
+    assert cv2.imread(str(picture)).shape[2] == 3
+    table = tmp_path / "flight.csv"
+    assert (
+        called(["formation", "fly", str(formation), "--birds", "20", "--frames", "40", "-o", str(table), "--json"]) == 0
+    )
+    said = json.loads(capsys.readouterr().out)
+    assert said["birds"] == 20
+    assert said["outside"] < 0.01
+    assert len(table.read_text().splitlines()) == 1 + 20 * 40
+
+
+def test_a_formation_becomes_a_brush(marks, tmp_path):
+    formation, made = tmp_path / "v.json", tmp_path / "mine.brush.toml"
+    assert called(["formation", "extract", str(marks), "--out", str(formation)]) == 0
+    assert called(["formation", "brush", str(formation), "-o", str(made), "--like", "cranes"]) == 0
+    brush = load_brush(made)
+    assert brush.params.shape == "V"
+    assert brush.params.slope == pytest.approx(0.8, abs=0.15)
+    assert brush.params.spacing == pytest.approx(1.25, abs=0.1)
+    assert brush.provenance.kind == "learned"
+
+
+def test_birds_are_found_and_marked(tmp_path, capsys):
+    image = np.full((200, 300, 3), 220, np.uint8)
+    for k in range(5):
+        cv2.ellipse(image, (60 + 40 * k, 60 + 25 * abs(k - 2)), (8, 3), 0, 0, 360, (30, 30, 30), -1)
+    cv2.imwrite(str(tmp_path / "sky.png"), image)
+    out = tmp_path / "marks.csv"
+    assert called(["formation", "detect", str(tmp_path / "sky.png"), "-o", str(out), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["birds"] == 5
+    assert called(["formation", "extract", str(out), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["kinds"] == {"V": 1}
+
+
+def test_the_table_of_initiation(tmp_path, capsys):
+    out = tmp_path / "table.csv"
+    assert (
+        called(["formation", "initiate", "--shape", "V", "--birds", "9", "--runs", "2", "-o", str(out), "--json"]) == 0
+    )
+    cell = json.loads(capsys.readouterr().out)["cells"][0]
+    assert (cell["runs"], cell["converged"]) == (2, 2)
+    assert out.read_text().startswith("rules,shape,birds,runs,converged")
+
+
+def test_a_film_of_geese(tmp_path):
+    picture = tmp_path / "geese.png"
+    assert called(["formation", "film", "geese", "--seconds", "0.5", "-o", str(picture)]) == 0
+    assert cv2.imread(str(picture)).shape == (680, 1120, 3)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["extract", "nothing.csv"], "No such file"),
+        (["fly", "nothing.json"], "No such file"),
+        (["film", "geese", "-o", "geese.gif"], "ends in .mp4"),
+        (["detect", "nothing.png", "-o", "marks.csv"], "no such file"),
+    ],
+)
+def test_what_cannot_be_done_is_said(words, said, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert called(["formation", *words]) == 1
+    assert said in capsys.readouterr().err
+
+
+def test_who_flies_beside_saves_and_who_is_alone_does_not():
+    x, y, z = np.array([0.0, 1.25, 40.0]), np.array([0.0, -1.0, 0.0]), np.zeros(3)
+    saved = savings(x, y, z, 0.5)
+    assert saved[1] > saved[0] > 100 * saved[2] > 0
+    assert savings(x, y, np.array([0.0, 5.0, 0.0]), 0.5)[1] == 0  # far above
