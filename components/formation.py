@@ -16,3 +16,7 @@ class FormationPlace(Component):
     track = Field((0.0, 0.0))  # unit vector the flock flies along; (0, 0): in no flock
     climb = Field(0.0)  # m/s, to keep clear of others on the way and come back to the flock's height
     led = Field(0.0)  # s since this bird took the lead
+    gust = Field((0.0, 0.0, 0.0))  # m/s, what blows at the bird
+    wind = Field((0.0, 0.0, 0.0))  # m/s, what it feels of that by now
+    felt = Field((0.0, 0.0, 0.0))  # m/s, what it felt in the last tick: so much of its velocity is not its own
+    lull = Field(1.0)  # s in which the gust dies down

@@ -16,6 +16,7 @@ from components.formation import FormationPlace
 from engine.clock import Clock
 from engine.maths import atan2_
 from engine.noise import Noise
+from systems.gusts import blow
 from systems.initiation import decide, fitting, target_of, usual
 from systems.landscape import Landscape
 from systems.palette import Palette
@@ -31,13 +32,15 @@ def keep_formations(world):
     _forget(agents, ~flies)
     for b, kind in sorted(set(zip(brush[flies].tolist(), species[flies].tolist(), strict=True))):
         rows = np.flatnonzero(flies & (brush == b) & (species == kind))
+        blow(agents, rows, world.resource(Clock).dt)
         _keep(world, rows, palette.brushes[b].params)
 
 
 def _forget(agents, rows):
     rows = rows & (agents[FormationPlace.track] != 0.0).any(axis=1)
     for field in (FormationPlace.reference, FormationPlace.arm, FormationPlace.offset, FormationPlace.track,
-                  FormationPlace.climb, FormationPlace.led):  # fmt: skip
+                  FormationPlace.climb, FormationPlace.led, FormationPlace.gust, FormationPlace.wind,
+                  FormationPlace.felt):  # fmt: skip
         agents[field][rows] = 0
     agents[FormationPlace.place][rows] = -1
 
@@ -131,7 +134,7 @@ def _climb(agents, rows, leader, x, y, heading, rules: Rules, wing, frame):
     n = len(rows)
     climb = np.zeros(n)
     z = (agents[Position.xyz][rows, 2] - agents[Position.xyz][rows[leader], 2]) / wing
-    v = agents[Velocity.xyz][rows]
+    v = agents[Velocity.xyz][rows] - agents[FormationPlace.felt][rows]
     speed = np.sqrt(v[:, 0] ** 2 + v[:, 1] ** 2) * frame / wing
     part_in_height(x, y, np.ascontiguousarray(z), heading, speed, rules, climb)
     return climb * wing / frame + v[leader, 2]

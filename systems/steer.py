@@ -170,7 +170,8 @@ def _formation_of(agents, palette):
     row = np.minimum(np.searchsorted(ids, entity), len(ids) - 1)
     known = InFormation(
         np.where(ids[row] == entity, row, -1), agents[FormationPlace.place], agents[FormationPlace.offset],
-        agents[FormationPlace.track], agents[FormationPlace.climb],
+        agents[FormationPlace.track], agents[FormationPlace.climb], agents[FormationPlace.wind],
+        agents[FormationPlace.felt],
     )  # fmt: skip
     return InFormation(*(_frozen(column) for column in known))
 

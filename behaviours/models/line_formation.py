@@ -8,7 +8,7 @@ example, drawn as the flight goes on.
 The paper counts in wingspans and frames and flies a third of a wingspan a frame; here a frame lasts as long as the
 bird's own speed takes for that, and a tick goes its part of a frame.  What is added to the paper's rules stands in
 `behaviours.formation.reaching`.  Ours are, too: flocks that turn (their frame is the leader's heading), leaders that
-take turns, inverted shapes (one tip leads, the other flies level with it), and heights.
+take turns, inverted shapes (one tip leads, the other flies level with it), heights, and gusts.
 
 .. [1] Klotsman, M. & Tal, A. (2012). Animation of flocks flying in line formations. Artificial Life 18(1), 91-105.
 """
@@ -73,6 +73,8 @@ class InFormation(NamedTuple):
     offset: np.ndarray  # (n, 2) m, to the right of and ahead of the reference bird
     track: np.ndarray  # (n, 2) unit vectors; (0, 0): in no flock
     climb: np.ndarray  # (n,) m/s
+    wind: np.ndarray  # (n, 3) m/s that blows at the bird
+    felt: np.ndarray  # (n, 3) m/s of its velocity that was wind
 
 
 @behaviour("line_formation", Params, flight=flight_of, formation=True)
@@ -82,7 +84,15 @@ def steer(scene, rows, p):
     direction, velocity = np.zeros((k, 3)), np.zeros((k, 3))
     air, known = air_of(scene), scene.formation
     if known is None:  # nobody has looked yet
-        known = InFormation(np.full(n, -1), np.full(n, -1), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros(n))
+        known = InFormation(
+            np.full(n, -1),
+            np.full(n, -1),
+            np.zeros((n, 2)),
+            np.zeros((n, 2)),
+            np.zeros(n),
+            np.zeros((n, 3)),
+            np.zeros((n, 3)),
+        )
     over_rows(
         _steer, k, rows, scene.dt, scene.xyz, scene.velocity, scene.forward, scene.speed, scene.length, *known,
         air.bound, air.target, scene.guidance, air.hit, air.aim,
@@ -106,7 +116,7 @@ def frame_of(wing, speed):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _steer(
-    lo, hi, rows, dt, xyz, velocity, forward, own, length, reference, place, offset, track, climb,
+    lo, hi, rows, dt, xyz, velocity, forward, own, length, reference, place, offset, track, climb, wind, felt,
     bound, target, guidance, hit, aim, rules, wingspan, leader_turn, leader_climb, direction, wish,
 ):  # fmt: skip
     for k in range(lo, hi):
@@ -120,7 +130,8 @@ def _steer(
         wing = wingspan * length[i]
         frame = wing / (3.0 * max(own[i], 1e-3))
         part = min(dt / frame, 1.0)  # of a frame of the paper in this tick
-        speed = np.sqrt(velocity[i, 0] ** 2 + velocity[i, 1] ** 2) * frame / wing
+        ox, oy, oz = velocity[i, 0] - felt[i, 0], velocity[i, 1] - felt[i, 1], velocity[i, 2] - felt[i, 2]
+        speed = np.sqrt(ox * ox + oy * oy) * frame / wing
         ux, uy = track[i, 0], track[i, 1]
         rise, turn = climb[i], 0.0
         j = reference[i]
@@ -143,7 +154,7 @@ def _steer(
                 rise = 0.3 * gz  # 1/s
             else:
                 rise = 0.0
-            before = velocity[i, 2]
+            before = oz
             rise = before + min(
                 max(min(max(rise, -steepest), steepest) - before, -2.0 * steepest * dt), 2.0 * steepest * dt
             )
@@ -153,7 +164,7 @@ def _steer(
                 ax, ay = xyz[j, 0] - xyz[i, 0], xyz[j, 1] - xyz[i, 1]
                 tx = (ax * uy - ay * ux + offset[i, 0]) / wing
                 ty = (ax * ux + ay * uy + offset[i, 1]) / wing
-                vx, vy = velocity[j, 0] * frame / wing, velocity[j, 1] * frame / wing
+                vx, vy = (velocity[j, 0] - felt[j, 0]) * frame / wing, (velocity[j, 1] - felt[j, 1]) * frame / wing
                 lx, ly = vx * uy - vy * ux, vx * ux + vy * uy
                 lead = np.sqrt(lx * lx + ly * ly)
                 lead_heading = atan2_(lx, ly) if lead > 1e-9 else 0.0
@@ -171,7 +182,7 @@ def _steer(
         sine, cosine = sincos_(turn)  # clockwise
         gx, gy = cosine * fx + sine * fy, cosine * fy - sine * fx
         v = speed * wing / frame
-        wish[k, 0], wish[k, 1], wish[k, 2] = v * gx, v * gy, rise
+        wish[k, 0], wish[k, 1], wish[k, 2] = v * gx + wind[i, 0], v * gy + wind[i, 1], rise + wind[i, 2]
         size = np.sqrt(v * v + rise * rise)
         if size > 1e-9 and v > 1e-9:
             direction[k, 0], direction[k, 1], direction[k, 2] = v * gx / size, v * gy / size, rise / size

@@ -7,6 +7,7 @@ from small_herd import brush, meadow, put
 from components import FormationPlace, Heading, Position, ReferenceBird, Role, Velocity
 from engine.state import state_hash
 from systems.commands import Migrate, SwitchBrush
+from systems.gusts import Gust
 from systems.initiation import scattered
 from systems.palette import Palette
 
@@ -169,3 +170,23 @@ def test_one_two_and_three_geese_fly(birds):
     assert np.isfinite(simulation.agents[Position.xyz]).all()
     assert simulation.agents[Role.leader].sum() == 1
     assert simulation.agents[Velocity.xyz][:, 1].min() > 10
+
+
+def test_a_gust_scatters_the_flock_and_it_closes_up_again():
+    simulation = flock(deviation=0.0)
+    simulation.run(500)
+    still = formation(simulation)
+    simulation.submit(Gust(5.0, 0.0, 0.0, seconds=2.0, uneven=1.0), tick=500)
+    simulation.run(48)
+    blown = formation(simulation)
+    assert np.abs(blown[2] - still[2]).max() > 0.3
+    simulation.run(500)
+    assert formation(simulation)[2] == pytest.approx(1.25 * np.arange(-4, 5), abs=0.2)
+    assert not simulation.agents[FormationPlace.wind].any()
+
+
+def test_a_gust_that_cannot_be_is_refused():
+    simulation = flock(birds=2)
+    for wrong in (Gust(1.0, 0.0, seconds=0.0), Gust(1.0, 0.0, uneven=2.0), Gust(1.0, 0.0, radius=-1.0)):
+        with pytest.raises(ValueError):
+            wrong.apply(simulation.world)
