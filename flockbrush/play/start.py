@@ -1,0 +1,81 @@
+"""From the command line to the window, with plain words when there cannot be one."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+
+from flockbrush.terminal import USAGE, Interrupts, compiling, say
+
+LARGEST = 16384  # pixels of a window's side
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What a person asked for on the command line; None: as it comes."""
+
+    level: str
+    brush: str | None = None
+    seed: int | None = None
+    agents: int | None = None
+    record: Path | None = None
+    theme: str | None = None
+    size: str = "1280x720"
+    frames: int | None = None
+
+
+def play_level(wishes: Wishes) -> int:
+    """Open the window and stay until it is closed; the exit code, 2 where there is no display.
+
+    Raises
+    ------
+    ProblemsError
+        With everything that is wrong with the level.
+    """
+    size = size_of(wishes.size)
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    problem = missing_display()
+    if problem:
+        say(problem)
+        return USAGE
+    from flockbrush.play.app import App, open_session
+
+    with Interrupts(), compiling():
+        session = open_session(wishes.level, seed=wishes.seed, agents=wishes.agents, record=wishes.record)
+        app = App(session, size, wishes.theme, brush=wishes.brush)
+        try:
+            app.run(wishes.frames)
+        finally:
+            app.close()
+    return 0
+
+
+def size_of(text: str) -> tuple[int, int]:
+    """Width and height of "1280x720"; BadParameter when it is no size."""
+    found = re.fullmatch(r"\s*(\d+)\s*[xX×]\s*(\d+)\s*", text)
+    width, height = map(int, found.groups()) if found else (0, 0)
+    if not (0 < width <= LARGEST and 0 < height <= LARGEST):
+        raise typer.BadParameter(
+            f"a size is WIDTHxHEIGHT in pixels, such as 1280x720, got {text!r}", param_hint="--size"
+        )
+    return width, height
+
+
+def missing_display() -> str:
+    """Why no window can be opened here; "" when one can."""
+    import pygame
+
+    try:
+        pygame.display.init()
+        pygame.display.set_mode((1, 1), pygame.HIDDEN)
+        pygame.display.quit()
+        return ""
+    except pygame.error as error:
+        return (
+            f"no window can be opened here ({error}); flockbrush play needs a screen."
+            " Without one, `flockbrush run LEVEL --export herd.mp4` makes a video."
+        )
