@@ -122,3 +122,51 @@ def grain(xs, ys, wavelength, salt):
             high = _speck(ix, iy + 1, salt) * (1 - fx) + _speck(ix + 1, iy + 1, salt) * fx
             out[row, col] = 2 * (low * (1 - fy) + high * fy) - 1
     return out
+
+
+@kernel
+def bilinear(values, xs, ys):
+    """Values [iy, ix] at columns `xs` and rows `ys` of them (m,), (k,), straight between two: (k, m) float32."""
+    ny, nx = values.shape
+    out = np.empty((len(ys), len(xs)), np.float32)
+    low, share = np.empty(len(xs), np.int64), np.empty(len(xs), np.float32)
+    for col in range(len(xs)):
+        x = min(max(xs[col], 0.0), nx - 1.0)
+        low[col] = min(int(x), max(nx - 2, 0))
+        share[col] = x - low[col]
+    right = min(1, nx - 1)
+    for row in range(len(ys)):
+        y = min(max(ys[row], 0.0), ny - 1.0)
+        iy = min(int(y), max(ny - 2, 0))
+        up, v = min(iy + 1, ny - 1), np.float32(y - iy)
+        for col in range(len(xs)):
+            ix, u = low[col], share[col]
+            south = values[iy, ix] + (values[iy, ix + right] - values[iy, ix]) * u
+            north = values[up, ix] + (values[up, ix + right] - values[up, ix]) * u
+            out[row, col] = south + (north - south) * v
+    return out
+
+
+@kernel
+def patch(image, shares, inks, outline, sharp, unit):
+    """Give each pixel of an image (h, w, 3) the ink of the kind of ground with the largest share there.
+
+    `shares` (kinds, h, w) float32, `inks` (kinds, 3); borders are `sharp` (pixels for a lead of 1), with a faint
+    `outline` some `unit` wide.
+    """
+    for row in range(image.shape[0]):
+        for col in range(image.shape[1]):
+            most, second, first, other = np.float32(-1), np.float32(-1), 0, 0
+            for k in range(len(shares)):
+                share = shares[k, row, col]
+                if share > most:
+                    most, second, first, other = share, most, k, first
+                elif share > second:
+                    second, other = share, k
+            lead = min(most - max(second, np.float32(0)), np.float32(1))
+            edge = lead * sharp
+            rim = 0.13 * np.exp(-edge / (2.5 * unit)) * (1.0 - lead) if edge < 30 * unit else 0.0
+            mine = min(edge + 0.5, 1.0)
+            for c in range(3):
+                ink = inks[other, c] + (inks[first, c] - inks[other, c]) * mine
+                image[row, col, c] = np.uint8(ink * (1 - rim) + outline[c] * rim + 0.5)
