@@ -1,0 +1,426 @@
+"""A level that is played: its world in time, its document, and what a designer does to both.
+
+Nothing here draws.  The window asks for `Session.view` and hands in what the designer does with `Session.do`; whatever
+goes wrong becomes a `Notice`, never a traceback.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from behaviours.problems import ProblemsError
+from components import BrushBinding, Heading, Position, Velocity
+from engine.commands import CommandError
+from engine.recording import RecordingError
+from flockbrush import run as running
+from flockbrush.moments import between, moment_of, names_of
+from flockbrush.play.timeline import Beginning, Timeline, WentWrong
+from systems.landscape import Landscape
+from systems.measures import compute_milling, compute_polarization, compute_unwrapped
+
+RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # of simulated to real time
+SAMPLE_TICKS = 4  # between two points of the charts: 8 a second
+PROFILE_TICKS = 64  # over which the time of a system is averaged
+PACE_SECONDS = 1.0  # s of real time over which the pace is averaged
+
+
+@dataclass(frozen=True)
+class Notice:
+    """Something the designer should know."""
+
+    kind: str  # "info", "warning" or "error"
+    text: str
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What the charts show of one moment."""
+
+    tick: int
+    time: float  # s
+    polarization: float
+    milling: float
+    speed: float  # m/s, mean
+    counts: dict[str, int]  # animals by name of brush
+
+
+class Session:
+    """A level that is open in the playground.  Make one with `open`.
+
+    Attributes
+    ----------
+    timeline : Timeline
+    playing : bool
+    wall_pace : float
+        Simulated seconds per real second, as it really goes; compare with `rate`.
+    """
+
+    def __init__(self, beginning, record=None):
+        self._notices: list[Notice] = []
+        record = None if record is None else Path(record)
+        name, folder = (beginning.level.name, None) if record is None else (record.stem, record.parent)
+        self.timeline = Timeline(beginning, name, folder, sample_of, self._warn)
+        self.playing = False
+        self._rate = 1.0
+        self._owed = 0.0  # ticks of real time that have not been simulated yet
+        self._goal: int | None = None  # the tick we are scrubbing to
+        self._cost = 0.0  # s of a tick, recent mean
+        self._pace = Pacemaker()
+        self._profile: deque = deque(maxlen=2)
+        self._look()
+
+    @classmethod
+    def open(cls, name, seed=None, agents=None, record=None, state_folder=None) -> Session:
+        """Open a level: a path, or the name of a shipped one; ProblemsError with everything that is wrong with it."""
+        level, library = running.open_level(name)
+        return cls(Beginning(level, library, seed, agents), record)
+
+    # what there is ----------------------------------------------------------------
+
+    @property
+    def simulation(self):
+        """The world that is shown.  Another object after a restart or a switch: ask again rather than keep it."""
+        return self.timeline.simulation
+
+    @property
+    def level(self):
+        """The level as it was when this run began."""
+        return self.simulation.level
+
+    @property
+    def library(self):
+        """The brushes there are."""
+        return self.timeline.current.beginning.library
+
+    @property
+    def clock(self):
+        return self.simulation.clock
+
+    @property
+    def tick(self):
+        """Ticks since the beginning."""
+        return self.timeline.tick
+
+    @property
+    def last_tick(self):
+        """The end of what is known of this branch."""
+        return self.timeline.current.last_tick
+
+    @property
+    def in_past(self):
+        """Whether what comes next is known."""
+        return not self.timeline.at_end
+
+    @property
+    def wrap(self):
+        """(width, height) of a periodic map, m, or None."""
+        return self.simulation.world.resource(Landscape).wrap
+
+    def names(self):
+        """(species, brushes): names by index, as they are now."""
+        return names_of(self.simulation)
+
+    @property
+    def moment(self):
+        """The animals as they exactly are."""
+        return self._after
+
+    def view(self):
+        """The animals for drawing, between the last two ticks while time goes on."""
+        if not self.playing or self._before is None:
+            return self._after
+        start, end = self._before.time, self._after.time
+        return between(self._before, self._after, start + min(self._owed, 1.0) * (end - start), self.wrap)
+
+    def notices(self):
+        """What the designer should know, each once."""
+        told, self._notices = self._notices, []
+        return told
+
+    def ground_changes(self):
+        """Where the ground looks different now: boxes (west, south, east, north) in metres, or "all"; each once."""
+        boxes, self.timeline.moved = self.timeline.moved, []
+        return ["all"] if "all" in boxes else list(dict.fromkeys(boxes))
+
+    # time -----------------------------------------------------------------------------
+
+    @property
+    def rate(self):
+        """Simulated seconds per real second that are wished for, 1/4 to 8."""
+        return self._rate
+
+    @rate.setter
+    def rate(self, rate):
+        self._rate = min(max(float(rate), RATES[0]), RATES[-1])
+        self._pace.restart()
+
+    @property
+    def pace(self):
+        """Simulated seconds per real second as it goes; below `rate` when the machine is too slow."""
+        return self._pace.pace if self.playing else 0.0
+
+    def play(self):
+        """Let time go on.  In the past, what was recorded is watched again, up to its end, and then goes on."""
+        self.playing, self._owed = True, 0.0
+        self._finish()
+        self._pace.restart()
+
+    def pause(self):
+        """Stand still."""
+        self.playing = False
+        self.timeline.settle()
+        self._look()
+
+    def step(self, n=1):
+        """So many single ticks; negative ones go back."""
+        self.playing = False
+        self._finish()
+        if n < 0:
+            self.scrub(self.tick + n)
+            return
+        for _ in range(n):
+            if not self._tick():
+                break
+        self.timeline.settle()
+        self._look()
+
+    def scrub(self, tick, budget_s=None):
+        """Go to a tick that is known; whether it is there already.
+
+        With a budget in seconds, the rest of a long way is gone in the next calls of `advance`.  The past stays as it
+        was; whatever is done there begins a branch.
+        """
+        self.playing, self._goal = False, int(tick)
+        return self._go(budget_s)
+
+    def restart(self):
+        """Begin anew with the level as it is now; the run so far stays as a branch."""
+        self.playing, self._goal = False, None
+        self.timeline.begin(self.timeline.current.beginning)
+        self._look()
+
+    def advance(self, wall_seconds, budget_s):
+        """Simulate what real time asks for, as far as the budget allows.
+
+        At least one tick, if one is due, and never one that is not expected to fit; what could not be done is
+        forgotten, so a slow machine plays slower and never falls behind.
+
+        Parameters
+        ----------
+        wall_seconds : float
+            Real time since the last call.
+        budget_s : float
+            Seconds this may take.
+
+        Returns
+        -------
+        int
+            Ticks that have passed.
+        """
+        if self._goal is not None:
+            self._go(budget_s)
+            return 0
+        if not self.playing:
+            return 0
+        asked = wall_seconds * self._rate / self.clock.dt
+        self._owed += asked
+        done = self._live(time.perf_counter() + budget_s)
+        self._owed = self._owed % 1.0 if self._owed >= 1.0 else self._owed
+        self._pace.passed(wall_seconds, done * self.clock.dt)
+        return done
+
+    def _live(self, deadline):
+        done = 0
+        while self._owed >= 1.0 and self.playing:
+            begin = time.perf_counter()
+            if done and begin + self._cost > deadline:
+                break
+            if not self._tick():
+                break
+            done += 1
+            self._owed -= 1.0
+            self._cost += 0.2 * (time.perf_counter() - begin - self._cost)
+        return done
+
+    def _tick(self):
+        """One tick, or a notice and a pause."""
+        try:
+            self.timeline.step()
+        except (CommandError, WentWrong) as error:
+            self._stop(str(error))
+            return False
+        self._before, self._after = self._after, moment_of(self.simulation)
+        self._note_profile()
+        return True
+
+    def _stop(self, text):
+        self.playing, self._owed = False, 0.0
+        self._notices.append(Notice("error", text))
+        self._look()
+
+    def _go(self, budget_s):
+        deadline = math.inf if budget_s is None else time.perf_counter() + budget_s
+        there = self.timeline.go_to(self._goal, deadline)
+        if there:
+            self._goal = None
+        self._look()
+        return there
+
+    def _finish(self):
+        """Be where a scrub wanted to be."""
+        if self._goal is not None:
+            self._go(None)
+
+    def _look(self):
+        """The world was changed from outside of its ticks: there is nothing before it to draw from."""
+        self._before, self._after = None, moment_of(self.simulation)
+
+    # branches -----------------------------------------------------------------------------
+
+    @property
+    def branches(self):
+        """The courses of events there are, by name (`timeline.Branch`)."""
+        return self.timeline.branches
+
+    @property
+    def branch_name(self):
+        """The branch we are on."""
+        return self.timeline.current.name
+
+    def branch(self, name=None):
+        """Begin another course of events here; its name.  The old one stays in `branches`."""
+        self._finish()
+        new = self.timeline.fork(name)
+        self._look()
+        return new.name
+
+    def switch(self, name):
+        """Go to the end of another branch."""
+        self.playing, self._goal = False, None
+        try:
+            self.timeline.switch(name)
+        except LookupError as error:
+            self._warn(str(error.args[0]))
+        self._look()
+
+    # doing ----------------------------------------------------------------------------------
+
+    def do(self, label, commands, join=None):
+        """Do something to the world now, all of it or nothing; whether it was done.
+
+        In the past this begins a branch.
+
+        Parameters
+        ----------
+        label : str
+            What undo is to call it.
+        commands : sequence of command
+        join : hashable, optional
+            Steps with the same key, one after the other, are undone as one: the pieces of a stroke.
+        """
+        self._finish()
+        try:
+            self._at_end()
+            self.timeline.perform(commands)
+        except (CommandError, ValueError, TypeError) as error:
+            self._notices.append(Notice("error", _reason(error)))
+            return False
+        finally:
+            self._look_again()
+        return True
+
+    def _at_end(self):
+        """What is done in the past is another course of events."""
+        if self.in_past:
+            self.branch()
+
+    def _look_again(self):
+        """After a change at this tick: keep what was before, so that drawing goes on smoothly."""
+        self._after = moment_of(self.simulation)
+
+    # numbers --------------------------------------------------------------------------------
+
+    def chart(self, seconds=60.0):
+        """Samples of the last seconds up to now, oldest first."""
+        since, now = self.tick - seconds / self.clock.dt, self.tick
+        return [sample for sample in self.timeline.current.samples if since <= sample.tick <= now]
+
+    def profile(self):
+        """Milliseconds a tick of each system, recent mean."""
+        if len(self._profile) < 2:
+            return {}
+        (ticks, before), (now, after) = self._profile
+        return {name: (after[name] - before[name]) / 1e6 / max(now - ticks, 1) for name in after if name in before}
+
+    def _note_profile(self):
+        self._ticks = getattr(self, "_ticks", 0) + 1
+        if self._ticks % PROFILE_TICKS == 1:
+            self._profile.append((self._ticks, dict(self.simulation.schedule.nanoseconds)))
+
+    # files ------------------------------------------------------------------------------------
+
+    def export_recording(self, path):
+        """Write the current branch as a recording that ``flockbrush replay --verify`` accepts; whether it worked."""
+        try:
+            self.timeline.export(path)
+        except (RecordingError, OSError) as error:
+            self._notices.append(Notice("error", str(error)))
+            return False
+        self._notices.append(Notice("info", f"wrote {path}"))
+        return True
+
+    def close(self):
+        """End the recordings in good order."""
+        self.timeline.close()
+
+    def _warn(self, text):
+        self._notices.append(Notice("warning", text))
+
+
+class Pacemaker:
+    """How fast simulated time really goes."""
+
+    def __init__(self):
+        self.restart()
+
+    def restart(self):
+        """Forget what was."""
+        self._spans: deque = deque()
+        self.pace = 0.0
+
+    def passed(self, wall, simulated):
+        """So much real and simulated time has passed, in seconds."""
+        self._spans.append((wall, simulated))
+        while sum(span[0] for span in self._spans) - self._spans[0][0] > PACE_SECONDS:
+            self._spans.popleft()
+        total = sum(span[0] for span in self._spans)
+        self.pace = sum(span[1] for span in self._spans) / total if total > 0 else 0.0
+
+
+def sample_of(simulation):
+    """What the charts show of this moment, or None between two samples."""
+    if simulation.clock.tick % SAMPLE_TICKS:
+        return None
+    agents, land = simulation.agents, simulation.world.resource(Landscape)
+    forward, velocity = agents[Heading.forward], agents[Velocity.xyz]
+    names = names_of(simulation)[1]
+    counts = np.bincount(agents[BrushBinding.brush], minlength=len(names)).tolist()
+    return Sample(
+        simulation.clock.tick,
+        simulation.clock.now,
+        compute_polarization(forward),
+        compute_milling(compute_unwrapped(agents[Position.xyz], land.wrap), forward),
+        float(np.linalg.norm(velocity, axis=1).mean()) if len(agents) else math.nan,
+        {name: count for name, count in zip(names, counts, strict=True) if count},
+    )
+
+
+def _reason(error):
+    """A sentence for the designer, without the command's own spelling."""
+    return error.reason if isinstance(error, CommandError) else str(error)
