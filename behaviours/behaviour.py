@@ -85,12 +85,13 @@ class Behaviour:
     doc: str
     danger: bool = False  # prey flees from animals that this model moves
     hidden_points: bool = False  # asks for the lists of hidden-point removal, which cost extra
+    explain: Callable[[Scene, int, Any], dict[str, np.ndarray]] | None = None  # the reasons of one animal
 
 
 _registry: dict[str, Behaviour] = {}
 
 
-def behaviour(name: str, Params: type[Parameters], danger: bool = False, hidden_points: bool = False):
+def behaviour(name: str, Params: type[Parameters], danger: bool = False, hidden_points: bool = False, explain=None):
     """Register ``steer(scene, rows, params) -> Wishes`` under a name.
 
     Parameters
@@ -99,6 +100,9 @@ def behaviour(name: str, Params: type[Parameters], danger: bool = False, hidden_
         Prey flees from animals that this model moves.
     hidden_points : bool
         The model wants ``scene.hidden_points``.
+    explain : callable, optional
+        ``explain(scene, row, params) -> {reason: (2,) vector}`` for one animal, for designers who ask why it turned.
+        The vectors add up to one that points where the animal wishes to face; plain numpy is quick enough.
 
     Raises
     ------
@@ -110,7 +114,7 @@ def behaviour(name: str, Params: type[Parameters], danger: bool = False, hidden_
         if name in _registry:
             raise ValueError(f"behaviour {name!r} is already in {_registry[name].steer.__module__}")
         doc = importlib.import_module(steer.__module__).__doc__ or ""
-        _registry[name] = Behaviour(name, steer, Params, doc, danger, hidden_points)
+        _registry[name] = Behaviour(name, steer, Params, doc, danger, hidden_points, explain)
         return steer
 
     return register
