@@ -22,7 +22,7 @@ from levels.files import DiskFiles, FileRefused, MemoryFiles, project_folder
 from levels.json_lines import JsonError, Node, parse
 from levels.objects import ObjectReader
 from levels.properties import Place, Report, Values, is_number, read_properties, shown
-from levels.schema import CLASSES, BrushLayer, Level, Terrain
+from levels.schema import CLASSES, BrushLayer, Level, Terrain, TerrainKind
 from levels.tile_data import decode
 
 _FAR = 10_000_000  # px or tiles; nothing real is farther out
@@ -160,6 +160,7 @@ class LevelReader:
             seed=values["seed"],
         )
         self.fill(level, layers, frame)
+        level.kinds = list(self.kinds().values())
         level.files = self.files.got
         check_level(level, self.objects, self.library, self.commands)
         return level
@@ -266,6 +267,16 @@ class LevelReader:
         tiles = self.read_tiles(entry, count, name, folder, place)
         self.tilesets.append(Tileset(firstgid, count, name, alignment, tiles))
         self.tilesets.sort(key=lambda t: t.firstgid)
+
+    def kinds(self):
+        """{name: TerrainKind} of all terrain tiles; of two with one name the first."""
+        found = {}
+        for tileset in self.tilesets:
+            for tile in tileset.tiles.values():
+                if tile.cls == "Terrain" and tile.values is not None:
+                    told = {**tile.values, "name": tile.values["name"] or tile.label}
+                    found.setdefault(told["name"], TerrainKind(**told))
+        return found
 
     def tileset_of(self, gid):
         """The tileset of a global tile id, as Tiled finds it: the last that begins at or before it; None beyond it."""

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
 from systems.navigation import Navigation, navigation_of
-from systems.terrain import compose_blocked, relief_of
+from systems.terrain import NO_BRUSH, compose_blocked, relief_of
 from systems.visibility import Edges, edges_by_cell, no_edges
 
 BRUSHES_OWN = -1.0  # of `Landscape.transition`: the brush's own time
+NATIVE, BARE = -2, -1  # of `Painted.ground`: as the level was read; nothing painted
+PATIENCE = 8  # ticks without a change after which the navigation field is made anew: strokes come in pieces
 
 
 @dataclass
@@ -23,6 +26,77 @@ class Barrier:
     blocks_view: bool = True
     name: str = ""
     margin: float = 0.0  # m, kept free around it by those who follow a field
+    id: int = 0  # of the object in the level file; 0: it is in none
+
+
+@dataclass
+class Guide:
+    """An arrow for leaders to follow, in the order of its points."""
+
+    points: np.ndarray  # (k, 2) m
+    strength: float = 1.0
+    radius: float = 10.0  # m
+    decay: float = 10.0  # m
+    goal: str = ""  # name of the goal at its end
+    loop: bool = False
+    name: str = ""
+    id: int = 0
+
+
+@dataclass
+class Goal:
+    """Where the way leads, and what becomes of those who arrive."""
+
+    name: str
+    xy: np.ndarray  # (2,) m
+    radius: float  # m
+    polygon: np.ndarray | None = None  # (k, 2) m, the area if one was drawn
+    on_arrive: str = "stay"  # stay | despawn | next | disperse
+    next: str = ""  # name of a goal
+    id: int = 0
+    next_index: int = -1
+
+
+@dataclass
+class Exit:
+    """Animals that come here leave the world."""
+
+    polygon: np.ndarray  # (k, 2) m
+    name: str = ""
+    id: int = 0
+
+
+@dataclass
+class Painted:
+    """What has been painted on the ground; zones lie above it."""
+
+    brush: np.ndarray  # (ny, nx) int32, index into the `Palette`; -1 unpainted
+    cap: np.ndarray  # (ny, nx) m/s, infinite for none
+    ground: np.ndarray  # (ny, nx) int16, index into `Landscape.kinds`, `BARE` or `NATIVE`
+
+    def rasters(self):
+        """All three."""
+        return self.brush, self.cap, self.ground
+
+
+@dataclass
+class Above:
+    """What zones say, above all paint."""
+
+    brush: np.ndarray  # (ny, nx) int32, -1 where no zone gives a brush
+    cap: np.ndarray  # (ny, nx) m/s
+    factor: np.ndarray  # (ny, nx) of zones and of painted factors: multiplies the ground's own
+
+
+@dataclass
+class Native:
+    """The ground as the level was read."""
+
+    factor: np.ndarray  # (ny, nx) of ground, paint and zones together
+    walkable: np.ndarray
+    blind: np.ndarray
+    cost: np.ndarray
+    kind: np.ndarray  # (ny, nx) int16, index into `Landscape.kinds`, `BARE` where nothing was painted
 
 
 @dataclass
@@ -40,7 +114,7 @@ class Landscape:
     surface : ndarray (ny, nx, 2)
         Speed factor and cap (m/s).
     brush : ndarray (ny, nx) int32
-        Painted brush as an index into the `Palette`; -1 unpainted.
+        The brush that acts as an index into the `Palette`; -1 unpainted.
     transition : ndarray (ny, nx)
         Seconds in which a brush is taken up here; `BRUSHES_OWN` where the brush says so itself.
     walkable : ndarray (ny, nx) bool
@@ -51,6 +125,12 @@ class Landscape:
         Of a metre on the way to a goal.
     relief : ndarray (my, mx, 3)
         See `systems.terrain.relief_of`.
+    kinds : list
+        Kinds of ground one can paint: ``name``, ``walkable``, ``speed_factor``, ``cost``, ``blocks_view``.
+    painted, above, native
+        What `surface`, `brush`, `walkable`, `blind` and `cost` are composed of.
+    stale : int or None
+        The tick of the last change that the navigation field does not know yet.
     """
 
     width: float
@@ -65,9 +145,9 @@ class Landscape:
     relief: np.ndarray = field(default_factory=relief_of)
     relief_cell: float = 1.0
     barriers: list[Barrier] = field(default_factory=list)
-    guides: list = field(default_factory=list)
-    goals: list = field(default_factory=list)
-    exits: list = field(default_factory=list)  # polygons
+    guides: list[Guide] = field(default_factory=list)
+    goals: list[Goal] = field(default_factory=list)
+    exits: list[Exit] = field(default_factory=list)
     reach: float = 4.0  # m, the farthest any animal looks: edges are sorted for it
     navigation: Navigation | None = None
     solid: Edges = field(default_factory=no_edges)
@@ -78,10 +158,26 @@ class Landscape:
     _head: bytes | None = None
     blocked: np.ndarray | None = None
     transition: np.ndarray | None = None
+    kinds: list = field(default_factory=list)
+    painted: Painted | None = None
+    above: Above | None = None
+    native: Native | None = None
+    stale: int | None = None
+    _known: tuple | None = None  # what the navigation field was made of
 
     def __post_init__(self):
+        shape = self.brush.shape
         if self.transition is None:
-            self.transition = np.full(self.brush.shape, BRUSHES_OWN)
+            self.transition = np.full(shape, BRUSHES_OWN)
+        if self.painted is None:
+            cap = self.surface[..., 1].copy()
+            self.painted = Painted(self.brush.copy(), cap, np.full(shape, NATIVE, np.int16))
+        if self.above is None:
+            self.above = Above(np.full(shape, NO_BRUSH, np.int32), np.full(shape, np.inf), np.ones(shape))
+        if self.native is None:
+            bare = np.full(shape, BARE, np.int16)
+            self.native = Native(self.surface[..., 0].copy(), self.walkable, self.blind, self.cost, bare)
+        self.walkable, self.blind, self.cost = self.walkable.copy(), self.blind.copy(), self.cost.copy()
 
     @property
     def wrap(self):
@@ -98,9 +194,44 @@ class Landscape:
         """Polygons (k, 2) m of the obstacles that keep bodies out."""
         return [b.polygon for b in self.barriers if b.solid]
 
+    @property
+    def kind_at(self):
+        """(ny, nx) which of `kinds` is on the ground, `BARE` where nothing is painted."""
+        return np.where(self.painted.ground == NATIVE, self.native.kind, self.painted.ground)
+
+    # paint ----------------------------------------------------------------------
+
+    def lay_brush(self, iy, ix, index):
+        """Paint brushes on cells; a zone above still has its own."""
+        self.painted.brush[iy, ix] = index
+        above = self.above.brush[iy, ix]
+        self.brush[iy, ix] = np.where(above >= 0, above, self.painted.brush[iy, ix])
+
+    def lay_cap(self, iy, ix, cap):
+        """Paint maximum speeds on cells, m/s, infinite for none; a zone above may be lower still."""
+        self.painted.cap[iy, ix] = cap
+        self.surface[iy, ix, 1] = np.minimum(self.painted.cap[iy, ix], self.above.cap[iy, ix])
+
+    def lay_ground(self, iy, ix, kind):
+        """Paint kinds of ground on cells; call `rebuild` when somebody can stand or see there no longer."""
+        self.painted.ground[iy, ix] = kind
+        ground = self.painted.ground[iy, ix]
+        self.walkable[iy, ix] = self._of_ground("walkable", "walkable", ground, iy, ix)
+        self.blind[iy, ix] = self._of_ground("blocks_view", "blind", ground, iy, ix)
+        self.cost[iy, ix] = self._of_ground("cost", "cost", ground, iy, ix)
+        factor = self._of_ground("speed_factor", None, ground, iy, ix) * self.above.factor[iy, ix]
+        self.surface[iy, ix, 0] = np.where(ground == NATIVE, self.native.factor[iy, ix], factor)
+
+    def _of_ground(self, name, native, ground, iy, ix):
+        """One property of painted cells, the level's own where they are as it was read."""
+        told = np.array([getattr(kind, name) for kind in self.kinds] + [_OF_BARE[name]])[np.maximum(ground, BARE)]
+        return told if native is None else np.where(ground == NATIVE, getattr(self.native, native)[iy, ix], told)
+
+    # edges and fields -----------------------------------------------------------
+
     def rebuild(self, navigation=True):
         """Make edges and fields anew after barriers, terrain, guides or goals have changed."""
-        self._head = None
+        self.changed()
         walls, wall_owner, views = [], [], []
         for owner, b in enumerate(self.barriers):
             edges = np.hstack([b.polygon, np.roll(b.polygon, -1, axis=0)])
@@ -127,10 +258,52 @@ class Landscape:
             views, _ = _across_seam(views, np.zeros(len(views), np.int32), self.wrap, self.reach)
         self.solid, self.opaque = edges_by_cell(walls, self.reach), edges_by_cell(views, self.reach)
         self.touch = 0.0
-        solids = [b for b in self.barriers if b.solid]
-        self.blocked = compose_blocked(self.brush.shape, self.cell, self.walkable, solids)
+        self.blocked = self._blocked(self.barriers, self.walkable)
         if navigation:
-            self.navigation = navigation_of(self.guides, self.goals, self.blocked, self.cost, self.cell)
+            self._navigate()
+
+    def changed(self):
+        """Say that barriers, guides, goals or exits are others now."""
+        self._head = None
+        names = [goal.name for goal in self.goals]
+        for goal in self.goals:
+            goal.next_index = names.index(goal.next) if goal.next in names else -1
+
+    def navigate_later(self, tick):
+        """Have the navigation field made anew `PATIENCE` ticks from now, unless there is a change before."""
+        self._head = None
+        self.stale = None if self._inputs() == self._known else tick
+
+    def settle(self, tick):
+        """Make the navigation field anew if that is due."""
+        if self.stale is not None and tick >= self.stale + PATIENCE:
+            self._navigate()
+
+    def _blocked(self, barriers, walkable):
+        return compose_blocked(self.brush.shape, self.cell, walkable, [b for b in barriers if b.solid])
+
+    def _navigate(self):
+        """The navigation field of how everything is now."""
+        self.navigation = navigation_of(self.guides, self.goals, self.blocked, self.cost, self.cell)
+        self._known, self.stale, self._head = self._inputs(), None, None
+
+    def _inputs(self):
+        """What the navigation field is made of: (barriers, guides and goals as JSON, painted ground)."""
+        things = [[_plain(thing) for thing in things] for things in (self.barriers, self.guides, self.goals)]
+        return json.dumps(things), self.painted.ground.tobytes()
+
+    def _navigate_as_known(self, known):
+        """The navigation field of how everything was when it was last made."""
+        things, ground = known
+        barriers, guides, goals = (
+            [kind(**_arrays(thing)) for thing in told]
+            for kind, told in zip((Barrier, Guide, Goal), json.loads(things), strict=True)
+        )
+        ground = np.frombuffer(ground, np.int16).reshape(self.brush.shape)
+        walkable = self._of_ground("walkable", "walkable", ground, ..., slice(None))
+        cost = self._of_ground("cost", "cost", ground, ..., slice(None))
+        self.navigation = navigation_of(guides, goals, self._blocked(barriers, walkable), cost, self.cell)
+        self._known = known
 
     def walls_within(self, reach):
         """Solid edges by cell, for contact: at least all within ``reach`` metres of an animal."""
@@ -145,24 +318,24 @@ class Landscape:
             self.reach = reach
             self.rebuild(navigation=False)
 
-    def _painted(self):
-        return self.surface, self.brush, self.transition
+    # state ----------------------------------------------------------------------
 
     def state(self):
-        """What may change while a world runs: paint, obstacles and goals (see `engine.state`)."""
+        """What may change while a world runs: paint, obstacles, guides, goals and exits (see `engine.state`)."""
         if self._head is None:
             self._head = self._things()
         text = self._head
-        return b"".join([len(text).to_bytes(8, "little"), text, *(raster.tobytes() for raster in self._painted())])
+        late = [] if self.stale is None else [self._known[1]]
+        rasters = [raster.tobytes() for raster in self.painted.rasters()]
+        return b"".join([len(text).to_bytes(8, "little"), text, *rasters, *late])
 
     def _things(self):
-        """What is not a raster, as JSON; kept until the next `rebuild`, for it is asked for in every tick."""
+        """What is not a raster, as JSON; kept until the next change, for it is asked for in every tick."""
         head = {
             "reach": self.reach,
-            "barriers": [[b.polygon.tolist(), b.solid, b.blocks_view, b.name, b.margin] for b in self.barriers],
-            "goals": [
-                [goal.xy.tolist(), None if goal.polygon is None else goal.polygon.tolist()] for goal in self.goals
-            ],
+            "stale": self.stale,
+            "known": None if self.stale is None else self._known[0],
+            **{name: [_plain(thing) for thing in getattr(self, name)] for name in _THINGS},
         }
         return json.dumps(head).encode()
 
@@ -170,15 +343,44 @@ class Landscape:
         """Take back what `state` gave."""
         start = 8 + int.from_bytes(data[:8], "little")
         head = json.loads(data[8:start])
-        for raster in self._painted():
+        rasters = []
+        for raster in self.painted.rasters():
             end = start + raster.nbytes
-            raster[:] = np.frombuffer(data[start:end], raster.dtype).reshape(raster.shape)
+            rasters.append(np.frombuffer(data[start:end], raster.dtype).reshape(raster.shape))
             start = end
+        ground_before, known_before = self.painted.ground.tobytes(), self._known
+        edges_before = self.reach, [_plain(b) for b in self.barriers], ground_before
+        everywhere = ..., slice(None)
+        self.lay_brush(*everywhere, rasters[0])
+        self.lay_cap(*everywhere, rasters[1])
+        if rasters[2].tobytes() != ground_before:
+            self.lay_ground(*everywhere, rasters[2])
         self.reach = head["reach"]
-        self.barriers = [Barrier(np.array(polygon), *rest) for polygon, *rest in head["barriers"]]
-        for goal, (xy, polygon) in zip(self.goals, head["goals"], strict=True):
-            goal.xy, goal.polygon = np.array(xy), None if polygon is None else np.array(polygon)
-        self.rebuild()
+        for name, kind in _THINGS.items():
+            setattr(self, name, [kind(**_arrays(thing)) for thing in head[name]])
+        if edges_before != (self.reach, [_plain(b) for b in self.barriers], self.painted.ground.tobytes()):
+            self.rebuild(navigation=False)
+        self.changed()
+        self.stale = head["stale"]
+        known = self._inputs() if self.stale is None else (head["known"], data[start:])
+        if known != known_before:
+            self._navigate_as_known(known)
+
+
+_THINGS: dict[str, Any] = {"barriers": Barrier, "guides": Guide, "goals": Goal, "exits": Exit}
+_OF_BARE = {"walkable": True, "blocks_view": False, "cost": 1.0, "speed_factor": 1.0}
+_ARRAYS = ("polygon", "points", "xy")
+
+
+def _plain(thing):
+    """A barrier, guide, goal or exit as JSON takes it."""
+    told = {f.name: getattr(thing, f.name) for f in fields(thing) if f.name != "next_index"}
+    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in told.items()}
+
+
+def _arrays(told):
+    """The arguments of a thing from what `_plain` told."""
+    return {name: np.array(v, float) if name in _ARRAYS and v is not None else v for name, v in told.items()}
 
 
 def outline_edges(mask):
