@@ -1,0 +1,9 @@
+"""The panels of the right-hand column, in the order of their tabs."""
+
+from flockbrush.play.panels.brush import BrushPanel
+from flockbrush.play.panels.panel import Panel
+from flockbrush.play.panels.profile import ProfilePanel
+
+PANELS = (BrushPanel, ProfilePanel)
+
+__all__ = ["PANELS", "Panel"]
