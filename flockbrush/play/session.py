@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from behaviours.problems import ProblemsError
 from components import BrushBinding, Heading, Position, Velocity
 from engine.commands import CommandError
 from engine.recording import RecordingError
@@ -26,6 +25,7 @@ from systems.measures import compute_milling, compute_polarization, compute_unwr
 
 RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # of simulated to real time
 SAMPLE_TICKS = 4  # between two points of the charts: 8 a second
+CHART_POINTS = 1500  # at most, of one chart
 PROFILE_TICKS = 64  # over which the time of a system is averaged
 PACE_SECONDS = 1.0  # s of real time over which the pace is averaged
 
@@ -73,6 +73,8 @@ class Session:
         self._cost = 0.0  # s of a tick, recent mean
         self._pace = Pacemaker()
         self._profile: deque = deque(maxlen=2)
+        self._ticks = 0  # lived, for the profile
+        self._charted: tuple = (None, None)
         self._look()
 
     @classmethod
@@ -266,7 +268,11 @@ class Session:
 
     def _go(self, budget_s):
         deadline = math.inf if budget_s is None else time.perf_counter() + budget_s
-        there = self.timeline.go_to(self._goal, deadline)
+        try:
+            there = self.timeline.go_to(self._goal, deadline)
+        except WentWrong as error:
+            self._stop(str(error))
+            there = True  # as near as one can come
         if there:
             self._goal = None
         self._look()
@@ -325,31 +331,28 @@ class Session:
             Steps with the same key, one after the other, are undone as one: the pieces of a stroke.
         """
         self._finish()
+        forked = self.in_past and self.timeline.fork()
         try:
-            self._at_end()
             self.timeline.perform(commands)
-        except (CommandError, ValueError, TypeError) as error:
+        except (CommandError, TypeError) as error:
             self._notices.append(Notice("error", _reason(error)))
+            if forked:
+                self.timeline.give_up()
             return False
         finally:
-            self._look_again()
+            self._after = moment_of(self.simulation)  # what was before it stays: drawing goes on smoothly
         return True
-
-    def _at_end(self):
-        """What is done in the past is another course of events."""
-        if self.in_past:
-            self.branch()
-
-    def _look_again(self):
-        """After a change at this tick: keep what was before, so that drawing goes on smoothly."""
-        self._after = moment_of(self.simulation)
 
     # numbers --------------------------------------------------------------------------------
 
-    def chart(self, seconds=60.0):
-        """Samples of the last seconds up to now, oldest first."""
-        since, now = self.tick - seconds / self.clock.dt, self.tick
-        return [sample for sample in self.timeline.current.samples if since <= sample.tick <= now]
+    @property
+    def chart(self):
+        """Measures over the whole branch (`Chart`), as far as it is known."""
+        samples = self.timeline.current.samples
+        known = self.branch_name, samples[-1].tick if samples else -1
+        if self._charted[0] != known:
+            self._charted = known, chart_of(samples)
+        return self._charted[1]
 
     def profile(self):
         """Milliseconds a tick of each system, recent mean."""
@@ -359,7 +362,7 @@ class Session:
         return {name: (after[name] - before[name]) / 1e6 / max(now - ticks, 1) for name in after if name in before}
 
     def _note_profile(self):
-        self._ticks = getattr(self, "_ticks", 0) + 1
+        self._ticks += 1
         if self._ticks % PROFILE_TICKS == 1:
             self._profile.append((self._ticks, dict(self.simulation.schedule.nanoseconds)))
 
@@ -381,6 +384,37 @@ class Session:
 
     def _warn(self, text):
         self._notices.append(Notice("warning", text))
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Measures over time, as arrays of one length.
+
+    Attributes
+    ----------
+    time : ndarray (n,)
+        Seconds.
+    values : dict of str to ndarray (n,)
+        "polarization", "milling" and "speed" (m/s, mean).
+    counts : dict of str to ndarray (n,)
+        Animals by name of brush.
+    """
+
+    time: np.ndarray
+    values: dict[str, np.ndarray]
+    counts: dict[str, np.ndarray]
+
+
+def chart_of(samples):
+    """Samples as a chart; of a long run, as many as can be told apart."""
+    every = -(-len(samples) // CHART_POINTS) or 1
+    few = samples[(len(samples) - 1) % every :: every] if samples else []
+    brushes = sorted({name for sample in few for name in sample.counts})
+    return Chart(
+        np.array([sample.time for sample in few]),
+        {name: np.array([getattr(sample, name) for sample in few]) for name in ("polarization", "milling", "speed")},
+        {name: np.array([sample.counts.get(name, 0) for sample in few]) for name in brushes},
+    )
 
 
 class Pacemaker:

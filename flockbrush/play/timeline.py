@@ -227,7 +227,8 @@ class Timeline:
         CommandError
             When a command that was due cannot be done.  It is dropped, and no tick has passed.
         WentWrong
-            When a model or a system failed.  No tick has passed, and the world is as it was.
+            When a model or a system failed.  The world is as it was before the tick, or, should the way there fail
+            as well, at the last kept moment.
         """
         if self.at_end:
             self._live()
@@ -264,7 +265,11 @@ class Timeline:
         now, branch = self.tick, self.current
         self._do_again()
         self.moved += [box for _, box in _between(branch.changes, now, now)]
-        self.simulation.tick()
+        try:
+            self.simulation.tick()
+        except Exception as error:
+            self._stand(branch.keyframes.before(now))
+            raise WentWrong(_in_words(error)) from error
         self.queue.log.clear()
         self._compare()
         if self.at_end:
@@ -314,6 +319,11 @@ class Timeline:
         -------
         bool
             Whether it is there.
+
+        Raises
+        ------
+        WentWrong
+            When a tick of the past cannot be lived again; the world is at the last kept moment before it.
         """
         tick, here = min(max(int(tick), 0), self.current.last_tick), self.tick
         start = self.current.keyframes.before(tick)
@@ -363,6 +373,15 @@ class Timeline:
         self.branches[new.name] = self.current = new
         self._record()
         return new
+
+    def give_up(self):
+        """Undo the last `fork`: the branch goes, and the world stands again where it left its parent."""
+        gone = self.branches.pop(self.current.name)
+        if gone.scribe is not None:
+            gone.scribe.discard()
+        self.current = self.branches[gone.parent]
+        self._stand(self.current.keyframes.before(gone.left))
+        self.go_to(gone.left)
 
     def switch(self, name):
         """Stand at the end of another branch; LookupError."""
@@ -536,6 +555,11 @@ class Scribe:
 
     def close(self, tick):
         self.recording.close(tick)
+
+    def discard(self):
+        """Take the file away again."""
+        self.recording.abandon()
+        self.path.unlink(missing_ok=True)
 
 
 def ground_box(cmd, world):
