@@ -253,7 +253,7 @@ class Painter:
     def _know_painted_brushes(self):
         """Find the colours of brushes painted on the level that nobody has told us."""
         for name, colour in getattr(self.level, "brush_colours", {}).items():
-            self.brushes.setdefault(brush_key(name), rgb(colour))
+            self.brushes[brush_key(name)] = rgb(colour)
         unknown = [name for name in painted_brushes(self.level) if name not in self.brushes]
         if unknown:
             known = shipped_colours()

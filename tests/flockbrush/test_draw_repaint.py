@@ -10,6 +10,7 @@ from flockbrush.draw.tiles import TILE
 from levels.build import build
 from levels.reader import read_level
 from systems.commands import AddObstacle, PaintBrush, PaintCap
+from systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit
 from tests.flockbrush.pens import pen
 
 SIZE = (480, 360)
@@ -39,6 +40,9 @@ def apply(world, *commands):
 STROKES = {
     "a brush": (PaintBrush("march", 12.0, 12.0, 3.0), (9, 9, 15, 15)),
     "a cap": (PaintCap(0.5, 30.0, 20.0, 4.0), (26, 16, 34, 24)),
+    "water": (Paint("surface", "water", 5.0, 22.0, 9.0, 24.0, 2.0), (3, 20, 11, 26)),
+    "a soft stroke": (Paint("brush", "swarm", 25.0, 5.0, 32.0, 9.0, 3.0, 0.8), (22, 2, 35, 12)),
+    "an exit": (PlaceExit(91, "way out", [[30, 3], [34, 3], [34, 6]]), (30, 3, 34, 6)),
     "a stone": (AddObstacle("stone", [[5, 5], [9, 5], [9, 8]]), (5, 5, 9, 8)),
 }
 
@@ -136,10 +140,18 @@ def test_a_budget_is_kept_and_what_is_in_the_middle_comes_first(world):
     assert np.array_equal(p.ground, whole.ground)
 
 
-def test_zones_are_no_paint(world):
+def test_a_scenery_tells_what_has_changed(world):
     scenery = Scenery(world)
-    assert not np.isfinite(np.asarray(scenery.cap.values)).any()
-    assert (np.asarray(scenery.brush_layers[0].index) == -1).all()
+    assert scenery.changes() == []
+    apply(world, PaintBrush("swarm", 30.0, 8.0, 2.0), PaintCap(1.0, 5.0, 5.0, 1.5))
+    (west, south, east, north), cap = scenery.changes()
+    assert (west, south) == (28, 6) and (east, north) == (32, 10)
+    assert cap == (4, 4, 6, 6) or cap[0] < 5 < cap[2]
+    assert scenery.changes() == []
+    apply(
+        world, DrawGuide(77, "new", [[1, 1], [9, 9]]), MarkSpawn(78, "more", [[1, 1], [5, 1], [5, 5]], "march", count=2)
+    )
+    assert scenery.changes() == ["all"]
 
 
 def test_a_camera_far_away_shows_paper(world):
