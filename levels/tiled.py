@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -378,14 +379,35 @@ def _words(cv2, canvas, words, scale):
 
 
 def brush_picture(name, colour) -> np.ndarray:
-    """One tile of a brush, (32, 32, 4): its colour and, in white, how its animals move."""
+    """One tile of a brush, (32, 32, 4): its colour and, in white, how its animals move.
+
+    Those of the shipped brushes are pictures of running herds (``python -m flockbrush.play.thumbnails --tiles
+    levels``); for other brushes a sign that goes by the name has to do.
+    """
     import cv2
 
+    kept = _shipped_tiles().get(name)
+    if kept is not None and np.abs(kept[0, 0, :3] - 0.78 * np.array(_bgr(colour))).max() < 3:
+        return kept
     canvas = _canvas(colour)
     cv2.rectangle(canvas, (3, 3), (TILE * _FINE - 4, TILE * _FINE - 4), (*_bgr(colour, -45), 255), 5)
     glyph = next((g for word, g in _GLYPHS.items() if word in name), _arrows)
     glyph(cv2, canvas, name)
     return _shrunk(canvas)
+
+
+@cache
+def _shipped_tiles():
+    """{name: tile} of the brushes that come with Flockbrush."""
+    import cv2
+
+    home = Path(__file__).parent
+    sheet = cv2.imread(str((home / BRUSHES_FILE).with_suffix(".png")), cv2.IMREAD_UNCHANGED)
+    if sheet is None:
+        return {}
+    corners = [divmod(number, COLUMNS) for number in range(sheet.shape[0] // TILE * COLUMNS)]
+    tiles = [sheet[y * TILE : (y + 1) * TILE, x * TILE : (x + 1) * TILE] for y, x in corners]
+    return dict(zip(known_brushes(home / BRUSHES_FILE), tiles, strict=False))
 
 
 _WHITE = (255, 255, 255, 255)
