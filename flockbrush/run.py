@@ -134,9 +134,7 @@ def rebuild(run: RecordedRun) -> Simulation:
     """
     import systems.commands  # noqa: F401  a recording's commands
 
-    files = embedded(run)
-    library = recorded_library(files)
-    level = read_level_files(files, library)
+    level, library = embedded_level(run)
     seed, agents = run.header["seed"], run.header.get("agents")
     if agents is not None and not isinstance(agents, int):
         raise RecordingError(f"{run.path}: the header says {agents!r} animals; it must be a whole number")
@@ -168,6 +166,13 @@ def rooted(files, level_path):
     home = home.replace("\\", "_").replace(":", "_")
     renamed = {posixpath.normpath(posixpath.join(home, name)): data for name, data in files.items()}
     return posixpath.join(home, next(iter(files))), renamed
+
+
+def embedded_level(run: RecordedRun):
+    """(level, library of brushes) from the files of a recording; RecordingError, ProblemsError."""
+    files = embedded(run)
+    library = recorded_library(files)
+    return read_level_files(files, library), library
 
 
 def embedded(run: RecordedRun) -> dict[str, bytes]:

@@ -7,19 +7,25 @@ goes wrong becomes a `Notice`, never a traceback.
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections import deque
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from behaviours.problems import ProblemsError
 from components import BrushBinding, Heading, Position, Velocity
 from engine.commands import CommandError
 from engine.recording import RecordingError
 from flockbrush import run as running
+from flockbrush.files import output_problems, refused
 from flockbrush.moments import between, moment_of, names_of
+from flockbrush.play.recovery import Shelter, leftovers, recovered_branches
 from flockbrush.play.timeline import Beginning, Timeline, WentWrong
+from levels.reader import brush_library
 from systems.landscape import Landscape
 from systems.measures import compute_milling, compute_polarization, compute_unwrapped
 
@@ -28,6 +34,7 @@ SAMPLE_TICKS = 4  # between two points of the charts: 8 a second
 CHART_POINTS = 1500  # at most, of one chart
 PROFILE_TICKS = 64  # over which the time of a system is averaged
 PACE_SECONDS = 1.0  # s of real time over which the pace is averaged
+_SOON = 1e-9  # of a tick; rounding of what real time adds up to
 
 
 @dataclass(frozen=True)
@@ -56,16 +63,18 @@ class Session:
     Attributes
     ----------
     timeline : Timeline
+    path : Path
+        The level's file.
+    library : BrushLibrary
+        The brushes there are.
     playing : bool
-    wall_pace : float
-        Simulated seconds per real second, as it really goes; compare with `rate`.
     """
 
-    def __init__(self, beginning, record=None):
-        self._notices: list[Notice] = []
-        record = None if record is None else Path(record)
-        name, folder = (beginning.level.name, None) if record is None else (record.stem, record.parent)
-        self.timeline = Timeline(beginning, name, folder, sample_of, self._warn)
+    def __init__(self, path, timeline, shelter, notices):
+        self.path, self.timeline, self._shelter = Path(path), timeline, shelter
+        self._notices: list[Notice] = notices
+        self.timeline.tell = self._warn
+        self.library = timeline.current.beginning.library
         self.playing = False
         self._rate = 1.0
         self._owed = 0.0  # ticks of real time that have not been simulated yet
@@ -75,13 +84,70 @@ class Session:
         self._profile: deque = deque(maxlen=2)
         self._ticks = 0  # lived, for the profile
         self._charted: tuple = (None, None)
+        self._flushed = time.monotonic()
         self._look()
+        self._note()
 
     @classmethod
     def open(cls, name, seed=None, agents=None, record=None, state_folder=None) -> Session:
-        """Open a level: a path, or the name of a shipped one; ProblemsError with everything that is wrong with it."""
+        """Open a level.
+
+        Parameters
+        ----------
+        name : str or path
+            A file, or the name of a shipped level.
+        seed, agents : int, optional
+            As `flockbrush.run.start`.
+        record : path, optional
+            Record the run there, and each branch in a file of its own beside it.
+        state_folder : path, optional
+            Where what a crash must not take is kept; `recovery.state_folder` unless told.
+
+        Raises
+        ------
+        ProblemsError
+            With everything that is wrong with the level, or when the recording cannot be written.
+        """
         level, library = running.open_level(name)
-        return cls(Beginning(level, library, seed, agents), record)
+        record = None if record is None else Path(record)
+        problems = output_problems([record] if record else [], [level.path])
+        if problems:
+            raise ProblemsError(problems)
+        notices: list[Notice] = []
+        with _sheltered(level.path, state_folder, notices) as shelter:
+            folder = shelter and shelter.folder if record is None else record.parent
+            beginning = Beginning(level, library, seed, agents)
+            timeline = Timeline(beginning, record.stem if record else level.name, folder, sample_of)
+        return cls(level.path, timeline, shelter, notices)
+
+    @classmethod
+    def recover(cls, left, state_folder=None) -> Session:
+        """Go on where a crash ended a session, with all that it knew.
+
+        Parameters
+        ----------
+        left : recovery.Leftover
+
+        Raises
+        ------
+        RecordingError, ProblemsError
+            When too little is left of it; nothing is thrown away then.
+        """
+        branches = recovered_branches(left)
+        notices: list[Notice] = []
+        with _sheltered(left.level, state_folder, notices) as shelter:
+            try:
+                timeline = Timeline.resumed(branches, left.current, shelter and shelter.folder, sample_of)
+            except WentWrong as error:
+                raise RecordingError(f"{left.level}: {error}") from None
+        session = cls(left.level, timeline, shelter, notices)
+        left.discard()
+        return session
+
+    @staticmethod
+    def recoverable(name=None, state_folder=None):
+        """What crashes left of a level, or of all: `recovery.Leftover`, the latest first."""
+        return leftovers(None if name is None else running.find_level(name), state_folder)
 
     # what there is ----------------------------------------------------------------
 
@@ -94,11 +160,6 @@ class Session:
     def level(self):
         """The level as it was when this run began."""
         return self.simulation.level
-
-    @property
-    def library(self):
-        """The brushes there are."""
-        return self.timeline.current.beginning.library
 
     @property
     def clock(self):
@@ -206,6 +267,7 @@ class Session:
         self.playing, self._goal = False, None
         self.timeline.begin(self.timeline.current.beginning)
         self._look()
+        self._note()
 
     def advance(self, wall_seconds, budget_s):
         """Simulate what real time asks for, as far as the budget allows.
@@ -233,20 +295,20 @@ class Session:
         asked = wall_seconds * self._rate / self.clock.dt
         self._owed += asked
         done = self._live(time.perf_counter() + budget_s)
-        self._owed = self._owed % 1.0 if self._owed >= 1.0 else self._owed
+        self._owed %= 1.0  # what is more than a tick is forgotten
         self._pace.passed(wall_seconds, done * self.clock.dt)
         return done
 
     def _live(self, deadline):
         done = 0
-        while self._owed >= 1.0 and self.playing:
+        while self._owed > 1.0 - _SOON and self.playing:
             begin = time.perf_counter()
             if done and begin + self._cost > deadline:
                 break
             if not self._tick():
                 break
             done += 1
-            self._owed -= 1.0
+            self._owed = max(self._owed - 1.0, 0.0)
             self._cost += 0.2 * (time.perf_counter() - begin - self._cost)
         return done
 
@@ -304,6 +366,7 @@ class Session:
         self._finish()
         new = self.timeline.fork(name)
         self._look()
+        self._note()
         return new.name
 
     def switch(self, name):
@@ -314,6 +377,7 @@ class Session:
         except LookupError as error:
             self._warn(str(error.args[0]))
         self._look()
+        self._note()
 
     # doing ----------------------------------------------------------------------------------
 
@@ -341,6 +405,9 @@ class Session:
             return False
         finally:
             self._after = moment_of(self.simulation)  # what was before it stays: drawing goes on smoothly
+        if forked:
+            self._note()
+        self.timeline.flush()
         return True
 
     # numbers --------------------------------------------------------------------------------
@@ -379,8 +446,45 @@ class Session:
         return True
 
     def close(self):
-        """End the recordings in good order."""
+        """End the recordings in good order; nothing is left to recover."""
         self.timeline.close()
+        if self._shelter is not None:
+            self._shelter.close()
+
+    def brush_folder(self):
+        """The folder for brushes of one's own, beside the level, made if it is not there; ProblemsError."""
+        folder = self.path.parent / "brushes"
+        try:
+            folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise refused(folder, f"cannot be made: {error.strerror}") from None
+        self.library = brush_library(self.path, self.level.files)
+        return folder
+
+    def autosave(self):
+        """Once a second: hand what happened to the operating system, so that a crash cannot take it."""
+        if time.monotonic() - self._flushed >= 1.0:
+            self._flushed = time.monotonic()
+            self.timeline.flush()
+
+    def _note(self):
+        """Tell those who may have to recover which branches there are."""
+        if self._shelter is None:
+            return
+        branches = {
+            name: {
+                "recording": branch.scribe and os.path.abspath(branch.scribe.path),
+                "journal": None,
+                "parent": branch.parent,
+                "left": branch.left,
+            }
+            for name, branch in self.branches.items()
+        }
+        self.timeline.flush()
+        try:
+            self._shelter.note(self.branch_name, branches)
+        except ProblemsError as error:
+            self._warn(f"a crash would now lose what is new: {error}")
 
     def _warn(self, text):
         self._notices.append(Notice("warning", text))
@@ -453,6 +557,22 @@ def sample_of(simulation):
         float(np.linalg.norm(velocity, axis=1).mean()) if len(agents) else math.nan,
         {name: count for name, count in zip(names, counts, strict=True) if count},
     )
+
+
+@contextmanager
+def _sheltered(level, root, notices):
+    """A folder for what a crash must not take, gone again when the body fails; None, and a notice, when none can be."""
+    try:
+        shelter = Shelter(level, root)
+    except OSError as error:
+        notices.append(Notice("warning", f"a crash would lose your work: {error.filename}: {error.strerror}"))
+        shelter = None
+    try:
+        yield shelter
+    except BaseException:
+        if shelter is not None:
+            shelter.close()
+        raise
 
 
 def _reason(error):

@@ -139,6 +139,25 @@ class Branch:
     scribe: Scribe | None = None
     differs: int | None = None
 
+    @classmethod
+    def begun(cls, name, beginning, simulation):
+        """A branch at its first tick."""
+        header, assets = running.beginning_of(simulation)
+        branch = cls(name, beginning, header, assets, simulation.world.resource(Commands).pending)
+        branch.waiting = branch.script
+        branch.hashes[0] = state_hash(simulation.world)
+        branch.keyframes.keep(0, snapshot(simulation.world))
+        return branch
+
+    def take_over(self, run):
+        """Know all that a recording knows."""
+        self.commands, self.hashes, self.last_tick = run.commands, dict(sorted(run.hashes.items())), run.last_tick
+        known = max([run.last_tick - 1, *(tick for tick, _ in run.commands)])
+        self.waiting = [(tick, cmd) for tick, cmd in self.script if tick > known]
+        self.changes = [(tick, "all") for tick, cmd in run.commands if hasattr(cmd, "ground_box")]
+        for tick in run.keyframes:
+            self.keyframes.keep(tick, run.keyframes[tick])
+
     def done_at(self, tick):
         """Commands that were applied at the start of this tick."""
         return [cmd for _, cmd in _between(self.commands, tick, tick)]
@@ -192,15 +211,44 @@ class Timeline:
     """
 
     def __init__(self, beginning, name="main", folder=None, measure=None, tell=None, budget=KEYFRAME_BYTES):
+        self._prepare(name, folder, measure, tell, budget)
+        self.simulation = beginning.build()
+        self._begin(beginning, name)
+
+    @classmethod
+    def resumed(cls, branches, current, folder=None, measure=None, tell=None, budget=KEYFRAME_BYTES):
+        """The timeline of branches that were known before, at the end of one of them.
+
+        Parameters
+        ----------
+        branches : dict of str to Branch
+        current : str
+
+        Raises
+        ------
+        WentWrong
+            When its end cannot be reached.
+        """
+        timeline = cls.__new__(cls)
+        timeline._prepare(next(iter(branches)), folder, measure, tell, budget)
+        timeline.branches = dict(branches)
+        timeline.simulation = branches[current].beginning.build()
+        for branch in [*branches.values(), branches[current]]:
+            timeline.current = branch
+            timeline._pace_of_keeping()
+            if branch.scribe is None:
+                timeline._record()
+        timeline._stand(timeline.current.keyframes.before(timeline.current.last_tick))
+        timeline.go_to(timeline.current.last_tick)
+        return timeline
+
+    def _prepare(self, name, folder, measure, tell, budget):
         self.measure: Callable = measure or (lambda simulation: None)
         self.tell: Callable = tell or (lambda text: None)
         self.folder = None if folder is None else Path(folder)
-        self.budget = budget
+        self.budget, self._first = budget, name
         self.branches: dict[str, Branch] = {}
         self.moved: list = []
-        self.simulation = beginning.build()
-        self._first = name
-        self._begin(beginning, name)
 
     @property
     def tick(self):
@@ -341,6 +389,7 @@ class Timeline:
 
     def _leave(self):
         """Before the world stands elsewhere: remember what waits at the branch's end."""
+        self.flush()
         if self.at_end:
             self.current.waiting = self.queue.pending
 
@@ -393,6 +442,7 @@ class Timeline:
             self.simulation.close()
             self.simulation = branch.beginning.build()
         self.current = branch
+        self._pace_of_keeping()
         self._stand(branch.keyframes.before(branch.last_tick))
         self.go_to(branch.last_tick)
         self.moved = ["all"]
@@ -406,16 +456,18 @@ class Timeline:
         return self._begin(beginning, self.free_name(name))
 
     def _begin(self, beginning, name):
-        header, assets = running.beginning_of(self.simulation)
-        self.current = Branch(name, beginning, header, assets, self.queue.pending)
-        self.branches[name] = self.current
+        self.current = self.branches[name] = Branch.begun(name, beginning, self.simulation)
         self._done = -1
-        dt, size = self.simulation.clock.dt, len(snapshot(self.simulation.world))
-        self._keep_every, self._file_every = round(KEYFRAME_SECONDS / dt), round(FILED_SECONDS / dt)
-        self._hash_every = SELDOM if size > HASH_BYTES else 1
+        self._pace_of_keeping()
         self._keep()
         self._record()
         return self.current
+
+    def _pace_of_keeping(self):
+        """How often to hash, to keep and to file a moment."""
+        dt, size = self.simulation.clock.dt, len(self.current.keyframes[0])
+        self._keep_every, self._file_every = round(KEYFRAME_SECONDS / dt), round(FILED_SECONDS / dt)
+        self._hash_every = SELDOM if size > HASH_BYTES else 1
 
     def free_name(self, name=None):
         """A name that no branch and no file has: as asked for, or with the next number."""
@@ -466,7 +518,7 @@ class Timeline:
     def _mark_ground(self, commands):
         """Note where commands about to be applied change the ground."""
         for cmd in commands:
-            box = ground_box(cmd, self.simulation.world)
+            box = _ground_box(cmd, self.simulation.world)
             if box is not None:
                 self.moved.append(box)
                 self.current.changes.append((self.tick, box))
@@ -475,7 +527,7 @@ class Timeline:
 
     def _file_of(self, name, taken=False):
         """The file of a branch; with ``taken`` only if there is one already."""
-        path = None if self.folder is None else self.folder / f"{_plain(name)}.flock"
+        path = None if self.folder is None else self.folder / f"{plain_name(name)}.flock"
         return path if path is not None and (not taken or path.exists()) else None
 
     def _record(self):
@@ -562,12 +614,15 @@ class Scribe:
         self.path.unlink(missing_ok=True)
 
 
-def ground_box(cmd, world):
+def _ground_box(cmd, world):
     """Where a command changes the ground: (west, south, east, north) in metres, "all", or None for nowhere."""
-    return cmd.ground_box(world) if hasattr(cmd, "ground_box") else None
+    try:
+        return cmd.ground_box(world) if hasattr(cmd, "ground_box") else None
+    except (ValueError, LookupError, TypeError):
+        return None  # it cannot be done, and says so when it is
 
 
-def _plain(name):
+def plain_name(name):
     """A name as a file of every system may have it."""
     return re.sub(r"[^\w.-]+", "-", name).strip("-.") or "branch"
 
