@@ -39,7 +39,7 @@ def command(cls):
 
     What cannot be done raises a ValueError or a LookupError before anything has been changed.  A command may also
     have a ``check(world)`` that raises for what can be known beforehand, such as the name of a brush, and an
-    ``inverse(world)``, asked just before it is applied: the list of commands that take it back (see `Commands.perform`).
+    ``inverse(world)``, asked just before it is applied: the commands that take it back (see `Commands.perform`).
     Its fields must be numbers, strings, booleans, None, or lists and dicts of those, so that a
     recording can hold them as JSON.
     """

@@ -260,6 +260,35 @@ def _sheet(pictures):
     return sheet
 
 
+def tile_sheet(meanings, side, library) -> bytes:
+    """The picture of tiles painted in the playground, as a PNG file.
+
+    Parameters
+    ----------
+    meanings : sequence
+        Each ("brush", name), ("cap", (max_speed, factor)), ("surface", name), or None for an empty place.
+    side : int
+        Of a tile, px.
+    library : BrushLibrary
+        For the colours of the brushes.
+    """
+    import cv2
+
+    sheet = _sheet([_picture_of(meaning, library) for meaning in meanings])
+    rows = len(sheet) // TILE
+    return png(cv2.resize(sheet, (COLUMNS * side, rows * side), interpolation=cv2.INTER_AREA))
+
+
+def _picture_of(meaning, library):
+    kind, what = meaning or ("", "")
+    if kind == "brush":
+        return brush_picture(what, library.get(what).colour if what in library.names() else "#808080")
+    if kind == "cap":
+        return speed_picture(dict(zip(SPEEDS[0], what, strict=True)))
+    ground = next((t for t in TERRAINS if t["name"] == what), None)
+    return np.zeros((TILE, TILE, 4), np.uint8) if ground is None else terrain_picture(ground)
+
+
 def _bgr(colour, brighter=0):
     return tuple(int(np.clip(int(colour[i : i + 2], 16) + brighter, 0, 255)) for i in (5, 3, 1))
 

@@ -15,7 +15,6 @@ from engine.commands import command
 from systems.commands import (
     LAYERS,
     MOST,
-    NATIVE_NAME,
     AddObstacle,
     PaintCells,
     RemoveObstacle,

@@ -109,7 +109,7 @@ def check_runs(runs, names, shape):
         if not (isinstance(run, list) and len(run) == 4 and all(type(v) is int for v in run)):
             raise ValueError("runs must be lists of four whole numbers, [row, column, length, name]")
         iy, ix, length, index = run
-        if not (0 <= iy < shape[0] and 0 <= ix and 1 <= length and ix + length <= shape[1]):
+        if not (0 <= iy < shape[0] and ix >= 0 and length >= 1 and ix + length <= shape[1]):
             raise ValueError(f"the run {run} leaves the map, which has {shape[1]} x {shape[0]} cells")
         if not 0 <= index < len(names):
             raise ValueError(f"the run {run} has no name; there are {len(names)}")
