@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pygame
 
-from flockbrush.draw import Painter
+from flockbrush.draw import Painter, Scenery
 from flockbrush.draw.camera import Camera
 from flockbrush.export import herd_of
 
@@ -104,9 +104,8 @@ class Canvas:
         app = self.app
         self.prepare()
         for box in app.session.ground_changes():
-            self._repaint(box)
-        if hasattr(self.painter, "refine"):
-            self.painter.refine(REFINE)
+            self.painter.repaint(box)
+        self.painter.refine(REFINE)
         moment = app.session.view()
         self.herd = herd_of(self._simulation, moment)
         trails = "trails" in app.overlays
@@ -119,19 +118,17 @@ class Canvas:
     def _under(self, frame):
         self._overlays.under(frame, self.camera, self.app.overlays)
 
-    def _repaint(self, box):
-        if hasattr(self.painter, "repaint"):
-            self.painter.repaint(box)
-        else:
-            self.painter._ground = None
-
 
 def painter_of(simulation, size, theme):
-    """(painter, overlays or None) for a running simulation."""
+    """(painter, overlays) for a running simulation."""
+    scenery = Scenery(simulation)
+    painter = Painter(scenery, size, theme, words=False, labels=True, live=True)
+    return painter, _overlays(scenery, theme)
+
+
+def _overlays(scenery, theme):
     try:
         from flockbrush.draw.overlays import Overlays
-        from flockbrush.draw.scenery import Scenery
     except ImportError:
-        return Painter(simulation.level, size, theme, words=False), None
-    scenery = Scenery(simulation)
-    return Painter(scenery, size, theme, words=False, live=True), Overlays(scenery, theme)
+        return None
+    return Overlays(scenery, theme)

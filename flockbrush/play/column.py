@@ -19,43 +19,55 @@ def panel_classes():
 
 
 class Column:
-    """Hosts the panels; every panel lives while the column does, and one is shown."""
+    """Hosts the panels: one is shown, and each is made when it is shown first."""
 
     def __init__(self, app, manager, rect: pygame.Rect):
-        self.app = app
+        self.app, self.manager = app, manager
         self.back = UIPanel(rect, 1, manager, margins=NO_MARGINS)
-        classes = panel_classes()
-        tall = px(app.scale, 34)
-        wide = rect.width // max(1, len(classes))
-        self.tabs, self.panels, self.holders = [], [], []
-        inside = pygame.Rect(0, tall, rect.width, rect.height - tall)
-        for k, kind in enumerate(classes):
-            place = pygame.Rect(k * wide, 0, wide if k + 1 < len(classes) else rect.width - k * wide, tall)
-            tab = UIButton(place, kind.title, manager, self.back, tool_tip_text=kind.tip or None, object_id="@tab")
-            holder = UIPanel(inside, 1, manager, container=self.back, margins=NO_MARGINS)
-            self.tabs.append(tab)
-            self.holders.append(holder)
-            self.panels.append(kind(app, manager, holder))
-        self.show(min(app.memory.get("tab", 0), max(0, len(classes) - 1)))
+        self.classes = panel_classes()
+        tall, count = px(app.scale, 34), max(1, len(self.classes))
+        self.tabs: list = []
+        self.made: dict = {}  # panels and their containers by number
+        self.inside = pygame.Rect(0, tall, rect.width, rect.height - tall)
+        for k, kind in enumerate(self.classes):
+            left, right = (round(j * rect.width / count) for j in (k, k + 1))
+            place = pygame.Rect(left, 0, right - left, tall)
+            tip = kind.tip or None
+            self.tabs.append(UIButton(place, kind.title, manager, self.back, tool_tip_text=tip, object_id="@tab"))
+        self.index = -1
+        if self.classes:
+            self.show(min(app.memory.get("tab", 0), len(self.classes) - 1))
+
+    @property
+    def panels(self):
+        """Those that have been made."""
+        return [panel for panel, _ in self.made.values()]
 
     def show(self, index):
         """Show the panel with this number."""
+        if index not in self.made:
+            holder = UIPanel(self.inside, 1, self.manager, container=self.back, margins=NO_MARGINS)
+            self.made[index] = self.classes[index](self.app, self.manager, holder), holder
         self.index = self.app.memory["tab"] = index
-        for k, (tab, holder) in enumerate(zip(self.tabs, self.holders, strict=True)):
+        for k, tab in enumerate(self.tabs):
             (tab.select if k == index else tab.unselect)()
+        for k, (panel, holder) in self.made.items():
             (holder.show if k == index else holder.hide)()
+            told = getattr(panel, "show" if k == index else "hide", None)
+            if told is not None:
+                told()
 
     def handle(self, event) -> bool:
         """Switch tabs; the shown panel gets what else there is."""
         if event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.tabs:
             self.show(self.tabs.index(event.ui_element))
             return True
-        return bool(self.panels) and any(panel.handle(event) for panel in self.panels)
+        return any(panel.handle(event) for panel in self.panels)
 
     def update(self, dt):
         """One frame of the shown panel."""
-        if self.panels:
-            self.panels[self.index].update(dt)
+        if self.index in self.made:
+            self.made[self.index][0].update(dt)
 
 
 NO_MARGINS = {"left": 0, "right": 0, "top": 0, "bottom": 0}

@@ -24,7 +24,7 @@ def icon(name: str, size: int, colour: Colour) -> pygame.Surface:
     surface = pygame.Surface((size, size), pygame.SRCALPHA)
     surface.fill((*colour, 0))
     pygame.surfarray.pixels_alpha(surface)[:] = cover.T.astype(np.uint8)
-    return surface
+    return surface.premul_alpha()  # as pygame_gui wants it
 
 
 class _Pen:

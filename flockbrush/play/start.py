@@ -12,6 +12,10 @@ import typer
 from flockbrush.terminal import USAGE, Interrupts, compiling, say
 
 LARGEST = 16384  # pixels of a window's side
+NO_SCREEN = (
+    "no window can be opened here ({}); flockbrush play needs a screen."
+    " Without one, `flockbrush run LEVEL --export herd.mp4` makes a video."
+)
 
 
 @dataclass(frozen=True)
@@ -44,13 +48,15 @@ def play_level(wishes: Wishes) -> int:
         return USAGE
     from flockbrush.play.app import App, open_session
 
-    with Interrupts(), compiling():
+    with Interrupts() as interrupts, compiling():
         session = open_session(wishes.level, seed=wishes.seed, agents=wishes.agents, record=wishes.record)
         app = App(session, size, wishes.theme, brush=wishes.brush)
+        interrupts.gently()
         try:
-            app.run(wishes.frames)
+            app.run(wishes.frames, stop=lambda: interrupts.asked)
         finally:
             app.close()
+        interrupts.check()
     return 0
 
 
@@ -72,10 +78,8 @@ def missing_display() -> str:
     try:
         pygame.display.init()
         pygame.display.set_mode((1, 1), pygame.HIDDEN)
+        hidden = pygame.display.get_driver() in ("offscreen", "dummy") and not os.environ.get("SDL_VIDEODRIVER")
         pygame.display.quit()
-        return ""
+        return NO_SCREEN.format("there is no display") if hidden else ""
     except pygame.error as error:
-        return (
-            f"no window can be opened here ({error}); flockbrush play needs a screen."
-            " Without one, `flockbrush run LEVEL --export herd.mp4` makes a video."
-        )
+        return NO_SCREEN.format(error)

@@ -125,6 +125,14 @@ def look(theme: Theme, scale: float) -> dict:
             "misc": {"text_horiz_alignment": "right"},
         },
         "@right": {"misc": {"text_horiz_alignment": "right"}},
+        "@note": {"font": _small(scale), "colours": {"normal_text": hexed(c.muted), "dark_bg": hexed(c.panel, 0)}},
+        "@note_right": {
+            "font": _small(scale),
+            "colours": {"normal_text": hexed(c.muted)},
+            "misc": {"text_horiz_alignment": "right"},
+        },
+        "@clear": {"colours": {"dark_bg": hexed(c.panel)}},
+        "@page": {"font": _small(scale), "colours": {"dark_bg": hexed(c.panel)}},
         "@panel_row": {"font": _small(scale)},
         "button": {"misc": edged | {"text_horiz_alignment_padding": str(px(scale, 8)), "tool_tip_delay": "0.6"}},
         "@tool": {"misc": edged | {"text_horiz_alignment_padding": "0"}, "colours": bare},
@@ -150,7 +158,8 @@ def look(theme: Theme, scale: float) -> dict:
         "@card": {"misc": edged, "colours": {"dark_bg": hexed(c.raised)}},
         "scrolling_container": {"colours": {"dark_bg": hexed(c.panel, 0)}},
         "horizontal_slider": {
-            "misc": flat | {"border_width": "0", "enable_arrow_buttons": "0", "sliding_button_width": str(px(scale, 14))}
+            "misc": flat
+            | {"border_width": "0", "enable_arrow_buttons": "0", "sliding_button_width": str(px(scale, 14))}
         },
         "horizontal_slider.button": {"misc": edged},
         "horizontal_slider.#sliding_button": {"misc": edged, "colours": _knob(c)},
@@ -169,7 +178,10 @@ def look(theme: Theme, scale: float) -> dict:
         "selection_list": {"misc": edged | {"list_item_height": str(px(scale, 24))}},
         "selection_list.button": {"misc": square, "font": _small(scale)},
         "text_entry_line": {"misc": edged | {"padding": f"{px(scale, 5)},{px(scale, 3)}"}},
-        "text_box": {"misc": square | {"padding": f"{px(scale, 6)},{px(scale, 4)}"}, "colours": {"dark_bg": hexed(c.panel)}},
+        "text_box": {
+            "misc": square | {"padding": f"{px(scale, 6)},{px(scale, 4)}"},
+            "colours": {"dark_bg": hexed(c.panel)},
+        },
         "window": {
             "misc": {
                 "shape": "rectangle",
