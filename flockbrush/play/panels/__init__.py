@@ -1,9 +1,10 @@
 """The panels of the right-hand column, in the order of their tabs."""
 
 from flockbrush.play.panels.brush import BrushPanel
+from flockbrush.play.panels.charts import ChartsPanel
 from flockbrush.play.panels.panel import Panel
 from flockbrush.play.panels.profile import ProfilePanel
 
-PANELS = (BrushPanel, ProfilePanel)
+PANELS = (BrushPanel, ChartsPanel, ProfilePanel)
 
 __all__ = ["PANELS", "Panel"]

@@ -80,6 +80,12 @@ class BrushPanel(Panel):
         return asset if asset.model == brush.model else first.setdefault(brush.name, brush)
 
     def refresh(self):
+        for row in self.rows:
+            row.settle()
+        self._show()
+
+    def _show(self):
+        """The brush as it is now."""
         names = palette_of(self.app.session).names
         if not names:
             return
@@ -210,7 +216,7 @@ class BrushPanel(Panel):
             self.app.notify(str(error), "warning")
         else:
             self.app.session.do(label, made, join=join)
-        self.refresh()
+        self._show()
 
     def handle(self, event):
         if event.type == UI_DROP_DOWN_MENU_CHANGED and event.ui_element is self.menu:

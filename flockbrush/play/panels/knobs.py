@@ -72,13 +72,15 @@ class Knob:
         try:
             value = float(text.strip().replace(",", "."))
         except ValueError:
-            raise ValueError(f"{self.words} is a number, such as {written(self.low)}; got {text.strip()!r}") from None
+            raise ValueError(
+                f"{self.words} is a number, such as {written(max(self.low, 0.5))}; got {text.strip()!r}"
+            ) from None
         if not math.isfinite(value):
             raise ValueError(f"{self.words} must be a finite number")
         if self.kind == WHOLE and value != round(value):
             raise ValueError(f"{self.words} is a whole number; got {text.strip()!r}")
         if self.hard and not self.low <= value <= self.high:
-            raise ValueError(f"{self.words} goes from {written(self.low)} to {written(self.high)}; got {text.strip()}")
+            raise ValueError(f"{self.words} goes from {self.low:g} to {self.high:g}; got {text.strip()}")
         return int(value) if self.kind == WHOLE else value
 
 

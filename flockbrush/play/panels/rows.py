@@ -9,6 +9,7 @@ from pygame_gui import (
     UI_CHECK_BOX_UNCHECKED,
     UI_DROP_DOWN_MENU_CHANGED,
     UI_HORIZONTAL_SLIDER_MOVED,
+    UI_TEXT_ENTRY_CHANGED,
     UI_TEXT_ENTRY_FINISHED,
 )
 from pygame_gui.core import ObjectID
@@ -53,6 +54,9 @@ class Row:
     def place(self, value):
         """Bring the widget to a value."""
 
+    def settle(self):
+        """Take what was typed and left without Enter."""
+
     def handle(self, event) -> bool:
         """Answer an event of one of the row's widgets."""
         if event.type == UI_BUTTON_PRESSED and self.reset is not None and event.ui_element is self.reset:
@@ -65,12 +69,15 @@ class Row:
         panel, colours, knob = self.panel, self.panel.colours, self.knob
         surface, height, y = blank((self.width, self.height)), panel.px(13), self.line / 2
         right, pad = self.width - panel.px(2), panel.px(6)
-        if value != asset:
-            said = f"{knob.said(value)}, asset {knob.said(asset)}"
-            right -= write(surface, said, (right, y), height, colours.accent, (1, 0.5)) + pad
+        right -= write(surface, self.against(), (right, y), height, colours.accent, (1, 0.5)) + pad
         x = write(surface, knob.words, (0, y), height, colours.ink, room=right)
         write(surface, knob.measure, (x + pad, y), panel.px(12), colours.muted, room=right - x - pad)
         return surface
+
+    def against(self) -> str:
+        """The value against the asset's, "" when they are the same."""
+        value, asset = self.shown
+        return f"{self.knob.said(value)}, asset {self.knob.said(asset)}" if value != asset else ""
 
     def _offer_reset(self, offered):
         """A button that takes the asset's value back, while there is something to take back."""
@@ -102,6 +109,7 @@ class NumberRow(Row):
         super().__init__(panel, knob, container, top, width, turn)
         px, box, y = panel.px, panel.px(58), top + self.line
         self.scale: Scale | None = None
+        self.typing = False  # something was typed, and not yet taken
         self.track = pygame.Rect(0, y + px(2), width - box - px(22) - px(10), px(16))
         common = dict(manager=panel.manager, container=container)
         self.slider = UIHorizontalSlider(self.track, 0.0, (0.0, 1.0), object_id="@slider", **common)
@@ -146,18 +154,27 @@ class NumberRow(Row):
         if event.type == UI_HORIZONTAL_SLIDER_MOVED and event.ui_element is self.slider:
             self.turn(self.knob, self.scale.value(self.slider.current_value), not self.held)
             return True
+        if event.type == UI_TEXT_ENTRY_CHANGED and event.ui_element is self.entry:
+            self.typing = True
+            return True
         if event.type == UI_TEXT_ENTRY_FINISHED and event.ui_element is self.entry:
             self._typed(event.text)
             return True
         return super().handle(event)
 
+    def settle(self):
+        if self.typing and not self.entry.is_focused:
+            self._typed(self.entry.get_text())
+
     def _typed(self, text):
+        self.typing = False
         try:
-            value = self.knob.read(text)
+            value = self.shown[0] if text == self.knob.said(self.shown[0]) else self.knob.read(text)
         except ValueError as error:
             self.panel.app.notify(str(error), "warning")
             value = self.shown[0]
-        self.entry.unfocus()
+        if self.entry.is_focused:
+            self.panel.manager.set_focus_set(None)
         self.entry.set_text(self.knob.said(value))
         if value != self.shown[0]:
             self.turn(self.knob, value, True)

@@ -11,6 +11,7 @@ from behaviours.brush_writer import brush_to_toml
 from behaviours.problems import ProblemsError
 from flockbrush.play.panels.knobs import NUMBER, WHOLE, Knob, knobs_of
 from systems.commands import SetParameter
+from systems.edits import UseBrush
 
 
 def turned(brush: Brush, knob: Knob, value) -> Brush:
@@ -37,8 +38,6 @@ def command_of(brush: Brush, knob: Knob, value):
 
 def use(brush: Brush):
     """The command that brings a brush into the running world, or changes the one of its name there."""
-    from systems.edits import UseBrush
-
     return UseBrush(brush.name, brush_to_toml(brush))
 
 
