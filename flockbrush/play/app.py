@@ -81,11 +81,11 @@ class App(Hand, Deeds):
         self.memory: dict = {}
         self.seconds = {"simulation": 0.0, "drawing": 0.0, "interface": 0.0}
         self.running, self.columns = True, True
-        self.now = self._calm = self._fresh = 0.0
+        self.now = self._calm = self._fresh = self._unseen = 0.0
         self._disk = DISK
         self.film = self.dialog = self.help = self.hint = None
         self._panning = self._space = self._space_used = self._stroking = False
-        self._told_disk = self._dead = False
+        self._told_disk = self._covered = False
         self.toasts, self.thumbnails = Toasts(), Thumbnails(self)
         self.column = None
         self._open(size)
@@ -208,24 +208,26 @@ class App(Hand, Deeds):
     def _show(self, dt):
         """Controls and canvas onto the screen; controls that nobody touches are drawn ten times a second."""
         self.toasts.update(dt)
-        self.manager.update(dt)
         if self.column is not None:
             self._guarded(self.column.update, dt)
         self._fresh -= dt
         if self._fresh <= 0:
             self._fresh = FRESH
             self._freshen()
-        self._calm -= dt
-        whole = self._calm <= 0 or self._is_covered()
+        self._calm, self._unseen = self._calm - dt, self._unseen + dt
+        touched = self._calm <= 0
+        if touched:
+            self.manager.update(self._unseen)
+            self._calm, self._unseen, self._covered = CALM, 0.0, self._is_covered()
+        whole = touched or self._covered
         if whole:
-            self._calm = CALM
             self.screen.fill(chrome(self.theme).panel)
         self.screen.blit(self.canvas.surface, self.canvas.rect)
         self._above(self.screen.subsurface(self.canvas.rect.clip(self.screen.get_rect())), dt)
         if whole:
+            if self.timebar is not None:
+                self.timebar.draw()
             self.manager.draw_ui(self.screen)
-        if self.timebar is not None:
-            self.timebar.draw(self.screen)
         self.toasts.draw(self.screen, self.canvas.rect, self.theme, self.scale)
         if self.film is not None:
             self.film.take(self.canvas.frame, dt)

@@ -18,7 +18,7 @@ class Hand:
         """Take the usual things: the paint brush, with the brush that was asked for or the first of the level."""
         level = self.session.simulation.level
         self.options = {
-            "shape": "pen", "solid": True, "blocks_view": True, "erase": "everything", "layer": "brush", "count": 10,
+            "shape": "pen", "solid": True, "blocks_view": True, "erase": "usual", "layer": "brush", "count": 10,
         }  # fmt: skip
         self.size = self.settings.brush_size or max(2 * level.cell, round(min(level.width, level.height) / 24, 1))
         self.set_size(self.size)

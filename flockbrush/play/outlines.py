@@ -60,7 +60,7 @@ def _outlines(points, radius):
 def _few_corners(contour):
     import cv2
 
-    tolerance = 0.6
+    tolerance = 1.5  # cells: the steps of the raster go, round ends stay round
     while True:
         polygon = cv2.approxPolyDP(contour, tolerance, True)[:, 0].astype(float)
         if len(polygon) <= CORNERS:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pygame
 import pygame_gui
-from pygame_gui.elements import UIDropDownMenu, UIPanel
+from pygame_gui.elements import UIDropDownMenu, UIImage, UIPanel
 
 from flockbrush.draw.hud import clock
 from flockbrush.play.theme import chrome, font, px
@@ -30,6 +30,8 @@ class TimeBar:
         self.strip = None
         if width > px(app.scale, 60):
             self.strip = pygame.Rect(rect.x + left, rect.y + px(app.scale, 8), width, rect.height - px(app.scale, 16))
+            place = self.strip.move(-rect.x, -rect.y)
+            self.image = UIImage(place, pygame.Surface(place.size), app.manager, container=self.back)
 
     def _make_buttons(self):
         app, side, gap = self.app, px(self.app.scale, 34), px(self.app.scale, 3)
@@ -120,6 +122,7 @@ class TimeBar:
             self.clock.say(f"{clock(session.tick * dt)} / {clock(session.last_tick * dt)}")
             self.lag.say(self._lag())
         self._update_branches()
+        self.draw()
 
     def _renew_rates(self):
         place = self.rates.relative_rect.copy()
@@ -150,14 +153,15 @@ class TimeBar:
             object_id="@up",
         )  # fmt: skip
 
-    def draw(self, screen):
-        """The strip."""
+        self.draw()
+
+    def draw(self):
+        """Show the strip as it is now."""
         if self.strip is not None:
             said = self._said()
             if said != self._shown:
                 self._shown = said
-                self.picture = self._strip(said)
-            screen.blit(self.picture, self.strip)
+                self.image.set_image(self._strip())
 
     def _said(self):
         session = self.app.session
@@ -174,7 +178,7 @@ class TimeBar:
         branch = self.app.current_branch()
         return [] if branch is None else branch.commands
 
-    def _strip(self, said):
+    def _strip(self):
         """The strip as a surface: what is known, what was done, where branches begin, and now."""
         app, session, c = self.app, self.app.session, chrome(self.app.theme)
         u, (width, height) = app.scale, self.strip.size

@@ -9,6 +9,7 @@ from flockbrush.draw.style import rgb
 from flockbrush.play.tools.tool import Stroke, Tool
 from systems.landscape import Landscape
 
+ERASES = {"usual": ("brush", "cap"), "everything": ("brush", "cap", "surface")}  # what the eraser takes, by its option
 LAYERS = {"brush": "behaviour", "cap": "speed caps", "surface": "surfaces"}
 
 
@@ -106,11 +107,11 @@ class Erase(Stroke):
 
         app, what = self.app, self.app.options["erase"]
         blank = {"brush": "", "cap": 0.0, "surface": ""}
-        layers = [layer for layer in LAYERS if what in ("everything", layer)]
+        layers = [layer for layer in LAYERS if layer in ERASES.get(what, (what,))]
         commands = [] if app.is_off_map(start, stop, app.size) else [
             Paint(layer, blank[layer], *start, *stop, app.size) for layer in layers if self._is_painted(layer)
         ]  # fmt: skip
-        if what in ("everything", "things"):
+        if what in (*ERASES, "things"):
             commands += [RemoveThing(kind, thing.id) for kind, thing in self._touched(start, stop)]
         if commands:
             app.do("erase", commands, self.join)
