@@ -7,6 +7,7 @@ document, which undo to the byte.
 
 from __future__ import annotations
 
+import copy
 import json
 import os
 import shutil
@@ -255,6 +256,16 @@ class Editor:
         ]
         other._serial, other._saved, other._highest = self._serial, self._saved, self._highest
         other._note("ahead", tick, steps=[_step_told(step) for step in other._undone])
+        return other
+
+    def restarted(self) -> Editor:
+        """Another editor with the same document, undo and all, for a run that begins anew: all was done at tick 0."""
+        kept = {id(thing): thing for thing in (self.library, self.sheet.files)}
+        other = copy.deepcopy(self, {**kept, id(self._journal): None})
+        for event in other._events:
+            event["tick"] = 0
+        for step in (*other._done, *other._undone):
+            step.tick = 0
         return other
 
     def _replayed(self, events):

@@ -68,6 +68,19 @@ class DiskFiles:
         return data
 
 
+class UnsavedFiles(DiskFiles):
+    """The files beside a level that itself is not as the disk has it."""
+
+    def __init__(self, level: Path, text: bytes):
+        super().__init__(level)
+        self.text = text
+
+    def first(self) -> bytes:
+        """The level itself."""
+        self.got[self.level.name] = self.text
+        return self.text
+
+
 class MemoryFiles:
     """The files a recording has embedded, the level first."""
 

@@ -18,7 +18,7 @@ from behaviours.problems import ProblemsError, did_you_mean
 from engine.fields import Raster
 from levels import geometry, schema
 from levels.checks import check_level
-from levels.files import DiskFiles, FileRefused, MemoryFiles, project_folder
+from levels.files import DiskFiles, FileRefused, MemoryFiles, UnsavedFiles, project_folder
 from levels.json_lines import JsonError, Node, parse
 from levels.objects import ObjectReader
 from levels.properties import Place, Report, Values, is_number, read_properties, shown
@@ -59,6 +59,11 @@ def read_level_files(files: dict[str, bytes], library=None, commands=None) -> Le
         As `read_level`.
     """
     return _read(MemoryFiles(files), library if library is not None else recorded_library(files), commands)
+
+
+def read_level_text(text: bytes, path, library=None, commands=None) -> Level:
+    """The level a file would hold with this in it, its other files as they are beside it; ProblemsError."""
+    return _read(UnsavedFiles(Path(path), text), library if library is not None else brush_library(path), commands)
 
 
 def _read(files, library, commands):
