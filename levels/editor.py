@@ -260,8 +260,10 @@ class Editor:
 
     def restarted(self) -> Editor:
         """Another editor with the same document, undo and all, for a run that begins anew: all was done at tick 0."""
-        kept = {id(thing): thing for thing in (self.library, self.sheet.files)}
+        self.sheet.settle()
+        kept = {id(thing): thing for thing in (self.library, *self.sheet.constants())}
         other = copy.deepcopy(self, {**kept, id(self._journal): None})
+        other.sheet.find_grids()
         for event in other._events:
             event["tick"] = 0
         for step in (*other._done, *other._undone):

@@ -170,6 +170,14 @@ class Sheet:
         for grid in self._grids.values():
             grid.settle()
 
+    def constants(self):
+        """What copies of this have in common."""
+        return self.files, _MISSING
+
+    def find_grids(self):
+        """In a copy: know the layers again, which are other objects now."""
+        self._grids = {id(grid.node): grid for grid in self._grids.values()}
+
     def taken(self):
         """The steps since the last call."""
         changes, self.changes = self.changes, []
