@@ -217,7 +217,7 @@ class Sheet:
         return self._grids[id(node)]
 
     def winning(self, layer, found):
-        """The layer that shows when all are painted, and those of the others that lie above it; added if there is none."""
+        """The layer that shows when all are painted, added if there is none, and those of the others above it."""
         weights = [k.weight if layer == "brush" else 0.0 for k in found]
         order = sorted(range(len(found)), key=lambda k: (weights[k], k))
         covering = [k for k in order if found[k].covers]
@@ -355,21 +355,7 @@ class Sheet:
 
     def outline(self, thing, dx, dy):
         """("area" | "line" | "point", (k, 2) m) of an object."""
-        w, h = thing.get("width", 0), thing.get("height", 0)
-        for key, kind in (("polygon", "area"), ("polyline", "line")):
-            if key in thing:
-                points = np.array([(p["x"], p["y"]) for p in thing[key]], float).reshape(-1, 2)
-                break
-        else:
-            kind, points = "area", geometry.rectangle(w, h)
-            if thing.get("point"):
-                kind, points = "point", np.zeros((1, 2))
-            elif thing.get("ellipse"):
-                points = geometry.ellipse(w, h)
-            elif thing.get("capsule"):
-                points = geometry.capsule(w, h)
-            elif "gid" in thing:
-                points = points - (0, h)
+        kind, points = _drawn(thing)
         points = geometry.turn(points, thing.get("rotation", 0)) + (thing.get("x", 0) + dx, thing.get("y", 0) + dy)
         scale = self.document.scale
         points = np.column_stack([points[:, 0] / scale, (self.document.top - points[:, 1]) / scale])
@@ -617,6 +603,21 @@ class Sheet:
             found = self.find(command.id, cls)
             self.need_unnamed(found[0].get("name") if found else "")
         self.drop(command.id, cls)
+
+
+def _drawn(thing):
+    """("area" | "line" | "point", (k, 2) px) of an object about its own origin."""
+    w, h = thing.get("width", 0), thing.get("height", 0)
+    if "polygon" in thing or "polyline" in thing:
+        kind, key = ("area", "polygon") if "polygon" in thing else ("line", "polyline")
+        return kind, np.array([(p["x"], p["y"]) for p in thing[key]], float).reshape(-1, 2)
+    if thing.get("point"):
+        return "point", np.zeros((1, 2))
+    if thing.get("ellipse"):
+        return "area", geometry.ellipse(w, h)
+    if thing.get("capsule"):
+        return "area", geometry.capsule(w, h)
+    return "area", geometry.rectangle(w, h) - (0, h if "gid" in thing else 0)
 
 
 def _is_class(entry, cls):

@@ -47,8 +47,7 @@ def stroke_cells(start, end, radius, softness, shape, cell):
     t = np.clip((px * dx + py * dy) / square, 0.0, 1.0) if square > 0 else 0.0
     distance = np.sqrt((px - t * dx) ** 2 + (py - t * dy) ** 2)
     iy, ix = np.nonzero(distance <= radius)
-    core = (1.0 - softness) * radius
-    fading = (radius - distance[iy, ix]) / (radius - core) if softness > 0 else np.ones(len(iy))
+    fading = (radius - distance[iy, ix]) / max(softness * radius, 1e-300) if softness > 0 else np.ones(len(iy))
     return iy + y0, ix + x0, np.minimum(fading, 1.0)
 
 
