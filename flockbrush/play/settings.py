@@ -27,6 +27,10 @@ class Settings(BaseModel):
     brush_size: float | None = Field(None, gt=0, le=10_000, description="radius of the brush, m")
     overlays: tuple[str, ...] | None = Field(None, description="overlays that are shown", max_length=100)
 
+    def save(self, path=None) -> str:
+        """Keep them for the next time; returns a sentence about what went wrong, "" when nothing did."""
+        return save_settings(self, path)
+
 
 def settings_path() -> Path:
     """Where the settings of this user lie."""

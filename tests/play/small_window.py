@@ -6,13 +6,11 @@ os.environ["SDL_VIDEODRIVER"] = "dummy"
 os.environ["SDL_AUDIODRIVER"] = "dummy"
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
 
-import warnings
-
 import pygame
-import pygame_gui
 from pygame_gui.elements import UIPanel
 
 from flockbrush.draw.style import theme_of
+from flockbrush.play.manager import Manager
 from flockbrush.play.session import Session
 from flockbrush.play.settings import Settings
 from flockbrush.play.theme import chrome, look
@@ -33,9 +31,7 @@ class SmallWindow:
         self.selected, self.brush, self.memory, self.overlays = None, brush, {}, {"trails"}
         self.seconds = {"simulation": 0.004, "drawing": 0.003, "interface": 0.002}
         self.said, self.question, self.asked_theme, self.asked_scale = [], None, None, "nothing"
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            self.manager = pygame_gui.UIManager(size, look(self.theme, scale), enable_live_theme_updates=False)
+        self.manager = Manager(size, look(self.theme, scale))
         self.container = UIPanel(pygame.Rect(0, 0, *size), manager=self.manager, margins=FLAT)
         self.panel = kind(self, self.manager, self.container)
         self.frames(2)

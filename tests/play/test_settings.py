@@ -15,7 +15,7 @@ def path(tmp_path):
 
 def test_what_was_chosen_is_there_the_next_day(path):
     chosen = Settings(theme="dark", ui_scale=1.25, brush_size=3.5, overlays=("trails", "links"))
-    assert save_settings(chosen, path) == ""
+    assert chosen.save(path) == ""
     assert load_settings(path) == (chosen, "")
 
 
