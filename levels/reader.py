@@ -61,9 +61,25 @@ def read_level_files(files: dict[str, bytes], library=None, commands=None) -> Le
     return _read(MemoryFiles(files), library if library is not None else recorded_library(files), commands)
 
 
-def read_level_text(text: bytes, path, library=None, commands=None) -> Level:
-    """The level a file would hold with this in it, its other files as they are beside it; ProblemsError."""
-    return _read(UnsavedFiles(Path(path), text), library if library is not None else brush_library(path), commands)
+def read_level_text(text: bytes, path, library=None, kept=None) -> Level:
+    """The level that a file would hold with this in it.
+
+    Parameters
+    ----------
+    text : bytes
+    path : path-like
+        The file; the others it names are read beside it.
+    library : BrushLibrary, optional
+        As `read_level`.
+    kept : dict of str to bytes, optional
+        Those other files, for when the disk has them no more.
+
+    Raises
+    ------
+    ProblemsError
+    """
+    files = UnsavedFiles(Path(path), text, kept or {})
+    return _read(files, library if library is not None else brush_library(path), None)
 
 
 def _read(files, library, commands):

@@ -7,57 +7,31 @@ goes wrong becomes a `Notice`, never a traceback.
 from __future__ import annotations
 
 import math
-import os
 import time
-from collections import deque
-from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from behaviours.problems import ProblemsError
-from components import BrushBinding, Heading, Position, Velocity
 from engine.commands import CommandError
 from engine.recording import RecordingError
 from flockbrush import run as running
-from flockbrush.files import output_problems, refused
+from flockbrush.files import output_problems
 from flockbrush.moments import between, moment_of, names_of
-from flockbrush.play.recovery import Shelter, leftovers, recovered_branches
+from flockbrush.play.gauges import Pacemaker, Profile, chart_of, sample_of
+from flockbrush.play.history import History
+from flockbrush.play.keeping import Keeping, LevelFile, Notice, editor_of, sheltered
+from flockbrush.play.recovery import leftovers, recovered_branches
 from flockbrush.play.timeline import Beginning, Timeline, WentWrong
-from levels.reader import brush_library
+from levels.editor import EditError, Editor, JournalError
+from levels.reader import read_level_text
 from systems.landscape import Landscape
-from systems.measures import compute_milling, compute_polarization, compute_unwrapped
+from systems.palette import Palette
+from systems.taking_back import UseBrush
 
 RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # of simulated to real time
-SAMPLE_TICKS = 4  # between two points of the charts: 8 a second
-CHART_POINTS = 1500  # at most, of one chart
-PROFILE_TICKS = 64  # over which the time of a system is averaged
-PACE_SECONDS = 1.0  # s of real time over which the pace is averaged
 _SOON = 1e-9  # of a tick; rounding of what real time adds up to
 
 
-@dataclass(frozen=True)
-class Notice:
-    """Something the designer should know."""
-
-    kind: str  # "info", "warning" or "error"
-    text: str
-
-
-@dataclass(frozen=True)
-class Sample:
-    """What the charts show of one moment."""
-
-    tick: int
-    time: float  # s
-    polarization: float
-    milling: float
-    speed: float  # m/s, mean
-    counts: dict[str, int]  # animals by name of brush
-
-
-class Session:
+class Session(Keeping):
     """A level that is open in the playground.  Make one with `open`.
 
     Attributes
@@ -73,20 +47,19 @@ class Session:
     def __init__(self, path, timeline, shelter, notices):
         self.path, self.timeline, self._shelter = Path(path), timeline, shelter
         self._notices: list[Notice] = notices
-        self.timeline.tell = self._warn
+        self.timeline.tell = lambda text: self._say("warning", text)
         self.library = timeline.current.beginning.library
+        self._file = LevelFile(self.path)
         self.playing = False
         self._rate = 1.0
         self._owed = 0.0  # ticks of real time that have not been simulated yet
         self._goal: int | None = None  # the tick we are scrubbing to
         self._cost = 0.0  # s of a tick, recent mean
         self._pace = Pacemaker()
-        self._profile: deque = deque(maxlen=2)
-        self._ticks = 0  # lived, for the profile
+        self._profile = Profile()
         self._charted: tuple = (None, None)
         self._flushed = time.monotonic()
         self._look()
-        self._note()
 
     @classmethod
     def open(cls, name, seed=None, agents=None, record=None, state_folder=None) -> Session:
@@ -114,11 +87,14 @@ class Session:
         if problems:
             raise ProblemsError(problems)
         notices: list[Notice] = []
-        with _sheltered(level.path, state_folder, notices) as shelter:
+        with sheltered(level.path, state_folder, notices) as shelter:
             folder = shelter and shelter.folder if record is None else record.parent
             beginning = Beginning(level, library, seed, agents)
             timeline = Timeline(beginning, record.stem if record else level.name, folder, sample_of)
-        return cls(level.path, timeline, shelter, notices)
+        session = cls(level.path, timeline, shelter, notices)
+        session._file = LevelFile(level.path, level.files[level.path.name])
+        session._edit()
+        return session
 
     @classmethod
     def recover(cls, left, state_folder=None) -> Session:
@@ -135,21 +111,47 @@ class Session:
         """
         branches = recovered_branches(left)
         notices: list[Notice] = []
-        with _sheltered(left.level, state_folder, notices) as shelter:
+        with sheltered(left.level, state_folder, notices) as shelter:
             try:
                 timeline = Timeline.resumed(branches, left.current, shelter and shelter.folder, sample_of)
             except WentWrong as error:
                 raise RecordingError(f"{left.level}: {error}") from None
         session = cls(left.level, timeline, shelter, notices)
+        for name, branch in timeline.branches.items():
+            session._adopt(session._recovered_editor(name, left.branches[name]["journal"]), branch)
+        session._note()
         left.discard()
         return session
+
+    def _recovered_editor(self, name, journal):
+        """The editor whose journal a crash left."""
+        try:
+            if journal is None:
+                raise JournalError("there is no journal of it")
+            return Editor.recover(journal)
+        except (JournalError, ProblemsError) as error:
+            self._say("warning", f"{name}: what was done to the level is lost: {error}")
+            return History(self.path, "its edits were lost in a crash; open it again to edit it")
 
     @staticmethod
     def recoverable(name=None, state_folder=None):
         """What crashes left of a level, or of all: `recovery.Leftover`, the latest first."""
         return leftovers(None if name is None else running.find_level(name), state_folder)
 
+    def _edit(self):
+        """Begin to edit the level's file on a branch that has just begun."""
+        editor, why = editor_of(self.path, self.simulation, self.timeline.current.beginning, self.library)
+        if why:
+            self._say("warning", why)
+        self._adopt(editor)
+        self._note()
+
     # what there is ----------------------------------------------------------------
+
+    @property
+    def editor(self):
+        """The document of the branch we are on (`levels.editor.Editor`, or `History` where it cannot be edited)."""
+        return self.timeline.current.editor
 
     @property
     def simulation(self):
@@ -263,11 +265,37 @@ class Session:
         return self._go(budget_s)
 
     def restart(self):
-        """Begin anew with the level as it is now; the run so far stays as a branch."""
-        self.playing, self._goal = False, None
-        self.timeline.begin(self.timeline.current.beginning)
+        """Begin anew with the level and the brushes as they are now; the run so far stays as a branch."""
+        now, editor = self.timeline.current.beginning, self.editor
+        try:
+            beginning = Beginning(self._level_now(), self.library, now.seed, now.agents)
+            self._begin(beginning, editor.restarted(), self.simulation.world.resource(Palette).brushes)
+        except ProblemsError as error:
+            self._say("error", f"{error}\nThe level cannot begin so; the run goes on.")
+
+    def _level_now(self):
+        """The level with all that was done to it."""
+        level = self.timeline.current.beginning.level
+        if isinstance(self.editor, History):
+            return level
+        return read_level_text(self.editor.text().encode(), self.path, self.library, level.files)
+
+    def _begin(self, beginning, editor, brushes=()):
+        """A branch with a beginning of its own, and these brushes in the hand; ProblemsError, and nothing changed."""
+        playing, self.playing, self._goal = self.playing, False, None
+        outdated = self.timeline.current.outdated and editor is not None
+        self.timeline.begin(beginning)
+        self.timeline.current.outdated = outdated
+        known = {brush.name: brush for brush in self.simulation.world.resource(Palette).brushes}
+        tuned = [brush for brush in brushes if known.get(brush.name) != brush]
+        self.timeline.perform([UseBrush(brush.name, brush.source.decode()) for brush in tuned])
+        if editor is None:
+            self._edit()
+        else:
+            self._adopt(editor)
+            self._note()
         self._look()
-        self._note()
+        self.playing = playing
 
     def advance(self, wall_seconds, budget_s):
         """Simulate what real time asks for, as far as the budget allows.
@@ -320,12 +348,12 @@ class Session:
             self._stop(str(error))
             return False
         self._before, self._after = self._after, moment_of(self.simulation)
-        self._note_profile()
+        self._profile.passed(self.simulation.schedule)
         return True
 
     def _stop(self, text):
         self.playing, self._owed = False, 0.0
-        self._notices.append(Notice("error", text))
+        self._say("error", text)
         self._look()
 
     def _go(self, budget_s):
@@ -364,25 +392,33 @@ class Session:
     def branch(self, name=None):
         """Begin another course of events here; its name.  The old one stays in `branches`."""
         self._finish()
-        new = self.timeline.fork(name)
+        self._fork(name)
         self._look()
+        return self.branch_name
+
+    def _fork(self, name=None):
+        """Another branch from here, its document as it was at this tick."""
+        editor, outdated = self.editor, self.timeline.current.outdated
+        then = editor.at(self.tick, after=True)
+        self.timeline.fork(name)
+        self.timeline.current.outdated = outdated
+        self._adopt(then)
         self._note()
-        return new.name
 
     def switch(self, name):
         """Go to the end of another branch."""
         self.playing, self._goal = False, None
         try:
             self.timeline.switch(name)
-        except LookupError as error:
-            self._warn(str(error.args[0]))
+        except (LookupError, WentWrong) as error:
+            self._say("error", str(error.args[0]))
         self._look()
         self._note()
 
     # doing ----------------------------------------------------------------------------------
 
     def do(self, label, commands, join=None):
-        """Do something to the world now, all of it or nothing; whether it was done.
+        """Do something to the world and to the level, all of it or nothing; whether it was done.
 
         In the past this begins a branch.
 
@@ -391,24 +427,85 @@ class Session:
         label : str
             What undo is to call it.
         commands : sequence of command
-        join : hashable, optional
-            Steps with the same key, one after the other, are undone as one: the pieces of a stroke.
+        join : str, optional
+            Steps of one key that follow each other are undone as one: the pieces of a stroke.
         """
-        self._finish()
-        forked = self.in_past and self.timeline.fork()
+        commands = list(commands)
+        forked = self._leave_past()
         try:
-            self.timeline.perform(commands)
-        except (CommandError, TypeError) as error:
-            self._notices.append(Notice("error", _reason(error)))
-            if forked:
-                self.timeline.give_up()
+            self.editor.check(commands)
+            back = self.timeline.perform(commands)
+        except (CommandError, EditError, ValueError, LookupError, TypeError) as error:
+            self._say("error", _reason(error))
+            self._stay(forked)
             return False
-        finally:
-            self._after = moment_of(self.simulation)  # what was before it stays: drawing goes on smoothly
-        if forked:
-            self._note()
-        self.timeline.flush()
+        self.editor.do(label, commands, back, self.tick, join)
+        self._done()
         return True
+
+    def undo(self):
+        """Take back the last step; whether there was one."""
+        forked = self._leave_past()
+        label, commands = self.editor.undo_label, self.editor.undo_commands
+        if commands is None:
+            self._stay(forked)
+            return False
+        try:
+            again = self.timeline.perform(commands)
+        except CommandError as error:
+            self._say("warning", f"{label}: taken back in the level; the herd cannot follow: {_reason(error)}")
+            again = None
+        self.editor.undo(self.tick, again)
+        self._done()
+        return True
+
+    def redo(self):
+        """Do the step last taken back again; whether there was one, and it could be."""
+        forked = self._leave_past()
+        commands = self.editor.redo_commands
+        try:
+            if commands is None:
+                raise LookupError
+            back = self.timeline.perform(commands)
+            self.editor.redo(self.tick, back)
+        except (CommandError, EditError, LookupError) as error:
+            if commands is not None:
+                self._say("error", _reason(error))
+            self._stay(forked)
+            return False
+        self._done()
+        return True
+
+    @property
+    def undo_label(self):
+        """What undo would take back, or None."""
+        return self.editor.undo_label
+
+    @property
+    def redo_label(self):
+        """What redo would do again, or None."""
+        return self.editor.redo_label
+
+    def _leave_past(self):
+        """What is done in the past is another course of events; whether a branch was begun for it."""
+        self._finish()
+        forked = self.in_past
+        if forked:
+            self._fork()
+        return forked
+
+    def _stay(self, forked):
+        """Nothing was done after all."""
+        if forked:
+            self.editor.close_journal()
+            self.timeline.give_up()
+            self._note()
+        self._after = moment_of(self.simulation)
+
+    def _done(self):
+        """Something was done: what was before it is still drawn from, and a crash cannot take it."""
+        self._after = moment_of(self.simulation)
+        self.timeline.flush()
 
     # numbers --------------------------------------------------------------------------------
 
@@ -423,156 +520,7 @@ class Session:
 
     def profile(self):
         """Milliseconds a tick of each system, recent mean."""
-        if len(self._profile) < 2:
-            return {}
-        (ticks, before), (now, after) = self._profile
-        return {name: (after[name] - before[name]) / 1e6 / max(now - ticks, 1) for name in after if name in before}
-
-    def _note_profile(self):
-        self._ticks += 1
-        if self._ticks % PROFILE_TICKS == 1:
-            self._profile.append((self._ticks, dict(self.simulation.schedule.nanoseconds)))
-
-    # files ------------------------------------------------------------------------------------
-
-    def export_recording(self, path):
-        """Write the current branch as a recording that ``flockbrush replay --verify`` accepts; whether it worked."""
-        try:
-            self.timeline.export(path)
-        except (RecordingError, OSError) as error:
-            self._notices.append(Notice("error", str(error)))
-            return False
-        self._notices.append(Notice("info", f"wrote {path}"))
-        return True
-
-    def close(self):
-        """End the recordings in good order; nothing is left to recover."""
-        self.timeline.close()
-        if self._shelter is not None:
-            self._shelter.close()
-
-    def brush_folder(self):
-        """The folder for brushes of one's own, beside the level, made if it is not there; ProblemsError."""
-        folder = self.path.parent / "brushes"
-        try:
-            folder.mkdir(exist_ok=True)
-        except OSError as error:
-            raise refused(folder, f"cannot be made: {error.strerror}") from None
-        self.library = brush_library(self.path, self.level.files)
-        return folder
-
-    def autosave(self):
-        """Once a second: hand what happened to the operating system, so that a crash cannot take it."""
-        if time.monotonic() - self._flushed >= 1.0:
-            self._flushed = time.monotonic()
-            self.timeline.flush()
-
-    def _note(self):
-        """Tell those who may have to recover which branches there are."""
-        if self._shelter is None:
-            return
-        branches = {
-            name: {
-                "recording": branch.scribe and os.path.abspath(branch.scribe.path),
-                "journal": None,
-                "parent": branch.parent,
-                "left": branch.left,
-            }
-            for name, branch in self.branches.items()
-        }
-        self.timeline.flush()
-        try:
-            self._shelter.note(self.branch_name, branches)
-        except ProblemsError as error:
-            self._warn(f"a crash would now lose what is new: {error}")
-
-    def _warn(self, text):
-        self._notices.append(Notice("warning", text))
-
-
-@dataclass(frozen=True)
-class Chart:
-    """Measures over time, as arrays of one length.
-
-    Attributes
-    ----------
-    time : ndarray (n,)
-        Seconds.
-    values : dict of str to ndarray (n,)
-        "polarization", "milling" and "speed" (m/s, mean).
-    counts : dict of str to ndarray (n,)
-        Animals by name of brush.
-    """
-
-    time: np.ndarray
-    values: dict[str, np.ndarray]
-    counts: dict[str, np.ndarray]
-
-
-def chart_of(samples):
-    """Samples as a chart; of a long run, as many as can be told apart."""
-    every = -(-len(samples) // CHART_POINTS) or 1
-    few = samples[(len(samples) - 1) % every :: every] if samples else []
-    brushes = sorted({name for sample in few for name in sample.counts})
-    return Chart(
-        np.array([sample.time for sample in few]),
-        {name: np.array([getattr(sample, name) for sample in few]) for name in ("polarization", "milling", "speed")},
-        {name: np.array([sample.counts.get(name, 0) for sample in few]) for name in brushes},
-    )
-
-
-class Pacemaker:
-    """How fast simulated time really goes."""
-
-    def __init__(self):
-        self.restart()
-
-    def restart(self):
-        """Forget what was."""
-        self._spans: deque = deque()
-        self.pace = 0.0
-
-    def passed(self, wall, simulated):
-        """So much real and simulated time has passed, in seconds."""
-        self._spans.append((wall, simulated))
-        while sum(span[0] for span in self._spans) - self._spans[0][0] > PACE_SECONDS:
-            self._spans.popleft()
-        total = sum(span[0] for span in self._spans)
-        self.pace = sum(span[1] for span in self._spans) / total if total > 0 else 0.0
-
-
-def sample_of(simulation):
-    """What the charts show of this moment, or None between two samples."""
-    if simulation.clock.tick % SAMPLE_TICKS:
-        return None
-    agents, land = simulation.agents, simulation.world.resource(Landscape)
-    forward, velocity = agents[Heading.forward], agents[Velocity.xyz]
-    names = names_of(simulation)[1]
-    counts = np.bincount(agents[BrushBinding.brush], minlength=len(names)).tolist()
-    return Sample(
-        simulation.clock.tick,
-        simulation.clock.now,
-        compute_polarization(forward),
-        compute_milling(compute_unwrapped(agents[Position.xyz], land.wrap), forward),
-        float(np.linalg.norm(velocity, axis=1).mean()) if len(agents) else math.nan,
-        {name: count for name, count in zip(names, counts, strict=True) if count},
-    )
-
-
-@contextmanager
-def _sheltered(level, root, notices):
-    """A folder for what a crash must not take, gone again when the body fails; None, and a notice, when none can be."""
-    try:
-        shelter = Shelter(level, root)
-    except OSError as error:
-        notices.append(Notice("warning", f"a crash would lose your work: {error.filename}: {error.strerror}"))
-        shelter = None
-    try:
-        yield shelter
-    except BaseException:
-        if shelter is not None:
-            shelter.close()
-        raise
+        return self._profile.milliseconds
 
 
 def _reason(error):

@@ -117,6 +117,10 @@ class Branch:
         What of the script is still to come at its end.
     parent, left : str, int
         The branch it comes from, and the tick at which it left that one.
+    editor : levels.editor.Editor
+        Of the level's document as it is at the branch's end.
+    outdated : bool
+        Another branch was saved since.
     differs : int or None
         The first tick that came out differently when it was lived again.
     """
@@ -137,6 +141,7 @@ class Branch:
     left: int = 0
     editor: Any = None
     scribe: Scribe | None = None
+    outdated: bool = False
     differs: int | None = None
 
     @classmethod

@@ -1,10 +1,12 @@
 """A pasture to play in: a few sheep, a stone, a guide and a timed command; and runs of it without a session."""
 
 from behaviours.brush import shipped
+from engine.recording import first_difference, open_recording, resume
 from engine.state import state_hash
-from flockbrush.run import start
+from flockbrush.run import rebuild, start
 from levels.sketch import Sketch
 from levels.tiled import write_project
+from systems.edits import Paint
 
 
 def pasture(folder, name="pasture", sheep=9, script=True, boundary="wall"):
@@ -21,6 +23,11 @@ def pasture(folder, name="pasture", sheep=9, script=True, boundary="wall"):
     return sketch.save(folder / f"{name}.tmj")
 
 
+def stroke(brush, x, y, radius):
+    """A dab of behaviour on the ground."""
+    return Paint("brush", brush, x, y, x, y, radius)
+
+
 def straight_run(path, commands, ticks, **options):
     """{tick: hash} of a run without a session: these (tick, command) beside the level's script."""
     simulation = start(path, **options)
@@ -32,6 +39,16 @@ def straight_run(path, commands, ticks, **options):
         hashes[simulation.clock.tick] = state_hash(simulation.world)
     simulation.close()
     return hashes
+
+
+def verified(path):
+    """A recording lived again from nothing but its file; the last tick when every hash is the same."""
+    run = open_recording(path)
+    simulation = rebuild(run)
+    resume(run, simulation.world)
+    assert first_difference(run, simulation.world, simulation.tick) is None
+    simulation.close()
+    return run
 
 
 def by_hand(session, branch=None):

@@ -1,12 +1,12 @@
 """A session as a designer has it: time that goes, slows and stands; deeds that succeed or say why not."""
 
 import pytest
-from small_pasture import by_hand, pasture, straight_run
+from small_pasture import by_hand, pasture, straight_run, stroke
 
 from behaviours.problems import ProblemsError
 from engine.state import state_hash
 from flockbrush.play.session import Session
-from systems.commands import AddAnimals, PaintBrush, RemoveAnimals, SetParameter, SwitchBrush
+from systems.commands import AddAnimals, RemoveAnimals, SetParameter, SwitchBrush
 from systems.steer import NotFinite, Steer
 
 FRAME = 1 / 60  # s
@@ -115,7 +115,7 @@ def test_single_steps_go_both_ways(session):
 
 def test_the_past_is_watched_again_and_then_goes_on(session, level):
     session.step(10)
-    session.do("paint", [PaintBrush("swarm", 8, 8, 3)])
+    session.do("paint", [stroke("swarm", 8, 8, 3)])
     session.step(10)
     session.scrub(3)
     assert session.in_past
@@ -135,7 +135,7 @@ def test_dragging_through_a_long_past_takes_its_time(session):
         session.advance(FRAME, 0.001)
     assert session.tick == 59 and not session.playing
     session.scrub(20, budget_s=0.0)
-    session.do("paint", [PaintBrush("swarm", 8, 8, 3)])  # whoever acts, acts where he wanted to be
+    session.do("paint", [stroke("swarm", 8, 8, 3)])  # whoever acts, acts where he wanted to be
     assert session.tick == 20 and session.branch_name == "pasture-2"
 
 
@@ -227,12 +227,12 @@ def test_the_chart_knows_the_whole_branch(session):
     assert (chart.values["polarization"] <= 1).all() and (chart.values["speed"] > 0).all()
     session.scrub(8)
     assert len(session.chart.time) == 6
-    session.do("paint", [PaintBrush("march", 8, 8, 3)])
+    session.do("paint", [stroke("march", 8, 8, 3)])
     assert len(session.chart.time) == 3
 
 
 def test_a_long_chart_is_thinned(session, monkeypatch):
-    monkeypatch.setattr("flockbrush.play.session.CHART_POINTS", 10)
+    monkeypatch.setattr("flockbrush.play.gauges.CHART_POINTS", 10)
     session.step(160)
     assert 8 <= len(session.chart.time) <= 10 and session.chart.time[-1] == 5.0
 
@@ -247,7 +247,7 @@ def test_the_profile_names_the_systems(session):
 def test_only_the_ground_that_changed_is_named(session):
     session.step(2)
     assert session.ground_changes() == []
-    session.do("paint", [PaintBrush("swarm", 8, 8, 2)])
+    session.do("paint", [stroke("swarm", 8, 8, 2)])
     ((west, south, east, north),) = session.ground_changes()
     assert 5.9 <= west < 6.6 and 9.4 < east <= 10.1 and 5.9 <= south < north <= 10.1
     session.do("slower", [SetParameter("march", "cohesion_weight", 0.5)])

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from small_pasture import pasture, straight_run
+from small_pasture import pasture, straight_run, verified
 
 from components import Position
 from engine.commands import CommandError
-from engine.recording import first_difference, open_recording, resume
+from engine.recording import open_recording
 from engine.state import pieces, snapshot, state_hash
 from flockbrush.play.timeline import Beginning, Keyframes, Timeline, WentWrong
-from flockbrush.run import open_level, rebuild
+from flockbrush.run import open_level
 from systems.commands import AddAnimals, AddObstacle, PaintBrush, RemoveAnimals, SetParameter, SwitchBrush
 from systems.steer import Steer
 
@@ -246,16 +246,6 @@ def test_large_states_are_hashed_less_often(level, monkeypatch):
 
 
 # files -----------------------------------------------------------------------
-
-
-def verified(path):
-    """A recording lived again from nothing but its file; the last tick when every hash is the same."""
-    run = open_recording(path)
-    simulation = rebuild(run)
-    resume(run, simulation.world)
-    assert first_difference(run, simulation.world, simulation.tick) is None
-    simulation.close()
-    return run
 
 
 def test_every_branch_is_a_recording_beside_the_first(level, monkeypatch, tmp_path):
