@@ -219,7 +219,7 @@ def facts_of(session, row) -> list[tuple[str, str]]:
         ("speed", f"{speed:.2f} m/s, {speed / length:.1f} BL/s"),
         ("wants to go", f"{float(agents[Speed.target][row]):.2f} m/s"),
         ("faces", f"{np.degrees(np.arctan2(fy, fx)) % 360:.0f}°, {compass(fx, fy)}"),
-        ("place", f"{x:.1f}, {y:.1f} m" + (f", {z:.1f} m up" if z else "")),
+        ("place", f"{x:.1f}, {y:.1f} m" + (f"; height {z:.1f} m" if z else "")),
         ("others in sight", f"{seen_by(world, row)}"),
         ("reference bird", f"animal {bird}" if bird else "none"),
     ]
