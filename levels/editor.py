@@ -259,15 +259,19 @@ class Editor:
         return other
 
     def restarted(self) -> Editor:
-        """Another editor with the same document, undo and all, for a run that begins anew: all was done at tick 0."""
+        """Another editor with the same document, undo and all, for a run that begins anew: all was done at tick 0.
+
+        What a step would do to single animals is forgotten, for they are born anew.
+        """
         self.sheet.settle()
         kept = {id(thing): thing for thing in (self.library, *self.sheet.constants())}
         other = copy.deepcopy(self, {**kept, id(self._journal): None})
         other.sheet.find_grids()
         for event in other._events:
-            event["tick"] = 0
+            event |= {"tick": 0} | {key: _of_nobody(event[key]) for key in ("back", "again") if event.get(key)}
         for step in (*other._done, *other._undone):
-            step.tick = 0
+            step.tick, step.again = 0, None
+            step.back = _commands(_of_nobody(_told(step.back)))
         return other
 
     def _replayed(self, events):
@@ -438,6 +442,11 @@ def _told(commands):
 
 def _commands(told):
     return [from_record(name, values) for name, values in told]
+
+
+def _of_nobody(told):
+    """Commands, as `_told`, without those that name single animals."""
+    return [[name, values] for name, values in told if "entities" not in values]
 
 
 def _step_told(step):

@@ -92,12 +92,8 @@ NATIVE_NAME = None  # of a surface: as the level was read
 
 
 def painted(land, layer):
-    """(raster, fill): what is painted in a layer, and what stands for nothing."""
-    return {
-        "brush": (land.painted.brush, NO_BRUSH),
-        "cap": (land.painted.cap, np.inf),
-        "surface": (land.painted.ground, BARE),
-    }[layer]
+    """The raster of what is painted in a layer."""
+    return {"brush": land.painted.brush, "cap": land.painted.cap, "surface": land.painted.ground}[layer]
 
 
 def number_of(world, layer, value):
@@ -212,7 +208,9 @@ def cells_now(world, layer, iy, ix):
     """The command that paints cells as they are now, in a list; none for no cells."""
     if not len(iy):
         return []
-    numbers, index = np.unique(painted(world.resource(Landscape), layer)[0][iy, ix], return_inverse=True)
+    land = world.resource(Landscape)
+    now = land.ground_of(iy, ix) if layer == "surface" else painted(land, layer)[iy, ix]
+    numbers, index = np.unique(now, return_inverse=True)
     names = [value_of(world, layer, number) for number in numbers.tolist()]
     return [PaintCells(layer, names, runs_of(iy, ix, index.ravel()))]
 

@@ -112,7 +112,7 @@ def pick(world, layer, x, y):
     """What is painted at a place: the value that `Paint` takes, "" or 0 for nothing and off the map."""
     land = world.resource(Landscape)
     ix, iy = int(np.floor(x / land.cell)), int(np.floor(y / land.cell))
-    raster = land.kind_at if layer == "surface" else painted(land, layer)[0]
+    raster = land.kind_at if layer == "surface" else painted(land, layer)
     if not (0 <= iy < raster.shape[0] and 0 <= ix < raster.shape[1]):
         return 0.0 if layer == "cap" else ""
     return value_of(world, layer, raster[iy, ix].item())
@@ -125,7 +125,7 @@ def region(world, layer, x, y):
     ix, iy = int(np.floor(x / land.cell)), int(np.floor(y / land.cell))
     inside = 0 <= iy < land.brush.shape[0] and 0 <= ix < land.brush.shape[1]
     need(inside, _off_the_map(land, f"({x:g}, {y:g})"))
-    return connected(land.kind_at if layer == "surface" else painted(land, layer)[0], iy, ix)
+    return connected(land.kind_at if layer == "surface" else painted(land, layer), iy, ix)
 
 
 def fill(world, layer, x, y, value):

@@ -97,6 +97,7 @@ class Native:
     blind: np.ndarray
     cost: np.ndarray
     kind: np.ndarray  # (ny, nx) int16, index into `Landscape.kinds`, `BARE` where nothing was painted
+    regular: np.ndarray | None = None  # (ny, nx) bool, where it is no other than its kind
 
 
 @dataclass
@@ -178,6 +179,16 @@ class Landscape:
             bare = np.full(shape, BARE, np.int16)
             self.native = Native(self.surface[..., 0].copy(), self.walkable, self.blind, self.cost, bare)
         self.walkable, self.blind, self.cost = self.walkable.copy(), self.blind.copy(), self.cost.copy()
+        if self.native.regular is None:
+            self.native.regular = self._regular()
+
+    def _regular(self):
+        """(ny, nx) bool, where the ground as read is no other than its kind: there one may say so by its name."""
+        native, everywhere = self.native, (..., slice(None))
+        told = [self._of_ground(name, None, native.kind, *everywhere) for name in _OF_BARE]
+        there = native.walkable, native.blind, native.cost, native.factor
+        told[3] = told[3] * self.above.factor
+        return np.logical_and.reduce([a == b for a, b in zip(told, there, strict=True)])
 
     @property
     def wrap(self):
@@ -199,6 +210,11 @@ class Landscape:
         """(ny, nx) which of `kinds` is on the ground, `BARE` where nothing is painted."""
         return np.where(self.painted.ground == NATIVE, self.native.kind, self.painted.ground)
 
+    def ground_of(self, iy, ix):
+        """Which of `kinds` is on cells: `NATIVE` only where no kind says what is there."""
+        ground, native = self.painted.ground[iy, ix], self.native
+        return np.where((ground == NATIVE) & native.regular[iy, ix], native.kind[iy, ix], ground)
+
     # paint ----------------------------------------------------------------------
 
     def lay_brush(self, iy, ix, index):
@@ -214,7 +230,8 @@ class Landscape:
 
     def lay_ground(self, iy, ix, kind):
         """Paint kinds of ground on cells; call `rebuild` when somebody can stand or see there no longer."""
-        self.painted.ground[iy, ix] = kind
+        as_read = (kind == self.native.kind[iy, ix]) & self.native.regular[iy, ix]
+        self.painted.ground[iy, ix] = np.where(as_read, NATIVE, kind)
         ground = self.painted.ground[iy, ix]
         self.walkable[iy, ix] = self._of_ground("walkable", "walkable", ground, iy, ix)
         self.blind[iy, ix] = self._of_ground("blocks_view", "blind", ground, iy, ix)
