@@ -317,11 +317,16 @@ class Editor:
             When it cannot be written; the file there is then untouched.
         """
         to = Path(path) if path is not None else self.path
-        moved = self._copied(to)
+        moved, before, saved = self._copied(to), self.path, self._saved
         self._moved(str(to), moved)
-        for entry, meanings in self.sheet.playgrounds():
-            write_file(to.parent / entry["image"], _picture(meanings, entry, self.library))
-        self.document.save(to, backup)
+        try:
+            for entry, meanings in self.sheet.playgrounds():
+                write_file(to.parent / entry["image"], _picture(meanings, entry, self.library))
+            self.document.save(to, backup)
+        except BaseException:
+            self._moved(str(before), {new: old for old, new in moved.items()})
+            self._saved = saved  # it is not
+            raise
         self._note("save", self._done[-1].tick if self._done else 0, path=str(to), moved=moved)
         return to
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import shutil
 import time
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -98,24 +97,32 @@ class Keeping:
             if to.parent == running.SHIPPED:
                 raise refused(to, "comes with Flockbrush and stays as it is; save under another name")
             self.editor.save(to)
-            self._bring_brushes(to)
         except (ProblemsError, OSError, ValueError) as error:
             self._say("error", f"{error}\nThe level was not saved; nothing of your work is lost.")
             return False
+        self._bring_along(to)
         self.path, self._file = to, LevelFile(to)
         for branch in self.branches.values():
             branch.outdated = branch is not self.timeline.current
         self._note()
         return to
 
-    def _bring_brushes(self, to):
-        """Brushes of one's own go along into another folder."""
-        level = read_level_text(self.editor.text().encode(), to, self.library, self.level.files)
-        there = brush_library(to)
-        for name in brushes_used(level):
-            if name not in there.names():
-                (to.parent / "brushes").mkdir(exist_ok=True)
-                shutil.copyfile(self.library.path(name), to.parent / "brushes" / f"{name}{SUFFIX}")
+    def _bring_along(self, to):
+        """In another folder: brushes of one's own, and tilesets that are lost at the old place."""
+        if to.parent == self.path.parent and all((to.parent / name).exists() for name in self.level.files):
+            return
+        try:
+            level = read_level_text(self.editor.text().encode(), to, self.library, self.level.files)
+            files = dict(list(level.files.items())[1:])
+            there = brush_library(to).names()
+            own = [name for name in brushes_used(level) if name not in there]
+            files |= {f"brushes/{name}{SUFFIX}": self.library.path(name).read_bytes() for name in own}
+            for name, data in files.items():
+                if not (to.parent / name).exists():
+                    (to.parent / name).parent.mkdir(parents=True, exist_ok=True)
+                    write_atomically(to.parent / name, data)
+        except (ProblemsError, OSError) as error:
+            self._say("warning", f"{to} is saved, but does not open yet: {error}")
 
     def changed_on_disk(self):
         """ "" as long as the level's file is as we know it, "changed" or "deleted" when another program did that."""
