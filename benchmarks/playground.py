@@ -43,7 +43,7 @@ class Playground:
         self.session = open_session(level, agents=count, state_folder=folder)
         self.session.play()
         self.app = App(self.session, SIZE, "light")
-        self.app.notify = lambda text, kind="info": print(f"({kind}: {text})")
+        self.app.notify = _silent
 
     def frames(self, count):
         """(ms of each part, whether a tick fell into it) of so many frames."""
@@ -86,6 +86,10 @@ class Blit:
     def frames(self, count):
         """Milliseconds of each of so many frames."""
         return [timed(self.show) for _ in range(count)]
+
+
+def _silent(text, kind="info"):
+    """No toasts: they would be drawn."""
 
 
 def timed(do):
@@ -151,7 +155,9 @@ def show(table, options):
     """The table, with the goal beside the mean of all frames."""
     from engine.parallel import threads
 
-    print(f"ms per frame at {SIZE[0]} x {SIZE[1]}, {options.level}, {threads()} threads, {options.frames} frames")
+    load = f"load {os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "load unknown"
+    of = f"{options.level}, {threads()} threads, {options.frames} frames, {os.cpu_count()} cores, {load}"
+    print(f"ms per frame at {SIZE[0]} x {SIZE[1]}: {of}")
     names = [*PARTS, "together", "95 % below", "floor"]
     print(f"{'animals':>9}  {'':<12}" + "".join(f"{name:>12}" for name in names) + f"{'goal':>8}")
     for count, rows in table.items():

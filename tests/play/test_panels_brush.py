@@ -237,3 +237,12 @@ def test_a_column_of_any_size_holds_the_panel(level, size, scale):
     window = SmallWindow(level, BrushPanel, scale=scale, size=size)
     assert window.panel.rows
     window.close()
+
+
+def test_a_level_that_comes_with_flockbrush_keeps_its_folder_and_says_why():
+    window = SmallWindow("meadow", BrushPanel, brush="march")
+    window.panel.save_as("shy-march")
+    window.frames(2)
+    assert "comes with Flockbrush; save it elsewhere first" in window.said[-1][1]
+    assert window.brush == "march"
+    window.close()

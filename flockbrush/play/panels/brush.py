@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import datetime
 import html
-from pathlib import Path
 
 import pygame
 from pygame_gui import UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED
 from pygame_gui.core import ObjectID
 from pygame_gui.elements import UIButton, UIDropDownMenu, UIScrollingContainer
 
-from behaviours.brush import Brush, save_brush
+from behaviours.brush import Brush
 from behaviours.problems import ProblemsError
 from flockbrush.play.panels.knobs import TABLES, Knob, knobs_of
 from flockbrush.play.panels.panel import Panel, Picture, blank, palette_of, write
@@ -256,14 +255,13 @@ class BrushPanel(Panel):
             made = as_new(self.brush, self.asset, name, datetime.date.today())
             if name in {*self.app.session.library.names(), *palette_of(self.app.session).names}:
                 raise ValueError(f"there is a brush {name!r} already; choose another name")
-            path = self._saved(made)
-        except (ValueError, ProblemsError) as error:
+        except ValueError as error:
             self.app.notify(str(error), "error")
             return
+        path = self.app.session.save_brush(made)
+        if path is None:
+            return  # the session has said why
         self.app.session.do(f"new brush {name}", [use(made)])
         self.app.brush = self.name = name
         self.app.notify(f"Saved {path}; '{name}' is in your hand")
         self.refresh()
-
-    def _saved(self, brush) -> Path:
-        return save_brush(brush, self.app.session.brush_folder())
