@@ -15,7 +15,7 @@ from behaviours.problems import ProblemsError
 from flockbrush.play.panels.knobs import TABLES, Knob, knobs_of
 from flockbrush.play.panels.panel import Panel, Picture, blank, palette_of, write
 from flockbrush.play.panels.rows import Row, row_of
-from flockbrush.play.panels.tuning import as_new, changes, command_of, use
+from flockbrush.play.panels.tuning import as_new, changes, command_of, turned, use
 
 
 class BrushPanel(Panel):
@@ -63,9 +63,19 @@ class BrushPanel(Panel):
 
     @property
     def brush(self) -> Brush | None:
-        """The brush in hand as it is in the running world."""
+        """The brush in hand as it is in the running world; as its file has it, if nobody has brought it there yet."""
         palette = palette_of(self.app.session)
-        return palette.brushes[palette.index[self.name]] if self.name in palette.index else None
+        if self.name in palette.index:
+            return palette.brushes[palette.index[self.name]]
+        try:
+            return self.app.session.library.get(self.name)
+        except ProblemsError:
+            return None
+
+    @property
+    def is_in_world(self) -> bool:
+        """Whether the running world has the brush in hand."""
+        return self.name in palette_of(self.app.session).index
 
     @property
     def asset(self) -> Brush:
@@ -86,10 +96,10 @@ class BrushPanel(Panel):
     def _show(self):
         """The brush as it is now."""
         names = palette_of(self.app.session).names
-        if not names:
+        self.name = self.app.brush or self.name or next(iter(names), None)
+        if self.name is None or self.brush is None:
             return
-        self.name = self.app.brush if self.app.brush in names else self.name if self.name in names else names[0]
-        self._offer(names)
+        self._offer(names if self.name in names else [*names, self.name])
         brush, asset = self.brush, self.asset
         kind = f"{brush.name} {brush.model}"
         if kind != self.known:
@@ -132,6 +142,8 @@ class BrushPanel(Panel):
     def _animals(self, brush):
         from components import BrushBinding
 
+        if not self.is_in_world:
+            return "not on this level yet"
         world = self.app.session.simulation.world
         count = int((world.agents[BrushBinding.brush] == palette_of(self.app.session).index[brush.name]).sum())
         return f"{count:,} {'animal' if count == 1 else 'animals'}"
@@ -203,9 +215,13 @@ class BrushPanel(Panel):
         if brush is None or knob.value(brush) == value:
             return
         label = f"{knob.words} of {brush.name}: {knob.said(value)}"
-        self._do(label, lambda: [command_of(brush, knob, value)], f"tune {brush.name} {knob.name} {self.drag}")
+        self._do(label, lambda: [self._command(brush, knob, value)], f"tune {brush.name} {knob.name} {self.drag}")
         if done:
             self.drag += 1
+
+    def _command(self, brush, knob, value):
+        """A brush that the world has not yet is brought there, with the knob turned."""
+        return command_of(brush, knob, value) if self.is_in_world else use(turned(brush, knob, value))
 
     def _do(self, label, commands, join=None):
         """Submit what was asked for, and show what came of it."""

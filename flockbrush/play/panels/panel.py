@@ -28,10 +28,18 @@ class Panel:
     def __init__(self, app, manager, container):
         self.app, self.manager, self.container = app, manager, container
         self._stale = 0.0
+        self._know_bold()
         self.make()
 
     def make(self):
         """Make the widgets, for the container's size and the app's scale."""
+
+    def _know_bold(self):
+        """Load the letters of the names in tooltips now: pygame_gui warns when it meets them unprepared."""
+        size, fonts = self.px(13), self.manager.get_theme().get_font_dictionary()
+        if not fonts.check_font_preloaded(f"noto_sans_bold_aa_{size}"):
+            font = {"name": "noto_sans", "point_size": size, "style": "bold", "antialiased": "1"}
+            self.manager.preload_fonts([font])
 
     def handle(self, event) -> bool:
         """Answer an event; True when it was meant for this panel."""
