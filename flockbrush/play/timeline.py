@@ -12,19 +12,21 @@ import re
 import time
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from behaviours.brush import BrushLibrary
 from engine.commands import CommandError, Commands
-from engine.recording import Recording, RecordingError
+from engine.recording import Recording, RecordingError, packed_keyframe
 from engine.state import pieces, restore, snapshot, state_hash
 from flockbrush import run as running
 from levels.schema import Level
 
 KEYFRAME_SECONDS = 2.0  # s between two kept moments
 KEYFRAME_BYTES = 384 << 20  # of all kept moments together: beside a window and numba they fit into 1 GB
+NEAR, NEAR_TICKS = 16, 8  # moments kept where one looks at the past, and the ticks between them
 FILED_SECONDS = 30.0  # s between two snapshots in a recording's file: packing one takes longer than a frame
 HASH_BYTES = 8 << 20  # a state larger than this is hashed less often
 SELDOM = 8  # ticks between two hashes of a large state
@@ -86,6 +88,11 @@ class Keyframes:
     def drop(self, tick):
         """Forget one."""
         del self._kept[tick]
+
+    def let_go(self, count):
+        """Keep only so many, the ones kept last."""
+        while len(self._kept) > count:
+            del self._kept[next(iter(self._kept))]
 
     def __getitem__(self, tick):
         return b"".join(self._kept[tick])
@@ -252,6 +259,7 @@ class Timeline:
         self.tell: Callable = tell or (lambda text: None)
         self.folder = None if folder is None else Path(folder)
         self.budget, self._first = budget, name
+        self._near, self._near_of = Keyframes(), None  # moments on the way of the last look back, and of which branch
         self.branches: dict[str, Branch] = {}
         self.moved: list = []
 
@@ -379,7 +387,7 @@ class Timeline:
             When a tick of the past cannot be lived again; the world is at the last kept moment before it.
         """
         tick, here = min(max(int(tick), 0), self.current.last_tick), self.tick
-        start = self.current.keyframes.before(tick)
+        start = self._nearest(tick)
         if not here <= tick or start > here:
             self._leave()
             self._stand(start)
@@ -389,8 +397,22 @@ class Timeline:
                 self.settle()
                 return False
             self._live_again()
+            self._keep_near()
         self.settle()
         return True
+
+    def _nearest(self, tick):
+        """The last tick up to this one that can be restored."""
+        near = self._near.before(tick) if self._near_of is self.current else None
+        return max(self.current.keyframes.before(tick), -1 if near is None else near)
+
+    def _keep_near(self):
+        """Who looks at the past looks at what is near next: keep some moments on the way."""
+        if self._near_of is not self.current:
+            self._near_of, self._near = self.current, Keyframes()
+        if self.tick % NEAR_TICKS == 0 and self.current.keyframes.cut(self.tick) is None and not self.at_end:
+            self._near.keep(self.tick, snapshot(self.simulation.world))
+            self._near.let_go(NEAR)
 
     def _leave(self):
         """Before the world stands elsewhere: remember what waits at the branch's end."""
@@ -400,7 +422,8 @@ class Timeline:
 
     def _stand(self, tick):
         """Put a kept moment of the current branch into the world."""
-        restore(self.simulation.world, self.current.keyframes[tick])
+        kept = self.current.keyframes if self.current.keyframes.cut(tick) is not None else self._near
+        restore(self.simulation.world, kept[tick])
         self.queue.replace([])
         self.queue.log.clear()
         self._done = -1
@@ -574,6 +597,9 @@ class Timeline:
         self.simulation.close()
 
 
+_beside = ThreadPoolExecutor(1, "packing")
+
+
 class Scribe:
     """The recording of one branch in a file, from its beginning on."""
 
@@ -581,6 +607,7 @@ class Scribe:
         self.path = Path(path)
         self.recording = Recording.create(path, branch.header, branch.assets)
         self._commands, self._hashed, self._filed = 0, -1, -1
+        self._packing: Future | None = None
         self.take(branch, 1)
 
     def take(self, branch, keyframe_every):
@@ -602,15 +629,23 @@ class Scribe:
         return new
 
     def _file_keyframe(self, branch, every):
+        """A snapshot now and then, packed beside the run: packing one takes longer than a frame."""
+        if self._packing is not None and self._packing.done():
+            self.recording.put(self._packing.result())
+            self._packing = None
         newest = branch.keyframes.before(branch.last_tick)
-        if newest >= max(self._filed, 0) + every:
+        if self._packing is None and newest >= max(self._filed, 0) + every:
             self._filed = newest
-            self.recording.keyframe(newest, branch.keyframes[newest])
+            self._packing = _beside.submit(packed_keyframe, newest, branch.keyframes[newest])
 
     def flush(self):
+        """Hand what was written to the operating system."""
         self.recording.flush()
 
     def close(self, tick):
+        """End the file in good order."""
+        if self._packing is not None:
+            self.recording.put(self._packing.result())
         self.recording.close(tick)
 
     def discard(self):

@@ -1,12 +1,19 @@
 """A session as a designer has it: time that goes, slows and stands; deeds that succeed or say why not."""
 
+import numpy as np
 import pytest
-from small_pasture import by_hand, pasture, straight_run, stroke
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from small_pasture import by_hand, pasture, straight_run, stroke, verified
 
 from behaviours.problems import ProblemsError
 from engine.state import state_hash
 from flockbrush.play.session import Session
-from systems.commands import AddAnimals, RemoveAnimals, SetParameter, SwitchBrush
+from flockbrush.run import begin
+from systems.commands import AddAnimals, AddObstacle, RemoveAnimals, SetParameter, SwitchBrush
+from systems.edits import DrawGuide
+from systems.landscape import Landscape
+from systems.palette import Palette
 from systems.steer import NotFinite, Steer
 
 FRAME = 1 / 60  # s
@@ -257,3 +264,76 @@ def test_only_the_ground_that_changed_is_named(session):
     assert len(session.ground_changes()) == 1  # it looks as it did before
     session.scrub(4)
     assert len(session.ground_changes()) == 1
+
+
+# whatever one does ----------------------------------------------------------------------
+
+
+DEEDS = [
+    lambda session: [stroke("march", 9, 8, 2)],
+    lambda session: [stroke("swarm", 6, 6, 3)],
+    lambda session: [stroke("", 8, 8, 2)],
+    lambda session: [AddObstacle("rock", [[11, 3], [12, 3], [12, 4], [11, 4]], id=session.editor.new_id())],
+    lambda session: [DrawGuide(session.editor.new_id(), "by", [[2, 2], [20, 3]])],
+    lambda session: [AddAnimals("march", 4, 4, 2, 2, "sheep")],
+    lambda session: [RemoveAnimals(8, 8, 1.5)],
+    lambda session: [SetParameter("march", "alignment_weight", 0.1)],
+]
+WAYS = st.lists(
+    st.one_of(
+        st.tuples(st.just("step"), st.integers(-6, 9)),
+        st.tuples(st.just("play"), st.integers(1, 15)),
+        st.tuples(st.just("scrub"), st.integers(0, 40)),
+        st.tuples(st.just("do"), st.integers(0, len(DEEDS) - 1)),
+        st.tuples(st.just("do"), st.integers(0, len(DEEDS) - 1)),
+        st.tuples(st.just("undo"), st.just(0)),
+        st.tuples(st.just("redo"), st.just(0)),
+        st.tuples(st.just("restart"), st.just(0)),
+        st.tuples(st.just("switch"), st.integers(0, 3)),
+    ),
+    min_size=4,
+    max_size=14,
+)  # fmt: skip
+
+
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(ways=WAYS)
+def test_whatever_one_does_every_branch_replays_and_its_level_is_what_one_sees(level, tmp_path, ways):
+    session = Session.open(level, state_folder=tmp_path / "state")
+    for kind, number in ways:
+        act(session, kind, number)
+    for name in list(session.branches):
+        session.switch(name)
+        session.step(2)
+        assert session.timeline.current.differs is None
+        assert session.export_recording(tmp_path / "run.flock")
+        assert verified(tmp_path / "run.flock").last_tick == session.last_tick
+        assert ground_of(session.simulation) == ground_of(begin(session._level_now(), session.library))
+    assert [text for text in texts(session) if not text.startswith("wrote")] == []
+    session.close()
+
+
+def act(session, kind, number):
+    """One thing that a designer may do."""
+    if kind == "do":
+        session.do(kind, DEEDS[number](session), join=f"stroke {number}")
+    elif kind == "switch":
+        names = list(session.branches)
+        session.switch(names[number % len(names)])
+    elif kind == "play":
+        session.play()
+        played(session, number)
+        session.pause()
+    elif kind in ("undo", "redo", "restart"):
+        getattr(session, kind)()
+    else:
+        getattr(session, kind)(number)
+
+
+def ground_of(simulation):
+    """What is painted and what stands there, in names."""
+    land, names = simulation.world.resource(Landscape), simulation.world.resource(Palette).names
+    painted = [names[k] if k >= 0 else "" for k in land.brush.ravel()]
+    things = [(barrier.name, barrier.polygon.round(6).tolist()) for barrier in land.barriers]
+    guides = [(guide.name, np.round(guide.points, 6).tolist()) for guide in land.guides]
+    return painted, sorted(things), sorted(guides)

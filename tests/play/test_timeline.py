@@ -270,6 +270,16 @@ def test_every_branch_is_a_recording_beside_the_first(level, monkeypatch, tmp_pa
     assert not open_recording(tmp_path / "pasture.flock").truncated
 
 
+def test_a_recording_has_moments_to_start_from(level, monkeypatch, tmp_path):
+    monkeypatch.setattr("flockbrush.play.timeline.FILED_SECONDS", 0.5)
+    timeline = new_timeline(level, monkeypatch, folder=tmp_path)
+    lived(timeline, 70)
+    timeline.close()
+    run = verified(tmp_path / "pasture.flock")
+    assert sorted(run.keyframes) == [16, 32, 48, 64]
+    assert len(run.keyframes[48]) > 1000
+
+
 def test_a_branch_does_not_take_the_name_of_a_file_that_is_there(level, monkeypatch, tmp_path):
     (tmp_path / "pasture-2.flock").write_bytes(b"last week's")
     timeline = new_timeline(level, monkeypatch, folder=tmp_path)
@@ -349,3 +359,23 @@ def walk(timeline, kind, number):
     else:
         names = list(timeline.branches)
         timeline.switch(names[number % len(names)])
+
+
+def test_one_step_back_is_short_once_one_looks_there(timeline, monkeypatch):
+    monkeypatch.setattr("flockbrush.play.timeline.NEAR_TICKS", 2)
+    lived(timeline, 8)
+    ticks = []
+    tick = timeline.simulation.tick
+    monkeypatch.setattr(timeline.simulation, "tick", lambda: (ticks.append(timeline.tick), tick()))
+    timeline.go_to(7)
+    first = len(ticks)
+    timeline.go_to(6)
+    timeline.go_to(5)
+    assert first == 7 and len(ticks) == first + 0 + 1
+    timeline.fork()
+    timeline.perform([RemoveAnimals(6, 8, 2)])
+    lived(timeline, 3)
+    timeline.go_to(6)  # of this branch, not of the one before
+    assert timeline.current.differs is None
+    timeline.go_to(8)
+    assert state(timeline) == timeline.current.hashes[8]
