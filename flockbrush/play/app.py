@@ -136,7 +136,7 @@ class App(Hand, Deeds):
         """The line under the canvas: what to do now on the left, what lies under the mouse on the right."""
         back = UIPanel(rect, 1, self.manager, margins=NO_MARGINS, object_id="@bar")
         pad, tall = round(10 * self.scale), rect.height
-        right = round(190 * self.scale) if rect.width > 520 * self.scale else 0
+        right = round(190 * self.scale) if rect.width > 660 * self.scale else 0
         inside = pygame.Rect(pad, 0, rect.width - right - 2 * pad, tall)
         self.hint = words(self, inside, self.tool.hint, back, "@note")
         if right:
@@ -159,6 +159,7 @@ class App(Hand, Deeds):
         """Go on until the window is closed, for so many frames, or until `stop()`."""
         clock = pygame.time.Clock()
         self.session.play()
+        self.thumbnails.start()
         gc.freeze()  # what was made until now stays; looking through it again and again would make frames stutter
         while self.running and frames != 0 and not stop():
             self.frame(min(clock.tick(60) / 1000, 0.25))
@@ -306,6 +307,8 @@ class App(Hand, Deeds):
             return False
         if self._stroking or self._panning:  # a stroke that leaves the canvas goes on
             return False
+        if self.timebar is not None and not self._covered and self.timebar.mouse(event):
+            return True
         taken = self.manager.process_events(event)
         if event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.buttons:
             self.buttons[event.ui_element].do(self)

@@ -7,10 +7,12 @@ import pygame
 
 from flockbrush.draw import Painter, Scenery
 from flockbrush.draw.camera import Camera
+from flockbrush.draw.overlays import Overlays
 from flockbrush.export import herd_of
 
 NEAREST, FARTHEST = 400.0, 0.25  # pixels per metre; share of the whole map in the window
-REFINE = 0.003  # s of a frame that may go into the ground
+FIRST = 0.25  # s that may go into the ground of a new window before it is shown
+REFINE = 0.004  # s of a frame that may go into the ground
 MARGIN = 14  # pixels around the map when all of it is shown, at scale 1
 
 
@@ -30,7 +32,7 @@ class Canvas:
         self.surface = pygame.image.frombuffer(self.frame, (64, 64), "RGB")
         self.herd = None
         self._simulation = self._theme = None
-        self._overlays = None
+        self._overlays = self._moment = None
         self._following_fit = True  # until somebody pans or zooms, the whole map is shown at every size
 
     # the camera ------------------------------------------------------------------
@@ -58,6 +60,7 @@ class Canvas:
         self.painter, self._overlays = painter_of(simulation, size, app.theme)
         self.home, self._simulation, self._theme = home, simulation, app.theme
         self.look(Camera(camera.centre, camera.scale, size, (0, 0, *size)))
+        self.painter.refine(FIRST)
 
     def look(self, camera: Camera):
         """Look at another part of the level; never so far away that it is lost."""
@@ -106,29 +109,21 @@ class Canvas:
         for box in app.session.ground_changes():
             self.painter.repaint(box)
         self.painter.refine(REFINE)
-        moment = app.session.view()
+        moment = self._moment = app.session.view()
         self.herd = herd_of(self._simulation, moment)
         trails = "trails" in app.overlays
-        under = {"under": self._under} if self._overlays is not None else {}
-        self.painter.frame(self.herd, time=moment.time, title="", legend=False, trails=trails, out=self.frame, **under)
-        if self._overlays is not None:
-            self._overlays.over(self.frame, self.camera, app.overlays, moment, app.selected)
+        self.painter.frame(
+            self.herd, moment.time, "", legend=False, trails=trails, out=self.frame, under=self._under
+        )  # fmt: skip
+        self._overlays.over(self.frame, self.camera, app.overlays, moment, app.selected)
         app.draw_above(self.frame, self.camera, self.herd)
 
     def _under(self, frame):
-        self._overlays.under(frame, self.camera, self.app.overlays)
+        self._overlays.under(frame, self.camera, self.app.overlays, self._moment)
 
 
 def painter_of(simulation, size, theme):
     """(painter, overlays) for a running simulation."""
     scenery = Scenery(simulation)
     painter = Painter(scenery, size, theme, words=False, labels=True, live=True)
-    return painter, _overlays(scenery, theme)
-
-
-def _overlays(scenery, theme):
-    try:
-        from flockbrush.draw.overlays import Overlays
-    except ImportError:
-        return None
-    return Overlays(scenery, theme)
+    return painter, Overlays(scenery, theme)

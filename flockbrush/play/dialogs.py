@@ -40,7 +40,8 @@ class Dialog(UIWindow):
             top -= row
             line = pygame.Rect(pad, top, inside.width - 2 * pad, row)
             self.entry = UITextEntryLine(line, app.manager, container=self, initial_text=entry)
-            self.entry.focus()
+            self.entry.edit_position = len(entry)
+            self.entry.cursor_has_moved_recently = True
             app.manager.set_focus_set(self.entry)
             top -= pad
         said_place = pygame.Rect(pad // 2, pad // 2, inside.width - pad, max(10, top - pad // 2))

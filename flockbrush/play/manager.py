@@ -28,6 +28,8 @@ class Manager(pygame_gui.UIManager):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # it warns of fonts that it then finds
             super().__init__(size, look, enable_live_theme_updates=False)
+            small = int(look["@page"]["font"]["size"])
+            self.preload_fonts([{"name": "noto_sans", "point_size": small, "style": "bold", "antialiased": "1"}])
 
     def create_new_theme(self, theme_path=None):
         theme = _Theme(self.resource_loader, self._locale)

@@ -7,7 +7,7 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton, UIScrollingContainer
 
-from flockbrush.draw.style import mix, rgb
+from flockbrush.draw.style import mix
 from flockbrush.play.theme import chrome, px
 from flockbrush.play.widgets import set_pictures
 
@@ -27,7 +27,8 @@ class Palette:
         bar = 24  # pixels of pygame_gui's scroll bar, whatever the scale
         gap = px(app.scale, 4)
         wide = (rect.width - bar - (ACROSS - 1) * gap) // ACROSS
-        self.picture = (wide - px(app.scale, 10), round(0.62 * wide))
+        side = min(wide - px(app.scale, 10), px(app.scale, 76))
+        self.picture = (side, side) if layer == "brush" else (wide - px(app.scale, 10), round(0.55 * side))
         tall = self.picture[1] + px(app.scale, 28)
         rows = -(-len(self.entries) // ACROSS)
         self.back.set_scrollable_area_dimensions((rect.width - bar, max(1, rows * (tall + gap))))
@@ -52,7 +53,7 @@ class Palette:
                 self._waiting.append(button)
         else:
             picture = self._swatch(entry)
-        set_pictures(button, picture, at=(0.5, 0.14))
+        set_pictures(button, picture, at=(0.5, 0.12))
 
     def _words(self, entry):
         """(what is written, tooltip)."""
@@ -100,71 +101,77 @@ class Palette:
             picture, ready = self.app.thumbnails.get(self.buttons[button], self.picture)
             if ready:
                 self._waiting.remove(button)
-                set_pictures(button, picture, at=(0.5, 0.14))
+                set_pictures(button, picture, at=(0.5, 0.12))
 
 
 class Thumbnails:
-    """Pictures of brushes, made in the background; a plain one until then."""
+    """Pictures of what brushes do: at once where they have been made before, otherwise from another process.
+
+    Until `start` is called nothing is made: tests and pictures of the window take what there is.
+    """
+
+    SIDE = 128  # pixels, whatever the size on the screen: one picture serves every window
 
     def __init__(self, app):
         self.app = app
         self.made: dict = {}
-        self._asked: dict = {}
-        self._pool = None
+        self._plain: dict = {}
+        self._working = False
+        self._makers: dict = {}  # process by theme
+        self._thread = None
+
+    def start(self):
+        """From now on make what is missing."""
+        self._working = True
 
     def get(self, name, size):
         """(surface, whether it is the final one)."""
-        theme = self.app.theme.name
-        key = (name, size, theme, self._source(name))
+        from flockbrush.play import thumbnails
+
+        brush, theme = self.app.find_brush(name), self.app.theme
+        if brush is None:
+            return pygame.Surface(size, pygame.SRCALPHA), True
+        key = (brush.source, size, theme.name)
         if key in self.made:
             return self.made[key], True
-        job = self._asked.get(key)
-        if job is None:
-            job = self._asked[key] = self._ask(name, size, theme)
-        if job is None:  # there is nobody to make them
-            self.made[key] = self._plain(name, size)
+        array = thumbnails.cached(brush, self.SIDE, theme)
+        if array is not None:
+            self.made[key] = surface_of(array, size)
             return self.made[key], True
-        if job.done():
-            self.made[key] = self._plain(name, size) if job.exception() else self._framed(job.result())
-            return self.made[key], True
-        return self._plain(name, size), False
+        if self._working:
+            self._make(brush, theme)
+        if key not in self._plain:
+            self._plain[key] = surface_of(thumbnails.placeholder(brush, self.SIDE, theme), size)
+        return self._plain[key], False
 
-    def _source(self, name):
-        brush = self.app.find_brush(name)
-        return getattr(brush, "source", b"")
+    def _make(self, brush, theme):
+        """Have a picture made: of shipped brushes by another process, of others by a thread, one after the other."""
+        from threading import Thread
 
-    def _ask(self, name, size, theme):
-        try:
-            from flockbrush.play.thumbnails import thumbnail
-        except ImportError:
-            return None
-        brush = self.app.find_brush(name)
-        if brush is None:
-            return None
-        if self._pool is None:
-            from concurrent.futures import ThreadPoolExecutor
+        from behaviours.brush import shipped
+        from flockbrush.play import thumbnails
 
-            self._pool = ThreadPoolExecutor(1, "thumbnails")
-        return self._pool.submit(thumbnail, brush, size, theme)
-
-    def _framed(self, array):
-        array = np.ascontiguousarray(array[..., :3])
-        surface = pygame.image.frombuffer(array.tobytes(), array.shape[1::-1], "RGB")
-        pygame.draw.rect(surface, chrome(self.app.theme).border, surface.get_rect(), 1)
-        return surface
-
-    def _plain(self, name, size):
-        """The brush's colour on ground."""
-        theme = self.app.theme
-        surface = pygame.Surface(size)
-        surface.fill(mix(theme.ground, rgb(self.app.colour_of(name)), 0.35))
-        pygame.draw.rect(surface, chrome(theme).border, surface.get_rect(), 1)
-        return surface
+        if theme.name not in self._makers:
+            self._makers[theme.name] = thumbnails.make_in_background((), self.SIDE, theme)
+        library = shipped()
+        ours = brush.name in library.names() and library.get(brush.name).source == brush.source
+        if not ours and (self._thread is None or not self._thread.is_alive()):
+            self._thread = Thread(target=thumbnails.thumbnail, args=(brush, self.SIDE, theme), daemon=True)
+            self._thread.start()
 
     def close(self):
         """Make no more."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=False, cancel_futures=True)
+        self._working = False
+        for process in self._makers.values():
+            process.terminate()
+            process.wait(5)
+
+
+def surface_of(array, size):
+    """A picture (h, w, 4) as a surface of this size, as pygame_gui wants it."""
+    array = np.ascontiguousarray(array)
+    surface = pygame.image.frombuffer(array.tobytes(), array.shape[1::-1], "RGBA")
+    return pygame.transform.smoothscale(surface, size).premul_alpha()
 
 
 def fitted(text, room, scale):

@@ -12,7 +12,7 @@ import pygame
 from flockbrush.draw.style import Colour, Theme, mix
 
 SMALLEST, LARGEST = 0.8, 3.0  # of the interface's scale
-ACCENT = {"light": (31, 111, 178), "dark": (104, 178, 232)}  # blue: no animal, leader or predator has it
+ACCENT = {"light": (24, 98, 162), "dark": (104, 178, 232)}  # blue: no animal, leader or predator has it
 WARNING = {"light": (166, 106, 0), "dark": (240, 186, 92)}
 ERROR = {"light": (176, 48, 32), "dark": (255, 130, 110)}
 
@@ -50,7 +50,7 @@ def chrome(theme: Theme) -> Chrome:
         sunken=mix(theme.paper, (0, 0, 0), 0.3) if dark else mix(panel, lift, 0.07),
         border=mix(panel, lift, 0.17 if dark else 0.15),
         ink=theme.ink,
-        muted=mix(theme.ink, panel, 0.36 if dark else 0.3),
+        muted=mix(theme.ink, panel, 0.36 if dark else 0.22),
         faint=mix(theme.ink, panel, 0.62),
         accent=ACCENT["dark" if dark else "light"],
         on_accent=(10, 18, 24) if dark else (255, 255, 255),

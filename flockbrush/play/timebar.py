@@ -11,7 +11,9 @@ from flockbrush.play.theme import chrome, font, px
 from flockbrush.play.widgets import NO_MARGINS, action_button, set_icon, words
 
 RATES = {"¼×": 0.25, "½×": 0.5, "1×": 1.0, "2×": 2.0, "4×": 4.0, "8×": 8.0}
+PATIENCE = 1.5  # s
 LAGGING = 0.9  # of the wished pace: below, the lag is told
+STEPS = (5, 10, 15, 30, 60, 120, 300, 600, 1800, 3600, 1e9)  # s between two numbers on the strip
 ROOM = 30.0  # s the strip shows at least
 
 
@@ -23,6 +25,7 @@ class TimeBar:
         self.back = UIPanel(rect, 1, app.manager, margins=NO_MARGINS, object_id="@bar")
         self.dragging = False
         self._shown = self._branches = None
+        self._in_time = app.now
         self._make_buttons()
         self._make_right()
         left = self.left + px(app.scale, 10)
@@ -73,7 +76,7 @@ class TimeBar:
     # events ------------------------------------------------------------------------
 
     def handle(self, event) -> bool:
-        """Scrub, choose a speed or a branch."""
+        """Choose a speed or a branch."""
         if event.type == pygame_gui.UI_DROP_DOWN_MENU_CHANGED:
             if event.ui_element is self.rates:
                 self.app.session.rate = RATES[event.text]
@@ -81,6 +84,10 @@ class TimeBar:
             if event.ui_element is self.branches:
                 self.app.switch(event.text)
                 return True
+        return False
+
+    def mouse(self, event) -> bool:
+        """Scrub along the strip; asked before the controls are."""
         if event.type == pygame.MOUSEBUTTONDOWN and event.button == 1 and self._is_on_strip(event.pos):
             self.dragging = True
             self._scrub(event.pos)
@@ -133,11 +140,17 @@ class TimeBar:
         """How time goes, in words."""
         session = self.app.session
         if not session.playing:
-            return "in the past" if getattr(session, "in_past", False) else "paused"
-        pace = getattr(session, "pace", session.rate)
-        if 0 < pace < LAGGING * session.rate:
-            return f"lags: {pace:.2g}× of {session.rate:g}×"
-        return "watching the past" if getattr(session, "in_past", False) else "running"
+            return "in the past" if session.in_past else "paused"
+        if self._is_late():
+            return f"lags: {session.pace:.2g}× of {session.rate:g}×"
+        return "watching the past" if session.in_past else "running"
+
+    def _is_late(self):
+        """Whether time has been slower than wished for a while, not only in the moment after a pause."""
+        session, now = self.app.session, self.app.now
+        if not 0 < session.pace < LAGGING * session.rate:
+            self._in_time = now
+        return now - self._in_time > PATIENCE
 
     def _update_branches(self):
         if self.right + self.rect.x > self.rect.right - px(self.app.scale, 200):
@@ -210,7 +223,7 @@ class TimeBar:
         """Seconds along the strip."""
         dt, letters = self.app.session.clock.dt, font(px(self.app.scale, 10))
         span = self._span() * dt
-        every = next(step for step in (5, 10, 15, 30, 60, 120, 300, 600, 1800, 3600, 1e9) if span / step <= 12)
+        every = next(step for step in STEPS if span / step * px(self.app.scale, 52) <= picture.get_width())
         second = 0.0
         while second <= span:
             at = x(second / dt)

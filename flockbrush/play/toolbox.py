@@ -16,11 +16,15 @@ ACROSS = 5  # tools side by side
 CHOICES = {
     "shape": {"pen": "Round pen", "rectangle": "Rectangle", "polygon": "Polygon"},
     "erase": {
-        "everything": "Everything", "brush": "Behaviour", "cap": "Speed limits", "surface": "Surfaces",
+        "usual": "Paint and things",
+        "everything": "All, surfaces too",
+        "brush": "Behaviour",
+        "cap": "Speed limits",
+        "surface": "Surfaces",
         "things": "Things",
     },
     "layer": {"brush": "Behaviour", "cap": "Speed limit", "surface": "Surface"},
-}  # fmt: skip
+}
 SWITCHES = {
     "solid": ("Keeps bodies out", "Whether animals cannot walk through it"),
     "blocks_view": ("Hides the view", "Whether animals cannot see through it"),

@@ -77,7 +77,7 @@ class Obstacle(Shape):
         closes = len(self.points) > 2 and self.is_near(xy, self.points[0])
         if self.is_double(xy) or closes:
             self.finish()
-        else:
+        elif not (self.points and self.is_near(xy, self.points[-1])):
             self.points.append(xy)
 
     def drag(self, xy):
@@ -169,7 +169,7 @@ class Guide(Shape):
     def _next(self, xy):
         if self.is_double(xy):
             self.finish()
-        else:
+        elif not self.is_near(xy, self.points[-1]):
             self.points.append(xy)
 
     def _hold(self, xy) -> bool:
