@@ -1,5 +1,6 @@
 """Sessions that end badly: what a crash leaves is found, and one goes on from there."""
 
+import hashlib
 import os
 import signal
 import subprocess
@@ -15,7 +16,8 @@ from engine.recording import RecordingError
 from engine.state import state_hash
 from flockbrush.play.recovery import leftovers, state_folder
 from flockbrush.play.session import Session
-from systems.commands import AddAnimals
+from levels.writer import Document, dump
+from systems.commands import AddAnimals, AddObstacle
 
 HOUSE = Path(__file__).parents[2]
 
@@ -172,21 +174,31 @@ def test_where_a_users_state_lies(monkeypatch, tmp_path):
 
 
 VICTIM = """
-    import sys, time
+    import hashlib, sys, time
     from flockbrush.play.session import Session
     from systems.commands import AddAnimals
+    from systems.edits import Paint
 
     session = Session.open(sys.argv[1], state_folder=sys.argv[2])
     session.play()
-    last = time.monotonic()
+    last, deeds = time.monotonic(), 0
     while True:
         now = time.monotonic()
         session.advance(now - last, 0.01)
         last = now
-        if session.tick % 10 == 3 and len(session.moment) < 200:
-            session.do("add", [AddAnimals("march", 4, 4, 2, 1, "sheep")])
+        if session.tick > 3 * deeds:
+            deeds += 1
+            if deeds % 7 == 0:
+                session.undo()
+            elif deeds % 3 == 0:
+                session.do("add", [AddAnimals("march", 4, 4, 2, 1, "sheep")])
+            else:
+                x = 4 + deeds % 16
+                session.do("paint", [Paint("brush", "march", x, 8, x + 1, 8, 1.5)], join=f"stroke {deeds // 4}")
         session.autosave()
-        print(session.tick, len(session.moment), time.time(), flush=True)
+        text = hashlib.sha256(session.editor.text().encode()).hexdigest()
+        steps = "/".join(step.label for step in session.editor._done)
+        print(session.tick, deeds, time.time(), text, steps, flush=True)
         time.sleep(0.005)
 """
 
@@ -199,18 +211,68 @@ def test_killed_in_the_middle_nothing_older_than_a_second_is_lost(level, state):
     )  # fmt: skip
     told = []
     for line in victim.stdout:
-        told.append([float(word) for word in line.split()])
-        if told[-1][0] >= 100:
+        told.append(line.split())
+        if int(told[-1][0]) >= 100:
             break
     os.kill(victim.pid, signal.SIGKILL)
     killed = time.time()
-    told += [[float(word) for word in line.split()] for line in victim.stdout if line.count(" ") == 2]
+    told += [line.split() for line in victim.stdout if line.endswith("\n")]
     victim.wait()
     (left,) = leftovers(level, state)
     again = Session.recover(left, state)
-    tick, sheep, _ = max(moment for moment in told if moment[2] <= killed - 1)
-    assert again.tick >= tick and len(again.moment) >= sheep
-    done = [moment[1] for moment in told if moment[0] <= again.tick]
-    assert len(again.moment) >= max(done)  # deeds are handed over at once
+    early = [moment for moment in told if float(moment[2]) <= killed - 1]
+    assert early and again.tick >= int(early[-1][0])
+    text = hashlib.sha256(again.editor.text().encode()).hexdigest()
+    steps = "/".join(step.label for step in again.editor._done)
+    recent = told[len(early) - 1 :]
+    assert (text, steps) in [(moment[3], moment[4]) for moment in recent], texts(again)
+    assert again.dirty and again.undo_label == steps.rsplit("/", 1)[-1]
     assert again.timeline.current.hashes == straight_run(level, by_hand(again), again.tick)
+    while again.undo():
+        pass
+    assert again.editor.text() == dump(Document.load(level).data) and texts(again) == []
+    again.close()
+
+
+def test_edits_come_back_with_their_undo_and_in_every_branch(level, state):
+    session = Session.open(level, state_folder=state)
+    session.do("paint", [stroke("march", 8, 8, 2)])
+    session.step(4)
+    session.do("rock", [AddObstacle("rock", [[3, 3], [4, 3], [4, 4], [3, 4]], id=session.editor.new_id())])
+    session.undo()
+    session.step(4)
+    session.scrub(2)
+    session.do("paint", [stroke("swarm", 12, 8, 2)])
+    session.restart()
+    session.do("paint", [stroke("march", 4, 8, 2)])
+    session.switch("pasture-2")
+    known = {name: told_of(branch.editor) for name, branch in session.branches.items()}
+    crashed(session)
+    again = Session.recover(leftovers(root=state)[0], state)
+    assert {name: told_of(branch.editor) for name, branch in again.branches.items()} == known
+    assert again.branch_name == "pasture-2" and again.dirty
+    assert again.undo() and again.undo() and not again.undo() and texts(again) == []
+    again.switch("pasture")
+    assert again.redo() and texts(again) == []
+    assert again.save() == level and again.changed_on_disk() == ""
+    again.close()
+
+
+def told_of(editor):
+    """An editor in short."""
+    labels = [[step.label for step in steps] for steps in (editor._done, editor._undone)]
+    return editor.text(), labels, editor.dirty
+
+
+def test_a_lost_journal_costs_the_edits_and_not_the_run(level, state):
+    session = Session.open(level, state_folder=state)
+    session.do("paint", [stroke("march", 8, 8, 2)])
+    session.step(4)
+    crashed(session)
+    (file,) = state.glob("*/*.journal")
+    file.write_text("nonsense")
+    again = Session.recover(leftovers(root=state)[0], state)
+    assert again.tick == 4 and "what was done to the level is lost" in texts(again)[0]
+    again.step(3)
+    assert again.timeline.current.hashes == straight_run(level, by_hand(again), 7)
     again.close()

@@ -111,6 +111,13 @@ def test_a_branch_before_the_script_still_follows_it(timeline, level):
     assert timeline.current.hashes == straight_run(level, [], 12)
 
 
+def test_a_script_speaks_once_also_in_a_branch_that_leaves_there(timeline):
+    lived(timeline, 10).go_to(8)
+    timeline.fork()
+    lived(timeline, 3)
+    assert [tick for tick, _ in timeline.current.commands] == [8]
+
+
 def test_a_branch_that_was_given_up_leaves_no_trace(timeline):
     lived(timeline, 10)
     timeline.go_to(4)
