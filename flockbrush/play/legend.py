@@ -100,14 +100,14 @@ class ScaleBar:
         self.app, self._said, self.picture = app, None, None
 
     def draw(self, surface, camera):
-        """Lay the bar on the lower right of the canvas."""
+        """Lay the bar on the lower left of the canvas."""
         said = (camera.scale, self.app.theme.name, self.app.scale)
         if said != self._said:
             self._said, self.picture = said, self._bar(camera.scale)
         width, height = surface.get_size()
         if self.picture.get_width() < 0.6 * width and height > 160:
             pad = px(self.app.scale, 10)
-            surface.blit(self.picture, self.picture.get_rect(bottomright=(width - pad, height - pad)))
+            surface.blit(self.picture, self.picture.get_rect(bottomleft=(pad, height - pad)))
 
     def _bar(self, scale):
         c, u = chrome(self.app.theme), self.app.scale

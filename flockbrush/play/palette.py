@@ -38,6 +38,16 @@ class Palette:
             self._make(entry, place)
         self._marked = None
         self.update()
+        self._scroll_to_chosen(tall + gap, rows, rect.height)
+
+    def _scroll_to_chosen(self, row, rows, height):
+        """Show what is in hand, if it lies below what can be seen."""
+        bar, chosen = self.back.vert_scroll_bar, self.app.paint[self.layer]
+        if bar is None or chosen not in self.entries:
+            return
+        at = self.entries.index(chosen) // ACROSS
+        if (at + 1) * row > height:
+            bar.set_scroll_from_start_percentage(min(max(at - 0.4, 0) * row, rows * row - height) / (rows * row))
 
     def _make(self, entry, place):
         app = self.app
