@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from flockbrush.draw.canvas import Canvas
+from flockbrush.draw.shapes import kernel
+from flockbrush.draw.strokes import draw_arrow, draw_lines, draw_plate
 from flockbrush.draw.style import Theme, mix, rgb
 from flockbrush.draw.text import words
 
@@ -60,6 +62,7 @@ def draw_forces(frame, camera, at, forward, told, theme, unit=1.0, clear=10.0):
     for name, way, colour in everything:
         _arrow(canvas, at, way, clear, colour, theme, unit, thin=name == "facing")
     tips = [at + way * (1 + clear / max(np.hypot(*way), 1e-9)) for _, way, _ in everything]
+    tips = np.array(tips)
     boxes = place_names([name for name, _, _ in everything], at, tips, camera.view, unit, clear)
     for (name, _, colour), box, tip in zip(everything, boxes, tips, strict=True):
         _name(canvas, name, box, tip, colour, theme, unit)
@@ -87,60 +90,73 @@ def _arrow(canvas, at, way, clear, colour, theme, unit, thin=False):
     along = way / max(long, 1e-9)
     start, tip = at + along * clear, at + along * (clear + long)
     head, wide = (9 if thin else 12) * unit, (1.8 if thin else 3.2) * unit
-    stem = tip - along * min(head * 0.8, long * 0.8)
-    canvas.line([start, stem], wide + 2.6 * unit, theme.paper, 0.75)
-    canvas.arrowhead(tip + along * 2 * unit, along, head + 4 * unit, theme.paper, 0.75)
-    canvas.line([start, stem], wide, colour, 0.98)
-    canvas.arrowhead(tip, along, head, colour)
+    clip = np.array(canvas.clip, np.int64)
+    ends = (*map(float, start), *map(float, tip))
+    draw_arrow(canvas.image, clip, *ends, wide, head, 1.4 * unit, *map(float, theme.paper), 0.75)
+    draw_arrow(canvas.image, clip, *ends, wide, head, 0.0, *map(float, colour), 1.0)
 
 
 def place_names(names, at, tips, view, unit=1.0, clear=10.0):
-    """Boxes (left, top, right, bottom) for names near the tips of their arrows; none lies on another or on an arrow.
+    """Boxes (n, 4), left, top, right, bottom, for names near the tips of their arrows; none lies on another.
 
-    Tried nearest first: beside the tip, then on wider and wider rings around it.
+    Those that do not cover an arrow are taken first, and the nearer ones.
     """
-    height = round(13 * unit)
-    left, top, right, bottom = view
-    taken: list[tuple] = []
-    arrows = [(np.array(at, float), np.array(tip, float)) for tip in tips]
-    boxes = []
-    for name, tip in zip(names, tips, strict=True):
-        tall, wide = words(name, height).shape
-        wide, tall = wide + 10 * unit, tall + 5 * unit
-        out = np.array(tip) - at
-        angle = np.arctan2(out[1], out[0])
-        best, least = None, np.inf
-        for ring in range(12):
-            far = 5 * unit + ring * 9 * unit
-            for turn in (0, 0.35, -0.35, 0.7, -0.7, 1.1, -1.1, 1.6, -1.6, 2.2, -2.2):
-                c, s = np.cos(angle + turn), np.sin(angle + turn)
-                middle = np.array(tip) + (c * (far + wide / 2), s * (far + tall / 2))
-                middle = np.clip(middle, (left + wide / 2, top + tall / 2), (right - wide / 2, bottom - tall / 2))
-                box = (middle[0] - wide / 2, middle[1] - tall / 2, middle[0] + wide / 2, middle[1] + tall / 2)
-                if any(_overlap(box, other) for other in taken):
-                    continue
-                cost = ring * 1.0 + abs(turn) + 6.0 * sum(_crossed(box, a, b) for a, b in arrows)
-                cost += 6.0 * (np.hypot(*(np.clip(at, box[:2], box[2:]) - at)) < clear)
-                if cost < least:
-                    best, least = box, cost
+    sizes = np.array([words(name, round(13 * unit)).shape[::-1] for name in names], float) + (10 * unit, 5 * unit)
+    return _place(sizes, np.asarray(at, float), np.asarray(tips, float), np.array(view, float), unit, clear)
+
+
+@kernel
+def _place(sizes, at, tips, view, unit, clear):
+    """Try places beside each tip, then on wider and wider rings around it."""
+    count = len(sizes)
+    boxes = np.zeros((count, 4))
+    for k in range(count):
+        wide, tall = sizes[k, 0], sizes[k, 1]
+        angle = np.arctan2(tips[k, 1] - at[1], tips[k, 0] - at[0])
+        least = np.inf
+        boxes[k] = np.array([tips[k, 0], tips[k, 1], tips[k, 0], tips[k, 1]])  # a picture smaller than its words
+        for ring in range(40):
             if least < ring:
                 break
-        if best is None:  # a picture smaller than its words
-            best = (tip[0], tip[1], tip[0], tip[1])
-        taken.append(best)
-        boxes.append(best)
+            far = (5 + ring * 9) * unit
+            for turn in range(11):
+                swing = (turn + 1) // 2 * 0.45 * (1 - 2 * (turn % 2))
+                x = tips[k, 0] + np.cos(angle + swing) * (far + wide / 2)
+                y = tips[k, 1] + np.sin(angle + swing) * (far + tall / 2)
+                x = min(max(x, view[0] + wide / 2), view[2] - wide / 2)
+                y = min(max(y, view[1] + tall / 2), view[3] - tall / 2)
+                box = (x - wide / 2, y - tall / 2, x + wide / 2, y + tall / 2)
+                free = True
+                for other in range(k):
+                    b = boxes[other]
+                    free &= not (box[0] < b[2] and b[0] < box[2] and box[1] < b[3] and b[1] < box[3])
+                if not free:
+                    continue
+                cost = ring + abs(swing)
+                for other in range(count):
+                    cost += 6.0 * _crossed(box, at, tips[other])
+                dx = min(max(at[0], box[0]), box[2]) - at[0]
+                dy = min(max(at[1], box[1]), box[3]) - at[1]
+                cost += 6.0 * (dx * dx + dy * dy < clear * clear)
+                if cost < least:
+                    least = cost
+                    boxes[k] = np.array(box)
     return boxes
 
 
-def _overlap(a, b):
-    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
-
-
+@kernel
 def _crossed(box, a, b):
-    """Whether an arrow from a to b goes through a box."""
-    along = np.linspace(0, 1, 24)[:, None]
-    points = a + (b - a) * along
-    return bool(((points > box[:2]) & (points < box[2:])).all(axis=1).any())
+    """1 if the line from a to b goes through a box, else 0."""
+    low, high = 0.0, 1.0
+    for side in range(2):
+        step = b[side] - a[side]
+        if step == 0.0:
+            if not box[side] < a[side] < box[side + 2]:
+                return 0.0
+            continue
+        one, other = (box[side] - a[side]) / step, (box[side + 2] - a[side]) / step
+        low, high = max(low, min(one, other)), min(high, max(one, other))
+    return 1.0 if low < high else 0.0
 
 
 def _name(canvas, name, box, tip, colour, theme, unit):
@@ -150,9 +166,9 @@ def _name(canvas, name, box, tip, colour, theme, unit):
         return
     near = np.clip(tip, box[:2], box[2:])
     if np.hypot(*(near - tip)) > 12 * unit:
-        canvas.line([tip, near], 1.0 * unit, colour, 0.8)
-    plate = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
-    canvas.area(plate, theme.paper, 0.86)
-    canvas.line(plate, 1.0 * unit, colour, 0.55, closed=True)
+        line = np.array([[*tip, *near]])
+        draw_lines(canvas.image, np.array(canvas.clip, np.int64), line, 1.0 * unit, *map(float, colour), 0.8)
+    clip, sides = np.array(canvas.clip, np.int64), (round(float(side)) for side in box)
+    draw_plate(canvas.image, clip, *sides, np.array(theme.paper, float), 0.86, np.array(colour, float), 0.6)
     ink = mix(colour, theme.ink, 0.25)
     canvas.words(name, ((left + right) / 2, (top + bottom) / 2), round(13 * unit), ink, anchor=(0.5, 0.5))

@@ -16,26 +16,30 @@ import numpy as np
 from components import Body, Destination, Position
 from flockbrush.draw.canvas import Canvas
 from flockbrush.draw.forces import draw_forces, reason_colour
-from flockbrush.draw.ground import nice, placed
-from flockbrush.draw.shapes import bilinear
+from flockbrush.draw.ground import Sketcher, nice, placed
 from flockbrush.draw.strokes import (
     RAYS,
     count_in_cells,
     draw_lines,
+    draw_plate,
     draw_rings,
     how_far,
+    lay_mask,
     lay_over,
     links_of,
-    shade_sight,
+    part_colours,
+    part_mask,
+    sight_mask,
 )
 from flockbrush.draw.style import mix, rgb, scale_colours, theme_of
+from flockbrush.draw.text import words
 from systems.explain import explain
 from systems.landscape import Landscape
 from systems.palette import Palette
 from systems.senses import Sight
 
 LINKS = 60_000  # lines at most
-INK = 350_000  # pixels of lines at most: beyond, only some animals show theirs
+INK = 100_000  # pixels of lines at most: beyond, only some animals show theirs
 LATTICE = 40  # pixels between two arrows of the navigation field
 DENSITY_CELL = 12  # pixels of a cell in which animals are counted
 REFRESH = 0.1  # s between two countings
@@ -127,14 +131,27 @@ class Overlays:
 
     # kept layers -------------------------------------------------------------------
 
-    def _kept(self, frame, camera, name, made_of, draw):
-        """Lay over what `draw(canvas, camera, made_of)` draws, drawn once for the same things and camera."""
+    def _kept(self, frame, camera, name, made_of, prepare):
+        """Lay over what `prepare(camera, made_of)` says, made once for the same things and camera."""
         known = self._layers.get(name)
         if known is None or known[0] != camera or not _same(known[1], made_of):
-            self._layers[name] = known = (camera, made_of, layer(camera, lambda canvas: draw(canvas, camera, made_of)))
+            draw = prepare(camera, made_of)
+            self._layers[name] = known = (camera, made_of, layer(camera, self._ground(camera), draw))
         top, alpha, ink = known[2]
         if len(alpha):
             lay_over(frame[top : top + len(alpha)].reshape(-1), alpha.reshape(-1), ink.reshape(-1))
+
+    def _sketcher(self, camera):
+        """What draws regions with the very outlines that the ground has."""
+        sketcher = Sketcher(
+            self.scenery, camera, self.theme, self.unit, {}, np.empty((*camera.size[::-1], 3), np.uint8)
+        )
+        sketcher.aim(camera.view)
+        return sketcher
+
+    def _ground(self, camera):
+        """The part of the picture that shows the level."""
+        return self._sketcher(camera).canvas.clip
 
     def _cells(self, camera):
         """(rows, columns) slices of the cells in view, in steps so that they are never more than some thousand."""
@@ -157,32 +174,45 @@ class Overlays:
 
     # regions and caps ----------------------------------------------------------------
 
-    def _regions(self, canvas, camera, made_of):
-        values, rows, columns, colours = made_of
-        names = []
-        for k in np.unique(values[values >= 0]):
-            name, colour = colours[k]
-            colour = _strong(rgb(colour), self.theme)
-            self._fill(canvas, camera, values == k, rows, columns, colour, 0.34)
-            for at in _hearts(values == k):
-                names.append((name, self._pixel(camera, rows, columns, at), colour))
-        self._names(canvas, names, 15)
+    def _regions(self, camera, made_of):
+        _, rows, columns, colours = made_of
+        told = [(k, name, _strong(rgb(colour), self.theme)) for k, (name, colour) in enumerate(colours)]
+        return self._filled(camera, self.scenery.land.brush, rows, columns, told, 0.34)
 
-    def _cap_layer(self, canvas, camera, made_of):
+    def _cap_layer(self, camera, made_of):
         values, rows, columns = made_of
-        names = []
         said = np.unique(values[np.isfinite(values)])
-        for value in said:
-            colour = self._cap_colour(value, said)
-            self._fill(canvas, camera, values == value, rows, columns, colour, 0.45)
-            for at in _hearts(values == value):
-                names.append((f"{value:g} m/s", self._pixel(camera, rows, columns, at), colour))
-        self._names(canvas, names, 15)
+        told = [(value, f"max {value:g} m/s", self._cap_colour(value, said)) for value in said]
+        return self._filled(camera, self.scenery.land.surface[..., 1], rows, columns, told, 0.45)
+
+    def _filled(self, camera, raster, rows, columns, told, alpha):
+        """Draws regions of cells that have a value: (value, name, colour) each, filled, outlined and named."""
+        sketcher, cell = self._sketcher(camera), self.scenery.cell
+        fills, names = [], []
+        if sketcher.canvas.clip[2] > sketcher.canvas.clip[0]:
+            around = sketcher.cells(cell, raster.shape)
+            near, seen = raster[around], raster[rows, columns]
+            for value, name, colour in told:
+                if not (seen == value).any():
+                    continue
+                edge = sketcher.region(near == value, cell, (around[0].start, around[1].start))
+                fills.append((np.clip(edge + 0.5, 0, 1) * alpha, np.clip(1.8 * self.unit - np.abs(edge), 0, 1), colour))
+                for at in _hearts(seen == value):
+                    names.append((name, self._pixel(camera, rows, columns, at), colour))
+
+        def draw(canvas):
+            left, top = sketcher.canvas.clip[:2]
+            for inside, edge, colour in fills:
+                canvas.blend(inside, left, top, colour)
+                canvas.blend(edge, left, top, colour, 0.95)
+            self._names(canvas, names, 15)
+
+        return draw
 
     def _cap_colour(self, value, values):
         """Slow is dark on light ground, and light on dark ground: what stands out is where one is held up."""
-        share = 0.5 if len(values) < 2 else float(np.searchsorted(values, value)) / (len(values) - 1)
-        return tuple(int(c) for c in scale_colours(self.theme.name)[round(255 * (0.9 - 0.7 * share))])
+        share = 0.0 if len(values) < 2 else float(np.searchsorted(values, value)) / (len(values) - 1)
+        return tuple(int(c) for c in scale_colours(self.theme.name)[round(255 * (0.95 - 0.8 * share))])
 
     def _cap_legend(self, frame, camera, values, foot):
         said = np.unique(values[np.isfinite(values)])
@@ -191,7 +221,7 @@ class Overlays:
         canvas, u = Canvas(frame, camera.view), self.unit
         chosen = said if len(said) <= 6 else said[np.linspace(0, len(said) - 1, 6).astype(int)]
         left, wide, tall = camera.view[0] + 12 * u, 62 * u, 16 * u
-        box = (left, foot - 46 * u, left + len(chosen) * wide + 16 * u, foot)
+        box = (left, foot - 46 * u, left + max(len(chosen) * wide + 16 * u, 140 * u), foot)
         self._panel(canvas, box, "speed caps, m/s")
         for k, value in enumerate(chosen):
             x = left + 8 * u + k * wide
@@ -200,26 +230,6 @@ class Overlays:
                 f"{value:g}", (x + tall + 5 * u, foot - 14 * u), round(13 * u), self.theme.ink, anchor=(0, 0.5)
             )
         return box[1] - 8 * u
-
-    def _fill(self, canvas, camera, cells, rows, columns, colour, alpha):
-        """Fill a region of cells, its outline sharp."""
-        mask = self._mask(canvas, camera, cells, rows, columns)
-        left, top = canvas.clip[:2]
-        canvas.blend(np.clip(mask + 0.5, 0, 1), left, top, colour, alpha)
-        canvas.blend(np.clip(1.6 * self.unit - np.abs(mask), 0, 1), left, top, colour, 0.95)
-
-    def _mask(self, canvas, camera, cells, rows, columns):
-        """Signed distance, roughly in pixels, to the edge of a region of cells; inside > 0."""
-        import cv2
-
-        left, top, right, bottom = canvas.clip
-        cell = self.scenery.cell * columns.step
-        soft = cv2.GaussianBlur(cells.astype(np.float32), (5, 5), 0.7, borderType=cv2.BORDER_REPLICATE)
-        start = np.array([columns.start, rows.start]) * self.scenery.cell
-        x, y = (camera.metres((left + 0.5, top + 0.5)) - start) / cell - 0.5
-        fine = cell * camera.scale
-        level = bilinear(soft, x + np.arange(right - left) / fine, y - np.arange(bottom - top) / fine)
-        return np.ascontiguousarray((level - 0.5) * fine * 1.75)
 
     def _pixel(self, camera, rows, columns, at):
         iy, ix = at
@@ -230,9 +240,12 @@ class Overlays:
 
     def _names(self, canvas, names, height):
         height = round(height * self.unit)
+        clip = np.array(canvas.clip, np.int64)
         for text, x, y, colour in placed(names, canvas.clip, height):
-            ink = mix(colour, self.theme.ink, 0.7)
-            canvas.words(text, (x, y), height, ink, halo=self.theme.paper)
+            tall, wide = words(text, height).shape
+            box = (x - 6, y - 4, x + wide + 6, y + tall + 4)
+            draw_plate(canvas.image, clip, *box, np.array(self.theme.paper, float), 0.85, np.array(colour, float), 0.9)
+            canvas.words(text, (x, y), height, mix(colour, self.theme.ink, 0.8))
 
     # ways ----------------------------------------------------------------------------
 
@@ -242,40 +255,43 @@ class Overlays:
         count = np.bincount(goals + 1) if len(goals) else np.zeros(1, int)
         return self.scenery.land.navigation, int(np.argmax(count)) - 1
 
-    def _way_layer(self, canvas, camera, made_of):
-        navigation, goal = made_of
+    def _way_layer(self, camera, made_of):
+        lines = self._arrows(camera, *made_of)
+        colour = mix(self.theme.guide, self.theme.ink, 0.15)
+
+        def draw(canvas):
+            clip = np.array(canvas.clip, np.int64)
+            for segments, alpha in lines:
+                draw_lines(canvas.image, clip, segments, 3.4 * self.unit, *map(float, self.theme.paper), 0.5 * alpha)
+                draw_lines(canvas.image, clip, segments, 1.7 * self.unit, *map(float, colour), alpha)
+
+        return draw
+
+    def _arrows(self, camera, navigation, goal):
+        """[(lines, opacity)] of arrows on a lattice that stays where it is on the ground; strong ones are long."""
         land, step = self.scenery.land, LATTICE * self.unit
-        left, top, right, bottom = camera.view
-        # the lattice stays where it is on the ground
-        x0, y0 = camera.pixels((0, 0)) % step
-        x, y = np.meshgrid(
-            np.arange(left + x0 - step, right + step, step), np.arange(top + y0 - step, bottom + step, step)
-        )
-        at = np.stack([x.ravel(), y.ravel()], axis=1)
+        at = _lattice(camera, step)
         xy = camera.metres(at)
         inside = ((xy > 0) & (xy < (land.width, land.height))).all(axis=1)
         at, xy = at[inside], xy[inside]
         if not len(at) or navigation is None:
-            return
-        iy, ix = (
-            np.minimum((xy[:, k] / land.cell).astype(int), n - 1) for k, n in zip((1, 0), land.brush.shape, strict=True)
-        )
+            return []
+        ny, nx = land.brush.shape
+        iy, ix = (np.minimum((xy[:, k] / land.cell).astype(int), n - 1) for k, n in ((1, ny), (0, nx)))
         way = navigation.at(xy, goal if goal < len(navigation.times) else -1) * (1, -1)
         strength = np.hypot(*way.T)
         kept = (strength > 0.02) & ~land.blocked[iy, ix]
-        at, way, strength = at[kept], way[kept], strength[kept]
-        along = way / strength[:, None]
+        at, strength = at[kept], strength[kept]
+        along = way[kept] / strength[:, None]
         long = (0.30 + 0.34 * np.minimum(strength, 1))[:, None] * step
-        colour = mix(self.theme.guide, self.theme.ink, 0.15)
-        for low, high, alpha in ((0.0, 0.25, 0.4), (0.25, 0.6, 0.65), (0.6, 9.0, 0.95)):
-            part = (strength > low) & (strength <= high)
-            tail, tip = (at - along * long / 2)[part], (at + along * long / 2)[part]
-            aside = along[part][:, ::-1] * (-1, 1) * 0.14 * step
-            back = tip - along[part] * 0.24 * step
-            lines = [np.hstack([tail, tip]), np.hstack([tip, back + aside]), np.hstack([tip, back - aside])]
-            halo = np.concatenate(lines)
-            canvas.segments(halo, 3.4 * self.unit, self.theme.paper, 0.55 * alpha)
-            canvas.segments(halo, 1.7 * self.unit, colour, alpha)
+        tail, tip, aside = at - along * long / 2, at + along * long / 2, along[:, ::-1] * (-1, 1) * 0.14 * step
+        back = tip - along * 0.24 * step
+        lines = np.stack([np.hstack([tail, tip]), np.hstack([tip, back + aside]), np.hstack([tip, back - aside])])
+        classes = ((0.0, 0.25, 0.5), (0.25, 0.6, 0.7), (0.6, np.inf, 0.95))
+        parts = [
+            (lines[:, (strength > low) & (strength <= high)].reshape(-1, 4), alpha) for low, high, alpha in classes
+        ]
+        return [(segments, alpha) for segments, alpha in parts if len(segments)]
 
     # density -------------------------------------------------------------------------
 
@@ -287,7 +303,7 @@ class Overlays:
         now = self.scenery.simulation.clock.now if moment is None else moment.time
         seen, then, kept = self._counted
         length = float(self.world.agents[Body.length].mean()) if len(xy) else 1.0
-        most = nice(1.2 / length**2)
+        most = nice(2.5 / length**2)
         if kept is None or seen != camera or not 0 <= now - then < REFRESH:
             left, top, right, bottom = camera.view
             step = DENSITY_CELL * self.unit
@@ -305,16 +321,11 @@ class Overlays:
             size = (round(shape[1] * step), round(shape[0] * step))
             wide = cv2.resize(np.dstack([alpha * 255, ink]).astype(np.uint8), size, interpolation=cv2.INTER_LINEAR)
             wide = wide[: bottom - top, : right - left]
-            alpha = np.ascontiguousarray(np.repeat(wide[..., :1], 3, axis=2))
-            kept = (alpha, np.minimum(np.ascontiguousarray(wide[..., 1:]), alpha))
+            kept = _full_width(wide, camera)
             self._counted = (camera, now, kept)
-        left, top, right, bottom = camera.view
-        if left == 0 and right == frame.shape[1]:
-            lay_over(frame[top:bottom].reshape(-1), kept[0].reshape(-1), kept[1].reshape(-1))
-        else:
-            part = np.ascontiguousarray(frame[top:bottom, left:right])
-            lay_over(part.reshape(-1), kept[0].reshape(-1), kept[1].reshape(-1))
-            frame[top:bottom, left:right] = part
+        top, alpha, ink = kept
+        if len(alpha):
+            lay_over(frame[top : top + len(alpha)].reshape(-1), alpha.reshape(-1), ink.reshape(-1))
         return self._density_legend(frame, camera, most, foot)
 
     def _density_legend(self, frame, camera, most, foot):
@@ -368,13 +379,14 @@ class Overlays:
         shown = (at[:, 0] > left) & (at[:, 0] < right) & (at[:, 1] > top) & (at[:, 1] < bottom)
         if not shown.any():
             return
-        long = float(np.abs(lists.offset).sum()) / max(len(lists.offset), 1) * camera.scale
-        many = float((lists.first[1:] - lists.first[:-1])[shown].sum()) * long * 0.6
+        some = lists.offset[:: max(1, len(lists.offset) // 1000)]
+        long = float(np.hypot(*some.T).mean()) * camera.scale if len(some) else 0.0
+        many = float((lists.first[1:] - lists.first[:-1])[shown].sum()) * long / 2  # each is drawn once
         every = max(1, int(np.ceil(many / INK)))
         segments = np.empty((LINKS, 4))
         some = shown & (moment.ids % every == 0)
         count = links_of(lists.first, lists.near, lists.offset, at, some, camera.scale, segments)
-        faint = 0.34 if row is None else 0.2
+        faint = (0.4 if row is None else 0.25) * min(1.0, np.sqrt(50_000 / max(many / every, 1.0)))
         draw_lines(frame, self._clip(camera), segments[:count], 0.8 * self.unit, *map(float, self.theme.link), faint)
         if row is not None:
             mine = np.zeros(len(at), bool)
@@ -384,8 +396,8 @@ class Overlays:
             draw_lines(frame, self._clip(camera), strong, 3.6 * self.unit, *map(float, self.theme.paper), 0.55)
             draw_lines(frame, self._clip(camera), strong, 1.7 * self.unit, *map(float, self.theme.link), 0.95)
             ends = np.ascontiguousarray(strong[:, 2:])
-            ring = np.full(count, max(5 * self.unit, 0.75 * float(moment.length[row]) * camera.scale))
-            draw_rings(frame, self._clip(camera), ends, ring, 1.5 * self.unit, *map(float, self.theme.link), 0.9)
+            ring = np.full(count, max(3.5 * self.unit, 0.62 * float(moment.length[row]) * camera.scale))
+            draw_rings(frame, self._clip(camera), ends, ring, 1.2 * self.unit, *map(float, self.theme.link), 0.9)
 
     def _leaders(self, frame, camera, moment, at):
         """Lines to the reference birds, rings around leaders."""
@@ -443,13 +455,28 @@ class Overlays:
         reach, scale = told.view_range, camera.scale
         depth = self._depth(moment, row, reach) * scale if "occlusion" in shown else np.full(RAYS, np.inf)
         cosine = np.cos(min(told.field_of_view, 2 * np.pi) / 2) if told.field_of_view < 2 * np.pi - 1e-9 else -1.0
-        x, y = camera.pixels(moment.xyz[row])
-        fx, fy = moment.forward[row, 0], -moment.forward[row, 1]
-        seen, hidden = np.array(self.theme.sight, float), np.array(self.theme.hidden, float)
-        lit = 0.22 if "field_of_view" in shown else 0.0
-        clip = self._clip(camera)
-        shade_sight(frame, clip, x, y, fx, fy, cosine, depth, reach * scale, seen, hidden, lit, 0.5)
+        x, y = (float(side) for side in camera.pixels(moment.xyz[row]))
+        fx, fy = float(moment.forward[row, 0]), -float(moment.forward[row, 1])
+        lit = 0.18 if "field_of_view" in shown else 0.0
+        self._lay_sight(frame, camera, (x, y, fx, fy, cosine, depth, reach * scale), lit)
         self._wedge(frame, camera, (x, y), (fx, fy), told.field_of_view, reach * scale)
+
+    def _lay_sight(self, frame, camera, view, lit):
+        """Lay what is seen and what is hidden over the frame; large views are worked out coarsely and smoothed."""
+        import cv2
+
+        x, y, *_, far = view
+        low = np.maximum(np.floor((x - far - 1, y - far - 1)), camera.view[:2]).astype(int)
+        high = np.minimum(np.ceil((x + far + 1, y + far + 1)), camera.view[2:]).astype(int)
+        if (high <= low).any():
+            return
+        step = float(np.clip(np.sqrt((high - low).prod()) // 200, 1, 3))
+        size = np.ceil((high - low) / step).astype(int)
+        colours = np.array(self.theme.sight, float), np.array(self.theme.hidden, float)
+        mask = sight_mask(*size, step, x - low[0], y - low[1], *view[2:], *colours, lit, 0.45)
+        if step > 1:
+            mask = cv2.resize(mask, None, fx=step, fy=step, interpolation=cv2.INTER_LINEAR)
+        lay_mask(frame, self._clip(camera), *low, mask)
 
     def _wedge(self, frame, camera, at, forward, angle, reach):
         """The outline of the field of view."""
@@ -483,7 +510,7 @@ class Overlays:
         return how_far(*(np.ascontiguousarray(part, np.float64) for part in (*bodies, edges)), float(reach))
 
 
-def layer(camera, draw):
+def layer(camera, clip, draw):
     """(top, alpha, ink) of what `draw(canvas)` draws: its rows of the picture, ready to be laid over frames.
 
     Drawn once over black and once over white: what black shows is ink, and the difference is how much shines through.
@@ -491,13 +518,33 @@ def layer(camera, draw):
     width, height = camera.size
     black, white = np.zeros((height, width, 3), np.uint8), np.full((height, width, 3), 255, np.uint8)
     for picture in (black, white):
-        draw(Canvas(picture, camera.view))
-    alpha = 255 - np.maximum(white, black) + black
-    rows = np.flatnonzero(alpha.any(axis=(1, 2)))
-    if not len(rows):
-        return 0, alpha[:0], black[:0]
-    part = slice(rows[0], rows[-1] + 1)
-    return int(rows[0]), np.ascontiguousarray(alpha[part]), np.minimum(black, alpha)[part].copy()
+        draw(Canvas(picture, clip))
+    some = np.zeros(height, np.bool_)
+    part_colours(black, white, some)
+    rows = np.flatnonzero(some)
+    part = slice(rows[0], rows[-1] + 1) if len(rows) else slice(0, 0)
+    return int(part.start), white[part], black[part]
+
+
+def _full_width(picture, camera):
+    """(top, alpha, ink), as `layer` gives them, of a picture (h, w, 4) of opacity and ink that fills the view."""
+    left, top, _, _ = camera.view
+    rows = np.flatnonzero(picture[..., 0].any(axis=1))
+    part = picture[rows[0] : rows[-1] + 1] if len(rows) else picture[:0]
+    alpha, ink = np.zeros((2, len(part), camera.size[0], 3), np.uint8)
+    part_mask(part, left, alpha, ink)
+    return int(top + (rows[0] if len(rows) else 0)), alpha, ink
+
+
+def _lattice(camera, step):
+    """Pixels (k, 2) all over the view, `step` apart, that stay where they are on the ground while it is dragged."""
+    left, top, right, bottom = camera.view
+    x0, y0 = camera.pixels((0, 0)) % step
+    columns, rows = (
+        np.arange(left - left % step + x0 - step, right + step, step),
+        np.arange(top - top % step + y0 - step, bottom + step, step),
+    )
+    return np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
 
 
 def _same(one, other):
