@@ -177,7 +177,7 @@ def look(theme: Theme, scale: float) -> dict:
         },
         "selection_list": {"misc": edged | {"list_item_height": str(px(scale, 24))}},
         "selection_list.button": {"misc": square, "font": _small(scale)},
-        "text_entry_line": {"misc": edged | {"padding": f"{px(scale, 5)},{px(scale, 3)}"}},
+        "text_entry_line": {"misc": edged | {"padding": f"{px(scale, 5)},{px(scale, 3)}"}, "font": _small(scale)},
         "text_box": {
             "misc": square | {"padding": f"{px(scale, 6)},{px(scale, 4)}"},
             "colours": {"dark_bg": hexed(c.panel)},
@@ -205,7 +205,8 @@ def look(theme: Theme, scale: float) -> dict:
             "colours": {"dark_bg": hexed(c.raised), "normal_border": hexed(c.border)},
         },
         "progress_bar": {"misc": flat | {"border_width": "0"}},
-        "check_box": {"misc": edged},
+        "check_box": {"misc": edged, "font": {"name": "fira_code_symbols", "size": str(px(scale, 13))}},
+        "check_box.label": {"font": _small(scale)},
     }  # fmt: skip
 
 
