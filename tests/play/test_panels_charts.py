@@ -25,25 +25,25 @@ def window(level):
 def test_charts_follow_a_run(window):
     still = window.picture().copy()
     window.session.step(64)
-    window.wait(0.4)
+    window.wait(0.9)
     assert (window.picture() != still).any()
     assert all(window.panel.strips[name].said[2] == 2.0 for name in DRAWN)
 
 
 def test_a_chart_that_says_the_same_is_not_drawn_again(window):
     window.session.step(16)
-    window.wait(0.4)
+    window.wait(0.9)
     shown = [window.panel.strips[name].element.image for name in DRAWN]
-    window.wait(0.4)
+    window.wait(0.9)
     assert all(a is b for a, b in zip(shown, (window.panel.strips[n].element.image for n in DRAWN), strict=True))
 
 
 def test_the_present_is_marked_when_one_goes_back(window):
     window.session.step(96)
-    window.wait(0.4)
+    window.wait(0.9)
     end = window.picture().copy()
     window.session.scrub(32)
-    window.wait(0.4)
+    window.wait(0.9)
     assert (window.picture() != end).any()
     assert window.panel.strips["speed"].said[2] == 1.0
 

@@ -43,7 +43,7 @@ class AnimalPanel(Panel):
             pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8)), self.manager, container=self.container,
             allow_scroll_x=False,
         )  # fmt: skip
-        self.wide, self.row = area.width - px(34), px(22)
+        self.wide, self.row = self.inner, px(22)
         self.pictures: dict[str, Picture] = {}
         self.parts: list = []
         self.buttons: dict[str, UIButton] = {}

@@ -124,7 +124,7 @@ class BrushPanel(Panel):
     def _say(self, brush, asset):
         count = len(changes(brush, asset))
         animals = self._animals(brush)
-        said = f"model {brush.model} · {animals}", f"{count} changed" if count else "as the asset"
+        said = f"{brush.model} · {animals}", f"{count} changed" if count else "as the asset"
         if self.about.said != (said, self.app.theme.name):
             surface, height, px = blank(self.about.size), self.px(13), self.px
             middle = surface.get_height() / 2
@@ -162,7 +162,7 @@ class BrushPanel(Panel):
             container=self.container,
             allow_scroll_x=False,
         )
-        width, y, table = area.width - 2 * pad - px(16), 0, None
+        width, y, table = self.inner, 0, None
         for knob in knobs_of(brush):
             if knob.table != table:
                 table, y = knob.table, self._head(knob.table, brush, y, width)

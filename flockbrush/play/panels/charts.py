@@ -33,7 +33,7 @@ class ChartsPanel(Panel):
             pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8)), self.manager, container=self.container,
             allow_scroll_x=False,
         )  # fmt: skip
-        self.wide, y, gap, legend = area.width - px(34), px(4), px(10), (MOST + 1) * px(19)
+        self.wide, y, gap, legend = self.inner, px(4), px(10), (MOST + 1) * px(19)
         room = area.height - px(46) - 3 * gap - legend
         tall = int(min(max(room / 4.3, px(56)), px(120)))
         self.strips: dict[str, Picture] = {}
@@ -45,7 +45,7 @@ class ChartsPanel(Panel):
         y = self._strip("axis", y, px(18), None)
         self._strip("legend", y + px(4), legend, None)
         self.scroll.set_scrollable_area_dimensions((self.wide, y + px(4) + legend))
-        self.next = 0
+        self.next = len(DRAWN) - 1
         self.refresh()
 
     def close(self):
@@ -60,17 +60,24 @@ class ChartsPanel(Panel):
         if self._stale <= 0:
             self._stale = FRESH / len(DRAWN)  # one after the other: no frame draws them all
             self.next = (self.next + 1) % len(DRAWN)
+            if self.next == 0:
+                self._look()
             self._draw(DRAWN[self.next])
 
     def refresh(self):
+        self._look()
         for name in DRAWN:
             self._draw(name)
 
+    def _look(self):
+        """The moment that all charts show, though they are drawn one after the other."""
+        session = self.app.session
+        now = session.clock.now
+        self.seen = session.chart, now, max(session.last_tick * session.clock.dt, now)
+
     def _draw(self, name):
         """Draw one chart anew, if what it shows has changed."""
-        session = self.app.session
-        chart, now = session.chart, session.clock.now
-        last = max(session.last_tick * session.clock.dt, now)
+        chart, now, last = self.seen
         said = (len(chart.time), chart.time[-1] if len(chart.time) else 0.0, now, last, self.app.theme.name)
         if self.strips[name].said == said:
             return

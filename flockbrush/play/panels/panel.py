@@ -8,6 +8,7 @@ from pygame_gui.elements import UIImage
 from flockbrush.play.theme import chrome, font, px
 
 FRESH = 0.25  # s; numbers that change faster than this cannot be read, and cost time
+SCROLL_BAR = 20  # pixels, whatever the scale
 
 
 class Panel:
@@ -78,6 +79,11 @@ class Panel:
         """Where widgets may be, in the container's own pixels."""
         width, height = self.container.get_container().get_size()
         return pygame.Rect(0, 0, int(width), int(height))
+
+    @property
+    def inner(self) -> int:
+        """Width that a column of widgets has beside its scroll bar, pixels."""
+        return self.area.width - SCROLL_BAR - self.px(14)
 
     def px(self, size: float) -> int:
         """So many pixels at the app's scale."""

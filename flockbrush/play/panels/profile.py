@@ -31,7 +31,7 @@ class ProfilePanel(Panel):
             pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8)), self.manager, container=self.container,
             allow_scroll_x=False,
         )  # fmt: skip
-        self.wide, self.row = area.width - px(34), px(22)
+        self.wide, self.row = self.inner, px(22)
         self._head("A frame, mean ms", 0)
         tip = "<br>".join(f"<b>{name}</b>: {meaning}" for name, meaning in FRAME.items())
         self.frame = Picture(

@@ -30,7 +30,7 @@ class ViewPanel(Panel):
             pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8)), self.manager, container=self.container,
             allow_scroll_x=False,
         )  # fmt: skip
-        self.wide = area.width - px(34)
+        self.wide = self.inner
         self.boxes, y = {}, 0
         for heading, offered in overlays().items():
             y = self._head(heading, y)
