@@ -9,7 +9,7 @@ import json
 import math
 import types
 import typing
-from dataclasses import MISSING, asdict, dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from difflib import get_close_matches
 
 from engine.clock import Clock
@@ -53,7 +53,7 @@ def command(cls):
 
 def to_record(cmd):
     """(name, fields) of a command, ready for JSON."""
-    return type(cmd).__name__, asdict(cmd)
+    return type(cmd).__name__, {f.name: getattr(cmd, f.name) for f in fields(cmd)}
 
 
 def from_record(name, values):
