@@ -248,12 +248,13 @@ class Editor:
         """
         early = [event for event in self._events if event["tick"] < tick + after or event["event"] == "save"]
         other = self._replayed(early)
-        known = {step.serial for step in other._done}
-        other._undone += [
-            Step(step.label, list(step.commands), list(step.back), step.tick, step.join, step.serial)
-            for step in reversed(self._done)
-            if step.serial not in known and step.tick >= tick + after
-        ]
+        known, mine = ([step.serial for step in each._done] for each in (other, self))
+        later = self._done[len(known) :] if mine[: len(known)] == known else []
+        if later:  # built on what is there; after an undo it would be built on something else
+            other._undone = [
+                Step(step.label, list(step.commands), list(step.back), step.tick, step.join, step.serial)
+                for step in reversed(later)
+            ]
         other._serial, other._saved, other._highest = self._serial, self._saved, self._highest
         other._note("ahead", tick, steps=[_step_told(step) for step in other._undone])
         return other

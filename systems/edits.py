@@ -6,6 +6,8 @@ command with the id of something that is there puts the new one in its place.
 
 from __future__ import annotations
 
+from dataclasses import field
+
 import numpy as np
 
 from behaviours.problems import did_you_mean
@@ -196,7 +198,7 @@ class PlaceGoal:
     radius: float = 5.0  # m
     on_arrive: str = "stay"
     next: str = ""
-    points: list = ()  # type: ignore[assignment]  # the area, m; none: a point, or the area it had
+    points: list = field(default_factory=list)  # the area, m; none: a point, or the area it had
     at: int = -1  # where in the order of goals; -1: behind all others
 
     def check(self, world):
@@ -219,7 +221,7 @@ class PlaceGoal:
         if there is not None and land.goals[there].name != self.name:
             _check_free(land, land.goals[there].name)
         if self.points:
-            polygon_of(list(self.points), "a goal")
+            polygon_of(self.points, "a goal")
 
     def there(self, land):
         """Index of the goal it takes the place of, or None."""
@@ -235,7 +237,7 @@ class PlaceGoal:
         self.check(world)
         land = world.resource(Landscape)
         there, xy = self.there(land), np.array([self.x, self.y])
-        polygon = polygon_of(list(self.points), "a goal") if self.points else None
+        polygon = polygon_of(self.points, "a goal") if self.points else None
         if polygon is None and there is not None and land.goals[there].polygon is not None:
             polygon = land.goals[there].polygon + (xy - land.goals[there].xy)
         goal = Goal(self.name, xy, self.radius, polygon, self.on_arrive, self.next, self.id)
