@@ -28,7 +28,7 @@ KEYFRAME_SECONDS = 2.0  # s between two kept moments
 KEYFRAME_BYTES = 384 << 20  # of all kept moments together: beside a window and numba they fit into 1 GB
 NEAR, NEAR_TICKS = 16, 8  # moments kept where one looks at the past, and the ticks between them
 FILED_SECONDS = 30.0  # s between two snapshots in a recording's file: packing one takes longer than a frame
-HASH_BYTES = 8 << 20  # a state larger than this is hashed less often
+HASH_BYTES = 3 << 20  # a state larger than this is hashed less often
 SELDOM = 8  # ticks between two hashes of a large state
 
 
@@ -594,6 +594,8 @@ class Timeline:
             if branch.scribe is not None:
                 self.current = branch
                 self._guarded(lambda: self.current.scribe.close(self.current.last_tick))
+            branch.scribe, branch.keyframes = None, Keyframes()
+        self._near = Keyframes()
         self.simulation.close()
 
 
