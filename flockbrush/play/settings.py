@@ -22,10 +22,10 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, validate_assignment=True, allow_inf_nan=False)
 
-    theme: Literal["light", "dark"] | None = Field(None, description="colours of the window")
-    ui_scale: float | None = Field(None, ge=0.5, le=4, description="size of words and buttons, 1 is usual")
-    brush_size: float | None = Field(None, gt=0, le=10_000, description="radius of the brush, m")
-    overlays: tuple[str, ...] | None = Field(None, description="overlays that are shown", max_length=100)
+    theme: Literal["light", "dark"] | None = Field(default=None, description="colours of the window")
+    ui_scale: float | None = Field(default=None, ge=0.5, le=4, description="size of words and buttons, 1 is usual")
+    brush_size: float | None = Field(default=None, gt=0, le=10_000, description="radius of the brush, m")
+    overlays: tuple[str, ...] | None = Field(default=None, description="overlays that are shown", max_length=100)
 
     def save(self, path=None) -> str:
         """Keep them for the next time; returns a sentence about what went wrong, "" when nothing did."""

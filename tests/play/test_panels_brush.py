@@ -260,3 +260,16 @@ def test_a_brush_that_the_level_has_not_yet_is_brought_by_turning_a_knob(window)
     window.session.undo()
     window.wait()
     assert row(window, "avoidance_weight").against() == ""
+
+
+def test_names_are_counted_on(window):
+    assert window.panel._free_name("march") == window.panel._free_name("march-7") == "march-2"
+
+
+def test_a_brush_that_nobody_knows_leaves_the_panel_as_it_is(window):
+    window.brush = "unheard-of"
+    window.wait()
+    assert window.panel.name == "march" and window.panel.brush == running(window)
+    window.brush = None
+    window.wait()
+    assert window.panel.name == "march"

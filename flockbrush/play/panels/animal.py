@@ -36,6 +36,10 @@ class AnimalPanel(Panel):
 
     title = "Animal"
     tip = "The selected animal: its numbers, whom it sees, and the forces that turn it"
+    pictures: dict[str, Picture]
+    buttons: dict[str, UIButton]
+    parts: list
+    whom: object
 
     def make(self):
         px, area = self.px, self.area
@@ -44,10 +48,8 @@ class AnimalPanel(Panel):
             allow_scroll_x=False,
         )  # fmt: skip
         self.wide, self.row = self.inner, px(22)
-        self.pictures: dict[str, Picture] = {}
-        self.parts: list = []
-        self.buttons: dict[str, UIButton] = {}
-        self.whom: object = self  # nobody yet
+        self.pictures, self.parts, self.buttons = {}, [], {}
+        self.whom = self  # nobody yet
         self.refresh()
 
     def close(self):

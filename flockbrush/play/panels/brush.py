@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import html
+import re
 
 import pygame
 from pygame_gui import UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED
@@ -23,15 +24,18 @@ class BrushPanel(Panel):
 
     title = "Brush"
     tip = "Turn every number of the brush in hand while the herd lives, and save it as a new brush"
+    name: str | None
+    rows: list[Row]
+    heads: list[Picture]
+    menu: UIDropDownMenu | None
+    scroll: UIScrollingContainer | None
 
     def make(self):
-        self.name: str | None = None
+        self.name = None
         self.known = ""  # what the rows were made for
         self.drag, self.held = 0, False  # counts strokes of the mouse: one drag is one step of undo
-        self.rows: list[Row] = []
-        self.heads: list[Picture] = []
-        self.menu: UIDropDownMenu | None = None
-        self.scroll: UIScrollingContainer | None = None
+        self.rows, self.heads = [], []
+        self.menu = self.scroll = None
         px, area, pad = self.px, self.area, self.px(8)
         common = dict(manager=self.manager, container=self.container)
         self.about = Picture(pygame.Rect(pad, px(42), area.width - 2 * pad, px(20)), self.manager, self.container)
@@ -64,11 +68,14 @@ class BrushPanel(Panel):
     @property
     def brush(self) -> Brush | None:
         """The brush in hand as it is in the running world; as its file has it, if nobody has brought it there yet."""
+        return self._found(self.name)
+
+    def _found(self, name) -> Brush | None:
         palette = palette_of(self.app.session)
-        if self.name in palette.index:
-            return palette.brushes[palette.index[self.name]]
+        if name in palette.index:
+            return palette.brushes[palette.index[name]]
         try:
-            return self.app.session.library.get(self.name)
+            return self.app.session.library.get(name) if name else None
         except ProblemsError:
             return None
 
@@ -77,11 +84,9 @@ class BrushPanel(Panel):
         """Whether the running world has the brush in hand."""
         return self.name in palette_of(self.app.session).index
 
-    @property
-    def asset(self) -> Brush:
-        """The brush as its file has it; as it was when first seen, if it has none."""
+    def asset_of(self, brush: Brush) -> Brush:
+        """A brush as its file has it; as it was when first seen, if it has none."""
         first = self.app.memory.setdefault("first seen brushes", {})
-        brush = self.brush
         try:
             asset = self.app.session.library.get(brush.name)
         except ProblemsError:
@@ -96,11 +101,13 @@ class BrushPanel(Panel):
     def _show(self):
         """The brush as it is now."""
         names = palette_of(self.app.session).names
-        self.name = self.app.brush or self.name or next(iter(names), None)
-        if self.name is None or self.brush is None:
+        found = (self._found(name) for name in (self.app.brush, self.name, *names))
+        brush = next((brush for brush in found if brush is not None), None)
+        if brush is None:
             return
+        self.name = brush.name
         self._offer(names if self.name in names else [*names, self.name])
-        brush, asset = self.brush, self.asset
+        asset = self.asset_of(brush)
         kind = f"{brush.name} {brush.model}"
         if kind != self.known:
             self._make_rows(brush)
@@ -248,9 +255,11 @@ class BrushPanel(Panel):
 
     def drop_changes(self):
         """Every number as in the asset."""
-        asset = self.asset
-        self._do(f"changes of {asset.name} dropped", lambda: [use(asset)])
-        self.drag += 1
+        brush = self.brush
+        if brush is not None:
+            asset = self.asset_of(brush)
+            self._do(f"changes of {asset.name} dropped", lambda: [use(asset)])
+            self.drag += 1
 
     def ask_name(self):
         """Ask what the new brush shall be called, and save it."""
@@ -260,15 +269,18 @@ class BrushPanel(Panel):
             self.app.ask_text("Save as new brush", question, self._free_name(brush.name), self.save_as)
 
     def _free_name(self, name):
-        """A name like this one that no brush has."""
+        """A name like this one that no brush has: march-2, and after that march-3."""
         taken = {*self.app.session.library.names(), *palette_of(self.app.session).names}
-        return next(f"{name[:58]}-{k}" for k in range(2, 10_000) if f"{name[:58]}-{k}" not in taken)
+        stem = re.sub(r"-\d+$", "", name)[:58]
+        return next(f"{stem}-{k}" for k in range(2, 10_000) if f"{stem}-{k}" not in taken)
 
     def save_as(self, name: str):
         """Save the running numbers under a new name, bring them into the world, and take them in hand."""
-        name = name.strip().removesuffix(".brush.toml")
+        name, brush = name.strip().removesuffix(".brush.toml"), self.brush
+        if brush is None:
+            return
         try:
-            made = as_new(self.brush, self.asset, name, datetime.date.today())
+            made = as_new(brush, self.asset_of(brush), name, datetime.date.today())
             if name in {*self.app.session.library.names(), *palette_of(self.app.session).names}:
                 raise ValueError(f"there is a brush {name!r} already; choose another name")
         except ValueError as error:

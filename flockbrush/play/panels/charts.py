@@ -26,6 +26,7 @@ class ChartsPanel(Panel):
 
     title = "Charts"
     tip = "Polarization, milling, speed and the number of animals per brush, over the whole run"
+    strips: dict[str, Picture]
 
     def make(self):
         px, area = self.px, self.area
@@ -36,7 +37,7 @@ class ChartsPanel(Panel):
         self.wide, y, gap, legend = self.inner, px(4), px(10), (MOST + 1) * px(19)
         room = area.height - px(46) - 3 * gap - legend
         tall = int(min(max(room / 4.3, px(56)), px(120)))
-        self.strips: dict[str, Picture] = {}
+        self.strips = {}
         for name, (_, _, tip) in MEASURES.items():
             y = self._strip(name, y, tall, tip) + gap
         y = self._strip(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import types
 import typing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from behaviours.validation import bounds, span, unit
@@ -109,13 +109,13 @@ def knob_of(table: str, name: str, field, value=None) -> Knob | None:
     kind = kind_of(field.annotation)
     if kind is None:
         return None
-    common = dict(table=table, name=name, kind=kind, unit=unit_of(field, kind), help=help_of(field, kind))
+    knob = Knob(table, name, kind, unit_of(field, kind), help_of(field, kind))
     if kind == CHOICE:
-        return Knob(choices=tuple(map(str, typing.get_args(field.annotation))), **common)
+        return replace(knob, choices=tuple(map(str, typing.get_args(field.annotation))))
     if kind == SWITCH:
-        return Knob(**common)
+        return knob
     low, high, hard = ends(field, value)
-    return Knob(low=low, high=high, hard=hard, **common)
+    return replace(knob, low=low, high=high, hard=hard)
 
 
 def kind_of(annotation) -> str | None:

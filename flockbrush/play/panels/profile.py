@@ -23,6 +23,7 @@ class ProfilePanel(Panel):
 
     title = "Profile"
     tip = "Milliseconds for each part of a frame, and for each system of a tick"
+    systems: Picture | None
 
     def make(self):
         px, area = self.px, self.area
@@ -38,7 +39,7 @@ class ProfilePanel(Panel):
             pygame.Rect(0, px(28), self.wide, 5 * self.row), self.manager, self.scroll, f"{tip}<br>60 a second: 16.7 ms"
         )
         self._head("A tick by system, mean ms", px(36) + 5 * self.row)
-        self.systems: Picture | None = None
+        self.systems = None
         self.refresh()
 
     def close(self):

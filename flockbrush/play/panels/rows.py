@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pygame
 from pygame_gui import (
     UI_BUTTON_PRESSED,
@@ -26,6 +28,9 @@ class Row:
     `turn(knob, value, done)` is called when the designer has turned it; `done` is False while the mouse still drags.
     """
 
+    reset: UIButton | None
+    shown: Any  # (value, the asset's value), once there is something to show
+
     def __init__(self, panel, knob: Knob, container, top: int, width: int, turn):
         self.panel, self.knob, self.container, self.turn = panel, knob, container, turn
         self.top, self.width = top, width
@@ -34,7 +39,7 @@ class Row:
         self.picture = Picture(
             pygame.Rect(0, top, width, self.height), panel.manager, container, f"<b>{knob.words}</b><br>{knob.help}"
         )
-        self.reset: UIButton | None = None
+        self.reset = None
         self.shown = None
 
     @property
@@ -105,10 +110,12 @@ class Row:
 class NumberRow(Row):
     """A slider with a box to type in; a mark on the track shows the asset's value."""
 
+    scale: Any  # Scale, as soon as the asset's value is known
+
     def __init__(self, panel, knob, container, top, width, turn):
         super().__init__(panel, knob, container, top, width, turn)
         px, box, y = panel.px, panel.px(58), top + self.line
-        self.scale: Scale | None = None
+        self.scale = None
         self.typing = False  # something was typed, and not yet taken
         self.track = pygame.Rect(0, y + px(2), width - box - px(22) - px(10), px(16))
         common = dict(manager=panel.manager, container=container)
@@ -205,9 +212,11 @@ class SwitchRow(Row):
 class ChoiceRow(Row):
     """A drop-down."""
 
+    menu: UIDropDownMenu | None
+
     def __init__(self, panel, knob, container, top, width, turn):
         super().__init__(panel, knob, container, top, width, turn)
-        self.menu: UIDropDownMenu | None = None
+        self.menu = None
 
     def place(self, value):
         if self.menu is not None and self.menu.selected_option[0] == value:

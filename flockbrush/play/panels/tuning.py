@@ -29,14 +29,14 @@ def turned(brush: Brush, knob: Knob, value) -> Brush:
     return brush.model_copy(update={knob.table: made})
 
 
-def command_of(brush: Brush, knob: Knob, value):
+def command_of(brush, knob, value):
     """The command that turns a knob of a brush in the running world."""
     if knob.table == "params" and knob.kind in (NUMBER, WHOLE):
         return SetParameter(brush.name, knob.name, float(value))
     return use(turned(brush, knob, value))
 
 
-def use(brush: Brush):
+def use(brush):
     """The command that brings a brush into the running world, or changes the one of its name there."""
     return UseBrush(brush.name, brush_to_toml(brush))
 
