@@ -14,18 +14,18 @@ LONGEST, SHORTEST = 96.0, 20.0  # pixels of a hairline of 1; the strongest reaso
 LEFT_OUT = 0.02  # of the strongest: weaker reasons have no arrow
 GOING_ON = 62.0  # pixels: heading and wish, which are unit vectors
 
-# after Okabe and Ito, for light ground and for dark
+# after Okabe and Ito, for light ground and for dark, moved until no two are alike to colour-blind eyes
 REASONS = {
-    "avoidance": ("#c8502e", "#ff8a5c"),
-    "cohesion": ("#0067a5", "#5ab4ff"),
-    "alignment": ("#00805c", "#35d6a4"),
-    "obstacles": ("#9a6a00", "#f0b030"),
-    "guide": ("#7a52b3", "#c9a6ff"),
-    "slope": ("#6d5f4b", "#c9b79a"),
-    "wander": ("#b04f86", "#ff9fd0"),
+    "avoidance": ("#d96230", "#ff8a5c"),
+    "cohesion": ("#0a64a1", "#418fca"),
+    "alignment": ("#008062", "#35d6a4"),
+    "obstacles": ("#7b4d00", "#f0b030"),
+    "guide": ("#8165d2", "#c7a5ff"),
+    "slope": ("#7b6f42", "#9b9697"),
+    "wander": ("#b5568e", "#ffc8db"),
     "back to the herd": ("#2d8fc4", "#8fdcff"),
     "fear": ("#8a1020", "#ff5468"),
-    "prey": ("#8a1020", "#ff5468"),
+    "prey": ("#8a1020", "#ff5468"),  # nobody has both
 }
 
 

@@ -17,8 +17,8 @@ import numpy as np
 
 Colour = tuple[int, int, int]
 
-# Okabe-Ito without yellow (leaders) and vermilion (predators); muted a little so that thousands stay calm.
-PALETTE = ("#2f7fb8", "#1f9d7a", "#c46b9c", "#58aee0", "#7a62b8", "#d08a3a", "#4f6d7a", "#a8577e")
+# Okabe-Ito without yellow (leaders) and vermilion (predators), moved until no two are alike to colour-blind eyes.
+PALETTE = ("#097abe", "#028157", "#d580a3", "#02a8df", "#a177ac", "#c37c06", "#3f5555", "#a8577e")
 
 
 def rgb(colour) -> Colour:
