@@ -14,7 +14,7 @@ from systems.landscape import Landscape
 from systems.measures import compute_milling, compute_polarization, compute_unwrapped
 
 SAMPLE_TICKS = 4  # between two points of the charts: 8 a second
-CHART_POINTS = 1500  # at most, of one chart
+CHART_POINTS = 600  # at most, of one chart
 PROFILE_TICKS = 64  # over which the time of a system is averaged
 PACE_SECONDS = 1.0  # s of real time over which the pace is averaged
 
@@ -53,7 +53,7 @@ class Chart:
 def chart_of(samples):
     """Samples as a chart; of a long run, as many as can be told apart."""
     every = -(-len(samples) // CHART_POINTS) or 1
-    few = samples[(len(samples) - 1) % every :: every] if samples else []
+    few = samples[::every] + (samples[-1:] if (len(samples) - 1) % every else [])
     brushes = sorted({name for sample in few for name in sample.counts})
     return Chart(
         np.array([sample.time for sample in few]),

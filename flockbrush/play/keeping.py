@@ -157,9 +157,13 @@ class Keeping:
         if self.dirty:
             write_atomically(self._file.beside("mine.bak"), self.editor.text().encode(), overwrite=True)
             self._say("info", f"what you had not saved is kept as {self._file.beside('mine.bak').name}")
-        now = self.timeline.current.beginning
-        self._begin(Beginning(level, library, now.seed, now.agents), None)
-        self.library, self._file = library, LevelFile(self.path, level.files[level.path.name])
+        now, before, self.library = self.timeline.current.beginning, self.library, library
+        try:
+            self._begin(Beginning(level, library, now.seed, now.agents), None)
+        except ProblemsError:
+            self.library = before
+            raise
+        self._file = LevelFile(self.path, level.files[level.path.name])
 
     # brushes ---------------------------------------------------------------------
 

@@ -22,7 +22,7 @@ from flockbrush.play.keeping import Keeping, LevelFile, Notice, editor_of, shelt
 from flockbrush.play.recovery import leftovers, recovered_branches
 from flockbrush.play.timeline import Beginning, Timeline, WentWrong
 from levels.editor import EditError, Editor, JournalError
-from levels.reader import read_level_text
+from levels.reader import brush_library, read_level_text
 from systems.landscape import Landscape
 from systems.palette import Palette
 from systems.taking_back import UseBrush
@@ -117,6 +117,7 @@ class Session(Keeping):
             except WentWrong as error:
                 raise RecordingError(f"{left.level}: {error}") from None
         session = cls(left.level, timeline, shelter, notices)
+        session.library = brush_library(session.path, session.level.files)
         for name, branch in timeline.branches.items():
             session._adopt(session._recovered_editor(name, left.branches[name]["journal"]), branch)
         session._note()

@@ -12,12 +12,14 @@ from pathlib import Path
 import pytest
 from small_pasture import by_hand, pasture, straight_run, stroke, verified
 
+from behaviours.brush import shipped
 from engine.recording import RecordingError
 from engine.state import state_hash
 from flockbrush.play.recovery import leftovers, state_folder
 from flockbrush.play.session import Session
 from levels.writer import Document, dump
 from systems.commands import AddAnimals, AddObstacle
+from systems.taking_back import UseBrush
 
 HOUSE = Path(__file__).parents[2]
 
@@ -275,4 +277,20 @@ def test_a_lost_journal_costs_the_edits_and_not_the_run(level, state):
     assert again.tick == 4 and "what was done to the level is lost" in texts(again)[0]
     again.step(3)
     assert again.timeline.current.hashes == straight_run(level, by_hand(again), 7)
+    again.close()
+
+
+def test_brushes_of_ones_own_are_there_after_a_crash(level, state):
+    session = Session.open(level, state_folder=state)
+    mine = shipped().get("march").model_copy(update={"name": "mine"})
+    session.save_brush(mine)
+    session.do("use", [UseBrush("mine", mine.source.decode())])
+    session.do("paint", [stroke("mine", 6, 8, 6)])
+    session.step(4)
+    crashed(session)
+    again = Session.recover(leftovers(root=state)[0], state)
+    assert "mine" in again.library.names() and "mine" in again.names()[1]
+    again.restart()
+    again.step(5)
+    assert "mine" in again.chart.counts and texts(again) == []
     again.close()

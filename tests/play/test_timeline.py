@@ -73,7 +73,10 @@ def test_what_was_done_is_done_again_when_one_passes_by(timeline, level):
     timeline.go_to(5)  # the state at a tick has what was done there
     assert len(timeline.simulation.agents) == 12
     timeline.go_to(10)
-    assert timeline.current.hashes == straight_run(level, by_hand_of(timeline), 10)
+    assert len(timeline.simulation.agents) == 12 and timeline.current.differs is None
+    lived(timeline, 3)
+    assert [tick for tick, _ in timeline.current.commands] == [5, 8]  # and the script spoke once
+    assert timeline.current.hashes == straight_run(level, by_hand_of(timeline), 13)
 
 
 def by_hand_of(timeline):
@@ -347,6 +350,7 @@ def test_any_walk_through_time_is_a_straight_run_of_what_was_done(level, monkeyp
         lived(timeline, 3)
         branch = timeline.current
         assert branch.differs is None
+        assert [cmd for _, cmd in branch.commands].count(branch.script[0][1]) == (branch.last_tick > 8)
         assert branch.hashes == straight_run(level, by_hand_of(timeline), branch.last_tick), (name, ways)
     timeline.close()
 
@@ -380,9 +384,9 @@ def test_one_step_back_is_short_once_one_looks_there(timeline, monkeypatch):
     timeline.go_to(5)
     assert first == 7 and len(ticks) == first + 0 + 1
     timeline.fork()
-    timeline.perform([RemoveAnimals(6, 8, 2)])
+    timeline.perform([RemoveAnimals(6, 8, 30)])
     lived(timeline, 3)
     timeline.go_to(6)  # of this branch, not of the one before
-    assert timeline.current.differs is None
     timeline.go_to(8)
+    assert timeline.current.differs is None
     assert state(timeline) == timeline.current.hashes[8]
