@@ -33,6 +33,7 @@ from flockbrush.play.widgets import NO_MARGINS, words
 SLOWEST = 1 / 25  # s; a frame whose simulation would take longer lets the simulation lag instead
 LEAST = 0.008  # s of a frame that the simulation has in any case
 CALM = 0.1  # s between two drawings of controls that nobody touches
+OVERLAYS = ("trails", "shadows", "forces", "field_of_view")  # shown at first
 FRESH = 0.15  # s between two looks at labels
 DISK = 1.0  # s between two looks at the level file
 SMALLEST = (200, 120)  # pixels of a window
@@ -76,7 +77,7 @@ class App(Hand, Deeds):
         self.settings, problem = load_settings()
         self.theme = theme_of(theme or self.settings.theme or "light")
         self.wanted_scale = scale or self.settings.ui_scale
-        self.overlays = set(("trails",) if self.settings.overlays is None else self.settings.overlays)
+        self.overlays = set(OVERLAYS if self.settings.overlays is None else self.settings.overlays)
         self.selected: int | None = None
         self.memory: dict = {}
         self.seconds = {"simulation": 0.0, "drawing": 0.0, "interface": 0.0}
@@ -151,6 +152,7 @@ class App(Hand, Deeds):
         close = getattr(self.session, "close", None)
         if close is not None:
             close()
+        pygame.event.get()  # clear() and quit() would keep for ever the controls that waiting events speak of
         pygame.display.quit()
 
     # one frame -------------------------------------------------------------------------
@@ -309,7 +311,8 @@ class App(Hand, Deeds):
             return False
         if self.timebar is not None and not self._covered and self.timebar.mouse(event):
             return True
-        taken = self.manager.process_events(event)
+        # no control wants to hear of movements (they look where the mouse is), and asking them all takes long
+        taken = event.type != pygame.MOUSEMOTION and self.manager.process_events(event)
         if event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.buttons:
             self.buttons[event.ui_element].do(self)
             return True
@@ -429,11 +432,6 @@ class App(Hand, Deeds):
     def accent(self):
         """The colour of what is selected."""
         return chrome(self.theme).accent
-
-    def draw_above(self, frame, camera, herd):
-        """What panels draw on the canvas above the animals."""
-        for panel in self.panels:
-            panel.draw(frame, camera, herd)
 
     def notify(self, text, kind="info"):
         """Show a message."""

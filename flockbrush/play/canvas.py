@@ -103,7 +103,7 @@ class Canvas:
     # drawing -----------------------------------------------------------------------
 
     def draw(self):
-        """Draw the moment that the session shows, and above it what panels and the tool in hand add."""
+        """Draw the moment that the session shows, with its overlays."""
         app = self.app
         self.prepare()
         for box in app.session.ground_changes():
@@ -111,12 +111,11 @@ class Canvas:
         self.painter.refine(REFINE)
         moment = self._moment = app.session.view()
         self.herd = herd_of(self._simulation, moment)
-        trails = "trails" in app.overlays
+        trails, self.painter.shadows = "trails" in app.overlays, "shadows" in app.overlays
         self.painter.frame(
             self.herd, moment.time, "", legend=False, trails=trails, out=self.frame, under=self._under
         )  # fmt: skip
         self._overlays.over(self.frame, self.camera, app.overlays, moment, app.selected)
-        app.draw_above(self.frame, self.camera, self.herd)
 
     def _under(self, frame):
         self._overlays.under(frame, self.camera, self.app.overlays, self._moment)

@@ -57,6 +57,12 @@ class Column:
             if told is not None:
                 told()
 
+    def show_titled(self, title):
+        """Show the panel of this title, if there is one."""
+        for k, kind in enumerate(self.classes):
+            if kind.title == title and k != self.index:
+                self.show(k)
+
     def handle(self, event) -> bool:
         """Switch tabs; the shown panel gets what else there is."""
         if event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.tabs:

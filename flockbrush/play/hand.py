@@ -263,3 +263,5 @@ class Hand:
     def select(self, animal):
         """Look at an animal more closely; None: at none."""
         self.selected = animal
+        if animal is not None and self.column is not None:
+            self.column.show_titled("Animal")

@@ -44,6 +44,10 @@ class SmallWindow:
     def ask_text(self, title, question, default, on_ok):
         self.question = (title, question, default, on_ok)
 
+    def remember(self, **choices):
+        for name, value in choices.items():
+            setattr(self.settings, name, value)
+
     def set_theme(self, name):
         self.asked_theme = name
 

@@ -87,7 +87,8 @@ def test_a_clicked_animal_is_explained(window):
     animal = int(window.agents.ids[4])
     window.click(window.agents[Position.xyz][4, :2])
     assert window.selected == animal
-    panel = show(window, "Animal")
+    panel = window.column.made[window.column.index][0]
+    assert panel.title == "Animal"
     window.frames(10)
     assert panel.pictures.keys() == {"facts", "pulls"}
     window.overlays.discard("forces")

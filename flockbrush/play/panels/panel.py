@@ -18,7 +18,7 @@ class Panel:
     ----------
     app : App
         The panels use ``session``, ``selected``, ``brush``, ``theme``, ``scale``, ``overlays``, ``settings``,
-        ``seconds``, ``memory``, ``notify``, ``ask_text``, ``set_theme`` and ``set_scale``.
+        ``seconds``, ``memory``, ``remember``, ``notify``, ``ask_text``, ``set_theme`` and ``set_scale``.
     manager : pygame_gui.UIManager
     container : pygame_gui.elements.UIPanel
     """
@@ -59,9 +59,6 @@ class Panel:
     def soon(self):
         """Refresh in the next frame."""
         self._stale = 0.0
-
-    def draw(self, frame, camera, herd):
-        """Draw on the canvas (h, w, 3) uint8, after the animals and the overlays."""
 
     def resize(self):
         """The container has another size, or the look has changed: the widgets are made anew."""

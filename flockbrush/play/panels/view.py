@@ -59,6 +59,7 @@ class ViewPanel(Panel):
             for name, box in self.boxes.items():
                 if event.ui_element is box:
                     (self.app.overlays.add if box.is_checked else self.app.overlays.discard)(name)
+                    self.app.remember(overlays=tuple(sorted(self.app.overlays)))
                     return True
         if event.type == UI_DROP_DOWN_MENU_CHANGED and event.ui_element is self.theme:
             self.app.set_theme(event.text)
