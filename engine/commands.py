@@ -34,6 +34,7 @@ class CommandError(ValueError):
         self.tick, self.command, self.reason = tick, cmd, str(reason)
 
 
+@typing.dataclass_transform(frozen_default=True)
 def command(cls):
     """Make a class with an ``apply(world)`` method a frozen dataclass, recordable by its name.
 

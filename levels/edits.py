@@ -6,6 +6,7 @@ steps backwards: to the byte.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from functools import singledispatchmethod
@@ -257,7 +258,7 @@ class Sheet:
 
     def _free_name(self, name):
         names = {node.get("name") for node, *_ in self.layers()}
-        return next(n for n in (name, *(f"{name} {k}" for k in range(2, 10**6))) if n not in names)
+        return next(n for n in (f"{name} {k}".removesuffix(" 1") for k in itertools.count(1)) if n not in names)
 
     def _next(self, key):
         """The next free id of layers or objects, which is then taken."""

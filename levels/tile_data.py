@@ -75,15 +75,14 @@ def _inflate(packed, window, size, compression):
 def unpack(data, encoding, compression, width, height) -> np.ndarray:
     """As `decode`, with the flip flags left on."""
     encoding, compression = encoding or "csv", compression or ""
-    flags = np.uint32(0)
     gids = decode(data, encoding, compression, width, height)
     if encoding == "csv":
-        flags = np.array(data, np.uint32).reshape(height, width) & np.uint32(FLIP_FLAGS)
+        whole = np.array(data, np.uint32)
     else:
         packed = base64.b64decode("".join(data.split()))
         packed = _inflate(packed, _WINDOW[compression], 4 * width * height, compression) if compression else packed
-        flags = np.frombuffer(packed, "<u4").reshape(height, width) & np.uint32(FLIP_FLAGS)
-    return gids | flags
+        whole = np.frombuffer(packed, "<u4").astype(np.uint32)
+    return gids | (whole.reshape(height, width) & np.uint32(FLIP_FLAGS))
 
 
 def pack(gids, encoding, compression):

@@ -460,7 +460,7 @@ class MoveGoal:
         goal.xy = goal.xy + shift
         if goal.polygon is not None:
             goal.polygon = goal.polygon + shift
-        land.rebuild()
+        land.navigate()
 
 
 @command

@@ -181,7 +181,7 @@ class DrawGuide:
             line_of(self.points), self.strength, self.radius, self.decay, self.goal, self.loop, self.name, self.id
         )
         _put(land.guides, guide, self.at)
-        land.rebuild()
+        land.navigate()
 
 
 @command
@@ -245,7 +245,7 @@ class PlaceGoal:
             land.goals[there] = goal
         else:
             _insert_goal(world, land, goal, self.at)
-        land.rebuild()
+        land.navigate()
 
 
 def _insert_goal(world, land, goal, at):
@@ -425,7 +425,7 @@ class RemoveThing:
                 bound = world.agents[Destination.goal]
                 bound[bound == there] = -1
                 bound[bound > there] -= 1
-            land.rebuild()
+            land.navigate()
 
 
 def _things(world, kind):

@@ -277,7 +277,7 @@ class Landscape:
         self.touch = 0.0
         self.blocked = self._blocked(self.barriers, self.walkable)
         if navigation:
-            self._navigate()
+            self.navigate()
 
     def changed(self):
         """Say that barriers, guides, goals or exits are others now."""
@@ -294,13 +294,14 @@ class Landscape:
     def settle(self, tick):
         """Make the navigation field anew if that is due."""
         if self.stale is not None and tick >= self.stale + PATIENCE:
-            self._navigate()
+            self.navigate()
 
     def _blocked(self, barriers, walkable):
         return compose_blocked(self.brush.shape, self.cell, walkable, [b for b in barriers if b.solid])
 
-    def _navigate(self):
-        """The navigation field of how everything is now."""
+    def navigate(self):
+        """Make the navigation field anew, after guides or goals have changed."""
+        self.changed()
         self.navigation = navigation_of(self.guides, self.goals, self.blocked, self.cost, self.cell)
         self._known, self.stale, self._head = self._inputs(), None, None
 

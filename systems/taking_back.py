@@ -197,7 +197,7 @@ class PutGoal:
         goal = land.goals[goal_index(land, self.goal)]
         goal.xy = np.array([self.x, self.y])
         goal.polygon = np.array(self.points, float).reshape(-1, 2) if self.points else None
-        land.rebuild()
+        land.navigate()
 
 
 def place_of(land, name):
