@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flockbrush.draw.canvas import Canvas, circle, smooth
+from flockbrush.draw.canvas import Canvas, circle, dashes, smooth
 from flockbrush.draw.shapes import bilinear, cover_polygon, grain, patch
 from flockbrush.draw.style import PALETTE, mix, rgb
 from flockbrush.draw.text import words
@@ -27,10 +27,10 @@ class Sketcher:
     Nothing here depends on the box but what is cut off: a part drawn anew fits what was drawn before.
     """
 
-    def __init__(self, level, camera, theme, unit, brushes, image):
+    def __init__(self, level, camera, theme, unit, brushes, image, known=None):
         self.level, self.camera, self.theme, self.unit = level, camera, theme, unit
         self.brushes, self.image = brushes, image
-        self._outlines: dict = {}
+        self._known: dict = {} if known is None else known  # what has been worked out for this camera
         left, top = camera.pixels((0, level.height))
         right, bottom = camera.pixels((level.width, 0))
         self.corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
@@ -237,7 +237,7 @@ class Sketcher:
                 self.canvas.area(points, colour, self.theme.tint)
             if np.isfinite(zone.max_speed) or zone.factor != 1:
                 self._hatch_area(points, self.theme.cap, 0.5)
-            self.canvas.line(points, 1.6 * self.unit, colour, 0.95, closed=True, dash=(7 * self.unit, 4 * self.unit))
+            self._dashed(zone, points, 1.6 * self.unit, colour, 0.95, (7 * self.unit, 4 * self.unit), closed=True)
 
     def _speeds(self):
         for name, sign in (("cap", 1), ("factor", -1)):
@@ -281,19 +281,29 @@ class Sketcher:
             if low[0] < right and low[1] < bottom and high[0] > left and high[1] > top:
                 yield thing, points
 
+    def once(self, what, thing, points, work):
+        """What `work()` gives for an object, worked out once for each camera and as long as its points are the same."""
+        key = what, id(thing)
+        if key not in self._known or self._known[key][0] is not points:
+            self._known[key] = points, work()
+        return self._known[key][1]
+
     def outline(self, thing):
-        """The points of an object in pixels, found once."""
-        known = self._outlines.get(id(thing))
-        if known is None:
-            points = getattr(thing, "polygon", None)
-            known = self.camera.pixels(thing.points if points is None else points)
-            self._outlines[id(thing)] = known
-        return known
+        """The points of an object in pixels."""
+        points = getattr(thing, "polygon", None)
+        points = thing.points if points is None else points
+        return self.once("outline", thing, points, lambda: self.camera.pixels(points))
+
+    def _dashed(self, thing, points, width, colour, alpha, dash, closed=False):
+        """Draw a dashed line through an object's outline."""
+        whole = np.vstack([points, points[:1]]) if closed else points
+        segments = self.once(("dashes", dash), thing, points, lambda: dashes(whole, *dash))
+        self.canvas.segments(segments, width, colour, alpha)
 
     def _spawns(self):
-        for _, points in self.shapes("spawns"):
+        for spawn, points in self.shapes("spawns"):
             dash = (5 * self.unit, 4 * self.unit)
-            self.canvas.line(points, 1.3 * self.unit, self.theme.spawn, 0.8, closed=True, dash=dash)
+            self._dashed(spawn, points, 1.3 * self.unit, self.theme.spawn, 0.8, dash, closed=True)
 
     def _areas(self):
         for _, points in self.shapes("areas"):
@@ -350,25 +360,31 @@ class Sketcher:
             swath = max(min(2 * float(getattr(guide, "radius", 0)) * self.camera.scale, 400 * self.unit), 2)
             self.canvas.line(curve[::2], swath, self.theme.guide, 0.07, closed=loop)
             self.canvas.line(curve, 2.2 * self.unit, self.theme.guide, 0.75, closed=loop)
-            self._arrows(curve, loop)
+            self._heads(guide, curve, loop)
+
+    def _heads(self, guide, curve, loop):
+        """The arrowheads of a guide that come near the clip."""
+        left, top, right, bottom = self.canvas.clip
+        size = 13 * self.unit
+        for tip, along in self.once("arrows", guide, guide.points, lambda: self._arrows(curve, loop)):
+            if left - size < tip[0] < right + size and top - size < tip[1] < bottom + size:
+                self.canvas.arrowhead(tip, along, size, self.theme.guide, 0.95)
 
     def _curve(self, guide, loop):
-        key = ("curve", id(guide))
-        if key not in self._outlines:
-            self._outlines[key] = smooth(self.outline(guide), loop)
-        return self._outlines[key]
+        return self.once("curve", guide, guide.points, lambda: smooth(self.outline(guide), loop))
 
     def _arrows(self, curve, loop):
-        """Arrowheads along a curve, evenly spaced, the last one at its end."""
+        """[(tip, direction)] of arrowheads along a curve, evenly spaced, the last one at its end."""
         curve = np.vstack([curve, curve[:1]]) if loop else curve
         along = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(curve, axis=0).T))])
         if not 0 < along[-1] < 1e5:
-            return
-        size = 13 * self.unit
-        count = max(1, int(along[-1] / (95 * self.unit)))
+            return []
+        size, count = 13 * self.unit, max(1, int(along[-1] / (95 * self.unit)))
+        found = []
         for at in (np.arange(count) + 1) * along[-1] / count - (0 if not loop else along[-1] / count / 2):
             tip, tail = (_along(curve, along, max(where, 0)) for where in (at, at - size))
-            self.canvas.arrowhead(tip, tip - tail, size, self.theme.guide, 0.95)
+            found.append((tip, tip - tail))
+        return found
 
     def _goals(self):
         for goal in self.of("goals"):
@@ -387,9 +403,9 @@ class Sketcher:
         self.canvas.area(cloth, colour)
 
     def _lines(self):
-        for _, points in self.shapes("lines"):
+        for line, points in self.shapes("lines"):
             u = self.unit
-            self.canvas.line(points, 1.5 * u, self.theme.muted, 0.85, dash=(9 * u, 3 * u))
+            self._dashed(line, points, 1.5 * u, self.theme.muted, 0.85, (9 * u, 3 * u))
             for end, other in ((points[0], points[1]), (points[-1], points[-2])):
                 way = (other - end) / max(float(np.hypot(*(other - end))), 1e-9) * 5 * u
                 self.canvas.line([end + (-way[1], way[0]), end + (way[1], -way[0])], 1.5 * u, self.theme.muted, 0.9)

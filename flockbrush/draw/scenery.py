@@ -27,8 +27,8 @@ class Scenery:
         self.width, self.height, self.cell = self.level.width, self.level.height, self.level.cell
         self.height_map, self.factor, self.zones = self.level.height_map, self.level.factor, self.level.zones
         self.lines, self.areas = self.level.lines, self.level.areas
-        self._seen: tuple = (None, None)
-        self.changes()
+        self._painted = [raster.copy() for raster in self.land.painted.rasters()]
+        self._things = self._all_things()
 
     @property
     def land(self) -> Landscape:
@@ -95,23 +95,23 @@ class Scenery:
 
     def changes(self):
         """[box] of the ground that differs from the last call: (west, south, east, north) in metres, or "all"."""
-        (painted, things), self._seen = self._seen, self._now()
-        if painted is None or things != self._seen[1]:
-            return ["all"]
-        boxes = []
-        for k, now in enumerate(self._seen[0]):
-            if np.array_equal(now, painted[k]):
-                self._seen[0][k] = painted[k]
-                continue
-            iy, ix = np.nonzero(now != painted[k])
-            sides = ix.min(), iy.min(), ix.max() + 1, iy.max() + 1
-            boxes.append(tuple(float(side * self.cell) for side in sides))
-        return boxes
+        boxes = [self._changed(k, raster) for k, raster in enumerate(self.land.painted.rasters())]
+        before, self._things = self._things, self._all_things()
+        return [box for box in boxes if box] if self._things == before else ["all"]
 
-    def _now(self):
-        """(copies of the painted rasters, all things as one value)."""
+    def _changed(self, k, raster):
+        """The box in which a painted raster differs from what it was, None if it does not."""
+        before = self._painted[k]
+        if np.array_equal(raster, before):
+            return None
+        iy, ix = np.nonzero(raster != before)
+        self._painted[k] = raster.copy()
+        return tuple(float(side * self.cell) for side in (ix.min(), iy.min(), ix.max() + 1, iy.max() + 1))
+
+    def _all_things(self):
+        """All that stands there, as one value."""
         land = self.land
-        things = (
+        return (
             tuple((b.polygon.tobytes(), b.solid, b.blocks_view) for b in land.barriers),
             tuple((np.asarray(g.points).tobytes(), g.radius, g.loop) for g in land.guides),
             tuple((g.name, g.xy.tobytes(), g.radius, _bytes(g.polygon)) for g in land.goals),
@@ -119,7 +119,6 @@ class Scenery:
             tuple((s.name, s.polygon.tobytes()) for s in self.spawns),
             tuple(self.brush_colours.items()),
         )
-        return [raster.copy() for raster in land.painted.rasters()], things
 
 
 def _bytes(polygon):

@@ -35,6 +35,7 @@ class Tiles:
         self.camera: Camera | None = None
         self.stale: dict[tuple, tuple] = {}  # tile -> box
         self.named: list[tuple] = []
+        self._known: dict = {}
         self.image: np.ndarray
         self._bare: np.ndarray  # without names
 
@@ -45,6 +46,7 @@ class Tiles:
         if camera == self.camera:
             return
         old, self.camera = self.camera, camera
+        self._known = {}
         width, height = camera.size
         before = getattr(self, "_bare", None)
         self._bare = np.empty((height, width, 3), np.uint8)
@@ -114,7 +116,8 @@ class Tiles:
     # drawing -----------------------------------------------------------------------
 
     def _sketch(self):
-        self._sketcher = Sketcher(self.level, self.camera, self.theme, self.unit, self.brushes, self._bare)
+        given = (self.level, self.camera, self.theme, self.unit, self.brushes, self._bare)
+        self._sketcher = Sketcher(*given, self._known)
 
     def repaint(self, box):
         """Draw a box of the level anew: (west, south, east, north) in metres, or "all" to have it done by `refine`."""
