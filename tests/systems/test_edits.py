@@ -452,9 +452,13 @@ animals = st.one_of(
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.lists(st.one_of(strokes, things, animals), min_size=1, max_size=8), st.integers(0, 3))
-def test_whatever_is_done_is_taken_back_without_a_trace(commands, ticks):
-    simulation = scene()
+@given(
+    st.sampled_from(["wall", "wrap", "open", "despawn"]),
+    st.lists(st.one_of(strokes, things, animals), min_size=1, max_size=8),
+    st.integers(0, 3),
+)
+def test_whatever_is_done_is_taken_back_without_a_trace(boundary, commands, ticks):
+    simulation = scene(boundary)
     before, done = settled(simulation), []
     for command in commands:
         whole = state_hash(simulation.world)
