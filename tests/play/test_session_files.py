@@ -12,6 +12,7 @@ from behaviours.brush import shipped
 from behaviours.problems import ProblemsError
 from components import BrushBinding
 from engine.state import state_hash
+from flockbrush.cli import called
 from flockbrush.play.history import History
 from flockbrush.play.session import Session
 from levels.reader import read_level
@@ -397,6 +398,7 @@ def test_a_run_and_its_branches_are_recorded_where_one_says(level, tmp_path):
     assert sorted(path.name for path in tmp_path.glob("*.flock")) == ["walk-2.flock", "walk.flock"]
     assert verified(tmp_path / "walk.flock").last_tick == 6
     assert verified(tmp_path / "walk-2.flock").last_tick == 5
+    assert called(["replay", str(tmp_path / "walk-2.flock"), "--verify"]) == 0  # as a designer would
 
 
 def test_a_recording_that_cannot_be_written_is_said(session, tmp_path):

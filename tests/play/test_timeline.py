@@ -72,6 +72,8 @@ def test_what_was_done_is_done_again_when_one_passes_by(timeline, level):
     assert len(timeline.simulation.agents) == 9
     timeline.go_to(5)  # the state at a tick has what was done there
     assert len(timeline.simulation.agents) == 12
+    timeline.go_to(7)  # not twice
+    assert len(timeline.simulation.agents) == 12 and timeline.current.differs is None
     timeline.go_to(10)
     assert len(timeline.simulation.agents) == 12 and timeline.current.differs is None
     lived(timeline, 3)
