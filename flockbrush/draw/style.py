@@ -18,7 +18,7 @@ import numpy as np
 Colour = tuple[int, int, int]
 
 # Okabe-Ito without yellow (leaders) and vermilion (predators), moved until no two are alike to colour-blind eyes.
-PALETTE = ("#097abe", "#028157", "#d580a3", "#02a8df", "#a06fb8", "#c37c06", "#3f5555", "#a8577e")
+PALETTE = ("#097abe", "#028157", "#d580a3", "#02a8df", "#61498f", "#c37c06", "#3f5555", "#a8577e")
 
 
 def rgb(colour) -> Colour:

@@ -136,6 +136,8 @@ class Tiles:
     def refine(self, budget: float) -> bool:
         """Draw stale tiles, those in the middle first, for about so many seconds; whether none is left."""
         end = time.perf_counter() + budget
+        if self.camera is None:
+            return True
         middle = np.array(self.camera.middle)
         order = sorted(self.stale.items(), key=lambda tile: np.abs(np.array(tile[1]).reshape(2, 2) - middle).sum())
         for tile, box in order:

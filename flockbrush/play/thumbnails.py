@@ -80,8 +80,8 @@ def placeholder(brush, size=64, theme="light") -> np.ndarray:
 def make_in_background(names=(), size=64, theme="light") -> subprocess.Popen:
     """Begin to make the pictures of shipped brushes (all unless named) in a process of its own; `cached` finds them."""
     command = [sys.executable, "-m", "flockbrush.play.thumbnails", "--size", str(size), "--theme", theme_of(theme).name]
-    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return subprocess.Popen([*command, *names], **quiet)
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen([*command, *names], stdin=quiet, stdout=quiet, stderr=quiet)
 
 
 # the picture ---------------------------------------------------------------------
