@@ -273,3 +273,14 @@ def test_a_brush_that_nobody_knows_leaves_the_panel_as_it_is(window):
     window.brush = None
     window.wait()
     assert window.panel.name == "march"
+
+
+def test_what_was_tuned_lasts_into_a_run_that_begins_anew_and_is_still_told_from_the_asset(window):
+    window.panel.turn(row(window, "mean").knob, 3.0, True)
+    window.session.step(8)
+    window.session.restart()
+    window.wait()
+    assert running(window).speed.mean == 3.0
+    assert row(window, "mean").against().startswith("3, asset ")
+    window.click(window.panel.drop)
+    assert running(window).speed.mean != 3.0
