@@ -77,6 +77,16 @@ def test_painted_sheep_take_up_the_brush_and_after_undo_their_own(tmp_path):
     session.close()
 
 
+def test_animals_that_come_back_are_the_same_animals(session):
+    session.do("add", [AddAnimals("march", 4, 12, 2, 3, "sheep")])
+    session.step(3)
+    ids, xyz = session.moment.ids.copy(), session.moment.xyz.copy()
+    session.undo()
+    assert len(session.moment) == 9
+    session.redo()
+    assert session.moment.ids.tolist() == ids.tolist() and (session.moment.xyz == xyz).all()
+
+
 def test_undo_while_time_goes_on_is_the_run_of_these_edits(session, level):
     session.step(3)
     session.do("rock", [rock(session.editor.new_id())])

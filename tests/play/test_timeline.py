@@ -389,6 +389,7 @@ def test_one_step_back_is_short_once_one_looks_there(timeline, monkeypatch):
     timeline.perform([RemoveAnimals(6, 8, 30)])
     lived(timeline, 3)
     timeline.go_to(6)  # of this branch, not of the one before
+    assert state(timeline) == timeline.current.hashes[6]
     timeline.go_to(8)
     assert timeline.current.differs is None
     assert state(timeline) == timeline.current.hashes[8]
