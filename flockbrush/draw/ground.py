@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flockbrush.draw.canvas import Canvas, circle, dashes, smooth
-from flockbrush.draw.shapes import bilinear, cover_polygon, grain, patch
+from flockbrush.draw.shapes import bilinear, cover_polygon, grain, patch, shrink, smear, steepness
 from flockbrush.draw.style import PALETTE, mix, rgb
 from flockbrush.draw.text import words
 
@@ -91,16 +91,11 @@ class Sketcher:
         values, fine = np.ascontiguousarray(values, np.float32), cell * self.camera.scale
         step = shrunk(fine)
         if step > 1:
-            import cv2
-
-            ny, nx = (-(-side // step) for side in values.shape)
-            pad = [(0, ny * step - values.shape[0]), (0, nx * step - values.shape[1])]
-            values = cv2.resize(np.pad(values, pad, mode="edge"), (nx, ny), interpolation=cv2.INTER_AREA)
-            cell, fine = cell * step, fine * step
-        x, y = self.camera.metres((0.5, 0.5)) / cell - 0.5 - np.array(start[::-1]) / step
+            values, cell, fine = shrink(values, step), cell * step, fine * step
+        x, y = self.camera.metres((0.5, 0.5)) / cell - 0.5
         xs = x + np.arange(left - around, right + around) / fine
         ys = y - np.arange(top - around, bottom + around) / fine
-        return bilinear(values, xs, ys)
+        return bilinear(values, start[0] // step, start[1] // step, xs, ys)
 
     def soft(self, cells, cell, start, around=0):
         """How much of the neighbourhood of each pixel of the clip belongs to a region of cells, 0 to 1.
@@ -116,12 +111,9 @@ class Sketcher:
 
     def region(self, cells, cell, start):
         """A region of cells (bool [iy, ix]) with rounded corners: signed distance to its edge in pixels, inside > 0."""
-        import cv2
-
-        level = self.soft(cells, cell, start, RIM) - 0.5
-        across, down = cv2.Sobel(level, -1, 1, 0, scale=0.125), cv2.Sobel(level, -1, 0, 1, scale=0.125)
-        slope = cv2.GaussianBlur(np.sqrt(across**2 + down**2), (5, 5), 0)
-        edge = level / np.maximum(slope, 0.15 / max(cell * self.camera.scale, 1.0))
+        level = self.soft(cells, cell, start, RIM) - np.float32(0.5)
+        slope = smear(steepness(level), np.array([1, 4, 6, 4, 1]) / 16)
+        edge = level / np.maximum(slope, np.float32(0.15 / max(cell * self.camera.scale, 1.0)))
         return edge[RIM:-RIM, RIM:-RIM]
 
     def _kinds(self, rows, columns):
@@ -325,16 +317,14 @@ class Sketcher:
 
     def _shadows(self, shapes):
         """Soft shadows of outlines."""
-        import cv2
-
         left, top, right, bottom = self.canvas.clip
-        far = int(np.ceil(9 * self.unit))  # the blur reaches so far
+        blur = bell(2.6 * self.unit, 3.0)
+        far = len(blur) // 2
         left, top, wide, tall = left - far, top - far, right - left + 2 * far, bottom - top + 2 * far
         shadow = np.zeros((tall, wide), np.float32)
         for points in shapes:
             np.maximum(shadow, cover_polygon(np.ascontiguousarray(points), left, top, wide, tall), out=shadow)
-        shadow = cv2.GaussianBlur(shadow, (0, 0), 2.6 * self.unit)[far:-far, far:-far]
-        self._lay(shadow * self.theme.shadow_alpha * 1.4, self.theme.shadow)
+        self._lay(smear(shadow, blur)[far:-far, far:-far] * self.theme.shadow_alpha * 1.4, self.theme.shadow)
 
     def _obstacle(self, obstacle, points):
         theme, unit = self.theme, self.unit
@@ -503,9 +493,14 @@ def _common(box, other):
 
 def blurred(cells, width):
     """Cells smeared over so many cells around them, float32."""
-    import cv2
+    return smear(np.ascontiguousarray(cells, np.float32), bell(width, 3.0 / width))
 
-    return cv2.GaussianBlur(np.asarray(cells, np.float32), (7, 7), width, borderType=cv2.BORDER_REPLICATE)
+
+def bell(width, reach):
+    """Weights of a blur of this width, out to `reach` times it, that add up to 1."""
+    far = round(reach * width)
+    weights = np.exp(-((np.arange(-far, far + 1) / width) ** 2) / 2)
+    return weights / weights.sum()
 
 
 def _along(curve, along, at):

@@ -20,8 +20,8 @@ _WHOLE = 1e-3  # pixels; a camera that moved by a whole number of them but for s
 class Tiles:
     """The ground under a camera.
 
-    A tile is always drawn as a whole, so that a picture mended in one place is the one that a new drawing gives.
-    Names lie above all tiles and are laid on a copy.
+    Every box is drawn with the very pixels it has in the whole, so that a picture mended in one place is the one that a
+    new drawing gives.  Names lie above all tiles and are laid on a copy.
 
     Attributes
     ----------
@@ -128,10 +128,14 @@ class Tiles:
             return
         low, high = self.camera.pixels((box[0], box[3])), self.camera.pixels((box[2], box[1]))
         far = SPILL * self.unit + 4 * getattr(self.level, "cell", 1.0) * self.camera.scale  # cells are rounded off
-        low, high = np.clip(np.floor(low - far), -1e6, 1e6), np.clip(np.ceil(high + far), -1e6, 1e6)
+        left, top, right, bottom = self.camera.view
+        low = np.maximum(np.floor(low - far), (left, top)).astype(int)
+        high = np.minimum(np.ceil(high + far), (right, bottom)).astype(int)
         self._name()
-        for tile, part in self._tiles((int(low[0]), int(low[1]), int(high[0]), int(high[1]))):
-            self._draw(tile, part)
+        if (high > low).all():
+            part = (int(low[0]), int(low[1]), int(high[0]), int(high[1]))
+            self._sketcher.paint(part)
+            self._compose(part)
 
     def refine(self, budget: float) -> bool:
         """Draw stale tiles, those in the middle first, for about so many seconds; whether none is left."""
@@ -147,8 +151,11 @@ class Tiles:
         return not self.stale
 
     def complete(self):
-        """Draw every stale tile."""
-        self.refine(np.inf)
+        """Draw whatever is stale."""
+        if self.stale and self.camera is not None:
+            self.stale = {}
+            self._sketcher.paint(self.camera.view)
+            self._compose(self.camera.view)
 
     def _draw(self, tile, box):
         self.stale.pop(tile, None)

@@ -6,7 +6,7 @@ import pytest
 from behaviours.brush import shipped
 from flockbrush.draw import Painter, Scenery
 from flockbrush.draw.camera import Camera
-from flockbrush.draw.tiles import TILE
+from flockbrush.run import open_level
 from levels.build import build
 from levels.reader import read_level
 from systems.commands import AddObstacle, PaintBrush, PaintCap
@@ -85,8 +85,24 @@ def test_mending_costs_what_the_box_costs(world):
         p.repaint((x - 0.2, y - 0.2, x + 0.2, y + 0.2))
     finally:
         p.tiles._sketcher.__class__.paint = paint
-    far = 2 * (16 + 4 * p.camera.scale) + 0.4 * p.camera.scale
-    assert 1 <= len(drawn) <= (far / TILE + 2) ** 2
+    far = 2 * (16 + 4 * p.camera.scale) + 0.4 * p.camera.scale + 2
+    (box,) = drawn
+    assert 10 < box[2] - box[0] <= far and 10 < box[3] - box[1] <= far
+
+
+@pytest.mark.parametrize("name", ["gorge", "predators-valley"])
+@pytest.mark.parametrize("zoom", [1.0, 0.3, 5.3])
+def test_any_box_has_the_pixels_it_has_in_the_whole(name, zoom):
+    p = Painter(open_level(name)[0], (640, 400), "dark", words=False, labels=True)
+    p.look(p.home.zoomed(zoom, (100, 300)).moved(13.4, -7.7))
+    whole, rng = p.ground.copy(), np.random.default_rng(5)
+    for _ in range(8):
+        (left, top), (wide, tall) = rng.integers(0, (600, 360)), rng.integers(3, 150, 2)
+        box = (int(left), int(top), int(min(left + wide, 640)), int(min(top + tall, 400)))
+        p.tiles._bare[box[1] : box[3], box[0] : box[2]] = 77
+        p.tiles._sketcher.paint(box)
+        p.tiles._compose(box)
+        assert np.array_equal(p.ground, whole), box
 
 
 def test_what_is_painted_in_mid_run_is_in_the_picture(world):
