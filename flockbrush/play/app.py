@@ -34,6 +34,7 @@ SLOWEST = 1 / 25  # s; a frame whose simulation would take longer lets the simul
 LEAST = 0.008  # s of a frame that the simulation has in any case
 CALM = 0.1  # s between two drawings of controls that nobody touches
 OVERLAYS = ("trails", "shadows", "forces", "field_of_view")  # shown at first
+QUICK = 0.03  # s, while the mouse moves over them
 FRESH = 0.15  # s between two looks at labels
 DISK = 1.0  # s between two looks at the level file
 SMALLEST = (200, 120)  # pixels of a window
@@ -86,7 +87,7 @@ class App(Hand, Deeds):
         self._disk = DISK
         self.film = self.dialog = self.help = self.hint = None
         self._panning = self._space = self._space_used = self._stroking = False
-        self._told_disk = self._covered = False
+        self._told_disk, self._covered = "", False
         self.toasts, self.thumbnails = Toasts(), Thumbnails(self)
         self.column = None
         self._open(size)
@@ -149,11 +150,10 @@ class App(Hand, Deeds):
         self.thumbnails.close()
         for panel in self.panels:
             self._guarded(panel.close)
-        close = getattr(self.session, "close", None)
-        if close is not None:
-            close()
-        pygame.event.get()  # clear() and quit() would keep for ever the controls that waiting events speak of
-        pygame.display.quit()
+        self.session.close()
+        if pygame.display.get_init():
+            pygame.event.get()  # clear() and quit() would keep for ever the controls that waiting events speak of
+            pygame.display.quit()
 
     # one frame -------------------------------------------------------------------------
 
@@ -198,10 +198,10 @@ class App(Hand, Deeds):
             self._look_at_disk()
 
     def _look_at_disk(self):
-        changed = getattr(self.session, "changed_on_disk", bool)()
-        if changed and not self._told_disk and self.dialog is None:
-            self.offer_reload()
-        self._told_disk = bool(changed)
+        changed = self.session.changed_on_disk()
+        if changed and changed != self._told_disk and self.dialog is None:
+            self.offer_reload(changed)
+        self._told_disk = changed
 
     def tell(self):
         """Show what the session has to say."""
@@ -287,8 +287,10 @@ class App(Hand, Deeds):
 
     def handle(self, event):
         """Answer one event."""
-        if event.type != pygame.MOUSEMOTION or not self.canvas.rect.collidepoint(event.pos):
+        if event.type != pygame.MOUSEMOTION:
             self._calm = 0.0
+        elif not self.canvas.rect.collidepoint(event.pos):
+            self._calm = min(self._calm, QUICK)
         if event.type == pygame.QUIT:
             self.ask_to_quit()
         elif event.type == pygame.VIDEORESIZE:

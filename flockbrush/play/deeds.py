@@ -112,24 +112,22 @@ class Deeds:
 
     def level_name(self):
         """What the title says."""
-        return self.session.simulation.level.name
+        return Path(self.session.path).stem if self.session.path else self.session.level.name
 
     def save(self):
         """Write the level where it came from; a shipped level somewhere else."""
-        if self._is_shipped():
-            return self.save_as()
-        return self._save(None)
+        return self.save_as() if self._is_shipped() else self._save(None)
 
     def _is_shipped(self):
         from flockbrush.run import SHIPPED
 
-        return Path(self.session.simulation.level.path or "").parent == SHIPPED
+        return self.session.path is None or Path(self.session.path).resolve().parent == Path(SHIPPED).resolve()
 
     def save_as(self):
         """Ask where to write the level."""
-        path = Path(self.session.simulation.level.path or "level.tmj")
-        start = Path.cwd() / path.name if self._is_shipped() else path
-        why = "This level comes with Flockbrush and stays as it is.\n" if self._is_shipped() else ""
+        shipped = self._is_shipped()
+        start = Path.cwd() / f"{self.level_name()}.tmj" if shipped else self.session.path
+        why = "This level comes with Flockbrush and stays as it is.\n" if shipped else ""
         self.ask_text("Save the level", f"{why}File to write:", str(start), self._save_to)
 
     def _save_to(self, text):
@@ -137,7 +135,7 @@ class Deeds:
             return self.notify("a file needs a name", "warning")
         path = Path(text).expanduser()
         path = path if path.suffix else path.with_suffix(".tmj")
-        if path.exists() and path.resolve() != Path(self.session.simulation.level.path or "").resolve():
+        if path.exists() and path.resolve() != Path(self.session.path or "").resolve():
             answers = [("Replace it", lambda: self._save(path)), ("Cancel", None)]
             return self.ask("Save the level", f"{path} is there already.", answers)
         return self._save(path)
@@ -145,30 +143,54 @@ class Deeds:
     def _save(self, path):
         written = self.session.save(path)
         self.tell()
-        if written is not False:
-            self.notify(f"saved {path or self.session.simulation.level.path}")
+        if written:
+            self._told_disk = ""
+            pygame.display.set_caption(f"{self.level_name()} – Flockbrush")
+            self.notify(f"saved {written}")
         return written
 
     def reload(self):
         """Read the level file again; what is not saved is asked for."""
-        if not getattr(self.session, "dirty", False):
+        if not self.session.dirty:
             return self._reload()
         answers = [("Reload", self._reload), ("Cancel", None)]
         question = "What you have changed since the last save would be lost."
         return self.ask("Reload the level from disk?", question, answers)
 
-    def _reload(self):
-        self.session.reload()
-        self.tell()
+    def _reload(self, keep="theirs"):
         self.tool.cancel()
-        self.select(None)
-        self.tool_changed()
+        self.session.reload(keep)
+        self.tell()
+        if keep == "theirs":
+            self.select(None)
+            self.tool_changed()
 
-    def offer_reload(self):
-        """The level file was changed by another program."""
-        answers = [("Reload", self._reload), ("Keep mine", None)]
-        lost = "  What you have changed here since the last save would be lost." if self.session.dirty else ""
+    def offer_reload(self, how):
+        """The level file was changed by another program, or is gone."""
+        if how == "deleted":
+            answers = [("Save it again", self.save), ("Go on", None)]
+            self.ask("The level is gone", f"{self.session.path} is not there any more.", answers)
+            return
+        answers = [("Reload", self._reload), ("Keep mine", lambda: self._reload("mine"))]
+        lost = "  What you have changed here since the last save would be replaced." if self.session.dirty else ""
         self.ask("The level has changed on disk", f"Another program has written this level.{lost}", answers)
+
+    def offer_recovery(self, left):
+        """A crash has ended a session with this level: one may go on from there."""
+        answers = [("Go on from there", lambda: self._recover(left)), ("Forget it", left.discard), ("Not now", None)]
+        self.ask("Work that was not saved", f"A session with this level ended without being closed:\n{left}", answers)
+
+    def _recover(self, left):
+        from flockbrush.play.session import Session
+
+        session = Session.recover(left)
+        self.session.close()
+        self.session = session
+        self.empty(self.brush if self.brush in self.brush_names() else None)
+        self.select(None)
+        self.build()
+        self.tell()
+        self.notify("here is your work as it was")
 
     def export_recording(self):
         """Ask where to write the recording."""
@@ -262,7 +284,7 @@ class Deeds:
 
     def ask_to_quit(self):
         """Close the window, unless something is not saved yet and the person wants to keep it."""
-        if not getattr(self.session, "dirty", False):
+        if not self.session.dirty:
             self.quit()
             return
         answers = [("Save", self._save_and_quit), ("Do not save", self.quit), ("Cancel", None)]
@@ -271,7 +293,7 @@ class Deeds:
     def _save_and_quit(self):
         if self._is_shipped():
             self.save_as()
-        elif self._save(None) is not False:
+        elif self._save(None):
             self.quit()
 
     def quit(self):

@@ -46,18 +46,43 @@ def play_level(wishes: Wishes) -> int:
     if problem:
         say(problem)
         return USAGE
-    from flockbrush.play.app import App, open_session
+    from flockbrush.draw.style import theme_of
+    from flockbrush.play.opening import Opening
+    from flockbrush.play.settings import load_settings
 
+    theme = theme_of(wishes.theme or load_settings()[0].theme or "light")
     with Interrupts() as interrupts, compiling():
-        session = open_session(wishes.level, seed=wishes.seed, agents=wishes.agents, record=wishes.record)
-        app = App(session, size, wishes.theme, brush=wishes.brush)
         interrupts.gently()
-        try:
-            app.run(wishes.frames, stop=lambda: interrupts.asked)
-        finally:
-            app.close()
+        opening = Opening(Path(wishes.level).stem, size, theme, lambda: _open(wishes))
+        session = opening.wait(stop=lambda: interrupts.asked)
+        if session is not None:
+            _play(session, wishes, opening.screen.get_size(), interrupts)
         interrupts.check()
     return 0
+
+
+def _open(wishes):
+    """The session, with all kernels ready."""
+    from flockbrush.play.opening import try_kernels
+    from flockbrush.play.session import Session
+
+    session = Session.open(wishes.level, seed=wishes.seed, agents=wishes.agents, record=wishes.record)
+    try_kernels(wishes.level, wishes.seed)
+    return session
+
+
+def _play(session, wishes, size, interrupts):
+    from flockbrush.play.app import App
+    from flockbrush.play.session import Session
+
+    app = App(session, size, wishes.theme, brush=wishes.brush)
+    try:
+        left = Session.recoverable(wishes.level)
+        if left:
+            app.offer_recovery(left[0])
+        app.run(wishes.frames, stop=lambda: interrupts.asked)
+    finally:
+        app.close()
 
 
 def size_of(text: str) -> tuple[int, int]:

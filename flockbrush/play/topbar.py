@@ -41,13 +41,13 @@ class TopBar:
     def update(self):
         """Show what is so now."""
         app, session = self.app, self.app.session
-        undo, redo = getattr(session, "undo_label", ""), getattr(session, "redo_label", "")
-        said = (undo, redo, getattr(session, "dirty", False), app.level_name(), app.film is not None)
+        undo, redo = session.undo_label, session.redo_label
+        said = (undo, redo, session.dirty, app.level_name(), app.film is not None)
         if said == self._said:
             return
         self._said = said
         if self.title is not None:
-            self.title.say(app.level_name() + ("   •  not saved" if getattr(session, "dirty", False) else ""))
+            self.title.say(app.level_name() + ("   •  not saved" if session.dirty else ""))
         for name, label in (("undo", undo), ("redo", redo)):
             if name in self.buttons:
                 button = self.buttons[name]

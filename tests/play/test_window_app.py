@@ -26,7 +26,7 @@ HOUSE = Path(__file__).parents[2]
 @pytest.fixture(autouse=True)
 def at_home(tmp_path, monkeypatch):
     """Settings, pictures and journals of nobody else."""
-    for name in ("FLOCKBRUSH_CONFIG", "FLOCKBRUSH_CACHE", "XDG_STATE_HOME"):
+    for name in ("FLOCKBRUSH_CONFIG", "FLOCKBRUSH_CACHE", "FLOCKBRUSH_STATE"):
         monkeypatch.setenv(name, str(tmp_path / name))
     monkeypatch.delenv("FLOCKBRUSH_SCALE", raising=False)
     monkeypatch.chdir(tmp_path)
@@ -472,3 +472,46 @@ def test_ctrl_c_closes_the_window_in_good_order(tmp_path):
     child.send_signal(signal.SIGINT)
     _, err = child.communicate(timeout=60)
     assert child.returncode == 130 and "Traceback" not in err, err
+
+
+def test_while_the_level_is_opened_the_window_says_so_and_can_be_closed():
+    from flockbrush.draw.style import LIGHT
+    from flockbrush.play.opening import Opening
+
+    opening = Opening("pasture", (400, 300), LIGHT, lambda: time.sleep(0.2) or "ready")
+    before = pygame.surfarray.array3d(opening.screen)
+    assert opening.wait() == "ready"
+    assert not np.array_equal(before, pygame.surfarray.array3d(opening.screen))
+    opening = Opening("pasture", (400, 300), LIGHT, lambda: time.sleep(30))
+    pygame.event.post(pygame.event.Event(pygame.QUIT))
+    assert opening.wait() is None
+
+
+def test_what_goes_wrong_while_opening_is_told_by_the_command(capsys):
+    assert called(["play", "medow"]) == 1
+    assert "did you mean 'meadow'" in capsys.readouterr().err
+
+
+def test_work_that_a_crash_left_is_offered(window, tmp_path):
+    from types import SimpleNamespace
+
+    forgotten = []
+    window.offer_recovery(SimpleNamespace(discard=lambda: forgotten.append(True)))
+    window.push(list(window.dialog.answers)[1])
+    assert forgotten == [True]
+
+
+def test_windows_leave_nothing_behind(tmp_path):
+    import gc
+    import weakref
+
+    path = pasture(tmp_path)
+    left = []
+    for _ in range(2):
+        window = Window(path)
+        left += [weakref.ref(thing) for thing in (window, window.manager, window.session.simulation, window.painter)]
+        window.close()
+    del window
+    gc.collect()
+    default = 1  # pygame_gui keeps the first manager there ever was
+    assert sum(thing() is not None for thing in left) <= default

@@ -12,7 +12,7 @@ from flockbrush.play.tools import TOOLS
 @pytest.fixture
 def window(tmp_path, monkeypatch):
     """A window on a pasture of 24 x 16 m: nine sheep in the west, a stone in the east, a way through the middle."""
-    for name in ("FLOCKBRUSH_CONFIG", "FLOCKBRUSH_CACHE", "XDG_STATE_HOME"):
+    for name in ("FLOCKBRUSH_CONFIG", "FLOCKBRUSH_CACHE", "FLOCKBRUSH_STATE"):
         monkeypatch.setenv(name, str(tmp_path / name))
     monkeypatch.chdir(tmp_path)
     window = Window(pasture(tmp_path, script=False))

@@ -24,7 +24,7 @@ class Window(App):
 
     def __init__(self, level, size=(1000, 640), **options):
         super().__init__(Session.open(level), size, options.pop("theme", "light"), **options)
-        pygame.event.clear()
+        pygame.event.get()
         self.frames(2)
 
     def frames(self, count=1, dt=1 / 32):
