@@ -131,3 +131,17 @@ def test_the_theme_is_chosen_in_view(window):
     window.frames(2)
     panel = next(panel for panel in window.panels if panel.title == "View")
     assert panel.theme.selected_option[0] == "dark"
+
+
+def test_choosing_colours_in_the_list_makes_the_window_anew(window):
+    import pygame_gui
+
+    panel = show(window, "View")
+    window.post(pygame_gui.UI_DROP_DOWN_MENU_CHANGED, ui_element=panel.theme, text="dark")
+    window.frames(2)
+    assert window.theme.name == "dark" and window.said("error") == []
+    panel = window.column.made[window.column.index][0]
+    assert panel.title == "View" and panel.theme.selected_option[0] == "dark"
+    window.post(pygame_gui.UI_DROP_DOWN_MENU_CHANGED, ui_element=panel.scale, text="125 %")
+    window.frames(2)
+    assert window.scale == 1.25
