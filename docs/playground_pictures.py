@@ -1,11 +1,12 @@
 """Draw the pictures of the playground: ``python docs/playground_pictures.py``.  No screen is needed."""
 
 import os
+import tempfile
 from pathlib import Path
 
 os.environ["SDL_VIDEODRIVER"] = os.environ["SDL_AUDIODRIVER"] = "dummy"
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-os.environ["XDG_CONFIG_HOME"] = os.environ["XDG_STATE_HOME"] = str(Path(os.environ.get("TMPDIR", "/tmp")) / "flockbrush")
+os.environ["XDG_CONFIG_HOME"] = os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp()  # nobody's own settings
 
 import cv2
 import numpy as np
