@@ -274,8 +274,11 @@ def sight_mask(width, height, step, x, y, fx, fy, cosine, depth, reach, seen, hi
                 if edge == 0.0:
                     continue
             edge *= min(reach + 0.5 - far, 1.0)
-            behind = far - depth[min(int(_turn(dx, -dy) * RAYS / 4), RAYS - 1)]
-            shade = min(max(behind / step + 0.5, 0.0), 1.0)
+            at, wide = _turn(dx, -dy) * RAYS / 4, 0.4 * max(1.0, step * RAYS / (2 * np.pi * max(far, 1.0)))
+            shade = 0.0
+            for side in range(-1, 2):  # a little to both sides, so that shadows have soft edges
+                behind = far - depth[int(at + side * wide + RAYS) % RAYS]
+                shade += min(max(behind / step + 0.5, 0.0), 1.0) / 3
             lit, dark = alpha_seen * edge * (1.0 - shade), alpha_hidden * edge * shade
             mask[row, col, 0] = np.uint8(255 * (lit + dark))
             for c in range(3):

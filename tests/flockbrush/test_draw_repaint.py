@@ -176,3 +176,24 @@ def test_a_camera_far_away_shows_paper(world):
     assert p.refine(1.0) and (p.ground == p.theme.paper).all()
     p.repaint((0, 0, 40, 30))
     assert (p.ground == p.theme.paper).all()
+
+
+def test_a_video_shows_what_the_script_paints(tmp_path):
+    import cv2
+
+    from flockbrush.export import Exports
+    from flockbrush.run import start
+
+    simulation = start(pen(tmp_path, sheep=2, script=False))
+    simulation.submit(PaintBrush("march", 30.0, 8.0, 5.0), 4)
+    with Exports([tmp_path / "a.mp4"], simulation, fps=32, size=(480, 360)) as exports:
+        exports.take()
+        for _ in range(8):
+            simulation.tick()
+            exports.take()
+    video = cv2.VideoCapture(str(tmp_path / "a.mp4"))
+    frames = [video.read()[1].astype(int) for _ in range(9)]
+    x, y = Painter(Scenery(simulation), (480, 360)).camera.pixels((30, 5)).astype(int)
+    shade = [frame[y - 2 : y + 3, x - 2 : x + 3].mean(axis=(0, 1)) for frame in frames]
+    assert np.abs(shade[8] - shade[0]).max() > 6 > np.abs(shade[3] - shade[0]).max()
+    simulation.close()
