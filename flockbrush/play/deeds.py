@@ -56,19 +56,16 @@ class Deeds:
 
     def branch_name(self):
         """The branch that is shown."""
-        return getattr(self.session, "branch_name", "main")
+        return self.session.branch_name
 
     def current_branch(self):
-        """The branch that is shown, as the session keeps it, or None."""
-        branches = self.session.branches
-        return branches.get(self.branch_name()) if hasattr(branches, "get") else None
+        """The branch that is shown, as the session keeps it."""
+        return self.session.branches[self.branch_name()]
 
     def forks(self):
-        """Branches that left the one that is shown."""
-        branches = self.session.branches
-        if not hasattr(branches, "values"):
-            return []
-        return [branch for branch in branches.values() if branch.parent == self.branch_name()]
+        """Branches that left the one that is shown, and itself where it left another."""
+        name = self.branch_name()
+        return [b for b in self.session.branches.values() if b.parent == name or (b.name == name and b.parent)]
 
     # edit --------------------------------------------------------------------------
 

@@ -188,8 +188,7 @@ class TimeBar:
         )
 
     def _marks(self):
-        branch = self.app.current_branch()
-        return [] if branch is None else branch.commands
+        return self.app.current_branch().commands
 
     def _strip(self):
         """The strip as a surface: what is known, what was done, where branches begin, and now."""

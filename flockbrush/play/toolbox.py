@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pygame
 import pygame_gui
-from pygame_gui.elements import UIButton, UIDropDownMenu, UIPanel
+from pygame_gui.elements import UICheckBox, UIDropDownMenu, UIPanel
 
 from flockbrush.play.keys import shown
 from flockbrush.play.palette import Palette
@@ -68,7 +68,8 @@ class Toolbox:
         words(app, pygame.Rect(0, y, wide, px(app.scale, 26)), tool.title, self.lower, "@title")
         y += px(app.scale, 28)
         for option in tool.options:
-            y = self._option(option, y)
+            if option != "size" or tool.name != "obstacle" or app.options["shape"] == "pen":
+                y = self._option(option, y)
         y += px(app.scale, 2)
         self.palette = None
         layer = app.options["layer"] if tool.palette == "layer" else tool.palette
@@ -95,13 +96,13 @@ class Toolbox:
             return y + px(app.scale, 34)
         if name in SWITCHES:
             title, tip = SWITCHES[name]
-            place = pygame.Rect(0, y, wide, px(app.scale, 26))
-            button = UIButton(
-                place, _checked(title, app.options[name]), app.manager, self.lower, tool_tip_text=tip,
-                object_id="@small_button",
+            side = px(app.scale, 20)
+            box = UICheckBox(
+                pygame.Rect(0, y, side, side), title, app.manager, self.lower, tool_tip_text=tip, object_id="@check",
+                initial_state=app.options[name],
             )  # fmt: skip
-            self.switches[button] = name
-            return y + px(app.scale, 30)
+            self.switches[box] = name
+            return y + px(app.scale, 28)
         self.sliders[name] = self._slider(name, row)
         return y + px(app.scale, 46)
 
@@ -126,14 +127,12 @@ class Toolbox:
     def handle(self, event) -> bool:
         """Tools, options and palette."""
         app = self.app
-        if event.type == pygame_gui.UI_BUTTON_PRESSED:
-            if event.ui_element in self.tools:
-                app.take_tool(self.tools[event.ui_element])
-                return True
+        if event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.tools:
+            app.take_tool(self.tools[event.ui_element])
+            return True
+        if event.type in (pygame_gui.UI_CHECK_BOX_CHECKED, pygame_gui.UI_CHECK_BOX_UNCHECKED):
             if event.ui_element in self.switches:
-                name = self.switches[event.ui_element]
-                app.options[name] = not app.options[name]
-                event.ui_element.set_text(_checked(SWITCHES[name][0], app.options[name]))
+                app.options[self.switches[event.ui_element]] = event.type == pygame_gui.UI_CHECK_BOX_CHECKED
                 return True
         if event.type == pygame_gui.UI_DROP_DOWN_MENU_CHANGED and event.ui_element in self.menus:
             app.set_option(self.menus[event.ui_element], event.selected_option_id)
@@ -153,10 +152,6 @@ class Toolbox:
             slider.set(values[name])
         if self.palette is not None:
             self.palette.update()
-
-
-def _checked(title, on):
-    return ("✓  " if on else "–  ") + title
 
 
 def metres(value):

@@ -202,7 +202,7 @@ def test_a_half_drawn_polygon_is_dropped_with_escape_and_shortened_with_backspac
 
 def test_an_obstacle_may_be_one_that_only_hides(window):
     window.key("o")
-    window.options["solid"] = False
+    window.push(next(box for box, name in window.toolbox.switches.items() if name == "solid"))
     window.drag((10, 2), (12, 2))
     assert (obstacles(window)["obstacle 1"].solid, obstacles(window)["obstacle 1"].blocks_view) == (False, True)
 
