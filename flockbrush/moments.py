@@ -83,9 +83,9 @@ def between(before: Moment, after: Moment, time, wrap=None) -> Moment:
     share = (time - before.time) / (after.time - before.time)
     if share >= 1:
         return after
-    if len(before.ids) == len(after.ids) and np.array_equal(before.ids, after.ids):
-        both, rows = slice(None), slice(None)  # nobody was born or died: nothing need be picked
-    else:
+    both: slice | np.ndarray = slice(None)  # when nobody was born or died, nothing need be picked
+    rows: slice | np.ndarray = slice(None)
+    if not np.array_equal(before.ids, after.ids):
         there = np.searchsorted(before.ids, after.ids)
         there[there == len(before.ids)] = 0
         both = before.ids[there] == after.ids if len(before.ids) else np.zeros(len(after.ids), bool)
