@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pygame
 
@@ -26,8 +28,8 @@ class Canvas:
 
     def __init__(self, app):
         self.app, self.rect = app, pygame.Rect(0, 0, 64, 64)
-        self.painter: Painter | None = None
-        self.camera: Camera | None = None
+        self.painter: Any = None  # Painter, as soon as there is something to draw
+        self.camera: Any = None  # Camera
         self.frame = np.zeros((64, 64, 3), np.uint8)
         self.surface = pygame.image.frombuffer(self.frame, (64, 64), "RGB")
         self.herd = None

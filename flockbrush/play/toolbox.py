@@ -12,6 +12,7 @@ from flockbrush.play.theme import px
 from flockbrush.play.tools import TOOLS
 from flockbrush.play.widgets import NO_MARGINS, Slider, icon_button, words
 
+SWITCHED = (pygame_gui.UI_CHECK_BOX_CHECKED, pygame_gui.UI_CHECK_BOX_UNCHECKED)
 ACROSS = 5  # tools side by side
 CHOICES = {
     "shape": {"pen": "Round pen", "rectangle": "Rectangle", "polygon": "Polygon"},
@@ -130,10 +131,9 @@ class Toolbox:
         if event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.tools:
             app.take_tool(self.tools[event.ui_element])
             return True
-        if event.type in (pygame_gui.UI_CHECK_BOX_CHECKED, pygame_gui.UI_CHECK_BOX_UNCHECKED):
-            if event.ui_element in self.switches:
-                app.options[self.switches[event.ui_element]] = event.type == pygame_gui.UI_CHECK_BOX_CHECKED
-                return True
+        if event.type in SWITCHED and event.ui_element in self.switches:
+            app.options[self.switches[event.ui_element]] = event.type == pygame_gui.UI_CHECK_BOX_CHECKED
+            return True
         if event.type == pygame_gui.UI_DROP_DOWN_MENU_CHANGED and event.ui_element in self.menus:
             app.set_option(self.menus[event.ui_element], event.selected_option_id)
             return True

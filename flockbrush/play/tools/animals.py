@@ -16,7 +16,8 @@ class AddAnimals(Stroke):
     name, title, key, icon = "add", "Add animals", "n", "add"
     tip = "Put animals of the chosen behaviour down"
     hint = "Click or drag to put animals down."
-    palette, options = "brush", ("size", "count")
+    palette = "brush"
+    options: tuple[str, ...] = ("size", "count")
 
     def step(self):
         return 1.6 * self.app.size
@@ -151,9 +152,10 @@ class Select(Tool):
     def delete(self) -> bool:
         from systems.edits import RemoveThing
 
-        if self.held() is None:
+        if self.thing is None or self.held() is None:
             return False
-        (kind, number), self.thing = self.thing, None
+        kind, number = self.thing
+        self.thing = None
         self.app.do(f"remove the {kind if kind != 'spawn' else 'spawn area'}", [RemoveThing(kind, number)])
         return True
 
