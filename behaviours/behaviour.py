@@ -150,6 +150,7 @@ class Behaviour:
     hidden_points: bool = False  # asks for the lists of hidden-point removal, which cost extra
     flight: Callable[[Any], Flight] | None = None  # of its parameters: then its animals move in the air
     formation: bool = False  # its animals have places in a line formation
+    explain: Callable[[Scene, int, Any], dict[str, np.ndarray]] | None = None  # the reasons of one animal
 
 
 _registry: dict[str, Behaviour] = {}
@@ -162,6 +163,7 @@ def behaviour(
     hidden_points: bool = False,
     flight: Callable[[Any], Flight] | None = None,
     formation: bool = False,
+    explain=None,
 ):
     """Register ``steer(scene, rows, params) -> Wishes`` under a name.
 
@@ -175,6 +177,9 @@ def behaviour(
         ``flight(params) -> Flight``: animals of this model move in the air, within these limits.
     formation : bool
         Animals of this model are given places in a line formation (``scene.formation``).
+    explain : callable, optional
+        ``explain(scene, row, params) -> {reason: (2,) vector}`` for one animal, for designers who ask why it turned.
+        The vectors add up to one that points where the animal wishes to face; plain numpy is quick enough.
 
     Raises
     ------
@@ -186,7 +191,7 @@ def behaviour(
         if name in _registry:
             raise ValueError(f"behaviour {name!r} is already in {_registry[name].steer.__module__}")
         doc = importlib.import_module(steer.__module__).__doc__ or ""
-        _registry[name] = Behaviour(name, steer, Params, doc, danger, hidden_points, flight, formation)
+        _registry[name] = Behaviour(name, steer, Params, doc, danger, hidden_points, flight, formation, explain)
         return steer
 
     return register

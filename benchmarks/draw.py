@@ -6,6 +6,8 @@ Run from the repository's root::
 
 All drawers draw the same animals, capsules of 1.2 x 0.7 m at one per 4 square metres, on one thread at 1280 x 720.
 ``animals`` is the rasteriser alone; ``frame`` adds the copy of the ground, legend and checks; ``trails`` adds trails.
+Then what a window draws besides: mending the ground under a stroke, looking elsewhere, and every overlay, on a running
+level with so many animals; ``anew`` is what an overlay takes when camera or ground have changed.
 pygame blits sprites turned in advance (64 headings); OpenCV draws an anti-aliased line per animal.
 """
 
@@ -124,10 +126,51 @@ def lines(level, herd, frames):
     return median(draw, frames)
 
 
+def window(count, frames, name="gorge"):
+    """{what: (median, least)} in milliseconds of what a window draws besides the animals."""
+    from flockbrush.draw import Scenery
+    from flockbrush.draw.overlays import OVERLAYS, Overlays
+    from flockbrush.moments import moment_of
+    from flockbrush.run import start
+
+    simulation = start(name, agents=count)
+    simulation.run(32)
+    scenery, moment = Scenery(simulation), moment_of(simulation)
+    painter = Painter(scenery, SIZE, words=False, labels=True, live=True)
+    painter.refine(np.inf)
+    frame, middle = painter.ground.copy(), painter.camera.centre
+    stroke = (middle[0] - 3, middle[1] - 3, middle[0] + 3, middle[1] + 3)
+    table = {
+        "ground, whole": median(lambda k: (painter.repaint("all"), painter.refine(np.inf)), 5),
+        "ground, stroke of 6 m": median(lambda k: painter.repaint(stroke), frames),
+        "looking 9 pixels on": median(lambda k: (painter.look(painter.camera.moved(9, 0)), painter.refine(0)), frames),
+        "zooming, first look": median(
+            lambda k: (painter.look(painter.home.zoomed(1 + k / 50)), painter.refine(0)), frames
+        ),
+    }
+    selected, camera = int(moment.ids[count // 2]), painter.home
+    for overlay in OVERLAYS:
+        overlays = Overlays(scenery)
+
+        def draw(k, overlays=overlays, shown=frozenset([overlay])):
+            overlays.under(frame, camera, shown, moment)
+            overlays.over(frame, camera, shown, moment, selected)
+
+        table[overlay] = median(draw, frames)
+        if OVERLAYS[overlay].below:
+
+            def anew(k, overlay=overlay, shown=frozenset([overlay])):
+                Overlays(scenery).under(frame, camera, shown, moment)
+
+            table[f"{overlay}, anew"] = median(anew, max(frames // 3, 3))
+    return table
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--counts", type=int, nargs="+", default=[1_000, 10_000, 50_000])
     parser.add_argument("--frames", type=int, default=31)
+    parser.add_argument("--window", type=int, default=2_000, help="animals of the level with overlays; 0: without")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     rng, table = np.random.default_rng(1), {}
@@ -135,14 +178,17 @@ def main():
         level, herd = scene(count, rng)
         peers = {"pygame blits": blits(level, herd, options.frames), "cv2 lines": lines(level, herd, options.frames)}
         table[count] = ours(level, herd, options.frames) | peers
+    beside = window(options.window, options.frames) if options.window else {}
     if options.json:
-        print(json.dumps(table, indent=2))
+        print(json.dumps(table | {"window": beside}, indent=2))
         return
     names = list(next(iter(table.values())))
     print(f"ms per frame at {SIZE[0]} x {SIZE[1]}, one thread: median (least) of {options.frames} frames")
     print(f"{'animals':>9}" + "".join(f"{name:>18}" for name in names))
     for count, row in table.items():
         print(f"{count:>9,}" + "".join(f"{row[name][0]:>10.2f} ({row[name][1]:.2f})" for name in names))
+    for what, (middle, least) in beside.items():
+        print(f"{what:>26}{middle:>10.2f} ({least:.2f})")
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import json
 import math
 import types
 import typing
-from dataclasses import MISSING, asdict, dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from difflib import get_close_matches
 
 from engine.clock import Clock
@@ -34,11 +34,13 @@ class CommandError(ValueError):
         self.tick, self.command, self.reason = tick, cmd, str(reason)
 
 
+@typing.dataclass_transform(frozen_default=True)
 def command(cls):
     """Make a class with an ``apply(world)`` method a frozen dataclass, recordable by its name.
 
     What cannot be done raises a ValueError or a LookupError before anything has been changed.  A command may also
-    have a ``check(world)`` that raises for what can be known beforehand, such as the name of a brush.
+    have a ``check(world)`` that raises for what can be known beforehand, such as the name of a brush, and an
+    ``inverse(world)``, asked just before it is applied: the commands that take it back (see `Commands.perform`).
     Its fields must be numbers, strings, booleans, None, or lists and dicts of those, so that a
     recording can hold them as JSON.
     """
@@ -52,7 +54,7 @@ def command(cls):
 
 def to_record(cmd):
     """(name, fields) of a command, ready for JSON."""
-    return type(cmd).__name__, asdict(cmd)
+    return type(cmd).__name__, {f.name: getattr(cmd, f.name) for f in fields(cmd)}
 
 
 def from_record(name, values):
@@ -170,6 +172,49 @@ class Commands:
             except (ValueError, LookupError) as error:
                 raise CommandError(now, cmd, error.args[0] if error.args else error) from error
             self.log.append((now, cmd))
+
+    def perform(self, world, commands):
+        """Do these at once, all of them or none, before whatever waits: an edit of a designer.
+
+        Each is logged at the tick to come, so that a replay does it there.
+
+        Parameters
+        ----------
+        world : World
+        commands : sequence of command
+
+        Returns
+        -------
+        list of command
+            What takes them back, in order.  A command without an ``inverse`` has nothing to take back.
+
+        Raises
+        ------
+        CommandError
+            When one of them cannot be done.  Those before it have been taken back then.
+        """
+        back: list[object] = []
+        for cmd in commands:
+            try:
+                undo = self._do(world, cmd)
+            except CommandError:
+                for taken in back:
+                    self._do(world, taken)
+                raise
+            back[:0] = undo
+        return back
+
+    def _do(self, world, cmd):
+        """Apply one command now and log it; what takes it back."""
+        now = world.resource(Clock).tick
+        try:
+            cmd = _as_replayed(cmd)
+            undo = [_as_replayed(taken) for taken in cmd.inverse(world)] if hasattr(cmd, "inverse") else []
+            cmd.apply(world)
+        except (ValueError, LookupError) as error:
+            raise CommandError(now, cmd, error.args[0] if error.args else error) from error
+        self.log.append((now, cmd))
+        return undo
 
     def state(self):
         """What waits, as bytes (see `engine.state`)."""

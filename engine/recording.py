@@ -114,6 +114,10 @@ class Recording:
         """Keep a `snapshot` after this many ticks."""
         self._append(_KEYFRAME, tick, state)
 
+    def put(self, packed):
+        """Keep what `packed_keyframe` gave."""
+        self._guarded(lambda: self._file.write(packed))
+
     def flush(self):
         """Hand everything to the operating system: a crash of this program cannot take it back."""
         self._guarded(self._file.flush)
@@ -416,6 +420,11 @@ def _is_plain(name):
 def _beginning(version):
     start = _BEGINNING.pack(MAGIC, version, 0, 0)[:-4]
     return start + struct.pack("<I", zlib.crc32(start))
+
+
+def packed_keyframe(tick, state):
+    """A `snapshot` as `Recording.put` takes it: the slow part of `Recording.keyframe`, which a thread may do."""
+    return _record(_KEYFRAME, int(tick), state)
 
 
 def _record(kind, tick, data):

@@ -132,6 +132,24 @@ def demo(
 
 
 @app.command()
+def play(
+    level: LevelName = "meadow",
+    brush: Annotated[str | None, typer.Option(metavar="NAME", help="The brush in hand at first.")] = None,
+    seed: Seed = None,
+    agents: Agents = None,
+    record: Annotated[Path | None, typer.Option(metavar="FILE", help="Keep a recording, for replay.")] = None,
+    theme: Annotated[Theme | None, typer.Option(help="As last time unless told.")] = None,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Of the window, pixels.")] = "1280x720",
+    frames: Annotated[int | None, typer.Option(min=0, metavar="N", help="Close after so many frames.")] = None,
+):
+    """Open a window in which a running herd is painted, tuned and directed."""
+    from flockbrush.play.start import Wishes, play_level
+
+    wishes = Wishes(level, brush, seed, agents, record, None if theme is None else theme.value, size, frames)
+    return play_level(wishes)
+
+
+@app.command()
 def run(
     level: LevelName,
     ticks: Annotated[int | None, typer.Option(min=0, metavar="N", help="How long, in ticks of 1/32 s.")] = None,

@@ -227,10 +227,10 @@ def herd_of(simulation, moment: Moment):
 
 
 def painter_of(simulation, size=None, theme="light"):
-    """A painter for the level of a simulation; the picture has the level's proportions unless a size is given."""
-    from flockbrush.draw import Painter
+    """A painter for a running world, with the level's proportions unless a size is given."""
+    from flockbrush.draw import Painter, Scenery
 
-    return Painter(simulation.level, size=size or picture_size(simulation.level), theme=theme)
+    return Painter(Scenery(simulation), size=size or picture_size(simulation.level), theme=theme)
 
 
 def picture_size(level, across=1920, ground=960):

@@ -83,21 +83,31 @@ def between(before: Moment, after: Moment, time, wrap=None) -> Moment:
     share = (time - before.time) / (after.time - before.time)
     if share >= 1:
         return after
-    there = np.searchsorted(before.ids, after.ids)
-    there[there == len(before.ids)] = 0
-    both = before.ids[there] == after.ids if len(before.ids) else np.zeros(len(after.ids), bool)
-    rows = there[both]
+    both: slice | np.ndarray = slice(None)  # when nobody was born or died, nothing need be picked
+    rows: slice | np.ndarray = slice(None)
+    if not np.array_equal(before.ids, after.ids):
+        there = np.searchsorted(before.ids, after.ids)
+        there[there == len(before.ids)] = 0
+        both = before.ids[there] == after.ids if len(before.ids) else np.zeros(len(after.ids), bool)
+        rows = there[both]
     xyz, velocity, forward = after.xyz.copy(), after.velocity.copy(), after.forward.copy()
     way = after.xyz[both] - before.xyz[rows]
     if wrap is not None:
         way[:, :2] -= np.round(way[:, :2] / wrap) * wrap
-    xyz[both] = after.xyz[both] - (1 - share) * way
+    way *= 1 - share
+    xyz[both] -= way
     if wrap is not None:
         xyz[:, :2] %= wrap
-    velocity[both] += (1 - share) * (before.velocity[rows] - after.velocity[both])
-    forward[both] += (1 - share) * (before.forward[rows] - after.forward[both])
-    size = np.linalg.norm(forward, axis=1, keepdims=True)
-    forward = np.where(size > 1e-9, forward / np.maximum(size, 1e-9), after.forward)
+    for column, was in ((velocity, before.velocity), (forward, before.forward)):
+        change = was[rows] - column[both]
+        change *= 1 - share
+        column[both] += change
+    x, y, z = forward.T
+    size = np.sqrt(x * x + y * y + z * z)
+    faint = size <= 1e-9  # they turn about
+    forward /= np.maximum(size, 1e-9)[:, None]
+    if faint.any():
+        forward[faint] = after.forward[faint]
     return replace(after, time=time, xyz=xyz, velocity=velocity, forward=forward)
 
 

@@ -74,6 +74,11 @@ def start(name, seed=None, agents=None) -> Simulation:
     ProblemsError
     """
     level, library = open_level(name)
+    return begin(level, library, seed, agents)
+
+
+def begin(level, library, seed=None, agents=None) -> Simulation:
+    """The world of a level that was read, as `start` makes it; ProblemsError."""
     simulation = _built(level, seed, agents, library)
     simulation.origin = {"seed": level.seed if seed is None else seed, "agents": agents}
     return simulation
@@ -113,6 +118,12 @@ def record(path, simulation) -> Recorder:
     A hash is kept for every tick: it costs a few per cent of the tick, and a replay can then name the very tick that
     differs.
     """
+    every = round(KEYFRAME_SECONDS / simulation.clock.dt)
+    return Recorder(Recording.create(path, *beginning_of(simulation)), simulation.world, 1, every)
+
+
+def beginning_of(simulation):
+    """(header, assets) of the recording of a simulation before its first tick."""
     name, assets = rooted(simulation.assets(), simulation.level.path)
     header = {
         **simulation.origin,
@@ -120,8 +131,7 @@ def record(path, simulation) -> Recorder:
         "level": name,
         "flockbrush": flockbrush.__version__,
     }
-    every = round(KEYFRAME_SECONDS / simulation.clock.dt)
-    return Recorder(Recording.create(path, header, assets), simulation.world, 1, every)
+    return header, assets
 
 
 def rebuild(run: RecordedRun) -> Simulation:
@@ -138,18 +148,15 @@ def rebuild(run: RecordedRun) -> Simulation:
     """
     import systems.commands  # noqa: F401  a recording's commands
 
-    files = embedded(run)
-    library = recorded_library(files)
-    level = read_level_files(files, library)
+    level, library = embedded_level(run)
     seed, agents = run.header["seed"], run.header.get("agents")
     if agents is not None and not isinstance(agents, int):
         raise RecordingError(f"{run.path}: the header says {agents!r} animals; it must be a whole number")
-    simulation = _built(level, seed, agents, library)
+    simulation = begin(level, library, seed, agents)
     if run.header["dt"] != simulation.clock.dt:
         raise RecordingError(
             f"{run.path}: recorded with a tick of {run.header['dt']} s; this version has {simulation.clock.dt} s"
         )
-    simulation.origin = {"seed": seed, "agents": agents}
     return simulation
 
 
@@ -173,6 +180,13 @@ def rooted(files, level_path):
     home = home.replace("\\", "_").replace(":", "_")
     renamed = {posixpath.normpath(posixpath.join(home, name)): data for name, data in files.items()}
     return posixpath.join(home, next(iter(files))), renamed
+
+
+def embedded_level(run: RecordedRun):
+    """(level, library of brushes) from the files of a recording; RecordingError, ProblemsError."""
+    files = embedded(run)
+    library = recorded_library(files)
+    return read_level_files(files, library), library
 
 
 def embedded(run: RecordedRun) -> dict[str, bytes]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -17,13 +16,15 @@ from engine.fields import Raster
 from engine.noise import Noise
 from engine.schedule import Schedule
 from engine.world import World
-from levels.schema import Level, Spawn
+from levels.schema import Level, Spawn, TerrainKind
+from levels.tilesets_data import TERRAINS
+from systems import edits as _edits  # noqa: F401  a designer's commands are known wherever a level is
 from systems.commands import ApplyCommands
 from systems.decide import Roles
 from systems.foresight import Ahead, Migrate, SeeAhead
 from systems.ground import Underfoot
-from systems.landscape import Barrier, Landscape
-from systems.life import Live, Nursery, bear, births_due
+from systems.landscape import BARE, NATIVE, Above, Barrier, Exit, Goal, Guide, Landscape, Native, Painted
+from systems.life import Live, Nursery, SpawnArea, bear, births_due
 from systems.measures import herd_measures
 from systems.motion import Move
 from systems.pace import Pace
@@ -172,44 +173,49 @@ def brushes_used(level):
 def landscape_of(level, palette):
     """The landscape of a level as the kernels want it."""
     shape, terrain = level.shape, level.terrain
-    reach = _farthest_view(level, palette)
-    names = [goal.name for goal in level.goals]
-    goals = [
-        SimpleNamespace(
-            name=goal.name,
-            xy=np.asarray(goal.xy, float),
-            radius=goal.radius,
-            polygon=goal.polygon,
-            on_arrive=goal.on_arrive,
-            next_index=names.index(goal.next) if goal.next in names else -1,
-        )
-        for goal in level.goals
-    ]
     height = level.height_map
+    zones = compose_caps(
+        shape, level.cell, None, None if level.factor is None else level.factor.values, None, level.zones
+    )
+    above = Above(
+        compose_brushes([], level.zones, shape, level.cell, palette.names), zones[..., 1].copy(), zones[..., 0].copy()
+    )
+    cap = np.full(shape, np.inf) if level.cap is None else level.cap.values.copy()
+    painted = Painted(
+        compose_brushes(level.brush_layers, [], shape, level.cell, palette.names),
+        cap,
+        np.full(shape, NATIVE, np.int16),
+    )
+    factor = above.factor if terrain is None else terrain.speed_factor * above.factor
+    kinds = kinds_of_ground(level)
+    native = Native(
+        factor.copy(),
+        np.ones(shape, bool) if terrain is None else terrain.walkable.copy(),
+        np.zeros(shape, bool) if terrain is None else terrain.blocks_view.copy(),
+        np.ones(shape) if terrain is None else terrain.cost.copy(),
+        np.full(shape, BARE, np.int16) if terrain is None else _kinds_of(terrain, kinds),
+    )
     land = Landscape(
         level.width,
         level.height,
         level.boundary,
         level.cell,
-        compose_caps(
-            shape,
-            level.cell,
-            None if terrain is None else terrain.speed_factor,
-            None if level.factor is None else level.factor.values,
-            None if level.cap is None else level.cap.values,
-            level.zones,
-        ),
-        compose_brushes(level.brush_layers, level.zones, shape, level.cell, palette.names),
-        np.ones(shape, bool) if terrain is None else terrain.walkable.copy(),
-        np.zeros(shape, bool) if terrain is None else terrain.blocks_view.copy(),
-        np.ones(shape) if terrain is None else terrain.cost,
+        np.stack([factor, np.minimum(cap, above.cap)], axis=-1),
+        np.where(above.brush >= 0, above.brush, painted.brush),
+        native.walkable,
+        native.blind,
+        native.cost,
         relief_of() if height is None else relief_of(height.values, height.cell),
         1.0 if height is None else height.cell,
         [_barrier(o) for o in level.obstacles if o.z_min <= 0.0],
-        level.guides,
-        goals,
-        [exit.polygon for exit in level.exits],
-        reach,
+        [Guide(g.points, g.strength, g.radius, g.decay, g.goal, g.loop, g.name, g.id) for g in level.guides],
+        [Goal(g.name, np.asarray(g.xy, float), g.radius, g.polygon, g.on_arrive, g.next, g.id) for g in level.goals],
+        [Exit(e.polygon, e.name, e.id) for e in level.exits],
+        _farthest_view(level, palette),
+        kinds=kinds,
+        painted=painted,
+        above=above,
+        native=native,
         overhead=[_barrier(o) for o in level.obstacles if o.z_min > 0.0],
     )
     for zone in level.zones:
@@ -220,7 +226,21 @@ def landscape_of(level, palette):
 
 
 def _barrier(o):
-    return Barrier(o.polygon, o.solid, o.blocks_view, o.name, o.margin, float(o.z_min), float(o.z_max), o.shape)
+    heights = float(o.z_min), float(o.z_max), o.shape
+    return Barrier(o.polygon, o.solid, o.blocks_view, o.name, o.margin, o.id, *heights)
+
+
+def kinds_of_ground(level):
+    """What one can paint: the kinds of the level's tilesets, and the standard ones it does not have."""
+    names = {kind.name for kind in level.kinds}
+    return [*level.kinds, *(TerrainKind(**kind) for kind in TERRAINS if kind["name"] not in names)]
+
+
+def _kinds_of(terrain, kinds):
+    """(ny, nx) int16, the ground of a level counted in kinds; `BARE` for a kind that no tileset has."""
+    names = [kind.name for kind in kinds]
+    of = [names.index(name) if name in names else BARE for name in terrain.names]
+    return np.array([*of, BARE], np.int16)[terrain.index]
 
 
 def _farthest_view(level, palette):
@@ -230,18 +250,18 @@ def _farthest_view(level, palette):
 
 
 def _bear_first(world, level):
-    """Spawns that start at once bring their animals before the first tick; those with a rate go to the nursery."""
+    """Spawns that start at once bring their animals before the first tick; the others later."""
     world.insert(nursery := Nursery())
     problems = []
     for spawn in level.spawns:
+        born = 0
         if births_due(spawn, 0.0) >= spawn.count > 0 and spawn.start <= 0:
+            born = spawn.count
             try:
                 bear(world, spawn, spawn.count, f"spawn {spawn.id}")
             except NoRoom as full:
                 problems.append(_no_room(level, spawn, full))
-        else:
-            nursery.spawns.append(spawn)
-            nursery.born.append(0)
+        nursery.put(SpawnArea.of(spawn), born)
     if problems:
         raise ProblemsError(problems)
 

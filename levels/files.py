@@ -68,6 +68,30 @@ class DiskFiles:
         return data
 
 
+class UnsavedFiles(DiskFiles):
+    """The files beside a level that itself is not as the disk has it; ``kept`` ones where the disk has lost them."""
+
+    def __init__(self, level: Path, text: bytes, kept: dict[str, bytes]):
+        super().__init__(level)
+        self.text, self.kept = text, kept
+
+    def first(self) -> bytes:
+        """The level itself."""
+        self.got[self.level.name] = self.text
+        return self.text
+
+    def read(self, relative: str) -> bytes:
+        """The bytes of a file named relative to the level's folder; FileRefused."""
+        try:
+            return super().read(relative)
+        except FileRefused:
+            key = plain(relative)
+            if key not in self.kept:
+                raise
+        self.got[key] = self.kept[key]
+        return self.got[key]
+
+
 class MemoryFiles:
     """The files a recording has embedded, the level first."""
 

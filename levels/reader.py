@@ -18,11 +18,11 @@ from behaviours.problems import ProblemsError, did_you_mean
 from engine.fields import Raster
 from levels import geometry, schema
 from levels.checks import check_level
-from levels.files import DiskFiles, FileRefused, MemoryFiles, project_folder
+from levels.files import DiskFiles, FileRefused, MemoryFiles, UnsavedFiles, project_folder
 from levels.json_lines import JsonError, Node, parse
 from levels.objects import ObjectReader
 from levels.properties import Place, Report, Values, is_number, read_properties, shown
-from levels.schema import CLASSES, BrushLayer, Level, Terrain
+from levels.schema import CLASSES, BrushLayer, Level, Terrain, TerrainKind
 from levels.tile_data import decode
 
 _FAR = 10_000_000  # px or tiles; nothing real is farther out
@@ -59,6 +59,27 @@ def read_level_files(files: dict[str, bytes], library=None, commands=None) -> Le
         As `read_level`.
     """
     return _read(MemoryFiles(files), library if library is not None else recorded_library(files), commands)
+
+
+def read_level_text(text: bytes, path, library=None, kept=None) -> Level:
+    """The level that a file would hold with this in it.
+
+    Parameters
+    ----------
+    text : bytes
+    path : path-like
+        The file; the others it names are read beside it.
+    library : BrushLibrary, optional
+        As `read_level`.
+    kept : dict of str to bytes, optional
+        Those other files, for when the disk has them no more.
+
+    Raises
+    ------
+    ProblemsError
+    """
+    files = UnsavedFiles(Path(path), text, kept or {})
+    return _read(files, library if library is not None else brush_library(path), None)
 
 
 def _read(files, library, commands):
@@ -160,6 +181,7 @@ class LevelReader:
             seed=values["seed"],
         )
         self.fill(level, layers, frame)
+        level.kinds = list(self.kinds().values())
         level.files = self.files.got
         check_level(level, self.objects, self.library, self.commands)
         return level
@@ -266,6 +288,16 @@ class LevelReader:
         tiles = self.read_tiles(entry, count, name, folder, place)
         self.tilesets.append(Tileset(firstgid, count, name, alignment, tiles))
         self.tilesets.sort(key=lambda t: t.firstgid)
+
+    def kinds(self):
+        """{name: TerrainKind} of all terrain tiles; of two with one name the first."""
+        found = {}
+        for tileset in self.tilesets:
+            for tile in tileset.tiles.values():
+                if tile.cls == "Terrain" and tile.values is not None:
+                    told = {**tile.values, "name": tile.values["name"] or tile.label}
+                    found.setdefault(told["name"], TerrainKind(**told))
+        return found
 
     def tileset_of(self, gid):
         """The tileset of a global tile id, as Tiled finds it: the last that begins at or before it; None beyond it."""

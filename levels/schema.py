@@ -60,6 +60,18 @@ class Terrain:
 
 
 @dataclass
+class TerrainKind:
+    """A kind of ground that a tileset has, painted or not."""
+
+    name: str
+    colour: str  # "#rrggbb"
+    walkable: bool = True
+    speed_factor: float = 1.0
+    cost: float = 1.0
+    blocks_view: bool = False
+
+
+@dataclass
 class BrushLayer:
     """Behaviour painted on the ground: ``assets[index]`` where index >= 0."""
 
@@ -208,6 +220,7 @@ class Level:
     script: list[Key] = field(default_factory=list)
     lines: list[Line] = field(default_factory=list)
     areas: list[Area] = field(default_factory=list)
+    kinds: list[TerrainKind] = field(default_factory=list)  # of ground, in all tilesets, painted or not
     files: dict[str, bytes] = field(default_factory=dict, repr=False)  # all that was read; the level itself first
 
     @property

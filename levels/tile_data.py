@@ -67,3 +67,60 @@ def _inflate(packed, window, size, compression):
     if len(unpacked) > size:
         raise ValueError(f"tile data unpacks to more than {size} bytes ({size // 4} tiles)")
     return unpacked
+
+
+# unpacked for editing -----------------------------------------------------------
+
+
+def unpack(data, encoding, compression, width, height) -> np.ndarray:
+    """As `decode`, with the flip flags left on."""
+    encoding, compression = encoding or "csv", compression or ""
+    gids = decode(data, encoding, compression, width, height)
+    if encoding == "csv":
+        whole = np.array(data, np.uint32)
+    else:
+        packed = base64.b64decode("".join(data.split()))
+        packed = _inflate(packed, _WINDOW[compression], 4 * width * height, compression) if compression else packed
+        whole = np.frombuffer(packed, "<u4").astype(np.uint32)
+    return gids | (whole.reshape(height, width) & np.uint32(FLIP_FLAGS))
+
+
+def pack(gids, encoding, compression):
+    """Tile data as Tiled writes it with this encoding: a list, or a text of base64."""
+    if (encoding or "csv") == "csv":
+        return gids.ravel().tolist()
+    packed = gids.astype("<u4").tobytes()
+    if compression:
+        stream = zlib.compressobj(6, zlib.DEFLATED, _WINDOW[compression])
+        packed = stream.compress(packed) + stream.flush()
+    return base64.b64encode(packed).decode()
+
+
+class Grid:
+    """The tiles of one layer, unpacked; `settle` packs them again, the way the layer had them.
+
+    Attributes
+    ----------
+    gids : ndarray (height, width) uint32
+        With their flip flags, north row first.
+    """
+
+    def __init__(self, node):
+        self.node = node
+        self.width, self.height = node["width"], node["height"]
+        self.packing = node.get("encoding"), node.get("compression")
+        self.gids = unpack(node["data"], *self.packing, self.width, self.height)
+        self._read = self.gids.copy(), node["data"]
+        self.dirty = False
+
+    def put(self, rows, columns, gids):
+        """Set tiles."""
+        self.gids[rows, columns] = gids
+        self.dirty = True
+
+    def settle(self):
+        """Write the tiles into the layer; what is as it was read is written as it was read."""
+        if self.dirty:
+            same = np.array_equal(self.gids, self._read[0])
+            self.node["data"] = self._read[1] if same else pack(self.gids, *self.packing)
+            self.dirty = False

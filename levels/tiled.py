@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -259,6 +260,35 @@ def _sheet(pictures):
     return sheet
 
 
+def tile_sheet(meanings, side, library) -> bytes:
+    """The picture of tiles painted in the playground, as a PNG file.
+
+    Parameters
+    ----------
+    meanings : sequence
+        Each ("brush", name), ("cap", (max_speed, factor)), ("surface", name), or None for an empty place.
+    side : int
+        Of a tile, px.
+    library : BrushLibrary
+        For the colours of the brushes.
+    """
+    import cv2
+
+    sheet = _sheet([_picture_of(meaning, library) for meaning in meanings])
+    rows = len(sheet) // TILE
+    return png(cv2.resize(sheet, (COLUMNS * side, rows * side), interpolation=cv2.INTER_AREA))
+
+
+def _picture_of(meaning, library):
+    kind, what = meaning or ("", "")
+    if kind == "brush":
+        return brush_picture(what, library.get(what).colour if what in library.names() else "#808080")
+    if kind == "cap":
+        return speed_picture(dict(zip(SPEEDS[0], what, strict=True)))
+    ground = next((t for t in TERRAINS if t["name"] == what), None)
+    return np.zeros((TILE, TILE, 4), np.uint8) if ground is None else terrain_picture(ground)
+
+
 def _bgr(colour, brighter=0):
     return tuple(int(np.clip(int(colour[i : i + 2], 16) + brighter, 0, 255)) for i in (5, 3, 1))
 
@@ -378,14 +408,35 @@ def _words(cv2, canvas, words, scale):
 
 
 def brush_picture(name, colour) -> np.ndarray:
-    """One tile of a brush, (32, 32, 4): its colour and, in white, how its animals move."""
+    """One tile of a brush, (32, 32, 4): its colour and, in white, how its animals move.
+
+    Those of the shipped brushes are pictures of running herds (``python -m flockbrush.play.thumbnails --tiles
+    levels``); for other brushes a sign that goes by the name has to do.
+    """
     import cv2
 
+    kept = _shipped_tiles().get(name)
+    if kept is not None and np.abs(kept[0, 0, :3] - 0.78 * np.array(_bgr(colour))).max() < 3:
+        return kept
     canvas = _canvas(colour)
     cv2.rectangle(canvas, (3, 3), (TILE * _FINE - 4, TILE * _FINE - 4), (*_bgr(colour, -45), 255), 5)
     glyph = next((g for word, g in _GLYPHS.items() if word in name), _arrows)
     glyph(cv2, canvas, name)
     return _shrunk(canvas)
+
+
+@cache
+def _shipped_tiles():
+    """{name: tile} of the brushes that come with Flockbrush."""
+    import cv2
+
+    home = Path(__file__).parent
+    sheet = cv2.imread(str((home / BRUSHES_FILE).with_suffix(".png")), cv2.IMREAD_UNCHANGED)
+    if sheet is None:
+        return {}
+    corners = [divmod(number, COLUMNS) for number in range(sheet.shape[0] // TILE * COLUMNS)]
+    tiles = [sheet[y * TILE : (y + 1) * TILE, x * TILE : (x + 1) * TILE] for y, x in corners]
+    return dict(zip(known_brushes(home / BRUSHES_FILE), tiles, strict=False))
 
 
 _WHITE = (255, 255, 255, 255)

@@ -94,13 +94,27 @@ def write_level(document: dict, path, backup=True) -> Path:
     """
     path = Path(path)
     data = (dump(document)).encode()
+    if backup and path.exists():
+        try:
+            before = path.read_bytes()
+        except OSError as error:
+            raise _unwritten(path, error) from None
+        write_file(path.with_name(path.name + ".bak"), before)
+    return write_file(path, data)
+
+
+def write_file(path, data) -> Path:
+    """Write a file, all of it or nothing; ProblemsError when it cannot be."""
+    path = Path(path)
     try:
-        if backup and path.exists():
-            _replace(path.with_name(path.name + ".bak"), path.read_bytes())
         _replace(path, data)
     except OSError as error:
-        raise ProblemsError([Problem(str(path), None, None, f"cannot be written: {error.strerror or error}")]) from None
+        raise _unwritten(path, error) from None
     return path
+
+
+def _unwritten(path, error):
+    return ProblemsError([Problem(str(path), None, None, f"cannot be written: {error.strerror or error}")])
 
 
 def _replace(path, data):

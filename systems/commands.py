@@ -12,10 +12,25 @@ from engine.columns import Component
 from engine.commands import Commands, command
 from engine.maths import sincos_
 from engine.schedule import Stage, System
-from systems.landscape import BRUSHES_OWN, Barrier, Glide, Landscape
+from systems.landscape import BARE, NATIVE, SHAPES, Barrier, Glide, Landscape
+from systems.painting import cells_of, check_runs, runs_of
 from systems.palette import Palette
 from systems.population import SpeciesList, give_birth
-from systems.spawning import inside_polygon, nearest_free, outlines, touching
+from systems.spawning import inside_polygon, touching
+from systems.taking_back import (
+    RemoveEntities,
+    UseBrush,
+    bring_back,
+    brushes_of,
+    cell_under,
+    columns_now,
+    goal_index,
+    goals_of,
+    make_room,
+    need,
+    on_map,
+    place_of,
+)
 from systems.terrain import NO_BRUSH
 
 
@@ -26,9 +41,11 @@ class ApplyCommands(System):
 
     def process(self, world):
         world.resource(Commands).apply(world)
-        land = world.resource(Landscape)
-        for glide in list(land.glides):
-            _advance(world, land, glide, world.resource(Clock).dt)
+        if world.has(Landscape):
+            land, clock = world.resource(Landscape), world.resource(Clock)
+            for glide in list(land.glides):
+                _advance(world, land, glide, clock)
+            land.settle(clock.tick)
 
 
 MOST = 1_000_000  # animals, as many as a level may have
@@ -41,21 +58,8 @@ def disc(x, y, radius, sides=32):
     return np.column_stack([x + radius * turned[:, 1], y + radius * turned[:, 0]])
 
 
-def _need(fine, message):
-    if not fine:
-        raise ValueError(message)
-
-
-def _goal_index(land, name):
-    """Index of the goal of this name; LookupError with what there is."""
-    names = [goal.name for goal in land.goals]
-    if name not in names:
-        raise LookupError(f"there is no goal {name!r}{did_you_mean(name, names)}")
-    return names.index(name)
-
-
 def _check_circle(command):
-    _need(command.radius >= 0, f"radius must be at least 0 m, got {command.radius:g}")
+    need(command.radius >= 0, f"radius must be at least 0 m, got {command.radius:g}")
 
 
 def _check_brush(world, name):
@@ -63,13 +67,14 @@ def _check_brush(world, name):
 
 
 def _cells_within(land, x, y, radius):
-    """(slice, slice, mask) of the cells whose centres lie in a circle."""
+    """(iy, ix) of the cells whose centres lie in a circle."""
     c = land.cell
     ny, nx = land.brush.shape
     x0, x1 = max(0, int((x - radius) / c)), min(nx, int((x + radius) / c) + 1)
     y0, y1 = max(0, int((y - radius) / c)), min(ny, int((y + radius) / c) + 1)
     cx, cy = (np.arange(x0, x1) + 0.5) * c - x, (np.arange(y0, y1) + 0.5) * c - y
-    return slice(y0, y1), slice(x0, x1), cy[:, None] ** 2 + cx**2 <= radius**2
+    iy, ix = np.nonzero(cy[:, None] ** 2 + cx**2 <= radius**2)
+    return iy + y0, ix + x0
 
 
 def _selected(world, x, y, radius, species):
@@ -86,6 +91,135 @@ def _selected(world, x, y, radius, species):
     return chosen
 
 
+LAYERS = ("brush", "cap", "surface")
+FASTEST = 1000.0  # m/s, as much as a level's cap may be
+NATIVE_NAME = None  # of a surface: as the level was read
+
+
+def painted(land, layer):
+    """The raster of what is painted in a layer."""
+    return {"brush": land.painted.brush, "cap": land.painted.cap, "surface": land.painted.ground}[layer]
+
+
+def number_of(world, layer, value):
+    """What a layer keeps for a value of a command; ValueError or LookupError with what there is."""
+    need(layer in LAYERS, f"there is no layer {layer!r}{did_you_mean(str(layer), LAYERS)}")
+    if layer == "cap":
+        need(isinstance(value, (int, float)) and not isinstance(value, bool), f"a cap is a number, got {value!r}")
+        need(value <= FASTEST, f"a cap is at most {FASTEST:g} m/s, got {value:g}")
+        return float(value) if value > 0 else np.inf
+    if layer == "surface" and value is NATIVE_NAME:
+        return NATIVE
+    need(isinstance(value, str), f"a {layer} is painted by its name, got {value!r}")
+    if layer == "brush":
+        return world.resource(Palette).named(value) if value else NO_BRUSH
+    names = [kind.name for kind in world.resource(Landscape).kinds]
+    need(not value or value in names, f"there is no ground called {value!r}{did_you_mean(value, names)}")
+    return names.index(value) if value else BARE
+
+
+def value_of(world, layer, number):
+    """The value of a command for what a layer keeps."""
+    if layer == "cap":
+        return 0.0 if np.isinf(number) else float(number)
+    if number < 0:
+        return NATIVE_NAME if layer == "surface" and number == NATIVE else ""
+    named = world.resource(Palette).brushes if layer == "brush" else world.resource(Landscape).kinds
+    return named[number].name
+
+
+def lay(world, layer, iy, ix, numbers):
+    """Paint numbers on cells; animals that can no longer stand there step aside, and nobody is left in a wall.
+
+    Raises
+    ------
+    ValueError
+        When somebody has no room to step aside.  The world is as it was then.
+    """
+    land = world.resource(Landscape)
+    if layer == "brush":
+        land.lay_brush(iy, ix, numbers)
+    elif layer == "cap":
+        land.lay_cap(iy, ix, numbers)
+    else:
+        _lay_ground(world, land, iy, ix, numbers)
+
+
+def _lay_ground(world, land, iy, ix, kinds):
+    before = [a[iy, ix].copy() for a in (land.painted.ground, land.walkable, land.blind, land.cost)]
+    land.lay_ground(iy, ix, kinds)
+    walls = (land.walkable[iy, ix] != before[1]).any()
+    if walls or (land.blind[iy, ix] != before[2]).any():
+        land.rebuild(navigation=False)
+    if (before[1] & ~land.walkable[iy, ix]).any():
+        try:
+            make_room(world, in_walls(world))
+        except ValueError:
+            land.lay_ground(iy, ix, before[0])
+            land.rebuild(navigation=False)
+            raise
+    if walls or (land.cost[iy, ix] != before[3]).any() or land.stale is not None:
+        land.navigate_later(world.resource(Clock).tick)
+
+
+def in_walls(world):
+    """(n,) bool, whose body is on ground that nobody can walk, or touches an edge of something solid."""
+    agents, land = world.agents, world.resource(Landscape)
+    xyz = agents[Position.xyz]
+    iy, ix = cell_under(land, xyz)
+    inside = ~land.walkable[iy, ix] & on_map(land, xyz)
+    half, radius = agents[Body.axis], agents[Body.radius]
+    thin = np.maximum(radius - TOUCHING, 0.0)
+    return inside | touching(xyz, agents[Heading.forward], half, thin, np.ascontiguousarray(land.solid.ends))
+
+
+TOUCHING = 1e-6  # m: who leans on a wall is not in it
+
+
+@command
+class PaintCells:
+    """Paint exactly these cells: a region filled, or a stroke taken back.
+
+    ``runs`` are ``[row, column, length, index in names]``, row 0 in the south; ``names`` are brushes ("" unpainted),
+    caps in m/s (0 none) or kinds of ground ("" bare, null as the level was read).
+    """
+
+    layer: str
+    names: list
+    runs: list
+
+    def check(self, world):
+        for value in self.names:
+            number_of(world, self.layer, value)
+        need(self.layer in LAYERS, f"there is no layer {self.layer!r}{did_you_mean(self.layer, LAYERS)}")
+        check_runs(self.runs, self.names, world.resource(Landscape).brush.shape)
+
+    def ground_box(self, world):
+        return box_of_cells(world.resource(Landscape), *cells_of(self.runs)[:2])
+
+    def inverse(self, world):
+        self.check(world)
+        iy, ix, _ = cells_of(self.runs)
+        return cells_now(world, self.layer, iy, ix)
+
+    def apply(self, world):
+        self.check(world)
+        iy, ix, index = cells_of(self.runs)
+        numbers = np.array([number_of(world, self.layer, value) for value in self.names] or [0])
+        lay(world, self.layer, iy, ix, numbers[index])
+
+
+def cells_now(world, layer, iy, ix):
+    """The command that paints cells as they are now, in a list; none for no cells."""
+    if not len(iy):
+        return []
+    land = world.resource(Landscape)
+    now = land.ground_of(iy, ix) if layer == "surface" else painted(land, layer)[iy, ix]
+    numbers, index = np.unique(now, return_inverse=True)
+    names = [value_of(world, layer, number) for number in numbers.tolist()]
+    return [PaintCells(layer, names, runs_of(iy, ix, index.ravel()))]
+
+
 @command
 class SwitchBrush:
     """Give animals another brush of their own: all, one species, or those in a circle."""
@@ -99,6 +233,10 @@ class SwitchBrush:
     def check(self, world):
         _check_brush(world, self.brush)
         _check_circle(self)
+
+    def inverse(self, world):
+        _check_circle(self)
+        return brushes_of(world, np.flatnonzero(_selected(world, self.x, self.y, self.radius, self.species)))
 
     def apply(self, world):
         self.check(world)
@@ -120,13 +258,18 @@ class PaintBrush:
             _check_brush(world, self.brush)
         _check_circle(self)
 
+    def ground_box(self, world):
+        return self.x - self.radius, self.y - self.radius, self.x + self.radius, self.y + self.radius
+
+    def inverse(self, world):
+        self.check(world)
+        return cells_now(world, "brush", *_cells_within(world.resource(Landscape), self.x, self.y, self.radius))
+
     def apply(self, world):
         self.check(world)
         land = world.resource(Landscape)
         index = world.resource(Palette).named(self.brush) if self.brush else NO_BRUSH
-        rows, columns, mask = _cells_within(land, self.x, self.y, self.radius)
-        land.brush[rows, columns][mask] = index
-        land.transition[rows, columns][mask] = BRUSHES_OWN
+        land.lay_brush(*_cells_within(land, self.x, self.y, self.radius), index)
 
 
 @command
@@ -141,64 +284,178 @@ class PaintCap:
     def check(self, world):
         _check_circle(self)
 
+    def ground_box(self, world):
+        return self.x - self.radius, self.y - self.radius, self.x + self.radius, self.y + self.radius
+
+    def inverse(self, world):
+        self.check(world)
+        return cells_now(world, "cap", *_cells_within(world.resource(Landscape), self.x, self.y, self.radius))
+
     def apply(self, world):
         self.check(world)
         land = world.resource(Landscape)
-        rows, columns, mask = _cells_within(land, self.x, self.y, self.radius)
-        land.surface[rows, columns, 1][mask] = self.max_speed if self.max_speed > 0 else np.inf
+        cells = _cells_within(land, self.x, self.y, self.radius)
+        land.lay_cap(*cells, self.max_speed if self.max_speed > 0 else np.inf)
+
+
+def polygon_of(points, what):
+    """(k, 2) m, counter-clockwise; ValueError when the points are none."""
+    corners = line_of(points)
+    need(3 <= len(corners) <= CORNERS, f"{what} has 3 to {CORNERS} points, got {len(corners)}")
+    x, y = corners.T
+    area = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+    need(area != 0, "the points lie in one line")
+    return corners if area > 0 else np.ascontiguousarray(corners[::-1])
+
+
+def line_of(points):
+    """(k, 2) m; ValueError when the points are no pairs of numbers."""
+    rows = [p for p in points if isinstance(p, list) and len(p) == 2 and all(map(_is_number, p))]
+    need(len(rows) == len(points), "points must be pairs of numbers, [[x, y], [x, y], ...]")
+    return np.array(rows, float).reshape(-1, 2)
 
 
 @command
 class AddObstacle:
-    """Put an obstacle down; animals on the spot are moved to the nearest free place."""
+    """Put an obstacle down; animals on the spot are moved to the nearest free place.
+
+    One with the ``id`` of an object in the level file takes the place of the one that has it.
+    """
 
     name: str
     points: list
     solid: bool = True
     blocks_view: bool = True
+    id: int = 0  # of the object in the level file; 0: it is in none
+    margin: float = 0.0  # m, kept free around it by those who follow a field
+    at: int = -1  # where in the order of obstacles; -1: behind all others
+    z_min: float = 0.0  # m above the ground; animals on the ground pass below what begins higher
+    z_max: float = 1000.0  # m above the ground
+    shape: str = "box"  # how it stands up from its outline: box, cylinder, sphere or plane
 
     def check(self, world):
         self.polygon()
+        need(self.id >= 0, f"id must be at least 0, got {self.id}")
+        need(0 <= self.margin <= 1000, f"margin must be 0 to 1000 m, got {self.margin:g}")
+        need(self.shape in SHAPES, f"shape must be one of {', '.join(SHAPES)}{did_you_mean(self.shape, SHAPES)}")
+        need(self.z_min < self.z_max, f"z_min must be below z_max, got {self.z_min:g} and {self.z_max:g} m")
 
     def polygon(self):
         """(k, 2) m, counter-clockwise; ValueError when the points are none."""
-        rows = [p for p in self.points if isinstance(p, list) and len(p) == 2 and all(map(_is_number, p))]
-        _need(len(rows) == len(self.points), "points must be pairs of numbers, [[x, y], [x, y], ...]")
-        _need(3 <= len(rows) <= CORNERS, f"an obstacle has 3 to {CORNERS} points, got {len(rows)}")
-        polygon = np.array(rows, float)
-        x, y = polygon.T
-        area = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
-        _need(area != 0, "the points lie in one line")
-        return polygon if area > 0 else np.ascontiguousarray(polygon[::-1])
+        return polygon_of(self.points, "an obstacle")
+
+    def ground_box(self, world):
+        things, mine = self._things(world.resource(Landscape)), box_of(self.polygon())
+        there = by_id(things, self.id)
+        return mine if there is None else around(mine, box_of(things[there].polygon))
+
+    def inverse(self, world):
+        things = self._things(world.resource(Landscape))
+        there = by_id(things, self.id)
+        if there is not None:
+            return [_again(things, there)]
+        at = self.at if 0 <= self.at < len(things) else len(things)
+        return [RemoveObstacle(self.name, self.id, at, self.z_min > 0)]
+
+    def _things(self, land):
+        """The list of obstacles that it belongs to."""
+        return land.overhead if self.z_min > 0 else land.barriers
 
     def apply(self, world):
+        self.check(world)
         land = world.resource(Landscape)
-        barrier = Barrier(self.polygon(), self.solid, self.blocks_view, self.name)
-        land.barriers.append(barrier)
-        land.rebuild()
+        heights = self.z_min, self.z_max, self.shape
+        barrier = Barrier(self.polygon(), self.solid, self.blocks_view, self.name, self.margin, self.id, *heights)
+        things = self._things(land)
+        before, there = list(things), by_id(things, self.id)
+        if there is not None:
+            things[there] = barrier
+        else:
+            things.insert(self.at if 0 <= self.at < len(things) else len(things), barrier)
+        land.rebuild(navigation=False)
         try:
-            if self.solid:
+            if self.solid and land.on_the_ground(barrier):
                 evict(world, barrier.polygon)
         except ValueError:
-            land.barriers.pop()
-            land.rebuild()
+            things[:] = before
+            land.rebuild(navigation=False)
             raise
+        land.navigate_later(world.resource(Clock).tick)
+
+
+def box_of(points):
+    """(west, south, east, north) m, around points (k, 2)."""
+    return (*points.min(0).tolist(), *points.max(0).tolist())
+
+
+def around(*boxes):
+    """The box around boxes."""
+    sides = np.array(boxes)
+    return (*sides[:, :2].min(0).tolist(), *sides[:, 2:].max(0).tolist())
+
+
+def box_of_cells(land, iy, ix):
+    """(west, south, east, north) m, around cells; None for no cells."""
+    if not len(iy):
+        return None
+    low, high = (ix.min(), iy.min()), (ix.max() + 1, iy.max() + 1)
+    return tuple(float(k * land.cell) for k in (*low, *high))
+
+
+def by_id(things, number):
+    """Index of the thing with the id of an object in the level file, or None; 0 is nobody's."""
+    return next((k for k, thing in enumerate(things) if thing.id == number), None) if number else None
+
+
+def _again(barriers, at):
+    """The command that puts this obstacle down as it stands now."""
+    b = barriers[at]
+    stands = b.solid, b.blocks_view, b.id, b.margin, at, b.z_min, b.z_max, b.shape
+    return AddObstacle(b.name, b.polygon.tolist(), *stands)
 
 
 @command
 class RemoveObstacle:
-    """Take an obstacle away by its name."""
+    """Take an obstacle away by its id, or all of a name."""
 
-    name: str
+    name: str = ""
+    id: int = 0
+    at: int = -1  # of several of a name only the one at this place in the order
+    overhead: bool = False  # `at` counts those above the ground
+
+    def gone(self, world):
+        """(those on the ground, those above it), indices of the obstacles that go; ValueError when there are none."""
+        land = world.resource(Landscape)
+        lists = land.barriers, land.overhead
+        if self.id:
+            found = [[k for k, b in enumerate(things) if b.id == self.id][:1] for things in lists]
+            need(any(found), f"there is no obstacle {self.id} in this world")
+            return found
+        names = [b.name for things in lists for b in things]
+        need(self.name in names, f"there is no obstacle {self.name!r}{did_you_mean(self.name, names)}")
+        found = [[k for k, b in enumerate(things) if b.name == self.name] for things in lists]
+        if self.at in found[self.overhead]:
+            found = [[], [self.at]] if self.overhead else [[self.at], []]
+        return found
+
+    def ground_box(self, world):
+        return around(*(box_of(things[k].polygon) for things, k in self._pairs(world)))
+
+    def inverse(self, world):
+        return [_again(things, k) for things, k in self._pairs(world)]
+
+    def _pairs(self, world):
+        land = world.resource(Landscape)
+        lists = zip((land.barriers, land.overhead), self.gone(world), strict=True)
+        return [(things, k) for things, gone in lists for k in gone]
 
     def apply(self, world):
         land = world.resource(Landscape)
-        names = [b.name for b in (*land.barriers, *land.overhead)]
-        _need(self.name in names, f"there is no obstacle {self.name!r}{did_you_mean(self.name, names)}")
-        land.barriers = [b for b in land.barriers if b.name != self.name]
-        land.moved |= any(b.name == self.name for b in land.overhead)
-        land.overhead = [b for b in land.overhead if b.name != self.name]
-        land.rebuild()
+        ground, above = self.gone(world)
+        land.barriers = [b for k, b in enumerate(land.barriers) if k not in ground]
+        land.overhead = [b for k, b in enumerate(land.overhead) if k not in above]
+        land.rebuild(navigation=False)
+        land.navigate_later(world.resource(Clock).tick)
 
 
 @command
@@ -217,8 +474,17 @@ class MoveObstacle:
     def check(self, world):
         land = world.resource(Landscape)
         names = [b.name for b in (*land.barriers, *land.overhead)]
-        _need(self.name in names, f"there is no obstacle {self.name!r}{did_you_mean(self.name, names)}")
-        _need(self.seconds >= 0, f"seconds must be at least 0, got {self.seconds:g}")
+        need(self.name in names, f"there is no obstacle {self.name!r}{did_you_mean(self.name, names)}")
+        need(self.seconds >= 0, f"seconds must be at least 0, got {self.seconds:g}")
+
+    def inverse(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        stand = [[b.polygon.tolist(), b.z_min, b.z_max] for b in land.find(self.name)]
+        return [StandObstacle(self.name, stand, [[g.by.tolist(), g.left] for g in land.glides if g.name == self.name])]
+
+    def ground_box(self, world):
+        return "all"
 
     def apply(self, world):
         self.check(world)
@@ -227,12 +493,50 @@ class MoveObstacle:
         by = np.array([self.x - middle[0], self.y - middle[1], self.rise])
         land.glides = [glide for glide in land.glides if glide.name != self.name]
         land.glides.append(Glide(self.name, by, self.seconds))
+        land.changed()
 
 
-def _advance(world, land, glide, dt):
+@command
+class StandObstacle:
+    """Put the obstacles of a name exactly here, as they were before they were moved."""
+
+    name: str
+    stand: list  # of each: its points, z_min and z_max
+    glides: list  # of each glide that goes on: (3,) m still to go, s left
+
+    def inverse(self, world):
+        return MoveObstacle(self.name, 0.0, 0.0).inverse(world)
+
+    def ground_box(self, world):
+        return "all"
+
+    def apply(self, world):
+        land = world.resource(Landscape)
+        barriers = land.find(self.name)
+        need(len(barriers) == len(self.stand), f"there are {len(barriers)} obstacles {self.name!r} now")
+        before = [(b.polygon, b.z_min, b.z_max) for b in barriers]
+        for b, (points, low, high) in zip(barriers, self.stand, strict=True):
+            b.polygon, b.z_min, b.z_max = np.array(points, float), low, high
+        land.rebuild(navigation=False)
+        try:
+            for b in barriers:
+                if b.solid and land.on_the_ground(b):
+                    evict(world, b.polygon)
+        except ValueError:
+            for b, (points, low, high) in zip(barriers, before, strict=True):
+                b.polygon, b.z_min, b.z_max = points, low, high
+            land.rebuild(navigation=False)
+            raise
+        land.glides = [glide for glide in land.glides if glide.name != self.name]
+        land.glides += [Glide(self.name, np.array(by, float), left) for by, left in self.glides]
+        land.changed()
+        land.navigate_later(world.resource(Clock).tick)
+
+
+def _advance(world, land, glide, clock):
     """One tick of an obstacle on its way."""
     barriers = land.find(glide.name)
-    share = 1.0 if glide.left <= dt else dt / glide.left
+    share = 1.0 if glide.left <= clock.dt else clock.dt / glide.left
     step = share * glide.by
     for b in barriers:
         land.shift(b, step)
@@ -244,9 +548,12 @@ def _advance(world, land, glide, dt):
         for b in barriers:
             land.shift(b, -step)
         return
-    glide.by, glide.left = glide.by - step, glide.left - dt
+    glide.by, glide.left = glide.by - step, glide.left - clock.dt
     if share == 1.0 or not barriers:
         land.glides.remove(glide)
+    land.changed()
+    if any(land.on_the_ground(b) for b in barriers):
+        land.navigate_later(clock.tick)
 
 
 @command
@@ -268,15 +575,22 @@ class Migrate:
 
     def check(self, world):
         kinds = list(_BOUND)
-        _need(self.kind in kinds, f"kind must be one of {', '.join(kinds)}{did_you_mean(self.kind, kinds)}")
-        _need(self.seconds >= 0, f"seconds must be at least 0, got {self.seconds:g}")
-        _need(self.kind != "direction" or self.x or self.y or self.z, "a direction must not be (0, 0, 0)")
+        need(self.kind in kinds, f"kind must be one of {', '.join(kinds)}{did_you_mean(self.kind, kinds)}")
+        need(self.seconds >= 0, f"seconds must be at least 0, got {self.seconds:g}")
+        need(self.kind != "direction" or self.x or self.y or self.z, "a direction must not be (0, 0, 0)")
         _check_circle(self)
+
+    def _chosen(self, world):
+        return _selected(world, self.at_x, self.at_y, self.radius, self.species)
+
+    def inverse(self, world):
+        self.check(world)
+        columns = [Migration.kind, Migration.target, Migration.next, Migration.left]
+        return columns_now(world, np.flatnonzero(self._chosen(world)), columns)
 
     def apply(self, world):
         self.check(world)
-        agents = world.agents
-        chosen = _selected(world, self.at_x, self.at_y, self.radius, self.species)
+        agents, chosen = world.agents, self._chosen(world)
         target = np.array([self.x, self.y, self.z])
         # who was bound elsewhere, or nowhere, turns at once
         glides = chosen & (agents[Migration.kind] == _BOUND[self.kind]) & (self.seconds > 0)
@@ -301,19 +615,25 @@ class MoveGoal:
 
     def check(self, world):
         land = world.resource(Landscape)
-        _goal_index(land, self.goal)
+        goal_index(land, self.goal)
         inside = 0 <= self.x < land.width and 0 <= self.y < land.height
-        _need(inside, f"({self.x:g}, {self.y:g}) is not on the map, which is {land.width:g} x {land.height:g} m")
+        need(inside, f"({self.x:g}, {self.y:g}) is not on the map, which is {land.width:g} x {land.height:g} m")
+
+    def inverse(self, world):
+        return [place_of(world.resource(Landscape), self.goal)]
+
+    def ground_box(self, world):
+        return "all"
 
     def apply(self, world):
         self.check(world)
         land = world.resource(Landscape)
-        goal = land.goals[_goal_index(land, self.goal)]
+        goal = land.goals[goal_index(land, self.goal)]
         shift = np.array([self.x, self.y]) - goal.xy
         goal.xy = goal.xy + shift
         if goal.polygon is not None:
             goal.polygon = goal.polygon + shift
-        land.rebuild()
+        land.navigate()
 
 
 @command
@@ -328,13 +648,17 @@ class SendTo:
 
     def check(self, world):
         if self.goal:
-            _goal_index(world.resource(Landscape), self.goal)
+            goal_index(world.resource(Landscape), self.goal)
         _check_circle(self)
+
+    def inverse(self, world):
+        _check_circle(self)
+        return goals_of(world, np.flatnonzero(_selected(world, self.x, self.y, self.radius, self.species)))
 
     def apply(self, world):
         self.check(world)
         chosen = _selected(world, self.x, self.y, self.radius, self.species)
-        goal = _goal_index(world.resource(Landscape), self.goal) if self.goal else -1
+        goal = goal_index(world.resource(Landscape), self.goal) if self.goal else -1
         world.agents[Destination.goal][chosen] = goal
 
 
@@ -352,13 +676,17 @@ class AddAnimals:
 
     def check(self, world):
         _check_brush(world, self.brush)
-        _need(self.radius > 0, f"radius must be above 0 m, got {self.radius:g}")
-        _need(1 <= self.count <= MOST, f"count must be 1 to {MOST}, got {self.count}")
+        need(self.radius > 0, f"radius must be above 0 m, got {self.radius:g}")
+        need(1 <= self.count <= MOST, f"count must be 1 to {MOST}, got {self.count}")
+
+    def inverse(self, world):
+        need(1 <= self.count <= MOST, f"count must be 1 to {MOST}, got {self.count}")
+        return [RemoveEntities(list(range(world.next_entity, world.next_entity + self.count)))]
 
     def apply(self, world):
         self.check(world)
         total = len(world.agents) + self.count
-        _need(total <= MOST, f"there may be at most {MOST} animals, and this would make {total}")
+        need(total <= MOST, f"there may be at most {MOST} animals, and this would make {total}")
         give_birth(
             world, disc(self.x, self.y, self.radius), self.count, self.brush, self.species, self.heading,
             stream=f"add {world.next_entity}",  # two strokes in one tick are two
@@ -376,6 +704,10 @@ class RemoveAnimals:
 
     def check(self, world):
         _check_circle(self)
+
+    def inverse(self, world):
+        _check_circle(self)
+        return bring_back(world, world.agents.ids[_selected(world, self.x, self.y, self.radius, self.species)])
 
     def apply(self, world):
         self.check(world)
@@ -404,6 +736,10 @@ class SetParameter:
         except ProblemsError as error:
             raise ValueError(str(error)) from None
 
+    def inverse(self, world):
+        palette = world.resource(Palette)
+        return [UseBrush(self.brush, palette.brushes[palette.named(self.brush)].source.decode())]
+
     def apply(self, world):
         palette = world.resource(Palette)
         palette.add(self.changed(palette))
@@ -421,22 +757,8 @@ def evict(world, polygon):
     ValueError
         When there is none nearby.  Nobody has moved then.
     """
-    agents, land = world.agents, world.resource(Landscape)
-    xyz, forward = agents[Position.xyz], agents[Heading.forward]
-    half, radius = agents[Body.axis], agents[Body.radius]
+    agents = world.agents
+    xyz = agents[Position.xyz]
     edges = np.hstack([polygon, np.roll(polygon, -1, axis=0)])
-    trapped = inside_polygon(xyz, polygon) | touching(xyz, forward, half, radius, edges)
-    if not trapped.any():
-        return
-    x, y, fx, fy = (np.ascontiguousarray(c) for c in (*xyz[:, :2].T, *forward[:, :2].T))
-    walls = land.walls_within(2.0 * float((half + radius).max()))
-    stands = ~trapped
-    for row in np.flatnonzero(trapped):
-        others = (np.ascontiguousarray(c[stands]) for c in (x, y, fx, fy, half, radius))
-        found, x[row], y[row] = nearest_free(
-            x[row], y[row], fx[row], fy[row], half[row], radius[row], *walls, ~land.walkable, land.cell,
-            *outlines(land.solids), *map(float, land.bounds), *others,
-        )  # fmt: skip
-        _need(found, f"animal {agents.ids[row]} stands there, and has no room to step aside")
-        stands[row] = True
-    xyz[:, 0], xyz[:, 1] = x, y
+    touched = touching(xyz, agents[Heading.forward], agents[Body.axis], agents[Body.radius], edges)
+    make_room(world, inside_polygon(xyz, polygon) | touched)

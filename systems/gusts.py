@@ -8,7 +8,8 @@ from components.formation import FormationPlace
 from engine.clock import Clock
 from engine.commands import command
 from engine.noise import Noise
-from systems.commands import _check_circle, _need, _selected
+from systems.commands import _check_circle, _selected
+from systems.taking_back import columns_now, need
 
 ONSET = 0.5  # s in which a gust is felt.  By eye
 
@@ -32,9 +33,15 @@ class Gust:
     radius: float = 0.0
 
     def check(self, world):
-        _need(self.seconds > 0, f"seconds must be above 0, got {self.seconds:g}")
-        _need(0 <= self.uneven <= 1, f"uneven must be from 0 to 1, got {self.uneven:g}")
+        need(self.seconds > 0, f"seconds must be above 0, got {self.seconds:g}")
+        need(0 <= self.uneven <= 1, f"uneven must be from 0 to 1, got {self.uneven:g}")
         _check_circle(self)
+
+    def inverse(self, world):
+        self.check(world)
+        chosen = np.flatnonzero(_selected(world, self.at_x, self.at_y, self.radius, self.species))
+        felt = [FormationPlace.gust, FormationPlace.wind, FormationPlace.felt, FormationPlace.lull]
+        return columns_now(world, chosen, felt)
 
     def apply(self, world):
         self.check(world)

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
 from engine.fields import bilinear_
 from engine.solids import Solids, convex_parts, cylinder, half_space, packed, prism, sphere
 from systems.navigation import Navigation, navigation_of
-from systems.terrain import compose_blocked, relief_of
+from systems.terrain import NO_BRUSH, compose_blocked, relief_of
 from systems.visibility import Edges, edges_by_cell, no_edges
 
 BRUSHES_OWN = -1.0  # of `Landscape.transition`: the brush's own time
+NATIVE, BARE = -2, -1  # of `Painted.ground`: as the level was read; nothing painted
+SHAPES = ("box", "cylinder", "sphere", "plane")  # how an obstacle stands up from its outline
+PATIENCE = 8  # ticks without a change after which the navigation field is made anew: strokes come in pieces
 
 
 @dataclass
@@ -25,6 +29,7 @@ class Barrier:
     blocks_view: bool = True
     name: str = ""
     margin: float = 0.0  # m, kept free around it by those who follow a field
+    id: int = 0  # of the object in the level file; 0: it is in none
     z_min: float = 0.0  # m above the ground; animals on the ground pass below what begins higher
     z_max: float = 1000.0  # m above the ground
     shape: str = "box"  # how it stands up from its outline: box, cylinder, sphere or plane
@@ -37,6 +42,77 @@ class Glide:
     name: str
     by: np.ndarray  # (3,) m still to go
     left: float  # s until it is there
+
+
+@dataclass
+class Guide:
+    """An arrow for leaders to follow, in the order of its points."""
+
+    points: np.ndarray  # (k, 2) m
+    strength: float = 1.0
+    radius: float = 10.0  # m
+    decay: float = 10.0  # m
+    goal: str = ""  # name of the goal at its end
+    loop: bool = False
+    name: str = ""
+    id: int = 0
+
+
+@dataclass
+class Goal:
+    """Where the way leads, and what becomes of those who arrive."""
+
+    name: str
+    xy: np.ndarray  # (2,) m
+    radius: float  # m
+    polygon: np.ndarray | None = None  # (k, 2) m, the area if one was drawn
+    on_arrive: str = "stay"  # stay | despawn | next | disperse
+    next: str = ""  # name of a goal
+    id: int = 0
+    next_index: int = -1
+
+
+@dataclass
+class Exit:
+    """Animals that come here leave the world."""
+
+    polygon: np.ndarray  # (k, 2) m
+    name: str = ""
+    id: int = 0
+
+
+@dataclass
+class Painted:
+    """What has been painted on the ground; zones lie above it."""
+
+    brush: np.ndarray  # (ny, nx) int32, index into the `Palette`; -1 unpainted
+    cap: np.ndarray  # (ny, nx) m/s, infinite for none
+    ground: np.ndarray  # (ny, nx) int16, index into `Landscape.kinds`, `BARE` or `NATIVE`
+
+    def rasters(self):
+        """All three."""
+        return self.brush, self.cap, self.ground
+
+
+@dataclass
+class Above:
+    """What zones say, above all paint."""
+
+    brush: np.ndarray  # (ny, nx) int32, -1 where no zone gives a brush
+    cap: np.ndarray  # (ny, nx) m/s
+    factor: np.ndarray  # (ny, nx) of zones and of painted factors: multiplies the ground's own
+
+
+@dataclass
+class Native:
+    """The ground as the level was read."""
+
+    factor: np.ndarray  # (ny, nx) of ground, paint and zones together
+    walkable: np.ndarray
+    blind: np.ndarray
+    cost: np.ndarray
+    kind: np.ndarray  # (ny, nx) int16, index into `Landscape.kinds`, `BARE` where nothing was painted
+    regular: np.ndarray | None = None  # (ny, nx) bool, where it is no other than its kind
 
 
 @dataclass
@@ -54,7 +130,7 @@ class Landscape:
     surface : ndarray (ny, nx, 2)
         Speed factor and cap (m/s).
     brush : ndarray (ny, nx) int32
-        Painted brush as an index into the `Palette`; -1 unpainted.
+        The brush that acts as an index into the `Palette`; -1 unpainted.
     transition : ndarray (ny, nx)
         Seconds in which a brush is taken up here; `BRUSHES_OWN` where the brush says so itself.
     walkable : ndarray (ny, nx) bool
@@ -65,6 +141,12 @@ class Landscape:
         Of a metre on the way to a goal.
     relief : ndarray (my, mx, 3)
         See `systems.terrain.relief_of`.
+    kinds : list
+        Kinds of ground one can paint: ``name``, ``walkable``, ``speed_factor``, ``cost``, ``blocks_view``.
+    painted, above, native
+        What `surface`, `brush`, `walkable`, `blind` and `cost` are composed of.
+    stale : int or None
+        The tick of the last change that the navigation field does not know yet.
     """
 
     width: float
@@ -79,9 +161,9 @@ class Landscape:
     relief: np.ndarray = field(default_factory=relief_of)
     relief_cell: float = 1.0
     barriers: list[Barrier] = field(default_factory=list)
-    guides: list = field(default_factory=list)
-    goals: list = field(default_factory=list)
-    exits: list = field(default_factory=list)  # polygons
+    guides: list[Guide] = field(default_factory=list)
+    goals: list[Goal] = field(default_factory=list)
+    exits: list[Exit] = field(default_factory=list)
     reach: float = 4.0  # m, the farthest any animal looks: edges are sorted for it
     navigation: Navigation | None = None
     solid: Edges = field(default_factory=no_edges)
@@ -92,14 +174,39 @@ class Landscape:
     _head: bytes | None = None
     blocked: np.ndarray | None = None
     transition: np.ndarray | None = None
+    kinds: list = field(default_factory=list)
+    painted: Painted | None = None
+    above: Above | None = None
+    native: Native | None = None
+    stale: int | None = None
+    _known: tuple | None = None  # what the navigation field was made of
     overhead: list[Barrier] = field(default_factory=list)  # what begins above the ground
     glides: list[Glide] = field(default_factory=list)  # what is on its way to another place
     _sky: tuple[Solids, Solids] | None = None
-    moved: bool = False  # whether anything has glided or moved in height since the level was built
 
     def __post_init__(self):
+        shape = self.brush.shape
         if self.transition is None:
-            self.transition = np.full(self.brush.shape, BRUSHES_OWN)
+            self.transition = np.full(shape, BRUSHES_OWN)
+        if self.painted is None:
+            cap = self.surface[..., 1].copy()
+            self.painted = Painted(self.brush.copy(), cap, np.full(shape, NATIVE, np.int16))
+        if self.above is None:
+            self.above = Above(np.full(shape, NO_BRUSH, np.int32), np.full(shape, np.inf), np.ones(shape))
+        if self.native is None:
+            bare = np.full(shape, BARE, np.int16)
+            self.native = Native(self.surface[..., 0].copy(), self.walkable, self.blind, self.cost, bare)
+        self.walkable, self.blind, self.cost = self.walkable.copy(), self.blind.copy(), self.cost.copy()
+        if self.native.regular is None:
+            self.native.regular = self._regular()
+
+    def _regular(self):
+        """(ny, nx) bool, where the ground as read is no other than its kind: there one may say so by its name."""
+        native, everywhere = self.native, (..., slice(None))
+        told = [self._of_ground(name, None, native.kind, *everywhere) for name in _OF_BARE]
+        there = native.walkable, native.blind, native.cost, native.factor
+        told[3] = told[3] * self.above.factor
+        return np.logical_and.reduce([a == b for a, b in zip(told, there, strict=True)])
 
     @property
     def wrap(self):
@@ -115,6 +222,8 @@ class Landscape:
     def solids(self):
         """Polygons (k, 2) m of the obstacles that keep bodies out."""
         return [b.polygon for b in self.barriers if b.solid]
+
+    # in the air -----------------------------------------------------------------
 
     @property
     def sky(self):
@@ -162,9 +271,52 @@ class Landscape:
             return [cylinder(middle, radius, 0.5 * (high - low), opaque=barrier.blocks_view)]
         return [prism(part, low, high, barrier.blocks_view) for part in convex_parts(polygon)]
 
+    # the ground -----------------------------------------------------------------
+
+    @property
+    def kind_at(self):
+        """(ny, nx) which of `kinds` is on the ground, `BARE` where nothing is painted."""
+        return np.where(self.painted.ground == NATIVE, self.native.kind, self.painted.ground)
+
+    def ground_of(self, iy, ix):
+        """Which of `kinds` is on cells: `NATIVE` only where no kind says what is there."""
+        ground, native = self.painted.ground[iy, ix], self.native
+        return np.where((ground == NATIVE) & native.regular[iy, ix], native.kind[iy, ix], ground)
+
+    # paint ----------------------------------------------------------------------
+
+    def lay_brush(self, iy, ix, index):
+        """Paint brushes on cells; a zone above still has its own."""
+        self.painted.brush[iy, ix] = index
+        above = self.above.brush[iy, ix]
+        self.brush[iy, ix] = np.where(above >= 0, above, self.painted.brush[iy, ix])
+
+    def lay_cap(self, iy, ix, cap):
+        """Paint maximum speeds on cells, m/s, infinite for none; a zone above may be lower still."""
+        self.painted.cap[iy, ix] = cap
+        self.surface[iy, ix, 1] = np.minimum(self.painted.cap[iy, ix], self.above.cap[iy, ix])
+
+    def lay_ground(self, iy, ix, kind):
+        """Paint kinds of ground on cells; call `rebuild` when somebody can stand or see there no longer."""
+        as_read = (kind == self.native.kind[iy, ix]) & self.native.regular[iy, ix]
+        self.painted.ground[iy, ix] = np.where(as_read, NATIVE, kind)
+        ground = self.painted.ground[iy, ix]
+        self.walkable[iy, ix] = self._of_ground("walkable", "walkable", ground, iy, ix)
+        self.blind[iy, ix] = self._of_ground("blocks_view", "blind", ground, iy, ix)
+        self.cost[iy, ix] = self._of_ground("cost", "cost", ground, iy, ix)
+        factor = self._of_ground("speed_factor", None, ground, iy, ix) * self.above.factor[iy, ix]
+        self.surface[iy, ix, 0] = np.where(ground == NATIVE, self.native.factor[iy, ix], factor)
+
+    def _of_ground(self, name, native, ground, iy, ix):
+        """One property of painted cells, the level's own where they are as it was read."""
+        told = np.array([getattr(kind, name) for kind in self.kinds] + [_OF_BARE[name]])[np.maximum(ground, BARE)]
+        return told if native is None else np.where(ground == NATIVE, getattr(self.native, native)[iy, ix], told)
+
+    # edges and fields -----------------------------------------------------------
+
     def rebuild(self, navigation=True):
         """Make edges and fields anew after barriers, terrain, guides or goals have changed."""
-        self._head = self._sky = None
+        self.changed()
         walls, wall_owner, views = [], [], []
         for owner, b in enumerate(self.barriers):
             edges = np.hstack([b.polygon, np.roll(b.polygon, -1, axis=0)])
@@ -191,10 +343,53 @@ class Landscape:
             views, _ = _across_seam(views, np.zeros(len(views), np.int32), self.wrap, self.reach)
         self.solid, self.opaque = edges_by_cell(walls, self.reach), edges_by_cell(views, self.reach)
         self.touch = 0.0
-        solids = [b for b in self.barriers if b.solid]
-        self.blocked = compose_blocked(self.brush.shape, self.cell, self.walkable, solids)
+        self.blocked = self._blocked(self.barriers, self.walkable)
         if navigation:
-            self.navigation = navigation_of(self.guides, self.goals, self.blocked, self.cost, self.cell)
+            self.navigate()
+
+    def changed(self):
+        """Say that barriers, guides, goals or exits are others now."""
+        self._head = self._sky = None
+        names = [goal.name for goal in self.goals]
+        for goal in self.goals:
+            goal.next_index = names.index(goal.next) if goal.next in names else -1
+
+    def navigate_later(self, tick):
+        """Have the navigation field made anew `PATIENCE` ticks from now, unless there is a change before."""
+        self._head = None
+        self.stale = None if self._inputs() == self._known else tick
+
+    def settle(self, tick):
+        """Make the navigation field anew if that is due."""
+        if self.stale is not None and tick >= self.stale + PATIENCE:
+            self.navigate()
+
+    def _blocked(self, barriers, walkable):
+        return compose_blocked(self.brush.shape, self.cell, walkable, [b for b in barriers if b.solid])
+
+    def navigate(self):
+        """Make the navigation field anew, after guides or goals have changed."""
+        self.changed()
+        self.navigation = navigation_of(self.guides, self.goals, self.blocked, self.cost, self.cell)
+        self._known, self.stale, self._head = self._inputs(), None, None
+
+    def _inputs(self):
+        """What the navigation field is made of: (barriers, guides and goals as JSON, painted ground)."""
+        things = [[_plain(thing) for thing in things] for things in (self.barriers, self.guides, self.goals)]
+        return json.dumps(things), self.painted.ground.tobytes()
+
+    def _navigate_as_known(self, known):
+        """The navigation field of how everything was when it was last made."""
+        things, ground = known
+        barriers, guides, goals = (
+            [kind(**_arrays(thing)) for thing in told]
+            for kind, told in zip((Barrier, Guide, Goal), json.loads(things), strict=True)
+        )
+        ground = np.frombuffer(ground, np.int16).reshape(self.brush.shape)
+        walkable = self._of_ground("walkable", "walkable", ground, ..., slice(None))
+        cost = self._of_ground("cost", "cost", ground, ..., slice(None))
+        self.navigation = navigation_of(guides, goals, self._blocked(barriers, walkable), cost, self.cell)
+        self._known = known
 
     def walls_within(self, reach):
         """Solid edges by cell, for contact: at least all within ``reach`` metres of an animal."""
@@ -209,57 +404,42 @@ class Landscape:
             self.reach = reach
             self.rebuild(navigation=False)
 
-    def _painted(self):
-        return self.surface, self.brush, self.transition
-
     def find(self, name):
         """The barriers of this name."""
         return [b for b in (*self.barriers, *self.overhead) if b.name == name]
 
     def shift(self, barrier, by):
-        """Put a barrier elsewhere, by (3,) m."""
+        """Put a barrier elsewhere, by (3,) m; the navigation field is for the caller to see to."""
         barrier.polygon = barrier.polygon + np.asarray(by[:2], float)
         barrier.z_min, barrier.z_max = barrier.z_min + float(by[2]), barrier.z_max + float(by[2])
-        self._sky, self.moved = None, True
         if self.on_the_ground(barrier):
-            self.rebuild(navigation=bool(self.goals or self.guides))
+            self.rebuild(navigation=False)
+        else:
+            self.changed()
 
     def on_the_ground(self, barrier):
         """Whether animals on the ground meet this barrier."""
         return any(b is barrier for b in self.barriers)
 
-    def hashed_state(self):
-        """What of `state` makes a difference: heights only once something has moved."""
-        return self._state_of(self.moved)
+    # state ----------------------------------------------------------------------
 
     def state(self):
-        """What may change while a world runs: paint, obstacles and goals (see `engine.state`)."""
-        return self._state_of(True)
-
-    def _state_of(self, heights):
+        """What may change while a world runs: paint, obstacles, guides, goals and exits (see `engine.state`)."""
         if self._head is None:
             self._head = self._things()
         text = self._head
-        if heights:
-            text = json.dumps(json.loads(text) | self._heights()).encode()
-        return b"".join([len(text).to_bytes(8, "little"), text, *(raster.tobytes() for raster in self._painted())])
-
-    def _heights(self):
-        return {
-            "heights": [[b.z_min, b.z_max, b.shape] for b in self.barriers],
-            "overhead": [[b.polygon.tolist(), *astuple(b)[1:]] for b in self.overhead],
-            "glides": [[g.name, g.by.tolist(), g.left] for g in self.glides],
-            "moved": self.moved,
-        }
+        late = [] if self.stale is None else [self._known[1]]
+        rasters = [raster.tobytes() for raster in self.painted.rasters()]
+        return b"".join([len(text).to_bytes(8, "little"), text, *rasters, *late])
 
     def _things(self):
-        """What is not a raster, as JSON; kept until the next `rebuild`, for it is asked for in every tick."""
+        """What is not a raster, as JSON; kept until the next change, for it is asked for in every tick."""
         head = {
             "reach": self.reach,
-            "barriers": [[b.polygon.tolist(), b.solid, b.blocks_view, b.name, b.margin] for b in self.barriers],
-            "goals": [
-                [goal.xy.tolist(), None if goal.polygon is None else goal.polygon.tolist()] for goal in self.goals
-            ],
+            "stale": self.stale,
+            "known": None if self.stale is None else self._known[0],
+            "glides": [[g.name, g.by.tolist(), g.left] for g in self.glides],
+            **{name: [_plain(thing) for thing in getattr(self, name)] for name in _THINGS},
         }
         return json.dumps(head).encode()
 
@@ -267,19 +447,45 @@ class Landscape:
         """Take back what `state` gave."""
         start = 8 + int.from_bytes(data[:8], "little")
         head = json.loads(data[8:start])
-        for raster in self._painted():
+        rasters = []
+        for raster in self.painted.rasters():
             end = start + raster.nbytes
-            raster[:] = np.frombuffer(data[start:end], raster.dtype).reshape(raster.shape)
+            rasters.append(np.frombuffer(data[start:end], raster.dtype).reshape(raster.shape))
             start = end
+        ground_before, known_before = self.painted.ground.tobytes(), self._known
+        edges_before = self.reach, [_plain(b) for b in self.barriers], ground_before
+        everywhere = ..., slice(None)
+        self.lay_brush(*everywhere, rasters[0])
+        self.lay_cap(*everywhere, rasters[1])
+        if rasters[2].tobytes() != ground_before:
+            self.lay_ground(*everywhere, rasters[2])
         self.reach = head["reach"]
-        pairs = zip(head["barriers"], head["heights"], strict=True)
-        self.barriers = [Barrier(np.array(polygon), *rest, *heights) for (polygon, *rest), heights in pairs]
-        self.overhead = [Barrier(np.array(polygon), *rest) for polygon, *rest in head["overhead"]]
+        for name, kind in _THINGS.items():
+            setattr(self, name, [kind(**_arrays(thing)) for thing in head[name]])
         self.glides = [Glide(name, np.array(by), left) for name, by, left in head["glides"]]
-        self.moved = head["moved"]
-        for goal, (xy, polygon) in zip(self.goals, head["goals"], strict=True):
-            goal.xy, goal.polygon = np.array(xy), None if polygon is None else np.array(polygon)
-        self.rebuild()
+        if edges_before != (self.reach, [_plain(b) for b in self.barriers], self.painted.ground.tobytes()):
+            self.rebuild(navigation=False)
+        self.changed()
+        self.stale = head["stale"]
+        known = self._inputs() if self.stale is None else (head["known"], data[start:])
+        if known != known_before:
+            self._navigate_as_known(known)
+
+
+_THINGS: dict[str, Any] = {"barriers": Barrier, "overhead": Barrier, "guides": Guide, "goals": Goal, "exits": Exit}
+_OF_BARE = {"walkable": True, "blocks_view": False, "cost": 1.0, "speed_factor": 1.0}
+_ARRAYS = ("polygon", "points", "xy")
+
+
+def _plain(thing):
+    """A barrier, guide, goal or exit as JSON takes it."""
+    told = {f.name: getattr(thing, f.name) for f in fields(thing) if f.name != "next_index"}
+    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in told.items()}
+
+
+def _arrays(told):
+    """The arguments of a thing from what `_plain` told."""
+    return {name: np.array(v, float) if name in _ARRAYS and v is not None else v for name, v in told.items()}
 
 
 def _in_all_images(solids, wrap):

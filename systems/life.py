@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import json
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -15,19 +16,66 @@ from systems.spawning import inside_polygon
 
 
 @dataclass
-class Nursery:
-    """Spawns that still have animals to bring, and how many each has brought."""
+class SpawnArea:
+    """Where animals come into the world, and which."""
 
-    spawns: list = field(default_factory=list)
+    id: int
+    name: str
+    polygon: np.ndarray  # (k, 2) m
+    species: str
+    brush: str
+    count: int  # with a rate: how many in all, 0 for no end
+    heading: float | None = None  # rad; None: each its own
+    speed: float | None = None  # m/s at the start; None: the brush's
+    altitude: float = 0.0  # m above ground
+    start: float = 0.0  # s
+    rate: float = 0.0  # animals per second; 0: all at once
+    formation: str = "scatter"
+    body_length: float | None = None  # m; None: the brush's
+    depth: float = 0.0  # m above `altitude` up to which they are born
+    since: float = 0.0  # s, when it was drawn: its start counts from there
+
+    @classmethod
+    def of(cls, spawn):
+        """The same from a level's spawn."""
+        return cls(**{f.name: getattr(spawn, f.name) for f in fields(cls) if f.name != "since"})
+
+
+@dataclass
+class Nursery:
+    """The spawns of the world, and how many animals each has brought."""
+
+    spawns: list[SpawnArea] = field(default_factory=list)
     born: list[int] = field(default_factory=list)
+    _told: tuple = ([], b"[]")  # the spawns once put into words, for it is asked for in every tick
+
+    def put(self, spawn, born=0, at=None):
+        """Add a spawn that has brought so many already, behind the others unless told where."""
+        at = len(self.spawns) if at is None else at
+        self.spawns.insert(at, spawn)
+        self.born.insert(at, born)
+
+    def find(self, number):
+        """Index of the spawn with this id, or None."""
+        return next((k for k, spawn in enumerate(self.spawns) if spawn.id == number), None)
 
     def state(self):
         """What of it belongs to the state of the world (see `engine.state.state_hash`)."""
-        return np.array(self.born, np.int64).tobytes()
+        known = self._told[0]
+        if len(known) != len(self.spawns) or any(a is not b for a, b in zip(known, self.spawns, strict=True)):
+            plain = [{**vars(spawn), "polygon": spawn.polygon.tolist()} for spawn in self.spawns]
+            self._told = list(self.spawns), json.dumps(plain).encode()
+        return np.array([len(self.born), *self.born], np.int64).tobytes() + self._told[1]
 
     def set_state(self, data):
         """Put back what `state` gave."""
-        self.born = np.frombuffer(data, np.int64).tolist()
+        count = int(np.frombuffer(data[:8], np.int64)[0])
+        end = 8 + 8 * count
+        self.born = np.frombuffer(data[8:end], np.int64).tolist()
+        self.state()
+        if bytes(data[end:]) != self._told[1]:
+            told = [{**spawn, "polygon": np.array(spawn["polygon"], float)} for spawn in json.loads(data[end:])]
+            self.spawns = [SpawnArea(**spawn) for spawn in told]
 
 
 class Live(System):
@@ -65,7 +113,7 @@ class Live(System):
     def _leave(world, gone):
         land, xyz = world.resource(Landscape), world.agents[Position.xyz]
         for exit in land.exits:
-            gone |= inside_polygon(xyz, exit)
+            gone |= inside_polygon(xyz, exit.polygon)
         if land.boundary == "despawn":
             gone |= (xyz[:, 0] < 0) | (xyz[:, 1] < 0) | (xyz[:, 0] > land.width) | (xyz[:, 1] > land.height)
 
@@ -73,7 +121,7 @@ class Live(System):
     def _bear(world):
         nursery, clock = world.resource(Nursery), world.resource(Clock)
         for k, spawn in enumerate(nursery.spawns):
-            due = births_due(spawn, (clock.tick + 1) * clock.dt) - nursery.born[k]
+            due = births_due(spawn, (clock.tick + 1) * clock.dt - spawn.since) - nursery.born[k]
             if due <= 0:
                 continue
             try:

@@ -40,6 +40,14 @@ class Palette:
         self._tabulate()
         return self.index[brush.name]
 
+    def forget(self, name):
+        """Drop the newest brush again; whoever has it would be lost, so nobody may."""
+        if self.brushes[-1].name != name:
+            raise ValueError(f"{name} is not the newest brush; that is {self.brushes[-1].name}")
+        del self.index[name]
+        self.brushes.pop()
+        self._tabulate()
+
     def state(self):
         """The brushes as they are now (see `engine.state`)."""
         return json.dumps([[b.name, b.source.decode()] for b in self.brushes]).encode()

@@ -47,7 +47,54 @@ class HuntParams(herd.Params):
     )
 
 
-@behaviour("flee", FleeParams)
+def explain_flight(scene, row, p):
+    """Why prey turns: the herd's reasons, and fear of every predator in view."""
+    i = row
+    who, offset = _in_view(scene, i)
+    far = np.hypot(*offset.T)
+    flight = p.flight_distance * scene.length[i]
+    near = scene.danger[who].astype(bool) & (scene.species[who] != scene.species[i]) & (far > 0) & (far < flight)
+    fear = (1.0 - far[near] / flight) / np.maximum(far[near], 1e-300)
+    push = -scene.dt * p.sensitivity * p.fear_weight * (fear @ offset[near])
+    return herd.unit(herd.explain(scene, row, p)) | {"fear": push}
+
+
+def explain_hunt(scene, row, p):
+    """Why a hunter turns: the pack's reasons, and its prey; close to the prey nothing else."""
+    reasons = herd.unit(herd.explain(scene, row, p))
+    prey = _chosen(scene, row, p)
+    if prey is None:
+        return reasons
+    who, offset, distance = prey
+    run = max(scene.speed[row] * p.charge_pace, 1e-6)
+    ahead = offset + min(distance * scene.length[row] / run, 2.0) * scene.velocity[who, :2]
+    way = ahead / max(float(np.hypot(*ahead)), 1e-9)
+    if distance < p.charge_distance:
+        return {"prey": way}
+    return reasons | {"prey": scene.dt * p.sensitivity * p.chase_weight * way}
+
+
+def _chosen(scene, i, p):
+    """(row, offset in m, distance in body lengths) of the prey that costs least, or None."""
+    who, offset = _in_view(scene, i)
+    far = np.hypot(*offset.T) / scene.length[i]
+    fair = ~scene.danger[who].astype(bool) & (far < p.chase_distance) & (far > 0)
+    if not fair.any():
+        return None
+    who, offset, far = who[fair], offset[fair], far[fair]
+    ahead = offset @ scene.forward[i, :2] / (far * scene.length[i])
+    others = scene.first[who + 1] - scene.first[who]
+    best = np.argmin(far * (1.5 - 0.5 * ahead) + p.crowd_penalty * others)
+    return who[best], offset[best], float(far[best])
+
+
+def _in_view(scene, i):
+    """Rows and offsets (m) of those an animal sees."""
+    seen = slice(scene.first[i], scene.first[i + 1])
+    return scene.near[seen], scene.offset[seen]
+
+
+@behaviour("flee", FleeParams, explain=explain_flight)
 def flee(scene, rows, p):
     """The herd's wish, turned away from every predator in view, and hurried."""
     wishes = herd.steer(scene, rows, p)
@@ -59,7 +106,7 @@ def flee(scene, rows, p):
     return wishes
 
 
-@behaviour("hunt", HuntParams, danger=True)
+@behaviour("hunt", HuntParams, danger=True, explain=explain_hunt)
 def hunt(scene, rows, p):
     """The pack's wish until prey is seen; then towards the most vulnerable one."""
     wishes = herd.steer(scene, rows, p)

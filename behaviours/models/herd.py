@@ -86,7 +86,82 @@ class Params(Parameters):
     )
 
 
-@behaviour("herd", Params)
+def explain(scene, row, p):
+    """Why this animal turns: its heading and what each force adds to it (eqs. 2-5), {reason: (2,)}.
+
+    The same formulas as `herd_kernel`, for one animal and written plainly: each is the other's test.
+    """
+    i, forward, length = row, scene.forward[row, :2], scene.length[row]
+    seen = slice(scene.first[i], scene.first[i + 1])
+    who, offset = scene.near[seen], scene.offset[seen] / length
+    near = np.hypot(*offset.T) <= p.neighbour_range
+    who, offset = who[near], offset[near]
+    kin = scene.species[who] == scene.species[i]
+    walls = scene.obstacle_offset[scene.obstacle_first[i] : scene.obstacle_first[i + 1]] / length
+
+    def pull(name, offset, towards):
+        """Sum of vectors, each by the weight of the animal or wall at its offset."""
+        return _weights(p, name, offset, forward) @ towards
+
+    turn = scene.dt * p.sensitivity
+    forces = {
+        "avoidance": -turn * p.avoidance_weight * pull("avoidance", offset, offset),
+        "cohesion": turn * p.cohesion_weight * pull("cohesion", offset[kin], offset[kin]),
+        "alignment": turn * p.alignment_weight * pull("alignment", offset[kin], scene.forward[who[kin], :2]),
+        "obstacles": -turn * p.obstacle_weight * pull("obstacle", walls, walls),
+        "slope": -scene.dt * p.slope_aversion * scene.slope[i],
+    }
+    reasons = {"heading": forward.copy()} | forces
+    if scene.leader[i]:
+        reasons = _leading(scene, i, p, reasons)
+    return _wandering(scene, i, p, reasons) if p.wander > 0.0 else reasons
+
+
+def _weights(p, name, offset, forward):
+    """Gaussian weights in distance and bearing (eqs. 4 and 5), (k,)."""
+    x, y = offset.T
+    bearing = np.arctan2(forward[0] * y - forward[1] * x, forward[0] * x + forward[1] * y)
+    far, aside = 4.0 * getattr(p, f"{name}_radial"), np.pi * getattr(p, f"{name}_angular")
+    return np.exp(-((x * x + y * y) / (2.0 * far**2) + bearing**2 / (2.0 * aside**2)))
+
+
+def _leading(scene, i, p, reasons):
+    """The reasons of a leader: the guide, or the way it had, or where it last saw the others."""
+    guidance = scene.guidance[i]
+    g = float(np.hypot(*guidance))
+    if g > 1e-6:
+        lead = (1.0 - p.leader_blend) * min(1.0, 4.0 * g)
+        return scaled(unit(reasons), 1.0 - lead) | {"guide": lead * guidance / g}
+    if p.unled != "return":
+        return {"heading": reasons["heading"]}
+    memory = scene.memory[i] / scene.length[i]
+    m = float(np.hypot(*memory))
+    if scene.known[i] and m > 1.0:
+        return reasons | {"back to the herd": scene.dt * p.sensitivity * 0.3 * memory / m}
+    return reasons
+
+
+def _wandering(scene, i, p, reasons):
+    """The reasons with what chance adds."""
+    before = scaled(unit(reasons), 1.0)
+    direction = np.zeros((1, 3))
+    direction[0, :2] = start = sum(before.values())
+    wander_kernel(0, 1, np.array([i]), scene.ids, scene.key("wander"), p.wander * np.sqrt(scene.dt), direction)
+    return before | {"wander": direction[0, :2] - start}
+
+
+def unit(reasons):
+    """Reasons whose sum is a unit vector; left alone where they cancel."""
+    size = float(np.hypot(*sum(reasons.values())))
+    return scaled(reasons, 1.0 / size) if size > 1e-12 else reasons
+
+
+def scaled(reasons, by):
+    """Reasons so many times as strong."""
+    return {name: by * vector for name, vector in reasons.items()}
+
+
+@behaviour("herd", Params, explain=explain)
 def steer(scene, rows, p):
     """Turn by social forces; leaders by the navigation field."""
     direction, pace = np.zeros((len(rows), 3)), np.ones(len(rows))

@@ -12,6 +12,7 @@ from flockbrush.draw.camera import Camera
 from flockbrush.draw.files import Video, write_png
 from flockbrush.draw.herd import Herd
 from flockbrush.draw.painter import Painter
+from flockbrush.draw.scenery import Scenery
 from flockbrush.draw.sheet import contact_sheet, level_sheet, preview
 from flockbrush.draw.style import DARK, LIGHT, THEMES, Theme
 from flockbrush.draw.trails import Trails
@@ -23,6 +24,7 @@ __all__ = [
     "Camera",
     "Herd",
     "Painter",
+    "Scenery",
     "Theme",
     "Trails",
     "Video",

@@ -1,15 +1,19 @@
-"""The picture of a level without its animals: drawn once for each camera and theme, then only copied."""
+"""What a level looks like without its animals, in any box of the picture."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from flockbrush.draw.camera import Camera
-from flockbrush.draw.canvas import Canvas, circle, smooth
-from flockbrush.draw.shapes import grain
-from flockbrush.draw.style import PALETTE, Theme, mix, rgb
+from flockbrush.draw.canvas import Canvas, circle, dashes, smooth
+from flockbrush.draw.shapes import bilinear, cover_polygon, grain, patch, shrink, smear, steepness
+from flockbrush.draw.style import PALETTE, mix, rgb
+from flockbrush.draw.text import words
 
 BLUR = 1.1  # cells; rounds the corners of painted regions
+AROUND = 8  # cells around a box that have a say in how it looks
+RIM = 4  # pixels around a box that have a say in how regions look in it
+REACH = RIM + 2  # pixels
+SAMPLES = 128  # cells across, of those looked at for the place of a name
 
 
 def brush_key(asset: str) -> str:
@@ -17,49 +21,42 @@ def brush_key(asset: str) -> str:
     return str(asset).replace("\\", "/").rsplit("/", 1)[-1].removesuffix(".brush.toml")
 
 
-def paint_ground(level, camera: Camera, theme: Theme, unit: float = 1.0, brushes=None, labels=True) -> np.ndarray:
-    """The level as the camera sees it, (h, w, 3) uint8.
+class Sketcher:
+    """Draws any box of a level's picture, the same pixels whichever box they are drawn in.
 
-    Parameters
-    ----------
-    level : Level
-        Or anything with `width` and `height`; what it lacks is not drawn.
-    unit : float
-        Pixels of a hairline: 1 at 1280 x 720, more on larger pictures.
-    brushes : dict of str to "#rrggbb" or (r, g, b)
-        Colours of the brushes painted on the level, by name.
-    labels : bool
-        Write the names of goals, exits and lines.
+    Nothing here depends on the box but what is cut off: a part drawn anew fits what was drawn before.
     """
-    return _Ground(level, camera, theme, unit, brushes or {}, labels).paint()
 
-
-class _Ground:
-    def __init__(self, level, camera, theme, unit, brushes, labels):
+    def __init__(self, level, camera, theme, unit, brushes, image, known=None):
         self.level, self.camera, self.theme, self.unit = level, camera, theme, unit
-        self.brushes = {brush_key(name): rgb(colour) for name, colour in brushes.items()}
-        self.labels, self.taken = labels, []
-        width, height = camera.size
-        self.image = np.empty((height, width, 3), np.uint8)
-        self.image[:] = theme.paper
+        self.brushes, self.image = brushes, image
+        self._known: dict = {} if known is None else known  # what has been worked out for this camera
         left, top = camera.pixels((0, level.height))
         right, bottom = camera.pixels((level.width, 0))
         self.corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
         view = camera.view
-        inner = (
+        self.inner = (
             max(view[0], round(left)),
             max(view[1], round(top)),
             min(view[2], round(right)),
             min(view[3], round(bottom)),
         )
-        self.canvas = Canvas(self.image, inner if inner[2] > inner[0] and inner[3] > inner[1] else (0, 0, 0, 0))
-        self.outside = Canvas(self.image, view)
+        self.aim((0, 0, 0, 0))
+
+    def aim(self, box):
+        """Draw in this box (left, top, right, bottom; pixels) from now on."""
+        self.outside = Canvas(self.image, _common(box, self.camera.view))
+        self.canvas = Canvas(self.image, _common(box, self.inner))
 
     def of(self, name):
         """A list of the level's objects, empty when the level has none."""
         return getattr(self.level, name, None) or []
 
-    def paint(self):
+    def paint(self, box):
+        """Draw everything inside the box anew, but for the names."""
+        self.aim(box)
+        left, top, right, bottom = self.outside.clip
+        self.image[top:bottom, left:right] = self.theme.paper
         if self.canvas.clip[2] > self.canvas.clip[0]:
             self._terrain()
             self._brushes()
@@ -73,30 +70,34 @@ class _Ground:
             self._goals()
             self._lines()
         self.outside.line(self.corners, 1.4 * self.unit, self.theme.frame, closed=True)
-        return self.image
 
     # ground ----------------------------------------------------------------------
 
-    def spread(self, values, cell):
-        """Values of cells [iy, ix] (float32, also with colours) smoothly over the clip's pixels."""
-        import cv2
+    def cells(self, cell, shape):
+        """(rows, columns) of the cells that the clip shows, and of those around that have a say in how they look."""
+        left, top, right, bottom = self.canvas.clip
+        step = shrunk(cell * self.camera.scale)
+        far = AROUND * step * cell + REACH / self.camera.scale
+        west, south = self.camera.metres((left, bottom)) - far
+        east, north = self.camera.metres((right, top)) + far
+        return _between(south, north, cell, step, shape[0]), _between(west, east, cell, step, shape[1])
 
+    def spread(self, values, cell, start, around=0):
+        """Values of cells [iy, ix] smoothly over the clip's pixels, and `around` more on every side.
+
+        `start` (iy, ix) is the cell of the level that the first value belongs to.
+        """
         left, top, right, bottom = self.canvas.clip
         values, fine = np.ascontiguousarray(values, np.float32), cell * self.camera.scale
-        if fine < 0.75:
-            shrink = int(np.ceil(1 / fine))
-            ny, nx = (-(-side // shrink) for side in values.shape[:2])
-            pad = [(0, ny * shrink - values.shape[0]), (0, nx * shrink - values.shape[1])] + [(0, 0)] * (
-                values.ndim - 2
-            )
-            values = cv2.resize(np.pad(values, pad, mode="edge"), (nx, ny), interpolation=cv2.INTER_AREA)
-            cell, fine = cell * shrink, fine * shrink
-        start = self.camera.metres((left + 0.5, top + 0.5)) / cell - 0.5
-        back = np.array([[1 / fine, 0, start[0]], [0, -1 / fine, start[1]]])
-        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        return cv2.warpAffine(values, back, (right - left, bottom - top), flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        step = shrunk(fine)
+        if step > 1:
+            values, cell, fine = shrink(values, step), cell * step, fine * step
+        x, y = self.camera.metres((0.5, 0.5)) / cell - 0.5
+        xs = x + np.arange(left - around, right + around) / fine
+        ys = y - np.arange(top - around, bottom + around) / fine
+        return bilinear(values, start[0] // step, start[1] // step, xs, ys)
 
-    def soft(self, cells, cell):
+    def soft(self, cells, cell, start, around=0):
         """How much of the neighbourhood of each pixel of the clip belongs to a region of cells, 0 to 1.
 
         Single cells and lines of them have more than their share, so as to be seen.
@@ -106,29 +107,29 @@ class _Ground:
         if thin.any():
             soft = np.maximum(soft, 1.9 * blurred(thin & ~alone, 0.7))
             soft[alone] = 1.8
-        return self.spread(soft, cell)
+        return self.spread(soft, cell, start, around)
 
-    def region(self, cells, cell):
+    def region(self, cells, cell, start):
         """A region of cells (bool [iy, ix]) with rounded corners: signed distance to its edge in pixels, inside > 0."""
-        import cv2
+        level = self.soft(cells, cell, start, RIM) - np.float32(0.5)
+        slope = smear(steepness(level), np.array([1, 4, 6, 4, 1]) / 16)
+        edge = level / np.maximum(slope, np.float32(0.15 / max(cell * self.camera.scale, 1.0)))
+        return edge[RIM:-RIM, RIM:-RIM]
 
-        level = self.soft(cells, cell) - 0.5
-        across, down = cv2.Sobel(level, -1, 1, 0, scale=0.125), cv2.Sobel(level, -1, 0, 1, scale=0.125)
-        slope = cv2.GaussianBlur(np.sqrt(across**2 + down**2), (5, 5), 0)
-        return level / np.maximum(slope, 0.15 / max(cell * self.camera.scale, 1.0))
-
-    def _kinds(self):
+    def _kinds(self, rows, columns):
         """Pairs of a colour and the cells [iy, ix] it is on, lowest first."""
         terrain, theme = getattr(self.level, "terrain", None), self.theme
         if terrain is None:
             return
         index = getattr(terrain, "index", None)
         if index is not None and len(getattr(terrain, "colours", ())):
-            for k, colour in enumerate(terrain.colours):
-                if (index == k).any():
-                    yield self.washed(rgb(colour)), index == k
+            index = index[rows, columns]
+            for k in np.unique(index[index >= 0]):
+                yield self.washed(rgb(terrain.colours[k])), index == k
             return
-        walkable, factor, blind = terrain.walkable, terrain.speed_factor, terrain.blocks_view
+        walkable, factor, blind = (
+            part[rows, columns] for part in (terrain.walkable, terrain.speed_factor, terrain.blocks_view)
+        )
         yield theme.rough, walkable & (factor < 1)
         yield theme.road, walkable & (factor > 1)
         yield theme.water, ~walkable & ~blind
@@ -143,33 +144,23 @@ class _Ground:
         left, top, right, bottom = self.canvas.clip
         part = self.image[top:bottom, left:right]
         part[:] = self.theme.ground
-        kinds = [(colour, cells) for colour, cells in self._kinds() if cells.any()]
-        if kinds:
-            part[:] = self._patchwork(kinds)
+        terrain = getattr(self.level, "terrain", None)
+        if terrain is not None:
+            rows, columns = self.cells(self.level.cell, terrain.walkable.shape)
+            kinds = [(colour, cells) for colour, cells in self._kinds(rows, columns) if cells.any()]
+            if kinds:
+                self._patchwork(part, kinds, (rows.start, columns.start))
         light = self._grain() + self._slopes()
         part[:] = np.clip(part * (1 + light[..., None]), 0, 255).astype(np.uint8)
 
-    def _patchwork(self, kinds):
+    def _patchwork(self, part, kinds, start):
         """Kinds of ground without gaps: each pixel has the kind that most of its neighbourhood has."""
         bare = ~np.logical_or.reduce([cells for _, cells in kinds])
         kinds = [(self.theme.ground, bare), *kinds] if bare.any() else kinds
-        left, top, right, bottom = self.canvas.clip
-        most, second = np.full((2, bottom - top, right - left), -1, np.float32)
-        first, other = np.zeros((2, bottom - top, right - left), np.uint8)
-        for k, (_, cells) in enumerate(kinds):
-            share = self.soft(cells, self.level.cell)
-            wins, follows = share > most, (share > second) & (share <= most)
-            second, other = (
-                np.where(wins, most, np.where(follows, share, second)),
-                np.where(wins, first, np.where(follows, k, other)),
-            )
-            most, first = np.where(wins, share, most), np.where(wins, k, first)
-        lead = np.minimum(most - np.maximum(second, 0), 1)
-        edge = lead * self.level.cell * self.camera.scale * BLUR * 1.25
-        inks = np.array([colour for colour, _ in kinds], np.float32)
-        rim = 0.13 * np.exp(-edge / (2.5 * self.unit)) * (1 - lead)
-        ink = inks[other] + (inks[first] - inks[other]) * np.clip(edge + 0.5, 0, 1)[..., None]
-        return ink * (1 - rim[..., None]) + np.array(self.theme.outline, np.float32) * rim[..., None] + 0.5
+        shares = np.stack([self.soft(cells, self.level.cell, start) for _, cells in kinds])
+        inks = np.array([colour for colour, _ in kinds], np.float64)
+        sharp = self.level.cell * self.camera.scale * BLUR * 1.25
+        patch(part, shares, inks, np.array(self.theme.outline, np.float64), sharp, self.unit)
 
     def _grain(self):
         left, top, right, bottom = self.canvas.clip
@@ -186,14 +177,17 @@ class _Ground:
         heights = getattr(self.level, "height_map", None)
         if heights is None:
             return np.float32(0)
-        ground = self.spread(heights.values, heights.cell)
-        down, across = np.gradient(ground)
+        rows, columns = self.cells(heights.cell, heights.values.shape)
+        ground = self.spread(heights.values[rows, columns], heights.cell, (rows.start, columns.start), 1)
+        down, across = (side[1:-1, 1:-1] for side in np.gradient(ground))
         steep = np.clip((across + down) * self.camera.scale * 0.7, -1, 1)
-        span = float(ground.max() - ground.min())
+        span = float(heights.values.max() - heights.values.min())
         if span <= 0:
             return np.float32(0)
-        every = nice(span / 8)
-        phase = np.abs((ground / every + 0.5) % 1 - 0.5) * every
+        width, height = (self.camera.view[k + 2] - self.camera.view[k] for k in (0, 1))
+        shown = max(width / self.level.width, height / self.level.height) / self.camera.scale
+        every = nice(span / 8 * min(shown, 1.0))
+        phase = np.abs((ground[1:-1, 1:-1] / every + 0.5) % 1 - 0.5) * every
         slope = np.maximum(np.hypot(across, down), 1e-6)
         contour = np.clip(1.1 - phase / slope / self.unit, 0, 1) * (slope > span * 1e-4)
         return (steep * self.theme.relief - contour * self.theme.relief * 0.35).astype(np.float32)
@@ -209,10 +203,11 @@ class _Ground:
 
     def _brushes(self):
         for layer in self.of("brush_layers"):
-            for k, asset in enumerate(layer.assets):
-                cells = np.asarray(layer.index) == k
-                if cells.any():
-                    self._tint(self.region(cells, self.level.cell), self.colour_of(asset), float(layer.weight))
+            rows, columns = self.cells(self.level.cell, layer.index.shape)
+            index = np.asarray(layer.index[rows, columns])
+            for k in np.unique(index[index >= 0]):
+                edge = self.region(index == k, self.level.cell, (rows.start, columns.start))
+                self._tint(edge, self.colour_of(layer.assets[k]), float(layer.weight))
 
     def _tint(self, edge, colour, weight):
         """A translucent region, stronger along its edge, with a thin outline."""
@@ -227,31 +222,33 @@ class _Ground:
         self.canvas.blend(np.ascontiguousarray(mask, np.float32), *self.canvas.clip[:2], colour)
 
     def _zones(self):
-        for zone in self.of("zones"):
-            points = self.camera.pixels(zone.polygon)
+        for zone, points in self.shapes("zones"):
             brush = getattr(zone, "brush", None)
             colour = self.colour_of(brush) if brush else self.theme.cap
             if brush:
                 self.canvas.area(points, colour, self.theme.tint)
             if np.isfinite(zone.max_speed) or zone.factor != 1:
                 self._hatch_area(points, self.theme.cap, 0.5)
-            self.canvas.line(points, 1.6 * self.unit, colour, 0.95, closed=True, dash=(7 * self.unit, 4 * self.unit))
+            self._dashed(zone, points, 1.6 * self.unit, colour, 0.95, (7 * self.unit, 4 * self.unit), closed=True)
 
     def _speeds(self):
-        for name, sign, fmt in (("cap", 1, "max {:g} m/s"), ("factor", -1, "speed x {:g}")):
+        for name, sign in (("cap", 1), ("factor", -1)):
             raster = getattr(self.level, name, None)
             if raster is None:
                 continue
-            values = np.asarray(raster.values)
-            for value in np.unique(values[np.isfinite(values) & (values != 1 if name == "factor" else True)]):
-                edge = self.region(values == value, raster.cell)
+            rows, columns = self.cells(raster.cell, raster.values.shape)
+            values = np.asarray(raster.values[rows, columns])
+            for value in np.unique(values[said(name, values)]):
+                edge = self.region(values == value, raster.cell, (rows.start, columns.start))
                 line = np.clip(self.unit * 0.6 - np.abs(edge) + 0.5, 0, 1) * 0.8
                 self._lay(np.maximum(line, np.clip(edge + 0.5, 0, 1) * self._stripes(sign) * 0.55), self.theme.cap)
-                self._label_region(edge, fmt.format(value), self.theme.cap)
 
     def _stripes(self, sign):
+        """Slanting stripes that stay where they are on the ground."""
         left, top, right, bottom = self.canvas.clip
-        across, every = np.arange(left, right)[None, :] + sign * np.arange(top, bottom)[:, None], 11 * self.unit
+        x, y = self.corners[0]
+        across = np.arange(left, right)[None, :] - x + sign * (np.arange(top, bottom)[:, None] - y)
+        every = 11 * self.unit
         phase = np.abs(across / every % 1 - 0.5) * every / np.sqrt(2)
         return np.clip(self.unit * 0.55 - phase + 0.5, 0, 1)
 
@@ -266,45 +263,68 @@ class _Ground:
 
     # objects ---------------------------------------------------------------------
 
+    def shapes(self, name, far=12.0):
+        """(object, its outline in pixels) of the level's objects of a kind that come near the clip."""
+        left, top, right, bottom = self.canvas.clip
+        far = far * self.unit
+        for thing in self.of(name):
+            points = self.outline(thing)
+            low, high = points.min(axis=0) - far, points.max(axis=0) + far
+            if low[0] < right and low[1] < bottom and high[0] > left and high[1] > top:
+                yield thing, points
+
+    def once(self, what, thing, points, work):
+        """What `work()` gives for an object, worked out once for each camera and as long as its points are the same."""
+        key = what, id(thing)
+        if key not in self._known or self._known[key][0] is not points:
+            self._known[key] = points, work()
+        return self._known[key][1]
+
+    def outline(self, thing):
+        """The points of an object in pixels."""
+        points = getattr(thing, "polygon", None)
+        points = thing.points if points is None else points
+        return self.once("outline", thing, points, lambda: self.camera.pixels(points))
+
+    def _dashed(self, thing, points, width, colour, alpha, dash, closed=False):
+        """Draw a dashed line through an object's outline."""
+        whole = np.vstack([points, points[:1]]) if closed else points
+        segments = self.once(("dashes", dash), thing, points, lambda: dashes(whole, *dash))
+        self.canvas.segments(segments, width, colour, alpha)
+
     def _spawns(self):
-        for spawn in self.of("spawns"):
-            points, dash = self.camera.pixels(spawn.polygon), (5 * self.unit, 4 * self.unit)
-            self.canvas.line(points, 1.3 * self.unit, self.theme.spawn, 0.8, closed=True, dash=dash)
+        for spawn, points in self.shapes("spawns"):
+            dash = (5 * self.unit, 4 * self.unit)
+            self._dashed(spawn, points, 1.3 * self.unit, self.theme.spawn, 0.8, dash, closed=True)
 
     def _areas(self):
-        for area in self.of("areas"):
-            points = self.camera.pixels(area.polygon)
+        for _, points in self.shapes("areas"):
             self.canvas.area(points, self.theme.muted, 0.07)
             self.canvas.line(points, 1.1 * self.unit, self.theme.muted, 0.7, closed=True)
-            self.label(area.name, points.mean(axis=0), self.theme.muted)
 
     def _exits(self):
-        for exit_ in self.of("exits"):
-            points = self.camera.pixels(exit_.polygon)
+        for _, points in self.shapes("exits"):
             self.canvas.area(points, self.theme.exit, 0.13)
             self._hatch_area(points, self.theme.exit, 0.5)
             self.canvas.line(points, 1.8 * self.unit, self.theme.exit, closed=True)
-            self.label(exit_.name or "exit", points.mean(axis=0), self.theme.exit)
 
     def _obstacles(self):
-        import cv2
-
-        obstacles = self.of("obstacles")
-        left, top, right, bottom = self.canvas.clip
-        shadow = np.zeros((bottom - top, right - left), np.float32)
-        shapes = [(obstacle, self.camera.pixels(obstacle.polygon)) for obstacle in obstacles]
-        for _, points in shapes:
-            found = self.canvas.area_mask(points + (2.5 * self.unit, 3.5 * self.unit))
-            if found is not None:
-                mask, x, y = found
-                part = shadow[y - top : y - top + mask.shape[0], x - left : x - left + mask.shape[1]]
-                np.maximum(part, mask, out=part)
+        shapes = list(self.shapes("obstacles"))
         if shapes:
-            self._lay(
-                cv2.GaussianBlur(shadow, (0, 0), 2.6 * self.unit) * self.theme.shadow_alpha * 1.4, self.theme.shadow
-            )
+            self._shadows([points + (2.5 * self.unit, 3.5 * self.unit) for _, points in shapes])
         for obstacle, points in shapes:
             self._obstacle(obstacle, points)
+
+    def _shadows(self, shapes):
+        """Soft shadows of outlines."""
+        left, top, right, bottom = self.canvas.clip
+        blur = bell(2.6 * self.unit, 3.0)
+        far = len(blur) // 2
+        left, top, wide, tall = left - far, top - far, right - left + 2 * far, bottom - top + 2 * far
+        shadow = np.zeros((tall, wide), np.float32)
+        for points in shapes:
+            np.maximum(shadow, cover_polygon(np.ascontiguousarray(points), left, top, wide, tall), out=shadow)
+        self._lay(smear(shadow, blur)[far:-far, far:-far] * self.theme.shadow_alpha * 1.4, self.theme.shadow)
 
     def _obstacle(self, obstacle, points):
         theme, unit = self.theme, self.unit
@@ -326,35 +346,44 @@ class _Ground:
             if len(guide.points) < 2:
                 continue
             loop = bool(getattr(guide, "loop", False))
-            points = self.camera.pixels(guide.points)
-            curve = smooth(points, loop)
-            swath = min(2 * float(getattr(guide, "radius", 0)) * self.camera.scale, 400 * self.unit)
-            self.canvas.line(curve[::2], max(swath, 2), self.theme.guide, 0.07, closed=loop)
+            curve = self._curve(guide, loop)
+            swath = max(min(2 * float(getattr(guide, "radius", 0)) * self.camera.scale, 400 * self.unit), 2)
+            self.canvas.line(curve[::2], swath, self.theme.guide, 0.07, closed=loop)
             self.canvas.line(curve, 2.2 * self.unit, self.theme.guide, 0.75, closed=loop)
-            self._arrows(curve, loop)
+            self._heads(guide, curve, loop)
+
+    def _heads(self, guide, curve, loop):
+        """The arrowheads of a guide that come near the clip."""
+        left, top, right, bottom = self.canvas.clip
+        size = 13 * self.unit
+        for tip, along in self.once("arrows", guide, guide.points, lambda: self._arrows(curve, loop)):
+            if left - size < tip[0] < right + size and top - size < tip[1] < bottom + size:
+                self.canvas.arrowhead(tip, along, size, self.theme.guide, 0.95)
+
+    def _curve(self, guide, loop):
+        return self.once("curve", guide, guide.points, lambda: smooth(self.outline(guide), loop))
 
     def _arrows(self, curve, loop):
-        """Arrowheads along a curve, evenly spaced, the last one at its end."""
+        """[(tip, direction)] of arrowheads along a curve, evenly spaced, the last one at its end."""
         curve = np.vstack([curve, curve[:1]]) if loop else curve
         along = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(curve, axis=0).T))])
         if not 0 < along[-1] < 1e5:
-            return
-        size = 13 * self.unit
-        count = max(1, int(along[-1] / (95 * self.unit)))
+            return []
+        size, count = 13 * self.unit, max(1, int(along[-1] / (95 * self.unit)))
+        found = []
         for at in (np.arange(count) + 1) * along[-1] / count - (0 if not loop else along[-1] / count / 2):
             tip, tail = (_along(curve, along, max(where, 0)) for where in (at, at - size))
-            self.canvas.arrowhead(tip, tip - tail, size, self.theme.guide, 0.95)
+            found.append((tip, tip - tail))
+        return found
 
     def _goals(self):
         for goal in self.of("goals"):
             centre, colour = self.camera.pixels(goal.xy), self.theme.goal
-            radius = goal.radius * self.camera.scale
             polygon = getattr(goal, "polygon", None)
-            border = circle(centre, radius) if polygon is None else self.camera.pixels(polygon)
+            border = circle(centre, goal.radius * self.camera.scale) if polygon is None else self.outline(goal)
             self.canvas.area(border, colour, 0.10)
             self.canvas.line(border, 1.8 * self.unit, colour, 0.9, closed=True)
             self._flag(centre, colour)
-            self.label(goal.name, centre + (0, 13 * self.unit), colour)
 
     def _flag(self, foot, colour):
         u = self.unit
@@ -364,53 +393,114 @@ class _Ground:
         self.canvas.area(cloth, colour)
 
     def _lines(self):
-        for line in self.of("lines"):
-            points, u = self.camera.pixels(line.points), self.unit
-            self.canvas.line(points, 1.5 * u, self.theme.muted, 0.85, dash=(9 * u, 3 * u))
+        for line, points in self.shapes("lines"):
+            u = self.unit
+            self._dashed(line, points, 1.5 * u, self.theme.muted, 0.85, (9 * u, 3 * u))
             for end, other in ((points[0], points[1]), (points[-1], points[-2])):
                 way = (other - end) / max(float(np.hypot(*(other - end))), 1e-9) * 5 * u
                 self.canvas.line([end + (-way[1], way[0]), end + (way[1], -way[0])], 1.5 * u, self.theme.muted, 0.9)
-            self.label(line.name, points.mean(axis=0), self.theme.muted)
 
-    # words -----------------------------------------------------------------------
+    # names -----------------------------------------------------------------------
 
-    def _label_region(self, edge, text, colour):
-        """Write in the widest part of a region given by the distance to its edge."""
+    def names(self):
+        """(text, where in pixels, colour) of everything that has a name, in the order in which they get their room."""
+        theme = self.theme
+        for goal in self.of("goals"):
+            yield goal.name, self.camera.pixels(goal.xy) + (0, 13 * self.unit), theme.goal
+        for exit_ in self.of("exits"):
+            yield exit_.name or "exit", self.outline(exit_).mean(axis=0), theme.exit
+        for kind in ("lines", "areas"):
+            for thing in self.of(kind):
+                yield thing.name, self.outline(thing).mean(axis=0), theme.muted
+        for name, fmt in (("cap", "max {:g} m/s"), ("factor", "speed x {:g}")):
+            raster = getattr(self.level, name, None)
+            if raster is not None:
+                for value, at in self._hearts(name, raster):
+                    yield fmt.format(value), at, theme.cap
+
+    def _hearts(self, name, raster):
+        """(value, the pixel farthest from its region's edge) of every value painted in the view.
+
+        Looks at no more than some thousand cells, however large the map.
+        """
         import cv2
 
-        inside = (edge > 0).astype(np.uint8)
-        if inside.any():
-            deep = cv2.distanceTransform(inside, cv2.DIST_L2, 3)
+        left, top, right, bottom = self.inner
+        west, south = self.camera.metres((left, bottom)) / raster.cell
+        east, north = self.camera.metres((right, top)) / raster.cell
+        ny, nx = raster.values.shape
+        rows, columns = (
+            slice(max(int(south), 0), min(int(north) + 1, ny)),
+            slice(max(int(west), 0), min(int(east) + 1, nx)),
+        )
+        step = max(1, -(-max(rows.stop - rows.start, columns.stop - columns.start) // SAMPLES))
+        values = np.asarray(raster.values[rows.start : rows.stop : step, columns.start : columns.stop : step])
+        for value in np.unique(values[said(name, values)]):
+            inside = np.pad(values == value, 1).astype(np.uint8)
+            deep = cv2.distanceTransform(inside, cv2.DIST_L2, 3)[1:-1, 1:-1]
             heart = np.argwhere(deep > 0.95 * deep.max())
-            row, col = heart[np.argmin(np.abs(heart - heart.mean(axis=0)).sum(axis=1))]
-            self.label(text, (col + self.canvas.clip[0], row + self.canvas.clip[1]), colour)
+            iy, ix = heart[np.argmin(np.abs(heart - heart.mean(axis=0)).sum(axis=1))]
+            at = (np.array([columns.start + ix * step, rows.start + iy * step]) + 0.5) * raster.cell
+            yield value, self.camera.pixels(at)
 
-    def label(self, text, at, colour):
-        """Write a small name near a point, unless it would lie on another one or does not fit."""
-        if not (self.labels and text):
-            return
-        from flockbrush.draw.text import words
 
-        height = max(10, round(12 * self.unit))
-        tall, wide = words(str(text)[:40], height).shape
-        left, top, right, bottom = self.canvas.clip
-        if wide + 8 > right - left or not (left <= at[0] <= right and top <= at[1] <= bottom):
-            return
+def said(name, values):
+    """Which of these caps or factors say anything."""
+    return np.isfinite(values) & (values != 1) if name == "factor" else np.isfinite(values)
+
+
+def placed(names, clip, height):
+    """[(text, x, y, colour)] of those names that fit into the clip and lie on no other, in their order."""
+    left, top, right, bottom = clip
+    taken: list[tuple] = []
+    found = []
+    for text, at, colour in names:
+        text = str(text or "")[:40]
+        tall, wide = words(text, height).shape
+        if not wide or wide + 8 > right - left or not (left <= at[0] <= right and top <= at[1] <= bottom):
+            continue
         x = min(max(at[0] - wide / 2, left + 4), right - wide - 4)
         y = min(max(at[1] - tall / 2, top + 3), bottom - tall - 3)
         box = (x - 3, y - 2, x + wide + 3, y + tall + 2)
-        if any(box[0] < b[2] and b[0] < box[2] and box[1] < b[3] and b[1] < box[3] for b in self.taken):
-            return
-        self.taken.append(box)
-        ink = mix(colour, self.theme.ink, 0.45)
-        self.canvas.words(str(text)[:40], (x, y), height, ink, 0.95, halo=self.theme.paper)
+        if not any(box[0] < b[2] and b[0] < box[2] and box[1] < b[3] and b[1] < box[3] for b in taken):
+            taken.append(box)
+            found.append((text, round(x), round(y), colour))
+    return found
+
+
+def shrunk(fine):
+    """How many cells of so many pixels are drawn as one."""
+    return 1 if fine >= 0.75 else int(np.ceil(1 / fine))
+
+
+def _between(low, high, cell, step, count):
+    """The cells from `low` to `high` metres, in whole steps; at least one."""
+    first = min(max(int(np.floor(low / cell)), 0), count - 1) // step * step
+    last = max(min(int(np.ceil(high / cell)), count), first + 1)
+    return slice(first, min(-(-last // step) * step, count))
+
+
+def _common(box, other):
+    """The part that two boxes share; empty when there is none."""
+    left, top, right, bottom = (
+        max(box[0], other[0]),
+        max(box[1], other[1]),
+        min(box[2], other[2]),
+        min(box[3], other[3]),
+    )
+    return (left, top, right, bottom) if right > left and bottom > top else (left, top, left, top)
 
 
 def blurred(cells, width):
     """Cells smeared over so many cells around them, float32."""
-    import cv2
+    return smear(np.ascontiguousarray(cells, np.float32), bell(width, 3.0 / width))
 
-    return cv2.GaussianBlur(np.asarray(cells, np.float32), (7, 7), width, borderType=cv2.BORDER_REPLICATE)
+
+def bell(width, reach):
+    """Weights of a blur of this width, out to `reach` times it, that add up to 1."""
+    far = round(reach * width)
+    weights = np.exp(-((np.arange(-far, far + 1) / width) ** 2) / 2)
+    return weights / weights.sum()
 
 
 def _along(curve, along, at):

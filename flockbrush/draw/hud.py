@@ -209,7 +209,7 @@ def things_of(level) -> list[str]:
     zones = getattr(level, "zones", None) or []
     capped = any(np.isfinite(zone.max_speed) or zone.factor != 1 for zone in zones)
     cap, factor = getattr(level, "cap", None), getattr(level, "factor", None)
-    capped |= cap is not None and bool(np.isfinite(cap.values).any())
+    capped |= cap is not None and bool(np.isfinite(np.asarray(cap.values)).any())
     capped |= factor is not None and bool((np.asarray(factor.values) != 1).any())
     return found + ["speed limit"] * capped
 

@@ -6,10 +6,11 @@ import numpy as np
 
 from flockbrush.draw.animals import KINDS, SHADOW, Stamps
 from flockbrush.draw.camera import Camera, checked_size
-from flockbrush.draw.ground import brush_key, paint_ground
+from flockbrush.draw.ground import brush_key
 from flockbrush.draw.herd import EMPTY, Herd, checked
 from flockbrush.draw.hud import Hud, Layout, things_of
 from flockbrush.draw.style import PALETTE, Theme, rgb, theme_of
+from flockbrush.draw.tiles import Tiles
 from flockbrush.draw.trails import Trails
 
 
@@ -32,9 +33,11 @@ class Painter:
         How long trails are to be seen, seconds; None or 0 for no trails.
     words : bool
         Leave room for title, legend and scale bar.  Pictures under 300 x 200 have none.
-    labels : bool
-        Write the names of goals, exits and lines on the ground.
+    labels : bool, optional
+        Write the names of goals, exits and lines on the ground; where there is room for words, unless told.
     shadows : bool
+    live : bool
+        For a window: the ground is shown as far as it is drawn, and `refine` goes on with it; else it is always whole.
 
     Attributes
     ----------
@@ -43,7 +46,16 @@ class Painter:
     """
 
     def __init__(
-        self, level, size=(1280, 720), theme="light", brushes=None, trails=3.0, words=True, labels=True, shadows=True
+        self,
+        level,
+        size=(1280, 720),
+        theme="light",
+        brushes=None,
+        trails=3.0,
+        words=True,
+        labels=None,
+        shadows=True,
+        live=False,
     ):
         self.level, self.size, self.theme = level, checked_size(size), theme_of(theme)
         self.brushes = {brush_key(name): rgb(colour) for name, colour in (brushes or {}).items()}
@@ -51,34 +63,79 @@ class Painter:
         self.layout = (
             Layout.of(self.size, 2 if self.things else 1) if words else Layout(self.size, _unit(self.size), 0, 0, 0)
         )
-        self.labels = labels and bool(self.layout.font)
-        self.shadows = shadows
+        self.shadows, self.live = shadows, live
         self.hud = Hud(self.layout, self.theme)
         self.home = Camera.fit(level.width, level.height, self.size, self.layout.view, self.layout.pad)
         self.camera = self.home
         self.trails = Trails(trails) if trails else None
-        self._ground: np.ndarray | None = None
+        labels = bool(self.layout.font) if labels is None else labels
+        self.tiles = Tiles(level, self.theme, self.layout.unit, self.brushes, labels)
+        self.backdrop: np.ndarray | None = None  # a picture of one's own instead of the level
+        self._bar = 0.0
+        self._taught: tuple = ()
+        self._looked = False  # whether the ground is that of the camera
         self._stamps: Stamps | None = None
         self._stamp_key = None
 
     def look(self, camera: Camera):
-        """Look at another part of the level from now on: the ground is drawn anew, the trails move along."""
+        """Look at another part of the level from now on; the trails move along.
+
+        The old ground is shown, shifted or scaled, until it is drawn anew: by `refine`, or when next needed.
+        """
         if camera != self.camera:
-            self.camera, self._ground = camera, None
+            self.camera = camera
+            self._looked = False
+
+    def repaint(self, box):
+        """Draw a part of the ground anew: (west, south, east, north) in metres, or "all".
+
+        What it costs depends on the box alone; the picture is the very one that drawing the whole would give.
+        """
+        if self._ready():
+            self._know_painted_brushes()
+            self.tiles.repaint(box)
+
+    def refine(self, budget=0.004) -> bool:
+        """Go on drawing the ground for about so many seconds; True when nothing is left to draw."""
+        self._ready()
+        return self.tiles.refine(budget)
+
+    def _ready(self):
+        """Let the ground follow the camera; False when it is new anyway."""
+        if self._looked:
+            return True
+        first = self.tiles.camera is None
+        if first:
+            self._know_painted_brushes()
+        self.tiles.look(self.camera)
+        self._around()
+        self._looked = True
+        return not first
+
+    def _around(self):
+        """Draw what stands around the level."""
+        self.hud.things(self.tiles.image, self.things)
+        self._bar = self.hud.scale_bar(self.tiles.image, self.camera)
 
     @property
     def ground(self) -> np.ndarray:
         """The level without animals, (h, w, 3) uint8; shared, do not write to it."""
-        if self._ground is None:
-            self._know_painted_brushes()
-            self._ground = paint_ground(
-                self.level, self.camera, self.theme, self.layout.unit, self.brushes, self.labels
-            )
-            self.hud.things(self._ground, self.things)
-            self._bar = self.hud.scale_bar(self._ground, self.camera)
-        return self._ground
+        if self.backdrop is not None:
+            return self.backdrop
+        self._ready()
+        if not self.live:
+            self._follow()
+            self.tiles.complete()
+        return self.tiles.image
 
-    def frame(self, herd: Herd = EMPTY, time=None, title=None, measures=None, legend=True, trails=True, out=None):
+    def _follow(self):
+        """Draw anew what has changed on a level that lives (`Scenery`)."""
+        for box in getattr(self.level, "changes", list)():
+            self.repaint(box)
+
+    def frame(
+        self, herd: Herd = EMPTY, time=None, title=None, measures=None, legend=True, trails=True, out=None, under=None
+    ):
         """The animals of one moment on their ground.
 
         Parameters
@@ -95,6 +152,8 @@ class Painter:
             Whether to draw trails, or trails of one's own to draw.
         out : (h, w, 3) uint8 array, optional
             Draw into this one, and return it.
+        under : callable, optional
+            Draws on the frame it is given what lies on the ground below the animals (`Overlays.under`).
 
         Returns
         -------
@@ -109,6 +168,8 @@ class Painter:
         herd = checked(herd)
         self._learn(herd)
         frame = self._copy(self.ground, out)
+        if under is not None:
+            under(frame)
         stamps = self._stamps_of(herd)
         look = stamps.looks(herd.brush, herd.leader, herd.predator)  # type: ignore[arg-type]  # `checked` fills them
         self._trails_of(trails, frame, herd, look // KINDS, stamps, time)
@@ -175,23 +236,29 @@ class Painter:
 
     def _learn(self, herd):
         """Take the colours of painted brushes from the herd that has them."""
-        if not len(herd.brush_names) or (herd.brush_names, self._ground is None) == getattr(self, "_taught", None):
+        if not len(herd.brush_names):
             return
-        told = dict(
-            zip(map(brush_key, herd.brush_names), map(tuple, brush_rgb(herd.brush_colours).tolist()), strict=False)
-        )
+        known = (herd.brush_names, brush_rgb(herd.brush_colours).tobytes())
+        if known == self._taught:
+            return
+        self._taught = known
+        colours = map(tuple, brush_rgb(herd.brush_colours).tolist())
+        told = dict(zip(map(brush_key, herd.brush_names), colours, strict=False))
         painted = painted_brushes(self.level)
-        news = {name: colour for name, colour in told.items() if name in painted and self.brushes.get(name) != colour}
-        if news:
-            self.brushes |= news
-            self._ground = None
-        self._taught = (herd.brush_names, self._ground is None)
+        news = {name: colour for name, colour in told.items() if self.brushes.get(name) != colour}
+        self.brushes |= news
+        if any(name in painted for name in news):
+            self.repaint("all")
 
     def _know_painted_brushes(self):
         """Find the colours of brushes painted on the level that nobody has told us."""
+        for name, colour in getattr(self.level, "brush_colours", {}).items():
+            self.brushes[brush_key(name)] = rgb(colour)
         unknown = [name for name in painted_brushes(self.level) if name not in self.brushes]
         if unknown:
-            self.brushes |= {name: colour for name, colour in shipped_colours().items() if name in unknown}
+            known = shipped_colours()
+            for name in unknown:
+                self.brushes[name] = known.get(name, rgb(PALETTE[len(self.brushes) % len(PALETTE)]))
 
 
 def _unit(size):

@@ -49,15 +49,16 @@ def cover_polygon(points, left, top, width, height):
                 ax, ay = points[k, 0], points[k, 1]
                 bx, by = points[(k + 1) % count, 0], points[(k + 1) % count, 1]
                 if (ay <= y) != (by <= y):
-                    crossings[found] = ax + (y - ay) / (by - ay) * (bx - ax) - left
+                    crossings[found] = ax + (y - ay) / (by - ay) * (bx - ax)
                     found += 1
             edges = np.sort(crossings[:found])
             for pair in range(found // 2):
-                start, stop = max(edges[2 * pair], 0.0), min(edges[2 * pair + 1], float(width))
+                start, stop = max(edges[2 * pair], float(left)), min(edges[2 * pair + 1], float(left + width))
                 if stop <= start:
                     continue
-                for col in range(int(start), min(int(stop) + 1, width)):
-                    mask[row, col] += (min(stop, col + 1.0) - max(start, float(col))) / lines
+                for col in range(int(np.floor(start)), min(int(np.floor(stop)) + 1, left + width)):
+                    share = min(stop, col + 1.0) - max(start, float(col))
+                    mask[row, col - left] += share / lines  # the same in whichever box
     return mask
 
 
@@ -65,10 +66,10 @@ def cover_polygon(points, left, top, width, height):
 def cover_segments(segments, half_width, left, top, width, height):
     """How much of each pixel lines of this half width cover; segments (m, 4) x0, y0, x1, y1; round ends."""
     mask = np.zeros((height, width), np.float32)
-    clip = np.array([0, 0, width, height])
+    clip = np.array([left, top, left + width, top + height])
     for k in range(len(segments)):
-        ax, ay = segments[k, 0] - left, segments[k, 1] - top
-        dx, dy = segments[k, 2] - left - ax, segments[k, 3] - top - ay
+        ax, ay = segments[k, 0], segments[k, 1]
+        dx, dy = segments[k, 2] - ax, segments[k, 3] - ay
         square = dx * dx + dy * dy
         reach = half_width + 0.5
         x0, x1, y0, y1 = window(clip, ax + dx / 2, ay + dy / 2, abs(dx) / 2 + reach, abs(dy) / 2 + reach)
@@ -78,8 +79,8 @@ def cover_segments(segments, half_width, left, top, width, height):
                 px = col + 0.5 - ax
                 t = min(max((px * dx + py * dy) / square, 0.0), 1.0) if square > 0 else 0.0
                 cover = reach - np.sqrt((px - t * dx) ** 2 + (py - t * dy) ** 2)
-                if cover > mask[row, col]:
-                    mask[row, col] = min(cover, min(1.0, 2 * half_width))
+                if cover > mask[row - top, col - left]:
+                    mask[row - top, col - left] = min(cover, min(1.0, 2 * half_width))
     return mask
 
 
@@ -122,3 +123,117 @@ def grain(xs, ys, wavelength, salt):
             high = _speck(ix, iy + 1, salt) * (1 - fx) + _speck(ix + 1, iy + 1, salt) * fx
             out[row, col] = 2 * (low * (1 - fy) + high * fy) - 1
     return out
+
+
+@kernel
+def bilinear(values, row0, col0, xs, ys):
+    """Values at columns `xs` (m,) and rows `ys` (k,), straight between two: (k, m) float32.
+
+    `values` [iy, ix] are a part of a raster that begins at (row0, col0); positions count in the whole raster, so that
+    they come out the same whichever part is given.
+    """
+    ny, nx = values.shape
+    out = np.empty((len(ys), len(xs)), np.float32)
+    low, share = np.empty(len(xs), np.int64), np.empty(len(xs), np.float32)
+    for col in range(len(xs)):
+        low[col], share[col] = _step(xs[col], col0, nx)
+    right = min(1, nx - 1)
+    for row in range(len(ys)):
+        iy, part = _step(ys[row], row0, ny)
+        up, v = min(iy + 1, ny - 1), np.float32(part)
+        for col in range(len(xs)):
+            ix, u = low[col], share[col]
+            south = values[iy, ix] + (values[iy, ix + right] - values[iy, ix]) * u
+            north = values[up, ix] + (values[up, ix + right] - values[up, ix]) * u
+            out[row, col] = south + (north - south) * v
+    return out
+
+
+@kernel
+def _step(at, first, count):
+    """Between which value and the next a position lies, and how far along."""
+    whole = np.floor(at)
+    low, share = int(whole) - first, at - whole
+    if low < 0:
+        return 0, 0.0
+    if low > count - 2:
+        return max(count - 2, 0), 1.0 if count > 1 else 0.0
+    return low, share
+
+
+@kernel
+def smear(values, weights):
+    """Values (h, w) float32 blurred by weights of an odd count, the edge going on outside; sums in a fixed order."""
+    height, width = values.shape
+    reach = len(weights) // 2
+    across, out = np.empty((height, width), np.float32), np.empty((height, width), np.float32)
+    for row in range(height):
+        for col in range(width):
+            total = 0.0
+            for k in range(len(weights)):
+                total += weights[k] * values[row, min(max(col + k - reach, 0), width - 1)]
+            across[row, col] = total
+    for row in range(height):
+        for col in range(width):
+            total = 0.0
+            for k in range(len(weights)):
+                total += weights[k] * across[min(max(row + k - reach, 0), height - 1), col]
+            out[row, col] = total
+    return out
+
+
+@kernel
+def shrink(values, step):
+    """Means of blocks of step x step values; the last ones take their edge as often as needed."""
+    height, width = values.shape
+    ny, nx = -(-height // step), -(-width // step)
+    out = np.empty((ny, nx), np.float32)
+    for row in range(ny):
+        for col in range(nx):
+            total = 0.0
+            for r in range(row * step, (row + 1) * step):
+                for c in range(col * step, (col + 1) * step):
+                    total += values[min(r, height - 1), min(c, width - 1)]
+            out[row, col] = total / (step * step)
+    return out
+
+
+@kernel
+def steepness(level):
+    """How fast a level (h, w) float32 changes per pixel (Sobel); 0 along the edge."""
+    height, width = level.shape
+    out = np.zeros((height, width), np.float32)
+    for r in range(1, height - 1):
+        for c in range(1, width - 1):
+            east = level[r - 1, c + 1] + 2 * level[r, c + 1] + level[r + 1, c + 1]
+            west = level[r - 1, c - 1] + 2 * level[r, c - 1] + level[r + 1, c - 1]
+            south = level[r + 1, c - 1] + 2 * level[r + 1, c] + level[r + 1, c + 1]
+            north = level[r - 1, c - 1] + 2 * level[r - 1, c] + level[r - 1, c + 1]
+            out[r, c] = 0.125 * np.sqrt((east - west) ** 2 + (south - north) ** 2)
+    return out
+
+
+@kernel
+def patch(image, shares, inks, outline, sharp, unit):
+    """Give each pixel of an image (h, w, 3) the ink of the kind of ground with the largest share there.
+
+    `shares` (kinds, h, w) float32, `inks` (kinds, 3); borders are `sharp` (pixels for a lead of 1), with a faint
+    `outline` some `unit` wide.
+    """
+    for row in range(image.shape[0]):
+        for col in range(image.shape[1]):
+            most, second, first, other = np.float32(0), np.float32(0), 0, -1
+            for k in range(len(shares)):
+                share = shares[k, row, col]
+                if share > most:
+                    most, second, first, other = share, most, k, first
+                elif share > second:
+                    second, other = share, k
+            other = first if other < 0 or second <= 0 else other  # who is not near has no say
+            lead = min(most - second, np.float32(1))
+            edge = lead * sharp
+            rim = 0.13 * np.exp(-edge / (2.5 * unit)) * (1.0 - lead) if edge < 30 * unit else 0.0
+            mine = min(edge + 0.5, 1.0)
+            for c in range(3):
+                ink = inks[other, c] + (inks[first, c] - inks[other, c]) * mine
+                image[row, col, c] = np.uint8(ink * (1 - rim) + outline[c] * rim + 0.5)

@@ -148,7 +148,7 @@ def _panel(herds, times, look, size, span, theme, seconds):
     painter = Painter(nothing, size, theme, trails=seconds, words=False)
     camera = Camera.fit(span, span, size, centre=tuple(map(float, _centre(herds[look]))))
     painter.look(camera)
-    painter._ground = _grid(camera, theme)
+    painter.backdrop = _grid(camera, theme)
     first = next(k for k in range(look + 1) if times[k] >= times[look] - seconds)
     for k in range(first, look + 1):
         frame = painter.frame(herds[k], time=times[k], legend=False, title="")

@@ -11,13 +11,14 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 Colour = tuple[int, int, int]
 
-# Okabe-Ito without yellow (leaders) and vermilion (predators); muted a little so that thousands stay calm.
-PALETTE = ("#2f7fb8", "#1f9d7a", "#c46b9c", "#58aee0", "#7a62b8", "#d08a3a", "#4f6d7a", "#a8577e")
+# Okabe-Ito without yellow (leaders) and vermilion (predators), moved until no two are alike to colour-blind eyes.
+PALETTE = ("#097abe", "#028157", "#d580a3", "#02a8df", "#61498f", "#c37c06", "#3f5555", "#a8577e")
 
 
 def rgb(colour) -> Colour:
@@ -81,6 +82,9 @@ class Theme:
     wash: Colour  # designers' terrain colours are mixed with this, to stand behind the animals
     wash_share: float
     relief: float  # how much slopes are shaded
+    link: Colour  # lines between animals
+    sight: Colour  # the field of view
+    hidden: Colour  # what cannot be seen
 
 
 LIGHT = Theme(
@@ -116,6 +120,9 @@ LIGHT = Theme(
     wash=rgb("#f3f2ea"),
     wash_share=0.52,
     relief=0.16,
+    link=rgb("#1d5f8a"),
+    sight=rgb("#e08a00"),
+    hidden=rgb("#2b2f3a"),
 )
 
 DARK = Theme(
@@ -151,9 +158,31 @@ DARK = Theme(
     wash=rgb("#141b1a"),
     wash_share=0.62,
     relief=0.35,
+    link=rgb("#8fd0ff"),
+    sight=rgb("#ffc24a"),
+    hidden=rgb("#000000"),
 )
 
 THEMES = {theme.name: theme for theme in (LIGHT, DARK)}
+
+
+# cividis after Nuñez et al. 2018: even steps of lightness, the same order for colour-blind eyes
+_SCALE = ("#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74", "#c3b369", "#e1cc55", "#fee838")
+
+
+@cache
+def scale_colours(theme: str) -> np.ndarray:
+    """Colours for a quantity, few to many, (256, 3) uint8: what is much stands out, dark on light and light on dark.
+
+    References
+    ----------
+    .. [1] J. R. Nuñez, C. R. Anderton, R. S. Renslow, "Optimizing colormaps with consideration for color vision
+       deficiency", PLoS ONE 13(7), 2018.
+    """
+    anchors = np.array([rgb(colour) for colour in (_SCALE if theme == "dark" else _SCALE[::-1])], float)
+    at = np.linspace(0, len(anchors) - 1, 256)
+    colours = [np.interp(at, np.arange(len(anchors)), anchors[:, c]) for c in range(3)]
+    return np.round(np.stack(colours, axis=1)).astype(np.uint8)
 
 
 def theme_of(theme: str | Theme) -> Theme:

@@ -12,17 +12,21 @@ from flockbrush.draw.shapes import kernel
 
 LONGEST = 48.0  # pixels; a longer step is a jump (round the edge of the level, or by hand) and leaves no line
 FRAME = 1 / 30  # s between two frames that do not tell their time
+SOON = 1 / 40  # s; trails fade no more often, for it takes as long as showing them
 SIDE, MIDDLE = 5, 2  # pixels of a dab's block: as many as fit sixteen bytes
+PATCH, PATCH_BYTES = 32, 192  # rows, and bytes of a row (64 pixels), of the patches that are inked or not
 
 
 @kernel
-def lay_steps(alpha, ink, clip, before, now, colour, opacities, inks, longest):
+def lay_steps(alpha, ink, inked, clip, before, now, colour, opacities, inks, longest):
     """Ink every animal's step from pixel position `before` to `now`, both (n, 2); a jump inks only its end.
 
     Parameters
     ----------
     alpha, ink : (h, w, 3) uint8
         How dense the trail is (the same for all three colours), and its colour times that.
+    inked : bool
+        Which patches have a trail.
     colour : (n,) int64
         Row of `inks`.
     opacities : (16, SIDE, 1, 2, 16) uint8
@@ -47,6 +51,9 @@ def lay_steps(alpha, ink, clip, before, now, colour, opacities, inks, longest):
             if left < clip[0] or top < clip[1] or left + SIDE + 1 > clip[2] or top + SIDE > clip[3]:
                 continue
             sub = (qy & 3) * 4 + (qx & 3)
+            west, east = 3 * left // PATCH_BYTES, (3 * (left + SIDE) - 1) // PATCH_BYTES
+            north, south = top // PATCH, (top + SIDE - 1) // PATCH
+            inked[north, west] = inked[north, east] = inked[south, west] = inked[south, east] = True
             for row in range(SIDE):
                 at, line = (top + row) * pitch + 3 * left, row * 2 * LANES
                 lay16(dense, at, opacity, sub * block + line)
@@ -54,13 +61,51 @@ def lay_steps(alpha, ink, clip, before, now, colour, opacities, inks, longest):
 
 
 @kernel
-def show_and_fade(frame, alpha, ink, keep):
-    """Lay the trails over the frame (all flat uint8), then let them fade: of their ink, `keep` of 256 stays."""
+def show(frame, alpha, ink, inked):
+    """Lay the trails over the frame, all (h, w * 3) uint8; only patches that are `inked` (bool) are looked at."""
+    height, pitch = frame.shape
+    for down in range(inked.shape[0]):
+        for across in range(inked.shape[1]):
+            if not inked[down, across]:
+                continue
+            left, right = across * PATCH_BYTES, min((across + 1) * PATCH_BYTES, pitch)
+            for row in range(down * PATCH, min((down + 1) * PATCH, height)):
+                _show(frame[row, left:right], alpha[row, left:right], ink[row, left:right])
+
+
+@kernel
+def _show(frame, alpha, ink):
+    """Lay one row of trails over one of the frame."""
     for k in range(len(frame)):
         through = np.uint16(frame[k]) * np.uint16(255 - alpha[k])
         frame[k] = np.uint8(((through + np.uint16(255)) >> 8) + ink[k])
-        alpha[k] = np.uint8((np.uint16(alpha[k]) * np.uint16(keep)) >> 8)
-        ink[k] = np.uint8((np.uint16(ink[k]) * np.uint16(keep)) >> 8)
+
+
+@kernel
+def fade(alpha, ink, inked, keep):
+    """Let trails fade: of their ink, `keep` of 256 stays; patches without any are inked no more."""
+    height, pitch = alpha.shape
+    for down in range(inked.shape[0]):
+        for across in range(inked.shape[1]):
+            if not inked[down, across]:
+                continue
+            left, right = across * PATCH_BYTES, min((across + 1) * PATCH_BYTES, pitch)
+            some = np.uint8(0)
+            for row in range(down * PATCH, min((down + 1) * PATCH, height)):
+                some |= _fade(alpha[row, left:right], keep)
+                _fade(ink[row, left:right], keep)
+            inked[down, across] = some > 0
+
+
+@kernel
+def _fade(values, keep):
+    """Let one row of ink fade; all that is left of it, bit by bit."""
+    some = np.uint8(0)
+    for k in range(len(values)):
+        stays = np.uint8((np.uint16(values[k]) * np.uint16(keep)) >> 8)
+        values[k] = stays
+        some |= stays
+    return some
 
 
 def cut_dabs(colours, width: float, strength: float) -> tuple[np.ndarray, np.ndarray]:
@@ -95,6 +140,8 @@ class Trails:
         self._dabs: tuple = ()
         self.alpha: np.ndarray
         self.ink: np.ndarray
+        self._inked: np.ndarray
+        self._unfaded = 0.0  # s
         self.before: np.ndarray = np.zeros((0, 2))
         self.ids: np.ndarray | None = None
 
@@ -104,8 +151,10 @@ class Trails:
             return
         old, self.camera = self.camera, camera
         width, height = camera.size
+        self._inked = np.ones((-(-height // PATCH), -(-3 * width // PATCH_BYTES)), np.bool_)
         if old is None or replace(old, centre=camera.centre, scale=camera.scale) != camera:
             self.alpha, self.ink = np.zeros((2, height, width, 3), np.uint8)
+            self._inked[:] = False
             return
         import cv2
 
@@ -136,8 +185,14 @@ class Trails:
         if key != self._key:
             self._key, self._dabs = key, cut_dabs(colours, round(width, 1), strength)
         before, now = camera.pixels(self._previous(xy, ids)), camera.pixels(xy)
-        lay_steps(self.alpha, self.ink, clip, before, now, colour, *self._dabs, LONGEST)
-        show_and_fade(frame.reshape(-1), self.alpha.reshape(-1), self.ink.reshape(-1), self._keep(passed))
+        lay_steps(self.alpha, self.ink, self._inked, clip, before, now, colour, *self._dabs, LONGEST)
+        flat = len(frame), -1
+        alpha, ink = self.alpha.reshape(flat), self.ink.reshape(flat)
+        show(frame.reshape(flat), alpha, ink, self._inked)
+        self._unfaded += passed
+        if self._unfaded >= SOON:
+            fade(alpha, ink, self._inked, self._keep(self._unfaded))
+            self._unfaded = 0.0
 
     def _keep(self, passed) -> int:
         return int(np.clip(round(256 * 0.05 ** (passed / self.seconds)), 0, 255)) if passed > 0 else 256

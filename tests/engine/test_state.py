@@ -11,6 +11,7 @@ from engine.clock import Clock
 from engine.commands import Commands
 from engine.noise import Noise
 from engine.recording import StateError, restore, snapshot, state_hash
+from engine.state import pieces
 from engine.world import World
 
 
@@ -181,3 +182,8 @@ def test_a_snapshot_with_any_byte_changed_is_taken_or_refused(data):
 
 FUZZED = walked(6)
 KEPT = snapshot(FUZZED[0])
+
+
+def test_a_snapshot_cut_into_pieces_is_the_same_snapshot():
+    data = snapshot(walked(2)[0])
+    assert len(pieces(data)) > 5 and b"".join(pieces(data)) == data

@@ -7,7 +7,7 @@ import pytest
 
 from engine.fields import Raster
 from flockbrush.draw.canvas import Canvas, dashes, smooth
-from flockbrush.draw.ground import brush_key, nice, paint_ground
+from flockbrush.draw.ground import brush_key, nice
 from flockbrush.draw.herd import Herd
 from flockbrush.draw.hud import GLYPHS, Layout, clock, say, things_of
 from flockbrush.draw.painter import Painter
@@ -15,6 +15,7 @@ from flockbrush.draw.shapes import cover_polygon, cover_segments
 from flockbrush.draw.sheet import contact_sheet, level_sheet, preview
 from flockbrush.draw.style import DARK, LIGHT, PALETTE, rgb, theme_of
 from flockbrush.draw.text import shortened, width_of, words
+from flockbrush.draw.tiles import paint_ground
 
 
 def box(left, low, right, high):

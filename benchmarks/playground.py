@@ -1,0 +1,185 @@
+"""What a frame of the playground costs: simulation, drawing and interface apart, beside the least it could cost.
+
+    python benchmarks/playground.py [--counts 2000 10000] [--frames 180] [--level meadow] [--cpu] [--json]
+
+The window is 1280 x 720 on SDL's dummy driver, with the panels and the overlays it opens with, driven at 60 frames a
+second; a tick is due in every second frame or so (32 a second).  In the same run, round by round:
+
+* headless ticks: the same level with as many animals, nothing drawn;
+* bare blit: a picture of the window's size copied onto the screen and flipped, nothing else.
+
+Their sum is the floor.  ``--cpu`` counts the processor's time of all threads instead of the clock on the wall: what a
+frame costs on a machine that does other things as well.  Goals: 12 ms for 2,000 animals and 30 ms for 10,000, in the
+mean over all frames.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import os
+import tempfile
+import time
+from types import SimpleNamespace
+
+import numpy as np
+
+SIZE = (1280, 720)
+FPS = 60
+PARTS = ("simulation", "drawing", "interface")
+GOALS = {2_000: 12.0, 10_000: 30.0}  # ms
+WATCH = SimpleNamespace(perf_counter=time.perf_counter)  # what all times here are taken with
+
+
+def silent(folder):
+    """No display, no sound, no settings of ours."""
+    os.environ |= {"SDL_VIDEODRIVER": "dummy", "SDL_AUDIODRIVER": "dummy", "FLOCKBRUSH_CONFIG": folder}
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+
+
+class Playground:
+    """The playground with a running herd."""
+
+    def __init__(self, level, count, folder):
+        import flockbrush.play.app as window
+        from flockbrush.play.app import App, open_session
+
+        window.time = WATCH
+        self.session = open_session(level, agents=count, state_folder=folder)
+        self.session.play()
+        self.app = App(self.session, SIZE, "light")
+        self.app.notify = _silent
+
+    def frames(self, count):
+        """(ms of each part, whether a tick fell into it) of so many frames."""
+        found = []
+        for _ in range(count):
+            before = self.session.tick
+            self.app.frame(1 / FPS)
+            found.append((*(1000 * self.app.seconds[part] for part in PARTS), self.session.tick > before))
+        return found
+
+
+class Headless:
+    """The same level, nothing drawn."""
+
+    def __init__(self, level, count):
+        from flockbrush.run import start
+
+        self.simulation = start(level, agents=count)
+
+    def ticks(self, count):
+        """Milliseconds of each of so many ticks."""
+        return [timed(self.simulation.tick) for _ in range(count)]
+
+
+class Blit:
+    """A picture onto the screen."""
+
+    def __init__(self):
+        import pygame
+
+        self.screen, self.flip = pygame.display.get_surface(), pygame.display.flip
+        self.picture = np.random.default_rng(1).integers(0, 255, (SIZE[1], SIZE[0], 3), np.uint8)
+        self.surface = pygame.image.frombuffer(self.picture, SIZE, "RGB")
+
+    def show(self):
+        """One frame of nothing but the picture."""
+        self.screen.blit(self.surface, (0, 0))
+        self.flip()
+
+    def frames(self, count):
+        """Milliseconds of each of so many frames."""
+        return [timed(self.show) for _ in range(count)]
+
+
+def _silent(text, kind="info"):
+    """No toasts: they would be drawn."""
+
+
+def timed(do):
+    """Milliseconds of one call."""
+    begin = WATCH.perf_counter()
+    do()
+    return 1000 * (WATCH.perf_counter() - begin)
+
+
+def measured(level, count, frames, rounds=6):
+    """The means of one number of animals, ms."""
+    with tempfile.TemporaryDirectory() as folder:
+        playground, headless = Playground(level, count, folder), Headless(level, count)
+        blit = Blit()
+        playground.frames(40)  # compiled, drawn once, warm
+        headless.ticks(8)
+        ours, ticks, blits = [], [], []
+        gc.collect()
+        for _ in range(rounds):
+            ours += playground.frames(max(1, frames // rounds))
+            ticks += headless.ticks(max(1, frames * 32 // FPS // rounds))
+            blits += blit.frames(max(1, frames // rounds))
+        playground.app.close()
+    return summed(np.array(ours), float(np.mean(ticks)), float(np.mean(blits)))
+
+
+def summed(frames, tick, blit):
+    """Means over all frames and over those with a tick, with the floor of each."""
+    with_tick = frames[:, 3] > 0
+
+    def means(rows, ticks_a_frame):
+        parts = rows[:, :3].mean(0) if len(rows) else np.full(3, np.nan)
+        whole = rows[:, :3].sum(1) if len(rows) else np.full(1, np.nan)
+        found = dict(zip(PARTS, map(float, parts), strict=True))
+        floor = tick * ticks_a_frame + blit
+        return found | {"together": float(whole.mean()), "95 % below": float(np.quantile(whole, 0.95)), "floor": floor}
+
+    share = float(with_tick.mean())
+    return {
+        "all frames": means(frames, share),
+        "with a tick": means(frames[with_tick], 1.0),
+        "peers": {"headless tick": tick, "bare blit": blit, "frames with a tick": share},
+    }
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--counts", type=int, nargs="+", default=[2_000, 10_000])
+    parser.add_argument("--frames", type=int, default=180)
+    parser.add_argument("--level", default="meadow")
+    parser.add_argument("--cpu", action="store_true", help="processor's time of all threads")
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    if options.cpu:
+        WATCH.perf_counter = time.process_time
+    with tempfile.TemporaryDirectory() as folder:
+        silent(folder)
+        table = {count: measured(options.level, count, options.frames) for count in options.counts}
+    if options.json:
+        print(json.dumps(table, indent=2))
+        return
+    show(table, options)
+
+
+def show(table, options):
+    """The table, with the goal beside the mean of all frames."""
+    from engine.parallel import threads
+
+    load = f"load {os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "load unknown"
+    of = f"{options.level}, {threads()} threads, {options.frames} frames, {os.cpu_count()} cores, {load}"
+    print(f"{'ms of CPU' if options.cpu else 'ms'} per frame at {SIZE[0]} x {SIZE[1]}: {of}")
+    names = [*PARTS, "together", "95 % below", "floor"]
+    print(f"{'animals':>9}  {'':<12}" + "".join(f"{name:>12}" for name in names) + f"{'goal':>8}")
+    for count, rows in table.items():
+        for kind in ("all frames", "with a tick"):
+            goal = f"{GOALS[count]:.0f}" if count in GOALS and kind == "all frames" else ""
+            cells = "".join(f"{rows[kind][name]:>12.2f}" for name in names)
+            print(f"{count:>9,}  {kind:<12}{cells}{goal:>8}")
+        peers = rows["peers"]
+        print(
+            f"{'':>9}  headless tick {peers['headless tick']:.2f}, bare blit {peers['bare blit']:.2f}, "
+            f"{100 * peers['frames with a tick']:.0f} % of the frames have a tick"
+        )
+
+
+if __name__ == "__main__":
+    main()

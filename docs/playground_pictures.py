@@ -1,0 +1,157 @@
+"""Draw the pictures of the playground: ``python docs/playground_pictures.py``.  No screen is needed."""
+
+import os
+import tempfile
+from pathlib import Path
+
+os.environ["SDL_VIDEODRIVER"] = os.environ["SDL_AUDIODRIVER"] = "dummy"
+os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+os.environ["XDG_CONFIG_HOME"] = os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp()  # nobody's own settings
+
+import cv2
+import numpy as np
+import pygame
+
+from components import BrushBinding, Position
+from flockbrush.draw import contact_sheet, write_png
+from flockbrush.play.app import App
+from flockbrush.play.session import Session
+
+HERE = Path(__file__).parent
+PANELS = {"brush": 0, "animal": 1, "view": 2, "charts": 3, "profile": 4}
+
+
+class Stage:
+    """A window on a level, with hands."""
+
+    def __init__(self, level, theme="light", size=(1280, 720), seconds=6.0):
+        self.app = App(Session.open(level), size, theme)
+        self.app.overlays = {"trails", "shadows"}
+        self.app.thumbnails.start()
+        self.app.session.play()
+        self.live(seconds)
+
+    def live(self, seconds):
+        """Let time pass."""
+        for _ in range(round(30 * seconds)):
+            self.app.frame(1 / 30)
+
+    def settle(self):
+        """Let ground, thumbnails and labels be drawn to the end, while the herd stands."""
+        self.app.session.pause()
+        for _ in range(200):
+            self.app.frame(1 / 30)
+            pygame.time.wait(5)
+
+    def post(self, kind, **values):
+        pygame.event.post(pygame.event.Event(kind, **values))
+        self.app.frame(1 / 30)
+
+    def at(self, xy):
+        return tuple(round(v) for v in self.app.canvas.pixels(xy))
+
+    def drag(self, *points, steps=8):
+        """The left button down along points, metres."""
+        self.post(pygame.MOUSEBUTTONDOWN, pos=self.at(points[0]), button=1)
+        for a, b in zip(points, points[1:], strict=False):
+            for k in range(1, steps + 1):
+                to = self.at(np.add(a, np.subtract(b, a) * k / steps))
+                self.post(pygame.MOUSEMOTION, pos=to, rel=(0, 0), buttons=(1, 0, 0))
+        self.post(pygame.MOUSEBUTTONUP, pos=self.at(points[-1]), button=1)
+
+    def hover(self, xy):
+        self.post(pygame.MOUSEMOTION, pos=self.at(xy), rel=(0, 0), buttons=(0, 0, 0))
+
+    def panel(self, name):
+        self.app.column.show(PANELS[name])
+
+    def select(self, brush, near):
+        """Look closely at the animal of a brush that is nearest to a place."""
+        world = self.app.session.simulation.world
+        names = self.app.world_palette().names
+        mine = np.flatnonzero(world.agents[BrushBinding.brush] == names.index(brush))
+        gap = np.linalg.norm(world.agents[Position.xyz][mine, :2] - near, axis=1)
+        self.app.select(int(world.agents.ids[mine[np.argmin(gap)]]))
+
+    def picture(self):
+        """What is on the screen, (h, w, 3) uint8; the window is closed."""
+        self.settle()
+        shot = np.ascontiguousarray(pygame.surfarray.array3d(self.app.screen).swapaxes(0, 1))
+        self.app.close()
+        return shot
+
+
+def painting():
+    """A stroke across the way of a herd, which goes round in it."""
+    stage = Stage("meadow", seconds=7)
+    level = stage.app.session.level
+    stage.app.choose("brush", "mill-hollow")
+    stage.app.set_size(11.0)
+    w, h = level.width, level.height
+    stage.drag((0.40 * w, 0.30 * h), (0.47 * w, 0.27 * h))
+    stage.live(9)
+    stage.hover((0.60 * w, 0.55 * h))
+    return stage.picture()
+
+
+def why():
+    """An animal that flees, and its reasons."""
+    stage = Stage("predators-valley", seconds=9)
+    level = stage.app.session.level
+    stage.app.take_tool("select")
+    stage.app.overlays |= {"forces", "field_of_view", "occlusion"}
+    stage.select("reindeer-flee", (0.5 * level.width, 0.5 * level.height))
+    stage.panel("animal")
+    return stage.picture()
+
+
+def crowding():
+    """Where it is crowded, and the measures over time."""
+    stage = Stage("gorge", "dark", seconds=24)
+    stage.app.overlays |= {"density"}
+    stage.panel("charts")
+    return stage.picture()
+
+
+def ways():
+    """The field that leaders follow."""
+    stage = Stage("gorge", seconds=3)
+    stage.app.overlays |= {"navigation", "leaders"}
+    stage.app.take_tool("goal")
+    stage.panel("view")
+    return stage.picture()
+
+
+def regions():
+    """What is painted: brushes, limits."""
+    stage = Stage("river", seconds=6)
+    stage.app.overlays |= {"regions", "caps"}
+    stage.app.take_tool("cap")
+    stage.panel("view")
+    return stage.picture()
+
+
+def arrows():
+    """A new arrow, seen while it is drawn."""
+    stage = Stage("meadow", "dark", seconds=5)
+    level = stage.app.session.level
+    stage.app.take_tool("guide")
+    w, h = level.width, level.height
+    stage.drag((0.62 * w, 0.72 * h), (0.5 * w, 0.62 * h), (0.42 * w, 0.45 * h), (0.46 * w, 0.3 * h))
+    stage.live(2)
+    stage.panel("profile")
+    return stage.picture()
+
+
+if __name__ == "__main__":
+    write_png(HERE / "playground.png", painting())
+    scenes = [
+        ("why does it turn?", why()),
+        ("density, and measures over time", crowding()),
+        ("the way to a goal", ways()),
+        ("brushes and speed limits", regions()),
+        ("a new arrow for leaders", arrows()),
+        ("painting", painting()),
+    ]
+    small = [(name, cv2.resize(shot, (960, 540), interpolation=cv2.INTER_AREA)) for name, shot in scenes]
+    write_png(HERE / "playground-gallery.png", contact_sheet(small, columns=2))

@@ -1,0 +1,274 @@
+"""Small pictures of what brushes do, made by running them: for the palette of the playground, and as tiles for Tiled.
+
+A picture takes about a second to make and is kept in the user's cache folder, under a name that changes with the
+brush.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+
+from behaviours.behaviour import behaviours
+from components import Heading, Position
+from flockbrush.draw.camera import Camera
+from flockbrush.draw.canvas import Canvas
+from flockbrush.draw.herd import Herd
+from flockbrush.draw.painter import Painter
+from flockbrush.draw.style import mix, rgb, theme_of
+from levels.build import plane
+from systems.measures import compute_milling, compute_polarization
+
+ANIMALS, PACK = 40, 14
+SECONDS = 8.0  # after which a herd does what its brush makes it do
+TRAIL = 1.1  # s
+LARGER = 1.1  # animals are drawn so many times as large as they are
+FINE = 3  # drawn so many times as large, and shrunk
+WINDOW = (8.0, 14.0)  # body lengths across: those outside are left out rather than drawn too small to see
+TILE_WINDOW = (6.5, 9.0)  # the same for tiles, which are smaller
+MILL = 0.7  # milling that makes a mill, of a herd that began on a ring
+MARCH, SOME = 0.75, 0.35  # polarization out of disorder that makes a march for certain; that makes one if no mill
+ALONG = np.pi / 7  # rad; marches go up to the right
+VERSION = 1  # of these pictures: counts up when they look otherwise
+
+
+def thumbnail(brush, size=64, theme="light") -> np.ndarray:
+    """What animals do under a brush: a disc with a moving group and short trails, ringed with the brush's colour.
+
+    Parameters
+    ----------
+    brush : Brush
+    size : int
+        Pixels.
+    theme : {"light", "dark"} or Theme
+
+    Returns
+    -------
+    (size, size, 4) uint8
+        Red, green, blue and opacity.
+    """
+    look = theme_of(theme)
+    path = cache_folder() / f"{_key(brush, size, look.name)}.png"
+    kept = _kept(path, size)
+    if kept is None:
+        kept = draw_thumbnail(brush, size, look)
+        _keep(path, kept)
+    return kept
+
+
+def cached(brush, size=64, theme="light") -> np.ndarray | None:
+    """The picture if it has been made before, else None; at once."""
+    return _kept(cache_folder() / f"{_key(brush, size, theme_of(theme).name)}.png", size)
+
+
+def placeholder(brush, size=64, theme="light") -> np.ndarray:
+    """What stands in for a picture that is still being made: the empty disc in the brush's ring."""
+    look = theme_of(theme)
+    image = np.empty((FINE * size, FINE * size, 3), np.uint8)
+    image[:] = look.ground
+    return _ringed(image, size, rgb(brush.colour), look)
+
+
+def make_in_background(names=(), size=64, theme="light") -> subprocess.Popen:
+    """Begin to make the pictures of shipped brushes (all unless named) in a process of its own; `cached` finds them."""
+    command = [sys.executable, "-m", "flockbrush.play.thumbnails", "--size", str(size), "--theme", theme_of(theme).name]
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen([*command, *names], stdin=quiet, stdout=quiet, stderr=quiet)
+
+
+# the picture ---------------------------------------------------------------------
+
+
+def draw_thumbnail(brush, size, theme) -> np.ndarray:
+    """The picture of a brush, made now."""
+    look = replace(theme, texture=theme.texture / 2)
+    image = _picture(brush, FINE * size, look, brush.colour, WINDOW)
+    return _ringed(image, size, rgb(brush.colour), look)
+
+
+def draw_tile(brush, size) -> np.ndarray:
+    """The tile of a brush for Tiled, (size, size, 4): white animals on its colour."""
+    colour = rgb(brush.colour)
+    flat = replace(
+        theme_of("light"), ground=colour, texture=0.0, trail=0.5, shadow_alpha=0.0, head_share=0.0, rim=0.0,
+        outline=mix(colour, (0, 0, 0), 0.5), predator=(255, 255, 255), leader=(255, 255, 255),
+    )  # fmt: skip
+    image = _picture(brush, FINE * size, flat, "#ffffff", TILE_WINDOW)
+    image = np.dstack([_shrunk(image, size), np.full((size, size), 255, np.uint8)])
+    edge = mix(colour, (0, 0, 0), 0.22)
+    image[[0, -1], :, :3] = image[:, [0, -1], :3] = edge
+    return image
+
+
+def _picture(brush, side, theme, colour, window):
+    """Animals under a brush after some seconds, with trails, on a square of bare ground."""
+    simulation = _settled(brush)
+    try:
+        step = max(1, round(TRAIL / 16 / simulation.clock.dt))
+        moments = [_moment(simulation)]
+        for _ in range(16):
+            simulation.run(step)
+            moments.append(_moment(simulation))
+    finally:
+        simulation.close()
+    xy = moments[-1][0]
+    middle = np.quantile(xy, (0.1, 0.9), axis=0).mean(axis=0)
+    far = float(np.quantile(np.abs(xy - middle).max(axis=1), 0.9)) / brush.body.length
+    across = float(np.clip(2.3 * far + 1.5, *window)) * brush.body.length
+    painter = Painter(SimpleNamespace(width=across, height=across, name=""), (side, side), theme, words=False)
+    painter.look(Camera.fit(across, across, (side, side)))
+    painter.backdrop = np.empty((side, side, 3), np.uint8)
+    painter.backdrop[:] = theme.ground
+    danger = behaviours()[brush.model].danger
+    for k, (xy, forward) in enumerate(moments):
+        herd = Herd(
+            xy - middle + across / 2, forward, LARGER * brush.body.length, LARGER * brush.body.radius,
+            brush=np.zeros(len(xy), int), brush_colours=(colour,), predator=np.full(len(xy), danger),
+            ids=np.arange(len(xy)),
+        )  # fmt: skip
+        frame = painter.frame(herd, time=k * step * simulation.clock.dt, legend=False)
+    return frame
+
+
+def _settled(brush):
+    """A herd under the brush that shows what it does, some seconds after it stood there."""
+    disorder = _run(brush, "scatter", None)
+    order = compute_polarization(disorder.agents[Heading.forward])
+    if order < MARCH:
+        ring = _run(brush, "ring", None)
+        if compute_milling(ring.agents[Position.xyz][:, :2], ring.agents[Heading.forward]) > MILL:
+            disorder.close()
+            return ring
+        ring.close()
+    if order < SOME:
+        return disorder
+    disorder.close()
+    return _run(brush, "scatter", ALONG)
+
+
+def _run(brush, start, heading):
+    hunts = behaviours()[brush.model].danger
+    simulation = plane(brush, PACK if hunts else ANIMALS, start=start, seed=1, heading=heading)
+    simulation.run(round(SECONDS / simulation.clock.dt))
+    return simulation
+
+
+def _moment(simulation):
+    agents = simulation.agents
+    return agents[Position.xyz][:, :2].copy(), agents[Heading.forward][:, :2].copy()
+
+
+def _ringed(image, size, colour, theme):
+    """The disc in the middle of a square picture, in a ring of this colour, shrunk to so many pixels."""
+    side = len(image)
+    canvas = Canvas(image)
+    middle, wide = (side / 2, side / 2), 0.06 * side
+    canvas.ring(middle, side / 2 - wide / 2 - FINE, wide, colour)
+    canvas.ring(middle, side / 2 - wide - FINE, FINE * 0.7, theme.ink, 0.25)
+    away = np.hypot(*(np.indices((side, side)) + 0.5 - side / 2))
+    alpha = np.clip(side / 2 - FINE + 0.5 - away, 0, 1) * 255
+    return np.dstack([_shrunk(image, size), _shrunk(alpha.astype(np.uint8), size)])
+
+
+def _shrunk(image, size):
+    import cv2
+
+    return cv2.resize(image, (size, size), interpolation=cv2.INTER_AREA)
+
+
+# the cache -----------------------------------------------------------------------
+
+
+def cache_folder() -> Path:
+    """Where pictures are kept: FLOCKBRUSH_CACHE, or the folder that the system has for such files."""
+    told = os.environ.get("FLOCKBRUSH_CACHE")
+    if told:
+        return Path(told)
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home()) / "flockbrush" / "thumbnails"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "flockbrush" / "thumbnails"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "flockbrush" / "thumbnails"
+
+
+def _key(brush, size, look):
+    return hashlib.sha256(b"%d %d %s " % (VERSION, size, look.encode()) + brush.source).hexdigest()[:32]
+
+
+def _kept(path, size):
+    """The picture in a file; None when there is none, or none that can be used."""
+    import cv2
+
+    try:
+        data = np.frombuffer(path.read_bytes(), np.uint8)
+        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+    except (OSError, cv2.error):
+        return None
+    if image is None or image.shape != (size, size, 4) or image.dtype != np.uint8:
+        return None
+    return np.ascontiguousarray(image[..., [2, 1, 0, 3]])
+
+
+def _keep(path, image):
+    """Write a picture into the cache; where that cannot be, it is made again next time."""
+    import cv2
+
+    temporary = path.with_name(f"{path.name}.{os.getpid()}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_bytes(cv2.imencode(".png", image[..., [2, 1, 0, 3]])[1].tobytes())
+        os.replace(temporary, path)
+    except OSError:
+        with suppress(OSError):
+            temporary.unlink()
+
+
+def write_tiles(path, library):
+    """Put the pictures of a library's brushes into the tiles that Tiled shows; the file says which tile is whose."""
+    import cv2
+
+    from levels.tiled import BRUSHES_FILE, known_brushes
+    from levels.tilesets_data import COLUMNS, TILE
+
+    image = Path(path) / Path(BRUSHES_FILE).with_suffix(".png")
+    sheet = cv2.imread(str(image), cv2.IMREAD_UNCHANGED)
+    known = known_brushes(Path(path) / BRUSHES_FILE)
+    rows = -(-len(known) // COLUMNS) * TILE
+    sheet = np.pad(sheet[:rows], [(0, max(0, rows - len(sheet))), (0, 0), (0, 0)])
+    for number, name in enumerate(known):
+        if name in library.names():
+            y, x = (TILE * k for k in divmod(number, COLUMNS))
+            sheet[y : y + TILE, x : x + TILE] = draw_tile(library.get(name), TILE)[..., [2, 1, 0, 3]]
+    image.write_bytes(cv2.imencode(".png", sheet)[1].tobytes())
+
+
+def main(arguments=None):
+    """Make pictures of shipped brushes, or with ``--tiles FOLDER`` their tiles in a Tiled project."""
+    import argparse
+
+    from behaviours.brush import shipped
+
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("names", nargs="*")
+    parser.add_argument("--size", type=int, default=64)
+    parser.add_argument("--theme", default="light")
+    parser.add_argument("--tiles", metavar="FOLDER")
+    options = parser.parse_args(arguments)
+    library = shipped()
+    if options.tiles:
+        write_tiles(options.tiles, library)
+        return
+    for name in options.names or library.names():
+        thumbnail(library.get(name), options.size, options.theme)
+
+
+if __name__ == "__main__":
+    main()

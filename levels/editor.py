@@ -1,0 +1,485 @@
+"""An editor of a level: the document, what was done to it and when, and a journal that a crash cannot take away.
+
+A step is what one undo takes back: a stroke of many pieces, or one arrow.  Each has two sides: ``commands`` for the
+living world, with ``back`` for the way back (`engine.commands.Commands.perform` gives both), and the changes of the
+document, which undo to the byte.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+import shutil
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from behaviours.problems import Problem, ProblemsError
+from engine.commands import from_record, to_record
+from levels.edits import EditError, Sheet
+from levels.files import MemoryFiles, project_folder
+from levels.reader import brush_library
+from levels.writer import Document, dump, write_file
+
+FORMAT = 1  # of the journal
+
+__all__ = ["EditError", "Editor", "JournalError", "Step"]
+
+
+class JournalError(ValueError):
+    """A journal that cannot be read; the text says why."""
+
+
+@dataclass
+class Step:
+    """What one undo takes back."""
+
+    label: str
+    commands: list
+    back: list
+    tick: int
+    join: str | None = None
+    serial: int = 0  # another number after every change of it
+    again: list | None = None  # what brings it back in the world just as it was; None: ``commands``
+    changes: list | None = field(default=None, repr=False)  # of the document; None: not done to this one yet
+
+    def forward(self):
+        """What does it again in the world."""
+        return list(self.commands if self.again is None else self.again)
+
+
+class Editor:
+    """A level open for editing.
+
+    Parameters
+    ----------
+    document : Document
+        Edited in place.
+    library : BrushLibrary, optional
+        The brushes there are; those the level can name unless told.
+    files : DiskFiles or MemoryFiles, optional
+        Where its tilesets are; beside the level unless told.
+
+    Raises
+    ------
+    ProblemsError
+        When a tileset cannot be read.
+    """
+
+    def __init__(self, document, library=None, files=None):
+        self._document = document
+        self.library = brush_library(document.path) if library is None else library
+        self.sheet = Sheet(document, self.library, files)
+        self._base, self._base_path = dump(document.data), str(document.path)
+        self._done: list[Step] = []
+        self._undone: list[Step] = []
+        self._events: list[dict] = []
+        self._serial = self._saved = self._highest = 0
+        self._joinable = False
+        self._journal: Any = None
+        self.journal_problem = ""  # why the journal could not be written, "" while all is well
+
+    @classmethod
+    def open(cls, path, library=None) -> Editor:
+        """An editor for a level's file; ProblemsError when it cannot be edited."""
+        return cls(Document.load(path), library)
+
+    # ------------------------------------------------------------ what is there
+
+    @property
+    def document(self):
+        """The document as it is now."""
+        self.sheet.settle()
+        return self._document
+
+    @property
+    def path(self):
+        """Where it is saved."""
+        return self._document.path
+
+    def text(self):
+        """The level as it would be saved."""
+        return dump(self.document.data)
+
+    @property
+    def undo_label(self):
+        """What undo would take back, or None."""
+        return self._done[-1].label if self._done else None
+
+    @property
+    def redo_label(self):
+        """What redo would do again, or None."""
+        return self._undone[-1].label if self._undone else None
+
+    @property
+    def undo_commands(self):
+        """What undo does to the world, or None."""
+        return list(self._done[-1].back) if self._done else None
+
+    @property
+    def redo_commands(self):
+        """What redo does to the world, or None."""
+        return self._undone[-1].forward() if self._undone else None
+
+    @property
+    def dirty(self):
+        """Whether the document is another than the one last saved."""
+        return self._mark() != self._saved
+
+    def _mark(self):
+        return next((step.serial for step in reversed(self._done) if step.changes), 0)
+
+    def new_id(self):
+        """An id for a new object that nobody else gets."""
+        self._highest = max(self._highest + 1, self.sheet.next_free("nextobjectid"))
+        return self._highest
+
+    # ------------------------------------------------------------ doing and undoing
+
+    def check(self, commands):
+        """Whether the level's file can take this edit; the document stays as it is.
+
+        Raises
+        ------
+        EditError
+            With the reason.
+        """
+        for change in reversed(self._change(commands)):
+            change.back()
+
+    def do(self, label, commands, back=(), tick=0, join=None):
+        """Note an edit that the world has taken, and do it to the document.
+
+        Parameters
+        ----------
+        label : str
+            What a designer calls it.
+        commands, back : sequence of command
+            Done to the world, and what takes them back.
+        tick : int
+            When.
+        join : str, optional
+            Edits of one key that follow each other are one step.
+
+        Raises
+        ------
+        EditError
+            When the file cannot take it.  Nothing has changed then.
+        """
+        joined = join is not None and self._joinable and self._done and self._done[-1].join == join
+        step = self._done[-1] if joined else Step(label, [], [], tick, join, changes=[])
+        step.changes += self._change(commands)  # type: ignore[operator]
+        step.commands += commands
+        step.back = [*back, *step.back]
+        step.serial = self._next_serial()
+        if not joined:
+            self._done.append(step)
+        self._undone.clear()
+        self._joinable = join is not None
+        told = {"label": label, "commands": _told(commands), "back": _told(back), "join": join}
+        self._note("do", tick, serial=step.serial, **told)
+
+    def undo(self, tick=0, again=None):
+        """Take the last step back in the document; the commands that do so in the world.
+
+        Parameters
+        ----------
+        again : sequence of command, optional
+            What brings exactly this back in the world, as `Commands.perform` gave it for `undo_commands`.
+        """
+        step = self._done[-1]
+        for change in reversed(step.changes or []):
+            change.back()
+        self._undone.append(self._done.pop())
+        self._joinable = False
+        step.again = None if again is None else list(again)
+        self._note("undo", tick, again=None if again is None else _told(again))
+        return list(step.back)
+
+    def redo(self, tick=0, back=None):
+        """Do the step last taken back again in the document; the commands that do so in the world.
+
+        Parameters
+        ----------
+        back : sequence of command, optional
+            What takes it back, as `Commands.perform` gave it for `redo_commands`.
+        """
+        step = self._undone[-1]
+        if step.changes is None:
+            step.changes = self._change(step.commands)
+            step.serial = self._next_serial()
+        else:
+            for change in step.changes:
+                change.again()
+        self._done.append(self._undone.pop())
+        self._joinable = False
+        if back is not None:
+            step.back = list(back)
+        self._note("redo", tick, serial=step.serial, back=None if back is None else _told(back))
+        return step.forward()
+
+    def _change(self, commands):
+        """The changes of the document by these commands, done; none and EditError when one cannot be."""
+        try:
+            for command in commands:
+                self.sheet.do(command)
+        except BaseException:
+            for change in reversed(self.sheet.taken()):
+                change.back()
+            raise
+        return self.sheet.taken()
+
+    def _next_serial(self):
+        self._serial += 1
+        return self._serial
+
+    # ------------------------------------------------------------ other times
+
+    def at(self, tick, after=False) -> Editor:
+        """Another editor with the document as it was when this tick began.
+
+        Its undo goes back from there; what was done since, in this tick too, can be done again with redo.
+
+        Parameters
+        ----------
+        after : bool
+            As it was after what was done in this tick.
+        """
+        early = [event for event in self._events if event["tick"] < tick + after or event["event"] == "save"]
+        other = self._replayed(early)
+        known, mine = ([step.serial for step in each._done] for each in (other, self))
+        later = self._done[len(known) :] if mine[: len(known)] == known else []
+        if later:  # built on what is there; after an undo it would be built on something else
+            other._undone = [
+                Step(step.label, list(step.commands), list(step.back), step.tick, step.join, step.serial)
+                for step in reversed(later)
+            ]
+        other._serial, other._saved, other._highest = self._serial, self._saved, self._highest
+        other._note("ahead", tick, steps=[_step_told(step) for step in other._undone])
+        return other
+
+    def restarted(self) -> Editor:
+        """Another editor with the same document, undo and all, for a run that begins anew: all was done at tick 0.
+
+        What a step would do to single animals is forgotten, for they are born anew.
+        """
+        self.sheet.settle()
+        kept = {id(thing): thing for thing in (self.library, *self.sheet.constants())}
+        other = copy.deepcopy(self, {**kept, id(self._journal): None})
+        other.sheet.find_grids()
+        for event in other._events:
+            event |= {"tick": 0} | {key: _of_nobody(event[key]) for key in ("back", "again") if event.get(key)}
+        for step in (*other._done, *other._undone):
+            step.tick, step.again = 0, None
+            step.back = _commands(_of_nobody(_told(step.back)))
+        return other
+
+    def _replayed(self, events):
+        """An editor that began as this one and has lived through these events."""
+        files = MemoryFiles({Path(self._base_path).name: b"", **self._files()})
+        other = Editor(_document(self._base, self._base_path), self.library, files)
+        for event in events:
+            other._live(event)
+        return other
+
+    def _live(self, event):
+        """Do what an event of a journal says."""
+        kind, tick = event["event"], event["tick"]
+        if kind == "do":
+            self.do(event["label"], _commands(event["commands"]), _commands(event["back"]), tick, event["join"])
+            self._done[-1].serial = self._serial = event["serial"]
+            self._events[-1]["serial"] = event["serial"]
+        elif kind == "undo":
+            self.undo(tick, event["again"] and _commands(event["again"]))
+        elif kind == "redo":
+            self.redo(tick, event["back"] and _commands(event["back"]))
+            self._done[-1].serial = event["serial"]
+            self._serial = max(self._serial, event["serial"])
+        elif kind == "ahead":
+            self._undone = [_step_of(step) for step in event["steps"]]
+            self._note("ahead", tick, steps=event["steps"])
+        elif kind == "save":
+            self._moved(event["path"], event["moved"])
+            self._note("save", tick, path=event["path"], moved=event["moved"])
+        else:
+            raise JournalError(f"the journal tells of {kind!r}, which this version does not know")
+
+    # ------------------------------------------------------------ saving
+
+    def save(self, path=None, backup=True) -> Path:
+        """Save the level, in its place or under another name, all of it or nothing.
+
+        In another folder the tilesets and pictures it needs are copied beside it, unless they are in the same project.
+
+        Raises
+        ------
+        ProblemsError
+            When it cannot be written; the file there is then untouched.
+        """
+        to = Path(path) if path is not None else self.path
+        moved, before, saved = self._copied(to), self.path, self._saved
+        self._moved(str(to), moved)
+        try:
+            for entry, meanings in self.sheet.playgrounds():
+                write_file(to.parent / entry["image"], _picture(meanings, entry, self.library))
+            self.document.save(to, backup)
+        except BaseException:
+            self._moved(str(before), {new: old for old, new in moved.items()})
+            self._saved = saved  # it is not
+            raise
+        self._note("save", self._done[-1].tick if self._done else 0, path=str(to), moved=moved)
+        return to
+
+    def _moved(self, path, moved):
+        """Take another place for the file; what it names is called as ``moved`` says."""
+        for entry in self._document.data.get("tilesets", []):
+            entry.update({key: moved[entry[key]] for key in ("source", "image") if entry.get(key) in moved})
+        for node, *_ in self.sheet.layers():
+            if node.get("image") in moved:
+                node["image"] = moved[node["image"]]
+        self._document.path = Path(path)
+        self._saved = self._mark()
+
+    def _copied(self, to):
+        """{name in the file: new name} of what a file in another folder calls differently, copied where needed."""
+        here, there = self.path.parent.resolve(), to.parent.resolve()
+        if here == there:
+            return {}
+        moved, root = {}, project_folder(to)
+        for name in self._named():
+            source = Path(os.path.normpath(here / name))
+            if source.is_relative_to(root):
+                new = PurePosixPath(os.path.relpath(source, there).replace(os.sep, "/")).as_posix()
+            else:
+                new = f"tilesets/{source.name}" if name.endswith(".tsj") else source.name
+                _copy_beside(source, there / new)
+            if new != name:
+                moved[name] = new
+        return moved
+
+    def _named(self):
+        """Every file that the document names."""
+        data = self._document.data
+        own = {entry["image"] for entry, _ in self.sheet.playgrounds()}
+        named = [e[k] for e in data.get("tilesets", []) for k in ("source", "image") if k in e and e[k] not in own]
+        return list(dict.fromkeys(named + [n["image"] for n, *_ in self.sheet.layers() if n.get("image")]))
+
+    # ------------------------------------------------------------ the journal
+
+    def journal(self, path):
+        """Write what is done from now on, and all before, to a file: one line each, at once.
+
+        Raises
+        ------
+        OSError
+            When it cannot be begun.
+        """
+        self.close_journal()
+        file = open(path, "w", encoding="utf-8")
+        head = {
+            "event": "open", "format": FORMAT, "path": self._base_path, "document": self._base,
+            "files": {name: data.decode() for name, data in self._files().items()},
+        }  # fmt: skip
+        for event in (head, *self._events):
+            file.write(json.dumps(event, separators=(",", ":")) + "\n")
+        file.flush()
+        self._journal = file
+
+    def _files(self):
+        """The tilesets and brushes it was read with, by name."""
+        own = Path(self._base_path).name
+        return {name: data for name, data in self.sheet.files.got.items() if name != own}
+
+    def close_journal(self):
+        """Let go of the journal's file."""
+        if self._journal is not None:
+            self._journal.close()
+            self._journal = None
+
+    def _note(self, event, tick, **told):
+        """Keep an event, and hand it to the system at once: a crash of this program cannot take it back."""
+        self._events.append({"event": event, "tick": tick, **told})
+        if self._journal is None:
+            return
+        try:
+            self._journal.write(json.dumps(self._events[-1], separators=(",", ":")) + "\n")
+            self._journal.flush()
+        except (OSError, ValueError) as error:
+            self.journal_problem = f"{self._journal.name}: cannot be written: {getattr(error, 'strerror', error)}"
+            self._journal = None
+
+    @classmethod
+    def recover(cls, journal, library=None) -> Editor:
+        """The editor that wrote a journal, as it was after the last line that is whole.
+
+        Raises
+        ------
+        JournalError
+            When the file is no journal.
+        """
+        try:
+            lines = Path(journal).read_text(encoding="utf-8").split("\n")
+            head = json.loads(lines[0])
+            if head["event"] != "open" or head["format"] != FORMAT:
+                raise ValueError
+            path, text = head["path"], head["document"]
+            files = MemoryFiles({Path(path).name: b"", **{n: data.encode() for n, data in head["files"].items()}})
+            editor = cls(_document(text, path), library, files)
+        except OSError as error:
+            raise JournalError(f"{journal}: cannot be read: {error.strerror or error}") from None
+        except (ValueError, LookupError, TypeError):
+            raise JournalError(f"{journal}: this is not the journal of an editor") from None
+        for line in lines[1:-1]:  # what follows the last line's end was cut off
+            try:
+                editor._live(json.loads(line))
+            except (ValueError, LookupError, TypeError) as error:
+                raise JournalError(f"{journal}: cannot be followed: {error}") from None
+        return editor
+
+
+def _document(text, path):
+    return Document(json.loads(text), path)
+
+
+def _told(commands):
+    return [list(to_record(command)) for command in commands]
+
+
+def _commands(told):
+    return [from_record(name, values) for name, values in told]
+
+
+def _of_nobody(told):
+    """Commands, as `_told`, without those that name single animals."""
+    return [[name, values] for name, values in told if "entities" not in values]
+
+
+def _step_told(step):
+    sides = {"commands": _told(step.commands), "back": _told(step.back)}
+    return {"label": step.label, "tick": step.tick, "join": step.join, "serial": step.serial, **sides}
+
+
+def _step_of(told):
+    sides = _commands(told["commands"]), _commands(told["back"])
+    return Step(told["label"], *sides, told["tick"], told["join"], told["serial"])
+
+
+def _copy_beside(source, target):
+    """Copy a file a level needs, and the picture of a tileset with it; one that is there stays."""
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        for old, new in ((source, target), (source.with_suffix(".png"), target.with_suffix(".png"))):
+            if old.is_file() and not new.exists():
+                shutil.copyfile(old, new)
+    except OSError as error:
+        raise ProblemsError(
+            [Problem(str(target), None, None, f"cannot be written: {error.strerror or error}")]
+        ) from None
+
+
+def _picture(meanings, entry, library):
+    """The picture of a tileset "playground", as a PNG file."""
+    from levels.tiled import tile_sheet
+
+    return tile_sheet(meanings, entry["tilewidth"], library)

@@ -1,0 +1,506 @@
+"""What a designer does to a level while it lives: strokes, arrows, goals, exits, spawns.
+
+Each command also changes the level's document (`levels.edits`); ``id`` is the object's id in the level file, and a
+command with the id of something that is there puts the new one in its place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import field
+
+import numpy as np
+
+from behaviours.problems import did_you_mean
+from components import Destination
+from engine.clock import Clock
+from engine.commands import command
+from systems.commands import (
+    LAYERS,
+    MOST,
+    AddObstacle,
+    PaintCells,
+    RemoveObstacle,
+    around,
+    box_of,
+    box_of_cells,
+    by_id,
+    cells_now,
+    lay,
+    line_of,
+    number_of,
+    painted,
+    polygon_of,
+    value_of,
+)
+from systems.landscape import Exit, Goal, Guide, Landscape
+from systems.life import Nursery, SpawnArea, bear
+from systems.painting import blended, connected, runs_of, stroke_cells, taken
+from systems.palette import Palette
+from systems.taking_back import RemoveEntities, UseBrush, goal_index, goals_of, need
+
+__all__ = [
+    "KINDS", "LAYERS", "AddObstacle", "DrawGuide", "MarkSpawn", "Paint", "PaintCells", "PlaceExit", "PlaceGoal",
+    "RemoveObstacle", "RemoveThing", "UseBrush", "fill", "pick", "region",
+]  # fmt: skip
+
+FAR = 1e6  # m; no level is larger
+ON_ARRIVE = ("stay", "despawn", "next", "disperse")
+FORMATIONS = ("scatter", "grid", "ring", "line")
+
+
+# strokes ----------------------------------------------------------------------------
+
+
+@command
+class Paint:
+    """One piece of a stroke: all cells within a radius of the segment from (x, y) to (to_x, to_y).
+
+    The layer is "brush" (the value a name, "" erases), "cap" (m/s, 0 erases) or "surface" (a kind of ground, ""
+    bare).  Towards the rim a soft stroke takes fewer cells, the same ones however often it passes; caps blend.
+    """
+
+    layer: str
+    value: str | float
+    x: float
+    y: float
+    to_x: float
+    to_y: float
+    radius: float
+    softness: float = 0.0
+
+    def check(self, world):
+        land = world.resource(Landscape)
+        number_of(world, self.layer, self.value)
+        need(0 <= self.radius <= FAR, f"radius must be 0 to {FAR:g} m, got {self.radius:g}")
+        need(0 <= self.softness <= 1, f"softness must be 0 to 1, got {self.softness:g}")
+        near = all(abs(v) <= FAR for v in (self.x, self.y, self.to_x, self.to_y))
+        need(near and len(self.cells(land.brush.shape, land.cell)[0]), _off_the_map(land, "the stroke"))
+
+    def cells(self, shape, cell):
+        """(iy, ix, weight) of the cells it changes, on a map of this shape."""
+        iy, ix, weight = stroke_cells((self.x, self.y), (self.to_x, self.to_y), self.radius, self.softness, shape, cell)
+        if self.layer == "cap":
+            return iy, ix, weight
+        if self.softness > 0:
+            kept = taken(iy, ix, weight)
+            kept[np.argmax(weight)] |= len(kept) == 1
+            iy, ix, weight = iy[kept], ix[kept], weight[kept]
+        return iy, ix, weight
+
+    def ground_box(self, world):
+        land = world.resource(Landscape)
+        return box_of_cells(land, *self.cells(land.brush.shape, land.cell)[:2])
+
+    def inverse(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        return cells_now(world, self.layer, *self.cells(land.brush.shape, land.cell)[:2])
+
+    def apply(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        iy, ix, weight = self.cells(land.brush.shape, land.cell)
+        number = number_of(world, self.layer, self.value)
+        if self.layer == "cap":
+            number = blended(land.painted.cap[iy, ix], number, weight)
+        lay(world, self.layer, iy, ix, number)
+
+
+def _off_the_map(land, what):
+    return f"{what} is not on the map, which is {land.width:g} x {land.height:g} m"
+
+
+def pick(world, layer, x, y):
+    """What is painted at a place: the value that `Paint` takes, "" or 0 for nothing and off the map."""
+    land = world.resource(Landscape)
+    ix, iy = int(np.floor(x / land.cell)), int(np.floor(y / land.cell))
+    raster = land.kind_at if layer == "surface" else painted(land, layer)
+    if not (0 <= iy < raster.shape[0] and 0 <= ix < raster.shape[1]):
+        return 0.0 if layer == "cap" else ""
+    return value_of(world, layer, raster[iy, ix].item())
+
+
+def region(world, layer, x, y):
+    """(ny, nx) bool: the connected cells that are painted as the one at this place; ValueError off the map."""
+    land = world.resource(Landscape)
+    number_of(world, layer, 0.0 if layer == "cap" else "")
+    ix, iy = int(np.floor(x / land.cell)), int(np.floor(y / land.cell))
+    inside = 0 <= iy < land.brush.shape[0] and 0 <= ix < land.brush.shape[1]
+    need(inside, _off_the_map(land, f"({x:g}, {y:g})"))
+    return connected(land.kind_at if layer == "surface" else painted(land, layer), iy, ix)
+
+
+def fill(world, layer, x, y, value):
+    """The command that paints the whole region around a place."""
+    number_of(world, layer, value)
+    iy, ix = np.nonzero(region(world, layer, x, y))
+    return PaintCells(layer, [value], runs_of(iy, ix, np.zeros(len(iy), int)))
+
+
+# things ----------------------------------------------------------------------------
+
+
+@command
+class DrawGuide:
+    """Draw an arrow for leaders to follow, or change the one with this id."""
+
+    id: int
+    name: str
+    points: list
+    strength: float = 1.0
+    radius: float = 10.0  # m
+    decay: float = 10.0  # m
+    goal: str = ""
+    loop: bool = False
+    at: int = -1  # where in the order of guides; -1: behind all others
+
+    def check(self, world):
+        land, points = world.resource(Landscape), line_of(self.points)
+        _check_id(self)
+        apart = len(points) > 1 and (points != points[0]).any()
+        need(apart, f"a guide needs at least two different points, got {len(points)}")
+        need(len(points) <= 2000, f"a guide has at most 2000 points, got {len(points)}")
+        need(0 <= self.strength <= 100, f"strength must be 0 to 100, got {self.strength:g}")
+        for name in ("radius", "decay"):
+            value = getattr(self, name)
+            need(0 <= value <= FAR, f"{name} must be 0 to {FAR:g} m, got {value:g}")
+        if self.goal:
+            goal_index(land, self.goal)
+        _check_on_map(land, points, "the guide")
+
+    def ground_box(self, world):
+        return "all"
+
+    def inverse(self, world):
+        return _inverse(world, "guide", self.id)
+
+    def apply(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        guide = Guide(
+            line_of(self.points), self.strength, self.radius, self.decay, self.goal, self.loop, self.name, self.id
+        )
+        _put(land.guides, guide, self.at)
+        land.navigate()
+
+
+@command
+class PlaceGoal:
+    """Place a goal, or change the one with this id.
+
+    The first goal of a world binds everybody, as a level with a goal does.  A goal that is an area moves with it.
+    """
+
+    id: int
+    name: str
+    x: float
+    y: float
+    radius: float = 5.0  # m
+    on_arrive: str = "stay"
+    next: str = ""
+    points: list = field(default_factory=list)  # the area, m; none: a point, or the area it had
+    at: int = -1  # where in the order of goals; -1: behind all others
+
+    def check(self, world):
+        land = world.resource(Landscape)
+        _check_id(self, zero=True)
+        need(self.name, "a goal needs a name")
+        there = self.there(land)
+        others = [goal.name for k, goal in enumerate(land.goals) if k != there]
+        need(self.name not in others, f"there is a goal {self.name!r} already")
+        need(0 < self.radius <= FAR, f"radius must be above 0 m, got {self.radius:g}")
+        inside = 0 <= self.x <= land.width and 0 <= self.y <= land.height
+        need(inside, _off_the_map(land, f"({self.x:g}, {self.y:g})"))
+        need(self.on_arrive in ON_ARRIVE, f"on_arrive must be one of {', '.join(ON_ARRIVE)}, got {self.on_arrive!r}")
+        names = [*others, self.name]
+        if self.on_arrive == "next":
+            need(self.next, "on_arrive is 'next', so next must name a goal")
+            need(self.next in names, f"next: there is no goal {self.next!r}{did_you_mean(self.next, names)}")
+        else:
+            need(not self.next, f"next is given, so on_arrive must be 'next', got {self.on_arrive!r}")
+        if there is not None and land.goals[there].name != self.name:
+            _check_free(land, land.goals[there].name)
+        if self.points:
+            polygon_of(self.points, "a goal")
+
+    def there(self, land):
+        """Index of the goal it takes the place of, or None."""
+        return next((k for k, goal in enumerate(land.goals) if goal.id == self.id), None)
+
+    def ground_box(self, world):
+        return "all"
+
+    def inverse(self, world):
+        return _inverse(world, "goal", self.id)
+
+    def apply(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        there, xy = self.there(land), np.array([self.x, self.y])
+        polygon = polygon_of(self.points, "a goal") if self.points else None
+        if polygon is None and there is not None and land.goals[there].polygon is not None:
+            polygon = land.goals[there].polygon + (xy - land.goals[there].xy)
+        goal = Goal(self.name, xy, self.radius, polygon, self.on_arrive, self.next, self.id)
+        if there is not None:
+            land.goals[there] = goal
+        else:
+            _insert_goal(world, land, goal, self.at)
+        land.navigate()
+
+
+def _insert_goal(world, land, goal, at):
+    bound = world.agents[Destination.goal]
+    at = at if 0 <= at < len(land.goals) else len(land.goals)
+    if land.goals:
+        bound[bound >= at] += 1
+    else:
+        bound[:] = 0
+    land.goals.insert(at, goal)
+
+
+@command
+class PlaceExit:
+    """Draw an area where animals leave the world, or change the one with this id."""
+
+    id: int
+    name: str
+    points: list
+    at: int = -1
+
+    def check(self, world):
+        _check_id(self)
+        _check_on_map(world.resource(Landscape), polygon_of(self.points, "an exit"), "the exit")
+
+    def ground_box(self, world):
+        return _thing_box(world.resource(Landscape).exits, self.id, polygon_of(self.points, "an exit"))
+
+    def inverse(self, world):
+        return _inverse(world, "exit", self.id)
+
+    def apply(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        _put(land.exits, Exit(polygon_of(self.points, "an exit"), self.name, self.id), self.at)
+        land.changed()
+
+
+@command
+class MarkSpawn:
+    """Draw an area where animals are born, or change the one with this id.
+
+    In a running world they are born at once, those with a start or a rate counted from now.  Of a spawn that is
+    changed only those are born that it has more than before.
+    """
+
+    id: int
+    name: str
+    points: list
+    brush: str
+    species: str = "animal"
+    count: int = 0
+    heading: float | None = None  # rad; None: each its own
+    speed: float | None = None  # m/s at the start; None: the brush's
+    altitude: float = 0.0  # m above ground
+    start: float = 0.0  # s
+    rate: float = 0.0  # animals per second; 0: all at once
+    formation: str = "scatter"
+    body_length: float | None = None  # m; None: the brush's
+    since: float | None = None  # s, when it was drawn; None: now
+    born: int = -1  # how many it has brought already; -1: as it is
+    at: int = -1
+
+    def check(self, world):
+        land = world.resource(Landscape)
+        _check_id(self)
+        world.resource(Palette).named(self.brush)
+        need(0 <= self.count <= MOST, f"count must be 0 to {MOST}, got {self.count}")
+        need(self.count or self.rate, "count must be at least 1, got 0")
+        need(self.species, "a species needs a name")
+        need(self.formation in FORMATIONS, f"formation must be one of {', '.join(FORMATIONS)}, got {self.formation!r}")
+        for name, most, unit in (("start", 1e7, "s"), ("rate", 1e5, "1/s"), ("altitude", FAR, "m")):
+            value = getattr(self, name)
+            need(0 <= value <= most, f"{name} must be 0 to {most:g} {unit}, got {value:g}")
+        need(self.speed is None or 0 <= self.speed <= 1000, f"speed must be 0 to 1000 m/s, got {self.speed}")
+        need(self.heading is None or abs(self.heading) <= FAR, f"heading is in radians, got {self.heading}")
+        size = self.body_length
+        need(size is None or 0 < size <= 100, f"body_length must be above 0 and at most 100 m, got {size}")
+        polygon, edge = polygon_of(self.points, "a spawn"), 1e-6 * land.cell
+        inside = (polygon >= -edge).all() and (polygon <= np.array([land.width, land.height]) + edge).all()
+        need(inside, f"the spawn reaches off the map, which is {land.width:g} x {land.height:g} m")
+
+    def ground_box(self, world):
+        return _thing_box(world.resource(Nursery).spawns, self.id, polygon_of(self.points, "a spawn"))
+
+    def due(self, nursery):
+        """How many are born when it is drawn."""
+        if self.rate or self.start:
+            return 0
+        return max(0, self.count - self.brought(nursery))
+
+    def brought(self, nursery):
+        """How many it has brought before it is drawn."""
+        there = nursery.find(self.id)
+        return self.born if self.born >= 0 else 0 if there is None else nursery.born[there]
+
+    def inverse(self, world):
+        self.check(world)
+        nursery = world.resource(Nursery)
+        newborn = list(range(world.next_entity, world.next_entity + self.due(nursery)))
+        return [*([RemoveEntities(newborn)] if newborn else []), *_inverse(world, "spawn", self.id)]
+
+    def apply(self, world):
+        self.check(world)
+        nursery = world.resource(Nursery)
+        due, brought, there = self.due(nursery), self.brought(nursery), nursery.find(self.id)
+        spawn = self.area(world, None if there is None else nursery.spawns[there])
+        total = len(world.agents) + due
+        need(total <= MOST, f"there may be at most {MOST} animals, and this would make {total}")
+        if due:
+            bear(world, spawn, due, f"spawn {self.id} {world.next_entity}")
+        if there is None:
+            nursery.put(spawn, brought + due, self.at if 0 <= self.at <= len(nursery.spawns) else None)
+        else:
+            nursery.spawns[there], nursery.born[there] = spawn, brought + due
+
+    def area(self, world, before):
+        """The spawn as the world keeps it."""
+        now = world.resource(Clock).now
+        since = self.since if self.since is not None else now if before is None else before.since
+        return SpawnArea(
+            self.id, self.name, polygon_of(self.points, "a spawn"), self.species, self.brush, self.count, self.heading,
+            self.speed, self.altitude, self.start, self.rate, self.formation, self.body_length, since,
+        )  # fmt: skip
+
+
+# taking things away -------------------------------------------------------------------
+
+
+@command
+class RemoveThing:
+    """Take a thing out of the level: an obstacle, guide, goal, exit or spawn.  The animals of a spawn stay."""
+
+    kind: str
+    id: int
+
+    def check(self, world):
+        need(self.kind in KINDS, f"there is no {self.kind!r} to remove{did_you_mean(self.kind, list(KINDS))}")
+        there = self.there(world)
+        need(there is not None, f"there is no {self.kind} {self.id} in this world")
+        if self.kind == "goal":
+            land = world.resource(Landscape)
+            _check_free(land, land.goals[there].name)
+
+    def there(self, world):
+        """Index of the thing, or None."""
+        return next((k for k, thing in enumerate(_things(world, self.kind)) if thing.id == self.id), None)
+
+    def ground_box(self, world):
+        if self.kind in ("guide", "goal"):
+            return "all"
+        there = self.there(world)
+        return None if there is None else box_of(_things(world, self.kind)[there].polygon)
+
+    def inverse(self, world):
+        self.check(world)
+        back = _inverse(world, self.kind, self.id)
+        if self.kind != "goal":
+            return back
+        bound, there = world.agents[Destination.goal], self.there(world)
+        alone = len(world.resource(Landscape).goals) == 1
+        return [*back, *goals_of(world, np.flatnonzero((bound == there) | alone))]
+
+    def apply(self, world):
+        self.check(world)
+        land, nursery, there = world.resource(Landscape), world.resource(Nursery), self.there(world)
+        if self.kind == "obstacle":
+            RemoveObstacle(id=self.id).apply(world)
+            return
+        del _things(world, self.kind)[there]
+        if self.kind == "spawn":
+            del nursery.born[there]
+        elif self.kind == "exit":
+            land.changed()
+        else:
+            if self.kind == "goal":
+                bound = world.agents[Destination.goal]
+                bound[bound == there] = -1
+                bound[bound > there] -= 1
+            land.navigate()
+
+
+def _things(world, kind):
+    """The list of the things of a kind that the world keeps."""
+    owner = world.resource(Nursery if kind == "spawn" else Landscape)
+    return getattr(owner, KINDS[kind][0])
+
+
+def _inverse(world, kind, number):
+    """The command, in a list, that puts the thing with this id back to how it is now, or away if it is not."""
+    things = _things(world, kind)
+    there = next((k for k, thing in enumerate(things) if thing.id == number), None)
+    return [RemoveThing(kind, number) if there is None else KINDS[kind][1](world, things[there], there)]
+
+
+def _draw_obstacle(world, b, at):
+    return AddObstacle(b.name, b.polygon.tolist(), b.solid, b.blocks_view, b.id, b.margin, at)
+
+
+def _draw_guide(world, g, at):
+    return DrawGuide(g.id, g.name, g.points.tolist(), *map(float, (g.strength, g.radius, g.decay)), g.goal, g.loop, at)
+
+
+def _place_goal(world, g, at):
+    points = [] if g.polygon is None else g.polygon.tolist()
+    return PlaceGoal(g.id, g.name, *g.xy.tolist(), float(g.radius), g.on_arrive, g.next, points, at)
+
+
+def _place_exit(world, e, at):
+    return PlaceExit(e.id, e.name, e.polygon.tolist(), at)
+
+
+def _mark_spawn(world, s, at):
+    born = world.resource(Nursery).born[at]
+    told = {name: value for name, value in vars(s).items() if name != "polygon"}
+    return MarkSpawn(**told, points=s.polygon.tolist(), born=born, at=at)
+
+
+KINDS = {
+    "obstacle": ("barriers", _draw_obstacle),
+    "guide": ("guides", _draw_guide),
+    "goal": ("goals", _place_goal),
+    "exit": ("exits", _place_exit),
+    "spawn": ("spawns", _mark_spawn),
+}
+
+
+def _put(things, thing, at):
+    """Put a thing in the place of the one with its id, or where it belongs in the order."""
+    there = by_id(things, thing.id)
+    if there is not None:
+        things[there] = thing
+    else:
+        things.insert(at if 0 <= at < len(things) else len(things), thing)
+
+
+def _thing_box(things, number, points):
+    there = by_id(things, number)
+    mine = box_of(points)
+    return mine if there is None else around(mine, box_of(things[there].polygon))
+
+
+def _check_id(command, zero=False):
+    need(command.id >= (0 if zero else 1), f"id must be at least 1, got {command.id}")
+
+
+def _check_on_map(land, points, what):
+    low, high = points.min(0), points.max(0)
+    off = (high < 0).any() or low[0] > land.width or low[1] > land.height
+    need(not off, _off_the_map(land, what))
+
+
+def _check_free(land, name):
+    """ValueError while somebody still names this goal."""
+    for kind, things, key in (("goal", land.goals, "next"), ("guide", land.guides, "goal")):
+        for thing in things:
+            own = kind == "goal" and thing.name == name
+            need(own or getattr(thing, key) != name, f"{kind} {thing.name!r} leads to goal {name!r}; change that first")

@@ -1,0 +1,11 @@
+"""Settings, journals and pictures of these tests, and of nobody else."""
+
+import pytest
+
+
+@pytest.fixture(autouse=True)
+def at_home(tmp_path, monkeypatch):
+    """Whatever the playground keeps for its user goes into the test's own folder."""
+    for name in ("FLOCKBRUSH_CONFIG", "FLOCKBRUSH_STATE", "FLOCKBRUSH_CACHE", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
+        monkeypatch.setenv(name, str(tmp_path / "user" / name.lower()))
+    monkeypatch.delenv("FLOCKBRUSH_SCALE", raising=False)

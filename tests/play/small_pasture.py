@@ -1,0 +1,58 @@
+"""A pasture to play in: a few sheep, a stone, a guide and a timed command; and runs of it without a session."""
+
+from behaviours.brush import shipped
+from engine.recording import first_difference, open_recording, resume
+from engine.state import state_hash
+from flockbrush.run import rebuild, start
+from levels.sketch import Sketch
+from levels.tiled import write_project
+from systems.edits import Paint
+
+
+def pasture(folder, name="pasture", sheep=9, script=True, boundary="wall"):
+    """The path of a new level, 24 x 16 m: sheep march past a stone; after a quarter second they swarm."""
+    write_project(folder, shipped())
+    sketch = Sketch(24, 16, 1.0, "tilesets", shipped().names(), boundary, 3)
+    sketch.ground("grass")
+    sketch.box("Obstacle", 16, 8, 2, 2, "stone")
+    sketch.draw("Guide", [(3, 8), (21, 8)], "way", closed=False, radius=4)
+    if sheep:
+        sketch.box("Spawn", 6, 8, 6, 6, "flock", species="sheep", brush="march", count=sheep, heading="east")
+    if script:
+        sketch.draw("Key", [(1, 1)], "loosen", at=0.25, command="SwitchBrush", brush="swarm")
+    return sketch.save(folder / f"{name}.tmj")
+
+
+def stroke(brush, x, y, radius):
+    """A dab of behaviour on the ground."""
+    return Paint("brush", brush, x, y, x, y, radius)
+
+
+def straight_run(path, commands, ticks, **options):
+    """{tick: hash} of a run without a session: these (tick, command) beside the level's script."""
+    simulation = start(path, **options)
+    for tick, cmd in commands:
+        simulation.submit(cmd, tick)
+    hashes = {0: state_hash(simulation.world)}
+    while simulation.clock.tick < ticks:
+        simulation.tick()
+        hashes[simulation.clock.tick] = state_hash(simulation.world)
+    simulation.close()
+    return hashes
+
+
+def verified(path):
+    """A recording lived again from nothing but its file; the last tick when every hash is the same."""
+    run = open_recording(path)
+    simulation = rebuild(run)
+    resume(run, simulation.world)
+    assert first_difference(run, simulation.world, simulation.tick) is None
+    simulation.close()
+    return run
+
+
+def by_hand(session, branch=None):
+    """(tick, command) of a branch without those of the level's script."""
+    branch = session.branches[branch or session.branch_name]
+    script = list(branch.script)
+    return [entry for entry in branch.commands if entry not in script]

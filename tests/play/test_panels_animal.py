@@ -1,0 +1,107 @@
+"""One animal: who it is, what it sees, and what turns it."""
+
+import numpy as np
+import pytest
+from small_pasture import pasture
+from small_window import SmallWindow
+
+from behaviours.behaviour import behaviours
+from components import Heading, Role, Velocity
+from flockbrush.play.panels.animal import AnimalPanel, compass, facts_of, pulls_of, row_of, turning
+from systems.commands import RemoveAnimals, SwitchBrush
+from systems.explain import explain
+
+
+@pytest.fixture(scope="module")
+def level(tmp_path_factory):
+    return pasture(tmp_path_factory.mktemp("watched"))
+
+
+@pytest.fixture
+def window(level):
+    made = SmallWindow(level, AnimalPanel)
+    made.session.step(24)
+    yield made
+    made.close()
+
+
+def select(window, row=0):
+    window.selected = int(window.session.simulation.agents.ids[row])
+    window.wait()
+    return window.selected
+
+
+def test_nobody_is_selected_at_first_and_the_panel_says_what_to_do(window):
+    assert window.panel.pictures.keys() == {"nobody"}
+    assert "select tool" in window.panel.pictures["nobody"].said[0][1]
+
+
+def test_the_panel_shows_the_selected_animal(window):
+    empty = window.picture().copy()
+    select(window)
+    assert window.panel.pictures.keys() == {"facts", "pulls"}
+    assert (window.picture() != empty).any()
+
+
+def test_the_facts_are_those_of_the_world(window):
+    agents, row = window.session.simulation.agents, 3
+    window.session.do("back", [SwitchBrush("march")])
+    window.session.step(4)
+    facts = dict(facts_of(window.session, row))
+    assert facts["speed"].startswith(f"{np.linalg.norm(agents[Velocity.xyz][row]):.2f} m/s")
+    assert facts["role"] == ("leader" if agents[Role.leader][row] else "follower")
+    assert facts["brush"].startswith("march, ") and facts["brush"].endswith(" % (from swarm)")
+    x, y = agents[Heading.forward][row, :2]
+    assert facts["faces"].endswith(compass(x, y))
+
+
+def test_what_each_force_adds_comes_to_the_turn(window):
+    session = window.session
+    session.step(64)  # the change of brush is over
+    for row in range(len(session.simulation.agents)):
+        entity, dt = int(session.simulation.agents.ids[row]), session.clock.dt
+        found = explain(session.simulation.world, entity)
+        pulls, total = pulls_of(found, dt), sum(v for _, v in found.terms)
+        (fx, fy), size = found.forward, np.hypot(*total)
+        assert sum(pulls.values()) == pytest.approx(np.degrees((fx * total[1] - fy * total[0]) / dt), abs=1e-6)
+        assert np.sin(found.turn) * size == pytest.approx(np.radians(sum(pulls.values()) * dt), abs=1e-6)
+
+
+def test_an_animal_that_is_gone_is_said_to_be_gone(window):
+    entity = select(window)
+    window.session.do("away", [RemoveAnimals(0.0, 0.0, 0.0)])
+    window.wait()
+    assert f"Animal {entity} is no longer there." in window.panel.pictures["nobody"].said[0]
+
+
+def test_the_buttons_lead_to_the_reference_bird_and_to_nobody(window):
+    from components import ReferenceBird
+
+    agents = window.session.simulation.agents
+    row = int(np.flatnonzero(agents[ReferenceBird.entity] > 0)[0])
+    bird = int(agents[ReferenceBird.entity][row])
+    select(window, row)
+    window.click(window.panel.buttons["reference"])
+    assert window.selected == bird
+    window.wait()
+    window.click(window.panel.buttons["nobody"])
+    assert window.selected is None
+    assert window.panel.pictures.keys() == {"nobody"}
+
+
+def test_rows_are_found_by_id(window):
+    session = window.session
+    ids = session.simulation.agents.ids
+    assert [row_of(session, int(entity)) for entity in ids] == list(range(len(ids)))
+    assert row_of(session, None) is row_of(session, 0) is row_of(session, 10**9) is None
+
+
+def test_turns_in_words():
+    assert turning(np.radians(40)) == "Together: left, 40°/s"
+    assert turning(np.radians(-40), np.radians(20)) == "Together: right, 20°/s, as fast as it can"
+    assert turning(0.0) == "Together: keeps its way"
+    assert [compass(*v) for v in ((1, 0), (0, 1), (-1, -1), (1, -0.9))] == ["east", "north", "south-west", "south-east"]
+
+
+def test_every_shipped_model_tells_its_forces():
+    assert [name for name, model in behaviours().items() if model.explain is None] == []

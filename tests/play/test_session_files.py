@@ -1,0 +1,418 @@
+"""What a designer does to a level: undone and done again, saved, reloaded, and never lost."""
+
+import errno
+import os
+import shutil
+import subprocess
+
+import pytest
+from small_pasture import by_hand, pasture, straight_run, stroke, verified
+
+from behaviours.brush import shipped
+from behaviours.problems import ProblemsError
+from components import BrushBinding
+from engine.state import state_hash
+from flockbrush.cli import called
+from flockbrush.play.history import History
+from flockbrush.play.session import Session
+from levels.reader import read_level
+from levels.writer import Document
+from systems.commands import AddAnimals, AddObstacle, RemoveAnimals, SetParameter
+from systems.edits import DrawGuide, MarkSpawn
+from systems.palette import Palette
+
+
+@pytest.fixture
+def level(tmp_path):
+    return pasture(tmp_path / "levels", script=False)
+
+
+@pytest.fixture
+def session(level, tmp_path):
+    made = Session.open(level, state_folder=tmp_path / "state")
+    yield made
+    made.close()
+
+
+def texts(session):
+    return [notice.text for notice in session.notices()]
+
+
+def brushes(session):
+    """Names of the brushes that animals have, by entity."""
+    names = session.names()[1]
+    binding = session.simulation.agents[BrushBinding.brush]
+    return dict(zip(session.simulation.agents.ids.tolist(), [names[k] for k in binding], strict=True))
+
+
+def rock(number=0):
+    return AddObstacle("rock", [[3, 3], [4, 3], [4, 4], [3, 4]], id=number)
+
+
+# undo and redo --------------------------------------------------------------------
+
+
+def test_a_stroke_changes_sheep_and_level_and_undo_takes_it_back(session):
+    before = session.editor.text()
+    assert session.undo_label is None and not session.undo()
+    for x in (5, 6, 7):
+        assert session.do("paint swarm", [stroke("graze" if x < 0 else "march", x, 8, 3)], join="stroke 1")
+    assert session.undo_label == "paint swarm" and session.dirty
+    painted = session.editor.text()
+    assert session.undo() and session.editor.text() == before and not session.dirty
+    assert session.undo_label is None and session.redo_label == "paint swarm"
+    assert session.redo() and session.editor.text() == painted
+    assert not session.redo() and texts(session) == []
+
+
+def test_painted_sheep_take_up_the_brush_and_after_undo_their_own(tmp_path):
+    level = pasture(tmp_path, script=True)  # loosened after a quarter second, so that the palette has two brushes
+    session = Session.open(level, state_folder=tmp_path / "state")
+    session.do("paint", [stroke("swarm", 6, 8, 6)])
+    session.step(2)
+    assert set(brushes(session).values()) == {"swarm"}
+    session.undo()
+    session.step(2)
+    assert set(brushes(session).values()) == {"march"}
+    session.close()
+
+
+def test_animals_that_come_back_are_the_same_animals(session):
+    session.do("add", [AddAnimals("march", 4, 12, 2, 3, "sheep")])
+    session.step(3)
+    ids, xyz = session.moment.ids.copy(), session.moment.xyz.copy()
+    session.undo()
+    assert len(session.moment) == 9
+    session.redo()
+    assert session.moment.ids.tolist() == ids.tolist() and (session.moment.xyz == xyz).all()
+
+
+def test_undo_while_time_goes_on_is_the_run_of_these_edits(session, level):
+    session.step(3)
+    session.do("rock", [rock(session.editor.new_id())])
+    session.step(3)
+    session.undo()
+    session.step(3)
+    session.redo()
+    session.step(3)
+    session.do("remove", [RemoveAnimals(6, 8, 2)])
+    session.step(2)
+    session.undo()
+    session.step(6)
+    assert len(session.moment) == 9 and texts(session) == []
+    assert session.timeline.current.hashes == straight_run(level, by_hand(session), 20)
+
+
+def test_undo_in_the_past_is_another_course_of_events(session):
+    session.do("rock", [rock(session.editor.new_id())])
+    session.step(4)
+    session.do("add", [AddAnimals("march", 4, 12, 2, 3, "sheep")])
+    session.step(4)
+    session.scrub(2)
+    assert session.undo()  # the rock: the animals are not there yet
+    assert session.branch_name == "pasture-2" and session.undo_label is None and not session.dirty
+    assert session.redo_label == "rock"
+    session.step(2)
+    session.switch("pasture")
+    assert session.undo_label == "add" and session.dirty and len(session.moment) == 12
+
+
+def test_undo_of_nothing_in_the_past_begins_no_branch(session):
+    session.step(4)
+    session.do("rock", [rock()])
+    session.scrub(2)
+    assert not session.undo()
+    assert list(session.branches) == ["pasture"] and session.in_past
+
+
+def test_undo_goes_on_where_the_herd_cannot_follow(session, monkeypatch):
+    session.do("rock", [rock(session.editor.new_id())])
+    before = session.editor.text()
+    session.do("guide", [DrawGuide(session.editor.new_id(), "way", [[2, 2], [9, 2]])])
+    monkeypatch.setattr(session.editor._done[-1], "back", [RemoveAnimals(6, 8, 1, "cow")])
+    assert session.undo() and session.editor.text() == before
+    assert "taken back in the level; the herd cannot follow: there is no species 'cow'" in texts(session)[0]
+
+
+def test_an_edit_the_file_cannot_take_changes_nothing(session):
+    here, before = state_hash(session.simulation.world), session.editor.text()
+    assert not session.do("goal", [DrawGuide(session.editor.new_id(), "way", [[2, 2]])])
+    assert len(texts(session)) == 1
+    assert state_hash(session.simulation.world) == here and session.editor.text() == before
+    assert session.undo_label is None
+
+
+# branches and beginnings ---------------------------------------------------------------
+
+
+def test_every_branch_has_its_own_level(session):
+    session.do("rock", [rock(session.editor.new_id())])
+    one = session.editor.text()
+    session.step(4)
+    session.do("paint", [stroke("march", 8, 8, 2)])
+    two = session.editor.text()
+    session.step(4)
+    session.scrub(2)
+    assert session.editor.text() == two  # looking back changes nothing
+    session.branch("other")
+    assert session.editor.text() == one
+    session.switch("pasture")
+    assert session.editor.text() == two
+    assert session.save()
+    session.switch("other")
+    assert session.dirty  # the file is the other branch's
+
+
+def test_a_run_begins_anew_with_what_was_painted_and_tuned(session):
+    session.step(5)
+    session.do("rock", [rock(session.editor.new_id())])
+    session.do("spawn", [MarkSpawn(session.editor.new_id(), "more", [[2, 12], [6, 12], [6, 15], [2, 15]], "march",
+                                   "sheep", 4)])  # fmt: skip
+    session.do("tune", [SetParameter("march", "cohesion_weight", 0.25)])
+    session.step(5)
+    session.ground_changes()
+    world, label = session.simulation, session.undo_label
+    session.restart()
+    assert session.tick == 0 and session.simulation is not world and list(session.branches) == ["pasture", "pasture-2"]
+    assert "rock" in [barrier.name for barrier in session.level.obstacles] or len(session.level.obstacles) == 2
+    assert len(session.moment) == 13 and session.ground_changes() == ["all"]
+    brush = session.simulation.world.resource(Palette).brushes[0]
+    assert brush.name == "march" and brush.parameters["cohesion_weight"] == 0.25
+    assert session.undo_label == label and session.dirty
+    session.step(5)
+    assert session.undo() and session.undo()
+    session.step(2)
+    assert texts(session) == []
+
+
+def test_a_restarted_run_is_a_recording_of_its_own(session, tmp_path):
+    session.do("paint", [stroke("graze", 6, 8, 3)]) if "graze" in session.names()[1] else None
+    session.do("rock", [rock(session.editor.new_id())])
+    session.step(4)
+    session.restart()
+    session.step(6)
+    session.do("tune", [SetParameter("march", "cohesion_weight", 0.25)])
+    session.step(3)
+    session.restart()
+    session.step(3)
+    assert session.export_recording(tmp_path / "third.flock")
+    assert verified(tmp_path / "third.flock").last_tick == 3
+    session.switch("pasture-2")
+    assert session.export_recording(tmp_path / "second.flock")
+    assert verified(tmp_path / "second.flock").last_tick == 9
+
+
+def test_a_run_of_more_animals_than_the_map_holds_can_be_painted_but_not_saved(level, tmp_path):
+    session = Session.open(level, agents=300, state_folder=tmp_path / "state")
+    assert isinstance(session.editor, History) and "the map had to grow for 300 animals" in texts(session)[0]
+    session.do("paint", [stroke("march", 8, 8, 2)], join="s")
+    session.do("paint", [stroke("march", 9, 8, 2)], join="s")
+    session.step(2)
+    assert session.undo() and session.undo_label is None and session.redo_label == "paint"
+    assert session.redo() and session.undo_label == "paint" and not session.dirty
+    assert not session.save() and "the map had to grow" in texts(session)[0]
+    session.step(2)
+    session.scrub(1)
+    session.branch()
+    assert session.undo_label == "paint" or session.redo_label == "paint"
+    session.restart()
+    session.close()
+
+
+def test_an_infinite_map_plays_and_is_not_edited(level, tmp_path):
+    text = level.read_text().replace('"infinite":false', '"infinite":true')
+    other = level.with_name("endless.tmj")
+    document = Document.load(level)
+    document.data["infinite"] = True
+    for layer in document.data["layers"]:
+        if layer["type"] == "tilelayer":
+            data = layer.pop("data")
+            layer["chunks"] = [{"data": data, "x": 0, "y": 0, "width": layer["width"], "height": layer["height"]}]
+            layer.pop("compression", None), layer.pop("encoding", None)
+    assert text and document.save(other)
+    session = Session.open(other, state_folder=tmp_path / "state")
+    session.step(3)
+    assert session.tick == 3 and "an infinite map cannot be edited here" in texts(session)[0]
+    session.close()
+
+
+# saving -----------------------------------------------------------------------------------
+
+
+def test_what_was_saved_is_read_again(session, level):
+    session.do("paint", [stroke("march", 8, 8, 2)])
+    session.do("rock", [rock(session.editor.new_id())])
+    before = level.read_bytes()
+    assert session.save() == level and not session.dirty and session.changed_on_disk() == ""
+    assert level.with_name("pasture.tmj.bak").read_bytes() == before
+    saved = read_level(level)
+    assert "rock" in [o.name for o in saved.obstacles] and saved.brush_layers
+    assert session.undo() and session.dirty
+
+
+def test_a_level_saved_in_another_folder_has_all_it_needs(session, tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    mine = shipped().get("march").model_copy(update={"name": "mine"})
+    assert session.save_brush(mine) == session.path.parent / "brushes" / "mine.brush.toml"
+    assert "mine" in session.library.names()
+    from systems.taking_back import UseBrush
+
+    session.do("use", [UseBrush("mine", mine.source.decode())])
+    session.do("paint", [stroke("mine", 8, 8, 2)])
+    to = tmp_path / "elsewhere" / "walk.tmj"
+    assert session.save(to) == to and session.path == to, texts(session)
+    assert any("mine" in layer.assets for layer in read_level(to).brush_layers)
+    again = Session.open(to, state_folder=tmp_path / "state")
+    again.step(2)
+    again.close()
+
+
+def test_a_brush_is_not_replaced_unasked(session):
+    mine = shipped().get("march").model_copy(update={"name": "mine"})
+    assert session.save_brush(mine) and session.save_brush(mine) is None
+    assert "is there already" in texts(session)[0]
+    assert session.save_brush(mine, overwrite=True)
+
+
+def test_a_shipped_level_stays_as_it_is(tmp_path):
+    session = Session.open("meadow", agents=20, state_folder=tmp_path / "state")
+    assert session.save() is False and "comes with Flockbrush" in texts(session)[0]
+    with pytest.raises(ProblemsError, match="save it elsewhere first"):
+        session.brush_folder()
+    session.close()
+
+
+@pytest.mark.parametrize("where", ["os.fsync", "os.replace"])
+def test_a_full_disk_loses_nothing(session, level, monkeypatch, where):
+    session.do("rock", [rock(session.editor.new_id())])
+    before, text = level.read_bytes(), session.editor.text()
+
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(where, full)
+    assert session.save() is False
+    monkeypatch.undo()
+    (text_told,) = texts(session)
+    assert "No space left on device" in text_told and "nothing of your work is lost" in text_told
+    assert "pasture.tmj" in text_told
+    assert level.read_bytes() == before and session.dirty and session.editor.text() == text
+    assert not [p for p in level.parent.iterdir() if p.name.startswith(".")]
+    assert session.save() and read_level(level)
+
+
+def test_a_disk_that_is_really_full_loses_nothing(session, tmp_path):
+    small = tmp_path / "small"
+    small.mkdir()
+    if (
+        not shutil.which("mount")
+        or subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", "size=16k", "tmpfs", small], capture_output=True, check=False
+        ).returncode
+    ):
+        pytest.skip("no small disk can be mounted here")
+    try:
+        assert session.save(small / "walk.tmj") is False
+        assert "nothing of your work is lost" in texts(session)[0] and session.path.name == "pasture.tmj"
+    finally:
+        subprocess.run(["umount", small], check=True)
+
+
+# other programs -----------------------------------------------------------------------------
+
+
+def touched(level, seed):
+    """Another program changes the level's seed."""
+    document = Document.load(level)
+    document.set_map_property("seed", seed)
+    document.save(backup=False)
+
+
+def test_a_level_that_another_program_wrote_is_noticed(session, level):
+    assert session.changed_on_disk() == ""
+    os.utime(level, (1, 1))
+    assert session.changed_on_disk() == ""  # touched, but the same
+    touched(level, 77)
+    assert session.changed_on_disk() == "changed" == session.changed_on_disk()
+    level.unlink()
+    assert session.changed_on_disk() == "deleted"
+
+
+def test_taking_the_other_version_keeps_mine(session, level):
+    session.do("rock", [rock(session.editor.new_id())])
+    session.step(3)
+    mine = session.editor.text()
+    touched(level, 77)
+    assert session.reload()
+    assert session.level.seed == 77 and session.tick == 0 and not session.dirty and session.changed_on_disk() == ""
+    assert level.with_name("pasture.tmj.mine.bak").read_text() == mine
+    assert "kept as pasture.tmj.mine.bak" in texts(session)[0]
+    assert session.undo_label is None
+    session.switch("pasture")
+    assert session.editor.text() == mine and session.tick == 3
+
+
+def test_keeping_mine_keeps_the_other_version(session, level):
+    session.do("rock", [rock(session.editor.new_id())])
+    touched(level, 77)
+    theirs = level.read_bytes()
+    assert session.reload("mine") and session.changed_on_disk() == "" and session.dirty
+    assert session.save() and session.save()
+    assert level.with_name("pasture.tmj.theirs.bak").read_bytes() == theirs
+    assert read_level(level).seed == 3
+
+
+def test_a_broken_version_is_not_taken(session, level):
+    session.do("rock", [rock(session.editor.new_id())])
+    level.write_text('{"type": "map"')
+    assert not session.reload()
+    (text,) = texts(session)
+    assert "pasture.tmj:1" in text and "stays as it is" in text
+    assert session.undo_label == "rock" and session.changed_on_disk() == "changed"
+
+
+def test_a_level_deleted_while_open_can_be_saved_again(session, level):
+    session.do("rock", [rock(session.editor.new_id())])
+    level.unlink()
+    assert not session.reload() and texts(session)
+    session.step(2)
+    session.restart()
+    assert session.reload("mine") and session.dirty and session.changed_on_disk() == ""
+    assert session.save() == level and "rock" in [o.name for o in read_level(level).obstacles]
+
+
+def test_a_folder_deleted_while_open_loses_nothing(session, level, tmp_path):
+    session.do("rock", [rock(session.editor.new_id())])
+    shutil.rmtree(level.parent)
+    session.restart()
+    session.step(3)
+    assert session.tick == 3 and len(session.level.obstacles) == 2
+    assert session.save() is False and "nothing of your work is lost" in texts(session)[-1]
+    level.parent.mkdir()
+    assert session.save() == level and len(read_level(level).obstacles) == 2
+    (tmp_path / "new").mkdir()
+    assert session.save(tmp_path / "new" / "pasture.tmj"), texts(session)
+    assert len(read_level(tmp_path / "new" / "pasture.tmj").obstacles) == 2
+
+
+# recordings ------------------------------------------------------------------------------------
+
+
+def test_a_run_and_its_branches_are_recorded_where_one_says(level, tmp_path):
+    session = Session.open(level, record=tmp_path / "walk.flock", state_folder=tmp_path / "state")
+    session.step(6)
+    session.scrub(3)
+    session.do("rock", [rock(session.editor.new_id())])
+    session.step(2)
+    session.close()
+    assert sorted(path.name for path in tmp_path.glob("*.flock")) == ["walk-2.flock", "walk.flock"]
+    assert verified(tmp_path / "walk.flock").last_tick == 6
+    assert verified(tmp_path / "walk-2.flock").last_tick == 5
+    assert called(["replay", str(tmp_path / "walk-2.flock"), "--verify"]) == 0  # as a designer would
+
+
+def test_a_recording_that_cannot_be_written_is_said(session, tmp_path):
+    session.step(2)
+    assert not session.export_recording(tmp_path / "nowhere" / "walk.flock")
+    assert "No such file" in texts(session)[0]
+    assert session.export_recording(tmp_path / "walk.flock") and "wrote" in texts(session)[0]

@@ -1,0 +1,517 @@
+"""The window itself: keys, time, files, sizes, and what goes wrong."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pygame
+import pytest
+from small_pasture import pasture
+from window import Window
+
+from flockbrush.cli import called
+from flockbrush.play.dialogs import Dialog
+from flockbrush.play.keys import ACTIONS, BY_KEY, key_of, shown
+from flockbrush.play.session import Session
+from flockbrush.play.tools import TOOLS
+
+HOUSE = Path(__file__).parents[2]
+
+
+@pytest.fixture(autouse=True)
+def at_home(tmp_path, monkeypatch):
+    """Settings, pictures and journals of nobody else."""
+    for name in ("FLOCKBRUSH_CONFIG", "FLOCKBRUSH_CACHE", "FLOCKBRUSH_STATE"):
+        monkeypatch.setenv(name, str(tmp_path / name))
+    monkeypatch.delenv("FLOCKBRUSH_SCALE", raising=False)
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def window(tmp_path):
+    window = Window(pasture(tmp_path, script=False))
+    window.set_size(1.5)
+    yield window
+    window.close()
+
+
+# the first half minute -----------------------------------------------------------------
+
+
+def test_it_opens_with_a_brush_in_hand_that_does_something_new(window):
+    assert window.tool.name == "brush" and window.brush not in window.behaviour()
+    assert window.hint.said.startswith("Drag over the ground")
+
+
+def test_the_legend_names_behaviours_and_leaders(window):
+    window.session.play()
+    window.frames(12)
+    names = [name for name, *_ in window.legend._said[0]]
+    assert "march" in names and any(name.startswith("leader") for name in names)
+
+
+def test_the_brush_that_was_asked_for_is_in_hand(tmp_path):
+    window = Window(pasture(tmp_path), brush="graze")
+    assert window.brush == "graze"
+    window.close()
+
+
+def test_an_unknown_brush_is_refused_with_what_was_meant(tmp_path):
+    with pytest.raises(LookupError, match="did you mean 'graze'"):
+        Window(pasture(tmp_path), brush="grase")
+
+
+# paint, undo, save, open again ------------------------------------------------------------
+
+
+def test_what_is_painted_is_saved_and_found_again(window, tmp_path):
+    before = json.loads(Path("pasture.tmj").read_text())
+    window.choose("brush", "graze")
+    window.drag((3, 5), (9, 5), (9, 11), (3, 11))
+    window.session.play()
+    window.frames(4)
+    assert "graze" in window.behaviour()
+    window.key("ctrl+s")
+    assert window.said("error") == [] and not window.session.dirty
+    painted = window.land.brush.copy()
+    again = Session.open(tmp_path / "pasture.tmj")
+    from systems.landscape import Landscape
+
+    assert np.array_equal(again.simulation.world.resource(Landscape).brush >= 0, painted >= 0)
+    again.close()
+    after = json.loads(Path("pasture.tmj").read_text())
+    assert after != before and {layer["name"] for layer in before["layers"]} <= {x["name"] for x in after["layers"]}
+
+
+def test_undo_and_redo_by_their_buttons(window):
+    window.choose("brush", "graze")
+    window.drag((12, 3), (14, 3))
+    window.frames(8)
+    window.push(window.top.buttons["undo"])
+    assert window.painted((13, 3)) is None
+    window.frames(8)
+    window.push(window.top.buttons["redo"])
+    assert window.painted((13, 3)) == "graze"
+
+
+def test_nothing_to_undo_is_said(window):
+    window.key("ctrl+z")
+    assert window.said() == ["there is nothing to undo"]
+
+
+def test_a_shipped_level_is_saved_elsewhere(tmp_path):
+    window = Window("meadow")
+    window.drag((20, 20), (24, 20))
+    window.key("ctrl+s")
+    assert isinstance(window.dialog, Dialog)
+    window.dialog.entry.set_text(str(tmp_path / "mine"))
+    window.key("return")
+    assert (tmp_path / "mine.tmj").is_file() and window.said("error") == []
+    window.close()
+
+
+def test_quitting_with_unsaved_changes_asks_first(window):
+    window.drag((12, 3), (14, 3))
+    window.post(pygame.QUIT)
+    assert window.running and window.dialog is not None
+    window.key("escape")
+    window.frames(2)
+    assert window.running and window.session.dirty
+    window.key("ctrl+q")
+    save, leave, cancel = window.dialog.answers
+    window.push(leave)
+    assert not window.running
+
+
+def test_quitting_without_changes_just_quits(window):
+    window.key("ctrl+q")
+    assert not window.running
+
+
+def test_a_level_that_changes_on_disk_may_be_read_again(window):
+    path = Path("pasture.tmj")
+    path.write_text(path.read_text().replace('"stone"', '"menhir"'))
+    window.frames(40)
+    assert window.dialog is not None
+    window.key("return")
+    window.frames(2)
+    assert [barrier.name for barrier in window.land.barriers] == ["menhir"]
+
+
+def settle(window, tick):
+    """Let the window go to a tick; on a busy machine that takes some frames."""
+    for _ in range(200):
+        if window.session.tick == tick:
+            break
+        window.frames(1)
+
+
+# time -----------------------------------------------------------------------------------
+
+
+def test_space_plays_and_pauses(window):
+    window.key("space")
+    window.frames(8)
+    assert window.session.playing and window.session.tick > 4
+    window.key("space")
+    tick = window.session.tick
+    window.frames(4)
+    assert not window.session.playing and window.session.tick == tick
+
+
+def test_single_steps_go_forth_and_back(window):
+    for key in (".", ".", ".", ","):
+        window.key(key)
+    assert (window.session.tick, window.session.last_tick) == (2, 3)
+
+
+def test_the_rate_goes_from_a_quarter_to_eight(window):
+    rates = []
+    for key in "-----++++++++":
+        window.key(key)
+        rates.append(window.session.rate)
+    assert min(rates) == 0.25 and max(rates) == rates[-1] == 8
+
+
+def test_the_past_is_looked_at_by_dragging_along_the_strip(window):
+    window.session.play()
+    window.frames(40)
+    window.key("space")
+    there = window.standing()
+    strip = window.timebar.strip
+    end = strip.x + round(window.session.last_tick / window.timebar._span() * strip.width)
+    window.post(pygame.MOUSEBUTTONDOWN, pos=(end, strip.centery), button=1)
+    window.post(pygame.MOUSEMOTION, pos=(strip.x, strip.centery), rel=(-9, 0), buttons=(1, 0, 0))
+    window.post(pygame.MOUSEBUTTONUP, pos=(strip.x, strip.centery), button=1)
+    settle(window, 0)
+    assert window.session.tick == 0 and not np.allclose(window.standing(), there)
+    window.key("end")
+    settle(window, window.session.last_tick)
+    assert np.array_equal(window.standing(), there)
+
+
+def test_painting_in_the_past_begins_a_branch_that_the_menu_shows(window):
+    window.session.play()
+    window.frames(20)
+    window.scrub(4)
+    settle(window, 4)
+    window.drag((12, 3), (14, 3))
+    window.frames(8)
+    assert len(window.session.branches) == 2 and len(window.timebar._branches[0]) == 2
+    old = next(name for name in window.session.branches if name != window.branch_name())
+    window.switch(old)
+    window.frames(2)
+    assert window.painted((13, 3)) is None
+
+
+def test_restart_keeps_what_was_painted(window):
+    window.choose("brush", "graze")
+    window.drag((12, 3), (14, 3))
+    window.session.play()
+    window.frames(10)
+    window.key("ctrl+r")
+    window.frames(1)
+    assert window.session.tick <= 5 and window.painted((13, 3)) == "graze"
+
+
+# the view -------------------------------------------------------------------------------
+
+
+def test_the_wheel_zooms_about_the_mouse(window):
+    here = (16.0, 8.0)
+    position = window.at(here)
+    window.canvas.zoom(1.2**3, position)
+    assert np.allclose(window.canvas.metres(position), here, atol=0.05)
+    assert window.canvas.camera.scale > 1.5 * window.canvas.home.scale
+
+
+def test_ctrl_and_the_wheel_change_the_size_of_the_brush(window, monkeypatch):
+    size = window.size
+    monkeypatch.setattr(pygame.key, "get_mods", lambda: pygame.KMOD_LCTRL)
+    window.post(pygame.MOUSEWHEEL, x=0, y=1, precise_y=1.0)
+    assert window.size > size
+
+
+@pytest.mark.parametrize("how", ["middle", "space"])
+def test_the_view_is_moved_by_dragging(window, how):
+    before, sheep = window.canvas.camera.centre, window.standing()
+    if how == "space":
+        window.post(pygame.KEYDOWN, key=pygame.K_SPACE, mod=0, unicode=" ")
+    window.press((12, 8), button=1 if how == "space" else 2)
+    window.move((12, 8), rel=(40, 0))
+    window.release((12, 8), button=1 if how == "space" else 2)
+    if how == "space":
+        window.post(pygame.KEYUP, key=pygame.K_SPACE, mod=0)
+    assert window.canvas.camera.centre[0] < before[0] and not window.session.playing
+    assert np.array_equal(window.standing(), sheep) and window.painted((12, 8)) is None
+    window.key("home")
+    assert window.canvas.camera == window.canvas.home
+
+
+# all keys ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("action", ACTIONS, ids=lambda action: action.name)
+def test_every_key_does_something_and_nothing_breaks(window, action, monkeypatch):
+    monkeypatch.setattr(pygame.display, "toggle_fullscreen", lambda: None)
+    for key in action.keys:
+        window.key(key)
+        window.frames(2)
+        if window.dialog is not None:
+            window.key("escape")
+    window.end_video()
+    assert [text for text in window.said() if "did not work" in text] == []
+
+
+def test_no_key_means_two_things():
+    keys = [key for action in ACTIONS for key in action.keys] + [tool.key for tool in TOOLS]
+    assert len(keys) == len(set(keys)) == len(BY_KEY) + len(TOOLS)
+
+
+def test_every_button_says_what_it_does(window):
+    for button, action in window.buttons.items():
+        assert action.tip in button.tool_tip_text and action.title in button.tool_tip_text
+    assert {"play", "step", "restart", "undo", "redo", "save", "video", "screenshot", "help"} <= {
+        action.name for action in window.buttons.values()
+    }
+
+
+def test_the_help_page_has_every_key(window):
+    from flockbrush.play.help import columns, escaped
+
+    page = " ".join(columns(window.theme, 2))
+    for key, title in [(action.keys[0], action.title) for action in ACTIONS] + [(t.key, t.title) for t in TOOLS]:
+        assert escaped(title) in page and f"<b>{escaped(shown(key))}" in page
+    window.key("f1")
+    assert window.help.alive()
+    window.key("escape")
+    assert not window.help.alive()
+
+
+def test_signs_are_taken_as_printed_wherever_they_lie():
+    bracket = pygame.event.Event(pygame.KEYDOWN, key=pygame.K_8, mod=pygame.KMOD_RALT, unicode="[")
+    assert key_of(bracket) == "["
+    undo = pygame.event.Event(pygame.KEYDOWN, key=pygame.K_z, mod=pygame.KMOD_LCTRL | pygame.KMOD_LSHIFT, unicode="")
+    assert key_of(undo) == "ctrl+shift+z" and shown("ctrl+shift+z") == "Ctrl+Shift+Z"
+
+
+def test_letters_that_are_typed_into_a_field_take_no_tool(window):
+    window.key("ctrl+e")
+    window.post(pygame.KEYDOWN, key=pygame.K_v, mod=0, unicode="v")
+    window.post(pygame.TEXTINPUT, text="v")
+    assert window.tool.name == "brush" and window.dialog.entry.get_text().endswith("v")
+
+
+# pictures -----------------------------------------------------------------------------------
+
+
+def test_a_screenshot_is_the_window(window):
+    window.key("f12")
+    (path,) = Path().glob("flockbrush-pasture-*.png")
+    assert pygame.image.load(path).get_size() == window.screen.get_size()
+
+
+def test_a_video_is_recorded_while_one_plays(window):
+    import av
+
+    window.key("f9")
+    window.session.play()
+    window.frames(20)
+    window.resize((700, 500))
+    window.frames(10)
+    window.key("f9")
+    (path,) = Path().glob("flockbrush-pasture-*.mp4")
+    assert str(path) in window.said()[-1]
+    with av.open(str(path)) as file:
+        assert sum(1 for _ in file.decode(video=0)) + 2 >= 10
+
+
+def test_a_disk_that_refuses_the_video_is_told(window, monkeypatch):
+    import flockbrush.draw
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(flockbrush.draw.Video, "write", full)
+    window.key("f9")
+    window.frames(30)
+    window.key("f9")
+    assert "No space left" in window.said("error")[-1]
+
+
+# sizes and bad use ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [(200, 200), (200, 600), (420, 300), (900, 600), (1920, 1080)])
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_a_window_of_any_size_is_drawn(tmp_path, size, theme):
+    window = Window(pasture(tmp_path), size, theme=theme)
+    window.drag((12, 3), (14, 3))
+    window.key("f1")
+    window.frames(2)
+    window.key("escape")
+    window.frames(2)
+    assert window.said("error") == [] and window.screen.get_size() == size
+    window.close()
+
+
+def test_parts_stand_beside_each_other():
+    from flockbrush.play.layout import places
+
+    for size in [(200, 120), (320, 200), (640, 480), (900, 600), (1280, 720), (1920, 1080), (3840, 2160)]:
+        for scale in (0.8, 1.0, 1.5, 3.0):
+            place = places(size, scale)
+            parts = [p for p in vars(place).values() if p is not None]
+            assert sum(p.width * p.height for p in parts) == size[0] * size[1], (size, scale)
+            assert all(a is b or not a.colliderect(b) for a in parts for b in parts), (size, scale)
+
+
+def test_a_stroke_ends_when_the_window_loses_the_mouse(window):
+    window.choose("brush", "graze")
+    window.press((12, 3))
+    window.move((14, 3))
+    window.post(pygame.WINDOWFOCUSLOST)
+    window.move((20, 3))
+    assert window.painted((14, 3)) == "graze" and window.painted((20, 3)) is None
+    window.key("ctrl+z")
+    assert window.painted((14, 3)) is None
+
+
+def test_a_stroke_survives_a_change_of_size(window):
+    window.choose("brush", "graze")
+    window.press((12, 3))
+    window.move((14, 3))
+    window.post(pygame.VIDEORESIZE, size=(760, 520), w=760, h=520)
+    window.move((20, 3))
+    window.release((20, 3))
+    assert window.painted((14, 3)) == "graze" and window.said("error") == []
+
+
+def test_the_theme_is_remembered(window, tmp_path):
+    window.key("f2")
+    assert window.theme.name == "dark"
+    other = Window(pasture(tmp_path, "other"), theme=None)
+    assert other.theme.name == "dark"
+    other.close()
+
+
+def test_columns_can_be_hidden(window):
+    width = window.canvas.rect.width
+    window.key("f3")
+    assert window.canvas.rect.width > width and window.toolbox is None and window.column is None
+    window.key("g")
+    window.key("f3")
+    assert window.canvas.rect.width == width
+
+
+def test_words_can_be_read_on_what_they_stand():
+    from flockbrush.draw.style import THEMES
+    from flockbrush.play.theme import chrome
+
+    def light(colour):
+        parts = [(c / 255 / 12.92 if c < 10 else ((c / 255 + 0.055) / 1.055) ** 2.4) for c in colour]
+        return 0.2126 * parts[0] + 0.7152 * parts[1] + 0.0722 * parts[2]
+
+    def contrast(a, b):
+        low, high = sorted((light(a), light(b)))
+        return (high + 0.05) / (low + 0.05)
+
+    for theme in THEMES.values():
+        c = chrome(theme)
+        for ink in (c.ink, c.muted, c.accent):
+            assert all(contrast(ink, paper) >= 4.5 for paper in (c.panel, c.bar, c.raised)), (theme.name, ink)
+        assert contrast(c.on_accent, c.accent) >= 4.5
+
+
+def test_messages_come_count_and_go(window):
+    for _ in range(3):
+        window.notify("pasture.tmj:3: object 12 'herd A': " + "long " * 60, "error")
+    (toast,) = window.toasts.shown
+    window.frames(1)
+    assert toast.times == 3 and window.canvas.rect.contains(toast.rect)
+    window.post(pygame.MOUSEBUTTONDOWN, pos=toast.rect.center, button=1)
+    assert window.toasts.shown == []
+
+
+def test_without_a_display_there_is_one_sentence_and_code_2(tmp_path):
+    env = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")}
+    done = subprocess.run(
+        [sys.executable, "-m", "flockbrush", "play", "meadow", "--frames", "2"],
+        cwd=HOUSE, env=env | {"FLOCKBRUSH_CONFIG": str(tmp_path)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert "no window can be opened here" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_the_command_opens_a_window_and_closes_it(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "flockbrush", "play", str(pasture(tmp_path)), "--frames", "3", "--size", "400x300"],
+        cwd=HOUSE, env=os.environ | {"FLOCKBRUSH_CONFIG": str(tmp_path)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+
+
+def test_a_size_that_is_none_is_refused(capsys):
+    assert called(["play", "meadow", "--size", "huge"]) == 2
+    assert "1280x720" in capsys.readouterr().err
+
+
+def test_ctrl_c_closes_the_window_in_good_order(tmp_path):
+    recording = tmp_path / "run.flock"
+    child = subprocess.Popen(
+        [sys.executable, "-m", "flockbrush", "play", str(pasture(tmp_path)), "--record", str(recording)],
+        cwd=HOUSE, env=os.environ | {"FLOCKBRUSH_CONFIG": str(tmp_path)}, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    while child.poll() is None and not (recording.exists() and recording.stat().st_size > 100_000):
+        time.sleep(0.1)
+    child.send_signal(signal.SIGINT)
+    _, err = child.communicate(timeout=60)
+    assert child.returncode == 130 and "Traceback" not in err, err
+
+
+def test_while_the_level_is_opened_the_window_says_so_and_can_be_closed():
+    from flockbrush.draw.style import LIGHT
+    from flockbrush.play.opening import Opening
+
+    opening = Opening("pasture", (400, 300), LIGHT, lambda: time.sleep(0.2) or "ready")
+    before = pygame.surfarray.array3d(opening.screen)
+    assert opening.wait() == "ready"
+    assert not np.array_equal(before, pygame.surfarray.array3d(opening.screen))
+    opening = Opening("pasture", (400, 300), LIGHT, lambda: time.sleep(30))
+    pygame.event.post(pygame.event.Event(pygame.QUIT))
+    assert opening.wait() is None
+
+
+def test_what_goes_wrong_while_opening_is_told_by_the_command(capsys):
+    assert called(["play", "medow"]) == 1
+    assert "did you mean 'meadow'" in capsys.readouterr().err
+
+
+def test_work_that_a_crash_left_is_offered(window, tmp_path):
+    from types import SimpleNamespace
+
+    forgotten = []
+    window.offer_recovery(SimpleNamespace(discard=lambda: forgotten.append(True)))
+    window.push(list(window.dialog.answers)[1])
+    assert forgotten == [True]
+
+
+def test_windows_leave_nothing_behind(tmp_path):
+    import gc
+    import weakref
+
+    path = pasture(tmp_path)
+    left = []
+    for _ in range(2):
+        window = Window(path)
+        left += [weakref.ref(thing) for thing in (window, window.manager, window.session.simulation, window.painter)]
+        window.close()
+    del window
+    gc.collect()
+    default = 1  # pygame_gui keeps the first manager there ever was
+    assert sum(thing() is not None for thing in left) <= default

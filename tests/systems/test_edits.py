@@ -1,0 +1,623 @@
+"""What a designer does to a living level: strokes, things, animals, and the way back from each."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from small_herd import Shelf, box, brush, gaps_of, level, meadow, obstacle, put, spawn, straight, xy_of
+
+from behaviours.brush_writer import brush_to_toml
+from components import Body, BrushBinding, Destination, Position
+from engine.clock import Clock
+from engine.commands import CommandError, Commands, to_json
+from engine.state import restore, snapshot, state_hash
+from levels.build import build
+from levels.schema import Goal, Zone
+from systems.commands import (
+    AddAnimals,
+    AddObstacle,
+    MoveGoal,
+    PaintBrush,
+    PaintCap,
+    PaintCells,
+    RemoveAnimals,
+    RemoveObstacle,
+    SendTo,
+    SetParameter,
+    SwitchBrush,
+)
+from systems.edits import (
+    DrawGuide,
+    MarkSpawn,
+    Paint,
+    PlaceExit,
+    PlaceGoal,
+    RemoveThing,
+    UseBrush,
+    fill,
+    pick,
+    region,
+)
+from systems.landscape import NATIVE, PATIENCE, Landscape
+from systems.life import Nursery, inside_polygon
+from systems.painting import blended, cells_of, runs_of, stroke_cells
+from systems.palette import Palette
+from systems.spawning import touching
+
+CALM, RUN = straight("calm", mean=0.0), brush("run", mean=2.0)
+NEW = brush_to_toml(brush("new", vision={"range": 9.0}))
+
+
+def scene(boundary="wall", **things):
+    goals = [
+        Goal(21, "gate", np.array([35.0, 5.0]), 1.0, "stay", ""),
+        Goal(22, "well", np.array([5.0, 35.0]), 1.0, "stay", ""),
+    ]
+    barn = obstacle(box(30, 30, 33, 33), "barn")
+    barn.id = 20
+    simulation = meadow(CALM, RUN, boundary=boundary, goals=goals, obstacles=[barn], **things)
+    put(simulation, [(10, 10), (12, 10), (20, 10)], 0.0, brush="calm", species="sheep")
+    put(simulation, [(10, 14), (25, 25)], 0.0, brush="run", species="dog")
+    return simulation
+
+
+def land_of(simulation):
+    return simulation.world.resource(Landscape)
+
+
+def do(simulation, *commands):
+    """What takes them back."""
+    return simulation.world.resource(Commands).perform(simulation.world, commands)
+
+
+def settled(simulation):
+    """Everything a designer can change, once the navigation field is up to date; animals by who and whose they are."""
+    world = simulation.world
+    land = land_of(simulation)
+    land.settle(10**9)
+    agents = world.agents
+    columns = [agents[f].tobytes() for f in (BrushBinding.home, Destination.goal)]
+    return [
+        land.state(),
+        world.resource(Nursery).state(),
+        world.resource(Palette).state(),
+        agents.ids.tolist(),
+        *columns,
+    ]
+
+
+# strokes ------------------------------------------------------------------------------------
+
+place = st.floats(-5, 45)
+
+
+@given(place, place, place, place, st.floats(0.8, 12))
+def test_a_stroke_covers_the_cells_within_its_radius(ax, ay, bx, by, radius):
+    iy, ix, weight = stroke_cells((ax, ay), (bx, by), radius, 0.0, (40, 30), 1.0)
+    along = np.array([bx - ax, by - ay])
+    centres = np.stack(np.meshgrid(np.arange(30) + 0.5, np.arange(40) + 0.5), -1) - (ax, ay)
+    t = np.clip(centres @ along / max(along @ along, 1e-300), 0, 1)
+    distance = np.hypot(*np.moveaxis(centres - t[..., None] * along, -1, 0))
+    sure = np.abs(distance - radius) > 1e-9
+    painted = np.zeros((40, 30), bool)
+    painted[iy, ix] = True
+    assert np.array_equal(painted[sure], (distance <= radius)[sure])
+    assert (weight == 1).all()
+
+
+def test_the_thinnest_stroke_still_paints_the_cell_it_is_on():
+    for x, y in ((10.0, 10.0), (10.01, 10.99), (0.0, 0.0), (40.0, 39.99)):
+        assert len(stroke_cells((x, y), (x, y), 0.0, 0.0, (40, 40), 1.0)[0]) >= 1
+
+
+def test_a_soft_stroke_takes_fewer_cells_to_the_rim_and_the_same_ones_when_it_passes_again():
+    hard = Paint("brush", "run", 10.0, 10.0, 30.0, 10.0, 6.0)
+    soft = Paint("brush", "run", 10.0, 10.0, 30.0, 10.0, 6.0, 1.0)
+    whole, some = ({*zip(*c.cells((40, 40), 1.0)[:2], strict=True)} for c in (hard, soft))
+    assert some < whole
+    near = {(iy, ix) for iy, ix in whole if abs(iy - 9.5) < 1}
+    assert len(some & near) / len(near) > 0.75 > 0.6 > len(some) / len(whole)
+    simulation, twice = scene(), scene()
+    do(simulation, soft)
+    do(twice, soft, soft)
+    assert np.array_equal(land_of(simulation).brush, land_of(twice).brush)
+
+
+def test_caps_blend_to_two_digits():
+    before = np.array([4.0, 4.0, np.inf, np.inf, 4.0])
+    assert blended(before, 1.0, np.array([1.0, 0.25, 0.6, 0.4, 0.0])).tolist() == [1.0, 3.2, 1.0, np.inf, 4.0]
+    assert blended(np.array([3.0]), np.inf, np.array([0.7])).tolist() == [np.inf]
+
+
+@given(st.sets(st.tuples(st.integers(0, 9), st.integers(0, 9)), min_size=1), st.integers(1, 3))
+def test_cells_in_words_are_the_cells(cells, kinds):
+    iy, ix = np.array(sorted(cells)).T
+    index = (iy * 7 + ix) // 4 % kinds
+    back = cells_of(runs_of(iy, ix, index))
+    assert [a.tolist() for a in back] == [iy.tolist(), ix.tolist(), index.tolist()]
+
+
+def test_zones_lie_above_paint():
+    zone = Zone(5, "yard", box(8, 8, 14, 14), "run", 0.5, 1.0, 0.2)
+    simulation = scene(zones=[zone])
+    do(simulation, Paint("brush", "calm", 5.0, 10.0, 20.0, 10.0, 2.0), Paint("cap", 3.0, 5.0, 10.0, 20.0, 10.0, 2.0))
+    land = land_of(simulation)
+    assert land.brush[10, 10] == 1
+    assert land.brush[10, 6] == 0
+    assert land.surface[10, [6, 10], 1].tolist() == [3.0, 0.5]
+    do(simulation, Paint("cap", 0.25, 5.0, 10.0, 20.0, 10.0, 2.0))
+    assert land.surface[10, 10, 1] == 0.25
+
+
+def test_painting_costs_what_it_paints_and_not_what_the_map_is_large():
+    def memory(size):
+        simulation = meadow(CALM, RUN, width=size, height=size)
+        strokes = [Paint(*what, 20.0, 20.0, 24.0, 22.0, 3.0, 0.4) for what in (("brush", "run"), ("cap", 1.5))]
+        do(simulation, *strokes)
+        tracemalloc.start()
+        do(simulation, *strokes)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return peak
+
+    assert memory(1200) < 1.5 * memory(40) < 200_000  # bytes; a mask of the large map alone would be 1.4 million
+
+
+def test_what_is_painted_can_be_picked():
+    simulation = scene()
+    do(simulation, Paint("brush", "run", 10.0, 10.0, 10.0, 10.0, 2.0), Paint("cap", 1.5, 10.0, 10.0, 10.0, 10.0, 2.0))
+    do(simulation, Paint("surface", "sand", 10.0, 30.0, 10.0, 30.0, 2.0))
+    found = [pick(simulation.world, layer, 10.2, 9.8) for layer in ("brush", "cap", "surface")]
+    assert found == ["run", 1.5, ""]
+    assert pick(simulation.world, "surface", 10.0, 30.0) == "sand"
+    assert [pick(simulation.world, layer, -3.0, 500.0) for layer in ("brush", "cap", "surface")] == ["", 0.0, ""]
+
+
+def test_a_region_is_filled_to_its_border_and_no_further():
+    simulation = scene()
+    ring = [(15, 15, 25, 15), (25, 15, 25, 25), (25, 25, 15, 25), (15, 25, 15, 15)]
+    do(simulation, *(Paint("brush", "run", *map(float, side), 0.8) for side in ring))
+    inside = region(simulation.world, "brush", 20.0, 20.0)
+    assert 40 < inside.sum() < 100
+    do(simulation, fill(simulation.world, "brush", 20.0, 20.0, "calm"))
+    assert (land_of(simulation).brush == 0).sum() == inside.sum()
+    assert (land_of(simulation).brush[inside] == 0).all()
+
+
+# ground ---------------------------------------------------------------------------------------
+
+
+def nobody_in_walls(simulation):
+    land, agents = land_of(simulation), simulation.agents
+    xy = xy_of(simulation)
+    assert land.walkable[land_cells(land, xy)].all()
+    edges = np.ascontiguousarray(land.solid.ends)
+    thin = agents[Body.radius] - 1e-6
+    assert not touching(agents[Position.xyz], forward(agents), agents[Body.axis], thin, edges).any()
+    assert gaps_of(simulation).min(initial=0) > -1e-6
+
+
+def forward(agents):
+    from components import Heading
+
+    return agents[Heading.forward]
+
+
+def land_cells(land, xy):
+    at = np.clip((xy / land.cell).astype(int), 0, np.array(land.brush.shape)[::-1] - 1)
+    return at[:, 1], at[:, 0]
+
+
+def test_who_stands_where_water_is_painted_steps_out_of_it_at_once():
+    simulation = scene()
+    put(simulation, [(22 + 1.2 * i, 20 + 1.2 * j) for i in range(4) for j in range(4)], 0.4, brush="calm")
+    do(simulation, Paint("surface", "deep water", 18.0, 22.0, 26.0, 22.0, 4.0))
+    nobody_in_walls(simulation)
+    for _ in range(40):
+        simulation.tick()
+        nobody_in_walls(simulation)
+
+
+def test_slow_ground_slows_and_bare_ground_does_not():
+    simulation = scene()
+    do(simulation, Paint("surface", "mud", 10.0, 10.0, 30.0, 10.0, 2.0))
+    land = land_of(simulation)
+    assert land.surface[10, 15, 0] == 0.5
+    assert land.cost[10, 15] == 3.0
+    do(simulation, Paint("surface", "", 10.0, 10.0, 30.0, 10.0, 2.0))
+    assert (land.surface[..., 0] == 1).all()
+    assert (land.cost == 1).all()
+
+
+def test_the_navigation_field_is_made_anew_some_ticks_after_the_last_change():
+    simulation = scene()
+    land, before = land_of(simulation), land_of(simulation).navigation
+    do(simulation, Paint("surface", "cliff", 5.0, 20.0, 20.0, 20.0, 1.5))
+    assert land.blocked[20, 10]
+    simulation.run(4)
+    do(simulation, Paint("surface", "cliff", 20.0, 20.0, 30.0, 20.0, 1.5))
+    simulation.run(PATIENCE)
+    assert land.navigation is before
+    simulation.run(1)
+    assert np.isinf(land.navigation.times[0][20, 25])
+    assert np.isfinite(before.times[0][20, 25])
+
+
+def test_a_change_taken_back_in_time_needs_no_new_field():
+    simulation = scene()
+    before = land_of(simulation).state()
+    do(simulation, *do(simulation, Paint("surface", "cliff", 5.0, 20.0, 20.0, 20.0, 1.5)))
+    assert land_of(simulation).state() == before
+    assert (land_of(simulation).painted.ground == NATIVE).all()
+
+
+# things ------------------------------------------------------------------------------------------
+
+
+def test_the_first_goal_binds_everybody_and_goes_without_a_trace():
+    simulation = meadow(CALM)
+    put(simulation, [(10, 10), (12, 10)])
+    back = do(simulation, PlaceGoal(7, "home", 30.0, 30.0))
+    assert simulation.agents[Destination.goal].tolist() == [0, 0]
+    do(simulation, *back)
+    assert simulation.agents[Destination.goal].tolist() == [-1, -1]
+    assert land_of(simulation).goals == []
+
+
+def test_a_goal_that_goes_sets_its_animals_free_and_finds_them_again():
+    simulation = scene()
+    do(simulation, SendTo("well", "dog"), SendTo("", x=20.0, y=10.0, radius=1.0))
+    bound = simulation.agents[Destination.goal].tolist()
+    back = do(simulation, RemoveThing("goal", 21))
+    assert bound == [0, 0, -1, 1, 1]
+    assert simulation.agents[Destination.goal].tolist() == [-1, -1, -1, 0, 0]
+    simulation.run(3)
+    do(simulation, *back)
+    assert [goal.name for goal in land_of(simulation).goals] == ["gate", "well"]
+    assert simulation.agents[Destination.goal].tolist() == bound
+
+
+def test_goals_lead_to_one_another_by_name():
+    simulation = scene()
+    do(simulation, PlaceGoal(30, "pen", 20.0, 30.0, 1.0, "next", "well"))
+    assert [goal.next_index for goal in land_of(simulation).goals] == [-1, -1, 1]
+    do(simulation, RemoveThing("goal", 21))
+    assert [goal.next_index for goal in land_of(simulation).goals] == [-1, 0]
+
+
+def test_a_guide_is_drawn_reshaped_and_taken_away():
+    simulation = scene()
+    land = land_of(simulation)
+    do(simulation, DrawGuide(40, "way", [[5.0, 20.0], [35.0, 20.0]], radius=3.0, decay=1.0))
+    assert land.navigation.guidance[20, 20].tolist() == pytest.approx([1.0, 0.0])
+    do(simulation, DrawGuide(40, "way", [[35.0, 20.0], [5.0, 20.0]], radius=3.0, decay=1.0))
+    assert len(land.guides) == 1
+    assert land.navigation.guidance[20, 20].tolist() == pytest.approx([-1.0, 0.0])
+    do(simulation, RemoveThing("guide", 40))
+    assert not land.navigation.guidance.any()
+
+
+def test_animals_leave_by_an_exit_drawn_in_mid_run():
+    simulation = scene()
+    do(simulation, PlaceExit(41, "out", box(9, 9, 13, 11).tolist()))
+    simulation.run(2)
+    assert len(simulation.agents) == 3
+
+
+def test_a_spawn_brings_its_animals_when_it_is_drawn_and_only_the_missing_when_it_grows():
+    simulation = scene()
+    simulation.run(5)
+    back = do(simulation, MarkSpawn(42, "pen", box(20, 14, 30, 22).tolist(), "run", "goat", 6))
+    assert len(simulation.agents) == 11
+    more = do(simulation, MarkSpawn(42, "pen", box(20, 14, 30, 22).tolist(), "run", "goat", 8))
+    assert len(simulation.agents) == 13
+    simulation.run(10)
+    assert len(simulation.agents) == 13
+    do(simulation, *more)
+    assert len(simulation.agents) == 11
+    do(simulation, *back)
+    assert simulation.agents.ids.tolist() == [1, 2, 3, 4, 5]
+    assert simulation.world.resource(Nursery).find(42) is None
+
+
+def test_a_spawn_with_a_rate_counts_from_when_it_was_drawn():
+    simulation = scene()
+    simulation.run(64)
+    do(simulation, MarkSpawn(42, "gate", box(20, 14, 30, 22).tolist(), "calm", count=9, rate=4.0, start=1.0))
+    simulation.run(31)
+    assert len(simulation.agents) == 5
+    simulation.run(17)
+    assert len(simulation.agents) == 5 + 3
+    simulation.run(200)
+    assert len(simulation.agents) == 5 + 9
+
+
+def test_a_brush_is_brought_into_the_world_and_forgotten_again():
+    simulation = scene()
+    before = settled(simulation)
+    back = do(simulation, UseBrush("new", NEW), Paint("brush", "new", 10.0, 10.0, 12.0, 10.0, 3.0))
+    assert simulation.world.resource(Palette).names == ["calm", "run", "new"]
+    assert land_of(simulation).reach >= 9.0
+    land_of(simulation).reach = 4.0  # how far the edges are sorted is no thing of the designer's
+    do(simulation, *back)
+    land_of(simulation).reach = 4.0
+    land_of(simulation).rebuild()
+    assert settled(simulation) == before
+
+
+def test_a_brush_somebody_still_has_is_not_forgotten():
+    simulation = scene()
+    back = do(simulation, UseBrush("new", NEW))
+    do(simulation, SwitchBrush("new", "dog"))
+    do(simulation, *back)
+    assert "new" in simulation.world.resource(Palette).names
+
+
+# animals ---------------------------------------------------------------------------------------------
+
+
+def columns_of(simulation):
+    return {repr(f): simulation.agents[f].tobytes() for f in simulation.agents.arrays} | {
+        "ids": simulation.agents.ids.tolist()
+    }
+
+
+def crowd():
+    simulation = scene()
+    do(simulation, AddAnimals("run", 20.0, 20.0, 6.0, 60))
+    simulation.run(20)
+    return simulation
+
+
+def test_animals_taken_away_come_back_as_they_were():
+    simulation = crowd()
+    before = columns_of(simulation)
+    back = do(simulation, RemoveAnimals(20.0, 20.0, 4.0))
+    assert len(simulation.agents) < 50
+    assert len(to_json(back[0])) < 30_000
+    do(simulation, *back)
+    assert columns_of(simulation) == before
+
+
+def test_animals_added_go_again_and_nobody_else():
+    simulation = crowd()
+    before = columns_of(simulation)
+    back = do(simulation, AddAnimals("calm", 8.0, 28.0, 4.0, 10))
+    do(simulation, *back)
+    assert columns_of(simulation) == before
+
+
+def test_who_finds_another_in_its_place_stands_beside_it():
+    simulation = scene()
+    back = do(simulation, RemoveAnimals(10.0, 10.0, 1.0))
+    put(simulation, [(10.1, 10.0)], 1.0, brush="calm")
+    do(simulation, AddObstacle("rock", box(9, 10.3, 10, 11).tolist()))
+    do(simulation, *back)
+    assert simulation.agents.ids.tolist() == [1, 2, 3, 4, 5, 6]
+    assert gaps_of(simulation).min() > -1e-6
+    assert not inside_polygon(xy_of(simulation), box(9, 10.3, 10, 11)).any()
+    simulation.run(5)
+
+
+def test_everybody_gets_the_brush_back_that_was_its_own():
+    simulation = scene()
+    before = settled(simulation)
+    back = do(simulation, SwitchBrush("run"), SetParameter("run", "cohesion_weight", 0.9), SendTo("well"))
+    simulation.run(3)
+    do(simulation, *back)
+    assert settled(simulation) == before
+
+
+# the way back ------------------------------------------------------------------------------------------
+
+spot = st.floats(1, 39)
+corner = st.tuples(spot, spot, st.floats(1, 8), st.floats(1, 8)).map(
+    lambda v: box(v[0], v[1], min(v[0] + v[2], 40), min(v[1] + v[3], 40)).tolist()
+)
+names = st.sampled_from(["calm", "run", "", "?"])
+strokes = st.one_of(
+    st.builds(Paint, st.just("brush"), names, spot, spot, spot, spot, st.floats(0, 6), st.sampled_from([0.0, 0.6])),
+    st.builds(Paint, st.just("cap"), st.sampled_from([0.0, 0.5, 2.0]), spot, spot, spot, spot, st.floats(0, 6), spot),
+    st.builds(Paint, st.just("cap"), st.floats(0, 4), spot, spot, spot, spot, st.floats(0, 6), st.floats(0, 1)),
+    st.builds(
+        Paint, st.just("surface"), st.sampled_from(["", "mud", "deep water", "thicket"]), spot, spot, spot, spot,
+        st.floats(0, 3),
+    ),
+    st.builds(PaintBrush, names, spot, spot, st.floats(0, 5)),
+    st.builds(PaintCap, st.floats(-1, 5), spot, spot, st.floats(0, 5)),
+    st.builds(PaintCells, st.just("brush"), st.just(["run", ""]), st.just([[3, 4, 5, 0], [3, 9, 2, 1], [4, 0, 40, 0]])),
+)  # fmt: skip
+ids = st.integers(19, 24)
+goals = st.sampled_from(["gate", "well", "pen", ""])
+things = st.one_of(
+    st.builds(AddObstacle, st.sampled_from(["rock", "barn"]), corner, id=st.sampled_from([0, 20, 30]), margin=spot),
+    st.builds(RemoveObstacle, st.sampled_from(["rock", "barn"]), st.sampled_from([0, 20, 30])),
+    st.builds(DrawGuide, ids, st.just("way"), corner, goal=goals),
+    st.builds(PlaceGoal, ids, goals, spot, spot, st.floats(0.5, 3), st.sampled_from(["stay", "next"]), goals),
+    st.builds(PlaceExit, ids, st.just("out"), corner),
+    st.builds(MarkSpawn, ids, st.just("pen"), corner, names, count=st.integers(0, 4), rate=st.sampled_from([0.0, 1.0])),
+    st.builds(RemoveThing, st.sampled_from(["obstacle", "guide", "goal", "exit", "spawn"]), ids),
+    st.builds(MoveGoal, goals, spot, spot),
+)
+animals = st.one_of(
+    st.builds(AddAnimals, names, spot, spot, st.floats(1, 5), st.integers(1, 5)),
+    st.builds(RemoveAnimals, spot, spot, st.floats(0, 20)),
+    st.builds(SwitchBrush, names, x=spot, y=spot, radius=st.floats(0, 20)),
+    st.builds(SendTo, goals, x=spot, y=spot, radius=st.floats(0, 20)),
+    st.builds(SetParameter, names, st.just("cohesion_weight"), st.floats(0, 1)),
+    st.builds(UseBrush, st.sampled_from(["run", "other"]), st.just(brush_to_toml(RUN))),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from(["wall", "wrap", "open", "despawn"]),
+    st.lists(st.one_of(strokes, things, animals), min_size=1, max_size=8),
+    st.integers(0, 3),
+)
+def test_whatever_is_done_is_taken_back_without_a_trace(boundary, commands, ticks):
+    simulation = scene(boundary)
+    before, done = settled(simulation), []
+    for command in commands:
+        whole = state_hash(simulation.world)
+        try:
+            done.append((command, do(simulation, command)))
+        except CommandError:
+            assert state_hash(simulation.world) == whole, command
+        else:
+            nobody_in_walls(simulation)
+    after, forward = settled(simulation), []
+    for _, back in reversed(done):
+        forward.append(do(simulation, *back))
+    assert settled(simulation) == before
+    for again in reversed(forward):
+        do(simulation, *again)
+    assert settled(simulation) == after
+    simulation.run(ticks)
+
+
+def test_an_edit_of_several_commands_is_done_whole_or_not_at_all():
+    simulation = scene()
+    before = settled(simulation)
+    good = [Paint("brush", "run", 10.0, 10.0, 12.0, 10.0, 3.0), DrawGuide(40, "way", [[5.0, 20.0], [35.0, 20.0]])]
+    with pytest.raises(CommandError, match="no goal 'nowhere'"):
+        do(simulation, *good, SendTo("nowhere"))
+    assert settled(simulation) == before
+
+
+# bad input ---------------------------------------------------------------------------------------------
+
+SQUARE = box(12, 20, 15, 23).tolist()
+BAD = [
+    (Paint("brush", "run", -50.0, 5.0, -40.0, 5.0, 3.0), "the stroke is not on the map, which is 40 x 40 m"),
+    (Paint("brush", "rnu", 5.0, 5.0, 6.0, 5.0, 3.0), "no brush 'rnu'; it has calm, run"),
+    (Paint("brush", 2.0, 5.0, 5.0, 6.0, 5.0, 3.0), "a brush is painted by its name, got 2.0"),
+    (Paint("cap", "fast", 5.0, 5.0, 6.0, 5.0, 3.0), "a cap is a number, got 'fast'"),
+    (Paint("cap", 5000.0, 5.0, 5.0, 6.0, 5.0, 3.0), "at most 1000 m/s, got 5000"),
+    (Paint("surface", "watr", 5.0, 5.0, 6.0, 5.0, 3.0), "no ground called 'watr'; did you mean 'water'"),
+    (Paint("brushes", "run", 5.0, 5.0, 6.0, 5.0, 3.0), "no layer 'brushes'; did you mean 'brush'"),
+    (Paint("brush", "run", 5.0, 5.0, 6.0, 5.0, -3.0), "radius must be 0 to 1e+06 m, got -3"),
+    (Paint("brush", "run", 5.0, 5.0, 6.0, 5.0, 3.0, 2.0), "softness must be 0 to 1, got 2"),
+    (Paint("brush", "run", 5.0, 5.0, 6e9, 5.0, 3.0), "not on the map"),
+    (Paint("surface", "deep water", 20.0, 20.0, 20.0, 20.0, 60.0), "has no room to step aside"),
+    (PaintCells("brush", ["run"], [[5, 38, 3, 0]]), "leaves the map, which has 40 x 40 cells"),
+    (PaintCells("brush", ["run"], [[5, 3, 3, 1]]), "has no name; there are 1"),
+    (PaintCells("brush", ["run"], [[5, 3, 3]]), "four whole numbers"),
+    (PaintCells("brush", ["run"], [[5, 3, 3, 0], [5, 5, 1, 0]]), "two runs meet in row 5, column 5"),
+    (PaintCells("brush", ["rnu"], [[5, 3, 3, 0]]), "no brush 'rnu'"),
+    (AddObstacle("all", box(-1, -1, 41, 41).tolist(), id=50), "has no room to step aside"),
+    (AddObstacle("odd", SQUARE, id=50, margin=-1.0), "margin must be 0 to 1000 m, got -1"),
+    (RemoveObstacle(id=77), "no obstacle 77 in this world"),
+    (DrawGuide(40, "way", [[5.0, 5.0]]), "a guide needs at least two different points, got 1"),
+    (DrawGuide(40, "way", [[5.0, 5.0], [5.0, 5.0]]), "at least two different points"),
+    (DrawGuide(40, "way", [[5.0, 5.0], [9.0, 5.0]], goal="gaet"), "no goal 'gaet'; did you mean 'gate'"),
+    (DrawGuide(40, "way", [[50.0, 5.0], [90.0, 5.0]]), "the guide is not on the map"),
+    (DrawGuide(40, "way", [[5.0, 5.0], [9.0, 5.0]], radius=-1.0), "radius must be 0 to"),
+    (DrawGuide(0, "way", [[5.0, 5.0], [9.0, 5.0]]), "id must be at least 1, got 0"),
+    (PlaceGoal(40, "pen", 5.0, 5.0, 1.0, "next", "wel"), "next: there is no goal 'wel'; did you mean 'well'"),
+    (PlaceGoal(40, "pen", 5.0, 5.0, 1.0, "next"), "so next must name a goal"),
+    (PlaceGoal(40, "pen", 5.0, 5.0, 1.0, "stay", "well"), "on_arrive must be 'next', got 'stay'"),
+    (PlaceGoal(40, "pen", 5.0, 5.0, 1.0, "rest"), "must be one of stay, despawn, next, disperse, got 'rest'"),
+    (PlaceGoal(40, "gate", 5.0, 5.0), "there is a goal 'gate' already"),
+    (PlaceGoal(40, "pen", 50.0, 5.0), "(50, 5) is not on the map"),
+    (PlaceExit(40, "out", [[0.0, 0.0], [1.0, 1.0]]), "an exit has 3 to 2000 points, got 2"),
+    (MarkSpawn(40, "pen", SQUARE, "rnu", count=3), "no brush 'rnu'"),
+    (MarkSpawn(40, "pen", SQUARE, "run"), "count must be at least 1, got 0"),
+    (MarkSpawn(40, "pen", SQUARE, "run", count=400), "of 400 animals fit"),
+    (MarkSpawn(40, "pen", box(38, 38, 44, 44).tolist(), "run", count=4), "the spawn reaches off the map"),
+    (RemoveThing("goal", 77), "there is no goal 77 in this world"),
+    (RemoveThing("gaol", 21), "there is no 'gaol' to remove; did you mean 'goal'"),
+    (UseBrush("bad", "schema = 3"), "bad.brush.toml"),
+]
+
+
+@pytest.mark.parametrize(("command", "reason"), BAD, ids=lambda value: str(value)[:50])
+def test_what_cannot_be_done_says_why_and_changes_nothing(command, reason):
+    simulation = scene()
+    simulation.run(3)
+    before = state_hash(simulation.world)
+    with pytest.raises(CommandError) as caught:
+        do(simulation, command)
+    assert reason in str(caught.value)
+    assert state_hash(simulation.world) == before
+    assert simulation.world.resource(Commands).log == []
+    simulation.run(2)
+
+
+def test_a_goal_that_others_lead_to_stays():
+    simulation = scene()
+    do(simulation, PlaceGoal(30, "pen", 20.0, 30.0, 1.0, "next", "well"))
+    do(simulation, DrawGuide(40, "way", [[5.0, 5.0], [9.0, 5.0]], goal="gate"))
+    for command, reason in (
+        (RemoveThing("goal", 22), "goal 'pen' leads to goal 'well'; change that first"),
+        (PlaceGoal(21, "door", 5.0, 5.0), "guide 'way' leads to goal 'gate'; change that first"),
+    ):
+        with pytest.raises(CommandError, match=reason):
+            do(simulation, command)
+
+
+# replay and snapshots --------------------------------------------------------------------------------------
+
+DAY = {
+    2: [Paint("brush", "run", 8.0, 10.0, 14.0, 10.0, 3.0, 0.5), Paint("cap", 0.5, 18.0, 10.0, 22.0, 10.0, 3.0, 0.5)],
+    5: [Paint("surface", "deep water", 20.0, 26.0, 26.0, 26.0, 2.0), UseBrush("new", NEW)],
+    9: [AddObstacle("rock", box(9, 9, 11, 12).tolist(), id=50), MarkSpawn(51, "pen", SQUARE, "new", count=3)],
+    12: [DrawGuide(52, "way", [[5.0, 20.0], [35.0, 20.0]]), RemoveThing("goal", 21), RemoveAnimals(20.0, 10.0, 3.0)],
+    16: [PlaceExit(53, "out", box(30, 0, 40, 40).tolist()), SwitchBrush("new"), AddAnimals("new", 8.0, 28.0, 3.0, 4)],
+}
+
+
+def fresh():
+    """A herd of a level, so that it can be built twice."""
+    goals = [Goal(21, "gate", np.array([35.0, 5.0]), 1.0, "stay", "")]
+    spawns = [spawn(box(8, 8, 24, 20), "run", 20), spawn(box(1, 1, 2, 2), "calm", 0, id=2)]
+    return build(level(boundary="wall", goals=goals, spawns=spawns), library=Shelf(CALM, RUN))
+
+
+def lived(simulation, until, each=lambda: None):
+    """Ticks with the edits of the day and everything taken back again after 20."""
+    back = []
+    while simulation.clock.tick < until:
+        tick = simulation.clock.tick
+        if tick in DAY:
+            back.append(do(simulation, *DAY[tick]))
+        if tick == 20:
+            for commands in reversed(back):
+                do(simulation, *commands)
+        each()
+        simulation.tick()
+    return simulation
+
+
+def test_a_replay_of_edits_lives_the_same_life():
+    hashes = []
+    simulation = fresh()
+    lived(simulation, 40, lambda: hashes.append(state_hash(simulation.world)))
+    replay = fresh()
+    replay.world.resource(Commands).replace(simulation.world.resource(Commands).log)
+    for digest in hashes:
+        tick = replay.clock.tick
+        if tick in DAY or tick == 20:  # the edits of a tick are done before the hash above was taken
+            replay.tick()
+            continue
+        assert state_hash(replay.world) == digest, tick
+        replay.tick()
+    assert state_hash(replay.world) == state_hash(simulation.world)
+
+
+@pytest.mark.parametrize("tick", [3, 6, 10, 13, 17, 21, 30])
+def test_a_snapshot_in_the_middle_of_edits_goes_on_the_same(tick):
+    simulation = lived(fresh(), tick)
+    kept = snapshot(simulation.world)
+    other = fresh()
+    lived(other, 19)  # another world, full of other things
+    restore(other.world, kept)
+    assert state_hash(other.world) == state_hash(simulation.world)
+    assert np.array_equal(land_of(other).navigation.fields, land_of(simulation).navigation.fields)
+    for _ in range(14):
+        simulation.tick()
+        other.tick()
+        assert state_hash(other.world) == state_hash(simulation.world)
+    assert other.world.resource(Clock).tick == tick + 14

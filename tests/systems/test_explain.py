@@ -1,0 +1,129 @@
+"""Why an animal turns: the reasons given are those it acts on, and asking changes nothing."""
+
+import numpy as np
+import pytest
+from small_herd import box, brush, meadow, obstacle, put, spawn
+
+from behaviours.behaviour import Wishes, behaviours
+from components import Role, Wish
+from engine.state import state_hash
+from levels.schema import BrushLayer, Guide, Zone
+from systems.explain import explain
+from tests.behaviours.test_models import lively
+
+
+def pushed(reasons):
+    """The direction in which reasons add up."""
+    total = sum(vector for _, vector in reasons)
+    return total / np.hypot(*total)
+
+
+EXPLAINED = [model for model in behaviours().values() if model.explain is not None]
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("more", [{}, {"wander": 2.0}, {"unled": "keep"}, {"leader_blend": 0.4}], ids=str)
+@pytest.mark.parametrize("model", EXPLAINED, ids=lambda model: model.name)
+def test_the_reasons_add_up_to_the_wish(model, more, seed):
+    scene, params = lively(seed), model.Params(**more)
+    wishes = model.steer(scene, np.arange(len(scene.ids)), params)
+    for row in range(len(scene.ids)):
+        reasons = model.explain(scene, row, params)
+        assert pushed(reasons.items()) == pytest.approx(wishes.direction[row, :2], abs=1e-9), (row, reasons)
+
+
+def valley(seed=3):
+    """Reindeer, a few wolves, a rock, a guide and a painted corner."""
+    deer, wolf = brush("deer", "flee", mean=1.0, wander=0.3), brush("wolf", "hunt", mean=2.0)
+    other = brush("other", mean=2.0, transition=2.0)
+    painted = np.full((40, 40), -1)
+    painted[:, 18:] = 0
+    return meadow(
+        deer, wolf, other, seed=seed, boundary="wrap",
+        brush_layers=[BrushLayer("brush", 1.0, ["other"], painted)],
+        obstacles=[obstacle(box(12, 12, 15, 15))],
+        guides=[Guide(1, "way", np.array([(2.0, 5.0), (30.0, 30.0)]), 1.0, 8.0, 8.0, "", False)],
+        zones=[Zone(2, "corner", box(0, 30, 10, 40), None, 0.5, 1.0, 0.5)],
+        spawns=[
+            spawn(box(5, 5, 25, 25), "deer", 60, heading=None, species="deer", id=1),
+            spawn(box(26, 26, 34, 34), "wolf", 4, heading=None, species="wolf", id=2),
+        ],
+    )  # fmt: skip
+
+
+def test_what_is_explained_is_what_the_animal_does_next():
+    simulation = valley()
+    simulation.run(20)
+    told = [explain(simulation.world, entity) for entity in simulation.agents.ids.tolist()]
+    simulation.tick()
+    agents = simulation.agents
+    assert np.array_equal([e.entity for e in told], agents.ids)
+    assert np.array([e.result for e in told]) == pytest.approx(agents[Wish.direction][:, :2], abs=1e-9)
+    assert np.array([e.pace for e in told]) == pytest.approx(agents[Wish.pace], abs=1e-9)
+    assert np.array_equal([e.leader for e in told], agents[Role.leader].astype(bool))
+    assert np.array([pushed(e.terms) for e in told]) == pytest.approx(agents[Wish.direction][:, :2], abs=1e-9)
+    names = {name for e in told for name, _ in e.terms}
+    assert {"heading", "cohesion", "avoidance", "alignment", "obstacles", "fear", "guide", "wander"} <= names
+    assert any(e.previous for e in told)  # some are just taking up another brush
+
+
+def test_asking_changes_nothing():
+    simulation, other = valley(), valley()
+    simulation.run(10), other.run(10)
+    for entity in simulation.agents.ids.tolist():
+        explain(simulation.world, entity)
+    assert state_hash(simulation.world) == state_hash(other.world)
+    simulation.tick(), other.tick()
+    assert state_hash(simulation.world) == state_hash(other.world)
+
+
+def test_a_follower_tells_whom_it_sees_and_by_whom_it_keeps_its_place():
+    simulation = meadow(brush(leader_neighbours=0))
+    me, ahead, behind, far = put(simulation, [(10, 10), (12, 10), (8.5, 10), (30, 10)])
+    told = explain(simulation.world, me)
+    assert sorted(told.sees) == [ahead, behind]
+    assert told.reference == ahead
+    assert not told.leader
+    assert dict(zip(told.sees, told.offsets.tolist(), strict=True))[ahead] == pytest.approx([2, 0])
+    assert told.numbers["body length"] == (1.0, "m")
+    assert explain(simulation.world, far).leader
+
+
+def test_an_animal_beside_a_wall_is_pushed_off_it():
+    simulation = meadow(brush(obstacle_weight=1.0), obstacles=[obstacle(box(0, 12, 40, 13))])
+    (me,) = put(simulation, [(10, 11)])
+    terms = dict(explain(simulation.world, me).terms)
+    assert terms["obstacles"][1] < 0 and abs(terms["obstacles"][0]) < 1e-9
+    assert len(explain(simulation.world, me).obstacles) == 1
+
+
+def test_across_the_seam_neighbours_are_near():
+    simulation = meadow(brush(), boundary="wrap")
+    me, other = put(simulation, [(0.5, 20), (39.0, 20)])
+    assert explain(simulation.world, me).offsets == pytest.approx(np.array([[-1.5, 0]]))
+    assert explain(simulation.world, me).sees == [other]
+
+
+def test_a_model_that_does_not_explain_itself_is_shown_without_reasons(monkeypatch):
+    from behaviours import behaviour as registry
+
+    behaviours()
+    monkeypatch.setitem(registry._registry, "turner", None)
+    monkeypatch.delitem(registry._registry, "turner")
+
+    def steer(scene, rows, params):
+        return Wishes(np.tile([0.0, 1.0, 0.0], (len(rows), 1)), np.ones(len(rows)))
+
+    registry.behaviour("turner", registry.Parameters)(steer)
+    try:
+        simulation = meadow(brush(model="turner"))
+        (me,) = put(simulation, [(10, 10)])
+        told = explain(simulation.world, me)
+        assert told.terms == [] and told.result == pytest.approx([0, 1]) and told.turn == pytest.approx(np.pi / 2)
+    finally:
+        registry._registry.pop("turner")
+
+
+def test_who_is_dead_explains_nothing():
+    with pytest.raises(KeyError, match="not alive"):
+        explain(meadow(brush()).world, 7)
