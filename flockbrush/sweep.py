@@ -165,7 +165,7 @@ def _blame(job, error, suspects):
 
 
 def _begin_worker():
-    """A worker leaves Ctrl-C to its master, and the other cores to the other workers; it does not outlive its master."""
+    """A worker leaves Ctrl-C to its master and the other cores to the other workers; it does not outlive its master."""
     from engine.parallel import set_threads
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)

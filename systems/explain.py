@@ -14,7 +14,8 @@ from components import Body, BrushBinding, Heading, Position, ReferenceBird, Rol
 from engine.clock import Clock
 from engine.noise import Noise
 from engine.world import World
-from systems.decide import ReferenceBirds, Roles
+from systems.decide import Roles
+from systems.foresight import Ahead, SeeAhead
 from systems.ground import Underfoot
 from systems.landscape import Landscape
 from systems.palette import Palette
@@ -24,9 +25,11 @@ from systems.senses import (
     ObstaclesInSight,
     See,
     SeeByHiddenPoints,
+    SeeInSpace,
     SeeObstacles,
     Sight,
     SightByHiddenPoints,
+    SightInSpace,
 )
 from systems.steer import Steer, scene_of
 
@@ -115,10 +118,10 @@ def _surroundings(world, row):
     small.become(agents.ids[rows], columns, (), int(agents.ids[-1]) + 1)
     for kind in SHARED:
         small.insert(world.resource(kind))
-    for resource in (Near(), Sight(), SightByHiddenPoints(), ObstaclesInSight()):
+    for resource in (Near(), Sight(), SightByHiddenPoints(), ObstaclesInSight(), SightInSpace(), Ahead()):
         small.insert(resource)
-    perceive = (Underfoot(), FindNeighbours(), See(), SeeByHiddenPoints(), SeeObstacles(), Roles(), ReferenceBirds())
-    for system in (*perceive, Steer()):
+    perceive = (See(), SeeByHiddenPoints(), SeeObstacles(), SeeInSpace(), SeeAhead())
+    for system in (Underfoot(), FindNeighbours(), *perceive, Roles(), Steer()):
         system.process(small)
     return small
 
@@ -130,6 +133,8 @@ def _explained(small, entity):
         agents[column][row] for column in (BrushBinding.brush, BrushBinding.previous, BrushBinding.blend)
     )
     lists, walls = small.resource(Sight).lists, small.resource(ObstaclesInSight)
+    if palette.flies[brush] and scene.air is not None:
+        lists = scene.air
     seen = slice(lists.first[row], lists.first[row + 1])
     return Explanation(
         entity=int(entity),
@@ -139,7 +144,7 @@ def _explained(small, entity):
         result=agents[Wish.direction][row, :2].copy(),
         pace=float(agents[Wish.pace][row]),
         sees=agents.ids[lists.near[seen]].tolist(),
-        offsets=lists.offset[seen].copy(),
+        offsets=lists.offset[seen, :2].copy(),
         reference=int(agents[ReferenceBird.entity][row]),
         leader=bool(agents[Role.leader][row]),
         brush=palette.names[brush],
