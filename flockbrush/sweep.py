@@ -32,11 +32,11 @@ from pathlib import Path
 import typer
 
 import flockbrush
-from behaviours.problems import Problem, ProblemsError
+from behaviours.problems import Problem, ProblemsError, did_you_mean
 from flockbrush import terminal
 from flockbrush.experiments import perform
 from flockbrush.files import refused
-from flockbrush.sweep_file import Scenario, Sweep, read_sweep
+from flockbrush.sweep_file import SUFFIX, Scenario, Sweep, read_sweep
 from flockbrush.terminal import Stopped, print_json, say
 
 JOURNAL = "runs.jsonl"
@@ -165,7 +165,7 @@ def _blame(job, error, suspects):
 
 
 def _begin_worker():
-    """A worker leaves Ctrl-C to its master, and the other cores to the other workers; it does not outlive its master."""
+    """A worker leaves Ctrl-C to its master and other cores to other workers, and does not outlive its master."""
     from engine.parallel import set_threads
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -366,11 +366,23 @@ def run_sweep(path, out, jobs=None, resume=False, address=None, json_wanted=Fals
 
 
 def find_sweep(name) -> Path:
-    """The file of a sweep given as a path, or as the name of a shipped one."""
+    """The file of a sweep given as a path, or as the name of a shipped one.
+
+    Raises
+    ------
+    ProblemsError
+        When there is neither.
+    """
     import levels
 
-    shipped = Path(levels.__path__[0]) / f"{name}.sweep.toml"
-    return shipped if Path(name).name == str(name) and not Path(name).exists() and shipped.is_file() else Path(name)
+    home, path = Path(levels.__path__[0]), Path(name)
+    shipped = {file.name.removesuffix(SUFFIX): file for file in home.glob(f"*{SUFFIX}")}
+    if path.exists() or path.suffix or path.name != str(name):
+        return path  # reading it says what is wrong with it
+    if str(name) not in shipped:
+        hint = did_you_mean(str(name), shipped)
+        raise refused(name, f"there is no such file, and no shipped sweep of that name{hint}")
+    return shipped[str(name)]
 
 
 @contextmanager
