@@ -102,7 +102,6 @@ def run_jobs(
             if whole and not running:
                 return
             done, _ = wait(running, timeout=BEAT, return_when=FIRST_COMPLETED)
-            look()
             died: list[tuple[Job, Exception]] = []
             for future in done:
                 job = running.pop(future)
@@ -122,6 +121,7 @@ def run_jobs(
             for job, reason in died:
                 guilty = len(died) == 1 or not isinstance(reason, BrokenExecutor)
                 yield from _blame(replace(job, deaths=job.deaths + guilty), reason, suspects)
+            look()
     finally:
         _let_go(executor)
 

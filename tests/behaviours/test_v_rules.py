@@ -309,7 +309,15 @@ def geese(seed=3, birds=9, heading=np.pi / 2, guides=(), **rules):
 
 @pytest.mark.parametrize(
     "rules",
-    [{}, {"angle": 170.0}, {"update": "together"}, {"layer": 0.5}, {"perturbation": 0.02}, {"approach": "coin"}],
+    [
+        {},
+        {"angle": 170.0},
+        {"update": "together"},
+        {"layer": 0.5},
+        {"perturbation": 0.02},
+        {"approach": "coin"},
+        {"turn": 0.06, "cruise": 8 / 32 / 1.5},
+    ],
     ids=str,
 )
 def test_a_flock_in_a_world_flies_as_the_experiment_does(rules):
