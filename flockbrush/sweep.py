@@ -37,7 +37,7 @@ from flockbrush import terminal
 from flockbrush.experiments import perform
 from flockbrush.files import refused
 from flockbrush.sweep_file import SUFFIX, Scenario, Sweep, read_sweep
-from flockbrush.terminal import Stopped, print_json, say
+from flockbrush.terminal import Stopped, finite, print_json, say
 
 JOURNAL = "runs.jsonl"
 ATTEMPTS = 3  # how often a worker may die of the same run before it is listed as failed
@@ -280,16 +280,15 @@ class Journal:
         with open(self.path, "ab", buffering=0) as file:
 
             def add(row):
-                file.write(json.dumps(row, ensure_ascii=False, default=_plain).encode() + b"\n")
-                self.rows[row["scenario"], row["seed"]] = json.loads(json.dumps(row, default=_plain))
+                line = json.dumps(finite(row), ensure_ascii=False, default=_plain)
+                file.write(line.encode() + b"\n")
+                self.rows[row["scenario"], row["seed"]] = json.loads(line)
 
             yield add
 
 
 def _plain(value):
-    """A number of numpy as a plain one."""
-    if hasattr(value, "item"):
-        return value.item()
+    """Nothing else may be in a row."""
     raise TypeError(f"a measure must be a number or a word, got {type(value).__name__}")
 
 
