@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from small_herd import brush, meadow, put
+from small_herd import box, brush, meadow, obstacle, put
 
 from components import FormationPlace, Heading, Position, ReferenceBird, Role, Velocity
 from engine.state import state_hash
@@ -190,3 +190,21 @@ def test_a_gust_that_cannot_be_is_refused():
     for wrong in (Gust(1.0, 0.0, seconds=0.0), Gust(1.0, 0.0, uneven=2.0), Gust(1.0, 0.0, radius=-1.0)):
         with pytest.raises(ValueError):
             wrong.apply(simulation.world)
+
+
+def test_a_flock_behind_a_rock_flies_round_it_and_into_formation():
+    rock = obstacle(box(-14, 30, 14, 50))  # right ahead of them, higher than they fly
+    simulation = meadow(geese(deviation=0.0), boundary="open", obstacles=[rock])
+    x, y, heading = scattered(9, 3)
+    put(simulation, np.c_[x * WING, y * WING], np.pi / 2 - 0.5 * heading)
+    agents = simulation.agents
+    agents[Position.xyz][:, 2] = 20.0
+    agents[Velocity.xyz][:] = 15.0 * agents[Heading.forward]
+    simulation.submit(Migrate(0.0, 1.0, 0.0, kind="direction"))
+    for _ in range(80):
+        simulation.run(16)
+        xyz = simulation.agents[Position.xyz]
+        assert not ((np.abs(xyz[:, 0]) < 14) & (np.abs(xyz[:, 1] - 40) < 10)).any()
+    place, _, x, y, _ = formation(simulation)
+    assert place.tolist() == [4, 3, 2, 1, 0, 1, 2, 3, 4]
+    assert y == pytest.approx(-0.8 * np.abs(x), abs=0.4)
