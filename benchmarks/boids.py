@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from perception import machine
-from small_herd import boids, box, meadow, obstacle, put_aloft
+from small_herd import boids, box, brush, meadow, obstacle, put_aloft
 
 from components import Body, Heading, Position
 from engine import parallel
@@ -42,7 +42,7 @@ from systems.senses import SightInSpace
 
 HERE = Path(__file__).resolve().parent
 FLAGS = ("-O3", "-march=native", "-ffast-math", "-fopenmp", "-std=c++17")
-REACH, SEPARATION = 5.0, 3.0  # m
+OWN, REACH, SEPARATION = 0.2, 5.0, 3.0  # m; the first is a body length
 IN_RANGE = 13.5  # others in the ball: 12 of them in the cone of 300 degrees
 
 
@@ -58,7 +58,10 @@ def start(n):
 def flock_of(n):
     """A world of n starlings."""
     side, xyz, velocity = start(n)
-    asset = boids(separation=SEPARATION / 0.2, neighbour_range=REACH / 0.2, speed={"deviation": 2.0})
+    body = {"length": OWN, "radius": 0.04, "contact": "disc"}
+    eyes = {"range": REACH / OWN, "field_of_view": 300.0, "occlusion": False}
+    reach = {"separation": SEPARATION / OWN, "neighbour_range": REACH / OWN}
+    asset = brush("boids", "boids", 45.0, body, eyes, speed={"deviation": 2.0}, **reach)
     simulation = meadow(asset, width=side, height=side, cell=side / 50, boundary="wrap")
     put_aloft(simulation, xyz + (0, 0, 50), velocity)
     return simulation
