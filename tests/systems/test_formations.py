@@ -6,6 +6,7 @@ from small_herd import box, brush, meadow, obstacle, put
 
 from components import FormationPlace, Heading, Position, ReferenceBird, Role, Velocity
 from engine.state import state_hash
+from flockbrush.run import start
 from systems.commands import Migrate, SwitchBrush
 from systems.gusts import Gust
 from systems.initiation import scattered
@@ -209,3 +210,23 @@ def test_a_flock_behind_a_rock_flies_round_it_and_into_formation():
     place, _, x, y, _ = formation(simulation)
     assert place.tolist() == [4, 3, 2, 1, 0, 1, 2, 3, 4]
     assert y == pytest.approx(-0.8 * np.abs(x), abs=0.4)
+
+
+@pytest.mark.slow
+def test_the_geese_of_the_level_rest_fly_in_a_v_and_land():
+    simulation = start("geese")
+    agents = simulation.agents
+    simulation.run(100)
+    assert not agents[Position.xyz][:, 2].any()
+    simulation.run(900)
+    assert formation_places(simulation) == [*range(10, 0, -1), 0, *range(1, 11)]
+    assert simulation.agents[Position.xyz][:, 2].min() > 30
+    simulation.run(1850)
+    assert len(simulation.agents) == 21
+    assert simulation.agents[Position.xyz][:, 2].max() < 0.5
+    assert np.linalg.norm(simulation.agents[Velocity.xyz], axis=1).max() < 1.0
+
+
+def formation_places(simulation):
+    """Places from left to right."""
+    return formation(simulation)[0].tolist()
