@@ -17,7 +17,7 @@ import flockbrush
 from flockbrush.terminal import PROBLEM, print_json, show
 
 HOUSE = Path(flockbrush.__file__).parent.parent
-OPTIONAL = {"pyarrow": "Parquet exports", "usd-core": "USD exports"}
+OPTIONAL = {"pyarrow": "Parquet exports", "usd-core": "USD exports", "distributed": "sweeps on a cluster"}
 OK, WARN, BAD = "ok", "warn", "problem"
 _COLOURS = {OK: "green", WARN: "yellow", BAD: "red"}
 

@@ -233,11 +233,22 @@ class VRules(Experiment):
         "time": "steps",
         "distance": "wingspans",
         "own_distance": "wingspans",
+        "settled_distance": "wingspans",
         "persistence": "steps",
         "stabilised": "share",
         "v_like": "share of time",
     }
-    plain = ("time", "stabilised", "leads", "groups", "segments", "distance", "own_distance", "shape")
+    plain = (
+        "time",
+        "stabilised",
+        "leads",
+        "groups",
+        "segments",
+        "distance",
+        "own_distance",
+        "settled_distance",
+        "shape",
+    )
     lasting = ("v_like", "persistence", "mean_leads", "mean_groups")
 
     def ready(self, parameters, folder):
@@ -261,6 +272,7 @@ class VRules(Experiment):
                 "segments": int(found.segments[k]),
                 "distance": float(found.distance[k]),
                 "own_distance": float(found.own_distance[k]),
+                "settled_distance": float(found.own_distance[k]) if flights.settled[k] else math.nan,
                 "shape": SHAPES[found.shape[k]],
             }
             for k in range(len(seeds))

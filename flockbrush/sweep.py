@@ -32,12 +32,12 @@ from pathlib import Path
 import typer
 
 import flockbrush
-from behaviours.problems import Problem, ProblemsError
+from behaviours.problems import Problem, ProblemsError, did_you_mean
 from flockbrush import terminal
 from flockbrush.experiments import perform
 from flockbrush.files import refused
-from flockbrush.sweep_file import Scenario, Sweep, read_sweep
-from flockbrush.terminal import Stopped, print_json, say
+from flockbrush.sweep_file import SUFFIX, Scenario, Sweep, read_sweep
+from flockbrush.terminal import Stopped, finite, print_json, say
 
 JOURNAL = "runs.jsonl"
 ATTEMPTS = 3  # how often a worker may die of the same run before it is listed as failed
@@ -102,7 +102,6 @@ def run_jobs(
             if whole and not running:
                 return
             done, _ = wait(running, timeout=BEAT, return_when=FIRST_COMPLETED)
-            look()
             died: list[tuple[Job, Exception]] = []
             for future in done:
                 job = running.pop(future)
@@ -122,6 +121,7 @@ def run_jobs(
             for job, reason in died:
                 guilty = len(died) == 1 or not isinstance(reason, BrokenExecutor)
                 yield from _blame(replace(job, deaths=job.deaths + guilty), reason, suspects)
+            look()
     finally:
         _let_go(executor)
 
@@ -165,7 +165,11 @@ def _blame(job, error, suspects):
 
 
 def _begin_worker():
+<<<<<<< HEAD
     """A worker leaves Ctrl-C to its master and the other cores to the other workers; it does not outlive its master."""
+=======
+    """A worker leaves Ctrl-C to its master and other cores to other workers, and does not outlive its master."""
+>>>>>>> birds
     from engine.parallel import set_threads
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -280,16 +284,15 @@ class Journal:
         with open(self.path, "ab", buffering=0) as file:
 
             def add(row):
-                file.write(json.dumps(row, ensure_ascii=False, default=_plain).encode() + b"\n")
-                self.rows[row["scenario"], row["seed"]] = json.loads(json.dumps(row, default=_plain))
+                line = json.dumps(finite(row), ensure_ascii=False, default=_plain)
+                file.write(line.encode() + b"\n")
+                self.rows[row["scenario"], row["seed"]] = json.loads(line)
 
             yield add
 
 
 def _plain(value):
-    """A number of numpy as a plain one."""
-    if hasattr(value, "item"):
-        return value.item()
+    """Nothing else may be in a row."""
     raise TypeError(f"a measure must be a number or a word, got {type(value).__name__}")
 
 
@@ -366,11 +369,23 @@ def run_sweep(path, out, jobs=None, resume=False, address=None, json_wanted=Fals
 
 
 def find_sweep(name) -> Path:
-    """The file of a sweep given as a path, or as the name of a shipped one."""
+    """The file of a sweep given as a path, or as the name of a shipped one.
+
+    Raises
+    ------
+    ProblemsError
+        When there is neither.
+    """
     import levels
 
-    shipped = Path(levels.__path__[0]) / f"{name}.sweep.toml"
-    return shipped if Path(name).name == str(name) and not Path(name).exists() and shipped.is_file() else Path(name)
+    home, path = Path(levels.__path__[0]), Path(name)
+    shipped = {file.name.removesuffix(SUFFIX): file for file in home.glob(f"*{SUFFIX}")}
+    if path.exists() or path.suffix or path.name != str(name):
+        return path  # reading it says what is wrong with it
+    if str(name) not in shipped:
+        hint = did_you_mean(str(name), shipped)
+        raise refused(name, f"there is no such file, and no shipped sweep of that name{hint}")
+    return shipped[str(name)]
 
 
 @contextmanager

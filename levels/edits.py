@@ -535,7 +535,8 @@ class Sheet:
     @do.register
     def _(self, command: AddObstacle):
         if command.id:
-            told = {"solid": command.solid, "blocks_view": command.blocks_view, "margin": command.margin}
+            names = "solid", "blocks_view", "margin", "z_min", "z_max", "shape"
+            told = {name: getattr(command, name) for name in names}
             self.draw(command.id, "Obstacle", command.name, "area", command.polygon(), told)
 
     @do.register
@@ -590,6 +591,7 @@ class Sheet:
             "heading": "random" if command.heading is None else f"{math.degrees(command.heading):.12g}",
             "speed": command.speed or 0.0, "altitude": command.altitude, "start": command.start,
             "rate": command.rate, "formation": command.formation, "body_length": command.body_length or 0.0,
+            "depth": command.depth,
         }  # fmt: skip
         found = self.find(command.id, "Spawn")
         given = {p["name"] for p in found[0].get("properties", [])} if found else set()

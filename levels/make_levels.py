@@ -366,21 +366,25 @@ def skein():
 
 @level
 def geese():
-    """Geese take off from a meadow, find into a V, round a hill and fly out of the map (Klotsman & Tal 2012)."""
-    s = new(120, 50, 10.0, boundary="despawn", seed=16)
+    """Geese rest, take off, find into a V, round a hill and land by another lake (Klotsman & Tal 2012)."""
+    s = new(155, 54, 10.0, boundary="despawn", seed=16)
     s.ground("meadow")
     s.ground("grass", rolling(s.x, s.y, 161, 260) > 0.2)
     s.ground("dry grass", rolling(s.x, s.y, 162, 220) > 1.1)
-    lake = ((s.x - 150) / 120) ** 2 + ((s.y - 360) / 80) ** 2 + 0.25 * rolling(s.x, s.y, 163, 130, 4)
-    s.ground("sand", lake < 1.2)
-    s.ground("water", lake < 1.0)
-    s.ground("forest floor", rolling(s.x, s.y, 164, 150) - 0.006 * np.hypot(s.x - 800, s.y - 120) > 0.15)
+    shores = [((s.x - 150) / 120) ** 2 + ((s.y - 370) / 80) ** 2, ((s.x - 1400) / 110) ** 2 + ((s.y - 250) / 75) ** 2]
+    for k, lake in enumerate(shores):
+        lake = lake + 0.25 * rolling(s.x, s.y, 163 + k, 130, 4)
+        s.ground("sand", lake < 1.2)
+        s.ground("water", lake < 1.0)
+    s.ground("forest floor", rolling(s.x, s.y, 168, 150) - 0.006 * np.hypot(s.x - 800, s.y - 120) > 0.15)
     s.brush("graze", np.hypot(s.x - 130, s.y - 190) < 75)
     s.box("Spawn", 130, 190, 44, 44, "flock", species="goose", brush="geese", count=21, heading="east")
     s.draw("Key", [(130, 190)], "rest until", at=4, command="PaintBrush", x=130, y=190, radius=90, brush="")
     s.draw("Key", [(600, 170)], "up and away", at=0, command="Migrate", x=640, y=170, z=45, species="goose")
     s.draw("Key", [(900, 330)], "round the hill", at=32, command="Migrate", x=1900, y=620, z=60, seconds=12,
            species="goose")  # fmt: skip
+    s.draw("Key", [(1000, 360)], "down to the lake", at=58, command="Migrate", x=1440, y=420, z=-4, species="goose")
+    s.draw("Key", [(1380, 400)], "land", at=83, command="PaintBrush", x=1380, y=410, radius=130, brush="graze")
     s.draw("Line", [(560, 60), (560, 290)], "in formation", closed=False)
     s.draw("Line", [(900, 150), (900, 420)], "after the turn", closed=False)
     return s

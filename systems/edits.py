@@ -305,6 +305,7 @@ class MarkSpawn:
     rate: float = 0.0  # animals per second; 0: all at once
     formation: str = "scatter"
     body_length: float | None = None  # m; None: the brush's
+    depth: float = 0.0  # m above `altitude` up to which they are born
     since: float | None = None  # s, when it was drawn; None: now
     born: int = -1  # how many it has brought already; -1: as it is
     at: int = -1
@@ -317,7 +318,12 @@ class MarkSpawn:
         need(self.count or self.rate, "count must be at least 1, got 0")
         need(self.species, "a species needs a name")
         need(self.formation in FORMATIONS, f"formation must be one of {', '.join(FORMATIONS)}, got {self.formation!r}")
-        for name, most, unit in (("start", 1e7, "s"), ("rate", 1e5, "1/s"), ("altitude", FAR, "m")):
+        for name, most, unit in (
+            ("start", 1e7, "s"),
+            ("rate", 1e5, "1/s"),
+            ("altitude", FAR, "m"),
+            ("depth", FAR, "m"),
+        ):
             value = getattr(self, name)
             need(0 <= value <= most, f"{name} must be 0 to {most:g} {unit}, got {value:g}")
         need(self.speed is None or 0 <= self.speed <= 1000, f"speed must be 0 to 1000 m/s, got {self.speed}")
@@ -368,7 +374,8 @@ class MarkSpawn:
         since = self.since if self.since is not None else now if before is None else before.since
         return SpawnArea(
             self.id, self.name, polygon_of(self.points, "a spawn"), self.species, self.brush, self.count, self.heading,
-            self.speed, self.altitude, self.start, self.rate, self.formation, self.body_length, since,
+            self.speed, self.altitude, self.start, self.rate, self.formation, self.body_length,
+            self.depth, since,
         )  # fmt: skip
 
 

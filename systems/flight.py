@@ -31,6 +31,7 @@ from engine.solids import out_of_, slide_
 from systems.ground_height import height_of_ground
 
 GRAVITY = 9.81  # m/s^2
+CLEAR = 1e-5  # m kept free between bodies and solids, more than rounding ever takes in a corner
 (
     MIN_SPEED, MAX_SPEED, MAX_ACCELERATION, DAMPING, WEIGHT, BUOYANCY, LIFT, BANKING, ROLL_TIME, _, GROUNDED, EXACT,
 ) = range(len(Flight._fields))  # fmt: skip
@@ -153,8 +154,8 @@ def fly(
             ux, uy, uz = rolled(ux, uy, uz, gx, gy, gz, bank * lx, bank * ly, bank * lz + GRAVITY, share)
         x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
         if len(solids.kind):
-            free, px, py, pz = out_of_(solids, x, y, z, w)
-            touched, px, py, pz = slide_(solids, px, py, pz, nx * dt, ny * dt, nz * dt, w)
+            free, px, py, pz = out_of_(solids, x, y, z, w + CLEAR)
+            touched, px, py, pz = slide_(solids, px, py, pz, nx * dt, ny * dt, nz * dt, w + CLEAR)
             touched |= (px != x + nx * dt) | (py != y + ny * dt) | (pz != z + nz * dt)
         else:
             touched, px, py, pz = False, x + nx * dt, y + ny * dt, z + nz * dt
@@ -166,7 +167,7 @@ def fly(
             touched = True
             pz = low
             if len(solids.kind):  # lifted by the ground into something that hangs over it
-                free, qx, qy, qz = out_of_(solids, px, py, pz, w)
+                free, qx, qy, qz = out_of_(solids, px, py, pz, w + CLEAR)
                 if qx != px or qy != py or qz < low:
                     px, py, pz = x, y, max(z, height_of_ground(relief, relief_cell, x, y) + w)
         if touched:  # it is where it came to that counts

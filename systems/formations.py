@@ -80,7 +80,8 @@ def _keep(world, rows, p):
     follows = reference >= 0
     agents[FormationPlace.reference][rows] = np.where(follows, ids[rows[np.maximum(reference, 0)]], 0)
     agents[ReferenceBird.entity][rows] = agents[FormationPlace.reference][rows]
-    agents[Role.leader][rows] = place == 0
+    second = (place == n - 1) & p.shape.startswith("inverted")  # the other tip
+    agents[Role.leader][rows] = (place == 0) | second
     led = np.where(np.arange(n) == leader, led + clock.dt, 0.0)
     agents[FormationPlace.led][rows] = led
 

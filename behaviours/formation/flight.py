@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from behaviours.formation.hummel import relative_power, total_power
-from behaviours.formation.keys import PROXIMAL, project, solve_levenberg_marquardt, solve_proximal
+from behaviours.formation.keys import PROXIMAL, NoShape, project, solve_levenberg_marquardt, solve_proximal
 from behaviours.formation.shapes import Formation, FrameShape
 from behaviours.problems import Problem, ProblemsError
 from engine.noise import Noise
@@ -193,7 +193,10 @@ class SteadyFlight:
         if how.method == "proximal":
             y = solve_proximal(self.x, wanted, last, how.proximal)
         else:
-            y = solve_levenberg_marquardt(self.x, wanted, last)
+            try:
+                y = solve_levenberg_marquardt(self.x, wanted, last)
+            except NoShape:  # no shape has these shares: as near as the proximal form comes
+                y = solve_proximal(self.x, wanted, last, how.proximal)
         y = _behind_the_leader(y - y[self.left], self.left)
         best, least = y, np.inf
         for way in WAYS:

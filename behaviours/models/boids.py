@@ -35,6 +35,7 @@ from engine.parallel import over_rows
 DIRECTION, POINT = 1, 2  # what `Air.bound` may be
 URGES = ("obstacle", "separation", "fear", "matching", "centring", "migration", "height")  # in order of priority
 SAFETY = 5.0  # times the acceleration that would just do, asked for to pass an obstacle.  By trial: 2 grazes corners
+STANDING = 0.05  # of the maximum speed: who is slower was stopped by something, and goes away from it
 NEAREST = 0.3  # body lengths: nearer neighbours weigh no more
 
 
@@ -213,7 +214,7 @@ def _steer(
         else:
             ask[3], ask[4] = 0.0, 0.0
         x, y, z = _clear_of_obstacles(
-            field, fx, fy, fz, speed, most, hit[i] * per, aim[i], gap[i] * per, normal[i], field_range
+            field, fx, fy, fz, speed, top, most, hit[i] * per, aim[i], gap[i] * per, normal[i], field_range
         )
         # the ground: as a plane below that rises as fast as the bird sinks
         low = height[i] * per - clearance
@@ -264,7 +265,7 @@ def _steer(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _clear_of_obstacles(field, fx, fy, fz, speed, most, hit, aim, gap, normal, field_range):
+def _clear_of_obstacles(field, fx, fy, fz, speed, top, most, hit, aim, gap, normal, field_range):
     """The request of obstacles; lengths in body lengths.
 
     Steered past, it is the acceleration across the heading that reaches the aim by the time of the impact, and some
@@ -275,6 +276,8 @@ def _clear_of_obstacles(field, fx, fy, fz, speed, most, hit, aim, gap, normal, f
             return 0.0, 0.0, 0.0
         push = (1.0 - max(gap, 0.0) / field_range) ** 2
         return push * normal[0], push * normal[1], push * normal[2]
+    if speed < STANDING * top and gap < 1.0:  # in a nook both ways past are barred
+        return normal[0], normal[1], normal[2]
     if not np.isfinite(hit):
         return 0.0, 0.0, 0.0
     along = fx * aim[0] + fy * aim[1] + fz * aim[2]

@@ -168,3 +168,10 @@ def test_impossible_flights_are_refused_in_words():
         SteadyFlight(movie("V", 9), 9, left=9)
     with pytest.raises(ValueError, match="begins at 0"):
         SteadyFlight(movie("V", 9), 9).at(-1.0)
+
+
+def test_the_papers_solver_flies_too_and_where_it_finds_nothing_the_other_does():
+    flight = SteadyFlight(movie("V", 9), 14, seed=1, drawing=Drawing(method="levenberg-marquardt"))
+    said = flight.report(flight.frames(60, fps=2.0), fps=2.0)
+    assert said["outside"] < 0.05
+    assert said["leader_in_front"] == 1.0

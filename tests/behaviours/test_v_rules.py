@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from small_herd import brush, forward_of, meadow, put
+from small_herd import brush, forward_of, meadow, point_to_segment, put
 
 from behaviours.v_rules.flights import SIDE, fly, starts
 from behaviours.v_rules.indicators import SHAPES, indicators, leads_of, lines_of
@@ -146,7 +146,12 @@ def test_birds_begin_apart_unless_told():
 
     assert not close(starts(range(20), 30))
     assert close(starts(range(20), 30, apart=False))
+<<<<<<< HEAD
     assert starts([1], 30).min() >= 0 and starts([1], 30).max() <= SIDE
+=======
+    assert starts([1], 30)[:, :, :2].min() >= 0
+    assert starts([1], 30).max() <= SIDE
+>>>>>>> birds
 
 
 # what the paper claims, on few flocks; `flockbrush sweep v_rules` has a thousand each
@@ -272,9 +277,17 @@ def test_lines_run_from_the_last_birds_to_the_lead():
 
 
 def test_lines_end_where_two_birds_follow_one():
-    # a lead, one behind it, and two behind that one
-    found = indicators(flock((0, 0), (BEST, -0.6), *arm(2, 1, BEST, -0.6), *arm(2, -1, BEST, -1.0)))
+    # a lead, one behind it, and two arms behind that one
+    birds = flock((0, 0), (BEST, -0.6), *arm(2, 1, BEST, -0.6), *arm(2, -1, BEST, -1.0))
+    found = indicators(birds)
     assert (found.leads[0], found.segments[0]) == (1, 2)
+    assert sorted(map(tuple, lines_of(birds[0]).tolist())) == [(3, 1), (5, 1)]
+    # the lead stands on neither: it counts with both
+    xy = birds[0, :, :2]
+    ends = [point_to_segment(xy, xy[[last]], xy[[1]]) for last in (3, 5)]
+    expected = np.where(np.arange(6) < 2, np.mean(ends, axis=0), np.min(ends, axis=0))
+    assert expected[0] > np.min(ends, axis=0)[0] + 0.01
+    assert found.distance[0] == pytest.approx(expected.mean())
 
 
 def test_two_flocks_far_apart_have_their_own_lines():
@@ -308,7 +321,15 @@ def geese(seed=3, birds=9, heading=np.pi / 2, guides=(), **rules):
 
 @pytest.mark.parametrize(
     "rules",
-    [{}, {"angle": 170.0}, {"update": "together"}, {"layer": 0.5}, {"perturbation": 0.02}, {"approach": "coin"}],
+    [
+        {},
+        {"angle": 170.0},
+        {"update": "together"},
+        {"layer": 0.5},
+        {"perturbation": 0.02},
+        {"approach": "coin"},
+        {"turn": 0.06, "cruise": 8 / 32 / 1.5},
+    ],
     ids=str,
 )
 def test_a_flock_in_a_world_flies_as_the_experiment_does(rules):

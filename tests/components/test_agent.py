@@ -39,10 +39,14 @@ def test_names_are_given_once():
     assert len({kind.__name__ for kind in AGENT}) == len(AGENT)
 
 
-def test_all_kinds_of_the_module_belong_to_an_animal():
-    tree = ast.parse(Path(components.agent.__file__).read_text(encoding="utf-8"))
+def test_all_kinds_of_the_room_belong_to_an_animal():
+    files = Path(components.agent.__file__).parent.glob("*.py")
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in files]
     kinds = {
-        n.name for n in tree.body if isinstance(n, ast.ClassDef) and "Component" in [ast.unparse(b) for b in n.bases]
+        n.name
+        for tree in trees
+        for n in tree.body
+        if isinstance(n, ast.ClassDef) and "Component" in [ast.unparse(b) for b in n.bases]
     }
     assert kinds == {kind.__name__ for kind in AGENT}
 

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from small_herd import brush, meadow, put
+from small_herd import box, brush, meadow, obstacle, put
 
 from components import FormationPlace, Heading, Position, ReferenceBird, Role, Velocity
 from engine.state import state_hash
+from flockbrush.run import start
 from systems.commands import Migrate, SwitchBrush
 from systems.gusts import Gust
 from systems.initiation import scattered
@@ -74,7 +75,7 @@ def test_roles_and_reference_birds_are_live():
             assert a[FormationPlace.place][followed] == a[FormationPlace.place][k] - 1
 
 
-@pytest.mark.parametrize("shape", ["line", "J", "inverted V"])
+@pytest.mark.parametrize("shape", ["line", "J", "inverted V", "inverted U"])
 def test_other_shapes_are_found_too(shape):
     simulation = flock(shape=shape, left={"line": 0.0, "J": 0.2}.get(shape, 0.5), deviation=0.0)
     simulation.run(1100)
@@ -88,7 +89,8 @@ def test_other_shapes_are_found_too(shape):
     else:
         assert place.tolist() == list(range(9))
         assert y[8] == pytest.approx(0.0, abs=0.3)  # the two tips lead side by side
-        assert y[4] == pytest.approx(-4.0, abs=0.3)
+        assert y[4] == pytest.approx(-4.0 if shape == "inverted V" else -1.25, abs=0.3)
+        assert simulation.agents[Role.leader].sum() == 2
 
 
 def test_the_flock_turns_with_its_leader():
@@ -190,3 +192,41 @@ def test_a_gust_that_cannot_be_is_refused():
     for wrong in (Gust(1.0, 0.0, seconds=0.0), Gust(1.0, 0.0, uneven=2.0), Gust(1.0, 0.0, radius=-1.0)):
         with pytest.raises(ValueError):
             wrong.apply(simulation.world)
+
+
+def test_a_flock_behind_a_rock_flies_round_it_and_into_formation():
+    rock = obstacle(box(-14, 30, 14, 50))  # right ahead of them, higher than they fly
+    simulation = meadow(geese(deviation=0.0), boundary="open", obstacles=[rock])
+    x, y, heading = scattered(9, 3)
+    put(simulation, np.c_[x * WING, y * WING], np.pi / 2 - 0.5 * heading)
+    agents = simulation.agents
+    agents[Position.xyz][:, 2] = 20.0
+    agents[Velocity.xyz][:] = 15.0 * agents[Heading.forward]
+    simulation.submit(Migrate(0.0, 1.0, 0.0, kind="direction"))
+    for _ in range(80):
+        simulation.run(16)
+        xyz = simulation.agents[Position.xyz]
+        assert not ((np.abs(xyz[:, 0]) < 14) & (np.abs(xyz[:, 1] - 40) < 10)).any()
+    place, _, x, y, _ = formation(simulation)
+    assert place.tolist() == [4, 3, 2, 1, 0, 1, 2, 3, 4]
+    assert y == pytest.approx(-0.8 * np.abs(x), abs=0.4)
+
+
+@pytest.mark.slow
+def test_the_geese_of_the_level_rest_fly_in_a_v_and_land():
+    simulation = start("geese")
+    agents = simulation.agents
+    simulation.run(100)
+    assert not agents[Position.xyz][:, 2].any()
+    simulation.run(900)
+    assert formation_places(simulation) == [*range(10, 0, -1), 0, *range(1, 11)]
+    assert simulation.agents[Position.xyz][:, 2].min() > 30
+    simulation.run(1850)
+    assert len(simulation.agents) == 21
+    assert simulation.agents[Position.xyz][:, 2].max() < 0.5
+    assert np.linalg.norm(simulation.agents[Velocity.xyz], axis=1).max() < 1.0
+
+
+def formation_places(simulation):
+    """Places from left to right."""
+    return formation(simulation)[0].tolist()
