@@ -307,7 +307,8 @@ class App(Hand, Deeds):
             self.dialog.handle(event)
             return True
         self.dialog = None
-        if event.type in (pygame.KEYDOWN, pygame.KEYUP) and not self._is_typing():
+        key = event.type in (pygame.KEYDOWN, pygame.KEYUP)
+        if key and not self._is_typing():
             return False
         if self._stroking or self._panning:  # a stroke that leaves the canvas goes on
             return False
@@ -319,7 +320,8 @@ class App(Hand, Deeds):
             self.buttons[event.ui_element].do(self)
             return True
         parts = (self.timebar, self.toolbox, self.column)
-        return taken or any(part is not None and part.handle(event) for part in parts)
+        heard = taken or any(part is not None and part.handle(event) for part in parts)
+        return heard or key  # letters that are typed are no keys of tools
 
     def _is_typing(self):
         focus = self.manager.get_focus_set() or ()
@@ -361,6 +363,7 @@ class App(Hand, Deeds):
             return
         if event.button == 1 and self.toasts.click(event.pos):
             return
+        self.manager.set_focus_set(None)  # keys are for tools again, not for a field one has typed in
         if event.button == 2 or (event.button == 1 and self._space):
             self._panning = self._space_used = True
             return

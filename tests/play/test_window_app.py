@@ -307,6 +307,18 @@ def test_letters_that_are_typed_into_a_field_take_no_tool(window):
     assert window.tool.name == "brush" and window.dialog.entry.get_text().endswith("v")
 
 
+def test_keys_are_for_tools_again_after_a_click_on_the_ground(window):
+    from pygame_gui.elements import UITextEntryLine
+
+    field = UITextEntryLine(pygame.Rect(300, 60, 80, 24), window.manager)
+    window.manager.set_focus_set(field)
+    window.key("g")
+    assert window.tool.name == "brush"
+    window.click((20, 3))
+    window.key("g")
+    assert window.tool.name == "guide"
+
+
 # pictures -----------------------------------------------------------------------------------
 
 
