@@ -115,6 +115,13 @@ def test_a_shipped_level_is_saved_elsewhere(tmp_path):
     window.close()
 
 
+def test_a_level_with_a_dot_in_its_name_is_still_a_level_file(window, tmp_path):
+    window.key("ctrl+shift+s")
+    window.dialog.entry.set_text(str(tmp_path / "pasture v1.2"))
+    window.key("return")
+    assert (tmp_path / "pasture v1.2.tmj").is_file() and window.session.path.name == "pasture v1.2.tmj"
+
+
 def test_quitting_with_unsaved_changes_asks_first(window):
     window.drag((12, 3), (14, 3))
     window.post(pygame.QUIT)
