@@ -334,7 +334,9 @@ class AddObstacle:
     shape: str = "box"  # how it stands up from its outline: box, cylinder, sphere or plane
 
     def check(self, world):
-        self.polygon()
+        land, (west, south, east, north) = world.resource(Landscape), box_of(self.polygon())
+        off = east < 0 or north < 0 or west > land.width or south > land.height
+        need(not off, f"the obstacle is not on the map, which is {land.width:g} x {land.height:g} m")
         need(self.id >= 0, f"id must be at least 0, got {self.id}")
         need(0 <= self.margin <= 1000, f"margin must be 0 to 1000 m, got {self.margin:g}")
         need(self.shape in SHAPES, f"shape must be one of {', '.join(SHAPES)}{did_you_mean(self.shape, SHAPES)}")

@@ -87,6 +87,7 @@ class App(Hand, Deeds):
         self._disk = DISK
         self.film = self.dialog = self.help = self.hint = None
         self._panning = self._space = self._space_used = self._stroking = False
+        self._button = 0  # the one that holds the stroke
         self._told_disk, self._covered = "", False
         self.toasts, self.thumbnails = Toasts(), Thumbnails(self)
         self.column = None
@@ -307,7 +308,8 @@ class App(Hand, Deeds):
             self.dialog.handle(event)
             return True
         self.dialog = None
-        if event.type in (pygame.KEYDOWN, pygame.KEYUP) and not self._is_typing():
+        key = event.type in (pygame.KEYDOWN, pygame.KEYUP)
+        if key and not self._is_typing():
             return False
         if self._stroking or self._panning:  # a stroke that leaves the canvas goes on
             return False
@@ -319,7 +321,8 @@ class App(Hand, Deeds):
             self.buttons[event.ui_element].do(self)
             return True
         parts = (self.timebar, self.toolbox, self.column)
-        return taken or any(part is not None and part.handle(event) for part in parts)
+        heard = taken or any(part is not None and part.handle(event) for part in parts)
+        return heard or key  # letters that are typed are no keys of tools
 
     def _is_typing(self):
         focus = self.manager.get_focus_set() or ()
@@ -357,10 +360,16 @@ class App(Hand, Deeds):
                 self.toggle_play()
 
     def _press(self, event):
+        if self._stroking or self._panning:
+            if event.button != self._button:
+                return  # one thing at a time
+            self._release(event)  # it came up where nobody heard it
         if not self.canvas.rect.collidepoint(event.pos) or event.button > 3:
             return
         if event.button == 1 and self.toasts.click(event.pos):
             return
+        self.manager.set_focus_set(None)  # keys are for tools again, not for a field one has typed in
+        self._button = event.button
         if event.button == 2 or (event.button == 1 and self._space):
             self._panning = self._space_used = True
             return
@@ -369,6 +378,8 @@ class App(Hand, Deeds):
         self.tool.press(xy, event.button, pygame.key.get_mods())
 
     def _release(self, event):
+        if event.button != self._button:
+            return
         if self._panning:
             self._panning = False
         elif self._stroking:
@@ -399,20 +410,22 @@ class App(Hand, Deeds):
     def _let_go(self, event):
         """The mouse has left the window, or the window has lost the keyboard: what is being drawn ends here."""
         if event.type == pygame.WINDOWFOCUSLOST:
-            self._space = self._panning = False
-            if self._stroking:
-                self._stroking = False
-                self.tool.release(self.tool.at)
-            if self.timebar is not None:
-                self.timebar.dragging = False
+            self.let_go()
         if not self._stroking:
             self.tool.at = None
 
-    def resize(self, size):
-        """The window has another size; what is being drawn ends here."""
+    def let_go(self):
+        """End what mouse and keys hold: whoever looks elsewhere now may not tell us when they come up."""
+        self._space = self._panning = False
         if self._stroking:
             self._stroking = False
             self.tool.release(self.tool.at)
+        if self.timebar is not None:
+            self.timebar.dragging = False
+
+    def resize(self, size):
+        """The window has another size; what is being drawn ends here."""
+        self.let_go()
         size = _least(size)
         if size != self.screen.get_size():
             self.screen = pygame.display.set_mode(size, pygame.RESIZABLE)
@@ -478,9 +491,9 @@ def _least(size):
 
 def said(error) -> str:
     """An exception in words for a person."""
-    known = (ValueError, LookupError, OSError)
-    text = str(error.args[0] if isinstance(error, LookupError) and error.args else error)
-    return text if isinstance(error, known) and text else f"that did not work: {type(error).__name__}: {text}"
+    known = isinstance(error, (ValueError, OSError)) or type(error) is LookupError
+    text = str(error.args[0] if type(error) is LookupError and error.args else error)
+    return text if known and text else f"that did not work: {type(error).__name__}: {text}"
 
 
 def _screen_height():

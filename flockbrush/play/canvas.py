@@ -13,7 +13,7 @@ from flockbrush.draw.overlays import Overlays
 from flockbrush.export import herd_of
 
 NEAREST, FARTHEST = 400.0, 0.25  # pixels per metre; share of the whole map in the window
-FIRST = 0.25  # s that may go into the ground of a new window before it is shown
+FIRST = 0.5  # s that may go into the ground of a new window before it is shown
 REFINE = 0.004  # s of a frame that may go into the ground
 MARGIN = 14  # pixels around the map when all of it is shown, at scale 1
 

@@ -12,6 +12,7 @@ from flockbrush.play.dialogs import Dialog
 from flockbrush.play.film import Film
 from flockbrush.play.help import Help
 
+LEVELS = (".tmj", ".json")  # what level files end in
 RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 
 
@@ -131,7 +132,7 @@ class Deeds:
         if not text:
             return self.notify("a file needs a name", "warning")
         path = Path(text).expanduser()
-        path = path if path.suffix else path.with_suffix(".tmj")
+        path = path if path.suffix.lower() in LEVELS else path.with_name(f"{path.name}.tmj")
         if path.exists() and path.resolve() != Path(self.session.path or "").resolve():
             answers = [("Replace it", lambda: self._save(path)), ("Cancel", None)]
             return self.ask("Save the level", f"{path} is there already.", answers)
@@ -275,6 +276,7 @@ class Deeds:
         self._open_dialog(Dialog(self, title, question, answers))
 
     def _open_dialog(self, dialog):
+        self.let_go()
         if self.dialog is not None and self.dialog.alive():
             self.dialog.kill()
         self.dialog = dialog

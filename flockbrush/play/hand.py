@@ -230,7 +230,7 @@ class Hand:
         land = self.session.simulation.world.resource(Landscape)
         for kind in getattr(land, "kinds", ()):
             if kind.name == name and kind.colour:
-                return mix(rgb(kind.colour), self.theme.wash, 0.25 * self.theme.wash_share)
+                return mix(rgb(kind.colour), self.theme.wash, 0.5 * self.theme.wash_share)
         return self.theme.ground
 
     # what lies where --------------------------------------------------------------------

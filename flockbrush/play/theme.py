@@ -103,7 +103,8 @@ def px(scale: float, size: float) -> int:
 
 def look(theme: Theme, scale: float) -> dict:
     """The theme of pygame_gui for a theme of the pictures and a scale."""
-    c, text = chrome(theme), px(scale, 14)
+    c = chrome(theme)
+    usual = {"name": "noto_sans", "size": str(px(scale, 14))}  # told to each kind: they do not inherit its size
     flat = {"shape": "rounded_rectangle", "shape_corner_radius": str(px(scale, 4)), "shadow_width": "0"}
     edged = flat | {"border_width": "1"}
     square = {"shape": "rectangle", "shadow_width": "0", "border_width": "0"}
@@ -111,8 +112,8 @@ def look(theme: Theme, scale: float) -> dict:
     bare = {"normal_bg": hexed(c.panel, 0), "normal_border": hexed(c.panel, 0)}
     bars = {"misc": flat | {"border_width": "0", "enable_arrow_buttons": "0"}}
     return {
-        "defaults": {"colours": _colours(c), "font": {"name": "noto_sans", "size": str(text)}},
-        "label": {"colours": {"dark_bg": hexed(c.panel, 0)}, "misc": {"text_horiz_alignment": "left"}},
+        "defaults": {"colours": _colours(c), "font": usual},
+        "label": {"font": usual, "colours": {"dark_bg": hexed(c.panel, 0)}, "misc": {"text_horiz_alignment": "left"}},
         "@title": {"font": {"name": "noto_sans", "size": str(px(scale, 15)), "bold": "1"}},
         "@heading": {
             "font": {"name": "noto_sans", "size": str(px(scale, 12)), "bold": "1"},
@@ -124,7 +125,7 @@ def look(theme: Theme, scale: float) -> dict:
             "colours": {"normal_text": hexed(c.ink)},
             "misc": {"text_horiz_alignment": "right"},
         },
-        "@right": {"misc": {"text_horiz_alignment": "right"}},
+        "@right": {"font": usual, "misc": {"text_horiz_alignment": "right"}},
         "@note": {"font": _small(scale), "colours": {"normal_text": hexed(c.muted), "dark_bg": hexed(c.panel, 0)}},
         "@note_right": {
             "font": _small(scale),
@@ -134,7 +135,10 @@ def look(theme: Theme, scale: float) -> dict:
         "@clear": {"colours": {"dark_bg": hexed(c.panel)}},
         "@page": {"font": _small(scale), "colours": {"dark_bg": hexed(c.panel)}},
         "@panel_row": {"font": _small(scale)},
-        "button": {"misc": edged | {"text_horiz_alignment_padding": str(px(scale, 8)), "tool_tip_delay": "0.6"}},
+        "button": {
+            "font": usual,
+            "misc": edged | {"text_horiz_alignment_padding": str(px(scale, 8)), "tool_tip_delay": "0.6"},
+        },
         "@tool": {"misc": edged | {"text_horiz_alignment_padding": "0"}, "colours": bare},
         "@plain": {"misc": edged, "colours": bare},
         "@tab": {"misc": square, "font": _small(scale), "colours": bare | _tab(c)},
@@ -179,6 +183,7 @@ def look(theme: Theme, scale: float) -> dict:
         "selection_list.button": {"misc": square, "font": _small(scale)},
         "text_entry_line": {"misc": edged | {"padding": f"{px(scale, 5)},{px(scale, 3)}"}, "font": _small(scale)},
         "text_box": {
+            "font": usual,
             "misc": square | {"padding": f"{px(scale, 6)},{px(scale, 4)}"},
             "colours": {"dark_bg": hexed(c.panel)},
         },

@@ -115,6 +115,13 @@ def test_a_shipped_level_is_saved_elsewhere(tmp_path):
     window.close()
 
 
+def test_a_level_with_a_dot_in_its_name_is_still_a_level_file(window, tmp_path):
+    window.key("ctrl+shift+s")
+    window.dialog.entry.set_text(str(tmp_path / "pasture v1.2"))
+    window.key("return")
+    assert (tmp_path / "pasture v1.2.tmj").is_file() and window.session.path.name == "pasture v1.2.tmj"
+
+
 def test_quitting_with_unsaved_changes_asks_first(window):
     window.drag((12, 3), (14, 3))
     window.post(pygame.QUIT)
@@ -305,6 +312,18 @@ def test_letters_that_are_typed_into_a_field_take_no_tool(window):
     window.post(pygame.KEYDOWN, key=pygame.K_v, mod=0, unicode="v")
     window.post(pygame.TEXTINPUT, text="v")
     assert window.tool.name == "brush" and window.dialog.entry.get_text().endswith("v")
+
+
+def test_keys_are_for_tools_again_after_a_click_on_the_ground(window):
+    from pygame_gui.elements import UITextEntryLine
+
+    field = UITextEntryLine(pygame.Rect(300, 60, 80, 24), window.manager)
+    window.manager.set_focus_set(field)
+    window.key("g")
+    assert window.tool.name == "brush"
+    window.click((20, 3))
+    window.key("g")
+    assert window.tool.name == "guide"
 
 
 # pictures -----------------------------------------------------------------------------------

@@ -373,3 +373,25 @@ def test_a_tool_that_breaks_says_so_and_the_window_goes_on(window, monkeypatch):
     window.toasts.log.clear()
     window.frames(2)
     assert window.running
+
+
+# clumsy hands --------------------------------------------------------------------------
+
+
+def test_a_question_in_the_middle_of_a_stroke_ends_it(window):
+    window.choose("brush", "graze")
+    window.press((12, 3))
+    window.ask("?", "Really?", [("Yes", None)])
+    window.release((12, 3))
+    window.key("return")
+    window.move((20, 12))
+    assert window.painted((12, 3)) == "graze" and window.painted((20, 12)) is None
+
+
+def test_obstacles_drawn_off_the_map_are_none(window):
+    before = set(obstacles(window))
+    window.key("o")
+    window.drag((-20, 3), (-16, 9))
+    window.set_option("shape", "rectangle")
+    window.drag((30, 3), (40, 9))
+    assert set(obstacles(window)) == before and not window.session.dirty

@@ -1,5 +1,6 @@
 """The playground's window without a screen, and hands for its mouse and keys."""
 
+import gc
 import os
 
 os.environ["SDL_VIDEODRIVER"] = "dummy"
@@ -26,6 +27,10 @@ class Window(App):
         super().__init__(Session.open(level), size, options.pop("theme", "light"), **options)
         pygame.event.get()
         self.frames(2)
+
+    def close(self):
+        super().close()
+        gc.collect()  # a window is full of circles
 
     def frames(self, count=1, dt=1 / 32):
         """So many frames, each as long as a tick."""

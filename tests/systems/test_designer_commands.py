@@ -96,6 +96,11 @@ def test_a_cap_is_painted_and_erased():
     assert np.isinf(land_of(simulation).surface[..., 1]).all()
 
 
+def test_an_obstacle_off_the_map_is_refused_as_in_a_level():
+    with pytest.raises(CommandError, match="the obstacle is not on the map"):
+        do(scene(), AddObstacle("wall", [[-9.0, 5.0], [-3.0, 5.0], [-3.0, 30.0]]))
+
+
 def test_an_obstacle_comes_and_goes():
     simulation = do(scene(), AddObstacle("wall", [[16.0, 5.0], [17.0, 5.0], [17.0, 30.0], [16.0, 30.0]]))
     assert len(land_of(simulation).barriers) == 2

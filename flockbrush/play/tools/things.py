@@ -39,6 +39,8 @@ class Shape(Tool):
         return float(np.hypot(xy[0] - other[0], xy[1] - other[1])) <= self.reach(CLICK)
 
     def delete(self) -> bool:
+        if self.dragging:
+            return self.cancel()
         if self.points:
             self.points.pop()
             return True
@@ -113,10 +115,14 @@ class Obstacle(Shape):
         name = free_name(app.session.simulation, "obstacle")
         solid, opaque = app.options["solid"], app.options["blocks_view"]
         commands = []
+        polygons = [
+            polygon for polygon in polygons if not app.is_off_map(np.min(polygon, axis=0), np.max(polygon, axis=0), 0.0)
+        ]
         for k, polygon in enumerate(polygons):
             called = name if len(polygons) == 1 else f"{name}{'abcdefghijklmnopqrstuvwxyz'[k % 26]}"
             commands.append(AddObstacle(called, rows(polygon), solid, opaque, id=app.new_id()))
-        app.do("add an obstacle", commands)
+        if commands:
+            app.do("add an obstacle", commands)
 
     def cursor(self, surface, camera):
         colour = self.app.theme.obstacle_edge
@@ -240,7 +246,7 @@ class Guide(Shape):
         return None
 
     def finish(self):
-        points, self.points = self.points, []
+        points, self.points, self.dragging = self.points, [], False
         if len(points) > 1:
             self._draw(points)
 
