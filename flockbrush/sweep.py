@@ -165,11 +165,7 @@ def _blame(job, error, suspects):
 
 
 def _begin_worker():
-<<<<<<< HEAD
-    """A worker leaves Ctrl-C to its master and the other cores to the other workers; it does not outlive its master."""
-=======
     """A worker leaves Ctrl-C to its master and other cores to other workers, and does not outlive its master."""
->>>>>>> birds
     from engine.parallel import set_threads
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -146,12 +146,8 @@ def test_birds_begin_apart_unless_told():
 
     assert not close(starts(range(20), 30))
     assert close(starts(range(20), 30, apart=False))
-<<<<<<< HEAD
-    assert starts([1], 30).min() >= 0 and starts([1], 30).max() <= SIDE
-=======
     assert starts([1], 30)[:, :, :2].min() >= 0
     assert starts([1], 30).max() <= SIDE
->>>>>>> birds
 
 
 # what the paper claims, on few flocks; `flockbrush sweep v_rules` has a thousand each

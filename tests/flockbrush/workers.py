@@ -11,11 +11,7 @@ SCENARIO = Scenario("0" * 16, {}, {}, {}, ("twice",))
 
 
 def double(seeds, deadly, note):
-<<<<<<< HEAD
-    """Twice each seed; at the deadly one the process is killed, with a note for the first that saw it if given."""
-=======
     """Twice each seed; at the deadly one the process is killed, once only if there is a note to leave."""
->>>>>>> birds
     for seed in seeds:
         if seed == deadly and not (note and Path(note).exists()):
             if note:
