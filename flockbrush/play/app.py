@@ -103,7 +103,7 @@ class App(Hand, Deeds):
     def _open(self, size):
         pygame.display.init()
         pygame.font.init()
-        pygame.display.set_caption(f"{self.level_name()} – Flockbrush")
+        pygame.display.set_caption(self.title())
         self.screen = pygame.display.set_mode(_least(size), pygame.RESIZABLE)
         pygame.key.set_repeat(350, 40)
         pygame.event.set_blocked([pygame.JOYDEVICEADDED, pygame.AUDIODEVICEADDED])
@@ -145,16 +145,17 @@ class App(Hand, Deeds):
         if right:
             self.place = words(self, pygame.Rect(rect.width - right - pad, 0, right, tall), "", back, "@note_right")
 
-    def close(self):
-        """Take the window away."""
+    def close(self, keep=False):
+        """Take the window away; whether what is not saved was kept for next time, if that is asked for."""
         self.end_video()
         self.thumbnails.close()
         for panel in self.panels:
             self._guarded(panel.close)
-        self.session.close()
+        kept = self.session.close(keep)
         if pygame.display.get_init():
             pygame.event.get()  # clear() and quit() would keep for ever the controls that waiting events speak of
             pygame.display.quit()
+        return kept
 
     # one frame -------------------------------------------------------------------------
 

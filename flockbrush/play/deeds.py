@@ -108,6 +108,10 @@ class Deeds:
 
     # files -------------------------------------------------------------------------
 
+    def title(self):
+        """What the window is called."""
+        return f"{self.level_name()} – Flockbrush"
+
     def level_name(self):
         """What the title says."""
         return Path(self.session.path).stem if self.session.path else self.session.level.name
@@ -143,7 +147,7 @@ class Deeds:
         self.tell()
         if written:
             self._told_disk = ""
-            pygame.display.set_caption(f"{self.level_name()} – Flockbrush")
+            pygame.display.set_caption(self.title())
             self.notify(f"saved {written}")
         return written
 
@@ -176,19 +180,24 @@ class Deeds:
     def offer_recovery(self, left):
         """A crash has ended a session with this level: one may go on from there."""
         answers = [("Go on from there", lambda: self._recover(left)), ("Forget it", left.discard), ("Not now", None)]
-        self.ask("Work that was not saved", f"A session with this level ended without being closed:\n{left}", answers)
+        why = f"A session with this level ended before its work was saved:\n{left}"
+        self.ask("Work that was not saved", why, answers)
 
     def _recover(self, left):
+        from engine.recording import RecordingError
         from flockbrush.play.session import Session
 
-        session = Session.recover(left)
+        try:
+            session = Session.recover(left)
+        except RecordingError as error:
+            return self.notify(f"this work cannot be brought back: {error}", "error")
         self.session.close()
         self.session = session
         self.empty(self.brush if self.brush in self.brush_names() else None)
         self.select(None)
         self.build()
         self.tell()
-        self.notify("here is your work as it was")
+        return self.notify("here is your work as it was")
 
     def export_recording(self):
         """Ask where to write the recording."""

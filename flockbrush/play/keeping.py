@@ -209,13 +209,24 @@ class Keeping:
             self._say("warning", f"a crash would now lose what is new: {self.editor.journal_problem}")
             self.editor.journal_problem = ""
 
-    def close(self):
-        """End the recordings in good order; nothing is left to recover."""
+    def close(self, keep=False):
+        """End the recordings in good order; whether something is left to recover.
+
+        Parameters
+        ----------
+        keep : bool
+            Whether what is not saved stays for next time.
+        """
+        unsaved = self.dirty or any(branch.editor.dirty for branch in self.branches.values())
+        keep = keep and unsaved and self._shelter is not None
+        if keep:
+            self._note()
         for branch in self.branches.values():
             branch.editor.close_journal()
         self.timeline.close()
         if self._shelter is not None:
-            self._shelter.close()
+            self._shelter.close(keep)
+        return keep
 
     def _adopt(self, editor, branch=None):
         """Have this editor on a branch, with a journal that a crash leaves."""

@@ -27,7 +27,7 @@ class Opening:
         self.result = self.error = None
         pygame.display.init()
         pygame.font.init()
-        pygame.display.set_caption(f"{title} – Flockbrush")
+        pygame.display.set_caption(f"Opening {title} … – Flockbrush")
         self.screen = pygame.display.set_mode(size, pygame.RESIZABLE)
         self._thread = threading.Thread(target=self._do, name="opening", daemon=True)
 

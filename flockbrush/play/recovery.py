@@ -80,10 +80,11 @@ class Shelter:
         said = {"level": str(self.level), "current": current, "branches": branches}
         write_atomically(self.folder / NOTE, json.dumps(said, default=str, indent=1).encode(), overwrite=True)
 
-    def close(self):
-        """The session ended well: nothing of it need be kept."""
+    def close(self, keep=False):
+        """The session has ended; what it leaves goes, unless it is to be kept for next time."""
         self._lock.close()
-        shutil.rmtree(self.folder, ignore_errors=True)
+        if not keep:
+            shutil.rmtree(self.folder, ignore_errors=True)
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,12 @@ class Leftover:
     def __str__(self):
         when = datetime.datetime.fromtimestamp(self.time).strftime("%d %B, %H:%M")
         return f"{self.level.name}, {when}"
+
+    @property
+    def unsaved(self):
+        """Whether something was done in it that no level file has; who only looked on has lost nothing."""
+        journals = [files.get("journal") for files in self.branches.values()]
+        return any(_is_unsaved(journal) for journal in journals if journal)
 
     def discard(self):
         """Forget it for good."""
@@ -131,6 +138,19 @@ def _read_note(folder):
         return Leftover(folder, Path(said["level"]), str(said["current"]), branches, when)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
+
+
+def _is_unsaved(journal):
+    """Whether a journal goes on after the last time the level was saved."""
+    try:
+        lines = Path(journal).read_text(encoding="utf-8").split("\n")[:-1]
+        events = [json.loads(line)["event"] for line in lines]
+    except FileNotFoundError:
+        return False
+    except (OSError, ValueError, LookupError, TypeError):
+        return True  # who knows
+    after = events[len(events) - events[::-1].index("save") :] if "save" in events else events
+    return bool({"do", "undo", "redo"} & set(after))
 
 
 def recovered_branches(left: Leftover):

@@ -136,8 +136,16 @@ class Session(Keeping):
 
     @staticmethod
     def recoverable(name=None, state_folder=None):
-        """What crashes left of a level, or of all: `recovery.Leftover`, the latest first."""
-        return leftovers(None if name is None else running.find_level(name), state_folder)
+        """What crashes left unsaved of a level, or of all: `recovery.Leftover`, the latest first.
+
+        What they left of sessions that only looked on is cleared away.
+        """
+        found = leftovers(None if name is None else running.find_level(name), state_folder)
+        wanted = [left for left in found if left.unsaved]
+        for left in found:
+            if left not in wanted:
+                left.discard()
+        return wanted
 
     def _edit(self):
         """Begin to edit the level's file on a branch that has just begun."""

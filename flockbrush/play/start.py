@@ -16,6 +16,7 @@ NO_SCREEN = (
     "no window can be opened here ({}); flockbrush play needs a screen."
     " Without one, `flockbrush run LEVEL --export herd.mp4` makes a video."
 )
+KEPT = "what was not saved is kept: flockbrush play offers it when it opens the level again"
 
 
 @dataclass(frozen=True)
@@ -42,10 +43,15 @@ def play_level(wishes: Wishes) -> int:
     """
     size = size_of(wishes.size)
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    os.environ.setdefault("SDL_APP_NAME", "Flockbrush")
+    for system in ("X11", "WAYLAND"):  # by which desktops know whose windows are whose
+        os.environ.setdefault(f"SDL_VIDEO_{system}_WMCLASS", "flockbrush")
     problem = missing_display()
     if problem:
         say(problem)
         return USAGE
+    import pygame
+
     from flockbrush.draw.style import theme_of
     from flockbrush.play.opening import Opening
     from flockbrush.play.settings import load_settings
@@ -53,7 +59,11 @@ def play_level(wishes: Wishes) -> int:
     theme = theme_of(wishes.theme or load_settings()[0].theme or "light")
     with Interrupts() as interrupts, compiling():
         interrupts.gently()
-        opening = Opening(Path(wishes.level).stem, size, theme, lambda: _open(wishes))
+        try:
+            opening = Opening(Path(wishes.level).stem, size, theme, lambda: _open(wishes))
+        except pygame.error as error:  # a screen that was there just now
+            say(NO_SCREEN.format(error))
+            return USAGE
         session = opening.wait(stop=lambda: interrupts.asked)
         if session is not None:
             _play(session, wishes, opening.screen.get_size(), interrupts)
@@ -75,14 +85,17 @@ def _play(session, wishes, size, interrupts):
     from flockbrush.play.app import App
     from flockbrush.play.session import Session
 
-    app = App(session, size, wishes.theme, brush=wishes.brush)
+    app, ended_well = None, False
     try:
+        app = App(session, size, wishes.theme, brush=wishes.brush)
         left = Session.recoverable(wishes.level)
         if left:
             app.offer_recovery(left[0])
         app.run(wishes.frames, stop=lambda: interrupts.asked)
+        ended_well = not interrupts.asked
     finally:
-        app.close()
+        if (app or session).close(keep=not ended_well):
+            say(KEPT)
 
 
 def size_of(text: str) -> tuple[int, int]:

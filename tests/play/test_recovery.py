@@ -294,3 +294,38 @@ def test_brushes_of_ones_own_are_there_after_a_crash(level, state):
     again.step(5)
     assert "mine" in again.chart.counts and texts(again) == []
     again.close()
+
+
+def test_who_only_looked_on_is_not_asked(level, state):
+    session = Session.open(level, state_folder=state)
+    session.step(4)
+    crashed(session)
+    assert Session.recoverable(level, state) == [] and list(state.iterdir()) == []
+
+
+def test_what_was_saved_before_the_crash_is_not_offered_and_what_came_later_is(level, state):
+    session = Session.open(level, state_folder=state)
+    session.do("paint", [stroke("march", 8, 8, 2)])
+    session.save()
+    crashed(session)
+    assert Session.recoverable(level, state) == []
+    session = Session.open(level, state_folder=state)
+    session.do("paint", [stroke("march", 8, 8, 2)])
+    session.save()
+    session.undo()
+    crashed(session)
+    assert len(Session.recoverable(level, state)) == 1
+
+
+def test_a_session_that_is_stopped_from_outside_keeps_what_is_not_saved(level, state):
+    session = Session.open(level, state_folder=state)
+    assert not session.close(keep=True) and list(state.iterdir()) == []
+    session = Session.open(level, state_folder=state)
+    session.do("paint", [stroke("march", 8, 8, 2)])
+    session.step(4)
+    text = session.editor.text()
+    assert session.close(keep=True)
+    (left,) = Session.recoverable(level, state)
+    again = Session.recover(left, state)
+    assert again.tick == 4 and again.editor.text() == text and again.dirty and texts(again) == []
+    again.close()
