@@ -440,6 +440,26 @@ def formation_detect(
     detect(files, out, every, json)
 
 
+@formation_app.command("mark")
+def formation_mark(
+    files: Annotated[
+        list[Path], typer.Argument(metavar="IMAGES|CLIP...", help="Pictures, or a video, of a plain sky.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", metavar="MARKS.csv", help="Where the marks go; those it has are taken up."),
+    ] = None,
+    every: Annotated[int, typer.Option(min=1, metavar="K", help="One frame of so many of a video.")] = 1,
+    theme: Annotated[Theme | None, typer.Option(help="As last time unless told.")] = None,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Of the window, pixels.")] = "1280x720",
+    frames: Annotated[int | None, typer.Option(min=0, metavar="N", help="Close after so many frames.")] = None,
+):
+    """Correct by clicks where birds are, frame by frame, and see the formation they make."""
+    from flockbrush.play.start_marking import mark_birds
+
+    return mark_birds(files, out, every, None if theme is None else theme.value, size, frames)
+
+
 @formation_app.command("extract")
 def formation_extract(
     marks: Annotated[

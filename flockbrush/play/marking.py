@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 
 import cv2
@@ -15,22 +14,15 @@ from behaviours.problems import ProblemsError
 from flockbrush.draw.canvas import Canvas
 from flockbrush.draw.style import rgb, theme_of
 from flockbrush.draw.text import words as written
-from flockbrush.files import output_problems
-from flockbrush.marking import Album, Mark, name_for, read_frames
+from flockbrush.marking import Album, Mark
 from flockbrush.play.dialogs import Dialog
 from flockbrush.play.keys import key_of
 from flockbrush.play.manager import Manager
 from flockbrush.play.settings import load_settings
-from flockbrush.play.start import missing_display, size_of
 from flockbrush.play.theme import chrome, look, px, scale_of
 from flockbrush.play.toasts import Toasts
 from flockbrush.play.widgets import NO_MARGINS, icon_button, words
-from flockbrush.terminal import USAGE, Interrupts, compiling, progress, say
 
-NO_SCREEN = (
-    "no window can be opened here: there is no display. Without one, `flockbrush formation detect` writes the marks"
-    " that are found without help."
-)
 HINT = "Click: add   Right click: remove   Drag a bird: move   Drag a number onto another bird: swap   Wheel: zoom"
 WAYS = ("auto", "up", "right", "down", "left")
 GRAB = 11  # pixels around a bird that belong to it, at least
@@ -92,13 +84,12 @@ class Marking:
         self._shown: tuple = ()
         self._image = np.zeros((1, 1, 3), np.uint8)
         self._labels: dict[int, pygame.Rect] = {}
-        self._leave = False
         pygame.display.init()
         pygame.font.init()
         self.screen = pygame.display.set_mode(size, pygame.RESIZABLE)
         pygame.key.set_repeat(350, 40)
         self.build()
-        self._tell_partly("when they were followed")
+        self._tell_partly()
 
     # controls ---------------------------------------------------------------------------
 
@@ -140,7 +131,7 @@ class Marking:
     def _build_foot(self, rect):
         back = UIPanel(rect, 1, self.manager, margins=NO_MARGINS, object_id="@bar")
         row, pad = px(self.scale, 26), px(self.scale, 8)
-        wide = min(px(self.scale, 330), rect.width // 3)
+        wide = min(px(self.scale, 440), rect.width // 2)
         self.where = words(self, pygame.Rect(pad, px(self.scale, 5), wide, row), "", back)
         left = 2 * pad + wide
         self.slider = None
@@ -297,7 +288,7 @@ class Marking:
         elif event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.buttons:
             self.buttons[event.ui_element]()
         elif event.type == pygame_gui.UI_HORIZONTAL_SLIDER_MOVED and event.ui_element is self.slider:
-            self.go(int(round(event.value)), slide=False)
+            self.go(round(event.value), slide=False)
         else:
             self._mouse(event)
 
@@ -359,7 +350,7 @@ class Marking:
 
     def _drag(self, at):
         what, bird, start, last, button = self.held
-        if what == "view" or what == "sky" and self._far():
+        if what == "view" or (what == "sky" and self._far()):
             self.view.shift += np.subtract(at, last)
             what = "view"
         self.held = what, bird, start, at, button
@@ -430,17 +421,17 @@ class Marking:
         count = len(set(self.album.birds(0)) - set(self.album.partly()))
         frames = f" in {len(self.album)} frames" if len(self.album) > 1 else ""
         self.toasts.say(f"{count} birds{frames} saved in {self.out}")
-        self._tell_partly("in the file")
+        self._tell_partly()
         return True
 
-    def _tell_partly(self, where):
+    def _tell_partly(self):
         """Say who is not in all frames: such birds make no formation."""
         partly = self.album.partly()
         if partly:
             some = ", ".join(f"{bird} ({n})" for bird, n in list(partly.items())[:8])
             more = ", …" if len(partly) > 8 else ""
-            said = f"Not in all {len(self.album)} frames, dashed, and left out {where}: birds {some}{more}"
-            self.toasts.say(said.replace("left out when they were followed", "left out when saved"), "warning")
+            said = f"Dashed birds are not in all {len(self.album)} frames and are not saved: {some}{more}"
+            self.toasts.say(said, "warning")
 
     def ask_to_quit(self):
         """Close the window, unless there are marks that are not saved and the person wants to keep them."""
@@ -463,43 +454,3 @@ class Marking:
         if pygame.display.get_init():
             pygame.event.get()
             pygame.display.quit()
-
-
-def mark_birds(paths, out=None, every=1, theme=None, size="1280x720", frames=None) -> int:
-    """From the command line to the window; the exit code, 2 where there is no display.
-
-    Raises
-    ------
-    ProblemsError
-        When a picture cannot be read, or the marks could not be saved.
-    """
-    place = size_of(size)
-    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    out = out or name_for(paths)
-    problems = output_problems([out], paths)
-    if problems:
-        raise ProblemsError(problems)
-    if missing_display():
-        say(NO_SCREEN)
-        return USAGE
-    with Interrupts() as interrupts, compiling():
-        with progress("finding birds", None) as moved:
-            album = Album(read_frames(paths, every, moved))
-        if out.exists():
-            album.load(out)
-        interrupts.gently()
-        window = None
-        try:
-            window = Marking(album, out, place, theme)
-            window.run(frames, stop=lambda: interrupts.asked)
-        except pygame.error:
-            say(NO_SCREEN)
-            return USAGE
-        finally:
-            if window is not None:
-                window.close()
-        if interrupts.asked and album.dirty:
-            album.save(out)
-            say(f"{out}: corrections were saved before the end")
-        interrupts.check()
-    return 0
