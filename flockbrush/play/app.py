@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import os
 import time
 import warnings
 
@@ -88,7 +89,8 @@ class App(Hand, Deeds):
         self.film = self.dialog = self.help = self.hint = None
         self._panning = self._space = self._space_used = self._stroking = False
         self._button = 0  # the one that holds the stroke
-        self._told_disk, self._covered = "", False
+        self._told_disk: tuple | str = ""  # what of the level's file on disk the person knows
+        self._covered = False
         self.toasts, self.thumbnails = Toasts(), Thumbnails(self)
         self.column = None
         self._open(size)
@@ -201,9 +203,11 @@ class App(Hand, Deeds):
 
     def _look_at_disk(self):
         changed = self.session.changed_on_disk()
-        if changed and changed != self._told_disk and self.dialog is None:
-            self.offer_reload(changed)
-        self._told_disk = changed
+        version = changed and (changed, _written(self.session.path))
+        if self.dialog is None:
+            if changed and version != self._told_disk:
+                self.offer_reload(changed)
+            self._told_disk = version
 
     def tell(self):
         """Show what the session has to say."""
@@ -484,6 +488,14 @@ def _merged(events):
             kept.pop()
         kept.append(event)
     return kept
+
+
+def _written(path):
+    """When a file was last written, ns; 0 when it is not there."""
+    try:
+        return os.stat(path).st_mtime_ns
+    except OSError:
+        return 0
 
 
 def _least(size):

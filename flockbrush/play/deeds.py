@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import datetime
+import io
 from pathlib import Path
 
 import pygame
 
+from behaviours.brush_writer import write_atomically
+from behaviours.problems import ProblemsError
 from flockbrush.draw.style import THEMES
 from flockbrush.play.dialogs import Dialog
 from flockbrush.play.film import Film
@@ -214,10 +217,12 @@ class Deeds:
     def screenshot(self):
         """Write the window as a picture into the folder one works in."""
         path = free_path(Path.cwd() / f"flockbrush-{self.level_name()}-{stamp()}.png")
+        picture = io.BytesIO()
         try:
-            pygame.image.save(self.screen, str(path))
-        except (pygame.error, OSError) as error:
-            return self.notify(f"{path} could not be written: {error}", "error")
+            pygame.image.save(self.screen, picture, "picture.png")
+            write_atomically(path, picture.getvalue())
+        except (pygame.error, ProblemsError) as error:
+            return self.notify(f"no picture: {error}", "error")
         return self.notify(f"wrote {path}")
 
     def toggle_video(self):

@@ -131,7 +131,7 @@ class Desk:
         """(exit code, what it said on stderr)."""
         said, errors = self.child.communicate(timeout=PATIENCE)
         assert said == "", said
-        return self.child.returncode, errors
+        return self.child.returncode, "\n".join(line for line in errors.splitlines() if "compiling kernels" not in line)
 
     def clear(self):
         if self.child is not None and self.child.poll() is None:

@@ -150,6 +150,22 @@ def test_a_level_that_changes_on_disk_may_be_read_again(window):
     assert [barrier.name for barrier in window.land.barriers] == ["menhir"]
 
 
+def test_a_level_that_is_broken_on_disk_is_offered_again_when_it_is_mended(window):
+    path = Path("pasture.tmj")
+    good = path.read_text()
+    window.drag((12, 3), (14, 3))
+    path.write_text("{ half a")
+    window.frames(40)
+    window.key("return")
+    assert "What you have here stays" in window.said("error")[-1] and window.painted((13, 3)) == window.brush
+    window.frames(80)
+    assert window.dialog is None
+    path.write_text(good.replace('"stone"', '"menhir"'))
+    window.frames(40)
+    window.key("return")
+    assert [barrier.name for barrier in window.land.barriers] == ["menhir"] and window.painted((13, 3)) is None
+
+
 def settle(window, tick):
     """Let the window go to a tick; on a busy machine that takes some frames."""
     for _ in range(200):
@@ -333,6 +349,16 @@ def test_a_screenshot_is_the_window(window):
     window.key("f12")
     (path,) = Path().glob("flockbrush-pasture-*.png")
     assert pygame.image.load(path).get_size() == window.screen.get_size()
+
+
+def test_a_disk_that_refuses_the_screenshot_is_told(window, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    monkeypatch.setattr(os, "replace", full)
+    window.key("f12")
+    assert "No space left" in window.said("error")[-1] and not list(Path().glob("*.png"))
 
 
 def test_a_video_is_recorded_while_one_plays(window):
