@@ -128,22 +128,22 @@ class Deeds:
 
         return self.session.path is None or Path(self.session.path).resolve().parent == Path(SHIPPED).resolve()
 
-    def save_as(self):
-        """Ask where to write the level."""
+    def save_as(self, then=lambda: None):
+        """Ask where to write the level; what to do `then`, when it is written."""
         shipped = self._is_shipped()
         start = Path.cwd() / f"{self.level_name()}.tmj" if shipped else self.session.path
         why = "This level comes with Flockbrush and stays as it is.\n" if shipped else ""
-        self.ask_text("Save the level", f"{why}File to write:", str(start), self._save_to)
+        self.ask_text("Save the level", f"{why}File to write:", str(start), lambda text: self._save_to(text, then))
 
-    def _save_to(self, text):
+    def _save_to(self, text, then):
         if not text:
             return self.notify("a file needs a name", "warning")
         path = Path(text).expanduser()
         path = path if path.suffix.lower() in LEVELS else path.with_name(f"{path.name}.tmj")
         if path.exists() and path.resolve() != Path(self.session.path or "").resolve():
-            answers = [("Replace it", lambda: self._save(path)), ("Cancel", None)]
+            answers = [("Replace it", lambda: self._save(path) and then()), ("Cancel", None)]
             return self.ask("Save the level", f"{path} is there already.", answers)
-        return self._save(path)
+        return self._save(path) and then()
 
     def _save(self, path):
         written = self.session.save(path)
@@ -159,7 +159,7 @@ class Deeds:
         if not self.session.dirty:
             return self._reload()
         answers = [("Reload", self._reload), ("Cancel", None)]
-        question = "What you have changed since the last save would be lost."
+        question = f"What you have changed since the last save is kept as {Path(self.session.path).name}.mine.bak."
         return self.ask("Reload the level from disk?", question, answers)
 
     def _reload(self, keep="theirs"):
@@ -177,12 +177,13 @@ class Deeds:
             self.ask("The level is gone", f"{self.session.path} is not there any more.", answers)
             return
         answers = [("Reload", self._reload), ("Keep mine", lambda: self._reload("mine"))]
-        lost = "  What you have changed here since the last save would be replaced." if self.session.dirty else ""
-        self.ask("The level has changed on disk", f"Another program has written this level.{lost}", answers)
+        kept = "  Nothing is lost: yours is kept as a file that ends in .mine.bak, theirs in .theirs.bak."
+        kept = kept if self.session.dirty else ""
+        self.ask("The level has changed on disk", f"Another program has written this level.{kept}", answers)
 
     def offer_recovery(self, left):
         """A crash has ended a session with this level: one may go on from there."""
-        answers = [("Go on from there", lambda: self._recover(left)), ("Forget it", left.discard), ("Not now", None)]
+        answers = [("Bring it back", lambda: self._recover(left)), ("Forget it", left.discard), ("Not now", None)]
         why = f"A session with this level ended before its work was saved:\n{left}"
         self.ask("Work that was not saved", why, answers)
 
@@ -305,7 +306,7 @@ class Deeds:
 
     def _save_and_quit(self):
         if self._is_shipped():
-            self.save_as()
+            self.save_as(then=self.quit)
         elif self._save(None):
             self.quit()
 

@@ -135,6 +135,17 @@ def test_quitting_with_unsaved_changes_asks_first(window):
     assert not window.running
 
 
+def test_who_quits_and_saves_a_shipped_level_is_gone_when_it_is_saved(tmp_path):
+    window = Window("meadow", (640, 480))
+    window.drag((20, 20), (24, 20))
+    window.key("ctrl+q")
+    window.key("return")
+    window.dialog.entry.set_text(str(tmp_path / "mine.tmj"))
+    window.key("return")
+    assert not window.running and (tmp_path / "mine.tmj").is_file()
+    window.close()
+
+
 def test_quitting_without_changes_just_quits(window):
     window.key("ctrl+q")
     assert not window.running
