@@ -34,10 +34,12 @@ LARGER = 1.1  # animals are drawn so many times as large as they are
 FINE = 3  # drawn so many times as large, and shrunk
 WINDOW = (8.0, 14.0)  # body lengths across: those outside are left out rather than drawn too small to see
 TILE_WINDOW = (6.5, 9.0)  # the same for tiles, which are smaller
+SKY = 60.0  # body lengths across at most, of birds
+LEAST = 14.0  # a bird is drawn at least as large as the picture over this
 MILL = 0.7  # milling that makes a mill, of a herd that began on a ring
 MARCH, SOME = 0.75, 0.35  # polarization out of disorder that makes a march for certain; that makes one if no mill
 ALONG = np.pi / 7  # rad; marches go up to the right
-VERSION = 1  # of these pictures: counts up when they look otherwise
+VERSION = 2  # of these pictures: counts up when they look otherwise
 
 
 def thumbnail(brush, size=64, theme="light") -> np.ndarray:
@@ -119,10 +121,13 @@ def _picture(brush, side, theme, colour, window):
             moments.append(_moment(simulation))
     finally:
         simulation.close()
-    xy = moments[-1][0]
-    middle = np.quantile(xy, (0.1, 0.9), axis=0).mean(axis=0)
-    far = float(np.quantile(np.abs(xy - middle).max(axis=1), 0.9)) / brush.body.length
-    across = float(np.clip(2.3 * far + 1.5, *window)) * brush.body.length
+    xy, length = moments[-1][0], brush.body.length
+    flies = behaviours()[brush.model].flight is not None  # birds keep apart by many lengths, and some stray
+    middle = _middle(xy, 0.4 * SKY * length if flies else None)
+    far = float(np.quantile(np.abs(xy - middle).max(axis=1), 0.6 if flies else 0.9)) / length
+    window = (window[0], SKY) if flies else window
+    across = float(np.clip(2.3 * far + 1.5, *window)) * length
+    larger = max(LARGER, across / length / LEAST)
     painter = Painter(SimpleNamespace(width=across, height=across, name=""), (side, side), theme, words=False)
     painter.look(Camera.fit(across, across, (side, side)))
     painter.backdrop = np.empty((side, side, 3), np.uint8)
@@ -130,12 +135,21 @@ def _picture(brush, side, theme, colour, window):
     danger = behaviours()[brush.model].danger
     for k, (xy, forward) in enumerate(moments):
         herd = Herd(
-            xy - middle + across / 2, forward, LARGER * brush.body.length, LARGER * brush.body.radius,
+            xy - middle + across / 2, forward, larger * length, larger * brush.body.radius,
             brush=np.zeros(len(xy), int), brush_colours=(colour,), predator=np.full(len(xy), danger),
             ids=np.arange(len(xy)),
         )  # fmt: skip
         frame = painter.frame(herd, time=k * step * simulation.clock.dt, legend=False)
     return frame
+
+
+def _middle(xy, reach=None):
+    """The middle of a herd, (2,) m; of birds, some of which stray, that of those within reach of each other."""
+    if reach is None:
+        return np.quantile(xy, (0.1, 0.9), axis=0).mean(axis=0)
+    away = np.linalg.norm(xy[:, None] - xy[None], axis=-1)
+    near = xy[away[np.argmax((away <= reach).sum(axis=1))] <= reach]
+    return 0.5 * (near.min(0) + near.max(0))
 
 
 def _settled(brush):
