@@ -83,7 +83,7 @@ class Paint:
             return iy, ix, weight
         if self.softness > 0:
             kept = taken(iy, ix, weight)
-            kept[np.argmax(weight)] |= len(kept) == 1
+            kept |= len(kept) == 1
             iy, ix, weight = iy[kept], ix[kept], weight[kept]
         return iy, ix, weight
 

@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 
 import numpy as np
 
@@ -548,12 +548,12 @@ def _lattice(camera, step):
 
 
 def _same(one, other):
-    """Whether two tuples of arrays and other things are alike."""
+    """Whether two tuples are alike: arrays and plain values by what they are, fields only when they are one."""
     for a, b in zip(one, other, strict=True):
         if isinstance(a, np.ndarray):
             if a.shape != b.shape or not np.array_equal(a, b):
                 return False
-        elif a is not b and a != b:
+        elif a is not b and (is_dataclass(a) or a != b):
             return False
     return True
 

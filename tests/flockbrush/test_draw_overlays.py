@@ -5,13 +5,14 @@ import pytest
 from small_herd import box, brush, meadow, obstacle, put, spawn
 
 from components import Body, Position
+from engine.commands import Commands
 from flockbrush.draw import Painter, Scenery
 from flockbrush.draw.forces import arrows_of, place_names
 from flockbrush.draw.overlays import OVERLAYS, Overlays
 from flockbrush.draw.strokes import RAYS, count_in_cells, draw_arrow, draw_lines, how_far, links_of
 from flockbrush.moments import moment_of
 from levels.schema import Guide
-from systems.edits import Paint
+from systems.edits import Paint, PlaceGoal
 from systems.explain import explain
 from systems.senses import Sight
 
@@ -300,3 +301,14 @@ def test_bodies_are_as_large_as_they_touch(look):
     axis = look.simulation.agents[Body.axis]
     assert axis == pytest.approx(np.maximum(0.5 * look.moment.length - look.moment.radius, 0))
     assert len(look.simulation.agents[Position.xyz]) == len(look.moment)
+
+
+def test_ways_are_drawn_anew_when_a_goal_has_moved():
+    look = Look(small_world())
+    world = look.simulation.world
+    world.resource(Commands).perform(world, [PlaceGoal(7, "well", 35.0, 5.0)])
+    before = look.changed({"navigation"})
+    assert np.array_equal(look.changed({"navigation"}), before)
+    world.resource(Commands).perform(world, [PlaceGoal(7, "well", 5.0, 35.0)])
+    after = look.changed({"navigation"})
+    assert before.any() and after.any() and not np.array_equal(before, after)

@@ -7,12 +7,17 @@ import pygame
 from pygame_gui.core.interfaces import IContainerLikeInterface
 from window import Window
 
+from behaviours.problems import ProblemsError
+from engine.commands import CommandError
+from engine.recording import RecordingError
+from flockbrush.draw.overlays import OVERLAYS
 from flockbrush.play.app import said
 from flockbrush.play.history import History
 from flockbrush.play.keys import ACTIONS
 from flockbrush.play.tools import TOOLS
 
 KEYS = [key for action in ACTIONS for key in action.keys if action.name not in ("quit", "fullscreen", "video")]
+MISTAKES = (ProblemsError, CommandError, RecordingError, OSError)  # of people and disks, not of ours
 SIZES = [(1000, 640), (200, 200), (640, 480), (420, 300), (1280, 720), (900, 140)]
 
 
@@ -32,14 +37,14 @@ class RandomHands(Window):
         self.do_something = {
             self.try_mouse: 30, self.try_drag: 14, self.try_widget: 14, self.try_key: 16, self.try_tool: 8,
             self.try_type: 3, self.try_wheel: 4, self.try_window_event: 4, self.try_resize: 1, self.try_look: 1,
-            self.try_tab: 2, self.try_paint: 3, self.try_scrub: 2, self.try_rest: 12,
+            self.try_tab: 2, self.try_paint: 3, self.try_scrub: 2, self.try_rest: 12, self.try_overlay: 3,
         }  # fmt: skip
 
     def _guarded(self, do, *arguments):
         try:
             return do(*arguments)
         except Exception as error:  # noqa: BLE001  all are wanted here
-            if "did not work" in said(error):  # the window has no words for it
+            if not isinstance(error, MISTAKES):
                 self.broken.append(traceback.format_exc())
             self.notify(said(error), "error")
 
@@ -122,6 +127,10 @@ class RandomHands(Window):
     def try_resize(self):
         width, height = self.random.choice(SIZES)
         self.post(pygame.VIDEORESIZE, size=(width, height), w=width, h=height)
+
+    def try_overlay(self):
+        self.overlays ^= {self.random.choice(list(OVERLAYS))}
+        self.frame(1 / 32)
 
     def try_look(self):
         self.set_scale(self.random.choice((None, 0.8, 1.0, 1.5, 2.0)))

@@ -125,6 +125,11 @@ def test_a_soft_stroke_takes_fewer_cells_to_the_rim_and_the_same_ones_when_it_pa
     assert np.array_equal(land_of(simulation).brush, land_of(twice).brush)
 
 
+def test_a_soft_stroke_past_the_corner_of_the_map_is_off_it():
+    with pytest.raises(CommandError, match="the stroke is not on the map"):
+        do(scene(), Paint("brush", "run", -2.0, -2.0, -2.0, -2.0, 2.5, 0.5))
+
+
 def test_caps_blend_to_two_digits():
     before = np.array([4.0, 4.0, np.inf, np.inf, 4.0])
     assert blended(before, 1.0, np.array([1.0, 0.25, 0.6, 0.4, 0.0])).tolist() == [1.0, 3.2, 1.0, np.inf, 4.0]
