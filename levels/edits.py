@@ -536,7 +536,7 @@ class Sheet:
     def _(self, command: AddObstacle):
         if command.id:
             names = "solid", "blocks_view", "margin", "z_min", "z_max", "shape"
-            told = {name: getattr(command, name) for name in names}
+            told = {name: value for name in names if (value := getattr(command, name)) is not None}
             self.draw(command.id, "Obstacle", command.name, "area", command.polygon(), told)
 
     @do.register

@@ -329,9 +329,9 @@ class AddObstacle:
     id: int = 0  # of the object in the level file; 0: it is in none
     margin: float = 0.0  # m, kept free around it by those who follow a field
     at: int = -1  # where in the order of obstacles; -1: behind all others
-    z_min: float = 0.0  # m above the ground; animals on the ground pass below what begins higher
-    z_max: float = 1000.0  # m above the ground
-    shape: str = "box"  # how it stands up from its outline: box, cylinder, sphere or plane
+    z_min: float | None = None  # m above the ground; animals on the ground pass below what begins higher
+    z_max: float | None = None  # m above the ground
+    shape: str | None = None  # how it stands up from its outline: box, cylinder, sphere or plane
 
     def check(self, world):
         land, (west, south, east, north) = world.resource(Landscape), box_of(self.polygon())
@@ -339,8 +339,18 @@ class AddObstacle:
         need(not off, f"the obstacle is not on the map, which is {land.width:g} x {land.height:g} m")
         need(self.id >= 0, f"id must be at least 0, got {self.id}")
         need(0 <= self.margin <= 1000, f"margin must be 0 to 1000 m, got {self.margin:g}")
-        need(self.shape in SHAPES, f"shape must be one of {', '.join(SHAPES)}{did_you_mean(self.shape, SHAPES)}")
-        need(self.z_min < self.z_max, f"z_min must be below z_max, got {self.z_min:g} and {self.z_max:g} m")
+        low, high, shape = self.heights(land)
+        others = land.barriers if low > 0 else land.overhead
+        need(by_id(others, self.id) is None, "an obstacle is raised or set down by MoveObstacle")
+        need(shape in SHAPES, f"shape must be one of {', '.join(SHAPES)}{did_you_mean(shape, SHAPES)}")
+        need(low < high, f"z_min must be below z_max, got {low:g} and {high:g} m")
+
+    def heights(self, land):
+        """(z_min, z_max, shape); what is not told is as it was, or from the ground up."""
+        there = next((b for b in (*land.barriers, *land.overhead) if self.id and b.id == self.id), None)
+        usual = (0.0, 1000.0, "box") if there is None else (there.z_min, there.z_max, there.shape)
+        told = self.z_min, self.z_max, self.shape
+        return tuple(b if a is None else a for a, b in zip(told, usual, strict=True))
 
     def polygon(self):
         """(k, 2) m, counter-clockwise; ValueError when the points are none."""
@@ -355,19 +365,19 @@ class AddObstacle:
         things = self._things(world.resource(Landscape))
         there = by_id(things, self.id)
         if there is not None:
-            return [_again(things, there)]
+            return [again(things[there], there)]
         at = self.at if 0 <= self.at < len(things) else len(things)
-        return [RemoveObstacle(self.name, self.id, at, self.z_min > 0)]
+        return [RemoveObstacle(self.name, self.id, at, things is world.resource(Landscape).overhead)]
 
     def _things(self, land):
         """The list of obstacles that it belongs to."""
-        return land.overhead if self.z_min > 0 else land.barriers
+        return land.overhead if self.heights(land)[0] > 0 else land.barriers
 
     def apply(self, world):
         self.check(world)
         land = world.resource(Landscape)
-        heights = self.z_min, self.z_max, self.shape
-        barrier = Barrier(self.polygon(), self.solid, self.blocks_view, self.name, self.margin, self.id, *heights)
+        stands = self.name, self.margin, self.id, *self.heights(land)
+        barrier = Barrier(self.polygon(), self.solid, self.blocks_view, *stands)
         things = self._things(land)
         before, there = list(things), by_id(things, self.id)
         if there is not None:
@@ -409,9 +419,8 @@ def by_id(things, number):
     return next((k for k, thing in enumerate(things) if thing.id == number), None) if number else None
 
 
-def _again(barriers, at):
-    """The command that puts this obstacle down as it stands now."""
-    b = barriers[at]
+def again(b, at):
+    """The command that puts an obstacle down as it stands now, at this place in the order."""
     stands = b.solid, b.blocks_view, b.id, b.margin, at, b.z_min, b.z_max, b.shape
     return AddObstacle(b.name, b.polygon.tolist(), *stands)
 
@@ -444,7 +453,7 @@ class RemoveObstacle:
         return around(*(box_of(things[k].polygon) for things, k in self._pairs(world)))
 
     def inverse(self, world):
-        return [_again(things, k) for things, k in self._pairs(world)]
+        return [again(things[k], k) for things, k in self._pairs(world)]
 
     def _pairs(self, world):
         land = world.resource(Landscape)

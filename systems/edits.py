@@ -20,6 +20,7 @@ from systems.commands import (
     AddObstacle,
     PaintCells,
     RemoveObstacle,
+    again,
     around,
     box_of,
     box_of_cells,
@@ -449,7 +450,7 @@ def _inverse(world, kind, number):
 
 
 def _draw_obstacle(world, b, at):
-    return AddObstacle(b.name, b.polygon.tolist(), b.solid, b.blocks_view, b.id, b.margin, at)
+    return again(b, at)
 
 
 def _draw_guide(world, g, at):
