@@ -25,6 +25,8 @@ SCHEMA = "flockbrush.trajectory/1"
 COLUMNS = (
     "frame", "time", "id", "x", "y", "z", "vx", "vy", "vz", "heading", "speed", "species", "brush", "role", "reference",
 )  # fmt: skip
+BEAT, FASTEST_BEAT = 3.4, 6.0  # wing beats a second: of a bird 1 m long, and as many as can be seen in a video
+WALKING = 2.0  # body lengths a second: a bird on the ground that is faster flies
 WORDS = 90  # pixels for title, legend and scale
 ROLES = np.array(["follower", "leader"])
 
@@ -223,7 +225,22 @@ def herd_of(simulation, moment: Moment):
         brush_names=tuple(palette.names),
         predator=danger[moment.brush] if len(danger) else None,
         ids=moment.ids,
+        z=moment.xyz[:, 2],
+        wings=_wings(moment, palette),
     )
+
+
+def _wings(moment, palette):
+    """How high wings are, as `Herd` wants it: those of animals under brushes that fly beat, small ones faster."""
+    kinds = palette.flies & ~palette.grounded
+    birds = kinds[moment.brush] if len(kinds) else np.zeros(len(moment), bool)
+    fast = np.linalg.norm(moment.velocity, axis=1) > WALKING * moment.length
+    birds = birds & ((moment.xyz[:, 2] > 0) | fast)  # on flat ground who is fast is taken to fly
+    if not birds.any():
+        return None
+    rate = np.minimum(BEAT / np.sqrt(moment.length), FASTEST_BEAT)
+    turn = rate * moment.time + 0.381966 * moment.ids  # no two neighbours at once
+    return np.where(birds, np.sin(2 * np.pi * (turn % 1.0)), np.nan)
 
 
 def painter_of(simulation, size=None, theme="light"):

@@ -4,6 +4,8 @@
 place and heading, so `Stamps` keeps sheets of such figures (at 96 headings and quarters of a pixel), and drawing an
 animal is laying a small block of bytes over the frame: about 0.1 microseconds.  Animals too large for a sheet are
 drawn by `figure` itself, which is also the oracle of the tests.
+
+Birds on the wing have sheets of their own, one for each of five poses of a wing beat.
 """
 
 from __future__ import annotations
@@ -24,6 +26,12 @@ ROOM = 64  # pixels; no block is wider
 HEADINGS, QUARTERS = 96, 4
 LENGTHS, RADII = int(2 * LARGEST) + 1, int(2 * LARGEST) + 1  # half pixels of length, quarter pixels of radius
 BUDGET = 192 << 20  # bytes of sheets kept
+NO_WINGS = -9.0  # instead of a beat
+ALOFT, STANDING, POSES = 0, 1, 5  # stances: no shadow of its own, one right under it, and then the poses of a beat
+STANCES = 2 + POSES
+WINGSPAN = 1.9  # body lengths
+SHORTEST_BIRD = 5.0  # pixels of its body
+HALVES = 2  # of a pixel: so many poses are to be cut that quarters would be too many
 HIDDEN, LARGE = -1, -2  # codes of animals out of sight, and of those without a sheet
 
 _SECTORS = 1024  # per quarter turn
@@ -115,7 +123,78 @@ def _capsule(frame, clip, x, y, fx, fy, half, rear, nose, body, head, edge, rim,
 
 
 @kernel
-def figure(frame, clip, x, y, fx, fy, long, thick, kind, grounded, colours):
+def _taper(px, py, ax, ay, bx, by, start, stop):
+    """How far inside the line from a to b, tapering from radius `start` to `stop`, a point lies."""
+    dx, dy = bx - ax, by - ay
+    t = min(max(((px - ax) * dx + (py - ay) * dy) / max(dx * dx + dy * dy, 1e-9), 0.0), 1.0)
+    return start + (stop - start) * t - np.sqrt((px - ax - t * dx) ** 2 + (py - ay - t * dy) ** 2)
+
+
+@kernel
+def _silhouette(frame, clip, x, y, fx, fy, long, beat, grown, body, head, edge, rim, alpha):
+    """A bird from above, `grown` pixels larger all around; the head is light, and so is the wings' middle."""
+    spread, sweep = np.cos(0.75 * beat), 0.11 * beat * long
+    wing = 0.5 * WINGSPAN * long * spread
+    wrist, hand = 0.12 * long - 0.3 * sweep, -0.16 * long - sweep  # how far ahead wrist and wing tip are
+    more = min(max(0.6 - 0.03 * long, 0.1), 0.45)  # small ones need their room for colour
+    arm, tip = 0.105 * long + more, 0.03 * long + 0.7 * more
+    thick = 0.09 * long + 0.2 + more
+    reach = np.sqrt(wing * wing + 0.09 * long * long) + 0.15 * long + grown + 1.5
+    left, right, top, bottom = window(clip, x, y, reach, reach)
+    wide = max(wing, 0.1 * long) + tip + 0.15 * long + grown + 1.0
+    deep = max(abs(hand) + tip, 0.36 * long + thick) + grown + 1.0
+    for row in range(top, bottom):
+        dy = row + 0.5 - y
+        low, high = _span(dy, fx, fy, deep, wide, reach)
+        for col in range(max(left, int(np.floor(x + low))), min(right, int(np.ceil(x + high)))):
+            dx = col + 0.5 - x
+            along, aside = dx * fx + dy * fy, abs(dx * fy - dy * fx)
+            inside = _taper(aside, along, 0.0, 0.06 * long, 0.42 * wing, wrist, 1.15 * arm, arm)
+            if aside < 2 * thick + grown + 1:
+                inside = max(
+                    inside, _taper(aside, along, 0.0, -0.36 * long, 0.0, 0.36 * long, 0.8 * thick, 0.85 * thick),
+                    _taper(aside, along, 0.0, 0.02 * long, 0.0, 0.12 * long, 1.35 * thick, thick),
+                )  # fmt: skip
+            if aside > 0.42 * wing - arm - grown - 1:
+                inside = max(inside, _taper(aside, along, 0.42 * wing, wrist, wing, hand, arm, tip))
+            inside += 0.5 + grown
+            if inside <= 0:
+                continue
+            light = min(max((along - 0.24 * long) * 0.9 + 0.5, 0.0), 1.0) if aside < 1.5 * thick + grown else 0.0
+            dark = 0.55 * min(max(aside / wing - 0.45, 0.0) * 2.2, 1.0)
+            if rim > 0:
+                dark = max(dark, min(max(rim + 1.0 - inside, 0.0), 1.0))
+            red, green, blue = (
+                body[0] + (head[0] - body[0]) * light,
+                body[1] + (head[1] - body[1]) * light,
+                body[2] + (head[2] - body[2]) * light,
+            )
+            over(
+                frame, row, col, red + (edge[0] - red) * dark, green + (edge[1] - green) * dark,
+                blue + (edge[2] - blue) * dark, min(inside, 1.0) * alpha,
+            )  # fmt: skip
+
+
+@kernel
+def _bird(frame, clip, x, y, fx, fy, long, kind, beat, colours):
+    """A bird with spread wings, or its shadow; see `figure`."""
+    long = max(long, SHORTEST_BIRD)
+    body, head, edge, mark, dark, shade = colours[0], colours[1], colours[2], colours[3], colours[4], colours[5]
+    if kind == SHADOW:
+        _silhouette(frame, clip, x, y, fx, fy, long, beat, 0.0, shade, shade, shade, 0.0, 0.5 * colours[6, 0])
+        return
+    if kind == LEADER:
+        ring = min(max(0.07 * long, 0.9), 2.4)
+        _silhouette(frame, clip, x, y, fx, fy, long, beat, ring + 0.8, dark, dark, dark, 0.0, 0.85)
+        _silhouette(frame, clip, x, y, fx, fy, long, beat, ring, mark, mark, mark, 0.0, 1.0)
+        if long < RINGED:
+            return
+    rim = min(max(0.05 * long - 0.4, 0.0), 1.0)
+    _silhouette(frame, clip, x, y, fx, fy, long, beat, 0.0, body, head, edge, rim, 1.0)
+
+
+@kernel
+def figure(frame, clip, x, y, fx, fy, long, thick, kind, grounded, colours, beat=NO_WINGS):
     """Draw one animal `long` and `thick` pixels in size, heading along the unit vector (fx, fy) or (0, 0) for a dot.
 
     Parameters
@@ -126,7 +205,12 @@ def figure(frame, clip, x, y, fx, fy, long, thick, kind, grounded, colours):
         Its shadow lies right under it.
     colours : (7, 3) float64
         Body, head, edge, mark of leaders, dark, shadow; and the shadow's opacity, first in the last row.
+    beat : float
+        Of a bird on the wing: from -1, wings down, to 1, wings up; else NO_WINGS.
     """
+    if beat > NO_WINGS and kind != PREDATOR and (fx != 0 or fy != 0):
+        _bird(frame, clip, x, y, fx, fy, long, kind, beat, colours)
+        return
     long = max(long, SHORTEST)
     half, rear, nose = _outline(long, thick, kind == PREDATOR)
     if fx == 0 and fy == 0:
@@ -159,19 +243,22 @@ def figure(frame, clip, x, y, fx, fy, long, thick, kind, grounded, colours):
 
 
 @kernel
-def _cut(sheets, source, tall, wide, before, tile, turn, sub, long, thick, kind, grounded, colours):
+def _cut(sheets, source, tall, wide, before, tile, turn, sub, long, thick, kind, grounded, colours, beat, ink):
     """Cut one block of a sheet: the animal at this heading (`turn`) and quarter of a pixel (`sub`).
 
     Drawn once over black and once over white: what black shows is to be added, and the difference is how much of the
-    ground stays.  `tile` (2, side, side, 3) uint8 is room to draw in.
+    ground stays.  `tile` (2, side, side, 3) uint8 is room to draw in; `ink` (4,) is told between which rows and chunks
+    there is anything.
     """
     clip = np.array([0, 0, wide, tall])
     angle = 2 * np.pi * turn / HEADINGS
-    x, y = before + (sub % QUARTERS) / QUARTERS, before + (sub // QUARTERS) / QUARTERS
+    parts = HALVES if beat > NO_WINGS else QUARTERS
+    x, y = before + (sub % parts) / parts, before + (sub // parts) / parts
     for shade in range(2):
         tile[shade, :tall, :wide] = 255 * shade
-        figure(tile[shade], clip, x, y, np.cos(angle), np.sin(angle), long, thick, kind, grounded, colours)
+        figure(tile[shade], clip, x, y, np.cos(angle), np.sin(angle), long, thick, kind, grounded, colours, beat)
     chunks = (3 * wide + LANES - 1) // LANES
+    ink[0], ink[1], ink[2], ink[3] = tall, 0, chunks, 0
     for row in range(tall):
         for byte in range(chunks * LANES):
             added, white = 0, 255
@@ -180,6 +267,9 @@ def _cut(sheets, source, tall, wide, before, tile, turn, sub, long, thick, kind,
             place = source + (row * chunks + byte // LANES) * 2 * LANES + byte % LANES
             sheets[place] = max(white - added, 0)
             sheets[place + LANES] = added
+            if white - added < 255 or added > 0:
+                ink[0], ink[1] = min(ink[0], row), row + 1
+                ink[2], ink[3] = min(ink[2], byte // LANES), max(ink[3], byte // LANES + 1)
 
 
 @kernel
@@ -190,17 +280,25 @@ def _size(code):
 
 
 @kernel
-def sort_out(codes, slots, wanted, clip, at, z, length, radius, look, scale):
+def _beat(code):
+    """How high the wings are on the sheet of this code, or NO_WINGS."""
+    stance = code // (LENGTHS * RADII) % STANCES
+    return (stance - 2) * 2.0 / (POSES - 1) - 1.0 if stance >= 2 else NO_WINGS
+
+
+@kernel
+def sort_out(codes, slots, wanted, clip, at, z, length, radius, look, scale, beats):
     """Which sheet each animal needs: its code, or HIDDEN, or LARGE; returns how many sheets are `wanted` first.
 
-    A code counts look, on the ground or in the air, half pixels of length and quarter pixels of radius; `slots[code]`
-    is the sheet's number, -1 for one not cut yet and -2 for one already wanted.
+    A code counts look, stance, half pixels of length and quarter pixels of radius; `slots[code]` is the sheet's
+    number, -1 for one not cut yet and -2 for one already wanted.  `beats` is as in `figure`.
     """
     missing = 0
     for i in range(len(at)):
         x, y = at[i, 0], at[i, 1]
         long, thick = length[i] * scale, radius[i] * scale
         far = 2 * long + thick + 16
+        winged = beats[i] > NO_WINGS and look[i] % KINDS != PREDATOR
         if x < clip[0] - far or x > clip[2] + far or y < clip[1] - far or y > clip[3] + far:
             codes[i] = HIDDEN
             continue
@@ -208,8 +306,11 @@ def sort_out(codes, slots, wanted, clip, at, z, length, radius, look, scale):
             codes[i] = LARGE
             continue
         size = max(int(2 * long + 0.5), int(2 * SHORTEST)) * RADII + int(4 * thick + 0.5)
-        grounded = 1 if z[i] <= 0 else 0
-        code = (look[i] * 2 + grounded) * (LENGTHS * RADII) + size
+        stance = STANDING if z[i] <= 0 else ALOFT
+        if winged:
+            stance = 2 + int((min(max(beats[i], -1.0), 1.0) + 1.0) * 0.5 * (POSES - 1) + 0.5)
+            size = max(int(2 * long + 0.5), int(2 * SHORTEST_BIRD)) * RADII  # however thick
+        code = (look[i] * STANCES + stance) * (LENGTHS * RADII) + size
         codes[i] = code
         if slots[code] == -1:
             slots[code] = -2
@@ -220,8 +321,9 @@ def sort_out(codes, slots, wanted, clip, at, z, length, radius, look, scale):
 
 @kernel
 def stamp(
-    frame, clip, at, forward, codes, slots, places, sheets, ready, compass, length, radius, look, colours, z, scale
-):
+    frame, clip, at, forward, codes, slots, places, sheets, ready, inks, compass, length, radius, look, colours, z,
+    scale, beats,
+):  # fmt: skip
     """Lay the animals over the frame in the order of their rows.
 
     Parameters
@@ -235,6 +337,8 @@ def stamp(
         Of each sheet: where it starts in `sheets`, its side, and the animal's place in it.
     ready : (s, HEADINGS * 16) bool
         Which of a sheet's blocks have been cut; the others are when first needed.
+    inks : (s, HEADINGS * 16, 4) int16
+        Between which rows and chunks each block has anything.
     colours : (looks, 7, 3) float64
     """
     flat, pitch = frame.reshape(-1), 3 * frame.shape[1]
@@ -249,26 +353,32 @@ def stamp(
         if code == LARGE or norm < 1e-6 or slots[code] < 0:
             fx, fy = (fx / norm, fy / norm) if norm >= 1e-6 else (0.0, 0.0)
             long, thick, grounded = length[i] * scale, radius[i] * scale, z[i] <= 0
-            figure(frame, clip, at[i, 0], at[i, 1], fx, fy, long, thick, kind, grounded, colours[look[i]])
+            figure(frame, clip, at[i, 0], at[i, 1], fx, fy, long, thick, kind, grounded, colours[look[i]], beats[i])
             continue
-        qx, qy = int(np.floor(at[i, 0] * QUARTERS + 0.5)), int(np.floor(at[i, 1] * QUARTERS + 0.5))
+        beat = _beat(code)
+        parts = HALVES if beat > NO_WINGS else QUARTERS
+        qx, qy = int(np.floor(at[i, 0] * parts + 0.5)), int(np.floor(at[i, 1] * parts + 0.5))
         sheet = slots[code]
         side, before = places[sheet, 1], places[sheet, 2]
         chunks = (3 * side + LANES - 1) // LANES
-        top, left = (qy >> 2) - before, (qx >> 2) - before
-        turn, sub = compass[_bearing(fx, fy)], (qy & 3) * QUARTERS + (qx & 3)
-        block = turn * QUARTERS * QUARTERS + sub
+        top, left = qy // parts - before, qx // parts - before
+        turn, sub = compass[_bearing(fx, fy)], qy % parts * parts + qx % parts
+        block = turn * parts * parts + sub
         source = places[sheet, 0] + block * side * chunks * 2 * LANES
         if not ready[sheet, block]:
             ready[sheet, block] = True
             long, thick = _size(code)
-            _cut(sheets, source, side, side, before, tile, turn, sub, long, thick, kind, z[i] <= 0, colours[look[i]])
+            _cut(
+                sheets, source, side, side, before, tile, turn, sub, long, thick, kind, z[i] <= 0, colours[look[i]],
+                beat, inks[sheet, block],
+            )  # fmt: skip
         inside = left >= clip[0] and top >= clip[1] and top + side <= clip[3]
         if inside and 3 * left + chunks * LANES <= 3 * clip[2]:
-            for row in range(top, top + side):
-                for chunk in range(chunks):
-                    lay16(flat, row * pitch + 3 * left + chunk * LANES, sheets, source)
-                    source += 2 * LANES
+            first, last, start, stop = inks[sheet, block]
+            for row in range(first, last):
+                for chunk in range(start, stop):
+                    place = (top + row) * pitch + 3 * left + chunk * LANES
+                    lay16(flat, place, sheets, source + (row * chunks + chunk) * 2 * LANES)
         else:
             _lay_clipped(frame, clip, top, left, side, side, sheets, source)
 
@@ -288,8 +398,14 @@ def _lay_clipped(frame, clip, top, left, tall, wide, sheets, source):
 
 def extent(code: int) -> tuple[int, int]:
     """Pixels from a block's corner to the animal, and the block's side, for the animals of this code."""
-    kind, grounded = code // (2 * LENGTHS * RADII) % KINDS, code // (LENGTHS * RADII) % 2
+    kind, stance = code // (STANCES * LENGTHS * RADII) % KINDS, code // (LENGTHS * RADII) % STANCES
+    grounded = stance == STANDING
     long, thick = _size(code)
+    if stance > STANDING:
+        ring = min(max(0.07 * long, 0.9), 2.4) + 0.8 if kind == LEADER else 0.0
+        reach = np.hypot(0.5 * WINGSPAN * np.cos(0.75 * _beat(code)), 0.3) * long + 0.1 * long + ring + 0.7
+        reach = max(reach, 0.36 * long + 0.08 * long + ring + 1.5)
+        return int(np.ceil(reach)), int(np.ceil(reach)) + int(np.ceil(reach + 1 - 1 / QUARTERS))
     half, rear, _ = _outline(long, thick, kind == PREDATOR)
     mark = (0.0, max(1.3, min(max(rear * 0.42, 1.3), 3.0) + 0.9 if long >= RINGED else 0.0), 1.1, 0.2)[kind]
     shade = (0.10 * long + 0.45 if grounded else 0.0) + 0.3
@@ -306,7 +422,7 @@ class Stamps:
         self.colours = look_colours(self.brush_colours, theme)
         self.bare = self.colours.copy()
         self.bare[:, 6] = 0
-        self.slots = np.full(len(self.colours) * 2 * LENGTHS * RADII, -1, np.int32)
+        self.slots = np.full(len(self.colours) * STANCES * LENGTHS * RADII, -1, np.int32)
         self.sheets = np.zeros(BUDGET, np.uint8)  # the system gives memory for it page by page, as sheets are cut
         self._forget()
 
@@ -315,6 +431,7 @@ class Stamps:
         self.used = 0
         self.places = np.zeros((0, 3), np.int64)
         self.ready = np.zeros((0, HEADINGS * QUARTERS * QUARTERS), np.bool_)
+        self.inks = np.zeros((0, HEADINGS * QUARTERS * QUARTERS, 4), np.int16)
 
     def looks(self, brush: np.ndarray, leader: np.ndarray, predator: np.ndarray) -> np.ndarray:
         """Row of `colours` for each animal, (n,) int64; brushes out of range have the colour of none."""
@@ -322,28 +439,32 @@ class Stamps:
         looks = np.where((brush >= 0) & (brush < known), brush + 1, 0) * KINDS
         return looks + np.where(predator, PREDATOR, leader.astype(np.int64))
 
-    def draw(self, frame, clip, at, forward, length, radius, look, z, scale):
+    def draw(self, frame, clip, at, forward, length, radius, look, z, scale, beats=None):
         """Draw animals at pixels `at` (n, 2), heading `forward` (n, 2) with y down, in the order of their rows.
 
         `length`, `radius` and `z` in metres, `scale` in pixels per metre; animals with z <= 0 stand on their shadow.
+        `beats` (n,) says how high wings are, as `figure` wants it.
         """
+        beats = np.full(len(at), NO_WINGS) if beats is None else beats
         codes = np.empty(len(at), np.int64)
         wanted = np.empty(len(at), np.int64)
-        missing = sort_out(codes, self.slots, wanted, clip, at, z, length, radius, look, scale)
+        missing = sort_out(codes, self.slots, wanted, clip, at, z, length, radius, look, scale, beats)
         for code in np.sort(wanted[:missing]):
             self._reserve(int(code))
-        sheets = (codes, self.slots, self.places, self.sheets, self.ready, COMPASS)
-        stamp(frame, clip, at, forward, *sheets, length, radius, look, self.colours, z, scale)
+        sheets = (codes, self.slots, self.places, self.sheets, self.ready, self.inks, COMPASS)
+        stamp(frame, clip, at, forward, *sheets, length, radius, look, self.colours, z, scale, beats)
 
     def _reserve(self, code: int):
         """Room for the sheet of this code; when the budget is spent, older sheets go."""
         before, side = extent(code)
-        bytes_ = HEADINGS * QUARTERS * QUARTERS * side * -(-3 * side // LANES) * 2 * LANES
+        parts = HALVES if code // (LENGTHS * RADII) % STANCES > STANDING else QUARTERS
+        bytes_ = HEADINGS * parts * parts * side * -(-3 * side // LANES) * 2 * LANES
         if self.used + bytes_ > BUDGET:
             self._forget()
         self.slots[code] = len(self.places)
         self.places = np.vstack([self.places, np.array([[self.used, side, before]], np.int64)])
         self.ready = np.vstack([self.ready, np.zeros((1, self.ready.shape[1]), np.bool_)])
+        self.inks = np.vstack([self.inks, np.zeros((1, *self.inks.shape[1:]), np.int16)])
         self.used += bytes_
 
 

@@ -28,6 +28,8 @@ class Herd(NamedTuple):
     brush_names : k strings
         For the legend.
     predator : (n,) bool array, optional
+    wings : (n,) array, optional
+        How high the wings of a bird in flight are, from -1 to 1; NaN for who has none, or keeps them folded.
     ids : (n,) int array, optional
         Lets trails follow their animals when others are born or die.
     """
@@ -44,6 +46,7 @@ class Herd(NamedTuple):
     brush_names: tuple = ()
     predator: np.ndarray | None = None
     ids: np.ndarray | None = None
+    wings: np.ndarray | None = None
 
 
 EMPTY = Herd(np.zeros((0, 2)), np.zeros((0, 2)))
@@ -97,5 +100,6 @@ def checked(herd: Herd) -> Herd:
         z=z,
         leader=column(herd.leader, count, np.bool_, False, "leader"),
         predator=column(herd.predator, count, np.bool_, False, "predator"),
+        wings=column(herd.wings, count, np.float64, np.nan, "wings"),
         brush=column(herd.brush, count, np.int64, -1, "brush"),
     )

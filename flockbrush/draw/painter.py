@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flockbrush.draw.animals import KINDS, SHADOW, Stamps
+from flockbrush.draw.animals import KINDS, NO_WINGS, SHADOW, Stamps
 from flockbrush.draw.camera import Camera, checked_size
 from flockbrush.draw.ground import brush_key
 from flockbrush.draw.herd import EMPTY, Herd, checked
@@ -196,15 +196,18 @@ class Painter:
         forward = herd.forward * (1.0, -1.0)
         scale, clip = self.camera.scale, self._clip
         standing = herd.z if self.shadows else np.ones(len(herd.xy))
-        flying = (herd.z > 0) & self.shadows
+        winged = np.isfinite(herd.wings)
+        beats = np.where(winged, herd.wings, NO_WINGS)
+        flying = ((herd.z > 0) | winged) & self.shadows
         if flying.any():
-            lift = herd.z[flying] * (0.35 * scale)
+            lift = np.maximum(herd.z, winged * herd.length)[flying] * (0.35 * scale)
             below = at[flying] + np.stack([0.8 * lift, lift], axis=1)
             flat = np.ones(len(below))
             shade = look[flying] // KINDS * KINDS + SHADOW
             shapes = (herd.length[flying], herd.radius[flying], shade, flat, scale)
-            stamps.draw(frame, clip, below, np.ascontiguousarray(forward[flying]), *shapes)
-        stamps.draw(frame, clip, at, forward, herd.length, herd.radius, look, standing, scale)
+            flat_wings = np.where(winged[flying] & ~herd.predator[flying], 0.0, NO_WINGS)
+            stamps.draw(frame, clip, below, np.ascontiguousarray(forward[flying]), *shapes, flat_wings)
+        stamps.draw(frame, clip, at, forward, herd.length, herd.radius, look, standing, scale, beats)
 
     def _trails_of(self, trails, frame, herd, brush, stamps, time):
         trails = self.trails if trails is True else trails

@@ -1,0 +1,63 @@
+"""Birds on the wing: wings that beat by the clock, and nobody else's pixels changed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flockbrush.draw.animals import NO_WINGS, Stamps, figure
+from flockbrush.draw.style import DARK, palette
+from flockbrush.export import herd_of
+from flockbrush.moments import moment_of
+from flockbrush.run import start
+from tests.flockbrush.test_draw_animals import changed, herd, painter
+
+
+def spread(frame, ground):
+    """How far a bird that flies east reaches from north to south, pixels."""
+    return int(np.ptp(changed(frame, ground)[:, 0]))
+
+
+@pytest.mark.parametrize("length", [1.0, 2.0, 5.0])  # two stamps, one without a sheet
+def test_wings_are_widest_in_the_middle_of_a_beat(length):
+    p = painter()
+    frames = [
+        p.frame(herd((20, 15), length=length, radius=length / 5, wings=np.array([b]))) for b in (-1.0, 0.0, 1.0, np.nan)
+    ]
+    down, level, up, folded = (spread(frame, p.ground) for frame in frames)
+    assert level > max(down, up) > folded
+    assert level == pytest.approx(1.9 * max(length * p.camera.scale, 5), abs=4)
+    assert not np.array_equal(frames[0], frames[2])
+
+
+@pytest.mark.parametrize("leader", [False, True])
+@pytest.mark.parametrize("length", [5.0, 12.0, 24.0])
+def test_a_stamp_of_a_bird_looks_like_its_figure(leader, length):
+    stamps = Stamps(palette(1), DARK)
+    look = stamps.looks(np.zeros(1, int), np.array([leader]), np.zeros(1, bool))
+    clip, one = np.array([0, 0, 90, 90]), np.ones(1)
+    stamped, drawn = np.full((2, 90, 90, 3), 90, np.uint8)
+    forward = np.array([[0.0, -1.0]])
+    stamps.draw(stamped, clip, np.array([[40.5, 44.0]]), forward, one * length, one, look, one, 1.0, one * 0.5)
+    figure(drawn, clip, 40.5, 44.0, 0.0, -1.0, length, 1.0, int(look[0] % 4), False, stamps.colours[look[0]], 0.5)
+    assert (stamped != 90).any()
+    assert np.abs(stamped.astype(int) - drawn).max() <= 3
+
+
+def test_animals_on_the_ground_keep_their_pixels_beside_birds():
+    p = painter(shadows=True)
+    alone = p.frame(herd((10, 15)))
+    both = p.frame(herd((10, 15), (30, 15), wings=np.array([np.nan, 0.5])))
+    assert np.array_equal(alone[:, :140], both[:, :140])
+    assert NO_WINGS < -1
+
+
+def test_birds_of_a_level_beat_by_the_clock_and_fold_their_wings_where_they_rest():
+    geese = start("geese", seed=1)
+    geese.run(32 * 12)
+    moment = moment_of(geese)
+    one, again = herd_of(geese, moment).wings, herd_of(geese, moment).wings
+    assert np.array_equal(one, again) and np.isfinite(one).all() and np.ptp(one) > 0.5
+    resting = replace(moment, xyz=moment.xyz * (1, 1, 0), velocity=moment.velocity * 0)
+    assert herd_of(geese, resting).wings is None or not np.isfinite(herd_of(geese, resting).wings).any()
+    geese.close()
