@@ -89,7 +89,7 @@ def painting():
     stage.app.set_size(11.0)
     w, h = level.width, level.height
     stage.drag((0.40 * w, 0.30 * h), (0.47 * w, 0.27 * h))
-    stage.live(9)
+    stage.live(3)
     stage.hover((0.60 * w, 0.55 * h))
     return stage.picture()
 
@@ -144,14 +144,14 @@ def arrows():
 
 
 if __name__ == "__main__":
-    write_png(HERE / "playground.png", painting())
     scenes = [
         ("why does it turn?", why()),
         ("density, and measures over time", crowding()),
         ("the way to a goal", ways()),
         ("brushes and speed limits", regions()),
         ("a new arrow for leaders", arrows()),
-        ("painting", painting()),
+        ("painting", painting()),  # the last: by now the palette has all its pictures
     ]
+    write_png(HERE / "playground.png", scenes[-1][1])
     small = [(name, cv2.resize(shot, (960, 540), interpolation=cv2.INTER_AREA)) for name, shot in scenes]
     write_png(HERE / "playground-gallery.png", contact_sheet(small, columns=2))

@@ -1,15 +1,10 @@
-"""The command line in this process and in another, and small levels for it."""
+"""The command line in this process, and small levels for it."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from pens import pen
-
-HOUSE = Path(__file__).parents[2]
+from processes import other_process
 
 
 @pytest.fixture
@@ -32,20 +27,6 @@ def cli(capfd, monkeypatch):
 
     yield run
     set_threads(before)
-
-
-def environment(**variables):
-    """The environment of another process that finds this house."""
-    plain = {name: value for name, value in os.environ.items() if not name.startswith("FLOCKBRUSH")}
-    return plain | {"PYTHONPATH": str(HOUSE), "NO_COLOR": "1", "COLUMNS": "200"} | variables
-
-
-def other_process(*arguments, cwd=None, timeout=300, **variables):
-    """``python -m flockbrush`` in a process of its own, with these environment variables."""
-    return subprocess.run(
-        [sys.executable, "-m", "flockbrush", *map(str, arguments)],
-        cwd=cwd, env=environment(**variables), capture_output=True, text=True, timeout=timeout, check=False,
-    )  # fmt: skip
 
 
 @pytest.fixture(scope="session")

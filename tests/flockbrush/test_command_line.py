@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from conftest import environment, other_process
+from processes import environment, other_process
 
 import flockbrush
 

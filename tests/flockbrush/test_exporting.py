@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import other_process
 from pens import pen
+from processes import other_process
 
 from components import BrushBinding, Heading, Position, Role, Velocity
 from engine.recording import open_recording, resume

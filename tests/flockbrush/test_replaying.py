@@ -6,8 +6,8 @@ import re
 import shutil
 
 import pytest
-from conftest import other_process
 from pens import pen
+from processes import other_process
 
 from behaviours.brush import shipped
 from engine.commands import Commands

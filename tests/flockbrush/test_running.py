@@ -9,8 +9,8 @@ import time
 
 import numpy as np
 import pytest
-from conftest import environment, other_process
 from pens import pen
+from processes import environment, other_process
 
 from engine.recording import open_recording
 from flockbrush import run as running

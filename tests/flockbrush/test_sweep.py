@@ -14,8 +14,8 @@ from concurrent.futures.process import BrokenProcessPool
 import cv2
 import numpy as np
 import pytest
-from conftest import environment
 from pens import pen
+from processes import environment
 from workers import doublings
 
 from behaviours.problems import ProblemsError
