@@ -282,7 +282,7 @@ def _queue_script(simulation, level):
                 command.check(simulation.world)
         except (ValueError, LookupError) as error:
             where = f"object {key.id} {key.name!r} in layer 'script'"
-            problems.append(Problem(str(level.path), None, where, str(error.args[0] if error.args else error)))
+            problems.append(Problem(str(level.path), key.line, where, str(error.args[0] if error.args else error)))
             continue
         simulation.submit(command, math.ceil(key.at / DT))
     if problems:

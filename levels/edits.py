@@ -446,6 +446,12 @@ class Sheet:
             raise EditError(f"the level has no {cls} with id {number}")
         self._replace(found[1], number, None)
 
+    def need_another_spawn(self, number):
+        """EditError where this is the level's only spawn: a level without animals is none, and could not be opened."""
+        others = [t for t, node, _, _ in self.objects() if t["id"] != number and self.class_of(t, node) == "Spawn"]
+        if not others:
+            raise EditError("this is the level's only spawn area; draw another first")
+
     def need_unnamed(self, name):
         """EditError while the level's script names this goal."""
         for thing, node, _, _ in self.objects():
@@ -605,6 +611,8 @@ class Sheet:
         if cls == "Goal":
             found = self.find(command.id, cls)
             self.need_unnamed(found[0].get("name") if found else "")
+        if cls == "Spawn":
+            self.need_another_spawn(command.id)
         self.drop(command.id, cls)
 
 

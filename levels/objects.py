@@ -238,7 +238,7 @@ class ObjectReader:
     def key(self, number, name, shape, v, place):
         kind, points = shape
         xy = geometry.centroid(points) if kind == "area" else points[0]
-        self.level.script.append(Key(number, name, v["at"], v["command"], dict(v.others), xy))
+        self.level.script.append(Key(number, name, v["at"], v["command"], dict(v.others), xy, place.line))
         self.key_lines[number] = v.lines
         self.key_shapes[number] = shape
 

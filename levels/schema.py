@@ -175,6 +175,7 @@ class Key:
     command: str
     args: dict[str, Any]
     xy: np.ndarray  # (2,) m, where the object stands
+    line: int | None = None  # of the file
 
 
 @dataclass

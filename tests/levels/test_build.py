@@ -1,9 +1,13 @@
 """From a level to a running world: all that is named gets there, in any number of animals, or is refused clearly."""
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 from small_herd import Shelf, box, brush, level, obstacle, spawn, straight, xy_of
 
+import levels
 from behaviours.problems import ProblemsError
 from components import Body, BrushBinding, Destination, Ground, Heading, Position, Species, Speed, Velocity
 from engine.clock import Clock
@@ -12,6 +16,7 @@ from engine.fields import Raster
 from engine.noise import Noise
 from engine.state import state_hash
 from levels.build import DT, brushes_used, build, plane, scaled, systems
+from levels.reader import read_level
 from levels.schema import Area, BrushLayer, Exit, Goal, Guide, Key, Line, Terrain, Zone
 from systems.landscape import Landscape
 from systems.palette import Palette
@@ -266,3 +271,18 @@ def test_a_plane_takes_heading_seed_and_size():
     assert a.agents[Heading.forward] == pytest.approx(b.agents[Heading.forward])
     assert not np.array_equal(xy_of(a), xy_of(b))
     assert plane(herd, 5, body_length=3.0).agents[Body.length].tolist() == [3.0] * 5
+
+
+def test_a_command_that_cannot_be_done_is_told_with_its_line(tmp_path):
+    shipped = Path(levels.__path__[0])
+    shutil.copytree(shipped / "tilesets", tmp_path / "tilesets")
+    shutil.copy(shipped / "flockbrush.tiled-project", tmp_path)
+    (tmp_path / "shipped").mkdir()
+    text = (shipped / "shipped" / "geese.tmj").read_text()
+    path = tmp_path / "shipped" / "geese.tmj"
+    path.write_text(text.replace('"value":12', '"value":-12', 1))  # the seconds of the first turn
+    with pytest.raises(ProblemsError) as told:
+        build(read_level(path))
+    line = int(str(told.value).split("geese.tmj:")[1].split(":")[0])
+    assert "seconds must be at least 0, got -12" in str(told.value)
+    assert '"round the hill"' in "".join(path.read_text().splitlines()[line - 1 : line + 60])

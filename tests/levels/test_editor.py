@@ -552,6 +552,17 @@ def test_what_the_file_cannot_say_is_refused_and_nothing_has_changed():
     assert edit.undo_label is None
 
 
+def test_the_last_spawn_stays_for_a_level_without_animals_is_none(meadow):
+    edit = Editor.open(meadow, shipped())
+    spawns = [spawn.id for spawn in read(edit).spawns]
+    for number in spawns[:-1]:
+        done(edit, RemoveThing("spawn", number))
+    before = edit.text()
+    with pytest.raises(EditError, match="only spawn area"):
+        done(edit, RemoveThing("spawn", spawns[-1]))
+    assert edit.text() == before and read(edit).spawns[0].id == spawns[-1]
+
+
 def test_an_infinite_map_is_refused_in_words(tmp_path):
     (tmp_path / "endless.tmj").write_text(json.dumps(small(infinite=True)))
     with pytest.raises(ProblemsError, match="an infinite map cannot be edited here; fix its size in Tiled"):
