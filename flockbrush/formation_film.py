@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from behaviours.formation.hummel import REACH, g_
-from components import Body, BrushBinding, FormationPlace, Heading, Position, Velocity
+from components import FormationPlace, Heading, Position, Velocity
 from flockbrush.draw import write_png
 from flockbrush.draw.canvas import Canvas
 from flockbrush.draw.files import Video
 from flockbrush.draw.style import mix, rgb, theme_of
 from flockbrush.run import start
-from systems.palette import Palette
+from flockbrush.savings import savings_of, wingspans_of
 
 SIZE = 1120, 680
 GROUND, BARS = 560, 90  # pixels of height: the view, and the bars below
@@ -21,18 +19,6 @@ LEAST, MOST = 34.0, 150.0  # m across the view
 LARGER = 1.5  # birds are drawn so much larger than they are
 SAVED = rgb("#1f9d7a"), rgb("#d08a3a")  # much, little
 FULL = 0.35  # Σ g at which a bird is drawn as saving much
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def savings(x, y, z, near):
-    """Σ g of every bird, (n,): from birds at its own height and not in one another's downwash."""
-    n = len(x)
-    out = np.zeros(n)
-    for i in range(n):
-        for j in range(n):
-            if i != j and abs(x[j] - x[i]) > REACH + 0.02 and abs(z[j] - z[i]) < near:
-                out[i] += g_(x[j] - x[i], y[j] - y[i])
-    return out
 
 
 class Camera:
@@ -110,10 +96,10 @@ def _frame(canvas, simulation, camera, dt, look):
     agents, time = simulation.agents, simulation.clock.tick / 32
     xyz, forward = agents[Position.xyz], agents[Heading.forward]
     place = agents[FormationPlace.place]
-    palette_wing = _wingspans(simulation)
+    palette_wing = wingspans_of(simulation.world)
     camera.look(xyz[:, :2], dt)
     _grid(canvas, camera, look)
-    saved = _savings(agents, palette_wing)
+    saved = savings_of(simulation.world)
     flying = agents[FormationPlace.track].any(axis=1)
     for i in np.argsort(xyz[:, 2]):
         at = camera.at(xyz[i, :2])
@@ -133,20 +119,6 @@ def _frame(canvas, simulation, camera, dt, look):
     canvas.words(words, (12, 15), 17, look.ink, anchor=(0, 0.5))
     canvas.words(f"{int(time // 60)}:{time % 60:04.1f}", (SIZE[0] - 12, 15), 17, look.ink, anchor=(1, 0.5))
     return float(saved[flying].mean()) if flying.any() else float("nan")
-
-
-def _wingspans(simulation):
-    """m, of every bird."""
-    agents, palette = simulation.agents, simulation.world.resource(Palette)
-    spans = np.array([getattr(brush.params, "wingspan", 1.8) for brush in palette.brushes])
-    return spans[agents[BrushBinding.home]] * agents[Body.length]
-
-
-def _savings(agents, wing):
-    track = agents[FormationPlace.track]
-    x = (agents[Position.xyz][:, 0] * track[:, 1] - agents[Position.xyz][:, 1] * track[:, 0]) / wing
-    y = (agents[Position.xyz][:, 0] * track[:, 0] + agents[Position.xyz][:, 1] * track[:, 1]) / wing
-    return savings(x, y, agents[Position.xyz][:, 2] / wing, 0.5)
 
 
 def _grid(canvas, camera, look):

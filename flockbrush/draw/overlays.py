@@ -13,7 +13,7 @@ from dataclasses import dataclass, is_dataclass
 
 import numpy as np
 
-from components import Body, Destination, Position
+from components import Body, Destination, FormationPlace, Position
 from flockbrush.draw.canvas import Canvas
 from flockbrush.draw.forces import draw_forces, reason_colour
 from flockbrush.draw.ground import Sketcher, nice, placed
@@ -33,6 +33,7 @@ from flockbrush.draw.strokes import (
 )
 from flockbrush.draw.style import mix, rgb, scale_colours, theme_of
 from flockbrush.draw.text import words
+from flockbrush.savings import savings_of
 from systems.explain import explain
 from systems.landscape import Landscape
 from systems.palette import Palette
@@ -56,6 +57,9 @@ class Overlay:
     of_one: bool = False  # shows something of the selected animal
 
 
+MOST_TOLD = 200  # birds whose savings are written beside them
+SAVES_MUCH, SAVES_LITTLE = rgb("#0f7a5a"), rgb("#b8721f")
+
 OVERLAYS = {
     overlay.name: overlay
     for overlay in (
@@ -66,6 +70,7 @@ OVERLAYS = {
             "links", "Who sees whom", "A line between animals that see each other; those of the selected one stand out"
         ),
         Overlay("leaders", "Leaders", "Leaders ringed, and a line from each animal to the one it keeps its place by"),
+        Overlay("saved", "Power saved", "What each bird of a line formation saves by flying in the upwash of others"),
         Overlay("density", "Density", "How crowded it is, in animals per square metre", below=True),
         Overlay("regions", "Brush regions", "The painted brushes, strong and with their names", below=True),
         Overlay("caps", "Speed caps", "Where nobody may go faster, and how fast that is", below=True),
@@ -120,6 +125,8 @@ class Overlays:
             self._links(frame, camera, moment, at, row)
         if "leaders" in shown:
             self._leaders(frame, camera, moment, at)
+        if "saved" in shown:
+            self._saved(frame, camera, moment, at)
         if row is not None:
             self._one(frame, camera, shown, moment, at, row)
 
@@ -421,6 +428,22 @@ class Overlays:
         text = f"{count:,} leader{'' if count == 1 else 's'} of {len(moment):,}"
         at = (camera.view[2] - 14 * u, camera.view[3] - 22 * u)
         canvas.words(text, at, round(13 * u), self.theme.ink, anchor=(1, 0.5), halo=self.theme.paper)
+
+    def _saved(self, frame, camera, moment, at):
+        """A per cent beside each bird in a formation, where there is room, and the mean in the corner."""
+        agents = self.world.agents
+        flying = np.flatnonzero(agents[FormationPlace.track].any(axis=1))
+        if not len(flying) or len(agents) != len(moment):
+            return
+        saved, canvas, u = savings_of(self.world), Canvas(frame, camera.view), self.unit
+        for row in flying if len(flying) <= MOST_TOLD else ():
+            beside = (at[row, 0] + max(9.0 * u, 0.9 * float(moment.length[row]) * camera.scale), at[row, 1])
+            ink = mix(SAVES_LITTLE, SAVES_MUCH, float(np.clip(saved[row] / 0.35, 0.0, 1.0)))
+            share = f"{100 * saved[row]:.0f} %"
+            canvas.words(share, beside, round(11 * u), ink, anchor=(0, 0.5), halo=self.theme.paper)
+        text = f"{100 * saved[flying].mean():.0f} % of induced power saved, mean of {len(flying):,}"
+        corner = (camera.view[2] - 14 * u, camera.view[3] - 40 * u)
+        canvas.words(text, corner, round(13 * u), self.theme.ink, anchor=(1, 0.5), halo=self.theme.paper)
 
     # the one --------------------------------------------------------------------------
 

@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 from small_herd import box, brush, meadow, obstacle, put, spawn
 
-from components import Body, Position
+from components import Body, FormationPlace, Position
 from engine.commands import Commands
 from flockbrush.draw import Painter, Scenery
 from flockbrush.draw.forces import arrows_of, place_names
 from flockbrush.draw.overlays import OVERLAYS, Overlays
 from flockbrush.draw.strokes import RAYS, count_in_cells, draw_arrow, draw_lines, how_far, links_of
 from flockbrush.moments import moment_of
+from flockbrush.run import start
+from flockbrush.savings import savings_of
 from levels.schema import Guide
 from systems.edits import Paint, PlaceGoal
 from systems.explain import explain
@@ -62,7 +64,7 @@ def look():
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize("name", OVERLAYS)
+@pytest.mark.parametrize("name", [name for name in OVERLAYS if name != "saved"])  # a herd on foot saves nothing
 def test_every_overlay_draws_something_and_the_same_again(name, theme):
     one = Look(small_world(), theme)
     Paint("brush", "other", 10.0, 10.0, 20.0, 12.0, 4.0).apply(one.simulation.world)
@@ -312,3 +314,19 @@ def test_ways_are_drawn_anew_when_a_goal_has_moved():
     world.resource(Commands).perform(world, [PlaceGoal(7, "well", 5.0, 35.0)])
     after = look.changed({"navigation"})
     assert before.any() and after.any() and not np.array_equal(before, after)
+
+
+def test_geese_in_a_v_are_told_what_they_save_and_a_herd_is_not(look):
+    assert not look.changed({"saved"}).any()
+    simulation = start("geese")
+    simulation.run(640)
+    saved = savings_of(simulation.world)
+    leader = simulation.agents[FormationPlace.place] == 0
+    assert saved[leader].max() < 0.6 * np.median(saved[~leader])  # who leads saves least
+    scenery, moment = Scenery(simulation), moment_of(simulation)
+    painter = Painter(scenery, SIZE, "light", words=False)
+    middle = painter.home.pixels(moment.xyz[:, :2].mean(0))
+    painter.look(painter.home.zoomed(6.0, tuple(middle)))
+    frame = painter.ground.copy()
+    Overlays(scenery, "light").over(frame, painter.camera, {"saved"}, moment, None)
+    assert (frame != painter.ground).any(axis=2).sum() > 500

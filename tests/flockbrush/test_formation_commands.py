@@ -10,7 +10,7 @@ from example_formations import places
 
 from behaviours.brush import load_brush
 from flockbrush.cli import called
-from flockbrush.formation_film import savings
+from flockbrush.savings import savings
 
 
 @pytest.fixture
