@@ -515,6 +515,19 @@ class StandObstacle:
     stand: list  # of each: its points, z_min and z_max
     glides: list  # of each glide that goes on: (3,) m still to go, s left
 
+    def check(self, world):
+        count = len(world.resource(Landscape).find(self.name))
+        need(count, f"there is no obstacle {self.name!r}")
+        need(count == len(self.stand), f"there are {count} obstacles {self.name!r} now, and {len(self.stand)} are told")
+        try:
+            for points, low, high in self.stand:
+                polygon_of(points, "an obstacle")
+                need(float(low) < float(high), "z_min must be below z_max")
+            told = [(np.array(by, float).shape == (3,) and float(left) >= 0) for by, left in self.glides]
+        except TypeError:
+            told = [False]
+        need(all(told), "stand holds [points, z_min, z_max], glides [[x, y, z], seconds]")
+
     def inverse(self, world):
         return MoveObstacle(self.name, 0.0, 0.0).inverse(world)
 
@@ -522,9 +535,9 @@ class StandObstacle:
         return "all"
 
     def apply(self, world):
+        self.check(world)
         land = world.resource(Landscape)
         barriers = land.find(self.name)
-        need(len(barriers) == len(self.stand), f"there are {len(barriers)} obstacles {self.name!r} now")
         before = [(b.polygon, b.z_min, b.z_max) for b in barriers]
         for b, (points, low, high) in zip(barriers, self.stand, strict=True):
             b.polygon, b.z_min, b.z_max = np.array(points, float), low, high
