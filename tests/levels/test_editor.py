@@ -721,7 +721,11 @@ def test_a_save_that_fails_leaves_file_and_editor_as_they_were(meadow, monkeypat
 
 def test_a_region_filled_in_the_world_is_filled_in_the_file(meadow):
     living = Living(meadow)
+    land = living.simulation.world.resource(Landscape)
+    before = land.kind_at.copy()
     living.do(fill(living.simulation.world, "surface", 34.0, 54.0, "mud"))
+    turned = land.kind_at[land.kind_at != before]
+    assert len(turned) > 1 and {land.kinds[k].name for k in turned} == {"mud"}
     living.editor.save()
     same_place(living, build(read_level(meadow), library=living.library))
 

@@ -83,9 +83,13 @@ def test_half_is_drawn_half_way_up():
 
 @pytest.mark.parametrize("stacked", [False, True])
 def test_nothing_to_show_shows_nothing(stacked):
-    pixels(strip(0.0, np.zeros(0), np.zeros(0), stacked=stacked))
-    pixels(strip(0.0, np.full(1, np.nan), np.zeros(1), stacked=stacked))
-    pixels(strip(3.0, np.full(21, np.nan), stacked=False))
+    for empty in (
+        strip(0.0, np.zeros(0), np.zeros(0), stacked=stacked),
+        strip(0.0, np.full(1, np.nan), np.zeros(1), stacked=stacked),
+        strip(3.0, np.full(21, np.nan), stacked=False),
+    ):
+        assert redness(pixels(empty)).max() < 30  # no curve, which is red
+    assert redness(pixels(strip(10.0, stacked=stacked))).max() > 100
 
 
 def test_a_chart_ends_at_a_round_time_and_value():

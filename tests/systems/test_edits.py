@@ -218,7 +218,9 @@ def land_cells(land, xy):
 def test_who_stands_where_water_is_painted_steps_out_of_it_at_once():
     simulation = scene()
     put(simulation, [(22 + 1.2 * i, 20 + 1.2 * j) for i in range(4) for j in range(4)], 0.4, brush="calm")
+    stood = simulation.agents[Position.xyz].copy()
     do(simulation, Paint("surface", "deep water", 18.0, 22.0, 26.0, 22.0, 4.0))
+    assert (simulation.agents[Position.xyz] != stood).any()
     nobody_in_walls(simulation)
     for _ in range(40):
         simulation.tick()
