@@ -60,6 +60,24 @@ def test_behaviours_do_not_know_esper(path):
     assert [name for _, name in imports_of(path) if name.split(".")[0] == "esper"] == []
 
 
+def offline():
+    """The files of the offline shop."""
+    return sorted((HOUSE / "behaviours" / "learning").rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", offline(), ids=named)
+def test_the_offline_shop_uses_what_lives_and_knows_no_levels_and_no_face(path):
+    """Learning looks through the eyes the animals have, so it may import systems; torch stays in files that say so."""
+    found = {name.split(".")[0] for _, name in imports_of(path)}
+    assert found.isdisjoint({"levels", "flockbrush", "pygame", "tests", "benchmarks"})
+    assert "torch" not in found or path.name.startswith("torch_")
+
+
+@pytest.mark.parametrize("path", files(*LIVING, "levels"), ids=named)
+def test_what_runs_never_imports_the_offline_shop(path):
+    assert [name for _, name in imports_of(path) if name.startswith("behaviours.learning")] == []
+
+
 def chance_and_clocks(source):
     """Lines of a source that read the wall clock, or draw numbers that are not named noise."""
     found = [(n, name) for n, name in imports(source) if name.split(".")[0] in ("random", "secrets", "uuid", "time")]
