@@ -1,0 +1,153 @@
+"""Rollouts are the herds of a level, without the level; and a picture that sees a part of a herd keeps its number."""
+
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from behaviours.brush import SpeedSpec, shipped
+from behaviours.learning.rollout import (
+    NAMES,
+    Gates,
+    Guide,
+    Herd,
+    Start,
+    Walls,
+    params_of,
+    rollout,
+    theta_of,
+)
+from components import Heading, Position, Speed, Velocity
+from levels.build import plane
+from systems.landscape import Barrier, Landscape
+
+CALM = SpeedSpec(mean=1.0)
+ALONE = {"leader_neighbours": -1}
+
+
+def start_of(simulation):
+    agents = simulation.agents
+    drawn = agents[Speed.drawn].copy()
+    return Start(agents[Position.xyz][:, :2].copy(), agents[Heading.forward][:, :2].copy(), drawn)
+
+
+@pytest.mark.parametrize("name", ["march", "mill-filled", "swarm", "column"])
+def test_a_herd_here_and_the_same_herd_in_a_level_are_the_same_bits(name):
+    brush = shipped().get(name)
+    simulation = plane(brush, 60, seed=5)
+    herd = Herd(start_of(simulation), brush.params, brush.speed, brush.body, brush.vision, seed=5)
+    for _ in range(64):
+        simulation.tick()
+        herd.tick()
+    agents = simulation.agents
+    assert np.array_equal(agents[Position.xyz], herd.xyz)
+    assert np.array_equal(agents[Heading.forward], herd.forward)
+    assert np.array_equal(agents[Velocity.xyz][:, :2], herd.velocity)
+
+
+def test_a_crowd_slows_here_as_it_does_in_a_level():
+    march = shipped().get("march")
+    slow = SpeedSpec(mean=3.0, deviation=0.2, reversion=2.0, by_density=((0.2, 1.0), (1.0, 0.3)))
+    brush = march.model_copy(update={"speed": slow})
+    simulation = plane(brush, 40, seed=2)
+    herd = Herd(start_of(simulation), brush.params, slow, brush.body, brush.vision, seed=2)
+    for _ in range(32):
+        simulation.tick()
+        herd.tick()
+    assert np.array_equal(simulation.agents[Position.xyz], herd.xyz)
+    assert np.array_equal(simulation.agents[Speed.target], herd.target)
+
+
+def test_an_obstacle_here_and_in_a_level_turns_animals_the_same_way():
+    brush = shipped().get("march")
+    simulation = plane(brush, 40, seed=3, heading=0.0)
+    begin = start_of(simulation)
+    x, y = begin.xy.max(0)[0] + 1.0, begin.xy[:, 1].mean()
+    block = np.array([(x, y - 2), (x + 2, y - 2), (x + 2, y + 2), (x, y + 2)])
+    land = simulation.world.resource(Landscape)
+    land.barriers.append(Barrier(block))
+    land.rebuild(navigation=False)
+    ends = np.hstack([block, np.roll(block, -1, 0)])
+    walls = Walls(ends, np.zeros(4, np.int32))
+    herd = Herd(begin, brush.params, brush.speed, brush.body, brush.vision, seed=3, walls=walls)
+    for _ in range(48):
+        simulation.tick()
+        herd.tick()
+    inside = ((herd.xyz[:, :2] > block[0]) & (herd.xyz[:, :2] < block[2])).all(1)
+    assert not inside.any()
+    assert np.abs(simulation.agents[Position.xyz] - herd.xyz).max() < 1e-9
+
+
+def test_frames_lie_where_the_animals_were_between_two_ticks():
+    lonely = Start(np.array([[0.0, 0.0]]), np.array([[1.0, 0.0]]), np.array([1.0]))
+    run = rollout(lonely, params_of(np.full(12, 0.5), ALONE), CALM, seconds=2.0, fps=25.0)
+    assert len(run) == 51
+    assert np.allclose(run.xy[:, 0], run.times, atol=1e-9)
+    assert np.allclose(run.speed, 1.0)
+
+
+def test_the_same_seed_gives_the_same_run_and_another_seed_another():
+    simulation = plane(shipped().get("swarm"), 30, seed=1)
+    begin, speed = start_of(simulation), SpeedSpec(mean=1.3, deviation=0.2)
+    params = shipped().get("swarm").params
+    a, b, c = (rollout(begin, params, speed, seconds=1.0, seed=s) for s in (1, 1, 2))
+    assert np.array_equal(a.xy, b.xy)
+    assert not np.array_equal(a.xy, c.xy)
+
+
+def test_theta_names_the_twelve_numbers_in_the_order_of_the_loss():
+    theta = np.linspace(0.1, 0.9, 12)
+    assert NAMES[:4] == ("avoidance_weight", "avoidance_radial", "avoidance_angular", "cohesion_weight")
+    assert np.allclose(theta_of(params_of(theta)), theta)
+    assert params_of(np.full(12, -1.0)).cohesion_radial == 1e-3
+
+
+def band(frames=30, seen=(2, 8), count=12, velocity=(2.0, 0.0)):
+    """Fields of a picture of 10 x 10 cells of one BL: a stream of animals from the left to the right."""
+    shape = (frames, 10, 10)
+    density = np.zeros(shape)
+    density[:, 4:6, seen[0] : seen[1]] = count / (2 * (seen[1] - seen[0]))
+    inside = np.zeros(shape, bool)
+    inside[:, :, seen[0] : seen[1]] = True
+    flow = np.where(density[..., None] > 0, velocity, np.nan)
+    return SimpleNamespace(
+        fps=10.0, cell=1.0, origin=np.zeros(2), density=density, velocity=flow, seen=inside,
+        count=np.full(frames, float(count)), obstacle=np.zeros((10, 10), bool),
+    )  # fmt: skip
+
+
+def test_who_leaves_the_picture_is_taken_out_and_others_come_in_on_the_side_where_animals_came_in():
+    gates = Gates.of(band())
+    rng = np.random.default_rng(1)
+    begin = Start(np.column_stack([rng.uniform(2.5, 7.5, 12), np.linspace(4.0, 6.0, 12)]), np.tile([1.0, 0.0], (12, 1)))
+    straight = params_of(np.full(12, 1e-3), ALONE)
+    run = rollout(begin, straight, SpeedSpec(mean=2.0), seconds=2.9, fps=10.0, gates=gates)
+    numbers = np.diff(run.first)
+    assert 9 <= numbers[10:].mean() <= 13
+    last = run.xy[run.of(len(run) - 1)]
+    assert (last[:, 0] >= 1.9).all() and (last[:, 0] <= 8.3).all()
+    newcomers = run.ids > 12
+    assert newcomers.any() and (run.forward[newcomers, 0] > 0.9).all()
+
+
+def test_a_picture_that_holds_the_whole_herd_has_no_gates():
+    whole = band()
+    whole.seen[:] = True
+    assert Gates.of(whole) is None
+
+
+def test_leaders_follow_the_motion_of_the_clip():
+    lonely = Start(np.array([[5.0, 5.0]]), np.array([[0.0, 1.0]]), np.array([1.0]))
+    guide = Guide.of(band(velocity=(0.0, -2.0)))
+    run = rollout(lonely, params_of(np.full(12, 0.5)), CALM, seconds=1.0, fps=10.0, guide=guide)
+    assert run.forward[-1, 1] < -0.99
+
+
+def test_two_hundred_animals_for_a_hundred_frames_take_a_fraction_of_a_second():
+    brush = shipped().get("march")
+    begin = start_of(plane(brush, 200, seed=1))
+    rollout(begin, brush.params, brush.speed, seconds=0.1)
+    clock = time.perf_counter()
+    rollout(begin, brush.params, brush.speed, seconds=4.0, fps=25.0)
+    assert time.perf_counter() - clock < 1.5  # .1 s on a quiet machine
