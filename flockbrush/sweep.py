@@ -11,6 +11,7 @@ import json
 import logging
 import multiprocessing
 import os
+import re
 import signal
 import threading
 import time
@@ -41,6 +42,7 @@ from flockbrush.terminal import Stopped, finite, print_json, say
 
 JOURNAL = "runs.jsonl"
 ATTEMPTS = 3  # how often a worker may die of the same run before it is listed as failed
+ADDRESS = re.compile(r"(?:(?:tcp|tls|ucx|wss?)://)?(?:\[[0-9a-fA-F:]+\]|[\w.-]+):\d{1,5}")
 BEAT = 0.2  # s between looks at the keyboard
 
 
@@ -199,6 +201,8 @@ def cluster(address):
         from distributed import Client
     except ImportError:
         raise refused("--cluster", "dask is missing: pip install 'flockbrush[cluster]'") from None
+    if not ADDRESS.fullmatch(address):
+        raise refused("--cluster", f"an address is a host and a port, such as tcp://host:8786, got {address!r}")
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters of it is said in our own words
     try:
         client = Client(address, timeout="10s", set_as_default=False)

@@ -466,6 +466,14 @@ def test_a_cluster_does_what_processes_do_even_when_a_worker_is_killed(cli, tmp_
 
 def test_a_cluster_that_is_not_there_is_told(cli, tmp_path):
     pytest.importorskip("distributed", reason="dask is not installed: pip install 'flockbrush[cluster]'")
-    told = cli("sweep", sweep_file(tmp_path), "--out", tmp_path / "out", "--cluster", "nonsense://1")
+    told = cli("sweep", sweep_file(tmp_path), "--out", tmp_path / "out", "--cluster", "localhost:1")
     assert told.code == 1
     assert "no Dask scheduler answers there" in told.err
+
+
+@pytest.mark.parametrize("address", ["nonsense://1", "localhost", "tcp://localhost", "two words:1", ""])
+def test_an_address_that_is_none_is_told_at_once(cli, tmp_path, address):
+    pytest.importorskip("distributed", reason="dask is not installed: pip install 'flockbrush[cluster]'")
+    told = cli("sweep", sweep_file(tmp_path), "--out", tmp_path / "out", "--cluster", address)
+    assert told.code == 1
+    assert "such as tcp://host:8786" in told.err
