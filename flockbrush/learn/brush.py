@@ -16,6 +16,7 @@ from behaviours.brush import NAME, SUFFIX, BodySpec, Brush, Provenance
 from behaviours.learning.evidence import Evidence
 from behaviours.learning.learned import Learned
 from behaviours.learning.rollout import NAMES
+from behaviours.learning.scores import measures_of, view_of
 from flockbrush.draw.style import PALETTE
 from flockbrush.files import refused
 from flockbrush.run import versions
@@ -139,21 +140,10 @@ def _manner(clip):
 
 
 def order_of(clip: Evidence) -> tuple[float, float]:
-    """(polarization, milling) of a clip by its fields, means over the frames; NaN where nobody moves."""
-    fields, found = clip.fields, []
-    centres = fields.centres
-    for t in range(len(fields)):
-        there = fields.occupied[t] & (np.nan_to_num(fields.density[t]) > 0)
-        weight, v = fields.density[t][there], fields.velocity[t][there]
-        size = np.linalg.norm(v, axis=1)
-        if not len(v) or not (size > 0).any():
-            continue
-        v = v / np.maximum(size, 1e-12)[:, None]
-        away = centres[there] - np.average(centres[there], axis=0, weights=weight)
-        away = away / np.maximum(np.linalg.norm(away, axis=1), 1e-12)[:, None]
-        turn = away[:, 0] * v[:, 1] - away[:, 1] * v[:, 0]
-        found.append((np.linalg.norm(np.average(v, axis=0, weights=weight)), abs(np.average(turn, weights=weight))))
-    return tuple(np.mean(found, axis=0)) if found else (math.nan, math.nan)
+    """(polarization, milling) of a clip, means over the frames; NaN where nobody moves."""
+    found = measures_of(view_of(clip), max(1, len(clip.fields) // 40))
+    means = [values[np.isfinite(values)] for values in (found["polarization"], found["milling"])]
+    return tuple(float(values.mean()) if len(values) else math.nan for values in means)
 
 
 def plain(name: str) -> str:

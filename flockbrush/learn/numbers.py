@@ -1,0 +1,82 @@
+"""A brush with other numbers of animals than it was learned from: does the herd stay what it is?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from behaviours.brush import Brush
+from behaviours.learning.rollout import Start, rollout
+from systems.measures import compute_largest_part, compute_milling, compute_nnd, compute_polarization
+
+FACTORS = 0.25, 1.0, 4.0
+SECONDS, SETTLING = 20.0, 10.0  # s of a run, and what of it is not measured
+FPS = 2.0  # looks a second
+LINK = 4.0  # BL: animals nearer than this belong together
+MOST = 4000  # animals of a run
+
+
+def with_other_numbers(brush: Brush, start: Start, seed=0, factors=FACTORS, seconds=SECONDS) -> list[dict]:
+    """What herds of so many times the animals do on an endless plane, begun as the clip's herd, smaller or larger.
+
+    Parameters
+    ----------
+    brush : Brush
+    start : Start
+        The clip's herd.
+    factors : sequence of float
+
+    Returns
+    -------
+    list of dict
+        ``factor``, ``animals``, ``polarization``, ``milling``, ``spacing`` (BL), ``together``: means over the last half.
+    """
+    rows = []
+    for factor in factors:
+        begun = resized(start, factor, seed)
+        if not 2 <= len(begun) <= MOST:
+            continue
+        run = rollout(
+            begun, brush.params, brush.speed, brush.body, brush.vision, seconds=seconds, fps=FPS, seed=seed
+        )  # fmt: skip
+        looks = [t for t in range(len(run)) if run.times[t] >= min(SETTLING, seconds / 2)]
+        seen = [(run.xy[run.of(t)], run.forward[run.of(t)]) for t in looks]
+        rows.append(
+            {
+                "factor": factor,
+                "animals": len(begun),
+                "polarization": float(np.mean([compute_polarization(forward) for _, forward in seen])),
+                "milling": float(np.mean([compute_milling(xy, forward) for xy, forward in seen])),
+                "spacing": float(np.mean([compute_nnd(xy).mean() for xy, _ in seen])),
+                "together": float(np.mean([compute_largest_part(xy, LINK) for xy, _ in seen])),
+            }
+        )
+    return rows
+
+
+def resized(start: Start, factor: float, seed=0) -> Start:
+    """A herd of so many times the animals, as dense as before and headed as before at each place of its outline."""
+    n = len(start)
+    draw = np.random.default_rng(seed)
+    whole, rest = divmod(round(n * factor), n) if n else (0, 0)
+    chosen = np.concatenate([np.repeat(np.arange(n), whole), np.sort(draw.permutation(n)[:rest])]).astype(int)
+    middle = start.xy.mean(0) if n else 0.0
+    xy = middle + (start.xy[chosen] - middle) * np.sqrt(factor)
+    if factor > 1:
+        xy = xy + _aside(chosen, n, _gap(start.xy))
+    speed = None if start.speed is None else start.speed[chosen]
+    return Start(xy, start.forward[chosen], speed)
+
+
+def _gap(xy):
+    return float(np.median(compute_nnd(xy))) if len(xy) > 1 else 1.0
+
+
+def _aside(chosen, n, gap):
+    """Where the copies of an animal stand about its place: on a lattice as wide as the herd's own."""
+    copy = np.zeros(len(chosen), int)
+    counted = np.zeros(n, int)
+    for row, animal in enumerate(chosen):
+        copy[row] = counted[animal]
+        counted[animal] += 1
+    side = int(np.ceil(np.sqrt(max(counted.max(initial=1), 1))))
+    return (np.column_stack([copy % side, copy // side]) - (side - 1) / 2) * gap
