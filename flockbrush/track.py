@@ -44,7 +44,7 @@ def track_clip(clip, out, seed_points=None, correct=None, reach=None, as_json=Fa
     except ValueError as error:
         hint = "is it a film of birds against the sky? birds must be small, and darker or lighter than it"
         raise refused(clip, f"{error} in {frames} frames; {hint}") from None
-    write_text(Path(out), _table(tracks))
+    write_text(Path(out), table_of(tracks))
     _tell(out, tracks, frames, time.perf_counter() - begin, stopped, as_json)
 
 
@@ -78,7 +78,8 @@ def _steps(film, tracker, total):
             return done, True
 
 
-def _table(tracks: Tracks):
+def table_of(tracks: Tracks) -> str:
+    """Tracks as a table with ``frame,id,x,y``."""
     rows = ["frame,id,x,y"]
     for f in range(len(tracks.px)):
         for n in np.flatnonzero(tracks.seen[f]):

@@ -88,6 +88,16 @@ class _Bird:
     missed: int = 0
     shared: int = 0  # frames in a row in which it lay on another, unseen itself
     sure: bool = False  # named by hand, or seen often enough
+    turns: list = field(default_factory=list)  # frames: no bird from the first on, one again from the second, ...
+
+    @property
+    def gone(self):
+        """Whether a person has said that it is no bird."""
+        return len(self.turns) % 2 == 1
+
+    def told(self):
+        """The part of its path in which it is a bird."""
+        return {f: at for f, at in self.path.items() if np.searchsorted(self.turns, f, "right") % 2 == 0}
 
     def foretold(self):
         return self.at + self.velocity
@@ -114,19 +124,24 @@ class Tracker:
 
     Parameters
     ----------
-    seeds, corrections : dict of int to list of (id, x, y)
-        By frame: where a person says a bird is.  A correction outweighs whatever was found.
+    seeds, corrections : dict of int to list of (id, x, y) or (id, x, y, gone)
+        By frame: where a person says a bird is.  A correction outweighs whatever was found.  Gone: what is there is no
+        bird, from this frame on; it is followed, so that it does not come back, and not told of.
     reach : float, optional
         How far from where it was foretold a bird may turn up, pixels; twice the usual blob's extent unless given.
+    first : int
+        Number of the first frame that it will be given.
+    fresh : int
+        Birds that nobody has named get this number and those after it.
     """
 
-    def __init__(self, seeds=None, corrections=None, reach=None):
+    def __init__(self, seeds=None, corrections=None, reach=None, first=0, fresh=1):
         self.by_hand = _merged(seeds or {}, corrections or {})
         self.reach = reach
-        self.frame = -1
+        self.frame = first - 1
         self.birds: list[_Bird] = []
         self.gone: list[_Bird] = []
-        self.next = 1 + max((row[0] for rows in self.by_hand.values() for row in rows), default=0)
+        self.next = max(fresh, 1 + max((row[0] for rows in self.by_hand.values() for row in rows), default=0))
         self._areas: list[float] = []
 
     def step(self, image):
@@ -141,8 +156,8 @@ class Tracker:
         reach = self.reach or max(6.0, 2.2 * np.sqrt(usual))
         seen, area = self._parts(blobs, usual, reach)
         free = np.ones(len(seen), bool)
-        for number, x, y in self.by_hand.get(self.frame, ()):
-            self._by_hand(number, np.array([x, y]), seen, free, reach)
+        for number, x, y, *gone in self.by_hand.get(self.frame, ()):
+            self._by_hand(number, np.array([x, y]), seen, free, reach, any(gone))
         self._match(seen, area, free, reach)
         self._begin(seen, area, free, reach)
         self._unmask()
@@ -168,7 +183,7 @@ class Tracker:
             areas += [blob.area / len(parts)] * len(parts)
         return np.array(places).reshape(-1, 2), np.array(areas)
 
-    def _by_hand(self, number, at, seen, free, reach):
+    def _by_hand(self, number, at, seen, free, reach, gone=False):
         bird = next((b for b in self.birds if b.number == number), None)
         if bird is None:
             bird = _Bird(number, at.copy(), self._drift(), 0.0)
@@ -184,6 +199,8 @@ class Tracker:
         if np.linalg.norm(jump) > reach:  # it had been somebody else: its velocity says nothing
             bird.velocity = self._drift()
         bird.at, bird.sure = at.copy(), True
+        if gone != bird.gone:
+            bird.turns.append(self.frame)
 
     def _drift(self):
         """The flock's common velocity, px a frame."""
@@ -254,10 +271,11 @@ class Tracker:
         ValueError
             When no bird was followed.
         """
-        birds = [b for b in self.gone + self.birds if b.sure and len(b.path) >= BORN_AFTER]
+        birds = [b for b in self.gone + self.birds if b.sure and len(b.told()) >= BORN_AFTER]
         if not birds:
             raise ValueError("no bird was followed through three frames")
-        paths = _joined({b.number: b.path for b in birds}, self.reach or 30.0)
+        ended = {b.number for b in birds if b.gone}
+        paths = _joined({b.number: b.told() for b in birds}, self.reach or 30.0, ended)
         numbers = sorted(paths)
         frames = [f for path in paths.values() for f in path]
         first, last = min(frames), max(frames)
@@ -293,8 +311,11 @@ def _ends(path, at_end, span=6):
     return f, slope[0] * f + slope[1], slope[0]
 
 
-def _joined(paths, reach):
-    """Tracks that break off, joined to those that begin up to `JOIN` frames later where both, carried on, meet."""
+def _joined(paths, reach, ended=()):
+    """Tracks that break off joined to those that begin up to `JOIN` frames later where both, carried on, meet.
+
+    Those that a person has ended stay so.
+    """
     numbers = sorted(paths)
     ends = {n: _ends(paths[n], True) for n in numbers}
     starts = {n: _ends(paths[n], False) for n in numbers}
@@ -302,7 +323,7 @@ def _joined(paths, reach):
     for i, a in enumerate(numbers):
         for j, b in enumerate(numbers):
             wait = starts[b][0] - ends[a][0]
-            if a != b and 0 < wait <= JOIN:
+            if a != b and a not in ended and 0 < wait <= JOIN:
                 forth = ends[a][1] + wait * ends[a][2] - starts[b][1]
                 back = starts[b][1] - wait * starts[b][2] - ends[a][1]
                 off = 0.5 * (np.linalg.norm(forth) + np.linalg.norm(back))

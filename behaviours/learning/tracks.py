@@ -66,8 +66,8 @@ def read_tracks(path: str | Path) -> Tracks:
     return _assembled(str(path), *_rows(path))
 
 
-def _rows(path):
-    """(frames, ids, px, lines) of a table of tracks; ProblemsError."""
+def _rows(path, gone=None):
+    """(frames, ids, px, lines) of a table of tracks; ProblemsError.  `gone` takes up the column of this name."""
     name = str(path)
     try:
         text = read_bytes(path, LIMIT).decode("utf-8-sig")
@@ -83,24 +83,28 @@ def _rows(path):
         raise ProblemsError(
             [Problem(name, 1, missing[0], f"there is no such column{hints}; a file of tracks has {', '.join(COLUMNS)}")]
         )
-    return _parsed(name, rows, [header.index(column) for column in COLUMNS])
+    further = header.index("gone") if gone is not None and "gone" in header else None
+    return _parsed(name, rows, [header.index(column) for column in COLUMNS], further, gone)
 
 
-def read_marks(path: str | Path) -> dict[int, list[tuple[int, float, float]]]:
+def read_marks(path: str | Path) -> dict[int, list[tuple]]:
     """Birds as a person marked them, from a CSV as for `read_tracks`: {frame: [(id, x, y)]}.
+
+    A further column ``gone`` may say with a 1 that what is there is no bird, from this frame on: (id, x, y, True).
 
     Raises
     ------
     ProblemsError
     """
-    frames, ids, px, _ = _rows(path)
-    marks: dict[int, list[tuple[int, float, float]]] = {}
-    for frame, bird, (x, y) in zip(frames.tolist(), ids.tolist(), px.tolist(), strict=True):
-        marks.setdefault(frame, []).append((bird, x, y))
+    gone: list[bool] = []
+    frames, ids, px, _ = _rows(path, gone)
+    marks: dict[int, list[tuple]] = {}
+    for frame, bird, (x, y), no in zip(frames.tolist(), ids.tolist(), px.tolist(), gone, strict=True):
+        marks.setdefault(frame, []).append((bird, x, y, True) if no else (bird, x, y))
     return marks
 
 
-def _parsed(name, rows, where):
+def _parsed(name, rows, where, further=None, gone=None):
     """(frames, ids, px, lines) of the rows; ProblemsError."""
     problems: list[Problem] = []
     frames, ids, px, lines = [], [], [], []
@@ -117,11 +121,21 @@ def _parsed(name, rows, where):
             ids.append(int(bird))
             px.append((x, y))
             lines.append(line)
+            if gone is not None:
+                gone.append(_said_gone(name, line, row, further, problems))
     if problems:
         raise ProblemsError(problems)
     if not frames:
         raise ProblemsError([Problem(name, None, None, "there is no bird in it")])
     return np.array(frames), np.array(ids), np.array(px, float), np.array(lines)
+
+
+def _said_gone(name, line, row, at, problems):
+    """Whether a row says that there is no bird."""
+    cell = row[at].strip() if at is not None and at < len(row) else ""
+    if cell not in ("", "0", "1"):
+        problems.append(Problem(name, line, "gone", f"must be 1 where there is no bird, else 0, got {cell!r}"))
+    return cell == "1"
 
 
 def _number(name, line, column, row, at, problems):

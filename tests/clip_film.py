@@ -1,0 +1,37 @@
+"""Small films with truth for the window over clips: numbered frames with a thing that moves, and birds in the sky."""
+
+import cv2
+import numpy as np
+
+PLACES = [(80 + 3 * k % 90, 90 + 2 * (k % 20)) for k in range(256)]  # pixels of the thing in each frame
+STARTS = [(40, 40), (40, 140), (60, 90)]  # pixels of the birds in frame 0
+STEPS = [(5, 2), (5, -2), (6, 0)]  # pixels a frame
+
+
+def numbered_film(path, frames, size=(192, 160), fps=30):
+    """A film whose frames show their number in stripes of eight bits, and a square with a pattern that moves."""
+    code = cv2.VideoWriter_fourcc(*("mp4v" if path.suffix == ".mp4" else "MJPG"))
+    writer = cv2.VideoWriter(str(path), code, fps, size)
+    pattern = np.kron(np.random.default_rng(3).integers(0, 2, (4, 4)), np.ones((6, 6))) * 255
+    rough = np.random.default_rng(1).integers(90, 130, (size[1], size[0], 1)).astype(np.uint8)
+    for k in range(frames):
+        picture = np.repeat(rough, 3, axis=2)
+        for bit in range(8):
+            picture[8:32, 16 * bit : 16 * bit + 16] = 255 * (k >> bit & 1)
+        x, y = PLACES[k]
+        picture[y - 12 : y + 12, x - 12 : x + 12] = pattern[..., None]
+        writer.write(picture)
+    writer.release()
+    return path
+
+
+def bird_film(path, frames=40, size=(320, 180)):
+    """Three dark birds before a pale sky, straight ahead from `STARTS` by `STEPS`; the first two cross."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 30, size)
+    for k in range(frames):
+        picture = np.full((size[1], size[0], 3), (225, 215, 205), np.uint8)
+        for (x, y), (dx, dy) in zip(STARTS, STEPS, strict=True):
+            cv2.ellipse(picture, (x + dx * k, y + dy * k), (5, 3), 0, 0, 360, (50, 45, 40), -1, cv2.LINE_AA)
+        writer.write(picture)
+    writer.release()
+    return path
