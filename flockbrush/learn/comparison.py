@@ -96,7 +96,7 @@ class Comparison:
     run : Run
         The first simulation.
     maps : dict of str to (BINS, BINS) ndarray
-        Neighbours about an animal that faces up, per BL², of clip and simulation; empty where animals are not told apart.
+        Neighbours about an animal that faces up, per BL², of clip and simulation; empty without single animals.
     speeds : dict of str to (densities, speeds)
     """
 

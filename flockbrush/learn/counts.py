@@ -28,7 +28,7 @@ def with_other_numbers(brush: Brush, start: Start, seed=0, factors=FACTORS, seco
     Returns
     -------
     list of dict
-        ``factor``, ``animals``, ``polarization``, ``milling``, ``spacing`` (BL), ``together``: means over the last half.
+        ``factor``, ``animals``, ``polarization``, ``milling``, ``spacing`` (BL), ``together``, means of the end.
     """
     rows = []
     for factor in factors:
