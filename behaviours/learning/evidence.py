@@ -23,6 +23,20 @@ LIMIT = 2 << 30  # bytes of a file that is read
 _UNKNOWN = "is no file of fields"
 
 
+class CannotObserve(ProblemsError):
+    """A clip that tells nothing, or not enough: what was seen and what to try.
+
+    Attributes
+    ----------
+    seen : dict
+        Facts by name as far as they were found; under "pictures", BGR pictures by title.
+    """
+
+    def __init__(self, clip, message: str, seen: dict | None = None):
+        super().__init__([Problem(str(clip), None, None, message)])
+        self.seen = dict(seen or {})
+
+
 @dataclass
 class Fields:
     """The herd as a continuum: T frames of ny x nx square cells (paper section 4).
@@ -246,7 +260,9 @@ class Evidence:
     to_pixels : (2, 3) ndarray or None
         From BL (x, y up) to pixels (x, y down) of `picture`: ``to_pixels[:, :2] @ xy + to_pixels[:, 2]``.
     camera : (T, 2, 3) ndarray or None
-        From pixels of the clip's frame (after rotation) to pixels of `picture`.
+        From pixels of the clip's frame (upright, full size) to pixels of `picture`.
+    region_colours : (k, 3) uint8 ndarray or None
+        Red, green, blue of the regions 1 to k in the mask they are from.
     """
 
     name: str
@@ -262,6 +278,7 @@ class Evidence:
     picture: np.ndarray | None = None
     to_pixels: np.ndarray | None = None
     camera: np.ndarray | None = None
+    region_colours: np.ndarray | None = None
 
     @property
     def still(self) -> bool:
