@@ -1,0 +1,681 @@
+"""Herds that are not ours, filmed from above: what learning is tried on, with the truth beside it.
+
+`herd` runs a model of the literature (or ours, "own:BRUSH") and gives a `Truth`: places and headings in body lengths
+(BL).  `shoot` films it with a camera that drifts, turns and zooms, over textured ground, with noise and compression,
+and gives a `Film`: the file, and where every animal is in every frame.  `evidence_of_truth` is what a perfect observer
+would know.
+
+The models turn and press as their authors say; their lengths are stretched to animals of 1 x .4 BL that do not lie on
+each other, and headings take a moment to follow where a paper lets them jump.
+
+References
+----------
+.. [1] Grégoire, G. & Chaté, H. (2004). Onset of collective and cohesive motion. Physical Review Letters 92, 025702.
+.. [2] D'Orsogna, Chuang, Bertozzi & Chayes (2006). Self-propelled particles with soft-core interactions: patterns,
+   stability, and collapse. Physical Review Letters 96, 104302.
+.. [3] Couzin, Krause, James, Ruxton & Franks (2002). Collective memory and spatial sorting in animal groups. Journal of
+   Theoretical Biology 218, 1-11.
+.. [4] Berg, H. C. (1993). Random Walks in Biology.  Run and tumble.
+.. [5] Ginelli et al. (2015). Intermittent collective dynamics emerge from conflicting imperatives in sheep herds. PNAS
+   112, 12729-12734.  Standing, walking.
+.. [6] Ballerini et al. (2008). Interaction ruling animal collective behavior depends on topological rather than metric
+   distance. PNAS 105, 1232-1237.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scipy.spatial import cKDTree
+
+FINE = 6  # points to a pixel, along each side, that decide how much of it a body covers
+HALF, RADIUS = 0.3, 0.2  # BL: a body is a capsule, its axis from -HALF to HALF, its half width RADIUS
+
+
+@dataclass
+class Truth:
+    """Where everybody is, in body lengths, x right and y up."""
+
+    name: str
+    fps: float
+    xy: np.ndarray  # (T, n, 2) BL
+    forward: np.ndarray  # (T, n, 2) unit, where the head is
+    speed: np.ndarray  # (T, n) BL/s
+
+    @property
+    def turn(self):
+        """(T, n) rad/s, central differences of the heading over one frame to each side."""
+        angle = np.unwrap(np.arctan2(self.forward[..., 1], self.forward[..., 0]), axis=0)
+        return np.gradient(angle, 1 / self.fps, axis=0)
+
+
+# models -------------------------------------------------------------------------------------------------------------
+
+
+class _Herd:
+    """A herd in the hands of a foreign model; `step` is one dt of it."""
+
+    start = "disc"
+    spacing = 1.2  # BL, about
+    warmup = 4.0  # s, after which it is what it is called
+
+    def __init__(self, count, rng, **changes):
+        for name, value in changes.items():
+            if not hasattr(self, name):
+                raise TypeError(f"{type(self).__name__} has no {name!r}")
+            setattr(self, name, value)
+        self.rng, self.n = rng, count
+        self.xy, self.angle = self.begin()
+        self.pace = np.full(count, getattr(self, "speed", 1.0))
+
+    def begin(self):
+        """Places on a jittered disc, everybody its own way."""
+        k = np.arange(self.n)
+        r, a = self.spacing * 0.6 * np.sqrt(k + 0.5), k * 2.39996
+        xy = np.column_stack([r * np.cos(a), r * np.sin(a)]) + self.rng.normal(0, 0.1, (self.n, 2))
+        return xy, self.rng.uniform(-math.pi, math.pi, self.n)
+
+    @property
+    def forward(self):
+        return np.column_stack([np.cos(self.angle), np.sin(self.angle)])
+
+    def pairs(self):
+        """Offsets from i to j (n, n, 2), and distances (n, n) with inf on the diagonal."""
+        offset = self.xy[None] - self.xy[:, None]
+        distance = np.hypot(offset[..., 0], offset[..., 1])
+        np.fill_diagonal(distance, np.inf)
+        return offset, distance
+
+    def toward(self, wish, rate, dt, most=math.inf, noise=0.0):
+        """Turn to the directions wished, (n, 2), as fast as rate (1/s) says, with noise in rad/√s."""
+        known = np.hypot(*wish.T) > 1e-9
+        off = _wrapped(np.arctan2(wish[:, 1], wish[:, 0]) - self.angle)
+        turn = np.where(known, np.clip(off * min(1.0, rate * dt), -most * dt, most * dt), 0.0)
+        self.angle = _wrapped(self.angle + turn + noise * math.sqrt(dt) * self.rng.normal(size=self.n))
+
+    def breathe(self, dt, mean, spread=0.08, rate=1.0):
+        """Speeds that come and go about their mean (BL/s), spread as a share of it."""
+        kick = mean * spread * math.sqrt(2 * rate * dt) * self.rng.normal(size=self.n)
+        self.pace = np.maximum(self.pace + rate * (mean - self.pace) * dt + kick, 0.0)
+
+    def go(self, dt):
+        """Walk, and lie on nobody."""
+        self.xy = apart(self.xy + self.forward * self.pace[:, None] * dt, self.forward)
+
+
+class Band(_Herd):
+    """A marching band: Grégoire and Chaté's cohesive Vicsek model [1]_, all in one direction after some seconds."""
+
+    speed, align, press, near, rest, far, reach, noise = 3.0, 1.0, 0.4, 0.8, 1.3, 2.6, 3.0, 0.3
+
+    def begin(self):
+        xy, angle = super().begin()
+        return xy, 0.6 * angle  # half agreed already
+
+    def step(self, dt):
+        offset, d = self.pairs()
+        seen = d < self.reach
+        pull = np.clip(0.25 * (d - self.rest) / (self.far - self.rest), -2.0, 1.0)
+        pull = np.where(d < self.near, -4.0, np.where(d > self.far, 1.0, pull))
+        unit = offset / np.maximum(d, 1e-9)[..., None]
+        press = np.einsum("ij,ijk->ik", np.where(seen, pull, 0.0), unit)
+        wish = self.align * (seen @ self.forward + self.forward) + self.press * press
+        self.toward(wish, 3.0, dt, noise=self.noise)
+        self.breathe(dt, self.speed)
+        self.go(dt)
+
+
+class Mill(_Herd):
+    """A mill: D'Orsogna et al.'s self-propelled particles in a Morse potential [2]_, begun as a turning ring."""
+
+    speed, relax, attract, attract_reach, repel, repel_reach = 3.0, 0.5, 0.4, 10.0, 2.0, 1.6
+    noise, drift = 0.5, (0.0, 0.0)
+
+    def begin(self):
+        inner = 3.0
+        k = np.arange(self.n) + 0.5
+        r, a = np.sqrt(inner**2 + k * self.spacing**2 / math.pi * 1.3), k * 2.39996
+        self.centre = np.zeros(2)
+        return np.column_stack([r * np.cos(a), r * np.sin(a)]), _wrapped(a + math.pi / 2)
+
+    def step(self, dt):
+        offset, d = self.pairs()
+        unit = offset / np.maximum(d, 1e-9)[..., None]
+        share = 30 / self.n  # the pull of all together does not depend on how many they are
+        pull = share * self.attract * np.exp(-d / self.attract_reach) - self.repel * np.exp(-d / self.repel_reach)
+        force = np.einsum("ij,ijk->ik", pull, unit)
+        if np.any(self.drift):  # what they circle moves along
+            self.centre = self.centre + np.asarray(self.drift) * dt
+            force += 0.3 * (self.centre - self.xy.mean(0)) + np.asarray(self.drift) * self.relax
+        velocity = self.forward * self.pace[:, None]
+        velocity = velocity + dt * (force + self.relax * (1 - (self.pace / self.speed) ** 2)[:, None] * velocity)
+        velocity += self.noise * math.sqrt(dt) * self.rng.normal(size=velocity.shape)
+        self.angle, self.pace = np.arctan2(velocity[:, 1], velocity[:, 0]), np.hypot(*velocity.T)
+        self.go(dt)
+
+
+class Swarm(_Herd):
+    """A swarm without common direction: run and tumble [4]_, with room for each and a weak pull to the others."""
+
+    speed, tumbles, room, pull, reach, noise = 1.5, 0.35, 2.0, 0.25, 8.0, 0.3
+
+    def begin(self):
+        self.tumbling = np.zeros(self.n)
+        xy, angle = super().begin()
+        self.aim = angle.copy()
+        return xy, angle
+
+    def step(self, dt):
+        begins = self.rng.random(self.n) < self.tumbles * dt
+        self.aim = np.where(begins, self.rng.uniform(-math.pi, math.pi, self.n), self.aim)
+        self.tumbling = np.where(begins, 0.5, np.maximum(self.tumbling - dt, 0.0))
+        offset, d = self.pairs()
+        unit = offset / np.maximum(d, 1e-9)[..., None]
+        push = np.einsum("ij,ijk->ik", np.clip(1 - d / self.room, 0, None) * -3.0, unit)
+        seen = (d < self.reach)[..., None]
+        pull = self.pull * (offset * seen).sum(1) / np.maximum(seen.sum(1), 1) / 2.0
+        own = np.where(
+            (self.tumbling > 0)[:, None], np.column_stack([np.cos(self.aim), np.sin(self.aim)]), self.forward
+        )
+        self.toward(own + push + pull, 6.0, dt, most=6.0, noise=self.noise)
+        self.breathe(dt, self.speed, 0.15)
+        self.go(dt)
+
+
+class School(_Herd):
+    """A school: Couzin et al.'s zones of repulsion, orientation and attraction [3]_; with little orientation a mill."""
+
+    speed, repel, orient, attract, blind, turning, noise = 3.0, 0.9, 4.0, 12.0, 90.0, 1.75, 0.15
+
+    def step(self, dt):
+        offset, d = self.pairs()
+        unit = offset / np.maximum(d, 1e-9)[..., None]
+        ahead = np.einsum("ijk,ik->ij", unit, self.forward) > -math.cos(math.radians(self.blind / 2))
+        close = d < self.repel
+        beside = ~close & ahead & (d < self.orient)
+        afar = ~close & ~beside & ahead & (d < self.attract)
+        away = -np.einsum("ij,ijk->ik", close.astype(float), unit)
+        social = _units(beside @ self.forward) + _units(np.einsum("ij,ijk->ik", afar.astype(float), unit))
+        self.toward(np.where(close.any(1)[:, None], away, social), 8.0, dt, most=self.turning, noise=self.noise)
+        self.breathe(dt, self.speed, 0.05)
+        self.go(dt)
+
+
+class Graze(_Herd):
+    """A grazing herd: they stand, walk some steps, and stand again, as one of their neighbours does [5]_."""
+
+    speed, starts, stops, room, noise = 0.6, 0.4, 0.25, 2.0, 0.3
+    spacing = 2.2
+
+    def begin(self):
+        self.walks = np.zeros(self.n, bool)
+        return super().begin()
+
+    def step(self, dt):
+        offset, d = self.pairs()
+        nearest = np.argsort(d, axis=1)[:, :7]
+        busy = self.walks[nearest].mean(1)
+        start = self.rng.random(self.n) < self.starts * (0.3 + 2 * busy) * dt
+        stop = self.rng.random(self.n) < self.stops * (1.5 - busy) * dt
+        self.walks = np.where(self.walks, ~stop, start)
+        unit = offset / np.maximum(d, 1e-9)[..., None]
+        push = np.einsum("ij,ijk->ik", np.clip(1 - d / self.room, 0, None) * -2.0, unit)
+        pull = 0.02 * (self.xy.mean(0) - self.xy)
+        self.toward(np.where(self.walks[:, None], self.forward + push + pull, 0.0), 2.0, dt, noise=0.0)
+        self.angle = _wrapped(self.angle + self.noise * math.sqrt(dt) * self.rng.normal(size=self.n) * self.walks)
+        self.breathe(dt, np.where(self.walks, self.speed, 0.0), 0.1, 3.0)
+        self.go(dt)
+
+
+class Topological(_Herd):
+    """A flock of so many nearest neighbours, however far [6]_: align and gather, with a soft core."""
+
+    speed, neighbours, noise, room = 2.5, 7, 0.4, 1.1
+
+    def begin(self):
+        xy, angle = super().begin()
+        return xy, 0.5 * angle
+
+    def step(self, dt):
+        offset, d = self.pairs()
+        near = np.argsort(d, axis=1)[:, : self.neighbours]
+        rows = np.arange(self.n)[:, None]
+        unit = offset[rows, near] / d[rows, near][..., None]
+        pull = np.clip(d[rows, near] - self.room, -1.5, 1.0)[..., None] * unit
+        wish = self.forward[near].mean(1) + 0.8 * pull.mean(1)
+        self.toward(wish, 2.5, dt, most=3.0, noise=self.noise)
+        self.breathe(dt, self.speed, 0.1)
+        self.go(dt)
+
+
+MODELS = {
+    "band": (Band, {}),
+    "mill": (Mill, {}),
+    "drifting mill": (Mill, {"drift": (0.5, 0.2)}),
+    "swarm": (Swarm, {}),
+    "school": (School, {}),
+    "torus": (School, {"orient": 2.0, "turning": 1.2, "speed": 2.5, "attract": 15.0, "warmup": 16.0}),
+    "graze": (Graze, {}),
+    "topological": (Topological, {}),
+}
+
+
+def herd(name, count=80, seconds=4.0, fps=25.0, seed=0, warmup=None, **changes) -> Truth:
+    """Run a model: one of MODELS, or "own:BRUSH" for a shipped brush (or a `Brush`) of this program's own.
+
+    Parameters
+    ----------
+    warmup : float
+        s that pass before the film begins; as many as the model needs unless given.
+    **changes
+        Numbers of the model to change, such as ``speed=2.0`` BL/s.
+    """
+    if not isinstance(name, str) or name.startswith("own:"):
+        return _own(name, count, seconds, fps, seed, 4.0 if warmup is None else warmup)
+    model, preset = MODELS[name]
+    animals = model(count, np.random.default_rng([seed, count]), **{**preset, **changes})
+    sub = max(1, math.ceil(50 / fps))
+    dt = 1 / (fps * sub)
+    for _ in range(round((animals.warmup if warmup is None else warmup) / dt)):
+        animals.step(dt)
+    places, headings = [], []
+    for _ in range(round(seconds * fps)):
+        places.append(animals.xy.copy())
+        headings.append(animals.forward)
+        for _ in range(sub):
+            animals.step(dt)
+    return _truth(name, fps, np.array(places), np.array(headings))
+
+
+def _own(name, count, seconds, fps, seed, warmup):
+    """Our own model, a frame to the nearest tick (1/32 s: fps 32, 16 or 8 are exact)."""
+    from behaviours.brush import Brush, shipped
+    from components import Heading, Position
+    from levels.build import plane
+
+    brush = name if isinstance(name, Brush) else shipped().get(name.removeprefix("own:"))
+    simulation = plane(brush, count, seed=seed, start="ring" if "hollow" in brush.name else "scatter")
+    places, headings, done = [], [], 0
+    for frame in range(round(seconds * fps)):
+        tick = round((warmup + frame / fps) * 32)
+        simulation.run(tick - done)
+        done = tick
+        length = brush.body.length
+        places.append(simulation.agents[Position.xyz][:, :2] / length)
+        headings.append(simulation.agents[Heading.forward][:, :2].copy())
+    xy = np.array(places)
+    return _truth(f"own:{brush.name}", fps, xy - xy[0].mean(0), np.array(headings))
+
+
+def _truth(name, fps, xy, forward):
+    velocity = np.gradient(xy, 1 / fps, axis=0)
+    return Truth(name, float(fps), xy, forward, np.hypot(velocity[..., 0], velocity[..., 1]))
+
+
+def _wrapped(angle):
+    return (angle + math.pi) % (2 * math.pi) - math.pi
+
+
+def _units(v):
+    size = np.hypot(v[:, 0], v[:, 1])[:, None]
+    return np.divide(v, size, out=np.zeros_like(v), where=size > 1e-12)
+
+
+def apart(xy, forward, rounds=3):
+    """Places at which hardly any bodies overlap: each body is three discs, and discs push each other, (n, 2)."""
+    at, share = np.array([-HALF, 0.0, HALF]), 1.0
+    for _ in range(rounds):
+        discs = (xy[:, None] + at[None, :, None] * forward[:, None]).reshape(-1, 2)
+        pairs = cKDTree(discs).query_pairs(2 * RADIUS, output_type="ndarray")
+        pairs = pairs[pairs[:, 0] // 3 != pairs[:, 1] // 3]
+        if not len(pairs):
+            return xy
+        off = discs[pairs[:, 1]] - discs[pairs[:, 0]]
+        d = np.maximum(np.hypot(*off.T), 1e-6)
+        push = (share * 0.5 * (2 * RADIUS - d) / d)[:, None] * off
+        xy, met = xy.copy(), np.ones(len(xy))
+        np.add.at(met, pairs.ravel() // 3, 1)
+        np.add.at(xy, pairs[:, 0] // 3, -push / (met[pairs[:, 0] // 3] ** 0.5)[:, None])
+        np.add.at(xy, pairs[:, 1] // 3, push / (met[pairs[:, 1] // 3] ** 0.5)[:, None])
+    return xy
+
+
+# the film -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Look:
+    """How animals and ground look; colours are BGR."""
+
+    body: tuple[int, int, int] = (214, 222, 226)
+    head: tuple[int, int, int] | None = (70, 70, 74)
+    ground: tuple[int, int, int] = (62, 112, 92)
+    texture: float = 16.0  # grey levels of the ground's unevenness
+    varied: float = 10.0  # grey levels by which animals differ
+    shadow: tuple[float, float] | None = None  # BL, x and y of the picture
+    noise: float = 3.0  # grey levels of the sensor
+    blur: float = 0.6  # px
+    crf: int = 23  # of x264; larger compresses more
+
+
+LOOKS = {
+    "sheep": Look(),
+    "shadowed sheep": Look(shadow=(0.18, 0.22)),
+    "cattle": Look(body=(38, 44, 60), head=(30, 34, 44), ground=(110, 158, 168)),
+    "dun": Look(
+        body=(86, 104, 122), head=(60, 72, 88), ground=(112, 146, 160), texture=9.0, varied=6.0
+    ),  # low contrast
+    "fish": Look(body=(96, 84, 70), head=None, ground=(158, 142, 108), texture=7.0, varied=5.0),
+    "poor": Look(noise=8.0, blur=1.0, crf=32, texture=20.0),
+}
+
+
+@dataclass
+class Camera:
+    """A camera above: where it looks, how it is turned and how near, at each moment.  `still` stands."""
+
+    drift: tuple[float, float] = (0.5, 0.25)  # BL/s
+    turn: float = 0.05  # rad/s
+    zoom: float = 0.02  # share a second
+    shake: float = 0.06  # BL, of a hand; and so many hundredths of a radian
+    follow: float = 0.0  # share of the herd's own motion that the camera goes along with
+    look_at: tuple[float, float] | None = None  # BL; the herd's middle over the film unless given
+
+    def transforms(self, truth, size, body_px, seed):
+        """World (BL, y up) to pixels, (T, 2, 3)."""
+        rng, count = np.random.default_rng([seed, 77]), len(truth.xy)
+        t = (np.arange(count) - count / 2) / truth.fps
+        kernel = np.exp(-0.5 * (np.arange(-12, 13) / 4) ** 2)
+        kernel /= np.sqrt((kernel**2).sum())
+        wobble = self.shake * np.array([np.convolve(w, kernel, "valid") for w in rng.normal(size=(3, count + 24))])
+        middle = truth.xy.mean(1)
+        still = middle.mean(0) if self.look_at is None else np.asarray(self.look_at, float)
+        centre = still + self.follow * (middle - middle.mean(0)) + t[:, None] * self.drift + wobble[:2].T
+        angle = self.turn * t + 0.1 * wobble[2] * (self.shake > 0)
+        scale = body_px * (1 + self.zoom * np.sin(t))
+        return np.array([_similarity(c, a, s, size) for c, a, s in zip(centre, angle, scale, strict=True)])
+
+
+STILL = Camera((0.0, 0.0), 0.0, 0.0, 0.0)
+
+
+def _similarity(centre, angle, scale, size):
+    """World to pixels for a camera that looks at a centre, turned by an angle."""
+    c, s = math.cos(angle) * scale, math.sin(angle) * scale
+    linear = np.array([[c, s], [s, -c]])  # y of the picture is down
+    return np.column_stack([linear, np.array(size) / 2 - linear @ centre])
+
+
+@dataclass
+class Film:
+    """A film and what is true in it."""
+
+    path: Path | None
+    truth: Truth
+    to_pixels: np.ndarray  # (T, 2, 3) from BL, y up, to pixels of that frame
+    size: tuple[int, int]  # width, height, px
+    body_px: float
+    frames: list = field(default_factory=list)  # (h, w, 3) BGR before compression, where kept
+
+    def pixels(self, frame):
+        """(n, 2) px of the animals' middles in a frame."""
+        m = self.to_pixels[frame]
+        return self.truth.xy[frame] @ m[:, :2].T + m[:, 2]
+
+    def inside(self, frame, margin=0.0):
+        """(n,) whose middle lies in the picture, so many pixels from its edge."""
+        x, y = self.pixels(frame).T
+        w, h = self.size
+        return (x >= margin) & (y >= margin) & (x < w - margin) & (y < h - margin)
+
+    def between(self, frame, reference=0):
+        """(2, 3) from pixels of a frame to pixels of the reference frame: what stabilising should find."""
+        return _after(self.to_pixels[reference], _inverse(self.to_pixels[frame]))
+
+    def seen_from(self, reference=0, body_px=None, corner=(0.0, 0.0)) -> Truth:
+        """The truth in BL of the reference frame's picture, y up, from its lower-left corner: what an observer reports.
+
+        Parameters
+        ----------
+        body_px : float
+            Pixels the observer takes for a body length; the true ones in the reference frame unless given.
+        """
+        m = self.to_pixels[reference]
+        scale = math.hypot(*m[:, 0])
+        length = body_px or scale
+        flip = np.array([1.0, -1.0])
+        xy = (self.truth.xy @ m[:, :2].T + m[:, 2] - (0, self.size[1])) * flip / length - corner
+        forward = (self.truth.forward @ m[:, :2].T) * flip / scale
+        return Truth(self.truth.name, self.truth.fps, xy, forward, self.truth.speed * scale / length)
+
+
+def _inverse(m):
+    linear = np.linalg.inv(m[:, :2])
+    return np.column_stack([linear, -linear @ m[:, 2]])
+
+
+def _after(second, first):
+    return np.column_stack([second[:, :2] @ first[:, :2], second[:, :2] @ first[:, 2] + second[:, 2]])
+
+
+def ground(look, seed=0, side=1024):
+    """A tile of ground that goes on at its edges, (side, side, 3) float32: uneven at all sizes, with tufts."""
+    rng = np.random.default_rng([seed, 5])
+    f = np.hypot(*np.meshgrid(np.fft.fftfreq(side) * side, np.fft.rfftfreq(side) * side, indexing="ij"))
+    rough = np.fft.irfft2(np.fft.rfft2(rng.normal(size=(side, side))) / np.maximum(f, 6) ** 0.9, (side, side))
+    tile = rough / rough.std() * 0.75
+    for _ in range(side * side // 2200):
+        x, y = rng.integers(6, side - 6, 2)
+        r, dark = rng.integers(1, 4), rng.normal(0, 1.6)
+        tile[y - r : y + r, x - r : x + r] += dark * rng.random((2 * r, 2 * r))
+    hue = 1 + 0.25 * rng.normal(size=3)
+    return (np.array(look.ground) + look.texture * tile[..., None] * hue).astype(np.float32)
+
+
+def shoot(
+    truth, path=None, size=(640, 480), body_px=14.0, camera=None, look="sheep", seed=0, keep=False, hide=()
+) -> Film:
+    """Film a herd.
+
+    Parameters
+    ----------
+    path : path, optional
+        Of an mp4; None writes nothing, and `Film.frames` has the pictures.
+    body_px : float
+        Length of a body in the middle of the film.
+    camera : Camera, optional
+        One that drifts, turns and zooms a little.
+    look : str or Look
+        One of LOOKS.
+    hide : iterable of int
+        Frames on which nobody is drawn.
+    """
+    look = LOOKS[look] if isinstance(look, str) else look
+    camera = camera or Camera()
+    transforms = camera.transforms(truth, size, body_px, seed)
+    film = Film(Path(path) if path else None, truth, transforms, tuple(size), float(body_px))
+    tile, rng = ground(look, seed), np.random.default_rng([seed, 9])
+    shade = rng.normal(0, look.varied, truth.xy.shape[1])
+    grain = rng.standard_normal((size[1], size[0], 3), np.float32)
+    writer = _Writer(path, truth.fps, size, look.crf) if path else None
+    for frame, m in enumerate(transforms):
+        picture = _picture(truth, frame, m, size, tile, look, shade if frame not in hide else None)
+        picture += look.noise * np.roll(grain, rng.integers(0, max(size), 2), (0, 1))
+        picture = np.clip(picture, 0, 255).astype(np.uint8)
+        if writer:
+            writer.write(picture)
+        if keep or not path:
+            film.frames.append(picture)
+    if writer:
+        writer.close()
+    return film
+
+
+class _Writer:
+    """An mp4 by x264."""
+
+    def __init__(self, path, fps, size, crf):
+        import av
+
+        self.av = av
+        self.container = av.open(str(path), "w")
+        self.stream = self.container.add_stream("libx264", rate=round(fps))
+        self.stream.width, self.stream.height = size
+        self.stream.pix_fmt = "yuv420p"
+        self.stream.options = {"crf": str(crf), "preset": "veryfast", "threads": "1"}
+
+    def write(self, picture):
+        frame = self.av.VideoFrame.from_ndarray(picture, format="bgr24")
+        self.container.mux(self.stream.encode(frame))
+
+    def close(self):
+        self.container.mux(self.stream.encode())
+        self.container.close()
+
+
+def _picture(truth, frame, m, size, tile, look, shade):
+    """One picture, (h, w, 3) float32."""
+    scale = math.hypot(*m[:, 0])
+    per_px = 12.0 / scale  # the ground's grain belongs to the ground: 12 texels to a body length
+    texels = np.array([[12.0, 0.0, 0.0], [0.0, 12.0, 0.0]])
+    back = _after(texels, _inverse(m))
+    back[:, 2] %= tile.shape[0]
+    smooth = cv2.GaussianBlur(tile, (0, 0), 0.5 * per_px) if per_px > 1.5 else tile
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    picture = cv2.warpAffine(smooth, back, size, flags=flags, borderMode=cv2.BORDER_WRAP)
+    if shade is not None:
+        _draw(
+            picture,
+            truth.xy[frame] @ m[:, :2].T + m[:, 2],
+            _units(truth.forward[frame] @ m[:, :2].T),
+            scale,
+            look,
+            shade,
+        )
+    return cv2.GaussianBlur(picture, (0, 0), look.blur) if look.blur else picture
+
+
+def _draw(picture, at, forward, scale, look, shade):
+    """Draw everybody: shadows below, then bodies, lighter along the back, then heads."""
+    h, w = picture.shape[:2]
+    near = (at > -2 * scale).all(1) & (at[:, 0] < w + 2 * scale) & (at[:, 1] < h + 2 * scale)
+    at, forward, shade = at[near], forward[near], shade[near]
+    if look.shadow:
+        dark = np.zeros((h, w), np.uint8)
+        for outline in _capsules(at + np.array(look.shadow) * scale, forward, scale, 0.95):
+            _fill(dark, outline, 255)
+        picture *= 1 - 0.45 * (cv2.GaussianBlur(dark, (0, 0), 0.7) / 255.0).astype(np.float32)[..., None]
+    body, head = np.array(look.body, float), None if look.head is None else np.array(look.head, float)
+    hull = _capsules(at, forward, scale, 1.0)
+    ridge = _capsules(at - 0.04 * scale * forward, forward, scale, 0.55)
+    tops = _capsules(at + 0.37 * scale * forward, forward, scale, 0.55, 0.08)
+    for k in range(len(at)):
+        _blend(picture, hull[k], np.clip(body + shade[k] - 8, 0, 255))
+        _blend(picture, ridge[k], np.clip(body + shade[k] + 8, 0, 255))
+        if head is not None:
+            _blend(picture, tops[k], head)
+
+
+def _capsules(at, forward, scale, thick, half=HALF):
+    """Outlines of capsules, (n, 20, 2) px."""
+    side = np.column_stack([-forward[:, 1], forward[:, 0]])
+    a = np.linspace(-math.pi / 2, math.pi / 2, 10)
+    along = np.concatenate([half + RADIUS * thick * np.cos(a), -half - RADIUS * thick * np.cos(a)])
+    across = np.concatenate([RADIUS * thick * np.sin(a), -RADIUS * thick * np.sin(a)])
+    return at[:, None] + scale * (along[None, :, None] * forward[:, None] + across[None, :, None] * side[:, None])
+
+
+def _fill(layer, outline, value):
+    """Fill a convex outline."""
+    cv2.fillConvexPoly(layer, np.round((outline - 0.5) * 16).astype(np.int32), value, cv2.LINE_8, 4)
+
+
+def _blend(picture, outline, colour):
+    """Lay a filled outline with soft edges over the picture."""
+    x0, y0 = np.maximum(np.floor(outline.min(0)).astype(int) - 1, 0)
+    x1, y1 = np.minimum(np.ceil(outline.max(0)).astype(int) + 2, picture.shape[1::-1])
+    if x1 <= x0 or y1 <= y0:
+        return
+    fine = np.zeros((FINE * (y1 - y0), FINE * (x1 - x0)), np.uint8)
+    _fill(fine, FINE * (outline - (x0, y0)), 255)
+    cover = cv2.resize(fine, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA)
+    alpha = (cover / 255.0)[..., None].astype(np.float32)
+    picture[y0:y1, x0:x1] += alpha * (colour.astype(np.float32) - picture[y0:y1, x0:x1])
+
+
+# what a perfect observer would know ----------------------------------------------------------------------------------
+
+
+def evidence_of_truth(truth: Truth, grid=30, cell=None, name=None, window=None, sight=True):
+    """Fields and sightings without a film: an `Evidence` as `observe` gives, from the truth.
+
+    Parameters
+    ----------
+    grid : int
+        Cells along the longer side.
+    cell : float, optional
+        BL; instead of grid.
+    window : (x0, y0, x1, y1), optional
+        BL that the picture shows; everybody is in it unless given.
+    sight : bool
+        False leaves the sightings out, as where bodies do not separate.
+    """
+    from behaviours.learning.evidence import Evidence, Fields, Sightings, SpeedEvidence
+
+    low, high = truth.xy.min((0, 1)) - 1.0, truth.xy.max((0, 1)) + 1.0
+    if window is not None:
+        low, high = np.array(window[:2], float), np.array(window[2:], float)
+    cell = cell or float((high - low).max() / grid)
+    nx, ny = np.maximum(np.ceil((high - low) / cell - 1e-9).astype(int), 1)
+    values = [_cells(truth, t, low, high, cell, nx, ny) for t in range(len(truth.xy))]
+    density, velocity, speed_variance, angular_variance, count = (np.array(v) for v in zip(*values, strict=True))
+    shape = density.shape
+    fields = Fields(
+        fps=truth.fps, cell=cell, origin=low.copy(), density=density, velocity=velocity, speed_variance=speed_variance,
+        angular_variance=angular_variance, seen=np.ones(shape, bool), obstacle=np.zeros(shape[1:], bool),
+        region=np.zeros(shape[1:], np.uint8), count=count, frames=np.arange(shape[0]),
+    )  # fmt: skip
+    speeds = truth.speed
+    speed = SpeedEvidence(float(speeds.mean()), float(speeds.std()), None, [], math.nan)
+    return Evidence(
+        name=name or truth.name, sha256="", fps=truth.fps, body_length_px=math.nan, length_source="given",
+        radius_bl=RADIUS, fields=fields, sightings=_sightings(truth, low, high, Sightings) if sight else None,
+        speed=speed, notes=["from the truth, not from a film"],
+    )  # fmt: skip
+
+
+def _cells(truth, t, low, high, cell, nx, ny):
+    """Density, velocity, variances of speed and of (unsigned) direction in degrees², and the count of a frame."""
+    at = np.floor((truth.xy[t] - low) / cell).astype(int)
+    here = ((truth.xy[t] >= low) & (truth.xy[t] < high)).all(1) & (at < (nx, ny)).all(1)
+    at, forward, speed = at[here], truth.forward[t][here], truth.speed[t][here]
+    flat, size = at[:, 1] * nx + at[:, 0], nx * ny
+
+    def mean(values):
+        return np.bincount(flat, values, size) / np.where(number > 0, number, np.nan)
+
+    number = np.bincount(flat, minlength=size)
+    vx, vy = mean(forward[:, 0] * speed), mean(forward[:, 1] * speed)
+    fast = mean(speed**2) - mean(speed) ** 2
+    mx, my = mean(forward[:, 0])[flat], mean(forward[:, 1])[flat]
+    off = np.degrees(
+        np.abs(np.arctan2(mx * forward[:, 1] - my * forward[:, 0], mx * forward[:, 0] + my * forward[:, 1]))
+    )
+    spread = mean(off**2) - mean(off) ** 2
+    grids = [v.reshape(ny, nx) for v in (number / cell**2, vx, vy, np.maximum(fast, 0), np.maximum(spread, 0))]
+    return grids[0], np.stack(grids[1:3], -1), grids[3], grids[4], int(here.sum())
+
+
+def _sightings(truth, low, high, kind):
+    """Everybody in the picture, in every frame."""
+    here = ((truth.xy >= low) & (truth.xy < high)).all(2)
+    who = np.broadcast_to(np.arange(truth.xy.shape[1]), here.shape)
+    turn = truth.turn
+    return kind(
+        first=np.concatenate([[0], np.cumsum(here.sum(1))]), xy=truth.xy[here], forward=truth.forward[here],
+        speed=truth.speed[here], turn=turn[here], track=who[here].astype(np.int64),
+    )  # fmt: skip
