@@ -1,0 +1,103 @@
+"""Everything that came of learning one brush: what its report tells and its provenance keeps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from behaviours.brush import Brush
+from behaviours.learning.evidence import Evidence
+from behaviours.learning.learned import Learned
+from flockbrush.learn.comparison import JUDGED, TITLES, Comparison
+
+
+@dataclass
+class Rival:
+    """Other numbers on the same frames: chance, or a brush set by hand."""
+
+    name: str
+    errors: dict[str, float]  # of the means, by measure
+    density: float  # share of animals in the wrong cell
+    velocity: float
+
+    @property
+    def total(self) -> float:
+        """Of polarization and milling together."""
+        return sum(self.errors[name] for name in JUDGED)
+
+
+@dataclass
+class Findings:
+    """One brush, and how far it can be trusted.
+
+    Attributes
+    ----------
+    brush : Brush
+    clips : list of Evidence
+        What it was learned from.
+    whole : Evidence
+        All frames of the first clip, with those held out.
+    learned : Learned
+    held : Evidence or None
+        The frames held out; None when the clip was too short, or is a photograph.
+    comparison : Comparison or None
+        On the frames held out, or without those on the frames learned from.
+    rivals : list of Rival
+    counts : list of dict
+        With other numbers of animals (`flockbrush.learn.counts`).
+    ablations : list of dict
+        `flockbrush.learn.ablation`.
+    command : str
+        That makes it again.
+    seconds : dict of str to float
+        What took how long.
+    moments : list of ndarray
+        Clip beside simulation, (h, w, 3) RGB.
+    """
+
+    brush: Brush
+    clips: list[Evidence]
+    whole: Evidence
+    learned: Learned
+    held: Evidence | None = None
+    comparison: Comparison | None = None
+    rivals: list[Rival] = field(default_factory=list)
+    counts: list[dict] = field(default_factory=list)
+    ablations: list[dict] = field(default_factory=list)
+    command: str = ""
+    seconds: dict[str, float] = field(default_factory=dict)
+    moments: list[np.ndarray] = field(default_factory=list)
+
+    @property
+    def prefix(self) -> str:
+        """What the figures of the comparison are called by."""
+        return "held-out" if self.held is not None else "same frames"
+
+    def figures(self) -> dict[str, float]:
+        """Numbers by name, for the provenance and for --json."""
+        found = {f"learning: {name}": value for name, value in self.learned.held_out.items()}
+        loss = self.learned.loss
+        if len(loss):
+            found["loss"] = float(loss[-1])
+        if self.comparison is not None:
+            found |= self.comparison.figures(self.prefix)
+        for row in self.counts:
+            words = f"with {row['factor']:g} times the animals"
+            found |= {f"{words}, {name}": row[name] for name in ("polarization", "milling", "spacing", "together")}
+        return {name: value for name, value in found.items() if math.isfinite(value)}
+
+    def verdict(self) -> str:
+        """One sentence: does the brush do what the clip shows?"""
+        if self.learned.interrupted and self.comparison is None:
+            return "The learning was interrupted: this is the best so far, and nothing was compared."
+        if self.comparison is None:
+            return "Learned from one picture: there is no motion to compare with."
+        where = "the part of the clip that was held out" if self.held is not None else "the very frames it learned from"
+        begun = f"Begun as {where} begins and left alone for {self.comparison.times[-1]:.1f} s, the simulated herd "
+        missed = [v for v in map(self.comparison.verdict, JUDGED) if math.isfinite(v.clip) and not v.met]
+        if not missed:
+            return begun + "keeps to the clip's polarization and milling, within what the clip itself varies by."
+        told = " and ".join(f"{TITLES[v.name].lower()} by {v.off:.2f} (allowed: {v.allowed:.2f})" for v in missed)
+        return begun + f"misses {told}."
