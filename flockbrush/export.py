@@ -215,7 +215,7 @@ def herd_of(simulation, moment: Moment):
     danger = palette.danger.astype(bool)
     return Herd(
         xy=moment.xyz[:, :2],
-        forward=moment.forward[:, :2],
+        forward=moment.forward,
         length=moment.length,
         radius=moment.radius,
         leader=moment.leader,
@@ -227,6 +227,7 @@ def herd_of(simulation, moment: Moment):
         ids=moment.ids,
         z=moment.xyz[:, 2],
         wings=_wings(moment, palette),
+        up=moment.up,
     )
 
 

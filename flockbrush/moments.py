@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from components import Body, BrushBinding, Heading, Position, ReferenceBird, Role, Species, Velocity
+from components import Airborne, Body, BrushBinding, Heading, Position, ReferenceBird, Role, Species, Velocity
 from systems.landscape import Landscape
 from systems.palette import Palette
 from systems.population import SpeciesList
@@ -30,6 +30,8 @@ class Moment:
     leader : ndarray (n,) bool
     reference : ndarray (n,) int64
         Id of the animal it keeps its place by, 0 for none.
+    up : ndarray (n, 3), optional
+        Unit vector out of the back: where it leans, the animal banks.
     """
 
     time: float
@@ -43,6 +45,7 @@ class Moment:
     brush: np.ndarray
     leader: np.ndarray
     reference: np.ndarray
+    up: np.ndarray | None = None
 
     def __len__(self):
         return len(self.ids)
@@ -59,6 +62,7 @@ _COLUMNS = {
     "brush": BrushBinding.brush,
     "leader": Role.leader,
     "reference": ReferenceBird.entity,
+    "up": Airborne.up,
 }
 
 
@@ -108,7 +112,19 @@ def between(before: Moment, after: Moment, time, wrap=None) -> Moment:
     forward /= np.maximum(size, 1e-9)[:, None]
     if faint.any():
         forward[faint] = after.forward[faint]
-    return replace(after, time=time, xyz=xyz, velocity=velocity, forward=forward)
+    return replace(
+        after, time=time, xyz=xyz, velocity=velocity, forward=forward, up=_leaning(before, after, both, rows, share)
+    )
+
+
+def _leaning(before, after, both, rows, share):
+    """How animals bank a share of the way from one moment to the next."""
+    if before.up is None or after.up is None:
+        return after.up
+    up = after.up.copy()
+    up[both] += (1 - share) * (before.up[rows] - up[both])
+    size = np.sqrt((up**2).sum(1))
+    return np.where(size[:, None] > 1e-9, up / np.maximum(size, 1e-9)[:, None], after.up)
 
 
 class Sampler:

@@ -30,6 +30,8 @@ class Herd(NamedTuple):
     predator : (n,) bool array, optional
     wings : (n,) array, optional
         How high the wings of a bird in flight are, from -1 to 1; NaN for who has none, or keeps them folded.
+    up : (n, 3) array, optional
+        Unit vector out of the back, for those that bank; seen in space only.
     ids : (n,) int array, optional
         Lets trails follow their animals when others are born or die.
     """
@@ -47,6 +49,7 @@ class Herd(NamedTuple):
     predator: np.ndarray | None = None
     ids: np.ndarray | None = None
     wings: np.ndarray | None = None
+    up: np.ndarray | None = None
 
 
 EMPTY = Herd(np.zeros((0, 2)), np.zeros((0, 2)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flockbrush.draw.animals import LEADER, PLAIN, PREDATOR, figure
+from flockbrush.draw.animals import KINDS, LEADER, PLAIN, PREDATOR, figure
 from flockbrush.draw.camera import Camera
 from flockbrush.draw.canvas import Canvas
 from flockbrush.draw.ground import nice
@@ -86,6 +86,18 @@ class Hud:
         ends = [[start, y - tick, start, y + tick], [stop, y - tick, stop, y + tick]]
         canvas.segments([[start, y, stop, y], *ends], thick, theme.ink, 0.9)
         return start - 1.5 * height
+
+    def legend(self, frame, right, herd, colours):
+        """First row of the legend of a `checked` herd; `colours` are those of all looks."""
+        if not len(herd.xy):
+            return
+        known = len(colours) // KINDS - 1
+        brush = np.where((herd.brush >= 0) & (herd.brush < known), herd.brush, -1)
+        counts = np.bincount(brush[~herd.predator] + 1, minlength=known + 1)
+        names = ["animals", *(str(name) for name in herd.brush_names)]
+        names += [f"brush {k + 1}" for k in range(known)][len(names) - 1 :]
+        shown = [(names[k], k * KINDS, int(counts[k])) for k in np.argsort(-counts, kind="stable") if counts[k]]
+        self.animals(frame, right, shown, int(herd.leader.sum()), int(herd.predator.sum()), colours)
 
     def animals(self, frame, right, brushes, leaders, predators, colours):
         """First row of the legend: brushes with their counts, then leaders and predators.

@@ -218,16 +218,8 @@ class Painter:
 
     def _words(self, frame, herd, title, time, measures, legend, stamps):
         self.hud.above(frame, getattr(self.level, "name", "") if title is None else title, time, measures)
-        if not legend or not len(herd.xy):
-            return
-        known = len(stamps.brush_colours)
-        brush = np.where((herd.brush >= 0) & (herd.brush < known), herd.brush, -1)
-        counts = np.bincount(brush[~herd.predator] + 1, minlength=known + 1)
-        names = ["animals", *(str(name) for name in herd.brush_names)]
-        names += [f"brush {k + 1}" for k in range(known)][len(names) - 1 :]
-        shown = [(names[k], k * KINDS, int(counts[k])) for k in np.argsort(-counts, kind="stable") if counts[k]]
-        right = self._bar
-        self.hud.animals(frame, right, shown, int(herd.leader.sum()), int(herd.predator.sum()), stamps.colours)
+        if legend:
+            self.hud.legend(frame, self._bar, herd, stamps.colours)
 
     # colours ---------------------------------------------------------------------
 

@@ -1,0 +1,513 @@
+"""Pictures of herds in space: ground and grid to the horizon, what stands there, animals that climb and bank.
+
+::
+
+    painter = SpacePainter(level, size=(1280, 720))      # or without a level: a grid and the flock
+    painter.look(painter.around(herd))                   # as near as all of them fit in
+    frame = painter.frame(herd, time=2.0, selected=17)
+
+A herd is that of the plan, with heights and headings in space: `Herd.xy` and `Herd.forward` of shape (n, 3), and
+`Herd.up` for those that bank.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flockbrush.draw.animals import KINDS, NO_WINGS, look_colours
+from flockbrush.draw.bodies import SMALLEST, SUN, draw_bodies, standing
+from flockbrush.draw.camera import checked_size
+from flockbrush.draw.canvas import Canvas
+from flockbrush.draw.facets import draw_faces, draw_grid, draw_spots, draw_ways, paint_world
+from flockbrush.draw.ground import nice
+from flockbrush.draw.herd import EMPTY, Herd, checked, refuse_nan
+from flockbrush.draw.hud import Hud, Layout
+from flockbrush.draw.orbit import OrbitCamera, box_corners
+from flockbrush.draw.painter import Painter, brush_rgb
+from flockbrush.draw.shapes import bilinear
+from flockbrush.draw.solids import stood_up, together
+from flockbrush.draw.strokes import draw_lines, draw_rings
+from flockbrush.draw.style import mix, theme_of
+from flockbrush.draw.ways import Ways
+
+TEXTURE = 2048  # pixels of the longer side of a level's picture on the ground
+SIGHT = 7.0  # times the size of the scene: what is farther is more haze than colour
+LINES = 90.0  # pixels between two thin lines of the grid, about
+GRID = 42.0  # lines from its middle to where it has faded
+WALL = 1.6  # m, or body lengths if those are longer: what has been told no height
+ELBOW = 1.5  # body lengths free around a herd that is looked at
+
+
+class Bodies(NamedTuple):
+    """The animals of one moment in space, a row each."""
+
+    xyz: np.ndarray  # (n, 3) m above the drawn ground
+    forward: np.ndarray  # (n, 3)
+    up: np.ndarray  # (n, 3)
+    walks: np.ndarray  # (n,) bool
+
+
+class SpacePainter:
+    """Draws the animals of a level, or of no place at all, as a camera sees them that circles about them.
+
+    What does not move is drawn once for each camera and copied; a frame costs what its animals cost.
+
+    Parameters
+    ----------
+    level : Level, optional
+        Or a `Scenery`, or anything with `width` and `height` in metres; its ground lies flat, hills and all.
+    size : (int, int)
+        Width and height of the picture, pixels.
+    theme : {"light", "dark"} or Theme
+    brushes : dict of str to "#rrggbb", optional
+        Colours of brushes by name.
+    trails : float or None
+        How long trails are, seconds; None or 0 for no trails.
+    words : bool
+        Leave room for title, clock and legend.
+    shadows : bool
+    live : bool
+        For a window: the ground is shown as far as it is drawn, and `refine` goes on with it.
+    floor : float
+        Height of the ground where there is no level, m.
+
+    Attributes
+    ----------
+    camera : OrbitCamera
+        Change it with `look`.
+    plan : Painter or None
+        Draws the picture that lies on the ground.
+    """
+
+    def __init__(
+        self, level=None, size=(1280, 720), theme="light", brushes=None, trails=3.0, words=True, shadows=True,
+        live=False, floor=0.0,
+    ):  # fmt: skip
+        self.level, self.size, self.theme = level, checked_size(size), theme_of(theme)
+        self.shadows, self.live, self.floor = shadows, live, 0.0 if level is not None else float(floor)
+        unit = float(np.clip(min(self.size[0] / 1280, self.size[1] / 720), 0.45, 6))
+        self.layout = Layout.of(self.size) if words else Layout(self.size, unit, 0, 0, 0)
+        self.hud = Hud(self.layout, self.theme)
+        self.trails = Ways(trails) if trails else None
+        self.plan = None if level is None else _plan(level, self.theme, brushes, live)
+        self._ground = _Texture()
+        self._stood: tuple = (None, None)
+        self._world: tuple = (None, None, None)
+        self._colours: tuple = (None, None)
+        self._bodies: Bodies | None = None
+        self.camera = self.home
+
+    # the camera --------------------------------------------------------------------
+
+    @property
+    def view(self):
+        """Left, top, right and bottom of the part of the picture that shows the scene."""
+        return tuple(int(side) for side in self.layout.view)
+
+    @property
+    def home(self) -> OrbitCamera:
+        """The camera that shows the whole level, from the south."""
+        return self._whole(np.pi / 2, np.radians(30.0))
+
+    def _whole(self, azimuth, elevation):
+        if self.level is None:
+            low, high = np.array([-20.0, -20.0, self.floor]), np.array([20.0, 20.0, self.floor + 10.0])
+        else:
+            low, high = np.zeros(3), np.array([self.level.width, self.level.height, 0.0])
+        return OrbitCamera.of(
+            box_corners(low, high), self.size, self.view, azimuth, elevation, floor=self.floor, margin=0.02
+        )
+
+    def around(self, herd: Herd, camera: OrbitCamera | None = None) -> OrbitCamera:
+        """A camera in the direction of another one (that of now, unless told) that shows all of a herd."""
+        camera = camera or self.camera
+        bodies = self.bodies_of(checked(herd), herd)
+        if not len(bodies.xyz):
+            return self._whole(camera.azimuth, camera.elevation)
+        room = ELBOW * float(np.max(herd.length))
+        corners = [box_corners(point - room, point + room) for point in bodies.xyz]
+        return camera.fitted(np.concatenate(corners))
+
+    def look(self, camera: OrbitCamera):
+        """Look from somewhere else from now on."""
+        self.camera = camera
+
+    # what lies there -----------------------------------------------------------------
+
+    def repaint(self, box):
+        """Draw a part of the ground anew: (west, south, east, north) in metres, or "all"."""
+        if self.plan is not None:
+            self.plan.repaint(box)
+            self._ground.stale = True
+            if isinstance(box, str):
+                self._stood = (None, None)
+
+    def refine(self, budget=0.004) -> bool:
+        """Go on drawing the ground for about so many seconds; True when nothing is left to draw."""
+        if self.plan is None or (not self.plan.tiles.stale and self.plan.tiles.camera is not None):
+            return True
+        self._ground.stale = True
+        return self.plan.refine(budget)
+
+    def ground_height(self, xy) -> np.ndarray:
+        """Height of the ground under points (n, 2), m: what is drawn flat."""
+        land = getattr(self.level, "land", None)
+        relief = getattr(land, "relief", None)
+        if relief is None or relief.shape[:2] == (1, 1):
+            return np.full(len(xy), self.floor)
+        at = np.asarray(xy, float) / land.relief_cell - 0.5
+        heights = np.ascontiguousarray(relief[..., 0], np.float32)
+        return np.array([bilinear(heights, 0, 0, np.array([x]), np.array([y]))[0, 0] for x, y in at], float)
+
+    def faces(self, tall):
+        """(faces, colours, lid colours) of the obstacles; those without a told height are `tall` m high."""
+        obstacles = list(getattr(self.level, "obstacles", None) or [])
+        key = (round(tall, 2), tuple(_identity(o) for o in obstacles))
+        if self._stood[0] != key:
+            faces = together(stood_up(obstacle, tall) for obstacle in obstacles)
+            self._stood = (key, (faces, faces.lit(mix(self.theme.obstacle, self.theme.paper, 0.22), SUN)))
+        return self._stood[1]
+
+    # a frame -----------------------------------------------------------------------------
+
+    def bodies_of(self, herd: Herd, told: Herd) -> Bodies:
+        """Places and attitudes in space of a herd that is `checked`, as it was `told`; ValueError names a bad row."""
+        count = len(herd.xy)
+        height = herd.z
+        if told.z is None and np.ndim(told.xy) == 2 and np.shape(told.xy)[1] == 3:
+            height = np.ascontiguousarray(np.asarray(told.xy, float)[:, 2])
+            refuse_nan(height, "height")
+        forward = np.zeros((count, 3))
+        forward[:, : np.shape(told.forward)[1]] = told.forward
+        refuse_nan(forward, "heading")
+        above = height - (self.ground_height(herd.xy) if self.level is not None else 0.0)
+        winged = np.isfinite(herd.wings)
+        ground = self.floor
+        walks = ~winged & (above < ground + 0.5 * herd.length)
+        if self.level is not None:
+            above = np.where(winged, np.maximum(above, 0.6 * herd.length), above)
+        forward[walks, 2] = 0.0
+        up = standing(forward)
+        if told.up is not None:
+            given = np.asarray(told.up, float)
+            if given.shape != (count, 3):
+                raise ValueError(f"up of {count} animals has shape ({count}, 3), got {given.shape}")
+            refuse_nan(given, "back")
+            up = np.where(walks[:, None], up, given)
+        return Bodies(np.column_stack([herd.xy, above]), forward, up, walks)
+
+    def frame(
+        self, herd: Herd = EMPTY, time=None, title=None, measures=None, legend=True, trails=True, out=None, under=None,
+        selected=None,
+    ):  # fmt: skip
+        """The animals of one moment.
+
+        Parameters
+        ----------
+        herd : Herd
+        time : float, optional
+            Seconds on the clock.
+        title : str, optional
+            The level's name unless given.
+        measures : str or dict of str to float, optional
+        legend, trails : bool
+        out : (h, w, 3) uint8 array, optional
+            Draw into this one, and return it.
+        under : callable, optional
+            Draws on the ground's picture it is given, and says whether it did; `plan.camera` says where things are.
+        selected : int, optional
+            Of `Herd.ids`: who is marked.
+
+        Returns
+        -------
+        (h, w, 3) uint8
+
+        Raises
+        ------
+        ValueError
+            When a column does not fit or is not finite, naming the animal.
+        """
+        told, herd = herd, checked(herd)
+        bodies = self._bodies = self.bodies_of(herd, told)
+        if self.plan is not None:
+            self.plan._learn(herd)
+        frame, depth = self._backdrop(herd, out, under)
+        colours = self._looks(herd)
+        kind = np.where(herd.predator, 2, herd.leader.astype(np.int64))
+        known = len(colours) // KINDS - 1
+        brush = np.where((herd.brush >= 0) & (herd.brush < known), herd.brush + 1, 0)
+        clip, cam = np.array(self.view, np.int64), self.camera.numbers()
+        if self.shadows:
+            self._shadows(frame, depth, clip, cam, herd, bodies)
+        if trails and self.trails is not None:
+            self.trails.go(bodies.xyz, told.ids, time)
+            self._ways(frame, depth, clip, cam, herd, brush, colours)
+        row = self._row(told, selected)
+        if row is not None:
+            self._stand(frame, clip, herd, bodies, row)
+        self._animals(frame, depth, clip, cam, herd, bodies, brush * KINDS + kind, colours)
+        if row is not None:
+            self._ring(frame, clip, herd, bodies, row)
+        self._compass(frame)
+        self._words(frame, herd, title, time, measures, legend, colours)
+        return frame
+
+    def pick(self, pixel, reach=9.0):
+        """Row of the animal of the last frame that is drawn at a pixel, the nearest to the eye; None for none.
+
+        `reach` is how far (pixels) from its body one may miss it.
+        """
+        bodies = self._bodies
+        if bodies is None or not len(bodies.xyz):
+            return None
+        at, depth = self.camera.project(self._middles(bodies))
+        half = 0.5 * np.maximum(self._lengths * self.camera.focal / np.maximum(depth, 1e-9), SMALLEST)
+        away = np.hypot(*(at - pixel).T)
+        hit = (depth > 0) & (away <= half + reach)
+        if not hit.any():
+            return None
+        rows = np.flatnonzero(hit)
+        inside = away[rows] <= half[rows]
+        if inside.any():
+            rows = rows[inside]
+            return int(rows[np.argmin(depth[rows])])
+        return int(rows[np.argmin(away[rows] - half[rows])])
+
+    # its parts ---------------------------------------------------------------------------
+
+    def _backdrop(self, herd, out, under):
+        """A copy of everything that does not move, and its depths."""
+        tall = max(WALL, float(np.median(herd.length)) if len(herd.xy) else 0.0)
+        faces, lit = self.faces(tall)
+        texture = self._texture(under)
+        key = (self.camera, texture.version, id(faces))
+        if self._world[0] != key:
+            self._world = (key, *self._paint_world(texture, faces, lit))
+        _, image, depth = self._world
+        if out is None:
+            return image.copy(), depth
+        if out.shape != image.shape or out.dtype != np.uint8 or not out.flags.c_contiguous:
+            raise ValueError(
+                f"out must be a contiguous uint8 array of shape {image.shape}, got {out.dtype} {out.shape}"
+            )
+        np.copyto(out, image)
+        return out, depth
+
+    def _texture(self, under):
+        """The picture of the ground, with what lies upon it."""
+        texture = self._ground
+        if self.plan is None:
+            return texture
+        picture = self.plan.ground
+        if not self.live:
+            self._ground.stale |= bool(getattr(self.level, "changes", list)())
+        if under is not None:
+            laid = picture.copy()
+            if under(laid):
+                texture.take(laid)
+                texture.stale = True  # who lies there moves
+                return texture
+        if texture.stale or texture.source is not picture:
+            texture.take(picture)
+        return texture
+
+    def _paint_world(self, texture, faces, lit):
+        theme, camera = self.theme, self.camera
+        width, height = self.size
+        image, depth = np.empty((height, width, 3), np.uint8), np.zeros((height, width), np.float32)
+        image[:] = theme.paper
+        sky, zenith = sky_of(theme)
+        land = mix(theme.ground, theme.paper, 0.45)
+        inks = np.array([sky, zenith, land], float)
+        clip, cam = np.array(self.view, np.int64), camera.numbers()
+        across, along = (self.level.width, self.level.height) if self.level is not None else (1.0, 1.0)
+        paint_world(
+            image, clip, cam, self.floor, self.clear, inks, texture.bytes, texture.levels, float(across), float(along)
+        )
+        x, y = self._grid_middle()
+        line = np.array(mix(theme.muted, theme.ground, 0.1), float)
+        draw_grid(image, clip, cam, self.floor, x, y, self.spacing, GRID * self.spacing, line, 0.75)
+        order = faces.seen(camera)
+        draw_faces(image, depth, clip, cam, faces.corners, order, lit, faces.alphas, self.clear, np.array(sky, float))
+        return image, depth
+
+    @property
+    def clear(self) -> float:
+        """How far one sees well, m."""
+        size = 0.0 if self.level is None else max(self.level.width, self.level.height)
+        return SIGHT * max(self.camera.distance, 0.4 * size)
+
+    @property
+    def spacing(self) -> float:
+        """Metres between two thin lines of the grid."""
+        return nice(LINES * self.layout.unit / self.camera.scale)
+
+    def _grid_middle(self):
+        """The point of the ground about which the grid is drawn: under the middle of the view, if it is not too far."""
+        camera = self.camera
+        target, seen = np.asarray(camera.target[:2]), camera.metres(camera.middle)
+        away = seen - target
+        return target + away * min(1.0, 2 * camera.distance / max(float(np.hypot(*away)), 1e-9))
+
+    def _looks(self, herd):
+        colours = brush_rgb(herd.brush_colours)
+        if self._colours[0] != colours.tobytes():
+            self._colours = (colours.tobytes(), look_colours(colours, self.theme))
+        return self._colours[1]
+
+    def _shadows(self, frame, depth, clip, cam, herd, bodies):
+        high = np.maximum(bodies.xyz[:, 2] - self.floor, 0.0)
+        grown = self._grown(herd, bodies)
+        long = herd.length * grown
+        soft = high / (high + 12.0 * long)  # the higher, the larger and fainter
+        along = long * (0.55 + 0.5 * soft)
+        spread = np.where(bodies.walks, np.maximum(herd.radius * grown, 0.18 * long), 0.42 * long)
+        aside = spread * (1.0 + 0.6 * soft)
+        alpha = 2.0 * self.theme.shadow_alpha * (1.0 - 0.72 * soft)
+        shade = (float(c) for c in self.theme.shadow)
+        draw_spots(
+            frame, depth, clip, cam, self.floor, bodies.xyz, bodies.forward, along, aside, *shade, np.minimum(alpha, 1)
+        )
+
+    def _grown(self, herd, bodies):
+        """How much larger than life each animal is drawn, (n,), to be seen at all."""
+        depth = np.maximum((bodies.xyz - self.camera.eye) @ self.camera.axes[2], 1e-3)
+        return np.maximum(SMALLEST * self.layout.unit * depth / (self.camera.focal * herd.length), 1.0)
+
+    def _ways(self, frame, depth, clip, cam, herd, brush, colours):
+        ways = self.trails
+        size = 1e9 if self.level is None else 0.4 * min(self.level.width, self.level.height)
+        inks = np.ascontiguousarray(colours[::KINDS, 0])
+        longest = float(max(min(size, 1e9), 1.0))
+        draw_ways(
+            frame, depth, clip, cam, ways.places, ways.first, ways.last, brush, inks, self.theme.trail, longest,
+            self.clear, np.array(sky_of(self.theme)[0], float),
+        )  # fmt: skip
+
+    def _animals(self, frame, depth, clip, cam, herd, bodies, look, colours):
+        self._lengths = herd.length
+        far = (bodies.xyz - self.camera.eye) @ self.camera.axes[2]
+        beat = np.where(np.isfinite(herd.wings), herd.wings, NO_WINGS)
+        draw_bodies(
+            frame, depth, clip, cam, np.argsort(-far, kind="stable"), bodies.xyz, bodies.forward, bodies.up,
+            herd.length, herd.radius, beat, bodies.walks, look, colours, self.clear,
+            np.array(sky_of(self.theme)[0], float), SUN, SMALLEST * self.layout.unit,
+        )  # fmt: skip
+
+    # who is selected ------------------------------------------------------------------------
+
+    def _row(self, herd, selected):
+        """Row of the selected animal, None if it is not there."""
+        if selected is None or herd.ids is None:
+            return None
+        rows = np.flatnonzero(np.asarray(herd.ids) == selected)
+        return int(rows[0]) if len(rows) else None
+
+    def _middles(self, bodies):
+        """The middle of each body (n, 3): beasts stand on their place."""
+        middles = bodies.xyz.copy()
+        middles[:, 2] += np.where(bodies.walks, 0.4 * self._lengths, 0.0)
+        return middles
+
+    def _stand(self, frame, clip, herd, bodies, row):
+        """A circle on the ground under the selected animal, and a line down to it."""
+        camera, x, y, z = self.camera, *bodies.xyz[row]
+        turn = np.linspace(0, 2 * np.pi, 49)
+        long = float((herd.length * self._grown(herd, bodies))[row])
+        ring = np.column_stack([x + 0.9 * long * np.cos(turn), y + 0.9 * long * np.sin(turn), 0 * turn + self.floor])
+        if (camera.project(ring)[1] < camera.numbers()[15]).any():
+            return
+        for width, ink, alpha in ((3.0, self.theme.paper, 0.6), (1.4, self.theme.ink, 0.9)):
+            at = camera.pixels(ring)
+            colour = (float(c) for c in ink)
+            draw_lines(frame, clip, np.hstack([at[:-1], at[1:]]), width * self.layout.unit, *colour, alpha)
+        if z - self.floor > 0.5 * long:
+            canvas = Canvas(frame, self.view)
+            ends = camera.pixels([[x, y, self.floor], [x, y, z]])
+            canvas.line(ends, 1.2 * self.layout.unit, self.theme.ink, 0.75, dash=(5, 4))
+
+    def _ring(self, frame, clip, herd, bodies, row):
+        """A ring in the picture around the selected animal."""
+        at, depth = self.camera.project(self._middles(bodies)[row : row + 1])
+        if depth[0] <= self.camera.numbers()[15]:
+            return
+        long = float((herd.length * self._grown(herd, bodies))[row])
+        radius = np.array([max(8.0 * self.layout.unit, 0.95 * long * self.camera.focal / depth[0])])
+        for width, ink, alpha in ((4.4, self.theme.paper, 0.8), (2.0, self.theme.ink, 1.0)):
+            draw_rings(frame, clip, at, radius, width * self.layout.unit, *(float(c) for c in ink), alpha)
+
+    # words ------------------------------------------------------------------------------------
+
+    def _compass(self, frame):
+        """Where east, north and up are, and how wide a square of the grid is, in the lower right corner."""
+        theme, unit, camera = self.theme, self.layout.unit, self.camera
+        canvas = Canvas(frame, self.view)
+        long = 26.0 * unit
+        middle = np.array([self.view[2] - 52.0 * unit, self.view[3] - 52.0 * unit])
+        right, up, ahead = camera.axes
+        tips = np.stack([right, -up], axis=1) * long
+        inks = (theme.predator, theme.exit, theme.link)
+        for k in np.argsort(-ahead, kind="stable"):
+            tip = middle + tips[k]
+            canvas.line([middle, tip], 2.2 * unit, inks[k], 0.95)
+            word = middle + tips[k] * 1.42
+            height = max(10, round(12 * unit))
+            canvas.words(("E", "N", "up")[k], word, height, theme.ink, anchor=(0.5, 0.5), halo=theme.paper)
+        text = f"grid {_metres(self.spacing)}"
+        at = (self.view[2] - 52 * unit, self.view[3] - 9 * unit)
+        canvas.words(text, at, max(10, round(12 * unit)), theme.ink, anchor=(0.5, 1), halo=theme.paper)
+
+    def _words(self, frame, herd, title, time, measures, legend, colours):
+        name = getattr(self.level, "name", "") if title is None else title
+        self.hud.above(frame, name, time, measures)
+        if legend:
+            self.hud.legend(frame, self.size[0] - self.layout.pad, herd, colours)
+
+
+class _Texture:
+    """The ground's picture in ever smaller sizes, so that what is far does not glitter."""
+
+    def __init__(self):
+        self.source, self.stale, self.version = None, True, 0
+        self.bytes, self.levels = np.zeros(1, np.uint8), np.zeros((0, 3), np.int64)
+
+    def take(self, picture):
+        """Take over a picture (h, w, 3)."""
+        import cv2
+
+        sizes, image = [], picture
+        while True:
+            sizes.append(image)
+            height, width = image.shape[:2]
+            if max(height, width) <= 2:
+                break
+            image = cv2.resize(image, (max(1, width // 2), max(1, height // 2)), interpolation=cv2.INTER_AREA)
+        first = np.cumsum([0] + [size.size for size in sizes[:-1]])
+        self.levels = np.array([(f, *s.shape[:2]) for f, s in zip(first, sizes, strict=True)], np.int64)
+        self.bytes = np.concatenate([size.reshape(-1) for size in sizes])
+        self.source, self.stale = picture, False
+        self.version += 1
+
+
+def sky_of(theme):
+    """(at the horizon, above) of a theme."""
+    return mix(theme.paper, theme.water, 0.30), mix(theme.paper, theme.water, 0.95)
+
+
+def _plan(level, theme, brushes, live):
+    """What draws the ground's picture."""
+    scale = TEXTURE / max(level.width, level.height)
+    size = [int(np.clip(round(side * scale), 8, TEXTURE)) for side in (level.width, level.height)]
+    return Painter(level, size, theme, brushes, trails=None, words=False, labels=False, live=live)
+
+
+def _identity(obstacle):
+    """What an obstacle's faces depend on."""
+    told = (getattr(obstacle, name, None) for name in ("z_min", "z_max", "shape"))
+    return (np.asarray(obstacle.polygon).tobytes(), *told)
+
+
+def _metres(value):
+    return f"{value:g} m" if value < 1000 else f"{value / 1000:g} km"
