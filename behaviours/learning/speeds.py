@@ -67,13 +67,14 @@ def speed_evidence(fields, sightings=None, body_pixels=1.0) -> SpeedEvidence | N
     there = fields.occupied & (fields.density > 0)
     if not there.any():
         return None
+    body_pixels = body_pixels if body_pixels >= 1 else 1.0  # also where it is not known: NaN
     weight, speed = fields.density[there], fields.speed[there]
     mean = float(np.average(speed, weights=weight))
     within = np.nan_to_num(fields.speed_variance[there])
     pixel_deviation = float(np.sqrt(np.average(within + (speed - mean) ** 2, weights=weight)))
     return SpeedEvidence(
         mean=mean,
-        deviation=pixel_deviation / np.sqrt(max(body_pixels, 1.0)),
+        deviation=pixel_deviation / np.sqrt(body_pixels),
         by_density=_by_density(weight, speed, mean),
         body_pixels=float(body_pixels),
         pixel_deviation=pixel_deviation,
