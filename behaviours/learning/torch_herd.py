@@ -201,7 +201,7 @@ def contacts_of(percept: Percept, half, radius, device=None) -> Contacts:
         room = DEFLECT * (1.0 - (d - touch) / (SKIN * touch))
         if d > 1e-12 and room > 0.0:
             seen[i] = seen.get(i, -1) + 1
-            by_turn.setdefault(seen[i], []).append((i, ox / d, oy / d, room))
+            by_turn.setdefault(seen[i], []).append((i, ox / d, oy / d, min(room, DEFLECT)))
     columns = [np.array(by_turn[k]).T for k in sorted(by_turn)]
     return Contacts(
         [torch.as_tensor(c[0], dtype=torch.int64, device=at) for c in columns],

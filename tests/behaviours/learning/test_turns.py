@@ -1,0 +1,140 @@
+"""How animals turn tells their parameters."""
+
+import numpy as np
+import pytest
+
+from behaviours.brush import shipped
+from behaviours.learning.perceive import perceive
+from behaviours.learning.rollout import Walls, theta_of
+from behaviours.learning.turns import (
+    Turns,
+    _limited,
+    all_turns,
+    best_fit,
+    cramer_rao,
+    fit_turns,
+    predicted,
+    thinned,
+    turns_of,
+)
+from behaviours.models.herd import Params
+from tests.herd_film import evidence_of_truth, herd
+
+WALLS = Walls(np.array([(2, 2, 3, 2), (3, 2, 3, 3), (3, 3, 2, 3), (2, 3, 2, 2)], float), np.zeros(4, np.int32))
+
+
+def some_turns(seed, ticks, n=40, side=7.0, walls=None, radius=0.0):
+    """Animals at random who turned by nothing."""
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform(-np.pi, np.pi, n)
+    forward = np.column_stack([np.cos(angle), np.sin(angle)])
+    species = rng.integers(0, 2, n)
+    percept = perceive(rng.uniform(0, side, (n, 2)), forward, walls=walls, species=species, leader_neighbours=-1)
+    velocity, spin = rng.normal(0, 1, (n, 2)), rng.normal(0, 1, n)
+    rows = np.arange(n)
+    return Turns(percept, velocity, spin, rows, np.full(n, ticks), np.zeros(n), np.ones(n), 0.3, radius)
+
+
+@pytest.mark.parametrize("ticks", [1.0, 1.28, 3.0])
+def test_slopes_are_finite_differences(ticks):
+    turns = some_turns(1, ticks, walls=WALLS)
+    theta = np.random.default_rng(2).uniform(0.1, 0.9, 12)
+    slope = predicted(turns, theta, Params(max_turn=200.0))[1]
+    assert np.abs(slope[:, 9:]).max() > 0  # walls are seen
+    for q in range(12):
+        step = np.eye(12)[q] * 1e-6
+        ahead, behind = (predicted(turns, theta + way * step, Params(max_turn=200.0))[0] for way in (1, -1))
+        assert np.allclose(slope[:, q], (ahead - behind) / 2e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.2])
+def test_turns_of_one_tick_are_those_of_torch(radius):
+    torch = pytest.importorskip("torch")
+    from behaviours.learning.torch_herd import angle_between, contacts_of, headings, sight_of, theta_tensor, turned
+
+    turns, theta = some_turns(3, 1.0, radius=radius), np.random.default_rng(4).uniform(0.1, 0.9, 12)
+    leaf, sight = theta_tensor(theta, "cpu", True), sight_of(turns.percept, device="cpu")
+    contacts = contacts_of(turns.percept, 0.3, radius, "cpu") if radius else None
+    ours, slope = predicted(turns, theta)
+    angle = angle_between(sight.forward, turned(sight.forward, headings(leaf, sight), 10 / 32, contacts))
+    assert np.abs(angle.detach().numpy() - ours).max() < 1e-9
+    theirs = torch.stack([torch.autograd.grad(a, leaf, retain_graph=True)[0] for a in angle])
+    assert np.abs(theirs.numpy() - slope).max() < 1e-8
+
+
+def test_neighbours_walk_on_between_the_ticks():
+    """Two side by side, the other goes ahead: after some ticks who follows him turns another way."""
+    turns = some_turns(5, 3.0)
+    moved = predicted(turns._replace(velocity=np.zeros_like(turns.velocity)), np.full(12, 0.5))[0]
+    assert np.abs(predicted(turns, np.full(12, 0.5))[0] - moved).max() > 1e-3
+
+
+@pytest.mark.parametrize("change", [-0.3, 0.0, 0.05, 0.2])
+def test_a_turn_that_wanders_is_limited_on_average(change):
+    tries = np.clip(change + 0.1 * np.random.default_rng(0).standard_normal(400_000), -0.12, 0.12)
+    mean, slope = _limited(change, 0.12, 0.1)
+    assert abs(mean - tries.mean()) < 1e-3
+    assert abs(slope - (_limited(change + 1e-6, 0.12, 0.1)[0] - mean) / 1e-6) < 1e-5
+
+
+@pytest.mark.parametrize("name", ["swarm", "column", "mill-hollow"])
+def test_turns_that_are_seen_tell_the_parameters(name):
+    brush = shipped().get(name)
+    truth = theta_of(brush.params)
+    turns = turns_of(
+        evidence_of_truth(herd(f"own:{name}", 80, 1.5, 32, seed=1, warmup=3)), brush.body, brush.vision, brush.params,
+        span=1 / 32,
+    )  # fmt: skip
+    fit = best_fit(turns, brush.params, seed=1, starts=12, rows=1500)
+    known = fit.deviation < 0.1
+    assert known.sum() >= 6
+    assert np.abs(fit.theta - truth)[known].mean() < 0.1
+    assert (fit.theta[9:] == theta_of(Params())[9:]).all()  # no wall was seen: what is usual
+
+
+def march(**more):
+    brush = shipped().get("march")
+    film = herd("own:march", 40, 0.5, 32, seed=2, warmup=2)
+    return turns_of(evidence_of_truth(film, **more), brush.body, brush.vision, brush.params, span=1 / 32)
+
+
+def test_an_ablated_number_stays():
+    free = np.ones(12, bool)
+    free[2::3] = False
+    held = np.ones(12)
+    fit = best_fit(march(), seed=0, starts=3, free=free, held=held)
+    assert (fit.theta[2::3] == 1).all()
+    assert np.isfinite(fit.loss).all()
+
+
+def test_the_best_so_far_is_kept_when_it_is_stopped():
+    turns, before = march(), np.full(12, 0.5)
+    first = fit_turns(turns, before, stop=lambda: True)
+    assert first.interrupted and (first.theta == before).all()
+
+    def ctrl_c(step, loss, theta):
+        if step == 1:
+            raise KeyboardInterrupt
+
+    second = fit_turns(turns, before, say=ctrl_c)
+    assert second.interrupted and second.loss[-1] < first.loss[-1]
+
+
+def test_who_is_not_told_apart_tells_no_turns():
+    assert march(sight=False) is None
+
+
+def test_several_clips_are_learned_as_one():
+    one = march()
+    both = all_turns([one, None, one])
+    turn, slope = predicted(both, np.full(12, 0.5))
+    alone, _ = predicted(one, np.full(12, 0.5))
+    assert np.array_equal(turn, np.concatenate([alone, alone]))
+    assert len(thinned(both, 10).rows) == 10
+
+
+def test_what_is_never_seen_is_not_known():
+    information = np.diag([4.0, 0.0, 100.0])
+    assert cramer_rao(information).tolist() == [0.5, np.inf, 0.1]
+    twins = np.array([[1.0, 1.0], [1.0, 1.0]])  # only their sum is seen
+    assert (cramer_rao(twins) > 1e5).all()
