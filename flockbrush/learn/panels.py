@@ -114,7 +114,7 @@ def _height(panel):
     if isinstance(panel, Rows):
         return HEAD + 17 * len(panel.rows) + 10 * _groups(panel) + 26
     if isinstance(panel, Maps):
-        return HEAD + _side(panel) + 44
+        return HEAD + round(_side(panel)) + 44
     return PANEL[1]
 
 

@@ -26,7 +26,7 @@ WORDS = {
     "same scale and camera. It is left alone: animals are not the same ones one by one.",
     "order": "Black: the clip, with the band that counts as the same (two of its own standard deviations, or .05). "
     "Red: the simulations. Polarization: 1 when all head one way. Milling: 1 when all go round.",
-    "errors": "How far density and velocity drift from the clip as time goes on: quote the horizon with the number. The "
+    "errors": "How far density and velocity drift from the clip as time goes on: quote the horizon with it. The "
     "paper's density error counts only cells the simulation occupies; the share of animals in the wrong cell is fair "
     "to both.",
     "crowd": "How the animals keep to one another.",

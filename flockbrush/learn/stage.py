@@ -33,10 +33,13 @@ class Stage:
         Its colour and body are those of the simulated animals.
     others : list of (k, 2) ndarray
         Places that should be in the picture too, BL.
+    read_scale : float
+        Pixels of the frames that `film` is given for one of the clip's own.
     """
 
-    def __init__(self, evidence: Evidence, brush, others=()):
+    def __init__(self, evidence: Evidence, brush, others=(), read_scale=1.0):
         self.evidence, self.brush = evidence, brush
+        self._upright = np.array([[1 / read_scale, 0, 0], [0, 1 / read_scale, 0]])
         to_pixels = np.eye(2, 3) if evidence.to_pixels is None else np.asarray(evidence.to_pixels, float)
         self.low, self.high = _box(evidence, to_pixels, others)
         wide, tall = self.high - self.low
@@ -65,9 +68,9 @@ class Stage:
         return painter
 
     def film(self, frame, t) -> np.ndarray:
-        """A frame of the clip (BGR, after rotation), the t-th of the evidence, laid on the stage; RGB."""
+        """A frame of the clip as it is read (BGR), the t-th of the evidence, laid on the stage; RGB."""
         camera = np.eye(2, 3) if self.evidence.camera is None else self.evidence.camera[t]
-        way = _after(self._from_picture, camera)
+        way = _after(self._from_picture, _after(camera, self._upright))
         paper = tuple(float(part) for part in LIGHT.paper[::-1])
         flat = cv2.warpAffine(frame, way, self.size, flags=cv2.INTER_AREA, borderValue=paper)
         return np.ascontiguousarray(flat[:, :, ::-1])

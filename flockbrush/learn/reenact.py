@@ -1,0 +1,178 @@
+"""A clip done again by a brush: begun as the clip begins, then left alone, and compared frame by frame."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+
+from behaviours.brush import SUFFIX, load_brush, shipped
+from behaviours.learning.clip import open_clip
+from behaviours.learning.evidence import Evidence
+from behaviours.learning.rollout import Run
+from behaviours.problems import ProblemsError
+from flockbrush.draw import Video
+from flockbrush.files import output_problems, refused, whole, write_text
+from flockbrush.learn.clips import Looking, look_at
+from flockbrush.learn.comparison import ERRORS, JUDGED, Comparison, compared
+from flockbrush.learn.simulate import longest_way, simulated
+from flockbrush.learn.stage import Stage
+from flockbrush.terminal import Interrupts, compiling, number, print_json, progress, say, show, table
+
+SLOWEST = 10.0  # pictures a second of a video: slower clips are shown in real time by repeating frames
+ROWS = 6  # horizons in the table
+
+
+def reenact_clip(clip, brush_name, looking: Looking, runs=3, seed=0, export=None, video=None, as_json=False):
+    """Simulate a clip with a brush, print how far it goes along with it, and write what was asked for.
+
+    Parameters
+    ----------
+    clip : path
+    brush_name : str
+        A file, or a shipped name.
+    looking : Looking
+    runs : int
+        Simulations with different chance.
+    seed : int
+    export, video : path, optional
+        Positions in body lengths and pixels (CSV); clip beside simulation (MP4).
+
+    Raises
+    ------
+    ProblemsError
+    """
+    brush = _brush(brush_name)
+    _checked(clip, export, video)
+    with Interrupts() as interrupts, compiling():
+        evidence = look_at(clip, looking)
+        if evidence.still:
+            raise refused(clip, "is one picture; there is no motion to compare with")
+        try:
+            done = [simulated(evidence, brush, seed + k) for k in range(runs)]
+        except ValueError as error:
+            raise refused(clip, f"{error}; begin at another frame with --frames") from None
+        comparison = compared(evidence, done)
+        if export is not None:
+            write_text(export, _csv(evidence, done[0]))
+        if video is not None:
+            _film(clip, evidence, brush, done[0], video, interrupts)
+    if as_json:
+        print_json(_as_json(evidence, brush, comparison))
+    else:
+        _show(brush, comparison)
+    for path in (export, video):
+        if path is not None:
+            say(f"wrote {path}")
+
+
+def _brush(name):
+    brush = load_brush(name) if str(name).endswith(SUFFIX) else shipped().get(str(name))
+    if brush.model != "herd":
+        raise refused(name, f"is a brush of the model {brush.model}; clips are done again with brushes of herd")
+    return brush
+
+
+def _checked(clip, export, video):
+    problems = output_problems([path for path in (export, video) if path is not None], [clip])
+    for path, ending in ((export, ".csv"), (video, ".mp4")):
+        if path is not None and Path(path).suffix.lower() != ending:
+            problems += refused(path, f"its name must end in {ending}").problems
+    if problems:
+        raise ProblemsError(problems)
+
+
+# what comes of it -----------------------------------------------------------------------------
+
+
+def _csv(evidence: Evidence, run: Run) -> str:
+    """Frame, id, place and heading in body lengths, and the place in pixels of the clip's first frame."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["frame", "time_s", "id", "x_bl", "y_bl", "forward_x", "forward_y", "speed_bl_s", "x_px", "y_px"])
+    to_pixels = np.full((2, 3), np.nan) if evidence.to_pixels is None else np.asarray(evidence.to_pixels)
+    for t, frame in enumerate(evidence.fields.frames):
+        rows = run.of(t)
+        xy, forward, speed = run.xy[rows], run.forward[rows], run.speed[rows]
+        pixels = xy @ to_pixels[:, :2].T + to_pixels[:, 2]
+        for k, who in enumerate(run.ids[rows]):
+            values = [*xy[k], *forward[k], speed[k], *pixels[k]]
+            writer.writerow([frame, f"{run.times[t]:.5f}", who, *(f"{v:.5g}" for v in values)])
+    return text.getvalue()
+
+
+def _film(clip, evidence, brush, run, path, interrupts):
+    """Clip left, simulation right."""
+    numbers = evidence.fields.frames
+    source = open_clip(clip, (int(numbers[0]), int(numbers[-1])))
+    place = {int(number): t for t, number in enumerate(numbers)}
+    stage = Stage(evidence, brush, [longest_way(run)], source.scale)
+    fps = evidence.fps
+    again = max(1, int(np.ceil(SLOWEST / fps)))
+    first = True
+    with progress("filming", len(numbers)) as bar, whole(path) as temporary:
+        video = None
+        try:
+            for k, frame in source.read():
+                t = place.get(int(source.numbers[k]))
+                if t is None:
+                    continue
+                image = _picture(stage, evidence, brush, run, frame, t)
+                if first:
+                    video, first = Video(temporary, fps * again, image.shape[1::-1]).__enter__(), False
+                for _ in range(again):
+                    video.write(image)
+                bar(t + 1)
+                interrupts.gently()
+                interrupts.check()
+        except BaseException as error:
+            if video is not None:
+                video.__exit__(type(error), error, error.__traceback__)
+            raise
+        video.__exit__(None, None, None)
+
+
+def _picture(stage, evidence, brush, run, frame, t):
+    rows = run.of(t)
+    words = (
+        f"clip, frame {evidence.fields.frames[t]}",
+        f"{brush.name}, {run.times[t]:.1f} s after the same start",
+    )
+    return stage.beside(frame, t, run.xy[rows], run.forward[rows], float(run.times[t]), words, run.ids[rows])
+
+
+def _as_json(evidence, brush, comparison: Comparison):
+    return {
+        "clip": evidence.name,
+        "sha256": evidence.sha256,
+        "brush": brush.name,
+        "frames": [int(evidence.fields.frames[0]), int(evidence.fields.frames[-1])],
+        "met": comparison.met,
+        "compared": [vars(v) | {"off": v.off, "met": v.met} for v in comparison.verdicts()],
+        "figures": comparison.figures("reenacted"),
+        "series": {
+            "frame": comparison.frames,
+            "time": comparison.times,
+            "clip": comparison.clip,
+            "simulation": {name: comparison.herd(name) for name in comparison.herds[0]},
+        },
+    }
+
+
+def _show(brush, comparison: Comparison):
+    names = [v.name for v in comparison.verdicts() if v.name in (*JUDGED, "aspect", "nearest neighbour")]
+    columns = ["seconds", "frame", *(f"{name}\nclip / {brush.name}" for name in names), *ERRORS]
+    made = table(*columns, title=f"{brush.name} against the clip", right=columns)
+    for t in np.unique(np.linspace(0, len(comparison.times) - 1, ROWS).round().astype(int)):
+        pairs = [f"{number(comparison.clip[n][t], 3)} / {number(float(comparison.herd(n)[t]), 3)}" for n in names]
+        errors = [number(float(comparison.herd(error)[t]), 3) for error in ERRORS]
+        made.add_row(f"{comparison.times[t]:.2f}", str(comparison.frames[t]), *pairs, *errors)
+    show(made)
+    for v in comparison.verdicts():
+        if v.name in JUDGED:
+            met = "met" if v.met else "MISSED"
+            say(
+                f"{v.name}: {v.clip:.3f} in the clip, {v.herd:.3f} simulated; off by {v.off:.3f} of {v.allowed:.3f}: {met}"
+            )

@@ -1,0 +1,46 @@
+"""Herds that begin as a clip begins and are then left alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from behaviours.learning.evidence import Evidence
+from behaviours.learning.rollout import Gates, Run, Walls, rollout
+from behaviours.learning.setting import start_of
+
+
+def simulated(evidence: Evidence, brush, seed=0) -> Run:
+    """What a herd does from the clip's first frame on, frame by frame as long as the clip.
+
+    Nobody leads it: what the clip does later is not known to it.  Who leaves a picture that shows a part of the herd is
+    taken out, and others come in where animals came in.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    brush : Brush or Learned
+        Anything with ``params``, ``speed``, ``body`` and ``vision``.
+    seed : int
+        Of the start's chance and the noise.
+
+    Raises
+    ------
+    ValueError
+        When nobody is there in the first frame.
+    """
+    fields = evidence.fields
+    start = start_of(evidence, 0, seed, brush.body)
+    if not len(start):
+        raise ValueError(f"nobody is to be seen in frame {fields.frames[0]} of {evidence.name}")
+    seconds = (len(fields) - 1) / fields.fps
+    return rollout(
+        start, brush.params, brush.speed, brush.body, brush.vision, seconds=seconds, fps=fields.fps, seed=seed,
+        walls=Walls.of(fields), gates=Gates.of(fields),
+    )  # fmt: skip
+
+
+def longest_way(run: Run) -> np.ndarray:
+    """(k, 2) places that nearly all animals of a run keep to, for a picture's edges: BL."""
+    if not len(run.xy):
+        return np.zeros((0, 2))
+    return np.quantile(run.xy, [0.01, 0.99], axis=0)
