@@ -24,7 +24,14 @@ import numpy as np
 from numba import njit
 
 from behaviours.learning.perceive import Percept, half_and_radius, perceive, together
-from behaviours.learning.rollout import BODY, DT, LEAST, MOST, VISION, Gates, Walls, theta_of ** -0.5
+from behaviours.learning.rollout import BODY, DT, LEAST, MOST, VISION, Gates, Walls, theta_of
+from behaviours.models.herd import Params
+from engine.maths import atan2_, exp_, sincos_
+from engine.parallel import over_rows
+from systems.contact import DEFLECT, SKIN, _nearest
+
+REACH = 4.0  # BL: a radial range of 1
+ROOT_HALF, BELL = 0.5**0.5, (2 * np.pi) ** -0.5
 FREEDOM = 4.0  # degrees of freedom of Student's t: the usual choice between robust and sharp
 SMALLEST = 1e-7  # rad, of the spread of differences: below it all agree
 SPAN = 0.1  # s over which a turn is observed where frames are closer.  By trial: see docs/learning.md
