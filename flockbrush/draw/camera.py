@@ -77,6 +77,10 @@ class Camera:
         """Points on the ground (..., 2) in metres under pixel positions (..., 2)."""
         return (np.asarray(pixels, float) - self.middle) / (self.scale, -self.scale) + self.centre
 
+    def scale_at(self, xy) -> float:
+        """Pixels per metre at a point of the ground: from straight above everywhere the same."""
+        return self.scale
+
     def zoomed(self, factor: float, about=None) -> Camera:
         """The camera nearer by this factor, with the pixel `about` (default the middle) staying over its ground."""
         about = np.array(about or self.middle, float)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,8 @@ from engine.solids import convex_parts
 
 ENDLESS = 999.0  # m; what is as high as this has been told no height
 AROUND, UP = 24, 12  # faces of a ball
+FOOT = 0.12  # of the usual height: how high is what hides nobody, if it was told no height
+FLAT = 1e-9  # m; corners nearer to a plane lie in it
 CLEAR = 0.32  # opacity of planes that one looks through: ceilings
 
 
@@ -99,6 +102,31 @@ def ball(centre, radius) -> Faces:
     return faces_of(corners.reshape(-1, 4, 3))
 
 
+def hull(points) -> Faces:
+    """The faces of the convex hull of a few points (k, 3) m."""
+    points = np.unique(np.asarray(points, float), axis=0)
+    found: dict[tuple, np.ndarray] = {}
+    for i, j, k in itertools.combinations(range(len(points)), 3):
+        normal = np.cross(points[j] - points[i], points[k] - points[i])
+        size = np.linalg.norm(normal)
+        if size < 1e-12:
+            continue
+        away = (points - points[i]) @ (normal / size)
+        if away.max() > FLAT and away.min() < -FLAT:
+            continue  # it cuts through the middle
+        outside = normal / size if away.max() <= FLAT else -normal / size
+        found.setdefault(tuple(np.flatnonzero(np.abs(away) <= FLAT)), outside)
+    faces = []
+    for rows, outside in found.items():
+        corners = points[list(rows)]
+        along = corners[0] - corners.mean(axis=0)
+        away = corners - corners.mean(axis=0)
+        turn = np.arctan2(away @ np.cross(outside, along), away @ along)
+        corners = corners[np.argsort(turn)]
+        faces += [[corners[0], corners[k], corners[k + 1], corners[k + 1]] for k in range(1, len(corners) - 1)]
+    return faces_of(faces)
+
+
 def stood_up(obstacle, tall: float) -> Faces:
     """The faces of an obstacle of a level; one without a told height is `tall` m high.
 
@@ -112,10 +140,14 @@ def stood_up(obstacle, tall: float) -> Faces:
     if (x * np.roll(y, -1) - y * np.roll(x, -1)).sum() < 0:
         polygon = polygon[::-1]
     low, high = float(getattr(obstacle, "z_min", 0.0)), float(getattr(obstacle, "z_max", ENDLESS))
-    high = max(tall, low + 0.2 * tall) if high >= ENDLESS else high
+    if high >= ENDLESS:  # who can see across it sees across it here, too: a pond, a ditch, a low wall
+        high = max(tall if getattr(obstacle, "blocks_view", True) else FOOT * tall, low + FOOT * tall)
     shape, middle = getattr(obstacle, "shape", "box"), polygon.mean(axis=0)
     if shape == "plane":
         return lid(polygon, low if low > 0 else high, alpha=CLEAR)
+    corners = getattr(obstacle, "corners", None)
+    if corners is not None:
+        return hull(np.asarray(corners, float) + (*middle, low))
     if shape == "sphere":
         radius = float(np.sqrt(((polygon - middle) ** 2).sum(axis=1).max()))
         return ball((*middle, 0.5 * (low + high)), radius)

@@ -109,9 +109,10 @@ class SpacePainter:
     @property
     def home(self) -> OrbitCamera:
         """The camera that shows the whole level, from the south."""
-        return self._whole(np.pi / 2, np.radians(30.0))
+        return self.whole(np.pi / 2, np.radians(30.0))
 
-    def _whole(self, azimuth, elevation):
+    def whole(self, azimuth, elevation) -> OrbitCamera:
+        """The camera in this direction that shows the whole level."""
         if self.level is None:
             low, high = np.array([-20.0, -20.0, self.floor]), np.array([20.0, 20.0, self.floor + 10.0])
         else:
@@ -125,7 +126,7 @@ class SpacePainter:
         camera = camera or self.camera
         bodies = self.bodies_of(checked(herd), herd)
         if not len(bodies.xyz):
-            return self._whole(camera.azimuth, camera.elevation)
+            return self.whole(camera.azimuth, camera.elevation)
         room = ELBOW * float(np.max(herd.length))
         corners = [box_corners(point - room, point + room) for point in bodies.xyz]
         return camera.fitted(np.concatenate(corners))
@@ -216,7 +217,7 @@ class SpacePainter:
         out : (h, w, 3) uint8 array, optional
             Draw into this one, and return it.
         under : callable, optional
-            Draws on the ground's picture it is given, and says whether it did; `plan.camera` says where things are.
+            Draws on the ground's picture, given that and its `Camera`, and says whether it did.
         selected : int, optional
             Of `Herd.ids`: who is marked.
 
@@ -305,7 +306,7 @@ class SpacePainter:
             self._ground.stale |= bool(getattr(self.level, "changes", list)())
         if under is not None:
             laid = picture.copy()
-            if under(laid):
+            if under(laid, self.plan.camera):
                 texture.take(laid)
                 texture.stale = True  # who lies there moves
                 return texture
@@ -505,8 +506,9 @@ def _plan(level, theme, brushes, live):
 
 def _identity(obstacle):
     """What an obstacle's faces depend on."""
-    told = (getattr(obstacle, name, None) for name in ("z_min", "z_max", "shape"))
-    return (np.asarray(obstacle.polygon).tobytes(), *told)
+    told = (getattr(obstacle, name, None) for name in ("z_min", "z_max", "shape", "blocks_view"))
+    corners = getattr(obstacle, "corners", None)
+    return (np.asarray(obstacle.polygon).tobytes(), *told, None if corners is None else np.asarray(corners).tobytes())
 
 
 def _metres(value):

@@ -8,6 +8,7 @@ import os
 import time
 import warnings
 
+import numpy as np
 import pygame
 import pygame_gui
 from pygame_gui.elements import UIPanel, UITextEntryBox, UITextEntryLine
@@ -87,7 +88,7 @@ class App(Hand, Deeds):
         self.now = self._calm = self._fresh = self._unseen = 0.0
         self._disk = DISK
         self.film = self.dialog = self.help = self.hint = None
-        self._panning = self._space = self._space_used = self._stroking = False
+        self._panning = self._turning = self._space = self._space_used = self._stroking = False
         self._button = 0  # the one that holds the stroke
         self._told_disk: tuple | str = ""  # what of the level's file on disk the person knows
         self._covered = False
@@ -253,6 +254,9 @@ class App(Hand, Deeds):
     def _under_mouse(self):
         """Where the mouse is, and what is painted there."""
         at = self.tool.at
+        animal = self.canvas.pick()
+        if animal is not None:
+            return self._animal_in_space(animal)
         if at is None or self.is_off_map(at, at, 0.0):
             return ""
         from systems.landscape import Landscape
@@ -263,11 +267,19 @@ class App(Hand, Deeds):
         painted = self.world_palette().names[index] + "   " if index >= 0 else ""
         return f"{painted}{at[0]:.1f}, {at[1]:.1f} m"
 
+    def _animal_in_space(self, animal):
+        """Who is under the mouse, and how high above the ground."""
+        herd = self.canvas.herd
+        row = int(np.searchsorted(herd.ids, animal))
+        name = herd.brush_names[herd.brush[row]] if herd.brush[row] >= 0 else "animal"
+        return f"{name} {animal}   {herd.z[row]:.1f} m up"
+
     def _above(self, surface, dt):
         """Legend, scale bar and the tool's cursor on the canvas; not on videos."""
         self.legend.update(dt)
         self.legend.draw(surface)
-        self.scale_bar.draw(surface, self.canvas.camera)
+        if not self.canvas.in_space:  # there it is the grid that says how long a metre is
+            self.scale_bar.draw(surface, self.canvas.camera)
         self._guarded(self.tool.cursor, surface, self.canvas.camera)
 
     def _is_covered(self):
@@ -375,12 +387,16 @@ class App(Hand, Deeds):
             return
         self.manager.set_focus_set(None)  # keys are for tools again, not for a field one has typed in
         self._button = event.button
-        if event.button == 2 or (event.button == 1 and self._space):
+        mods = pygame.key.get_mods()
+        around = self.canvas.in_space and not mods & pygame.KMOD_SHIFT and not self._space
+        self._turning = around and (event.button == 2 or (event.button == 1 and bool(mods & pygame.KMOD_ALT)))
+        if event.button == 2 or self._turning or (event.button == 1 and self._space):
             self._panning = self._space_used = True
             return
         self._stroking = True
+        self.canvas.pointer = event.pos
         xy = self.tool.at = self.canvas.metres(event.pos)
-        self.tool.press(xy, event.button, pygame.key.get_mods())
+        self.tool.press(xy, event.button, mods)
 
     def _release(self, event):
         if event.button != self._button:
@@ -393,9 +409,10 @@ class App(Hand, Deeds):
 
     def _move(self, event):
         inside = self.canvas.rect.collidepoint(event.pos)
+        self.canvas.pointer = event.pos if inside else None
         xy = self.canvas.metres(event.pos)
         if self._panning:
-            self.canvas.pan(*event.rel)
+            (self.canvas.orbit if self._turning else self.canvas.pan)(*event.rel)
         elif self._stroking:
             self.tool.at = xy
             self.tool.drag(xy)

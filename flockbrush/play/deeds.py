@@ -265,6 +265,16 @@ class Deeds:
         self.columns = not self.columns
         self.build()
 
+    def toggle_space(self):
+        """Look at the herd in space, or at the plan."""
+        self.let_go()
+        self.canvas.toggle_space()
+
+    def toggle_follow(self):
+        """Let the view go with the herd, or stay."""
+        self.canvas.follow()
+        self.notify("the view goes with the herd; T lets it stay" if self.canvas.follows else "the view stays")
+
     def toggle_fullscreen(self):
         """Fill the screen, or come back."""
         pygame.display.toggle_fullscreen()

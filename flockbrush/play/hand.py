@@ -240,7 +240,9 @@ class Hand:
         return lookup.things_at(self.session.simulation, places, reach, kinds)
 
     def animal_at(self, xy, reach):
-        """Id of the animal nearest to a point of the ground, or None."""
+        """Id of the animal nearest to a point of the ground, or None; in space, of the one under the mouse."""
+        if self.canvas.in_space:
+            return self.canvas.pick()
         return lookup.animal_at(self.session.simulation, xy, reach)
 
     def is_off_map(self, start, stop, radius):

@@ -12,7 +12,9 @@ from flockbrush.play.tools import TOOLS
 MOUSE = (
     ("Left button", "use the tool"),
     ("Right button", "pick, end a shape, drop a point"),
-    ("Middle button", "move the view"),
+    ("Middle button", "move the view; in space: go round"),
+    ("Alt and drag", "go round, in space"),
+    ("Shift and middle button", "move the view, in space"),
     ("Space and drag", "move the view"),
     ("Wheel", "zoom about the mouse"),
     ("Ctrl + wheel", "size of the brush"),

@@ -219,6 +219,13 @@ def _sun(pen):
     pen.area(*np.stack([12 + 8.2 * np.cos(turn), 12 - 8.2 * np.sin(turn)], axis=1))
 
 
+def _cube(pen):
+    top, bottom, left, right = (12, 2.8), (12, 21.2), 4.2, 19.8
+    pen.line(top, (right, 7.4), (right, 16.6), bottom, (left, 16.6), (left, 7.4), closed=True)
+    pen.line((left, 7.4), (12, 12), (right, 7.4))
+    pen.line((12, 12), bottom)
+
+
 def _fit(pen):
     for x, y in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
         pen.line((12 - 8 * x, 12 - 3 * y), (12 - 8 * x, 12 - 8 * y), (12 - 3 * x, 12 - 8 * y))

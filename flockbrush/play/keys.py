@@ -163,6 +163,26 @@ ACTIONS = (
     ),
     Action("fit", "Whole map", ("home",), "Show all of the level", VIEW, lambda app: app.canvas.fit(), "fit"),
     Action(
+        "herd", "The herd", ("z",), "Show all animals, as large as they can be", VIEW, lambda app: app.canvas.fit_herd()
+    ),
+    Action(
+        "space",
+        "Plan or space",
+        ("3",),
+        "Look at the herd in space: drag with the middle button, or with Alt held, to go round it",
+        VIEW,
+        lambda app: app.toggle_space(),
+        "cube",
+    ),
+    Action(
+        "follow",
+        "Follow",
+        ("t",),
+        "Let the view go with the herd, or with the selected animal",
+        VIEW,
+        lambda app: app.toggle_follow(),
+    ),
+    Action(
         "nearer", "Nearer", ("pageup",), "Zoom in; so does the mouse wheel", VIEW, lambda app: app.canvas.zoom(1.25)
     ),
     Action(

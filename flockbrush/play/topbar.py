@@ -9,7 +9,7 @@ from flockbrush.play.theme import px
 from flockbrush.play.widgets import NO_MARGINS, action_button, words
 
 LEFT = ("undo", "redo", None, "save")
-RIGHT = ("video", "screenshot", None, "theme", "panels", "help")
+RIGHT = ("video", "screenshot", None, "space", "theme", "panels", "help")
 
 
 class TopBar:
@@ -42,7 +42,7 @@ class TopBar:
         """Show what is so now."""
         app, session = self.app, self.app.session
         undo, redo = session.undo_label, session.redo_label
-        said = (undo, redo, session.dirty, app.level_name(), app.film is not None)
+        said = (undo, redo, session.dirty, app.level_name(), app.film is not None, app.canvas.in_space)
         if said == self._said:
             return
         self._said = said
@@ -54,3 +54,5 @@ class TopBar:
                 (button.enable if label else button.disable)()
         if "video" in self.buttons:
             (self.buttons["video"].select if app.film is not None else self.buttons["video"].unselect)()
+        if "space" in self.buttons:
+            (self.buttons["space"].select if app.canvas.in_space else self.buttons["space"].unselect)()

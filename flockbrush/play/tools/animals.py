@@ -75,7 +75,8 @@ class Predator(AddAnimals):
         return "add a predator"
 
     def cursor(self, surface, camera):
-        self.ring(surface, camera, 7 * self.app.scale / camera.scale, self.app.theme.predator)
+        if self.at is not None:
+            self.ring(surface, camera, 7 * self.app.scale / camera.scale_at(self.at), self.app.theme.predator)
 
 
 class RemoveAnimals(Stroke):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pygame
 
 from flockbrush.draw.style import rgb
 from flockbrush.play.tools.tool import Stroke, Tool
@@ -52,10 +51,10 @@ class Painting(Stroke):
     def cursor(self, surface, camera):
         if self.at is None:
             return
-        r = self.app.size * camera.scale
+        r = self.app.size * camera.scale_at(self.at)
         self.ring(surface, camera, self.app.size, self.colour())
         if self.app.softness > 0.05 and r > 12:
-            pygame.draw.aacircle(surface, self.colour(), camera.pixels(self.at), r * (1 - self.app.softness), 1)
+            self.circle(surface, camera, self.at, self.app.size * (1 - self.app.softness), self.colour())
 
 
 class PaintBrush(Painting):
@@ -172,4 +171,5 @@ class Fill(Tool):
         app.do(f"fill with {LAYERS[layer]}", [cells])
 
     def cursor(self, surface, camera):
-        self.ring(surface, camera, 5 / camera.scale, self.app.theme.ink)
+        if self.at is not None:
+            self.ring(surface, camera, 5 / camera.scale_at(self.at), self.app.theme.ink)

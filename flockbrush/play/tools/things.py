@@ -139,7 +139,7 @@ class Obstacle(Shape):
 
     def _pen(self, surface, camera):
         """What has been drawn so far."""
-        width = max(2, round(2 * self.app.size * camera.scale))
+        width = min(max(2, round(2 * self.app.size * camera.scale_at(self.points[-1]))), 400)
         pixels = camera.pixels(self.points)
         for x, y in pixels:
             pygame.draw.circle(surface, self.app.theme.obstacle, (x, y), width / 2)
@@ -333,7 +333,7 @@ class Goal(Shape):
             radius = self.held.radius
         else:
             radius = float(np.hypot(b[0] - a[0], b[1] - a[1]))
-        pygame.draw.aacircle(surface, self.app.theme.goal, camera.pixels(a), max(3.0, radius * camera.scale), 2)
+        self.circle(surface, camera, a, max(3.0 / camera.scale_at(a), radius), self.app.theme.goal, 2)
 
 
 def move_goal(app, goal, xy):

@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pygame
 
+from flockbrush.draw.camera import Camera
 from flockbrush.draw.style import Colour
 
 _strokes = itertools.count(1)
@@ -70,10 +71,21 @@ class Tool:
         """Draw a circle of so many metres around the mouse, to be seen on light and dark ground."""
         if self.at is None:
             return
-        centre, r = camera.pixels(self.at), max(2.0, radius * camera.scale)
         dark = self.app.theme.name == "dark"
-        pygame.draw.aacircle(surface, (0, 0, 0) if dark else (255, 255, 255), centre, r + 1.5, 1)
-        pygame.draw.aacircle(surface, colour, centre, r, max(1, round(1.6 * self.app.scale)))
+        scale, wide = camera.scale_at(self.at), max(1, round(1.6 * self.app.scale))
+        radius = max(2.0 / scale, radius)
+        self.circle(surface, camera, self.at, radius + 1.5 / scale, (0, 0, 0) if dark else (255, 255, 255), 1)
+        self.circle(surface, camera, self.at, radius, colour, wide)
+
+    def circle(self, surface, camera, centre, radius, colour: Colour, width=1):
+        """Draw a circle of so many metres around a point of the ground, as it lies there."""
+        if isinstance(camera, Camera):
+            pygame.draw.aacircle(surface, colour, camera.pixels(centre), radius * camera.scale, width)
+            return
+        turn = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+        around = np.asarray(centre, float) + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        if (camera.project(np.column_stack([around, np.full(len(around), camera.floor)]))[1] > 0).all():
+            pygame.draw.lines(surface, colour, True, camera.pixels(around).tolist(), width)
 
     def dots(self, surface, camera, points, colour: Colour, hot=None):
         """Draw handles at points (k, 2) m; number `hot` is larger."""
@@ -93,7 +105,8 @@ class Tool:
 
     def reach(self, pixels=9.0):
         """So many pixels in metres, at the interface's scale: how near is near enough."""
-        return pixels * self.app.scale / self.app.canvas.camera.scale
+        camera = self.app.canvas.camera
+        return pixels * self.app.scale / (camera.scale if self.at is None else camera.scale_at(self.at))
 
 
 class Stroke(Tool):
