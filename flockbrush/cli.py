@@ -141,8 +141,25 @@ def play(
     theme: Annotated[Theme | None, typer.Option(help="As last time unless told.")] = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Of the window, pixels.")] = "1280x720",
     frames: Annotated[int | None, typer.Option(min=0, metavar="N", help="Close after so many frames.")] = None,
+    clip: Annotated[
+        Path | None, typer.Option(metavar="CLIP", help="Mark things in a film instead; 'sky': sketch a flock.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where what is marked in the film goes; here unless told.")
+    ] = None,
+    tracks: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Birds of the film, as track writes them.")
+    ] = None,
+    camera: Annotated[Path | None, typer.Option(metavar="FILE", help="TOML: the camera that filmed, for lift.")] = None,
+    mode: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Of the film: look, landmarks, paint, body, birds or sketch.")
+    ] = None,
 ):
-    """Open a window in which a running herd is painted, tuned and directed."""
+    """Open a window in which a running herd is painted, tuned and directed; or, with --clip, one over a film."""
+    if clip is not None:
+        from flockbrush.play.start_clip import mark_clip
+
+        return mark_clip(clip, out, tracks, camera, mode, None if theme is None else theme.value, size, frames)
     from flockbrush.play.start import Wishes, play_level
 
     wishes = Wishes(level, brush, seed, agents, record, None if theme is None else theme.value, size, frames)

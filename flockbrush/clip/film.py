@@ -175,13 +175,17 @@ class Sky:
 
     def __init__(self, size=SAMPLE, frames=200, fps=30.0):
         self.size, self.fps = size, float(fps)
-        self.times = np.arange(frames) / self.fps
+        self.lasts(frames)
         rows = np.linspace(0, 1, size[1])[:, None]
         colours = np.array([226, 196, 158]) * (1 - rows) + np.array([240, 232, 220]) * rows  # blue, green, red
         self._picture = np.repeat(np.round(colours).astype(np.uint8)[:, None], size[0], axis=1)
 
     def __len__(self):
         return len(self.times)
+
+    def lasts(self, frames):
+        """Be so many frames long."""
+        self.times = np.arange(frames) / self.fps
 
     def frame(self, k) -> np.ndarray:
         """The sky, (h, w, 3) uint8."""

@@ -51,9 +51,14 @@ class Layer:
         return flat.reshape(self.size[1], self.size[0])
 
     @cached_property
+    def share(self) -> float:
+        """How much of the picture is painted, 0 to 1."""
+        return np.count_nonzero(self.array) / self.array.size
+
+    @property
     def blank(self) -> bool:
         """Whether nothing is painted."""
-        return not self.array.any()
+        return not self.share
 
 
 def stroke(array, start, end, radius, value):

@@ -1,0 +1,1 @@
+"""The window over a film: look, mark, put right, sketch.  One module for each mode."""
