@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 import flockbrush
-from flockbrush import terminal
+from flockbrush import cli_learning, terminal
 from flockbrush.terminal import INTERRUPTED, PIPE, say
 
 app = typer.Typer(
@@ -320,6 +320,9 @@ def sweep(
     if jobs is not None and cluster is not None:
         raise typer.BadParameter("give --jobs or --cluster, not both", param_hint="--jobs")
     run_sweep(file, out, jobs, resume, cluster, json, theme.value)
+
+
+cli_learning.register(app)
 
 
 @app.command()

@@ -15,11 +15,14 @@ import numpy as np
 from behaviours.learning.evidence import Evidence, Fields
 from behaviours.learning.rollout import Run
 from behaviours.learning.scores import (
+    Target,
     View,
     density_errors,
+    distance,
     fields_of,
     measures_of,
     told_apart,
+    total,
     velocity_errors,
     view_of,
     view_of_run,
@@ -98,6 +101,8 @@ class Comparison:
     maps : dict of str to (BINS, BINS) ndarray
         Neighbours about an animal that faces up, per BL², of clip and simulation; empty without single animals.
     speeds : dict of str to (densities, speeds)
+    unlike : float
+        How unlike the clip the simulations are in all they are scored by, in the clip's own deviations.
     """
 
     frames: np.ndarray
@@ -107,6 +112,7 @@ class Comparison:
     run: Run
     maps: dict[str, np.ndarray] = field(default_factory=dict)
     speeds: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    unlike: float = np.nan
 
     def herd(self, name) -> np.ndarray:
         """(T,) mean over the simulations."""
@@ -144,6 +150,7 @@ class Comparison:
         for name in ERRORS:
             series = self.herd(name)
             found |= {f"{prefix} {name}": _moments(series)[0], f"{prefix} {name} at the end": float(series[-1])}
+        found[f"{prefix} unlike the clip by"] = self.unlike
         found[f"{prefix} horizon, s"] = float(self.times[-1])
         return found
 
@@ -180,6 +187,8 @@ def compared(evidence: Evidence, runs: list[Run]) -> Comparison:
     ]
     times = np.arange(len(fields)) / fields.fps
     made = Comparison(fields.frames.copy(), times, measures_of(view), herds, runs[0])
+    target = Target.of(evidence)
+    made.unlike = float(np.mean([total(distance(run, evidence, target)) for run in runs]))
     made.speeds = {"clip": speed_by_density(fields), "simulation": speed_by_density(simulated[0])}
     if single:
         made.maps = {"clip": neighbours(view), "simulation": neighbours(views[0])}
@@ -209,7 +218,13 @@ def speed_by_density(fields: Fields) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros(0), np.zeros(0)
     order = np.argsort(density, kind="stable")
     share = np.cumsum(density[order]) / density.sum()
-    slots = np.split(order, np.searchsorted(share, np.arange(1, SLOTS) / SLOTS))
-    slots = [slot for slot in slots if len(slot)]
-    at = [np.average(density[slot], weights=density[slot]) for slot in slots]
-    return np.array(at), np.array([np.average(speed[slot], weights=density[slot]) for slot in slots])
+    slots = [slot for slot in np.split(order, np.searchsorted(share, np.arange(1, SLOTS) / SLOTS)) if len(slot)]
+    at, mean = [], []
+    for slot in slots:
+        here = float(np.average(density[slot], weights=density[slot]))
+        if at and here < 1.05 * at[-1]:  # cells of one animal are many
+            continue
+        at.append(here)
+        alike = (density >= density[slot].min()) & (density <= density[slot].max())
+        mean.append(float(np.average(speed[alike], weights=density[alike])))
+    return np.array(at), np.array(mean)

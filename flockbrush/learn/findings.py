@@ -21,11 +21,7 @@ class Rival:
     errors: dict[str, float]  # of the means, by measure
     density: float  # share of animals in the wrong cell
     velocity: float
-
-    @property
-    def total(self) -> float:
-        """Of polarization and milling together."""
-        return sum(self.errors[name] for name in JUDGED)
+    unlike: float  # in all measures, in the clip's own deviations
 
 
 @dataclass

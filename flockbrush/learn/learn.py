@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from behaviours.learning.recipe import USE, learn
 
 from behaviours.brush import Brush, load_brush, shipped
 from behaviours.brush_writer import brush_to_toml
 from behaviours.learning.evidence import CannotObserve, Evidence
 from behaviours.learning.learned import Learned
+from behaviours.learning.recipe import USE, learn
 from behaviours.learning.rollout import NAMES, Run
 from behaviours.learning.setting import start_of
 from behaviours.problems import ProblemsError
@@ -321,7 +321,7 @@ def _rival(name, comparison: Comparison) -> Rival:
     errors = {measure: comparison.verdict(measure).off for measure in JUDGED}
     figures = comparison.figures("-")
     wrong, velocity = (figures[f"- {error}"] for error in ("symmetric density error", "velocity error"))
-    return Rival(name, errors, wrong, velocity)
+    return Rival(name, errors, wrong, velocity, comparison.unlike)
 
 
 def _ablate(found, wishes, interrupts, herd):

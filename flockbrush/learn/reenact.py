@@ -173,6 +173,5 @@ def _show(brush, comparison: Comparison):
     for v in comparison.verdicts():
         if v.name in JUDGED:
             met = "met" if v.met else "MISSED"
-            say(
-                f"{v.name}: {v.clip:.3f} in the clip, {v.herd:.3f} simulated; off by {v.off:.3f} of {v.allowed:.3f}: {met}"
-            )
+            told = f"{v.clip:.3f} in the clip, {v.herd:.3f} simulated, off by {v.off:.3f}"
+            say(f"{v.name}: {told} (allowed: {v.allowed:.3f}): {met}")

@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from behaviours.learning.evidence import Evidence
-from behaviours.learning.rollout import Gates, Run, Walls, rollout
+from behaviours.learning.rollout import Gates, Guide, Run, Walls, rollout
 from behaviours.learning.setting import start_of
 
 
 def simulated(evidence: Evidence, brush, seed=0) -> Run:
     """What a herd does from the clip's first frame on, frame by frame as long as the clip.
 
-    Nobody leads it: what the clip does later is not known to it.  Who leaves a picture that shows a part of the herd is
-    taken out, and others come in where animals came in.
+    Where the picture holds the whole herd nobody leads it: what the clip does later is not known to it.  Where it shows
+    a part, who leaves is taken out, others come in where animals came in, and leaders go the clip's way (sections 6.1
+    and 7.1.3 of the paper).
 
     Parameters
     ----------
@@ -32,10 +33,10 @@ def simulated(evidence: Evidence, brush, seed=0) -> Run:
     start = start_of(evidence, 0, seed, brush.body)
     if not len(start):
         raise ValueError(f"nobody is to be seen in frame {fields.frames[0]} of {evidence.name}")
-    seconds = (len(fields) - 1) / fields.fps
+    seconds, gates = (len(fields) - 1) / fields.fps, Gates.of(fields)
     return rollout(
         start, brush.params, brush.speed, brush.body, brush.vision, seconds=seconds, fps=fields.fps, seed=seed,
-        walls=Walls.of(fields), gates=Gates.of(fields),
+        walls=Walls.of(fields), gates=gates, guide=None if gates is None else Guide.of(fields),
     )  # fmt: skip
 
 
