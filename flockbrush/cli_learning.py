@@ -91,7 +91,7 @@ def command_line(name: str, arguments, options: dict) -> str:
 
 def learn(
     clips: Annotated[
-        list[Path], typer.Argument(metavar="CLIP...", help="Films of one herd from above, or one photograph.")
+        list[Path], typer.Argument(metavar="CLIP", help="Films of one herd from above, or one photograph.")
     ],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="X.brush.toml", help="Where the brush goes.")],
     report: Annotated[
@@ -130,7 +130,7 @@ def learn(
     ] = None,
     ablate: Annotated[
         str | None,
-        typer.Option(metavar="PARTS", help=f"Learn again without each of these: {','.join(PARTS)}."),
+        typer.Option(metavar="PARTS", help="Learn again without each of these: occlusion,angular,density,variance."),
     ] = None,
     licence: Annotated[str | None, typer.Option(metavar="TEXT", help="Of the clip, for the brush's papers.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on where an interrupted learning stopped.")] = False,

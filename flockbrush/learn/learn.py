@@ -42,7 +42,7 @@ from flockbrush.terminal import (
 
 RUNS = 3  # simulations compared with the clip
 MOMENTS = 4  # pictures of a report
-BUDGET, QUICK_BUDGET = 60.0, 12.0  # s of learning, as `learn` counts them
+BUDGET, QUICK_BUDGET = 90.0, 12.0  # s of learning, as `learn` counts them
 QUICK_STARTS = 2
 RIVAL_WORK = 400_000  # animals times frames, above which fewer of the shipped brushes are tried
 
