@@ -226,7 +226,7 @@ def landscape_of(level, palette):
 
 
 def _barrier(o):
-    heights = float(o.z_min), float(o.z_max), o.shape
+    heights = float(o.z_min), float(o.z_max), o.shape, o.corners
     return Barrier(o.polygon, o.solid, o.blocks_view, o.name, o.margin, o.id, *heights)
 
 

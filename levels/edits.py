@@ -543,6 +543,8 @@ class Sheet:
         if command.id:
             names = "solid", "blocks_view", "margin", "z_min", "z_max", "shape"
             told = {name: value for name in names if (value := getattr(command, name)) is not None}
+            if command.corners is not None:
+                told["corners"] = "; ".join(" ".join(f"{float(v):.12g}" for v in corner) for corner in command.corners)
             self.draw(command.id, "Obstacle", command.name, "area", command.polygon(), told)
 
     @do.register

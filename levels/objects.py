@@ -7,11 +7,14 @@ import math
 import numpy as np
 
 from behaviours.problems import did_you_mean
+from engine.solids import polyhedron
 from levels import geometry, schema
 from levels.properties import read_properties
 from levels.schema import CLASSES, HOMES, Area, Exit, Goal, Guide, Key, Line, Obstacle, Spawn, Zone
+from systems.commands import MOST_CORNERS
 
 OBJECT_CLASSES = [c.name for c in CLASSES.values() if c.use == "object"]
+A_PYRAMID = "-2 -2 0; 2 -2 0; 2 2 0; -2 2 0; 0 0 5"
 _SHAPES = {"area": "a rectangle, ellipse or polygon", "line": "a polyline", "point": "a point"}
 
 
@@ -172,7 +175,26 @@ class ObjectReader:
     def obstacle(self, number, name, shape, v, place):
         if v["z_min"] >= v["z_max"]:
             place.say(f"z_min must be below z_max, got {v['z_min']:g} and {v['z_max']:g} m")
-        self.level.obstacles.append(Obstacle(number, name, shape[1], **v))
+        corners = self.corners(v.pop("corners"), v["shape"], place)
+        self.level.obstacles.append(Obstacle(number, name, shape[1], corners=corners, **v))
+
+    def corners(self, text, shape, place):
+        """(k, 3) m of a hull, None of other shapes and of what is no hull."""
+        if shape != "hull":
+            if text.strip():
+                place.say(f"corners are those of a hull; set shape to 'hull', it is {shape!r}")
+            return None
+        try:
+            told = [[float(word) for word in corner.replace(",", " ").split()] for corner in text.split(";")]
+            if not 4 <= len(told) <= MOST_CORNERS or any(len(corner) != 3 for corner in told):
+                raise ValueError(f"4 to {MOST_CORNERS} corners of three numbers each are needed")
+            if not np.abs(told).max() <= schema.FAR:
+                raise ValueError(f"no level is larger than {schema.FAR:g} m")
+            polyhedron(told)
+        except ValueError as error:
+            place.say(f"corners of a hull are 'east north up; east north up; ...' in m, such as {A_PYRAMID!r}: {error}")
+            return None
+        return np.array(told)
 
     def guide(self, number, name, shape, v, place):
         self.level.guides.append(Guide(number, name, shape[1], **v))

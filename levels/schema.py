@@ -93,7 +93,8 @@ class Obstacle:
     margin: float  # m, kept free around it
     z_min: float  # m
     z_max: float  # m
-    shape: str  # box | cylinder | sphere | plane
+    shape: str  # box | cylinder | sphere | plane | hull
+    corners: np.ndarray | None = None  # (k, 3) m east, north, up of the middle of its foot: those of a hull
 
 
 @dataclass
@@ -292,12 +293,12 @@ class ObjectClass:
 
 ENUMS: dict[str, tuple[str, ...]] = {
     "Boundary": ("wall", "wrap", "open", "despawn"),
-    "ObstacleShape": ("box", "cylinder", "sphere", "plane"),
+    "ObstacleShape": ("box", "cylinder", "sphere", "plane", "hull"),
     "OnArrive": ("stay", "despawn", "next", "disperse"),
     "Formation": ("scatter", "grid", "ring", "line"),
 }
 
-_FAR = 1e6  # m; no level is larger
+FAR = 1e6  # m; no level is larger
 _BRUSH = "a brush asset, by name, or a .brush.toml file relative to the level"
 
 CLASSES: dict[str, ObjectClass] = {
@@ -370,9 +371,15 @@ CLASSES: dict[str, ObjectClass] = {
                 Property("solid", "bool", True, "keeps bodies out"),
                 Property("blocks_view", "bool", True, "hides who is behind it"),
                 Property("margin", "number", 0.0, "room kept free around it", "m", low=0, high=1000),
-                Property("z_min", "number", 0.0, "where it begins above the ground", "m", low=-_FAR, high=_FAR),
-                Property("z_max", "number", 1000.0, "where it ends above the ground", "m", low=-_FAR, high=_FAR),
+                Property("z_min", "number", 0.0, "where it begins above the ground", "m", low=-FAR, high=FAR),
+                Property("z_max", "number", 1000.0, "where it ends above the ground", "m", low=-FAR, high=FAR),
                 Property("shape", "enum", "box", "how it stands up from its outline", enum="ObstacleShape"),
+                Property(
+                    "corners",
+                    "text",
+                    "",
+                    "of a hull: 'east north up; east north up; ...', m from the middle of its foot",
+                ),
             ),
             shapes=("area",),
         ),
@@ -386,8 +393,8 @@ CLASSES: dict[str, ObjectClass] = {
                 Property(
                     "strength", "number", 1.0, "more pulls harder against other guides and goals", low=0, high=100
                 ),
-                Property("radius", "number", 10.0, "full strength this far to both sides", "m", low=0, high=_FAR),
-                Property("decay", "number", 10.0, "then falls to 1/e over this length", "m", low=0, high=_FAR),
+                Property("radius", "number", 10.0, "full strength this far to both sides", "m", low=0, high=FAR),
+                Property("decay", "number", 10.0, "then falls to 1/e over this length", "m", low=0, high=FAR),
                 Property("goal", "goal", "", "name of the goal it leads to"),
                 Property("loop", "bool", False, "the last point leads back to the first"),
             ),
@@ -400,7 +407,7 @@ CLASSES: dict[str, ObjectClass] = {
             "#2a9a5a",
             "where the way leads",
             (
-                Property("radius", "number", 5.0, "closer than this is there", "m", above=0, high=_FAR),
+                Property("radius", "number", 5.0, "closer than this is there", "m", above=0, high=FAR),
                 Property("on_arrive", "enum", "stay", "what becomes of those who arrive", enum="OnArrive"),
                 Property("next", "goal", "", "name of the goal after this one"),
             ),
@@ -435,8 +442,8 @@ CLASSES: dict[str, ObjectClass] = {
                 ),
                 Property("heading", "heading", "random", "random, north-east, ..., or degrees from east", "deg"),
                 Property("speed", "number", 0.0, "at the start; 0: the brush's", "m/s", low=0, high=1000),
-                Property("altitude", "number", 0.0, "above the ground", "m", low=0, high=_FAR),
-                Property("depth", "number", 0.0, "from the lowest to the highest of a flock", "m", low=0, high=_FAR),
+                Property("altitude", "number", 0.0, "above the ground", "m", low=0, high=FAR),
+                Property("depth", "number", 0.0, "from the lowest to the highest of a flock", "m", low=0, high=FAR),
                 Property("start", "number", 0.0, "when the first appear", "s", low=0, high=1e7),
                 Property("rate", "number", 0.0, "how many a second; 0: all at once", "1/s", low=0, high=1e5),
                 Property("formation", "enum", "scatter", "how they stand at first", enum="Formation"),

@@ -12,6 +12,7 @@ from engine.columns import Component
 from engine.commands import Commands, command
 from engine.maths import sincos_
 from engine.schedule import Stage, System
+from engine.solids import polyhedron
 from systems.landscape import BARE, NATIVE, SHAPES, Barrier, Glide, Landscape
 from systems.painting import cells_of, check_runs, runs_of
 from systems.palette import Palette
@@ -50,6 +51,7 @@ class ApplyCommands(System):
 
 MOST = 1_000_000  # animals, as many as a level may have
 CORNERS = 2_000  # of one obstacle, as many as a level may have
+MOST_CORNERS = 32  # of a hull
 
 
 def disc(x, y, radius, sides=32):
@@ -331,7 +333,8 @@ class AddObstacle:
     at: int = -1  # where in the order of obstacles; -1: behind all others
     z_min: float | None = None  # m above the ground; animals on the ground pass below what begins higher
     z_max: float | None = None  # m above the ground
-    shape: str | None = None  # how it stands up from its outline: box, cylinder, sphere or plane
+    shape: str | None = None  # how it stands up from its outline: box, cylinder, sphere, plane or hull
+    corners: list | None = None  # of a hull: [east, north, up] in m from the middle of its foot
 
     def check(self, world):
         land, (west, south, east, north) = world.resource(Landscape), box_of(self.polygon())
@@ -339,17 +342,21 @@ class AddObstacle:
         need(not off, f"the obstacle is not on the map, which is {land.width:g} x {land.height:g} m")
         need(self.id >= 0, f"id must be at least 0, got {self.id}")
         need(0 <= self.margin <= 1000, f"margin must be 0 to 1000 m, got {self.margin:g}")
-        low, high, shape = self.heights(land)
+        low, high, shape, corners = self.stand(land)
         others = land.barriers if low > 0 else land.overhead
         need(by_id(others, self.id) is None, "an obstacle is raised or set down by MoveObstacle")
         need(shape in SHAPES, f"shape must be one of {', '.join(SHAPES)}{did_you_mean(shape, SHAPES)}")
         need(low < high, f"z_min must be below z_max, got {low:g} and {high:g} m")
+        need(shape != "hull" or corners is not None, "a hull needs corners, [[east, north, up], ...] in m")
+        check_corners(corners)
 
-    def heights(self, land):
-        """(z_min, z_max, shape); what is not told is as it was, or from the ground up."""
+    def stand(self, land):
+        """(z_min, z_max, shape, corners); what is not told is as it was, or from the ground up."""
         there = next((b for b in (*land.barriers, *land.overhead) if self.id and b.id == self.id), None)
-        usual = (0.0, 1000.0, "box") if there is None else (there.z_min, there.z_max, there.shape)
-        told = self.z_min, self.z_max, self.shape
+        usual = (0.0, 1000.0, "box", None)
+        if there is not None:
+            usual = there.z_min, there.z_max, there.shape, there.corners
+        told = self.z_min, self.z_max, self.shape, self.corners
         return tuple(b if a is None else a for a, b in zip(told, usual, strict=True))
 
     def polygon(self):
@@ -371,12 +378,14 @@ class AddObstacle:
 
     def _things(self, land):
         """The list of obstacles that it belongs to."""
-        return land.overhead if self.heights(land)[0] > 0 else land.barriers
+        return land.overhead if self.stand(land)[0] > 0 else land.barriers
 
     def apply(self, world):
         self.check(world)
         land = world.resource(Landscape)
-        stands = self.name, self.margin, self.id, *self.heights(land)
+        *heights, shape, corners = self.stand(land)
+        corners = np.array(corners, float) if shape == "hull" else None
+        stands = self.name, self.margin, self.id, *heights, shape, corners
         barrier = Barrier(self.polygon(), self.solid, self.blocks_view, *stands)
         things = self._things(land)
         before, there = list(things), by_id(things, self.id)
@@ -393,6 +402,17 @@ class AddObstacle:
             land.rebuild(navigation=False)
             raise
         land.navigate_later(world.resource(Clock).tick)
+
+
+def check_corners(corners):
+    """ValueError unless these are the corners of a solid, (k, 3), or None."""
+    if corners is None:
+        return
+    told = np.array(corners, object)
+    fits = told.ndim == 2 and told.shape[1] == 3 and all(_is_number(value) for value in told.ravel())
+    need(fits, "corners must be [[east, north, up], ...] in m")
+    need(len(told) <= MOST_CORNERS, f"a hull has at most {MOST_CORNERS} corners, got {len(told)}")
+    polyhedron(told.astype(float))
 
 
 def box_of(points):
@@ -421,7 +441,8 @@ def by_id(things, number):
 
 def again(b, at):
     """The command that puts an obstacle down as it stands now, at this place in the order."""
-    stands = b.solid, b.blocks_view, b.id, b.margin, at, b.z_min, b.z_max, b.shape
+    corners = None if b.corners is None else b.corners.tolist()
+    stands = b.solid, b.blocks_view, b.id, b.margin, at, b.z_min, b.z_max, b.shape, corners
     return AddObstacle(b.name, b.polygon.tolist(), *stands)
 
 

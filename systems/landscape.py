@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from engine.fields import bilinear_
-from engine.solids import Solids, convex_parts, cylinder, half_space, packed, prism, sphere
+from engine.solids import Solids, convex_parts, cylinder, half_space, packed, polyhedron, prism, sphere
 from systems.navigation import Navigation, navigation_of
 from systems.terrain import NO_BRUSH, compose_blocked, relief_of
 from systems.visibility import Edges, edges_by_cell, no_edges
 
 BRUSHES_OWN = -1.0  # of `Landscape.transition`: the brush's own time
 NATIVE, BARE = -2, -1  # of `Painted.ground`: as the level was read; nothing painted
-SHAPES = ("box", "cylinder", "sphere", "plane")  # how an obstacle stands up from its outline
+SHAPES = ("box", "cylinder", "sphere", "plane", "hull")  # how an obstacle stands up from its outline
 PATIENCE = 8  # ticks without a change after which the navigation field is made anew: strokes come in pieces
 
 
@@ -32,7 +32,8 @@ class Barrier:
     id: int = 0  # of the object in the level file; 0: it is in none
     z_min: float = 0.0  # m above the ground; animals on the ground pass below what begins higher
     z_max: float = 1000.0  # m above the ground
-    shape: str = "box"  # how it stands up from its outline: box, cylinder, sphere or plane
+    shape: str = "box"  # how it stands up from its outline, one of `SHAPES`
+    corners: np.ndarray | None = None  # (k, 3) m east, north, up of the middle of its foot: those of a hull
 
 
 @dataclass
@@ -263,6 +264,8 @@ class Landscape:
         if barrier.shape == "plane":  # below it when it lies on the ground, above it when it is a ceiling
             point = np.array([*polygon.mean(0), low if barrier.z_min > 0 else high])
             return [half_space(point, (0, 0, -1) if barrier.z_min > 0 else (0, 0, 1), barrier.blocks_view)]
+        if barrier.shape == "hull":
+            return [polyhedron(barrier.corners + np.array([*polygon.mean(0), low]), barrier.blocks_view)]
         middle, away = np.array([*polygon.mean(0), 0.5 * (low + high)]), polygon - polygon.mean(0)
         radius = float(np.sqrt((away**2).sum(1).max()))
         if barrier.shape == "sphere":
@@ -474,12 +477,14 @@ class Landscape:
 
 _THINGS: dict[str, Any] = {"barriers": Barrier, "overhead": Barrier, "guides": Guide, "goals": Goal, "exits": Exit}
 _OF_BARE = {"walkable": True, "blocks_view": False, "cost": 1.0, "speed_factor": 1.0}
-_ARRAYS = ("polygon", "points", "xy")
+_ARRAYS = ("polygon", "points", "xy", "corners")
 
 
 def _plain(thing):
     """A barrier, guide, goal or exit as JSON takes it."""
     told = {f.name: getattr(thing, f.name) for f in fields(thing) if f.name != "next_index"}
+    if told.get("corners", ...) is None:  # none but hulls have any
+        del told["corners"]
     return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in told.items()}
 
 

@@ -527,6 +527,18 @@ def test_an_obstacle_without_an_id_is_in_no_file_and_by_name_all_of_it_go():
     assert read(edit).obstacles == []
 
 
+def test_the_corners_of_a_hull_are_in_the_file():
+    edit = editor(tiles(), objects("spawns", herd()))
+    start, foot = edit.text(), [[4.0, 4.0], [8.0, 4.0], [8.0, 8.0], [4.0, 8.0]]
+    corners = [[-2.0, -2.0, 0.0], [2.0, -2.0, 0.0], [0.0, 2.0, 0.1], [1 / 3, 0.0, 5.0]]
+    done(edit, AddObstacle("tent", foot, id=edit.new_id(), z_max=5.0, shape="hull", corners=corners))
+    tent = read(edit).obstacles[0]
+    assert tent.shape == "hull"
+    assert tent.corners == pytest.approx(np.array(corners), abs=1e-9)
+    edit.undo(0)
+    assert edit.text() == start
+
+
 # what it refuses ---------------------------------------------------------------------------------------------
 
 

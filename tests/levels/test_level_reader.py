@@ -147,6 +147,42 @@ class TestShapes:
         assert goal.polygon is not None
 
 
+PYRAMID = "-2 -2 0; 2 -2 0; 2, 2, 0; -2 2 0; 0 0 5"
+
+
+def rock_with(**values):
+    return with_objects("obstacles", thing(2, "Obstacle", 16, 16, 32, 32, "rock", **values))
+
+
+class TestHulls:
+    """A solid with flat faces is told by its corners."""
+
+    def test_corners_are_metres_from_the_middle_of_its_foot(self):
+        rock = read(rock_with(shape="hull", corners=PYRAMID, z_max=5.0)).obstacles[0]
+        assert rock.corners.shape == (5, 3)
+        assert rock.corners[4].tolist() == [0.0, 0.0, 5.0]
+
+    @pytest.mark.parametrize(
+        ("corners", "told"),
+        [
+            ("", "4 to 32 corners of three numbers"),
+            ("0 0 0; 1 0 0; 0 1 0", "4 to 32 corners"),
+            ("0 0; 1 0; 0 1; 1 1", "three numbers"),
+            ("0 0 0; 1 0 0; 0 1 0; 1 1 0", "must not lie in one plane"),
+            ("0 0 0; 1 0 0; 0 1 0; 0 0 up", "could not convert"),
+            ("0 0 0; 1 0 0; 0 1 0; 0 0 nan", "no level is larger"),
+            ("0 0 0; 1 0 0; 0 1 0; 0 0 1e300", "no level is larger"),
+            ("; ".join(f"{k} {k * k} {k**3}" for k in range(40)), "4 to 32 corners"),
+        ],
+    )
+    def test_what_is_no_hull_is_told(self, corners, told):
+        found = problem(rock_with(shape="hull", corners=corners))
+        assert "rock" in found and "such as '-2 -2 0;" in found and told in found
+
+    def test_corners_of_a_box_are_told(self):
+        assert "set shape to 'hull', it is 'box'" in problem(rock_with(corners=PYRAMID))
+
+
 class TestDefaults:
     """Pitfall 2: defaults are ours; the class is `type` or `class`."""
 

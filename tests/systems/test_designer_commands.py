@@ -290,7 +290,10 @@ def test_whatever_is_asked_is_done_or_refused_and_nothing_else_happens(name, dat
     simulation = SHARED[0] if SHARED else SHARED.append(scene(boundary="wall")) or SHARED[0]
     words = st.sampled_from(["run", "calm", "", "sheep", "gate", "barn", "cohesion_weight", "?"])
     makers = {float: number, int: st.integers(-3, 30), str: words, bool: st.booleans()}
-    makers[str | None] = st.none() | st.sampled_from(["box", "sphere", "plane", "cone"])
+    makers[str | None] = st.none() | st.sampled_from(["box", "sphere", "plane", "cone", "hull"])
+    corner = st.lists(st.sampled_from([-4.0, 0.0, 3.0, "up", None, 1e9]), min_size=2, max_size=3)
+    pyramid = [[-2.0, -2.0, 0.0], [2.0, -2.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 5.0]]
+    makers[list | None] = st.none() | st.just(pyramid) | st.lists(corner, max_size=6)
     makers[list] = st.lists(st.lists(number, min_size=1, max_size=3), max_size=5)
     hints = typing.get_type_hints(COMMANDS[name])
     values = {field: data.draw(makers.get(hint, st.one_of(st.none(), number))) for field, hint in hints.items()}

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 from small_herd import boids, box, brush, meadow, obstacle, put, put_aloft, room_in_the_air, straight
 
 from behaviours.behaviour import Behaviour, Flight, Parameters, Wishes
 from components import Airborne, Ground, Heading, Position, Speed, Velocity
 from engine.fields import Raster
+from engine.solids import surface_
 from engine.state import state_hash
 from systems.commands import AddObstacle, MoveObstacle, RemoveObstacle
 from systems.flight import GRAVITY, rolled, turned_without_roll
@@ -281,6 +283,67 @@ def test_nobody_is_ever_inside_an_obstacle_or_under_the_ground(shape, speed):
         simulation.tick()
         assert room_in_the_air(simulation).min() >= 0
     assert np.ptp(simulation.agents[Position.xyz][:, 0]) > 20  # they really got among the pillars
+
+
+ROCK = [[-3.0, -2.0, 0.0], [3.0, -2.0, 0.0], [2.0, 3.0, 0.0], [-2.0, 2.0, 1.0], [1.0, 0.0, 7.0], [-2.0, 0.0, 5.0]]
+
+
+def rock(x=20.0, y=20.0, low=0.0):
+    """A boulder with six corners, no two faces alike."""
+    foot = obstacle(box(x - 3, y - 3, x + 3, y + 3), "boulder")
+    foot.shape, foot.corners, foot.z_min, foot.z_max = "hull", np.array(ROCK), low, low + 7.0
+    return foot
+
+
+def test_nobody_is_ever_inside_a_boulder():
+    simulation = meadow(boids(), boundary="wall", obstacles=[rock(), rock(10, 30), rock(30, 12, low=4.0)])
+    mad_birds(simulation, speed=30.0)
+    simulation.tick()
+    hulls = [Delaunay(np.array(ROCK) + at) for at in ((20, 20, 0), (10, 30, 0), (30, 12, 4))]
+    near = 0
+    for _ in range(150):
+        simulation.tick()
+        xyz = simulation.agents[Position.xyz]
+        assert room_in_the_air(simulation).min() >= 0
+        assert all((hull.find_simplex(xyz) < 0).all() for hull in hulls)
+        near += int((np.linalg.norm(xyz - (20, 20, 3), axis=1) < 4).sum())
+    assert near > 20  # they were where its box is, beside its slopes
+
+
+def test_a_boulder_that_is_moved_goes_as_it_is_and_comes_back():
+    simulation = meadow(boids(), boundary="wall")
+    land = simulation.world.resource(Landscape)
+    foot = [[18, 18], [22, 18], [22, 22], [18, 22]]
+    AddObstacle("boulder", foot, z_max=7.0, shape="hull", corners=ROCK).apply(simulation.world)
+    peak = np.array([21.0, 20.0, 7.0])
+    simulation.submit(MoveObstacle("boulder", 10.0, 12.0, 2.0))
+    simulation.tick()
+    inside = surface_(land.sky, 0, *(peak - (10.0, 8.0, -1.9)))[0]
+    assert inside < 0 < surface_(land.sky, 0, *(peak - (0.0, 0.0, 1.0)))[0]
+    gone = RemoveObstacle("boulder")
+    back = gone.inverse(simulation.world)
+    gone.apply(simulation.world)
+    assert len(land.sky.kind) == 4  # the walls of the map
+    for command in back:
+        command.apply(simulation.world)
+    assert land.find("boulder")[0].corners.tolist() == ROCK
+    assert surface_(land.sky, 0, *(peak - (10.0, 8.0, -1.9)))[0] == inside
+
+
+@pytest.mark.parametrize(
+    ("corners", "told"),
+    [
+        (None, "a hull needs corners"),
+        ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], "must not lie in one plane"),
+        ([[0, 0], [1, 0], [0, 1], [1, 1]], "east, north, up"),
+        ([[0, 0, "high"]] * 4, "east, north, up"),
+        ([[k, k * k, k**3] for k in range(40)], "at most 32 corners"),
+    ],
+)
+def test_what_is_no_hull_is_told(corners, told):
+    simulation = meadow(boids())
+    with pytest.raises(ValueError, match=told):
+        AddObstacle("boulder", box(18, 18, 22, 22).tolist(), shape="hull", corners=corners).check(simulation.world)
 
 
 def test_on_hills_nobody_is_under_the_ground():
