@@ -378,7 +378,7 @@ CLASSES: dict[str, ObjectClass] = {
                     "corners",
                     "text",
                     "",
-                    "of a hull: 'east north up; east north up; ...', m from the middle of its foot",
+                    "of a hull: 'east north up; ...' in m from the middle of its foot",
                 ),
             ),
             shapes=("area",),
