@@ -264,6 +264,9 @@ MODELS = {
 }
 
 
+ALIGNED = ("march", "column", "front", "lanes", "stampede")  # brushes of ours that begin with one direction
+
+
 def herd(name, count=80, seconds=4.0, fps=25.0, seed=0, warmup=None, **changes) -> Truth:
     """Run a model: one of MODELS, or "own:BRUSH" for a shipped brush (or a `Brush`) of this program's own.
 
@@ -298,7 +301,8 @@ def _own(name, count, seconds, fps, seed, warmup):
     from levels.build import plane
 
     brush = name if isinstance(name, Brush) else shipped().get(name.removeprefix("own:"))
-    simulation = plane(brush, count, seed=seed, start="ring" if "hollow" in brush.name else "scatter")
+    start = "ring" if "hollow" in brush.name else "scatter"
+    simulation = plane(brush, count, seed=seed, start=start, heading=0.4 if brush.name in ALIGNED else None)
     places, headings, done = [], [], 0
     for frame in range(round(seconds * fps)):
         tick = round((warmup + frame / fps) * 32)
@@ -640,7 +644,7 @@ def evidence_of_truth(truth: Truth, grid=30, cell=None, name=None, window=None, 
         region=np.zeros(shape[1:], np.uint8), count=count, frames=np.arange(shape[0]),
     )  # fmt: skip
     speeds = truth.speed
-    speed = SpeedEvidence(float(speeds.mean()), float(speeds.std()), None, [], math.nan)
+    speed = SpeedEvidence(float(speeds.mean()), float(speeds.std()))
     return Evidence(
         name=name or truth.name, sha256="", fps=truth.fps, body_length_px=math.nan, length_source="given",
         radius_bl=RADIUS, fields=fields, sightings=_sightings(truth, low, high, Sightings) if sight else None,
