@@ -24,6 +24,7 @@ IN_BUCKET = 8
 LEAST = 12  # corners that must agree on how the camera moved
 NEAR, FIRM = 1.2, 0.3  # px at SIDE, within which a corner agrees; and at which it counts half
 SHARED, ZOOMED, TURNED = 0.6, 1.25, 0.25  # of a key picture's corners in view; ratio; rad: beyond, another key picture
+EVEN = 31  # px at SIDE, over which light and contrast are made even
 SMOOTH = 9  # frames [paper, section 4]
 LOST = 3  # frames in a row in which a rectangle is not found again
 ALIKE = 0.4  # correlation of what is in a rectangle with what was in it at first, below which it is lost
@@ -147,7 +148,7 @@ def register(clip: Clip, animals=None, say: Say = silent) -> Steady:
             raise CannotObserve(
                 clip.name,
                 f"the ground of frame {a} is not found again in frame {b}: a cut, or too quick a move of the camera; "
-                f"try --frames {clip.numbers[0]}:{a} or --frames {b}:{clip.numbers[-1]}, or name landmarks with --landmark",
+                f"try --frames {clip.numbers[0]}:{a} or --frames {b}:{clip.numbers[-1]}, or give landmarks: --landmark",
                 {"frame": b, "pictures": {f"frame {b}": picture}},
             )  # fmt: skip
         say("following the ground", k + 1, len(clip))
@@ -171,6 +172,7 @@ class _Follower:
         if not self.maps:
             self.maps.append(np.eye(2, 3))
             self._new_key(k, picture, grey, self.maps[0])
+            self.last = self.key
             self.bare = len(self.key.corners) < 2 * LEAST
             return True
         if self.bare:
@@ -180,18 +182,30 @@ class _Follower:
         if found is None:
             return False
         self.maps.append(found)
+        self.last = _Key(grey, np.empty((0, 2)), found)
         self._choose_key(k, picture, grey)
         return True
 
     def _found(self, grey):
         """The map of this picture to the first, or None."""
-        guess = after(back(self.key.to_first), self.maps[-1])  # this picture to the key, if the camera stood since
-        for attempt in (guess, None):
-            seen = attempt if attempt is not None else _by_descriptors(grey, self.key.grey)
+        found = self._against(self.key, grey)
+        if found is None and self.last.to_first is not self.key.to_first:
+            last = _Key(self.last.grey, _corners(self.last.grey), self.last.to_first)
+            found = self._against(last, grey)
+            if found is not None:
+                self.keys.append(last)
+                self.key = last
+        return found
+
+    def _against(self, key, grey):
+        """The map of this picture to the first by one key picture, or None."""
+        guess = after(back(key.to_first), self.maps[-1])  # this picture to the key, if the camera stood since
+        for attempt in (lambda: guess, lambda: _by_descriptors(grey, key.grey)):
+            seen = attempt()
             if seen is None:
                 return None
             for _ in range(2):
-                found, share, error = _refined(self.key, grey, seen)
+                found, error = _refined(key, grey, seen)
                 if found is None:
                     break
                 step = np.abs(moved_by(found, _frame(grey)) - moved_by(seen, _frame(grey))).max()
@@ -200,7 +214,7 @@ class _Follower:
                     break
             if found is not None:
                 self.errors.append(error / self.scale)
-                return after(self.key.to_first, found)
+                return after(key.to_first, found)
         return None
 
     def _choose_key(self, k, picture, grey):
@@ -251,8 +265,13 @@ def _frame(grey):
 
 
 def _grey(picture, scale):
+    """Small, grey, and of even light and contrast, so that corners look the same when the exposure changes."""
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
-    return grey if scale == 1 else cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    if scale != 1:
+        grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    away = grey.astype(np.float32) - cv2.blur(grey, (EVEN, EVEN)).astype(np.float32)
+    contrast = cv2.sqrt(cv2.blur(away * away, (EVEN, EVEN)))
+    return cv2.convertScaleAbs(away * (32.0 / (contrast + 4.0)) + 128.0)
 
 
 def _corners(grey, away=None):
@@ -280,23 +299,23 @@ def _bucket(points, shape):
 
 
 def _refined(key, grey, to_key):
-    """(map of the picture to the key, share of corners that agree, their median error); None where few do."""
+    """(map of the picture to the key, median error of the corners that agree); None where few do."""
     h, w = key.grey.shape
     there = cv2.warpAffine(grey, to_key, (w, h), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     inside = _within(moved_by(back(to_key), key.corners), grey.shape, 4)
     if inside.sum() < LEAST:
-        return None, 0.0, 0.0
+        return None, 0.0
     corners = key.corners[inside].astype(np.float32).reshape(-1, 1, 2)
     seen, fine, _ = cv2.calcOpticalFlowPyrLK(key.grey, there, corners, None, **_LK)
     fine = fine.ravel().astype(bool) & np.isfinite(seen).all((1, 2))
     at, seen = corners[fine, 0].astype(float), seen[fine, 0].astype(float)
     if len(at) < LEAST:
-        return None, 0.0, 0.0
+        return None, 0.0
     step, agree = _consensus(seen, at, key.grey.shape)
     if step is None:
-        return None, 0.0, 0.0
+        return None, 0.0
     error = np.linalg.norm(moved_by(step, seen[agree]) - at[agree], axis=1)
-    return after(step, to_key), float(agree.mean()), float(np.median(error))
+    return after(step, to_key), float(np.median(error))
 
 
 def _within(points, shape, margin):
@@ -339,18 +358,19 @@ def _firm(a, b):
 
 
 def _by_descriptors(grey, other):
-    """The map of a picture to another from ORB corners, for large moves; None where too few agree."""
-    orb = cv2.ORB_create(1500, fastThreshold=10)
-    (pa, da), (pb, db) = orb.detectAndCompute(grey, None), orb.detectAndCompute(other, None)
+    """The map of a picture to another from SIFT corners, for large moves; None where too few agree."""
+    sift = cv2.SIFT_create(1500, contrastThreshold=0.02)
+    (pa, da), (pb, db) = sift.detectAndCompute(grey, None), sift.detectAndCompute(other, None)
     if da is None or db is None or min(len(da), len(db)) < LEAST:
         return None
-    pairs = cv2.BFMatcher(cv2.NORM_HAMMING, crossCheck=True).match(da, db)
-    if len(pairs) < 2 * LEAST:
+    near = cv2.BFMatcher(cv2.NORM_L2).knnMatch(da, db, k=2)
+    pairs = [pair[0] for pair in near if len(pair) == 2 and pair[0].distance < 0.8 * pair[1].distance]
+    if len(pairs) < LEAST:
         return None
     a = np.array([pa[m.queryIdx].pt for m in pairs])
     b = np.array([pb[m.trainIdx].pt for m in pairs])
     found, fine = cv2.estimateAffinePartial2D(a, b, method=cv2.RANSAC, ransacReprojThreshold=3.0, maxIters=2000)
-    return found if found is not None and fine.sum() >= 2 * LEAST else None
+    return found if found is not None and fine.sum() >= LEAST else None
 
 
 # by landmarks ----------------------------------------------------------------------------
