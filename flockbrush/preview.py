@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from behaviours.behaviour import behaviours
 from flockbrush.draw import Painter, write_png
 from flockbrush.draw.canvas import Canvas
 from flockbrush.draw.ground import nice
@@ -21,10 +22,11 @@ from systems.measures import compute_milling, compute_polarization
 
 PANEL, GAP, HEAD, FOOT = 560, 20, 64, 56  # pixels
 MEMORY = 2.0  # s of trails
+ALOFT = dict(density=0.03, heading=0.0)  # birds need room for their wings, and a flock meets in the air
 
 
 def preview(brush, path, agents=200, seconds=30.0, seed=0, start="scatter", theme="light", interrupts=None):
-    """Write the picture; headings are at random at the start, or all along a ring.
+    """Write the picture; headings are at random at the start, or all along a ring, and birds begin all one way.
 
     Parameters
     ----------
@@ -37,7 +39,7 @@ def preview(brush, path, agents=200, seconds=30.0, seed=0, start="scatter", them
     start : {"scatter", "grid", "ring", "line"}
         How the herd stands at first.
     """
-    simulation = plane(brush, agents, start=start, seed=seed)
+    simulation = plane(brush, agents, start=start, seed=seed, **(ALOFT if behaviours()[brush.model].flight else {}))
     ticks = round(seconds / simulation.clock.dt)
     shots = {0, ticks // 2, ticks}
     recent: deque[Moment] = deque(maxlen=max(1, round(MEMORY / simulation.clock.dt / 2)))
