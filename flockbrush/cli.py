@@ -276,7 +276,7 @@ def lift(
     out: Annotated[Path, typer.Option(metavar="FILE", help="Where the flight goes, a CSV in metres.")],
     lambda_t: Annotated[float, typer.Option(min=0, help="Weight of smooth paths.")] = 1.0,
     lambda_f: Annotated[float, typer.Option(min=0, help="Weight of flying as one.")] = 1.0,
-    evenness: Annotated[float, typer.Option(min=0, help="Weight of equal speeds; 0 for loose flocks.")] = 0.3,
+    evenness: Annotated[float, typer.Option(min=0, help="Weight of the flock's speed being even.")] = 1.0,
     separation: Annotated[float, typer.Option(min=0, max=1, help="Weight of keeping apart, for looks.")] = 0.0,
     separation_distance: Annotated[float, typer.Option(min=0, metavar="M", help="Nearer birds are too close.")] = 1.2,
     near: Annotated[float | None, typer.Option(metavar="M", help="Instead of the camera's.")] = None,

@@ -2,12 +2,17 @@
 
 Lin 2019 [1]_ asks for the depths that make every path smooth and the flock fly as one.  His frame-by-frame descent
 (`behaviours.learning.lift_thesis`) keeps the films' reprojection but does not find depth; here the same idea is one
-quadratic problem over all frames and birds, solved at once.  With ``b = d * ray`` (his eq. 1.1) everything is quadratic
-in the depths d::
+convex problem over all frames and birds, solved at once.  With ``b = d * ray`` (his eq. 1.1)::
 
-    |acceleration|^2  +  alignment |v - mean v|^2  +  cohesion |b - mean b|^2  [+ evenness (|v| - mean |v|)^2]
+    |acceleration|^2 + alignment |v - mean v|^2 + cohesion |b - mean b|^2 + evenness (way . mean acceleration)^2
+        - 2 sum(log d)
 
-under a fixed mean depth; the mean speed of the birds sets the scale afterwards.  Birds may come and go.
+The first three say how birds of a flock move about its middle.  How strong they are is read off the picture: across the
+line of sight that movement is seen, and along it it is taken for alike (`compute_manner`).  The fourth is the flock's
+own flight: it may turn, but speeds up and slows down little.  The logarithm is the volume that a pixel sees, which
+grows with the square of the distance: without it depths shrink wherever birds are seen to move about.  It also keeps
+all birds before the camera, and makes a factor common to all weights a mere scale of the flight.  That scale no camera
+knows; the mean speed of the birds sets it.  Birds may come and go.
 
 .. [1] Lin, C.-A. (2019). Predicting 3D bird flock motion from 2D projection. Master's thesis, The University of Tokyo.
 """
@@ -17,17 +22,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import LinAlgError, solveh_banded
 
+from behaviours.learning.banded import banded_product, solve_banded
 from behaviours.learning.camera import Camera
+from behaviours.learning.manner import Manner, compute_manner
 from behaviours.learning.tracks import Tracks, smoothed
 
-# Deviations within which a tight flock flies, from own boids filmed by a virtual camera: .0042 m/frame^2 and
-# .03 m/frame at 30 frames a second.
-ACCELERATION = 0.0042 * 30**2  # m/s^2
-VELOCITY = 0.03 * 30  # m/s
-ALIGNMENT, COHESION, EVENNESS = 0.1, 0.003, 0.3
-SOLVES = 8  # with evenness: the directions of flight settle
+EVENNESS = 10.0  # of speeding up over turning, for the whole flock.  By trial: 1 to 30 will do for boids and pigeons
+VOLUME = 2.0  # what a pixel sees grows with depth to this
+STEPS, SETTLED = 16, 2e-3  # of Newton's method at most; the largest relative change of a depth at which it ends
+COARSE = 0.1  # the same, for a look while a slider is dragged
+MOST = 150_000_000  # numbers in the banded system: 1.2 GB
 
 
 class LiftError(ValueError):
@@ -43,10 +48,10 @@ class Wish:
     smoothness : float
         Weight of smooth paths (λ_t).
     flock : float
-        Weight of flying as one (λ_f): alignment, cohesion and evenness of speeds together.  Only the ratio of the two
-        matters.
+        Weight of flying as one (λ_f): alignment and cohesion together.  Only the ratio of the two matters; 1 and 1 is
+        what the tracks themselves tell of the birds.
     evenness : float
-        Weight of equal speeds; helps flocks of five, hurts loose ones.
+        Weight of the flock's speed being even: 1 for flocks on the wing, less for birds that brake and dash.
     separation : float
         Weight of keeping apart, 0 to 1; for looks, it does not make the depths truer.
     separation_distance : float
@@ -55,7 +60,7 @@ class Wish:
 
     smoothness: float = 1.0
     flock: float = 1.0
-    evenness: float = EVENNESS
+    evenness: float = 1.0
     separation: float = 0.0
     separation_distance: float = 1.2
 
@@ -84,6 +89,8 @@ class Flight:
     fps : float
     stiffness, noise : float
         Of the smoothing of the tracks; noise in pixels.
+    manner : Manner or None
+        How its birds move about its middle, as read off the tracks.
     notes : list of str
         What whoever uses this should know.
     """
@@ -96,6 +103,34 @@ class Flight:
     stiffness: float = float("nan")
     noise: float = float("nan")
     notes: list[str] = field(default_factory=list)
+    manner: Manner | None = None
+
+
+@dataclass
+class Sight:
+    """Tracks made ready for lifting: what stays the same whatever is wished.
+
+    Attributes
+    ----------
+    px : (F, N, 2) ndarray
+        Smoothed, gaps bridged; NaN where a bird is not there.
+    rays : (F, N, 3) ndarray
+        Unit vectors.
+    there : (F, N) ndarray of bool
+    manner : Manner
+    ids, first, stiffness, noise, notes
+        As in `Flight`.
+    """
+
+    px: np.ndarray
+    rays: np.ndarray
+    there: np.ndarray
+    manner: Manner
+    ids: np.ndarray
+    first: int
+    stiffness: float
+    noise: float
+    notes: list[str]
 
 
 def lift(tracks: Tracks, camera: Camera, wish: Wish | None = None) -> Flight:
@@ -117,20 +152,28 @@ def lift(tracks: Tracks, camera: Camera, wish: Wish | None = None) -> Flight:
     LiftError
         When nothing can be known of the depths, as of a single bird.
     """
-    wish = wish or Wish()
-    clean, rays, there, notes = prepared(tracks, camera)
-    depth = _depths(rays, there, camera.fps, wish, camera.mean_speed)
-    xyz = depth[..., None] * rays
-    flight = Flight(xyz, depth, tracks.ids, tracks.first, camera.fps, clean.stiffness, clean.noise, notes)
-    notes += _out_of_bounds(flight, camera)
+    return lift_sight(prepared(tracks, camera), camera, wish)
+
+
+def lift_sight(sight: Sight, camera: Camera, wish: Wish | None = None, every: int = 1) -> Flight:
+    """The same from tracks that are ready; with `every` above 1 only those frames are solved, for a quick look."""
+    depth = _sparsely(sight, camera, wish or Wish(), every)
+    flight = Flight(
+        depth[..., None] * sight.rays, depth, sight.ids, sight.first, camera.fps, sight.stiffness, sight.noise,
+        list(sight.notes), sight.manner,
+    )  # fmt: skip
+    flight.notes += _out_of_bounds(flight, camera)
     return flight
 
 
-def prepared(tracks: Tracks, camera: Camera):
-    """(smoothed tracks, rays (F, N, 3), who is there (F, N), notes); LiftError when there is no flock in the tracks."""
+def prepared(tracks: Tracks, camera: Camera) -> Sight:
+    """Smoothed tracks as rays; LiftError when there is no flock in them."""
     clean = smoothed(tracks)
     there = np.isfinite(clean.px).all(-1)
-    return clean, camera.rays(clean.px), there, list(tracks.notes) + _warnings(tracks, clean, there, camera)
+    notes = list(tracks.notes) + _warnings(tracks, clean, there, camera)
+    rays = camera.rays(clean.px)
+    manner = compute_manner(rays, there, camera.fps)
+    return Sight(clean.px, rays, there, manner, tracks.ids, tracks.first, clean.stiffness, clean.noise, notes)
 
 
 def _warnings(tracks, clean, there, camera):
@@ -174,17 +217,35 @@ def _out_of_bounds(flight, camera):
 # the solve ---------------------------------------------------------------------------
 
 
-def _depths(rays, there, fps, wish, mean_speed):
+def _sparsely(sight, camera, wish, every):
+    """(F, N) m: depths of every so manieth frame, and between them by their neighbours."""
+    chosen = np.unique(np.r_[0 : len(sight.rays) : every, len(sight.rays) - 1])
+    if every <= 1 or len(chosen) < 4 or (sight.there[chosen].sum(0) < 2).any():
+        return _depths(sight.rays, sight.there, camera.fps, sight.manner, wish, camera.mean_speed)
+    even = chosen[:-1] if chosen[-1] - chosen[-2] != every else chosen
+    rays, there = sight.rays[even], sight.there[even]
+    some = _depths(rays, there, camera.fps / every, sight.manner, wish, camera.mean_speed, COARSE)
+    depth = np.full(sight.there.shape, np.nan)
+    for n in range(depth.shape[1]):
+        frames = np.flatnonzero(sight.there[:, n])
+        known = np.isfinite(some[:, n])
+        depth[frames, n] = np.interp(frames, even[known], some[known, n])
+    return depth
+
+
+def _depths(rays, there, fps, manner, wish, mean_speed, settled=SETTLED):
     """(F, N) m."""
     system = _System(rays, there)
-    fixed = system.steady(fps, wish)
-    weight = wish.flock * wish.evenness / VELOCITY**2 * fps**2
-    depth = system.solve(fixed)
-    for _ in range(SOLVES if weight else 0):
-        depth = system.solve(fixed + system.evenness(depth, weight))
+    fixed = system.steady(fps, manner, wish)
+    bands, depth = fixed, system.filled(1.0)
+    for step in range(STEPS):
+        bands = fixed + system.evenness(depth, fps, manner, wish) if step else fixed
+        depth, change = system.newton(bands, depth)
+        if change < settled and step:
+            break
     depth = depth * (mean_speed / _mean_speed(rays, depth, fps))
     if wish.separation:
-        depth = _apart(system, fixed + system.evenness(depth, weight), depth, wish)
+        depth = _apart(system, bands, depth, wish)
         depth = depth * (mean_speed / _mean_speed(rays, depth, fps))
     return depth
 
@@ -207,33 +268,39 @@ class _System:
         self.band = self._bandwidth()
 
     def _bandwidth(self):
-        """The farthest apart two unknowns are that meet in one term."""
+        """The farthest apart two unknowns are that meet in one term: those of three frames on end."""
         wide = max((len(birds) for birds in self.frames), default=1) - 1
         for step in (1, 2):
             both = self.there[step:] & self.there[:-step]
             for f in np.flatnonzero(both.any(1)):
-                if step == 1:
-                    wide = max(wide, self.number[f + 1][both[f]].max() - self.number[f][both[f]].min())
-                else:
-                    wide = max(wide, (self.number[f + 2] - self.number[f])[both[f]].max())
+                wide = max(wide, self.number[f + step][both[f]].max() - self.number[f][both[f]].min())
+        if (wide + 1) * self.size > MOST:
+            raise LiftError(
+                f"{len(self.there)} frames of up to {max(map(len, self.frames))} birds are more than fit into memory at"
+                " once; cut the tracks into parts"
+            )
         return int(wide)
 
+    def filled(self, depth):
+        """(F, N) of one depth, NaN where nobody is."""
+        return np.where(self.there, depth, np.nan)
+
     def empty(self):
-        return np.zeros((self.band + 1, self.size))
+        return np.zeros((self.size, self.band + 1))
 
     def add(self, bands, rows, columns, values):
         """Add values[a, b] at (rows[a], columns[b]); of the diagonal blocks and those above."""
         across = columns[None, :] - rows[:, None]
         upper = across >= 0
-        flat = (self.band - across) * self.size + columns[None, :]  # each place once: no unbuffered add is needed
+        flat = rows[:, None] * (self.band + 1) + across  # each place once: no unbuffered add is needed
         bands.ravel()[flat[upper]] += values[upper]
 
-    def steady(self, fps, wish):
+    def steady(self, fps, manner, wish):
         """Smooth paths, alignment, cohesion: what does not depend on the depths."""
         bands = self.empty()
-        self._acceleration(bands, wish.smoothness * fps**4 / ACCELERATION**2)
-        self._alignment(bands, wish.flock * ALIGNMENT * fps**2 / VELOCITY**2)
-        self._cohesion(bands, max(wish.flock, 1e-6) * COHESION)  # without any the depths of two birds are not tied
+        self._acceleration(bands, wish.smoothness * fps**4)
+        self._alignment(bands, wish.flock * manner.alignment * fps**2)
+        self._cohesion(bands, max(wish.flock, 1e-6) * manner.cohesion)
         return bands
 
     def _acceleration(self, bands, weight):
@@ -244,7 +311,7 @@ class _System:
             for b in range(a, 3):
                 dots = np.einsum("kc,kc->k", self.rays[f + a, n], self.rays[f + b, n])
                 i, j = self.number[f + a, n], self.number[f + b, n]
-                bands[self.band - (j - i), j] += weight * step[a] * step[b] * dots  # each place once
+                bands[i, j - i] += weight * step[a] * step[b] * dots  # each place once
 
     def _alignment(self, bands, weight):
         for f, birds in self._pairs():
@@ -262,22 +329,21 @@ class _System:
                 ray, i = self.rays[f, birds], self.number[f, birds]
                 self.add(bands, i, i, weight * spread * (ray @ ray.T))
 
-    def evenness(self, depth, weight):
-        """Equal speeds, along the directions of flight that these depths give."""
+    def evenness(self, depth, fps, manner, wish):
+        """No speeding up or slowing down of the whole flock, along the way it flies with these depths."""
         bands = self.empty()
+        weight = wish.smoothness * wish.evenness * EVENNESS * fps**4
         if not weight:
             return bands
-        xyz = depth[..., None] * self.rays
-        for f, birds in self._pairs():
-            way = xyz[f + 1, birds] - xyz[f, birds]
-            way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
-            before = -np.einsum("kc,kc->k", way, self.rays[f, birds])
-            after = np.einsum("kc,kc->k", way, self.rays[f + 1, birds])
-            spread = weight * (np.eye(len(birds)) - 1.0 / len(birds))
-            i, j = self.number[f, birds], self.number[f + 1, birds]
-            self.add(bands, i, i, spread * np.outer(before, before))
-            self.add(bands, j, j, spread * np.outer(after, after))
-            self.add(bands, i, j, spread * np.outer(before, after))
+        xyz = np.nan_to_num(depth)[..., None] * self.rays
+        triple = self.there[2:] & self.there[1:-1] & self.there[:-2]
+        for f in np.flatnonzero(triple.any(1)):
+            birds = np.flatnonzero(triple[f])
+            way = (xyz[f + 2, birds] - xyz[f, birds]).mean(0)
+            way /= max(np.linalg.norm(way), 1e-12)
+            places = self.number[f : f + 3, birds].ravel()
+            along = (self.rays[f : f + 3, birds] @ way * [[1.0], [-2.0], [1.0]]).ravel()
+            self.add(bands, places, places, weight / len(birds) * np.outer(along, along))
         return bands
 
     def _pairs(self):
@@ -288,44 +354,50 @@ class _System:
             if len(birds) > 1:
                 yield f, birds
 
-    def solve(self, bands, side=None, mean=1.0):
-        """Depths (F, N) of least cost with this mean depth."""
-        sides = np.ones((self.size, 1)) if side is None else np.column_stack([np.ones(self.size), side])
-        lifted = bands.copy()
-        lifted[-1] *= 1.0 + 1e-13
-        try:
-            found = solveh_banded(lifted, sides, check_finite=False)
-        except LinAlgError:
-            raise LiftError("the tracks do not determine any depth; are they all of one bird?") from None
-        flat = found[:, 0] * (mean / found[:, 0].mean()) if side is None else _meeting(found, mean)
-        depth = np.full(self.there.shape, np.nan)
-        depth[self.there] = flat
-        if not (flat > 0).all():
-            raise LiftError("no flight in front of the camera fits these tracks; is the camera file the right one?")
-        return depth
+    def newton(self, bands, depth):
+        """(better depths, largest relative change): a step of Newton's method from these depths.
+
+        Their scale is set first, as the logarithm has it; the problem is convex, and no depth becomes negative.
+        """
+        d = depth[self.there]
+        d = d * np.sqrt(VOLUME * len(d) / (d @ banded_product(bands, d)))
+        stiff = bands.copy()
+        stiff[:, 0] += VOLUME / d**2
+        step = self._solved(stiff, VOLUME / d - banded_product(bands, d))
+        short = min(1.0, 0.9 / max(float((-step / d).max()), 1e-12))
+        better = self.filled(0.0)
+        better[self.there] = d + short * step
+        return better, float(np.abs(step / d).max())
+
+    def _solved(self, bands, side):
+        found = solve_banded(bands, side)
+        if not np.isfinite(found).all():
+            raise LiftError("the tracks do not determine any depth; are they all of one bird?")
+        return found
 
 
-def _meeting(found, mean):
-    """The solution for the right-hand side, moved along that for ones until its mean is right."""
-    free, ones = found[:, 1], found[:, 0]
-    return free + ones * ((mean - free.mean()) / ones.mean())
-
-
-def _apart(system, bands, depth, wish, rounds=6):
-    """Push birds nearer than the separation distance apart, along their rays; for looks."""
-    mean = float(depth[system.there].mean())
-    scale = float(np.median(bands[-1])) * wish.separation
+def _apart(system, bands, depth, wish, rounds=4):
+    """Push birds nearer than the separation distance apart, along their rays, at the least cost; for looks."""
+    found = depth[system.there]
+    stiff = bands * (VOLUME * len(found) / (found @ banded_product(bands, found)))
+    stiff[:, 0] += VOLUME / found**2
+    pull = banded_product(stiff, found)
+    weight = float(np.median(stiff[:, 0])) * wish.separation
+    behind = np.sign(np.nan_to_num(depth[:, :, None] - depth[:, None]).sum(0))  # who is behind whom, all the time
+    behind += np.triu(behind == 0) - np.tril(behind == 0).astype(float)
+    crowded: set = set()
     for _ in range(rounds):
-        stronger, side = bands.copy(), np.zeros(system.size)
+        before = len(crowded)
         xyz = depth[..., None] * system.rays
-        crowded = False
         for f, birds in enumerate(system.frames):
-            for a, b in _close(xyz[f, birds], wish.separation_distance):
-                crowded = True
-                _push(system, stronger, side, f, birds[a], birds[b], xyz, scale, wish.separation_distance)
-        if not crowded:
+            crowded |= {(f, birds[a], birds[b]) for a, b in _close(xyz[f, birds], wish.separation_distance)}
+        if len(crowded) == before:
             break
-        depth = system.solve(stronger, side, mean)
+        stronger, side = stiff.copy(), pull.copy()
+        for f, a, b in sorted(crowded):
+            _push(system, stronger, side, f, a, b, depth, weight, behind[a, b], wish.separation_distance)
+        depth = system.filled(0.0)
+        depth[system.there] = np.maximum(system._solved(stronger, side), 0.1 * found)
     return depth
 
 
@@ -334,12 +406,10 @@ def _close(xyz, distance):
     return np.argwhere(np.triu(gaps < distance, 1))
 
 
-def _push(system, bands, side, f, a, b, xyz, weight, distance):
-    """(way . (b_a - b_b) - distance)^2, the way as it is now; for two on one ray, along it."""
-    way = xyz[f, a] - xyz[f, b]
-    size = np.linalg.norm(way)
-    way = way / size if size > 1e-9 else system.rays[f, a]
-    along = np.array([way @ system.rays[f, a], -(way @ system.rays[f, b])])
+def _push(system, bands, side, f, a, b, depth, weight, behind, distance):
+    """(d_a - d_b - room)^2, the room that is left along the rays when birds lie so far apart across them."""
+    across = 0.5 * (depth[f, a] + depth[f, b]) * np.linalg.norm(system.rays[f, a] - system.rays[f, b])
+    room = behind * np.sqrt(max(distance**2 - across**2, 0.0))
     rows = system.number[f, [a, b]]
-    system.add(bands, rows, rows, weight * np.outer(along, along))
-    side[rows] += weight * distance * along
+    system.add(bands, rows, rows, weight * np.array([[1.0, -1.0], [-1.0, 1.0]]))
+    side[rows] += weight * room * np.array([1.0, -1.0])

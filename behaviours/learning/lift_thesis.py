@@ -20,6 +20,7 @@ from behaviours.learning.camera import Camera
 from behaviours.learning.lift import Flight, LiftError, Wish, prepared
 
 TOLERANCE = 1e-4  # of the depths, relative, where COBYLA stops
+PLAUSIBLE = "these depths look plausible and are no measurement: the thesis' energy does not favour true depths"
 MOST = 200  # evaluations for each bird of a frame
 
 
@@ -47,7 +48,8 @@ def lift_by_thesis(tracks, camera: Camera, wish: Wish | None = None) -> Flight:
     except ImportError:
         raise LiftError("the thesis' method needs the package nlopt:  pip install nlopt") from None
     wish = wish or Wish()
-    clean, rays, there, notes = prepared(tracks, camera)
+    sight = prepared(tracks, camera)
+    rays, there = sight.rays, sight.there
     depth = np.full(there.shape, np.nan)
     step = camera.mean_speed / camera.fps  # m a frame
     weights = np.array([wish.smoothness, wish.flock, min(wish.separation, 1.0), wish.separation_distance, step], float)
@@ -55,9 +57,9 @@ def lift_by_thesis(tracks, camera: Camera, wish: Wish | None = None) -> Flight:
         birds = np.flatnonzero(there[f])
         if len(birds):
             depth[f, birds] = _frame(nlopt, f, birds, rays, depth, camera, weights)
-    notes.append("these depths look plausible and are no measurement: the thesis' energy does not favour true depths")
+    notes = [*sight.notes, PLAUSIBLE]
     return Flight(
-        depth[..., None] * rays, depth, tracks.ids, tracks.first, camera.fps, clean.stiffness, clean.noise, notes
+        depth[..., None] * rays, depth, tracks.ids, tracks.first, camera.fps, sight.stiffness, sight.noise, notes
     )
 
 

@@ -5,9 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from behaviours.learning.banded import banded_product, solve_banded
 from behaviours.learning.camera import Camera, read_camera
-from behaviours.learning.lift import ACCELERATION, ALIGNMENT, COHESION, VELOCITY, LiftError, Wish, _System, lift
+from behaviours.learning.lift import EVENNESS, VOLUME, LiftError, Wish, _System, lift, lift_sight, prepared
 from behaviours.learning.lift_thesis import energy, lift_by_thesis
+from behaviours.learning.manner import BOUNDS, Manner, compute_manner
 from behaviours.learning.tracks import Tracks, read_tracks, smoothed
 from behaviours.problems import ProblemsError
 
@@ -115,44 +117,131 @@ def test_smoothing_carries_a_bird_through_a_gap():
 # depths -----------------------------------------------------------------------------
 
 
-def cost(depth, rays, wish):
-    """The objective as one reads it, brute force."""
+MANNER = Manner(alignment=2.0, cohesion=0.3)
+
+
+def cost(depth, rays, wish, way=None):
+    """The quadratic part of the objective as one reads it, brute force; `way` (F - 2, 3) is the flock's."""
     b = depth[..., None] * rays
     v = np.diff(b, axis=0) * CAMERA.fps
     a = np.diff(v, axis=0) * CAMERA.fps
     apart = v - v.mean(1, keepdims=True)
-    total = wish.smoothness * (a**2).sum() / ACCELERATION**2
-    total += wish.flock * ALIGNMENT * (apart**2).sum() / VELOCITY**2
-    return total + wish.flock * COHESION * ((b - b.mean(1, keepdims=True)) ** 2).sum()
+    total = wish.smoothness * (a**2).sum() + wish.flock * MANNER.alignment * (apart**2).sum()
+    total += wish.flock * MANNER.cohesion * ((b - b.mean(1, keepdims=True)) ** 2).sum()
+    if way is not None:
+        along = (a.mean(1) * way).sum(-1)
+        total += wish.smoothness * wish.evenness * EVENNESS * rays.shape[1] * (along**2).sum()
+    return total
+
+
+def full(bands):
+    """The whole matrix of a banded system."""
+    size, wide = bands.shape
+    whole = np.zeros((size, size))
+    for i in range(size):
+        for k in range(min(wide, size - i)):
+            whole[i, i + k] = whole[i + k, i] = bands[i, k]
+    return whole
 
 
 @settings(max_examples=20, deadline=None)
-@given(st.integers(0, 10_000), st.floats(0.1, 10), st.floats(0.1, 10))
-def test_the_banded_system_is_the_objective(seed, smoothness, flock):
+@given(st.integers(0, 10_000), st.floats(0.1, 10), st.floats(0.1, 10), st.floats(0.1, 3))
+def test_the_banded_system_is_the_objective(seed, smoothness, flock, evenness):
     chance = np.random.default_rng(seed)
     rays = CAMERA.rays(chance.uniform((0, 0), (1280, 720), (6, 2, 2)))
-    wish = Wish(smoothness, flock)
+    wish = Wish(smoothness, flock, evenness)
     system = _System(rays, np.ones((6, 2), bool))
-    bands = system.steady(CAMERA.fps, wish)
-    full = np.zeros((12, 12))
-    for row, band in enumerate(bands):
-        offset = system.band - row
-        for j in range(offset, 12):
-            full[j - offset, j] = full[j, j - offset] = band[j]
     depth = chance.uniform(20, 60, (6, 2))
-    assert depth.ravel() @ full @ depth.ravel() == pytest.approx(cost(depth, rays, wish), rel=1e-9)
+    xyz = depth[..., None] * rays
+    way = (xyz[2:] - xyz[:-2]).mean(1)
+    way /= np.linalg.norm(way, axis=-1, keepdims=True)
+    steady = system.steady(CAMERA.fps, MANNER, wish)
+    even = system.evenness(depth, CAMERA.fps, MANNER, wish)
+    d = depth.ravel()
+    assert d @ full(steady) @ d == pytest.approx(cost(depth, rays, wish), rel=1e-9)
+    assert d @ full(steady + even) @ d == pytest.approx(cost(depth, rays, wish, way), rel=1e-9)
+    assert banded_product(steady, d) == pytest.approx(full(steady) @ d)
 
 
-def test_no_other_depths_of_two_birds_cost_less():
+def test_no_other_depths_of_two_birds_are_likelier():
     rays = CAMERA.rays(filmed(starlings(2, 8)).px)
     system = _System(rays, np.ones((8, 2), bool))
-    best = system.solve(system.steady(CAMERA.fps, Wish()), mean=40.0)
-    least = cost(best, rays, Wish())
+    bands = system.steady(CAMERA.fps, MANNER, Wish())
+    best, change = np.ones((8, 2)), 1.0
+    while change > 1e-9:
+        best, change = system.newton(bands, best)
+
+    def surprise(depth):
+        return 0.5 * cost(depth, rays, Wish()) - VOLUME * np.log(depth).sum()
+
     chance = np.random.default_rng(1)
-    for size in (1e-3, 0.1, 3.0):
+    for size in (1e-3, 0.03, 0.3):
         for _ in range(200):
-            other = best + size * chance.normal(size=best.shape)
-            assert cost(other * (40.0 / other.mean()), rays, Wish()) >= least
+            other = best * np.exp(size * chance.normal(size=best.shape))
+            assert surprise(other) >= surprise(best)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000), st.integers(1, 12), st.integers(1, 6))
+def test_banded_systems_are_solved_as_full_ones(seed, size, wide):
+    chance = np.random.default_rng(seed)
+    bands = chance.normal(size=(size, wide))
+    bands[:, 0] = np.abs(bands).sum() + 1.0
+    side = chance.normal(size=size)
+    assert solve_banded(bands.copy(), side) == pytest.approx(np.linalg.solve(full(bands), side))
+
+
+def test_a_system_that_is_not_positive_has_no_solution():
+    assert np.isnan(solve_banded(np.array([[1.0, 2.0], [1.0, 0.0]]), np.ones(2))).all()
+
+
+# how birds move about the middle of their flock ------------------------------------------
+
+
+def wandering(alignment, cohesion, birds=20, frames=400, fps=32, seed=0):
+    """Birds about a middle 40 m away whose ways have these weights, (F, N, 3) m."""
+    chance, dt, fine = np.random.default_rng(seed), 1 / fps, 4
+    x, v, path = np.zeros((birds, 3)), np.zeros((birds, 3)), []
+    damping = np.sqrt(alignment + 2 * np.sqrt(cohesion))  # of the wandering whose spectrum has these weights
+    for step in range(fine * (frames + 200)):
+        v += dt / fine * (-damping * v - np.sqrt(cohesion) * x) + np.sqrt(dt / fine) * chance.normal(0, 1, v.shape)
+        x = x + dt / fine * v
+        if step % fine == 0 and step >= fine * 200:
+            path.append(x.copy())
+    return np.array(path) + (0, 40, 0)
+
+
+def manner_of(alignment, cohesion):
+    rays = CAMERA.rays(CAMERA.project(wandering(alignment, cohesion)))
+    return compute_manner(rays, np.ones(rays.shape[:2], bool), 32)
+
+
+def test_how_firmly_a_flock_holds_together_is_read_off_its_picture():
+    for cohesion in (0.5, 5.0):
+        assert manner_of(4.0, cohesion).cohesion == pytest.approx(cohesion, rel=0.5)
+
+
+def test_birds_that_give_up_their_own_velocity_sooner_are_seen_to_align_more():
+    found = [manner_of(alignment, 0.5).alignment for alignment in (1.0, 4.0, 16.0)]
+    assert found[0] < 0.5 * found[1] < 0.25 * found[2]  # all too low by two thirds: accelerations here are no path's
+
+
+def test_a_flock_twice_as_far_away_has_the_same_manner():
+    near = wandering(4.0, 0.5, 5, 120)
+    there = np.ones((120, 5), bool)
+    one = compute_manner(CAMERA.rays(CAMERA.project(near + (0, 1000, 0))), there, 32)
+    two = compute_manner(CAMERA.rays(CAMERA.project(near + (0, 3000, 0))), there, 32)
+    assert (one.alignment, one.cohesion) == pytest.approx((two.alignment, two.cohesion), rel=0.03)
+
+
+def test_a_flock_frozen_in_its_places_has_a_manner_within_bounds():
+    rays = CAMERA.rays(CAMERA.project(starlings(4, 30)[:1] + np.linspace(0, 5, 30)[:, None, None] * [1.0, 0, 0]))
+    found = compute_manner(rays, np.ones((30, 4), bool), 30)
+    for value, (low, high) in zip((found.alignment, found.cohesion), BOUNDS, strict=True):
+        assert low <= value <= high
+
+
+# flights ---------------------------------------------------------------------------------
 
 
 def test_every_bird_stays_on_the_ray_of_its_smoothed_track():
@@ -164,6 +253,18 @@ def test_every_bird_stays_on_the_ray_of_its_smoothed_track():
 def test_the_flock_flies_at_the_speed_that_was_given():
     flight = lift(filmed(starlings(), noise=0.5), CAMERA)
     assert np.linalg.norm(np.diff(flight.xyz, axis=0), axis=-1).mean() * 30 == pytest.approx(9.0)
+
+
+def test_a_quick_look_is_near_the_flight():
+    sight = prepared(filmed(starlings(8, 121), noise=0.5), CAMERA)
+    flight, glance = lift_sight(sight, CAMERA), lift_sight(sight, CAMERA, every=5)
+    assert np.isfinite(glance.depth).all()
+    assert np.abs(glance.depth / flight.depth - 1).mean() < 0.02
+
+
+def test_the_weights_count_by_their_ratio_alone():
+    sight = prepared(filmed(starlings(), noise=0.5), CAMERA)
+    assert lift_sight(sight, CAMERA, Wish(3.0, 3.0)).depth == pytest.approx(lift_sight(sight, CAMERA).depth, rel=1e-3)
 
 
 def test_who_flies_farther_away_is_lifted_farther_away():

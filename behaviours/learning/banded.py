@@ -1,0 +1,51 @@
+"""Symmetric banded systems, in one thread and without the interpreter's lock: solved beside a window that is drawn.
+
+A matrix is held by the rows of its upper half, (n, band + 1): ``bands[i, k]`` is the element in row i and column i + k.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def banded_product(bands, vector):
+    """The matrix times a vector, (n,)."""
+    n, wide = bands.shape
+    out = np.zeros(n)
+    for i in range(n):
+        out[i] += bands[i, 0] * vector[i]
+        for k in range(1, min(wide, n - i)):
+            out[i] += bands[i, k] * vector[i + k]
+            out[i + k] += bands[i, k] * vector[i]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def solve_banded(bands, side):
+    """The solution of a positive definite system, (n,); NaN where it is not positive definite.
+
+    Cholesky's decomposition in place: the bands are used up.
+    """
+    n, wide = bands.shape
+    x = side.copy()
+    for i in range(n):
+        if not bands[i, 0] > 0.0:
+            return np.full(n, np.nan)
+        root = np.sqrt(bands[i, 0])
+        reach = min(wide, n - i)
+        for k in range(reach):
+            bands[i, k] /= root
+        x[i] /= root
+        for k in range(1, reach):
+            share = bands[i, k]
+            if share != 0.0:
+                x[i + k] -= share * x[i]
+                for m in range(reach - k):
+                    bands[i + k, m] -= share * bands[i, k + m]
+    for i in range(n - 1, -1, -1):
+        for k in range(1, min(wide, n - i)):
+            x[i] -= bands[i, k] * x[i + k]
+        x[i] /= bands[i, 0]
+    return x
