@@ -81,7 +81,7 @@ def command_line(name: str, arguments, options: dict) -> str:
         for one in value if isinstance(value, list) else [value]:
             if one is True:
                 words.append(option)
-            elif one not in (None, False):
+            elif one is not None and one is not False:
                 words += [option, str(one)]
     return shlex.join(words)
 

@@ -1,0 +1,274 @@
+"""The parts of learning that a person sees: comparisons, brushes, pages, photographs, regions."""
+
+import base64
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from filmed import film_of, learn, observe
+from herd_film import Camera, evidence_of_truth, herd
+
+from behaviours.brush import load_brush, shipped
+from behaviours.brush_writer import brush_to_toml
+from behaviours.learning.rollout import NAMES, Start
+from behaviours.problems import ProblemsError
+from flockbrush.cli_learning import command_line
+from flockbrush.learn.brush import brush_of, name_of, order_of
+from flockbrush.learn.comparison import compared
+from flockbrush.learn.counts import resized, with_other_numbers
+from flockbrush.learn.findings import Findings
+from flockbrush.learn.page import Page
+from flockbrush.learn.panels import SCALE, Chart, Line, Row, Rows, sheet
+from flockbrush.learn.photo import RANDOM, angular_variance, standing
+from flockbrush.learn.regions import regions_of, within
+from flockbrush.learn.report import as_json, page_of, write_partial, write_report
+from flockbrush.learn.simulate import simulated
+from flockbrush.learn.stage import Stage
+from systems.measures import compute_nnd
+
+
+@pytest.fixture(scope="module")
+def march(tmp_path_factory):
+    """A film of a marching herd, and everything about it."""
+    path = film_of(tmp_path_factory.mktemp("films") / "march.mp4", camera=Camera(drift=(6.0, 3.0)))
+    return path, observe(path)
+
+
+def parsed(page):
+    """A page as a tree: it would fail on anything that is not well-formed."""
+    return ElementTree.fromstring(page.split("\n", 1)[1])
+
+
+# comparing ---------------------------------------------------------------------------------
+
+
+def test_a_herd_under_its_own_brush_is_like_the_clip_and_a_grazing_one_is_not(march):
+    _, evidence = march
+    own = compared(evidence, [simulated(evidence, shipped().get("march"))])
+    other = compared(evidence, [simulated(evidence, shipped().get("graze"), seed) for seed in range(2)])
+    assert own.met
+    assert own.unlike < other.unlike
+    assert own.verdict("polarization").herd == pytest.approx(1, abs=0.05)
+    assert len(other.herds) == 2 and other.herd("polarization").shape == other.times.shape
+    assert other.figures("x")["x velocity error at the end"] > own.figures("x")["x velocity error at the end"]
+
+
+def test_a_herd_four_times_as_large_is_as_dense_and_heads_as_before():
+    rng = np.random.default_rng(0)
+    xy = np.stack(np.meshgrid(np.arange(8.0), np.arange(8.0)), -1).reshape(-1, 2)
+    start = Start(xy + rng.normal(0, 0.05, xy.shape), np.where(xy[:, :1] > 3.5, (1.0, 0.0), (0.0, 1.0)))
+    large, small = resized(start, 4), resized(start, 0.25)
+    assert (len(large), len(small)) == (256, 16)
+    assert np.median(compute_nnd(large.xy)) == pytest.approx(1, abs=0.25)
+    assert np.median(compute_nnd(small.xy)) == pytest.approx(1, abs=0.5)
+    assert np.ptp(large.xy[:, 0]) == pytest.approx(2 * np.ptp(start.xy[:, 0]), rel=0.15)
+    east = large.xy[:, 0] > large.xy[:, 0].mean() + 1
+    assert (large.forward[east] == (1.0, 0.0)).all()
+
+
+def test_other_numbers_of_animals_are_measured(march):
+    _, evidence = march
+    start = Start(evidence.sightings.xy[evidence.sightings.of(0)], evidence.sightings.forward[evidence.sightings.of(0)])
+    rows = with_other_numbers(shipped().get("march"), start, factors=(0.5, 2.0), seconds=2.0)
+    assert [row["animals"] for row in rows] == [15, 60]
+    assert all(row["polarization"] > 0.9 and 0.3 < row["spacing"] < 3 for row in rows)
+
+
+# the brush -----------------------------------------------------------------------------------
+
+
+def test_a_learned_brush_says_where_it_is_from_and_what_the_clip_does_not_tell(march, tmp_path):
+    _, evidence = march
+    brush = brush_of(
+        "lambs", learn([evidence]), [evidence], seed=7, figures={"loss": 0.5, "nothing": np.nan},
+        length_m=1.2, licence="public domain",
+    )  # fmt: skip
+    (tmp_path / "lambs.brush.toml").write_text(brush_to_toml(brush))
+    assert load_brush(tmp_path / "lambs.brush.toml") == brush
+    told = brush.provenance
+    assert (told.kind, told.clip, told.frames, told.seed) == ("learned", "march.mp4", (0, 19), 7)
+    assert told.clip_sha256 == evidence.sha256
+    assert told.licence == "public domain"
+    assert told.report == {"loss": 0.5}
+    assert "flockbrush" in told.versions and "torch" in told.versions
+    assert "does not tell (other values describe it as well): weight of obstacle, reach of obstacle" in told.notes
+    assert "all one way" in brush.description
+    assert brush.body.length == 1.2 and brush.body.radius <= 0.6
+
+
+def test_an_interrupted_brush_says_so(march):
+    _, evidence = march
+    learned = replace(learn([evidence]), interrupted=True)
+    assert brush_of("x", learned, [evidence], seed=0).provenance.notes.startswith("Interrupted")
+
+
+def test_a_file_that_can_be_no_brush_is_refused():
+    for name in ("sheep.toml", ".brush.toml", "two words.brush.toml", "ü.brush.toml"):
+        with pytest.raises(ProblemsError):
+            name_of(name)
+    assert name_of("some/where/sheep-2.brush.toml") == "sheep-2"
+
+
+def test_a_mill_is_said_to_go_round():
+    assert order_of(evidence_of_truth(herd("mill", 40, 0.6, 12.5, 0), grid=10))[1] > 0.6
+
+
+# pictures and pages ------------------------------------------------------------------------------
+
+
+def test_an_animal_of_the_clip_and_its_double_stand_at_the_same_pixel(march):
+    path, evidence = march
+    stage = Stage(evidence, shipped().get("march"))
+    film = cv2.VideoCapture(str(path))
+    frame = [film.read()[1] for _ in range(8)][7]
+    rows = evidence.sightings.of(7)
+    clip = stage.film(frame, 7).astype(int)
+    bare = stage.herd(np.zeros((0, 2)), np.zeros((0, 2)), 0.0).astype(int)
+    drawn = stage.herd(evidence.sightings.xy[rows], evidence.sightings.forward[rows], 0.0).astype(int)
+    bodies = clip.min(-1) > 150  # white sheep on green
+    doubles = np.abs(drawn - bare).sum(-1) > 60
+    middles = [np.argwhere(mask).mean(0) for mask in (bodies, doubles)]
+    assert np.abs(middles[0] - middles[1]).max() < 0.35 * stage.scale
+    assert (bodies & doubles).sum() > 0.5 * min(bodies.sum(), doubles.sum())
+
+
+def test_a_page_escapes_what_it_is_told():
+    page = Page('<sheep> & "goats"')
+    page.say("<script>alert(1)</script>")
+    page.table(["a<b", "n"], [[("x&y", "good"), 1]])
+    text = page.text()
+    assert "<script>" not in text
+    assert parsed(text).find("head/title").text == '<sheep> & "goats"'
+
+
+def test_the_report_is_one_well_formed_page_with_its_pictures_in_it(march, tmp_path):
+    _, evidence = march
+    learned = learn([evidence])
+    brush = brush_of("lambs", learned, [evidence], seed=0)
+    made = compared(evidence, [simulated(evidence, brush)])
+    counts = [{"factor": 1, "animals": 30, "polarization": 1.0, "milling": 0.0, "spacing": 0.8, "together": 1.0}]
+    found = Findings(brush, [evidence], evidence, learned, None, made, [], counts, command="flockbrush learn x")
+    files = write_report(found, tmp_path)
+    text = files[0].read_text(encoding="utf-8")
+    tree = parsed(text)
+    assert 'src="http' not in text and "<link" not in text
+    images = [image.get("src") for image in tree.iter("img")]
+    assert len(images) >= 5
+    for image in images:
+        data = np.frombuffer(base64.b64decode(image.split(",", 1)[1]), np.uint8)
+        assert cv2.imdecode(data, cv2.IMREAD_COLOR) is not None
+    said = " ".join(tree.itertext())
+    for words in ("too short to hold a part of it back", "not told", "flockbrush learn x", evidence.sha256):
+        assert words in said
+    assert {"order.png", "parameters.png", "loss.png", "figures.json"} <= {file.name for file in files}
+
+
+def test_what_nobody_measured_is_left_out_of_the_page(march):
+    _, evidence = march
+    learned = replace(learn([evidence]), interrupted=True)
+    brush = brush_of("lambs", learned, [evidence], seed=0)
+    found = Findings(brush, [evidence], evidence, learned)
+    assert "interrupted" in page_of(found, {}).text()
+    assert as_json(found)["interrupted"] is True and "compared" not in as_json(found)
+
+
+def test_of_a_clip_that_cannot_be_learned_from_the_page_shows_what_was_seen(tmp_path):
+    mask = np.zeros((20, 30), bool)
+    mask[5:9] = True
+    picture = np.full((20, 30, 3), 90, np.uint8)
+    seen = {"first_frame": 3, "pictures": {"first frame": picture, "mask": mask}}
+    page = write_partial(tmp_path, "sky.mp4", "sky.mp4: no animals", seen)
+    tree = parsed(page.read_text(encoding="utf-8"))
+    assert len(list(tree.iter("img"))) == 2
+    assert "first frame" in " ".join(tree.itertext())
+
+
+def test_a_chart_without_numbers_is_drawn_empty():
+    nothing = Line("clip", np.arange(3), np.full(3, np.nan), (0, 0, 0))
+    rows = Rows("p", [Row(name, 0.5, np.array([0.4]), k % 2 == 0) for k, name in enumerate(NAMES)])
+    image = sheet([Chart("none", "s", [nothing]), rows])
+    assert image.shape[1] % SCALE == 0 and image.min() < 100
+
+
+def test_a_command_leaves_out_what_nobody_said():
+    said = command_line("learn", ["a b.mp4"], {"--out": "x.brush.toml", "--quick": True, "--seed": 0, "--frames": None})
+    assert said == "flockbrush learn 'a b.mp4' --out x.brush.toml --quick --seed 0"
+
+
+# photographs --------------------------------------------------------------------------------------
+
+
+def photo(headings):
+    """A hundred animals on a lattice, in one picture."""
+    truth = herd("own:graze", 100, 0.2, 12.5, 0)
+    xy = np.stack(np.meshgrid(np.arange(10.0), np.arange(10.0)), -1).reshape(-1, 2) * 2
+    truth.xy[:], truth.forward[:] = xy, np.stack([np.cos(headings), np.sin(headings)], -1)
+    return evidence_of_truth(truth, grid=10).part(slice(0, 1))
+
+
+def test_bodies_that_lie_alike_have_no_variance_whichever_end_the_head_is():
+    heads = np.where(np.arange(100) % 2 == 0, 0.3, 0.3 + np.pi)
+    variance, told = angular_variance(photo(heads))
+    assert told and np.nanmax(variance) < 1
+
+
+def test_bodies_that_lie_at_random_have_the_variance_of_chance():
+    variance, told = angular_variance(photo(np.random.default_rng(0).uniform(-np.pi, np.pi, 100)))
+    assert told and 1500 < np.nanmean(variance) < 3500
+
+
+def test_a_photograph_stands_still_and_nobody_is_known_to_move():
+    still = standing(replace(photo(np.zeros(100)), sightings=None), speed=0.7, seconds=2.0)
+    fields = still.fields
+    assert len(fields) == 25 and not fields.occupied.any()
+    assert (fields.density == fields.density[0]).all()
+    assert np.nanmin(fields.angular_variance) == RANDOM
+    assert still.speed.mean == 0.7
+    assert any("as told" in note for note in still.notes)
+
+
+# regions ------------------------------------------------------------------------------------------
+
+
+def painted(path, *colours, size=(40, 30)):
+    """A mask with stripes, red, green, blue."""
+    stripes = np.zeros((*size[::-1], 3), np.uint8)
+    for k, colour in enumerate(colours):
+        stripes[:, size[0] * k // len(colours) : size[0] * (k + 1) // len(colours)] = colour
+    cv2.imwrite(str(path), stripes[:, :, ::-1])
+    return path
+
+
+def test_regions_have_the_words_of_their_colours(tmp_path):
+    found = regions_of(painted(tmp_path / "m.png", (0, 0, 255), (0, 0, 0), (255, 0, 0), (10, 20, 30)))
+    assert [(r.number, r.word) for r in found] == [(1, "blue"), (2, "2"), (3, "red")]
+
+
+def test_a_mask_that_is_none_is_told_why(tmp_path):
+    (tmp_path / "text.png").write_text("no picture")
+    noise = np.random.default_rng(0).integers(0, 255, (30, 30, 3), dtype=np.uint8)
+    cv2.imwrite(str(tmp_path / "photo.png"), noise)
+    for name, words in (
+        ("text.png", "no picture"),
+        ("photo.png", "colours"),
+        ("none.png", "no such file"),
+    ):
+        with pytest.raises(ProblemsError, match=words):
+            regions_of(tmp_path / name)
+    with pytest.raises(ProblemsError, match="all black"):
+        regions_of(painted(tmp_path / "black.png", (0, 0, 0)))
+
+
+def test_a_region_has_only_its_own_animals(march, tmp_path):
+    path, _ = march
+    mask = painted(tmp_path / "m.png", *[(255, 0, 0), (0, 0, 255)] * 6, size=(320, 240))
+    evidence = observe(path, regions=mask)
+    parts = [within(evidence, region) for region in regions_of(mask)]
+    assert all(part is not None for part in parts)
+    assert sum(len(part.sightings.xy) for part in parts) == len(evidence.sightings.xy)
+    for part in parts:
+        row, column, inside = part.fields.cells_of(part.sightings.xy)
+        assert len(set(part.fields.region[row, column])) == 1
+        assert part.fields.count.mean() == pytest.approx(len(part.sightings.xy) / len(part.sightings), rel=0.01)
