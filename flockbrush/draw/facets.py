@@ -38,95 +38,43 @@ def haze_at(depth, clear):
 
 
 @kernel
-def paint_world(frame, clip, cam, floor, clear, inks, texture, levels, width, height):
-    """Sky, ground to the horizon, and the picture of a level lying on it.
-
-    Parameters
-    ----------
-    inks : (3, 3)
-        Sky at the horizon and above, ground.
-    texture : (bytes,) uint8
-        The level's picture in ever smaller sizes, north above; empty for none.
-    levels : (k, 3) int64
-        First byte, rows and columns of each size.
-    width, height : float
-        Of the level, m.
-    """
-    focal, mx, my = cam[12], cam[13], cam[14]
+def paint_sky(frame, clip, cam, floor, clear, inks):
+    """Sky, and bare ground to the horizon; `inks` (3, 3): sky at the horizon and above, ground."""
     for row in range(clip[1], clip[3]):
-        y = (my - row - 0.5) / focal
+        y = (cam[14] - row - 0.5) / cam[12]
         fall = cam[11] + y * cam[8]
         if fall > -1e-6:
-            share = min(max(fall, 0.0) / 0.55, 1.0) ** 0.7
-            _fill(frame, row, clip, inks[0], inks[1], share)
-            continue
-        depth = (cam[2] - floor) / -fall
-        fog = haze_at(depth, clear)
-        _fill(frame, row, clip, inks[2], inks[0], fog)
-        if len(levels) == 0:
-            continue
-        x0, y0 = cam[0] + depth * (cam[9] + y * cam[6]), cam[1] + depth * (cam[10] + y * cam[7])
-        sx, sy = depth * cam[3] / focal, depth * cam[4] / focal
-        low, high = _within(x0, sx, width, clip[0] - mx, clip[2] - mx)
-        low, high = _within(y0, sy, height, low, high)
-        left, right = max(int(np.ceil(low + mx - 0.5)), clip[0]), min(int(np.floor(high + mx - 0.5)) + 1, clip[2])
-        if right <= left:
-            continue
-        deeper = depth * depth / (cam[2] - floor) / focal  # m of ground from this row to the next, about
-        size = np.sqrt(depth / focal * min(deeper, 6.0 * depth / focal)) * levels[0, 2] / width
-        level = min(max(int(np.floor(np.log2(max(size, 1e-9)) + 0.4)), 0), len(levels) - 1)
-        x0, y0 = x0 + (left + 0.5 - mx) * sx, y0 + (left + 0.5 - mx) * sy
-        rows, columns = levels[level, 1], levels[level, 2]
-        u, v = x0 / width * columns - 0.5, (height - y0) / height * rows - 0.5
-        _spread(
-            frame[row, left:right], texture[levels[level, 0] :], rows, columns, u, v, sx / width * columns,
-            -sy / height * rows, inks[0], fog,
-        )  # fmt: skip
+            first, second, share = 0, 1, min(max(fall, 0.0) / 0.55, 1.0) ** 0.7
+        else:
+            first, second, share = 2, 0, haze_at((cam[2] - floor) / -fall, clear)
+        red = np.uint8(inks[first, 0] + (inks[second, 0] - inks[first, 0]) * share + 0.5)
+        green = np.uint8(inks[first, 1] + (inks[second, 1] - inks[first, 1]) * share + 0.5)
+        blue = np.uint8(inks[first, 2] + (inks[second, 2] - inks[first, 2]) * share + 0.5)
+        for col in range(clip[0], clip[2]):
+            frame[row, col, 0] = red
+            frame[row, col, 1] = green
+            frame[row, col, 2] = blue
 
 
 @kernel
-def _fill(frame, row, clip, one, other, share):
-    """Paint a row in a mix of two colours."""
-    red = np.uint8(one[0] + (other[0] - one[0]) * share + 0.5)
-    green = np.uint8(one[1] + (other[1] - one[1]) * share + 0.5)
-    blue = np.uint8(one[2] + (other[2] - one[2]) * share + 0.5)
-    for col in range(clip[0], clip[2]):
-        frame[row, col, 0] = red
-        frame[row, col, 1] = green
-        frame[row, col, 2] = blue
-
-
-@kernel
-def _within(start, step, size, low, high):
-    """Of the range from low to high, where ``start + at * step`` lies between 0 and size."""
-    if abs(step) < 1e-12:
-        return (low, high) if 0 <= start <= size else (1.0, 0.0)
-    a, b = -start / step, (size - start) / step
-    return max(low, min(a, b)), min(high, max(a, b))
-
-
-@kernel
-def _spread(line, texture, rows, columns, u, v, du, dv, haze, fog):
-    """Lay one row (k, 3) of a picture, from column u and row v on in even steps."""
-    keep = np.int32(256 * (1.0 - fog))
-    h0, h1, h2 = np.int32(haze[0] * fog * 256), np.int32(haze[1] * fog * 256), np.int32(haze[2] * fog * 256)
-    most_u, most_v = columns - 1.001, rows - 1.001
-    right, down = 3 * min(1, columns - 1), 3 * columns * min(1, rows - 1)
+def hide_in_haze(line, haze, fog):
+    """Take colour away from one row (k, 3): `fog` of 256 is haze."""
+    keep = np.uint16(256 - fog)
+    h0, h1, h2 = np.uint16(haze[0] * fog), np.uint16(haze[1] * fog), np.uint16(haze[2] * fog)
     for k in range(len(line)):
-        x, y = min(max(u + k * du, 0.0), most_u), min(max(v + k * dv, 0.0), most_v)
-        ix, iy = int(x), int(y)
-        fx, fy = np.int32((x - ix) * 128), np.int32((y - iy) * 128)
-        at = 3 * (iy * columns + ix)
-        nw, ne, sw = (128 - fx) * (128 - fy), fx * (128 - fy), (128 - fx) * fy
-        se = fx * fy
-        c0 = nw * texture[at] + ne * texture[at + right] + sw * texture[at + down] + se * texture[at + down + right]
-        at += 1
-        c1 = nw * texture[at] + ne * texture[at + right] + sw * texture[at + down] + se * texture[at + down + right]
-        at += 1
-        c2 = nw * texture[at] + ne * texture[at + right] + sw * texture[at + down] + se * texture[at + down + right]
-        line[k, 0] = np.uint8(((c0 >> 14) * keep + h0) >> 8)
-        line[k, 1] = np.uint8(((c1 >> 14) * keep + h1) >> 8)
-        line[k, 2] = np.uint8(((c2 >> 14) * keep + h2) >> 8)
+        line[k, 0] = np.uint8((np.uint16(line[k, 0]) * keep + h0) >> 8)
+        line[k, 1] = np.uint8((np.uint16(line[k, 1]) * keep + h1) >> 8)
+        line[k, 2] = np.uint8((np.uint16(line[k, 2]) * keep + h2) >> 8)
+
+
+@kernel
+def haze_ground(frame, clip, cam, floor, clear, haze):
+    """Lay the haze over ground that is drawn without."""
+    for row in range(clip[1], clip[3]):
+        fall = cam[11] + (cam[14] - row - 0.5) / cam[12] * cam[8]
+        if fall < -1e-6:
+            fog = int(256 * haze_at((cam[2] - floor) / -fall, clear) + 0.5)
+            hide_in_haze(frame[row, clip[0] : clip[2]], haze, fog)
 
 
 @kernel
@@ -379,6 +327,8 @@ def draw_ways(frame, depth, clip, cam, ways, first, last, colour, inks, strength
             gap = 0.0
             for c in range(3):
                 gap += (ways[at, i, c] - ways[was, i, c]) ** 2
+            if before and k < count and (x - bx) ** 2 + (y - by) ** 2 < 9.0 and gap <= longest * longest:
+                continue  # pixels: too short a step to be drawn alone
             if before and gap <= longest * longest:
                 col, row = int((x + bx) / 2), int((y + by) / 2)
                 seen = clip[0] <= col < clip[2] and clip[1] <= row < clip[3] and depth[row, col] <= NEARER / rz

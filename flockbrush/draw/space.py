@@ -12,15 +12,15 @@ A herd is that of the plan, with heights and headings in space: `Herd.xy` and `H
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flockbrush.draw.animals import KINDS, NO_WINGS, look_colours
 from flockbrush.draw.bodies import SMALLEST, SUN, draw_bodies, standing
-from flockbrush.draw.camera import checked_size
+from flockbrush.draw.camera import Camera, checked_size
 from flockbrush.draw.canvas import Canvas
-from flockbrush.draw.facets import draw_faces, draw_grid, draw_spots, draw_ways, paint_world
+from flockbrush.draw.facets import draw_faces, draw_grid, draw_spots, draw_ways, haze_ground, paint_sky
 from flockbrush.draw.ground import nice
 from flockbrush.draw.herd import EMPTY, Herd, checked, refuse_nan
 from flockbrush.draw.hud import Hud, Layout
@@ -32,10 +32,13 @@ from flockbrush.draw.strokes import draw_lines, draw_rings
 from flockbrush.draw.style import mix, theme_of
 from flockbrush.draw.ways import Ways
 
-TEXTURE = 2048  # pixels of the longer side of a level's picture on the ground
+TEXTURE = 1536  # pixels of the longer side of a level's picture on the ground
+CLOSE = 1536  # pixels of a side of the picture of what one looks at, which is finer
+FINER = 1.4  # times finer it must be than the whole to be worth drawing
 SIGHT = 7.0  # times the size of the scene: what is farther is more haze than colour
 LINES = 90.0  # pixels between two thin lines of the grid, about
 GRID = 42.0  # lines from its middle to where it has faded
+MANY = 30  # animals: the ways of more are fainter, that one still sees who flies there
 WALL = 1.6  # m, or body lengths if those are longer: what has been told no height
 ELBOW = 1.5  # body lengths free around a herd that is looked at
 
@@ -92,9 +95,12 @@ class SpacePainter:
         self.hud = Hud(self.layout, self.theme)
         self.trails = Ways(trails) if trails else None
         self.plan = None if level is None else _plan(level, self.theme, brushes, live)
-        self._ground = _Texture()
+        self._close = None if self.plan is None else _close(self.plan)
+        self._ground, self._near = _Texture(), _Texture()
         self._stood: tuple = (None, None)
         self._world: tuple = (None, None, None)
+        self._sheets = np.empty((*self.size[::-1], 3), np.uint8), np.zeros(self.size[::-1], np.float32)
+        self._sheets[0][:] = self.theme.paper
         self._colours: tuple = (None, None)
         self._bodies: Bodies | None = None
         self.camera = self.home
@@ -139,18 +145,46 @@ class SpacePainter:
 
     def repaint(self, box):
         """Draw a part of the ground anew: (west, south, east, north) in metres, or "all"."""
-        if self.plan is not None:
-            self.plan.repaint(box)
-            self._ground.stale = True
-            if isinstance(box, str):
-                self._stood = (None, None)
+        for painter, texture in self._pictures():
+            painter.repaint(box)
+            texture.stale = True
 
     def refine(self, budget=0.004) -> bool:
         """Go on drawing the ground for about so many seconds; True when nothing is left to draw."""
-        if self.plan is None or (not self.plan.tiles.stale and self.plan.tiles.camera is not None):
-            return True
-        self._ground.stale = True
-        return self.plan.refine(budget)
+        done = True
+        for painter, texture in self._pictures():
+            if painter.tiles.camera is None or painter.tiles.stale:
+                texture.stale = True
+                done &= painter.refine(budget)
+        return done
+
+    def _pictures(self):
+        """(painter, texture) of the whole level, and of what one looks at where that is too coarse."""
+        if self.plan is None:
+            return []
+        aim = self._aim()
+        if aim is None:
+            self._near.sizes = []
+            return [(self.plan, self._ground)]
+        if aim != self._close.camera:
+            self._close.look(aim)
+            self._near.stale = True
+        return [(self.plan, self._ground), (self._close, self._near)]
+
+    def _aim(self):
+        """The view straight down on what the camera looks at, None where the picture of the whole level will do.
+
+        It moves in quarters of its side and by powers of two, so that it is seldom drawn anew, and then in part.
+        """
+        wanted = 2.0 ** np.floor(np.log2(0.8 * self.camera.scale))
+        scale = float(min(wanted, 512.0))
+        if scale < FINER * self.plan.camera.scale:
+            return None
+        side = CLOSE / scale
+        x, y = np.round(self._grid_middle() / (side / 4)) * (side / 4)
+        if not (-side / 2 < x < self.level.width + side / 2 and -side / 2 < y < self.level.height + side / 2):
+            return None
+        return Camera((float(x), float(y)), scale, (CLOSE, CLOSE), (0, 0, CLOSE, CLOSE))
 
     def ground_height(self, xy) -> np.ndarray:
         """Height of the ground under points (n, 2), m: what is drawn flat."""
@@ -201,7 +235,7 @@ class SpacePainter:
 
     def frame(
         self, herd: Herd = EMPTY, time=None, title=None, measures=None, legend=True, trails=True, out=None, under=None,
-        selected=None,
+        news=None, selected=None,
     ):  # fmt: skip
         """The animals of one moment.
 
@@ -217,7 +251,7 @@ class SpacePainter:
         out : (h, w, 3) uint8 array, optional
             Draw into this one, and return it.
         under : callable, optional
-            Draws on the ground's picture, given that and its `Camera`, and says whether it did.
+            Draws on a picture of the ground, given that and its `Camera`; `news` changes when it would draw otherwise.
         selected : int, optional
             Of `Herd.ids`: who is marked.
 
@@ -234,7 +268,7 @@ class SpacePainter:
         bodies = self._bodies = self.bodies_of(herd, told)
         if self.plan is not None:
             self.plan._learn(herd)
-        frame, depth = self._backdrop(herd, out, under)
+        frame, depth = self._backdrop(herd, out, under, news)
         colours = self._looks(herd)
         kind = np.where(herd.predator, 2, herd.leader.astype(np.int64))
         known = len(colours) // KINDS - 1
@@ -251,7 +285,6 @@ class SpacePainter:
         self._animals(frame, depth, clip, cam, herd, bodies, brush * KINDS + kind, colours)
         if row is not None:
             self._ring(frame, clip, herd, bodies, row)
-        self._compass(frame)
         self._words(frame, herd, title, time, measures, legend, colours)
         return frame
 
@@ -278,14 +311,18 @@ class SpacePainter:
 
     # its parts ---------------------------------------------------------------------------
 
-    def _backdrop(self, herd, out, under):
+    def _backdrop(self, herd, out, under, news):
         """A copy of everything that does not move, and its depths."""
         tall = max(WALL, float(np.median(herd.length)) if len(herd.xy) else 0.0)
         faces, lit = self.faces(tall)
-        texture = self._texture(under)
-        key = (self.camera, texture.version, id(faces))
+        if self.plan is not None and not self.live:
+            for box in getattr(self.level, "changes", list)():
+                self.repaint(box)
+        for painter, texture in self._pictures():
+            self._take(painter, texture, under, news)
+        key = (self.camera, self._ground.version, self._near.version, id(faces))
         if self._world[0] != key:
-            self._world = (key, *self._paint_world(texture, faces, lit))
+            self._world = (key, *self._paint_world(faces, lit))
         _, image, depth = self._world
         if out is None:
             return image.copy(), depth
@@ -296,42 +333,43 @@ class SpacePainter:
         np.copyto(out, image)
         return out, depth
 
-    def _texture(self, under):
-        """The picture of the ground, with what lies upon it."""
-        texture = self._ground
-        if self.plan is None:
-            return texture
-        picture = self.plan.ground
-        if not self.live:
-            self._ground.stale |= bool(getattr(self.level, "changes", list)())
+    def _take(self, painter, texture, under, news):
+        """Bring a picture of the ground up to date, with what lies upon it."""
+        picture = painter.ground
+        news = None if under is None else news
+        if not texture.stale and texture.source is picture and texture.news == news and texture.sizes:
+            return
         if under is not None:
             laid = picture.copy()
-            if under(laid, self.plan.camera):
-                texture.take(laid)
-                texture.stale = True  # who lies there moves
-                return texture
-        if texture.stale or texture.source is not picture:
-            texture.take(picture)
-        return texture
+            under(laid, painter.camera)
+            texture.take(laid, painter.camera, self.level, news)
+        else:
+            texture.take(picture, painter.camera, self.level)
+        texture.source = picture
 
-    def _paint_world(self, texture, faces, lit):
+    def _paint_world(self, faces, lit):
         theme, camera = self.theme, self.camera
-        width, height = self.size
-        image, depth = np.empty((height, width, 3), np.uint8), np.zeros((height, width), np.float32)
-        image[:] = theme.paper
+        image, depth = self._sheets
+        depth[:] = 0.0
         sky, zenith = sky_of(theme)
         land = mix(theme.ground, theme.paper, 0.45)
-        inks = np.array([sky, zenith, land], float)
         clip, cam = np.array(self.view, np.int64), camera.numbers()
-        across, along = (self.level.width, self.level.height) if self.level is not None else (1.0, 1.0)
-        paint_world(
-            image, clip, cam, self.floor, self.clear, inks, texture.bytes, texture.levels, float(across), float(along)
-        )
+        haze = np.array(sky, float)
+        if self._ground.sizes:
+            land = mix(land, theme.ground, 0.3)
+            paint_sky(image, clip, cam, self.floor, 1e12, np.array([sky, zenith, land], float))
+            for texture in (self._ground, self._near):
+                if texture.sizes:
+                    texture.lay(image, self.view, camera)
+            haze_ground(image, clip, cam, self.floor, self.clear, haze)
+        else:
+            paint_sky(image, clip, cam, self.floor, self.clear, np.array([sky, zenith, land], float))
         x, y = self._grid_middle()
         line = np.array(mix(theme.muted, theme.ground, 0.1), float)
         draw_grid(image, clip, cam, self.floor, x, y, self.spacing, GRID * self.spacing, line, 0.75)
         order = faces.seen(camera)
-        draw_faces(image, depth, clip, cam, faces.corners, order, lit, faces.alphas, self.clear, np.array(sky, float))
+        draw_faces(image, depth, clip, cam, faces.corners, order, lit, faces.alphas, self.clear, haze)
+        self._compass(image)
         return image, depth
 
     @property
@@ -382,8 +420,9 @@ class SpacePainter:
         size = 1e9 if self.level is None else 0.4 * min(self.level.width, self.level.height)
         inks = np.ascontiguousarray(colours[::KINDS, 0])
         longest = float(max(min(size, 1e9), 1.0))
+        strength = self.theme.trail * min(1.0, (MANY / max(len(brush), 1)) ** 0.35)
         draw_ways(
-            frame, depth, clip, cam, ways.places, ways.first, ways.last, brush, inks, self.theme.trail, longest,
+            frame, depth, clip, cam, ways.places, ways.first, ways.last, brush, inks, strength, longest,
             self.clear, np.array(sky_of(self.theme)[0], float),
         )  # fmt: skip
 
@@ -442,11 +481,11 @@ class SpacePainter:
     # words ------------------------------------------------------------------------------------
 
     def _compass(self, frame):
-        """Where east, north and up are, and how wide a square of the grid is, in the lower right corner."""
+        """Where east, north and up are, and how wide a square of the grid is, in the upper right corner."""
         theme, unit, camera = self.theme, self.layout.unit, self.camera
         canvas = Canvas(frame, self.view)
         long = 26.0 * unit
-        middle = np.array([self.view[2] - 52.0 * unit, self.view[3] - 52.0 * unit])
+        middle = np.array([self.view[2] - 52.0 * unit, self.view[1] + 50.0 * unit])
         right, up, ahead = camera.axes
         tips = np.stack([right, -up], axis=1) * long
         inks = (theme.predator, theme.exit, theme.link)
@@ -457,7 +496,7 @@ class SpacePainter:
             height = max(10, round(12 * unit))
             canvas.words(("E", "N", "up")[k], word, height, theme.ink, anchor=(0.5, 0.5), halo=theme.paper)
         text = f"grid {_metres(self.spacing)}"
-        at = (self.view[2] - 52 * unit, self.view[3] - 9 * unit)
+        at = (self.view[2] - 52 * unit, self.view[1] + 106.0 * unit)
         canvas.words(text, at, max(10, round(12 * unit)), theme.ink, anchor=(0.5, 1), halo=theme.paper)
 
     def _words(self, frame, herd, title, time, measures, legend, colours):
@@ -468,28 +507,79 @@ class SpacePainter:
 
 
 class _Texture:
-    """The ground's picture in ever smaller sizes, so that what is far does not glitter."""
+    """A picture that lies on the ground, in ever smaller sizes, so that what is far does not glitter."""
 
     def __init__(self):
         self.source, self.stale, self.version = None, True, 0
-        self.bytes, self.levels = np.zeros(1, np.uint8), np.zeros((0, 3), np.int64)
+        self.sizes: list = []
+        self.camera: Any = None  # Camera, of the picture
+        self.news: Any = None
 
-    def take(self, picture):
-        """Take over a picture (h, w, 3)."""
+    def take(self, picture, camera, level, news=None):
+        """Take over the part of a picture (h, w, 3) that shows the level, and the camera that drew it."""
         import cv2
 
-        sizes, image = [], picture
+        (left, bottom), (right, top) = camera.pixels(((0, 0), (level.width, level.height)))
+        left, top = max(round(left), 0), max(round(top), 0)
+        right, bottom = min(round(right), camera.size[0]), min(round(bottom), camera.size[1])
+        self.stale, self.news = False, news
+        self.version += 1
+        self.sizes = []
+        if right - left < 2 or bottom - top < 2:
+            return
+        middle = tuple(camera.metres(((left + right) / 2, (top + bottom) / 2)).tolist())
+        size = (right - left, bottom - top)
+        camera = Camera(middle, camera.scale, size, (0, 0, *size))
+        sizes, image = [], picture[top:bottom, left:right]
         while True:
             sizes.append(image)
             height, width = image.shape[:2]
-            if max(height, width) <= 2:
+            if max(height, width) <= 16:
                 break
             image = cv2.resize(image, (max(1, width // 2), max(1, height // 2)), interpolation=cv2.INTER_AREA)
-        first = np.cumsum([0] + [size.size for size in sizes[:-1]])
-        self.levels = np.array([(f, *s.shape[:2]) for f, s in zip(first, sizes, strict=True)], np.int64)
-        self.bytes = np.concatenate([size.reshape(-1) for size in sizes])
-        self.source, self.stale = picture, False
-        self.version += 1
+        self.sizes, self.camera = sizes, camera
+
+    def lay(self, image, view, camera):
+        """Draw it on the ground as a camera sees it, in bands of rows: a row is of one depth, and takes one size."""
+        left, top, right, bottom = view
+        rows = np.arange(top, bottom) + 0.5
+        fall = camera.rays(np.column_stack([np.zeros(len(rows)), rows]))[:, 2]
+        depth = (camera.eye[2] - camera.floor) / np.maximum(-fall, 1e-9)
+        flat = depth / camera.focal  # m of ground in a pixel across, and down
+        down = np.minimum(flat * depth / max(camera.eye[2] - camera.floor, 1e-9), 6.0 * flat)
+        texels = np.sqrt(flat * down) * self.camera.scale
+        level = np.floor(np.log2(np.maximum(texels, 1e-9)) + 0.4)
+        level = np.where(fall < -1e-6, np.clip(level, 0, len(self.sizes) - 1), -1).astype(int)
+        ends = np.flatnonzero(np.diff(level)) + 1
+        for start, stop in zip([0, *ends], [*ends, len(level)], strict=True):
+            if level[start] >= 0:
+                self._band(image[top + start : top + stop, left:right], level[start], (left, top + start), camera)
+
+    def _band(self, part, level, corner, camera):
+        """Draw some rows of the picture, whose upper left pixel is `corner`, from one of the sizes."""
+        import cv2
+
+        size = self.sizes[level]
+        right, up, ahead = camera.axes
+        (mx, my), focal, eye = camera.middle, camera.focal, camera.eye
+        # a pixel's ray, then where it meets the ground, then the pixel of the picture there: three matrices
+        ray = np.column_stack([right / focal, -up / focal, ahead - right * mx / focal + up * my / focal])
+        high = eye[2] - camera.floor
+        ground = np.array([[high, 0, -eye[0]], [0, high, -eye[1]], [0, 0, -1.0]])
+        own = self.camera
+        wide, tall = size.shape[1] / self.sizes[0].shape[1], size.shape[0] / self.sizes[0].shape[0]
+        x, y = own.middle
+        texel = np.array(
+            [
+                [own.scale * wide, 0, (x - own.centre[0] * own.scale) * wide - 0.5],
+                [0, -own.scale * tall, (y + own.centre[1] * own.scale) * tall - 0.5],
+                [0, 0, 1.0],
+            ]
+        )
+        shift = np.array([[1.0, 0, corner[0] + 0.5], [0, 1.0, corner[1] + 0.5], [0, 0, 1.0]])
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        whole = texel @ ground @ ray @ shift
+        cv2.warpPerspective(size, whole, part.shape[1::-1], dst=part, flags=flags, borderMode=cv2.BORDER_TRANSPARENT)
 
 
 def sky_of(theme):
@@ -502,6 +592,13 @@ def _plan(level, theme, brushes, live):
     scale = TEXTURE / max(level.width, level.height)
     size = [int(np.clip(round(side * scale), 8, TEXTURE)) for side in (level.width, level.height)]
     return Painter(level, size, theme, brushes, trails=None, words=False, labels=False, live=live)
+
+
+def _close(plan):
+    """What draws a finer picture of a part of the level, in the colours that the whole has."""
+    painter = Painter(plan.level, (CLOSE, CLOSE), plan.theme, trails=None, words=False, labels=False, live=plan.live)
+    painter.brushes = painter.tiles.brushes = plan.brushes
+    return painter
 
 
 def _identity(obstacle):

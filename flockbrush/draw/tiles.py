@@ -51,6 +51,9 @@ class Tiles:
         before = getattr(self, "_bare", None)
         self._bare = np.empty((height, width, 3), np.uint8)
         self._bare[:] = self.theme.paper
+        west, east = (np.clip(camera.pixels((x, 0))[0], 0, width).astype(int) for x in (0, self.level.width))
+        south, north = (np.clip(camera.pixels((0, y))[1], 0, height).astype(int) for y in (0, self.level.height))
+        self._bare[north:south, west:east] = self.theme.ground  # until it is drawn
         fresh = set()
         if old is not None:
             fresh = self._take_over(before, old)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 ROOM = 40  # moments kept of each animal
-MOST = 60_000  # places kept of all of them: of large herds the ways are coarser
+MOST = 24_000  # places kept of all of them: of large herds the ways are coarser
 
 
 class Ways:
@@ -43,8 +43,9 @@ class Ways:
         if not 0 <= time - self.time <= self.seconds:
             self.clear()
         self._follow(xyz, ids)
+        self._begun = max(self._begun, time - self.seconds)
         step = self.seconds / (len(self.places) - 1)
-        if time - self._begun >= step:
+        if np.isfinite(self.time) and time - self._begun >= step:
             self._begun = time
             self.last = (self.last + 1) % len(self.places)
             if self.last == self.first:
@@ -63,9 +64,9 @@ class Ways:
             self.places[0] = xyz
         else:
             self.places = np.full((room, len(xyz), 3), np.nan)
-            order = np.argsort(known, kind="stable")
-            found = order[np.clip(np.searchsorted(known, ids, sorter=order), 0, max(len(known) - 1, 0))]
             if len(known):
+                order = np.argsort(known, kind="stable")
+                found = order[np.clip(np.searchsorted(known, ids, sorter=order), 0, len(known) - 1)]
                 here = known[found] == ids
                 self.places[:, here] = before[:, found[here]]
         self.ids = ids.copy()

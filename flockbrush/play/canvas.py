@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import replace
 from typing import Any
 
@@ -21,6 +22,7 @@ MARGIN = 14  # pixels around the map when all of it is shown, at scale 1
 TURN = 0.35  # degrees the camera goes round for each pixel the mouse is dragged
 LOW, HIGH = 14.0, 30.0  # degrees above a flock in the air, and above a herd on the ground, at the first look
 IN_AIR = {"leaders", "saved"}  # overlays that are drawn in space; others lie on the ground
+LAID = 0.1  # s between two drawings of overlays that lie on the ground in space
 FARAWAY = 6.0  # sizes of the map from which one may look at it at most
 
 
@@ -52,7 +54,8 @@ class Canvas:
         self.pointer: tuple[float, float] | None = None
         self._simulation = self._theme = None
         self._overlays = self._moment = self._other = None
-        self._followed: np.ndarray | None = None
+        self._flat: dict = {}
+        self._followed: tuple | None = None
         self._following_fit = True  # until somebody pans or zooms, the whole map is shown at every size
 
     # the camera ------------------------------------------------------------------
@@ -90,6 +93,7 @@ class Canvas:
         scenery = Scenery(simulation)
         self.painter = SpacePainter(scenery, size, self.app.theme, words=False, live=True)
         self._overlays = Overlays(scenery, self.app.theme)
+        self._flat = defaultdict(lambda: Overlays(scenery, self.app.theme))  # each picture of the ground has its own
         self.home = self.painter.home
         self.painter.refine(FIRST)
         if self.camera is None:
@@ -209,9 +213,11 @@ class Canvas:
         self._go_along()
         trails, self.painter.shadows = "trails" in app.overlays, "shadows" in app.overlays
         if self.in_space:
+            lying = self._lying()
+            news = frozenset(lying), app.selected, round(moment.time / LAID)
             self.painter.frame(
-                self.herd, moment.time, "", legend=False, trails=trails, out=self.frame, under=self._on_ground,
-                selected=app.selected,
+                self.herd, moment.time, "", legend=False, trails=trails, out=self.frame, news=news,
+                under=self._on_ground if lying else None, selected=app.selected,
             )  # fmt: skip
             self._overlays.over(self.frame, self.camera, app.overlays & IN_AIR, moment)
             return
@@ -255,18 +261,19 @@ class Canvas:
     def _under(self, frame):
         self._overlays.under(frame, self.camera, self.app.overlays, self._moment)
 
-    def _on_ground(self, picture, camera):
-        """Lay overlays on the ground's picture, as the plan has them; whether there are any."""
+    def _lying(self):
+        """Names of the overlays that lie on the ground in space."""
         app, shown = self.app, self.app.overlays
-        of_one = {name for name, overlay in OVERLAYS.items() if overlay.of_one and name in shown}
-        below = {name for name, overlay in OVERLAYS.items() if overlay.below and name in shown}
-        above = (shown & {"links"}) | (of_one if app.selected is not None else set())
-        if not below and not above:
-            return False
-        self._overlays.under(picture, camera, below, self._moment)
-        if above:
-            self._overlays.over(picture, camera, above, self._moment, app.selected)
-        return True
+        of_one = {name for name, overlay in OVERLAYS.items() if overlay.of_one and app.selected is not None}
+        below = {name for name, overlay in OVERLAYS.items() if overlay.below}
+        return shown & (below | of_one | {"links"})
+
+    def _on_ground(self, picture, camera):
+        """Lay overlays on the ground's picture, as the plan has them."""
+        shown, overlays = self._lying(), self._flat[camera.size]
+        overlays.under(picture, camera, shown, self._moment)
+        if shown & {"links", "forces", "field_of_view", "occlusion"}:
+            overlays.over(picture, camera, shown, self._moment, self.app.selected)
 
 
 def painter_of(simulation, size, theme):
