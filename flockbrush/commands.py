@@ -323,13 +323,14 @@ def check_png(output, inputs=(), hint="-o"):
 
 
 def init_levels(folder):
-    """Begin a folder for levels."""
-    from behaviours.brush import shipped
+    """Begin a folder for levels, with the brushes of its own folder ``brushes`` besides the shipped ones."""
+    from behaviours.brush import BrushLibrary, shipped
     from levels.tiled import init
 
     if folder.exists() and not folder.is_dir():
         raise NotADirectoryError(20, "this is a file; name a folder", str(folder))
-    for path in init(folder, shipped()):
+    own = [path for path in (folder / "brushes",) if path.is_dir()]
+    for path in init(folder, BrushLibrary([*own, *shipped().folders])):
         print(f"wrote {path}")
     print(f"open {folder / 'flockbrush.tiled-project'} in Tiled: F5 plays the level that is open, F6 checks it")
 
