@@ -1,0 +1,390 @@
+"""Looking at a clip: from a file of a film to everything that can be known of its herd.
+
+One after the other: open it (`clip`), take the camera's motion out (`stabilise`), find the animals' colours (`masks`),
+the size of one (`bodies`), and then frame by frame the flow of the bodies (`flow`), the fields (`fields`) and the
+single animals (`bodies`, `sightings`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from behaviours.learning.bodies import Bodies, BodySize, bodies_of, size_of_bodies
+from behaviours.learning.clip import Clip, Say, open_clip, silent
+from behaviours.learning.evidence import CannotObserve, Evidence, Sightings
+from behaviours.learning.fields import Collector, Grid, grid_over, painted, read_colours
+from behaviours.learning.flow import Flow, gap_of
+from behaviours.learning.masks import BodyColours, colours_of
+from behaviours.learning.sightings import sightings_of
+from behaviours.learning.speeds import speed_evidence
+from behaviours.learning.stabilise import Landmark, Steady, back, follow_landmarks, register, zoom_of
+from behaviours.problems import Problem, ProblemsError
+from behaviours.tomlfile import read_bytes
+
+SPECK = 0.3  # of one animal's pixels: less is none
+HERD = 0.1  # share of the pictures that animals cover, above which the ground is followed again without them
+SIZES = 9  # pictures in which the size of one animal is measured
+SMALL = 6.0  # px: shorter bodies are not told apart
+CAPSULE = 0.366  # area of a body of 1 x 0.4 with round ends, BL² [herd.md]
+LONG = 2.5  # length of a body over its width, where neither is known [herd.md]
+SLOW = 3.0  # deviations of the ground's flow: slower bodies have no direction
+
+
+@dataclass(frozen=True)
+class Glance:
+    """One frame as it is worked on, for whoever wants to draw it.
+
+    Attributes
+    ----------
+    k : int
+        Row of the clip.
+    picture, mask : ndarray
+        (h, w, 3) BGR; (h, w), 1 where animals are.
+    at, move : (n, 2) ndarray
+        Pixels of bodies, and how many pixels they move in a second, the camera taken out.
+    bodies : Bodies or None
+        In pixels of this picture.
+    """
+
+    k: int
+    picture: np.ndarray
+    mask: np.ndarray
+    at: np.ndarray
+    move: np.ndarray
+    bodies: Bodies | None
+
+
+def observe(
+    path, *, frames=None, landmarks=(), body_colour="auto", body_length_px=None, grid=30, obstacles=None, regions=None,
+    animals=True, say: Say = silent, show: Callable[[Glance, Watch], None] | None = None,
+) -> Evidence:  # fmt: skip
+    """What a clip tells of its herd.
+
+    Parameters
+    ----------
+    path : path
+        A film or a photograph.
+    frames : (int or None, int or None), optional
+        First and last frame that are used, both included, counted from 0.
+    landmarks : iterable of Landmark or (int, (x, y, w, h))
+        Rectangles on the ground, in pixels of frames of the clip; without any the ground is followed by itself.
+    body_colour : "auto" or (red, green, blue)
+    body_length_px : float, optional
+        Of one animal in the first frame, pixels of the clip; measured on those who stand alone unless given.
+    grid : int
+        Cells across the longer side of the picture.
+    obstacles, regions : path, optional
+        Painted over the first frame: white where nobody can go; a colour for each region, black for none.
+    animals : bool
+        Whether to tell single animals apart, besides the fields.
+    say : callable
+        (what is done, how many are done, of how many).
+    show : callable, optional
+        Is given every frame, to be drawn.
+
+    Raises
+    ------
+    CannotObserve
+        When the clip does not tell enough; it has what was seen.
+    ProblemsError
+        When a mask cannot be read.
+    """
+    watch = Watch.of(path, frames, landmarks, body_colour, body_length_px, grid, obstacles, regions, say)
+    return watch.evidence(animals, say, show)
+
+
+@dataclass
+class Watch:
+    """A clip of which is known how the camera moves, what animals look like and how large they are."""
+
+    clip: Clip
+    steady: Steady
+    colours: BodyColours
+    size: BodySize
+    given: bool  # whether a person told the length of a body
+    grid: Grid
+    obstacle: np.ndarray | None  # (h, w) uint8 in pixels of the first picture
+    obstacle_cells: np.ndarray | None
+    region_cells: np.ndarray | None
+    region_colours: np.ndarray | None
+    apart: bool  # whether animals can be told apart
+    notes: list[str]
+
+    @staticmethod
+    def of(path, frames, landmarks, body_colour, body_length_px, grid, obstacles, regions, say) -> Watch:
+        """Look at the whole clip once, as far as that is needed before its frames are measured."""
+        if not 2 <= int(grid) <= 400:
+            raise ValueError(f"a grid has 2 to 400 cells across, got {grid}")
+        clip = open_clip(path, frames, say)
+        painted_on = [_mask_of(mask, clip) for mask in (obstacles, regions)]
+        steady = _steady(clip, [_landmark(mark) for mark in landmarks], say)
+        say("finding the animals", 0, 1)
+        colours = colours_of(clip, steady, body_colour)
+        masks = _sampled(clip, colours)
+        if not landmarks and not clip.still and steady.moved and np.mean([m.mean() for m in masks.values()]) > HERD:
+            steady = register(clip, lambda k, picture: colours.mask(k, picture) > 0, say)
+            colours.maps = steady.maps
+        size, apart, notes = _size(clip, steady, masks, body_length_px)
+        cells = grid_over(clip.size, steady.maps, size.length, grid)
+        obstacle = None if painted_on[0] is None else (painted_on[0].max(-1) > 127).astype(np.uint8)
+        numbers, kinds = (None, None) if painted_on[1] is None else read_colours(painted_on[1])
+        if kinds is not None and len(kinds) > 32:
+            raise _refused(regions, f"has {len(kinds)} colours; regions are painted in a few, without soft edges")
+        return Watch(
+            clip, steady, colours, size, body_length_px is not None, cells,
+            None if obstacle is None else cv2.resize(obstacle, clip.size, interpolation=cv2.INTER_NEAREST),
+            None if obstacle is None else painted(obstacle, cells, clip.scale).astype(bool),
+            None if numbers is None else painted(numbers.astype(np.uint8), cells, clip.scale),
+            kinds, apart, clip.notes + steady.notes + colours.notes + notes,
+        )  # fmt: skip
+
+    def evidence(self, animals=True, say: Say = silent, show=None) -> Evidence:
+        """Measure every frame."""
+        clip, taken = self.clip, _Taken(self, animals and self.apart and self.size.length >= SMALL)
+        first = None
+        for k, picture in clip.read():
+            first = picture if first is None else first
+            for glance in taken.next(k, picture):
+                if show is not None:
+                    show(glance, self)
+            say("measuring the herd", k + 1, len(clip))
+        for glance in taken.rest():
+            if show is not None:
+                show(glance, self)
+        fields = taken.collector.fields(clip.fps, self.obstacle_cells, self.region_cells)
+        self._check(fields, taken.masks)
+        sightings = taken.sightings()
+        return Evidence(
+            name=clip.name, sha256=clip.sha256, fps=clip.fps, body_length_px=self.size.length,
+            length_source="given" if self.given else "blobs", radius_bl=0.5 * self.size.width / self.size.length,
+            fields=fields, sightings=sightings,
+            speed=None if clip.still else speed_evidence(fields, sightings, self.size.area), notes=self._notes(taken),
+            picture=first, to_pixels=self.grid.to_pixels, camera=self._camera(), region_colours=self.region_colours,
+        )  # fmt: skip
+
+    def _check(self, fields, example):
+        """Refuse a clip in which there are no animals to speak of."""
+        usual = float(np.median(fields.count))
+        if usual < 1:
+            raise CannotObserve(
+                self.clip.name,
+                f"no animals were found: what was taken for them covers {usual:.2g} animals in a usual frame; name "
+                "their colour with --body-colour R,G,B, or their length with --body-length-px",
+                {"animals": usual, "pictures": example},
+            )  # fmt: skip
+
+    def _notes(self, taken):
+        notes = list(self.notes)
+        if taken.gap > 1:
+            notes.append(f"motion was measured over {taken.gap} frames, since animals move little from one to the next")
+        if not self.apart:
+            notes.append("the animals could not be told apart; there are fields alone")
+        return notes
+
+    def _camera(self):
+        """(n, 2, 3) from full pixels of the clip to the reference picture."""
+        camera = np.array(self.steady.maps, float)
+        camera[..., :2] *= self.clip.scale
+        return camera
+
+
+class _Taken:
+    """The frames of a clip, taken one after the other."""
+
+    def __init__(self, watch: Watch, animals: bool):
+        self.watch, self.clip, self.maps = watch, watch.clip, watch.steady.maps
+        self.collector = Collector(watch.grid, self.clip.size, watch.size.area)
+        self.flow = Flow(self.clip.size, watch.size.length)
+        self.gap = 0 if self.clip.still else min(self._gap(), len(self.clip) - 1)
+        self.frames: dict[int, tuple] = {}
+        self.seen: list[Bodies] | None = [] if animals else None
+        self.moves: list[np.ndarray] = []
+        self.masks: dict[str, np.ndarray] = {}
+
+    def _gap(self):
+        """How many frames apart flow is measured, from some pairs of neighbours."""
+        n = len(self.clip)
+        rows = np.unique(np.linspace(0, n - 2, 5).round().astype(int))
+        pictures = dict(self.clip.read([k for row in rows for k in (row, row + 1)]))
+        steps = []
+        for k in rows:
+            one, other = (self.flow.small(pictures[j], self.watch.colours.mask(j, pictures[j])) for j in (k, k + 1))
+            _, move, _, _ = self.flow.between(one, other, self.maps[k], self.maps[k + 1])
+            steps.append(np.linalg.norm(move, axis=1))
+        return gap_of(np.concatenate(steps), self.watch.size.length, self.clip.fps)
+
+    def next(self, k, picture):
+        """Take a picture; the glances at all frames that could be measured now."""
+        mask = self._mask(k, picture)
+        self.frames[k] = (picture, mask, self.flow.small(picture, mask))
+        if k - self.gap >= 0:
+            yield self._measure(k - self.gap, k)
+            self.frames.pop(k - 2 * self.gap - 1, None)
+
+    def rest(self):
+        """The glances at the last frames, whose flow is measured backwards."""
+        last = len(self.clip) - 1
+        for k in range(last - self.gap + 1, last + 1):
+            yield self._measure(k, k - self.gap)
+
+    def _mask(self, k, picture):
+        mask = self.watch.colours.mask(k, picture)
+        if self.watch.obstacle is not None:
+            size = self.clip.size
+            mask[cv2.warpAffine(self.watch.obstacle, back(self.maps[k]), size, flags=cv2.INTER_NEAREST) > 0] = 0
+        return without_specks(mask, SPECK * self.watch.size.area / zoom_of(self.maps[k]) ** 2)
+
+    def _measure(self, k, other):
+        picture, mask, small = self.frames[k]
+        number, m = int(self.clip.numbers[k]), self.maps[k]
+        if k == other:
+            self.collector.add(number, mask, m, 0.0)
+            at = move = np.empty((0, 2))
+        else:
+            seconds = float(self.clip.times[other] - self.clip.times[k])
+            at, move, _, noise = self.flow.between(small, self.frames[other][2], m, self.maps[other])
+            slow = SLOW * np.nan_to_num(noise) * zoom_of(m) / self.watch.size.length / abs(seconds)
+            self.collector.add(number, mask, m, seconds, (at, move), slow)
+            move = move / seconds
+        bodies = self._bodies(k, picture, mask, at, move)
+        if not self.masks:
+            self.masks = {f"frame {number}": picture, "what looks like animals": mask * np.uint8(255)}
+        return Glance(k, picture, mask, at, move, bodies)
+
+    def _bodies(self, k, picture, mask, at, move):
+        if self.seen is None:
+            return None
+        m, zoom = self.maps[k], zoom_of(self.maps[k])
+        bodies = bodies_of(mask, scaled(self.watch.size, 1 / zoom), picture)
+        self.seen.append(bodies.moved(m))
+        self.moves.append(self._at_bodies(bodies, at, move) @ m[:, :2].T / self.clip.fps)
+        return bodies
+
+    def _at_bodies(self, bodies, at, move):
+        """(k, 2) how the middle of each body moves, px/s; NaN unknown."""
+        w, h = self.flow.size
+        where = np.full((h, w), -1)
+        x, y = np.clip(np.floor((at + 0.5) * self.flow.scale).astype(int), 0, (w - 1, h - 1)).T
+        where[y, x] = np.arange(len(at))
+        x, y = np.clip(np.floor(bodies.xy * self.flow.scale).astype(int), 0, (w - 1, h - 1)).T
+        row = where[y, x]
+        return np.where((row >= 0)[:, None], np.vstack([move, (np.nan, np.nan)])[row], np.nan)
+
+    def sightings(self) -> Sightings | None:
+        """The single animals, where they were told apart."""
+        if self.seen is None:
+            return None
+        moves = None if self.clip.still else self.moves
+        return sightings_of(self.seen, self.clip.fps, self.watch.grid.to_bl, moves)[0]
+
+
+# steps -----------------------------------------------------------------------------------
+
+
+def _landmark(mark) -> Landmark:
+    return mark if isinstance(mark, Landmark) else Landmark(int(mark[0]), *map(float, mark[1]))
+
+
+def _steady(clip, landmarks, say):
+    """The maps of the clip; those of a camera that stood are exactly none."""
+    if clip.still:
+        return Steady(np.eye(2, 3)[None], 0.0, False)
+    steady = follow_landmarks(clip, landmarks, say) if landmarks else register(clip, None, say)
+    if not steady.moved:
+        steady.maps = np.tile(np.eye(2, 3), (len(clip), 1, 1))
+    return steady
+
+
+def _sampled(clip, colours):
+    """{k: mask} of some pictures."""
+    rows = np.unique(np.linspace(0, len(clip) - 1, min(SIZES, len(clip))).round().astype(int))
+    return {k: colours.mask(k, picture) for k, picture in clip.read(rows)}
+
+
+def _size(clip, steady, masks, given):
+    """(size of one animal in pixels of the first picture, whether animals can be told apart, notes)."""
+    levelled = [_zoomed(mask, zoom_of(steady.maps[k])) for k, mask in masks.items()]
+    size = size_of_bodies(levelled)
+    apart = size is not None
+    length = None if given is None else float(given) * clip.scale
+    if size is None and length is None:
+        size = _guessed(clip, levelled)
+        note = (
+            f"no animals stand alone, so that the length of one was guessed from how wide they are, {size.length:.0f} "
+            "pixels; --body-length-px tells it"
+        )
+        return size, False, [note]
+    if size is None:
+        return BodySize(length, length / LONG, CAPSULE * length**2, 0), False, []
+    if length is not None:
+        ratio = length / size.length
+        said = f"a body is {length:.0f} pixels long as given, those who stand alone measure {size.length:.0f}"
+        return scaled(size, ratio), apart, [said] if abs(ratio - 1) > 0.25 else []
+    return size, apart, []
+
+
+def scaled(size: BodySize, ratio: float) -> BodySize:
+    """The same animal in larger pixels' number."""
+    return replace(size, length=size.length * ratio, width=size.width * ratio, area=size.area * ratio**2)
+
+
+def _zoomed(mask, zoom):
+    if abs(zoom - 1) < 0.02:
+        return mask
+    other = cv2.resize(mask * np.uint8(255), None, fx=zoom, fy=zoom, interpolation=cv2.INTER_LINEAR)
+    return (other > 127).view(np.uint8)
+
+
+def _guessed(clip, masks):
+    """A size from the width of what looks like animals: twice the usual distance of its ridges to the ground."""
+    ridges = []
+    for mask in masks:
+        away = cv2.distanceTransform(mask, cv2.DIST_L2, 5)
+        top = (away == cv2.dilate(away, np.ones((3, 3), np.uint8))) & (away > 1.0)
+        ridges.append(away[top])
+    found = np.concatenate(ridges) if ridges else np.empty(0)
+    if not len(found):
+        example = {"what looks like animals": masks[0] * np.uint8(255)} if masks else {}
+        raise CannotObserve(
+            clip.name,
+            "no animals were found; name their colour with --body-colour R,G,B, or choose other frames: --frames A:B",
+            {"pictures": example},
+        )  # fmt: skip
+    width = 2.0 * float(np.median(found))
+    return BodySize(LONG * width, width, CAPSULE * (LONG * width) ** 2, 0)
+
+
+def without_specks(mask, least):
+    """The mask without patches of fewer than ``least`` pixels."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=cv2.CV_32S)
+    keep = (stats[:, cv2.CC_STAT_AREA] >= least).astype(np.uint8)
+    keep[0] = 0
+    return keep[labels]
+
+
+def _mask_of(path, clip):
+    """A painted picture of the clip's size, BGR, or None."""
+    if path is None:
+        return None
+    raw = read_bytes(path, 1 << 28)
+    picture = cv2.imdecode(np.frombuffer(raw, np.uint8), cv2.IMREAD_COLOR) if raw else None
+    if picture is None:
+        raise _refused(path, "is no picture that can be read; a mask is a PNG painted over the clip's first frame")
+    w, h = picture.shape[1::-1]
+    if (w, h) == clip.full:
+        return picture
+    if abs(w / h - clip.full[0] / clip.full[1]) < 0.01:
+        return cv2.resize(picture, clip.full, interpolation=cv2.INTER_NEAREST)
+    raise _refused(path, f"is {w} x {h} pixels and the clip {clip.full[0]} x {clip.full[1]}; paint over a frame of it")
+
+
+def _refused(path, message):
+    return ProblemsError([Problem(str(Path(path)), None, None, message)])
+
+
+__all__ = ["Glance", "Watch", "observe"]
