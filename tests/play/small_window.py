@@ -6,6 +6,8 @@ os.environ["SDL_VIDEODRIVER"] = "dummy"
 os.environ["SDL_AUDIODRIVER"] = "dummy"
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
 
+from types import SimpleNamespace
+
 import pygame
 from pygame_gui.elements import UIPanel
 
@@ -31,6 +33,7 @@ class SmallWindow:
         self.selected, self.brush, self.memory, self.overlays = None, brush, {}, {"trails"}
         self.seconds = {"simulation": 0.004, "drawing": 0.003, "interface": 0.002}
         self.said, self.question, self.asked_theme, self.asked_scale = [], None, None, "nothing"
+        self.canvas = SimpleNamespace(in_space=False, follows=False)
         self.manager = Manager(size, look(self.theme, scale))
         self.container = UIPanel(pygame.Rect(0, 0, *size), manager=self.manager, margins=FLAT)
         self.panel = kind(self, self.manager, self.container)
@@ -47,6 +50,12 @@ class SmallWindow:
     def remember(self, **choices):
         for name, value in choices.items():
             setattr(self.settings, name, value)
+
+    def toggle_space(self):
+        self.canvas.in_space = not self.canvas.in_space
+
+    def toggle_follow(self):
+        self.canvas.follows = not self.canvas.follows
 
     def set_theme(self, name):
         self.asked_theme = name

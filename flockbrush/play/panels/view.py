@@ -14,6 +14,10 @@ ALWAYS = {
     "trails": ("Trails", "Where each animal has been in the last seconds"),
     "shadows": ("Shadows", "Shadows under the animals, and how high they fly"),
 }
+CAMERA = {
+    "space": ("In space", "Look at the herd in space (3): the middle button goes round it, the wheel comes nearer"),
+    "follow": ("Follow the herd", "The view goes with the herd, or with the selected animal (T)"),
+}
 AUTOMATIC = "automatic"
 SCALES = (0.75, 1.0, 1.25, 1.5, 2.0, 3.0)
 
@@ -44,7 +48,12 @@ class ViewPanel(Panel):
         y += px(34)
         self._label("Size of words", y)
         self.scale = self._menu([AUTOMATIC, *map(said, SCALES)], self._scale_now(), y)
-        self.scroll.set_scrollable_area_dimensions((self.wide, y + px(230)))  # room for the open drop-down
+        y = self._head("Camera", y + px(38))
+        self.camera = {}
+        for name, (words, tip) in CAMERA.items():
+            self.camera[name] = self._check(words, tip, y, self._camera_now(name))
+            y += px(26)
+        self.scroll.set_scrollable_area_dimensions((self.wide, y + px(140)))  # room for the open drop-down
 
     def close(self):
         self.scroll.kill()
@@ -53,8 +62,16 @@ class ViewPanel(Panel):
         for name, box in self.boxes.items():
             if box.is_checked != (name in self.app.overlays):
                 box.set_state(name in self.app.overlays)
+        for name, box in self.camera.items():
+            if box.is_checked != self._camera_now(name):
+                box.set_state(self._camera_now(name))
 
     def handle(self, event):
+        if event.type in (UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED) and event.ui_element in self.camera.values():
+            for name, box in self.camera.items():
+                if event.ui_element is box and box.is_checked != self._camera_now(name):
+                    (self.app.toggle_space if name == "space" else self.app.toggle_follow)()
+            return True
         if event.type in (UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED):
             for name, box in self.boxes.items():
                 if event.ui_element is box:
@@ -68,6 +85,11 @@ class ViewPanel(Panel):
             self.app.set_scale(None if event.text == AUTOMATIC else float(event.text.rstrip(" %")) / 100)
             return True
         return False
+
+    def _camera_now(self, name) -> bool:
+        """Whether the view is in space, or follows."""
+        canvas = self.app.canvas
+        return bool(canvas.in_space if name == "space" else canvas.follows)
 
     # widgets ---------------------------------------------------------------------
 
