@@ -11,11 +11,14 @@ the run itself.
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from behaviours.brush import BrushLibrary, shipped
 from behaviours.learning.camera import Camera
@@ -38,9 +41,9 @@ CIRCLING = 100  # degrees in a film, from which a flock is said to circle
 # the brush starlings, and what makes it fly as the flocks of the bars: birds 2 to 3 m from each other that keep
 # changing pace, at a polarization of about .99; and looser ones.  (parameters, speed)
 FLOCKS = {
-    "tight": ({"separation": 14, "matching_time": 2.0, "height_strength": 0.0}, {"deviation": 12.0}),
+    "tight": ({"separation": 14, "matching_time": 1.0, "height_strength": 0.0}, {"deviation": 12.0}),
     "loose": (
-        {"separation": 14, "matching_time": 3.0, "matching_strength": 0.3, "height_strength": 0.0},
+        {"separation": 14, "matching_time": 2.5, "matching_strength": 0.7, "height_strength": 0.0},
         {"deviation": 12.0},
     ),
     "very loose": (
@@ -195,8 +198,10 @@ MEASURES = "constant | error | p90 | / constant | correlation | order | directio
 def depth(cases):
     """The tables of depths."""
     flights = {n: [flight(n, seed, "tight") for seed in range(cases)] for n in BARS}
-    flown = [compute_flock(xyz) for n in BARS for xyz in flights[n]]
-    print(f"tight flocks, {cases} of each size: {_of(flown)}; {FRAMES} frames, field of view 60 degrees\n")
+    print(f"tight flocks, {cases} of each size, {FRAMES} frames, field of view 60 degrees")
+    for n in BARS:
+        print(f"{n} birds: {_of([compute_flock(xyz) for xyz in flights[n]])}")
+    print()
     print(f"| birds | noise, px | {MEASURES} bars |\n|{'---|' * 11}")
     for birds in BARS:
         for noise in (0, 0.5, 1, 2):

@@ -61,6 +61,13 @@ class Start(str, enum.Enum):
     line = "line"
 
 
+class View(str, enum.Enum):
+    """From where pictures show the herd."""
+
+    plan = "plan"
+    space = "space"
+
+
 class LiftMethod(str, enum.Enum):
     """How depths are found."""
 
@@ -85,6 +92,13 @@ Fps = Annotated[
     typer.Option(metavar="F", help="Frames per second of exports; every tick (32) unless told, 24 for USD."),
 ]
 ThemeOption = Annotated[Theme, typer.Option(help="Colours of pictures and videos.")]
+ViewOption = Annotated[View, typer.Option(help="Of pictures and videos: from straight above, or going with the herd.")]
+Azimuth = Annotated[
+    float, typer.Option(min=-360, max=360, metavar="DEG", help="In space: where one looks; 0 is east, 90 north.")
+]
+Elevation = Annotated[
+    float | None, typer.Option(min=0, max=90, metavar="DEG", help="In space: how high above the herd one is.")
+]
 UsdOption = Annotated[UsdMode, typer.Option(help="xforms: one prim for each animal, for Maya.")]
 
 
@@ -155,11 +169,19 @@ def play(
         str | None, typer.Option(metavar="NAME", help="Of the film: look, landmarks, paint, body, birds or sketch.")
     ] = None,
 ):
-    """Open a window in which a running herd is painted, tuned and directed; or, with --clip, one over a film."""
+    """Open a window in which a running herd is painted, tuned and directed; or, with --clip, one over a film.
+
+    A table instead of a level (.csv) is shown in space: a flight as `lift` and `export` write it, or, with --camera,
+    the tracks of birds, lifted.
+    """
     if clip is not None:
         from flockbrush.play.start_clip import mark_clip
 
         return mark_clip(clip, out, tracks, camera, mode, None if theme is None else theme.value, size, frames)
+    if str(level).lower().endswith(".csv"):
+        from flockbrush.play.start_lift import show_flight
+
+        return show_flight(level, camera, None if theme is None else theme.value, size, frames)
     from flockbrush.play.start import Wishes, play_level
 
     wishes = Wishes(level, brush, seed, agents, record, None if theme is None else theme.value, size, frames)
@@ -181,6 +203,9 @@ def run(
     fps: Fps = None,
     threads: Threads = None,
     theme: ThemeOption = Theme.light,
+    view: ViewOption = View.plan,
+    azimuth: Azimuth = 90.0,
+    elevation: Elevation = None,
     usd_mode: UsdOption = UsdMode.instancer,
     json: Json = False,
 ):
@@ -189,7 +214,8 @@ def run(
 
     if ticks is not None and seconds is not None:
         raise typer.BadParameter("give --ticks or --seconds, not both", param_hint="--ticks")
-    options = {"theme": theme.value, "usd_mode": usd_mode.value}
+    looks = {"theme": theme.value, "view": view.value, "azimuth": azimuth, "elevation": elevation}
+    options = {**looks, "usd_mode": usd_mode.value}
     if seconds is None and ticks is None:
         seconds = RUN_SECONDS
     run_level(Job(level, ticks, seconds, seed, agents, record, export or [], fps, threads, options, json))
@@ -223,13 +249,17 @@ def export(
     fps: Fps = None,
     threads: Threads = None,
     theme: ThemeOption = Theme.light,
+    view: ViewOption = View.plan,
+    azimuth: Azimuth = 90.0,
+    elevation: Elevation = None,
     usd_mode: UsdOption = UsdMode.instancer,
     json: Json = False,
 ):
     """Write a recording as a video, a picture, a table or a scene."""
     from flockbrush.commands import export_recording
 
-    export_recording(recording, to, fps, threads, {"theme": theme.value, "usd_mode": usd_mode.value}, json)
+    looks = {"theme": theme.value, "view": view.value, "azimuth": azimuth, "elevation": elevation}
+    export_recording(recording, to, fps, threads, {**looks, "usd_mode": usd_mode.value}, json)
 
 
 @app.command()

@@ -125,15 +125,41 @@ def fly(formation_path, birds, frames, fps, seed, left, exchange, method, epsilo
 
 def make_brush(formation_path, out, like):
     """A brush that flies as an example does."""
+    _allow([out], [formation_path])
+    formation = load_formation(formation_path)
+    learned = write_brush(formation, out, like, str(formation.provenance.get("marks", formation_path.name)))
+    say(
+        f"{out}: "
+        + ", ".join(f"{key} {value if isinstance(value, str) else round(value, 3)}" for key, value in learned.items())
+    )
+
+
+def write_brush(formation, out, like, source):
+    """Write a brush that flies as a formation does; the parameters it took from that.
+
+    Parameters
+    ----------
+    formation : Formation
+    out : path
+        Ends in ``.brush.toml``.
+    like : str
+        A brush of line_formation, by name or file: speed, body and everything else are its.
+    source : str
+        What the formation is from, for the brush's provenance.
+
+    Raises
+    ------
+    ProblemsError
+    """
     from datetime import date
 
     from behaviours.brush import Brush, Provenance, load_brush, shipped
     from behaviours.brush_writer import brush_to_toml
 
+    out = Path(out)
     if not out.name.endswith(".brush.toml"):
         raise refused(out, "a brush's name ends in .brush.toml")
-    _allow([out], [formation_path])
-    formation = load_formation(formation_path)
+    _allow([out], [])
     learned = parameters_of(formation)
     base = load_brush(like) if like.endswith(".brush.toml") else shipped().get(like)
     if base.model != "line_formation":
@@ -141,7 +167,7 @@ def make_brush(formation_path, out, like):
     made = Brush(
         name=out.name.removesuffix(".brush.toml"),
         model=base.model,
-        description=f"Flies as in {formation.name or formation_path.name}.",
+        description=f"Flies as in {formation.name or source}.",
         colour=base.colour,
         transition=base.transition,
         parameters=base.params.model_dump() | learned,
@@ -150,7 +176,7 @@ def make_brush(formation_path, out, like):
         vision=base.vision,
         provenance=Provenance(
             kind="learned",
-            source=str(formation.provenance.get("marks", formation_path.name)),
+            source=source,
             date=date.today(),
             by=f"flockbrush {flockbrush.__version__}",
             notes=f"{len(formation.usable)} of {len(formation.frames)} frames; speed and body of {like}",
@@ -158,10 +184,7 @@ def make_brush(formation_path, out, like):
     )
     write_text(out, brush_to_toml(made))
     load_brush(out)
-    say(
-        f"{out}: "
-        + ", ".join(f"{key} {value if isinstance(value, str) else round(value, 3)}" for key, value in learned.items())
-    )
+    return learned
 
 
 def parameters_of(formation):
