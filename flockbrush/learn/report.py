@@ -106,7 +106,7 @@ def _pictures(findings):
     if comparison is not None:
         made["order"] = sheet([_chart(comparison, name, (0.0, 1.0)) for name in ORDER if _told(comparison, name)])
         made["errors"] = sheet([_error_chart(comparison, name) for name in ERRORS])
-        crowd = [_chart(comparison, name) for name in CROWD if _told(comparison, name)]
+        crowd = [_chart(comparison, name, _from_zero(comparison, name)) for name in CROWD if _told(comparison, name)]
         crowd.append(_speeds(comparison))
         made["crowd"] = sheet(crowd)
         if comparison.maps:
@@ -121,11 +121,16 @@ def _told(comparison, name):
     return bool(np.isfinite(comparison.clip[name]).any())
 
 
+def _from_zero(comparison, name):
+    """An axis that does not make much of little."""
+    return 0.0, max(float(np.nanmax(comparison.clip[name])), float(np.nanmax(comparison.herd(name), initial=0.0)))
+
+
 def _chart(comparison, name, span=None):
     """The clip with its band, and the simulations."""
     verdict, clip, times = comparison.verdict(name), comparison.clip[name], comparison.times
     band = (clip - verdict.allowed, clip + verdict.allowed) if name in ORDER else None
-    if span is not None and np.nanmax(clip) > 1:
+    if name == "aspect" and np.nanmax(clip) > 1:
         span = None
     herds = [Line("each simulation", times, h[name], HERD, width=1.0, alpha=0.35) for h in comparison.herds]
     lines = [Line("clip", times, clip, CLIP, band), *(herds if len(herds) > 1 else [])]
@@ -145,7 +150,8 @@ def _speeds(comparison):
         Line(name, *comparison.speeds[name], colour, marks=True)
         for name, colour in (("clip", CLIP), ("simulation", HERD))
     ]
-    return Chart("Speed against density, BL/s", "animals per BL²", lines)
+    most = max((float(line.y.max()) for line in lines if len(line.y)), default=1.0)
+    return Chart("Speed against density, BL/s", "animals per BL²", lines, (0.0, most))
 
 
 def _maps(comparison):

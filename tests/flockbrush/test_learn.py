@@ -1,0 +1,234 @@
+"""`flockbrush learn` and `flockbrush reenact`: what a designer types, and what comes of it."""
+
+import csv
+import errno
+import importlib.util
+import json
+import os
+
+import cv2
+import filmed
+import numpy as np
+import pytest
+from filmed import film_of
+
+from behaviours.brush import load_brush
+from behaviours.learning.evidence import CannotObserve
+
+
+@pytest.fixture(scope="module")
+def films(tmp_path_factory):
+    """A folder with two films of herds that march."""
+    folder = tmp_path_factory.mktemp("films")
+    film_of(folder / "one.mp4")
+    film_of(folder / "two.mp4", count=20)
+    return folder
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """A perfect observer and a learner who knows: the rest is as it is."""
+    import flockbrush.learn.clips
+    import flockbrush.learn.learn
+
+    monkeypatch.setattr(flockbrush.learn.clips, "observe", filmed.observe)
+    monkeypatch.setattr(flockbrush.learn.learn, "learn", filmed.learn)
+    monkeypatch.setattr(flockbrush.learn.learn, "with_other_numbers", lambda *_: [])
+    monkeypatch.setattr(flockbrush.learn.learn, "shipped", _Few)
+
+
+class _Few:
+    """Fewer brushes to try than are shipped."""
+
+    def names(self):
+        return ["graze"]
+
+    def get(self, name):
+        from behaviours.brush import shipped
+
+        return shipped().get(name)
+
+
+def nothing_in(folder):
+    return sorted(path.name for path in folder.iterdir()) == []
+
+
+# learning -----------------------------------------------------------------------------------
+
+
+def test_a_clip_becomes_a_brush_with_figures_of_what_was_held_out(cli, films, quick, tmp_path):
+    done = cli("learn", films / "one.mp4", "--out", tmp_path / "lambs.brush.toml", "--seed", 3, "--licence", "mine")
+    assert done.code == 0, done.err
+    assert "frames held out" in done.out and "wrote" in done.err
+    brush = load_brush(tmp_path / "lambs.brush.toml")
+    told = brush.provenance
+    assert (told.kind, told.seed, told.frames, told.licence) == ("learned", 3, (0, 9), "mine")
+    assert told.report["held-out polarization, simulated"] > 0.9
+    assert cli("brush", "check", tmp_path / "lambs.brush.toml").code == 0
+    assert not (tmp_path / "lambs.learning").exists()
+
+
+def test_the_report_tells_how_to_do_it_again(cli, films, quick, tmp_path):
+    out, report = tmp_path / "lambs.brush.toml", tmp_path / "report"
+    done = cli("learn", films / "one.mp4", "-o", out, "--report", report, "--ablate", "occlusion,density", "--json")
+    assert done.code == 0, done.err
+    told = json.loads(done.out)["brushes"][0]
+    assert [row["method"] for row in told["ablations"]] == ["all of it", "without occlusion", "without density"]
+    assert {row["name"] for row in told["rivals"]} == {"lambs", "graze", "random numbers"}
+    assert told["command"].startswith("flockbrush learn") and "--seed 0" in told["command"]
+    assert told["file"] == str(out)
+    assert {"report.html", "moment-1.png", "order.png", "parameters.png"} <= {p.name for p in report.iterdir()}
+    picture = cv2.imread(str(report / "moment-1.png"))
+    assert picture.shape[1] > 300
+
+
+def test_several_clips_of_one_species_are_learned_together(cli, films, quick, tmp_path):
+    out = tmp_path / "both.brush.toml"
+    assert cli("learn", films / "one.mp4", films / "two.mp4", "--out", out).code == 0
+    told = load_brush(out).provenance
+    assert "one.mp4, two.mp4" in told.source and "Also from two.mp4" in told.notes
+
+
+def test_a_mask_with_two_colours_makes_two_brushes(cli, films, quick, tmp_path):
+    mask = np.zeros((240, 320, 3), np.uint8)
+    for k in range(12):
+        mask[:, 320 * k // 12 : 320 * (k + 1) // 12] = [(0, 0, 255), (255, 0, 0)][k % 2]  # BGR
+    cv2.imwrite(str(tmp_path / "mask.png"), mask)
+    done = cli("learn", films / "one.mp4", "--out", tmp_path / "x.brush.toml", "--regions", tmp_path / "mask.png")
+    assert done.code == 0, done.err
+    red, blue = (load_brush(tmp_path / f"x-{word}.brush.toml") for word in ("red", "blue"))
+    assert (red.colour, blue.colour) == ("#ff0000", "#0000ff")
+    assert "painted #ff0000" in red.provenance.notes
+    assert not (tmp_path / "x.brush.toml").exists()
+
+
+def test_ctrl_c_keeps_the_best_so_far_and_how_to_go_on(cli, films, quick, tmp_path, monkeypatch):
+    import flockbrush.learn.learn as learning
+
+    def stopped(clips, *, stop, **rest):
+        os.kill(os.getpid(), 2)
+        return filmed.learn(clips, stop=stop, **rest)
+
+    monkeypatch.setattr(learning, "learn", stopped)
+    out = tmp_path / "lambs.brush.toml"
+    done = cli("learn", films / "one.mp4", "--out", out, "--report", tmp_path / "r")
+    assert done.code == 130
+    assert "--resume" in done.err
+    assert load_brush(out).provenance.notes.startswith("Interrupted")
+    assert "interrupted" in (tmp_path / "r" / "report.html").read_text()
+    assert (tmp_path / "lambs.learning").exists()
+    monkeypatch.setattr(learning, "learn", filmed.learn)
+    assert cli("learn", films / "one.mp4", "--out", out, "--resume").code == 0
+    assert not load_brush(out).provenance.notes.startswith("Interrupted")
+    assert not (tmp_path / "lambs.learning").exists()
+
+
+# mistakes -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--frames", "9:3"), "--frames"),
+        (("--frames", "all"), "0:99"),
+        (("--landmark", "0:1,2,3"), "FRAME:x,y,w,h"),
+        (("--landmark", "0:1,2,3,4"), "twice"),
+        (("--body-colour", "white"), "240,240,235"),
+        (("--body-colour", "1,2,300"), "255"),
+        (("--ablate", "oclusion"), "did you mean"),
+        (("--beta", "2"), "--beta"),
+        (("--colour", "1"), "--colour"),
+    ],
+)
+def test_a_wrong_option_is_told_before_anything_is_done(cli, films, tmp_path, arguments, words):
+    done = cli("learn", films / "one.mp4", "--out", tmp_path / "x.brush.toml", *arguments)
+    assert done.code == 2
+    assert words in done.err
+    assert nothing_in(tmp_path)
+
+
+def test_places_where_nothing_can_be_written_are_told_before_anything_is_done(cli, films, quick, tmp_path):
+    clip = films / "one.mp4"
+    for out, words in (("x.toml", ".brush.toml"), ("none/x.brush.toml", "no folder"), ("a b.brush.toml", "no name")):
+        done = cli("learn", clip, "--out", tmp_path / out)
+        assert done.code == 1 and words in done.err, done.err
+    (tmp_path / "file").write_text("")
+    for report, words in (("file", "needs a folder"), ("none/report", "to make it in")):
+        done = cli("learn", clip, "--out", tmp_path / "x.brush.toml", "--report", tmp_path / report)
+        assert done.code == 1 and words in done.err, done.err
+    done = cli("learn", clip, "--out", tmp_path / "x.brush.toml", "--resume")
+    assert done.code == 1 and "nothing to resume" in done.err
+    assert not (tmp_path / "x.brush.toml").exists()
+
+
+def test_without_torch_the_extra_is_named(cli, films, tmp_path, monkeypatch):
+    found = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: None if name == "torch" else found(name, *a))
+    done = cli("learn", films / "one.mp4", "--out", tmp_path / "x.brush.toml")
+    assert done.code == 1
+    assert 'pip install "flockbrush[learn]"' in done.err
+
+
+def test_a_clip_that_tells_nothing_leaves_a_page_of_what_was_seen(cli, films, quick, tmp_path, monkeypatch):
+    import flockbrush.learn.clips
+
+    def nobody(path, **looking):
+        error = CannotObserve(path, "no animals are to be seen; give their colour with --body-colour")
+        error.seen = {"first frame": 0, "pictures": {"first frame": np.zeros((20, 30, 3), np.uint8)}}
+        raise error
+
+    monkeypatch.setattr(flockbrush.learn.clips, "observe", nobody)
+    done = cli("learn", films / "one.mp4", "--out", tmp_path / "x.brush.toml", "--report", tmp_path / "r")
+    assert done.code == 1
+    assert "no animals are to be seen" in done.err and "report.html" in done.err
+    assert "no animals are to be seen" in (tmp_path / "r" / "report.html").read_text()
+    assert not (tmp_path / "x.brush.toml").exists()
+
+
+def test_a_full_disk_is_told_and_what_was_learned_can_be_taken_up(cli, films, quick, tmp_path, monkeypatch):
+    import flockbrush.learn.learn
+
+    def full(path, text):
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr(flockbrush.learn.learn, "write_text", full)
+    done = cli("learn", films / "one.mp4", "--out", tmp_path / "x.brush.toml")
+    assert done.code == 1
+    assert "No space left on device" in done.err
+    assert (tmp_path / "x.learning").exists()
+
+
+# done again --------------------------------------------------------------------------------------
+
+
+def test_a_clip_is_done_again_frame_by_frame(cli, films, quick, tmp_path):
+    table, video = tmp_path / "again.csv", tmp_path / "again.mp4"
+    done = cli(
+        "reenact", films / "one.mp4", "--brush", "march", "--frames", "4:15", "--export", table, "--video", video
+    )
+    assert done.code == 0, done.err
+    assert "march against the clip" in done.out and "polarization" in done.err
+    with open(table) as file:
+        rows = list(csv.DictReader(file))
+    assert {row["frame"] for row in rows} == {str(frame) for frame in range(4, 16)}
+    assert len(rows) == 12 * 30
+    film = cv2.VideoCapture(str(video))
+    assert film.get(cv2.CAP_PROP_FRAME_COUNT) == 12
+    assert film.get(cv2.CAP_PROP_FPS) == pytest.approx(12.5)
+
+
+def test_clip_and_brush_are_compared_as_numbers_for_programs(cli, films, quick):
+    done = cli("reenact", films / "one.mp4", "--brush", "graze", "--runs", 2, "--json")
+    assert done.code == 0, done.err
+    told = json.loads(done.out)
+    assert told["met"] is False
+    assert len(told["series"]["simulation"]["velocity error"]) == len(told["series"]["frame"]) == 20
+
+
+def test_a_brush_of_birds_cannot_do_a_clip_again(cli, films, quick):
+    done = cli("reenact", films / "one.mp4", "--brush", "geese")
+    assert done.code == 1 and "brushes of herd" in done.err
+    done = cli("reenact", films / "one.mp4", "--brush", "grase")
+    assert done.code == 1 and "did you mean 'graze'" in done.err
+    done = cli("reenact", films / "one.mp4", "--brush", "graze", "--export", "x.txt")
+    assert done.code == 1 and ".csv" in done.err
