@@ -93,7 +93,7 @@ def bearing2(offset, forward):
     return torch.atan2(fx * y - fy * x, ahead) ** 2
 
 
-def forces(theta, sight: Sight, forward=None):
+def forces(theta, sight: Sight, forward=None, others=None):
     """The weighted sum of the four forces (eqs. 3-5) without Ω, (n, 2).
 
     Parameters
@@ -102,8 +102,11 @@ def forces(theta, sight: Sight, forward=None):
     sight : Sight
     forward : (n, 2) tensor, optional
         Headings other than those of ``sight``, for instance with a gradient.
+    others : (n, 2) tensor, optional
+        What the neighbours' headings are, if not ``forward``.
     """
     forward = sight.forward if forward is None else forward
+    others = forward if others is None else others
     weight, radial, angular = theta.reshape(4, 3).unbind(1)
     radial, angular = 0.5 / (REACH * radial) ** 2, 0.5 / (torch.pi * angular) ** 2
     bearing = bearing2(sight.offset, forward[sight.i])
@@ -116,7 +119,7 @@ def forces(theta, sight: Sight, forward=None):
     if sight.kin is not None:  # one gives way to other kinds, and does not join them
         join, align = join * sight.kin, align * sight.kin
     # eq. 5; d u is the offset itself
-    pairs = (join - avoid)[:, None] * sight.offset + align[:, None] * forward[sight.j]
+    pairs = (join - avoid)[:, None] * sight.offset + align[:, None] * others[sight.j]
     total = torch.zeros_like(forward).index_add(0, sight.i, pairs)
     if len(sight.walls):
         w = weigh(OBSTACLE, (sight.walls**2).sum(1), bearing2(sight.walls, forward[sight.walls_i]))
@@ -125,8 +128,8 @@ def forces(theta, sight: Sight, forward=None):
 
 
 def headings(
-    theta, sight: Sight, dt=DT, *, sensitivity=SENSITIVITY, forward=None, leader_blend=0.0, unled_returns=True,
-    leaders=True,
+    theta, sight: Sight, dt=DT, *, sensitivity=SENSITIVITY, forward=None, others=None, leader_blend=0.0,
+    unled_returns=True, leaders=True,
 ):  # fmt: skip
     """The next unit heading of every animal (eqs. 2-5), (n, 2): what `herd_kernel` gives.
 
@@ -140,6 +143,8 @@ def headings(
         Ω, 1/s.
     forward : (n, 2) tensor, optional
         Headings other than those of ``sight``.
+    others : (n, 2) tensor, optional
+        What the neighbours' headings are, if not ``forward``.
     leader_blend, unled_returns
         As in `behaviours.models.herd.Params`.
     leaders : bool
@@ -147,7 +152,7 @@ def headings(
     """
     forward = sight.forward if forward is None else forward
     turn = dt * sensitivity
-    heading = forward + turn * forces(theta, sight, forward)
+    heading = forward + turn * forces(theta, sight, forward, others)
     if leaders and bool(sight.leader.any()):
         heading = _led(heading, forward, sight, turn, leader_blend, unled_returns)
     return _unit_or(heading, forward)
