@@ -1,0 +1,568 @@
+"""From what a clip tells to a brush: starts, descents, trials and evolution, and what they leave unsure.
+
+1. Speed, bodies and the way animals begin follow from the clip directly (`behaviours.learning.setting`).
+2. **Starts**: some at random, and the numbers of every shipped brush of the herd model.
+3. **Descent** of each: on the turns of single animals where they are told apart (`behaviours.learning.turns`), else on
+   the fields (`behaviours.learning.torch_descent`, the paper's way [1]_).
+4. **Trials**: herds with those numbers are run from frames of the clip and compared with it
+   (`behaviours.learning.scores`): once as far as the clip goes, and once well beyond, so that a mill must keep milling
+   and not only begin as one.
+5. **Evolution** of the best on the same trials, which also sets what the equations of the paper leave out: wander, how
+   fast animals can turn and how fast they answer.
+6. The better of each is kept on the last part of the frames, which neither descent nor evolution was shown.
+
+Work is counted in animals times ticks, never by the clock, and chance comes from seeds: the same evidence, seed and
+versions give the same brush, with any number of processes, in one go or taken up again.
+
+.. [1] Gong, X. et al. (2025). Herds from video: learning a microscopic herd model from macroscopic motion data.
+   Computer Graphics Forum 44(6), e70225.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from behaviours.brush import BodySpec, SpeedSpec, VisionSpec, shipped
+from behaviours.learning.evidence import Evidence
+from behaviours.learning.evolution import Evolution
+from behaviours.learning.learned import Attempt, Learned
+from behaviours.learning.rollout import DT, LEAST, Gates, Guide, Walls, params_of, rollout, theta_of
+from behaviours.learning.scores import Target, distance, told_apart, total
+from behaviours.learning.setting import body_of, speed_of, start_of
+from behaviours.learning.workers import Stopped, Workers
+
+USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section 7.2 of [1] takes away, one by one
+HELD = 0.3  # of the frames, at the end, are shown to nobody before the choice
+FEWEST = 24  # frames, with fewer nothing is held back
+BEYOND = (6.0, 10.0)  # s, a herd is run on after the clip: three times its length, within
+RATE = 130_000  # animal ticks that count as a second
+ALWAYS = 100  # animals whose work a tick costs besides
+WEAK = 0.15  # weights below it are made larger, and Ω smaller: only their product tells, and weights end at 1e-3
+GENERATION = 8  # candidates
+DESCENT = 120  # steps on fields
+FEW, MANY = 3000, 12_000  # turns that a descent looks at, first and last
+COARSE_DT = 1 / 16  # s to a tick in the search; the choice is made with that of a level
+FINALISTS = 4
+EXTRAS = {"wander": (0.01, 3.0), "max_turn": (0.8, 20.0), "sensitivity": (0.05, 100.0)}  # freed, on a logarithmic scale
+SIGHTS = 4.0, 8.0  # BL
+WHERE_DENSITY_COUNTS = ("aspect", "spread", "density", "nearest neighbour", "largest part")
+WHERE_ORDER_COUNTS = ("order nearby", "disorder")
+
+
+@dataclasses.dataclass(frozen=True)
+class Setting:
+    """What all tasks are given: the clips, and what follows from them directly."""
+
+    clips: tuple  # of Evidence, all frames
+    seen: tuple  # of Evidence, without what is held back
+    held: tuple  # of Evidence, what is held back
+    speed: SpeedSpec
+    body: BodySpec
+    occlusion: bool
+    angular: bool
+    beta: float
+    ignore: tuple[str, ...]  # measures that are not compared
+
+    def vision(self, extras):
+        """What animals see, as far as they answer to it."""
+        return VisionSpec(range=extras.get("neighbour_range", SIGHTS[0]), occlusion=self.occlusion)
+
+
+_known: dict[
+    tuple, tuple
+] = {}  # by clip, in this process: what many tasks ask for; with the clip, so that ids stay its
+
+# tasks ----------------------------------------------------------------------------------------------
+
+
+def descend(given: Setting, theta, extras, seed, rows=FEW):
+    """One descent: {theta, extras, loss}; and of turns also how sure they are."""
+    if all(told_apart(clip) for clip in given.seen):
+        return _descend_on_turns(given, np.array(theta), dict(extras), rows)
+    return _descend_on_fields(given, np.array(theta), dict(extras), seed)
+
+
+def _free(given):
+    """(12,) bool, what may change: without angular ranges all directions count alike."""
+    free = np.ones(12, bool)
+    if not given.angular:
+        free[2::3] = False
+    return free
+
+
+def _descend_on_turns(given, theta, extras, rows):
+    from behaviours.learning.turns import fit_turns, thinned
+
+    turns, params, free = _turns(given, extras), params_of(theta, extras), _free(given)
+    if turns is None:
+        return {"theta": theta.tolist(), "extras": extras, "loss": []}
+    fit = fit_turns(thinned(turns, rows), theta, params, free=free, tolerance=1e-5)
+    return {
+        "theta": fit.theta.tolist(), "extras": extras, "loss": fit.loss.tolist(),
+        "deviation": np.minimum(fit.deviation, 1e6).tolist(),
+        "wander": float(np.clip(1.2 * fit.spread / np.sqrt(np.mean(turns.ticks) * turns.dt), 0.0, 2.0)),
+    }  # fmt: skip
+
+
+def _turns(given, extras):
+    """The turns of all clips, as animals with this sight and this rule of leaders would make them."""
+    from behaviours.learning.turns import all_turns, turns_of
+
+    params = params_of(np.ones(12), extras)
+    key = id(given), params.neighbour_range, params.leader_neighbours, params.leader_cone
+    if key not in _known:
+        parts = [turns_of(clip, given.body, given.vision(extras), params) for clip in given.seen]
+        parts = [part for part in parts if part is not None]
+        _known[key] = given, (all_turns(parts) if parts else None)
+    return _known[key][1]
+
+
+def _descend_on_fields(given, theta, extras, seed):
+    from behaviours.learning.torch_descent import descend as descend_on_fields
+
+    use = USE - ({"angular"} if not given.angular else set()) - ({"occlusion"} if not given.occlusion else set())
+    found = descend_on_fields(
+        list(given.seen), theta, free=_free(given), seed=seed, steps=DESCENT, use=use, beta=given.beta,
+        speed=given.speed, body=given.body, vision=given.vision(extras),
+    )  # fmt: skip
+    return {"theta": found.theta.tolist(), "extras": extras, "loss": np.asarray(found.losses).tolist()}
+
+
+def attempt(given: Setting, theta, extras, seeds, held, dt=COARSE_DT):
+    """Run herds with these numbers and compare them with the clips: {score, figures}.
+
+    ``held``: on the frames held back and from the end on; else on those that may be seen.
+    """
+    parts = [_tried(given, k, theta, extras, seed, held, dt) for k in range(len(given.clips)) for seed in seeds]
+    figures = {}
+    for name in sorted({name for part in parts for name in part}):
+        values = [part[name] for part in parts if name in part]
+        figures[name] = float(np.mean(values))
+    clip = total({n: v for n, v in figures.items() if not n.startswith("lasting ")})
+    lasting = total({n: v for n, v in figures.items() if n.startswith("lasting ")})
+    return {"score": float(np.sqrt(0.5 * clip**2 + 0.5 * lasting**2)), "figures": figures}
+
+
+def _tried(given, k, theta, extras, seed, held, dt):
+    clip, part = given.clips[k], (given.held if held else given.seen)[k]
+    span = (len(part.fields) - 1) / part.fps
+    out = _compared(given, part, theta, extras, [seed, k, 0], 0, span, False, dt)
+    whole = clip if held else part
+    length = float(np.clip(3.0 * len(whole.fields) / whole.fps, *BEYOND))
+    on = _compared(given, whole, theta, extras, [seed, k, 1], len(whole.fields) - 1, length, True, dt)
+    return out | {f"lasting {name}": value for name, value in on.items()}
+
+
+def _compared(given, clip, theta, extras, seed, frame, seconds, lasting, dt):
+    """The distance of one run from a clip, by measure."""
+    run = simulate(clip, theta, extras, given.speed, given.body, given.vision(extras), seed, frame, seconds, dt)
+    parts = distance(run, clip, _target(given, clip), lasting)
+    return {name: value for name, value in parts.items() if name not in given.ignore}
+
+
+def simulate(clip: Evidence, theta, extras, speed, body, vision, seed=0, frame=0, seconds=None, dt=DT):
+    """A herd with these numbers, begun as a frame of the clip; as far as the clip goes unless told."""
+    entropy = np.random.SeedSequence(seed).generate_state(2)
+    seconds = (len(clip.fields) - 1 - frame) / clip.fps if seconds is None else seconds
+    gates = Gates.of(clip.fields)
+    guide = Guide.of(clip.fields) if gates is not None else None  # leaders walk into a picture that sees a part
+    start = start_of(clip, frame, int(entropy[0]), body)
+    return rollout(
+        start, params_of(theta, extras), speed, body, vision, seconds=seconds, fps=clip.fps, seed=int(entropy[1]),
+        dt=dt, walls=Walls.of(clip.fields), guide=guide, gates=gates,
+    )  # fmt: skip
+
+
+def _target(given, clip):
+    key = "target", id(clip)
+    if key not in _known:
+        _known[key] = clip, Target.of(clip)
+    return _known[key][1]
+
+
+def forget():
+    """Drop what was kept from trial to trial of one learning."""
+    _known.clear()
+
+
+# the recipe -------------------------------------------------------------------------------------------
+
+
+def learn(
+    evidences: Evidence | Sequence[Evidence], *, seed: int = 0, starts: int = 5, jobs: int = 1,
+    use: frozenset[str] = USE, beta: float = 0.5, budget_s: float = 90.0,
+    say: Callable[[int, int, float, str], None] | None = None, stop: Callable[[], bool] | None = None, resume=None,
+    speed: SpeedSpec | None = None, body: BodySpec | None = None, brushes: bool = True,
+) -> Learned:  # fmt: skip
+    """Learn the herd of a clip, or of several of one kind.
+
+    Parameters
+    ----------
+    evidences : Evidence or list of Evidence
+    seed : int
+        Of all chance.
+    starts : int
+        Random ones; the shipped brushes are tried besides.
+    jobs : int
+        Processes.
+    use : set of {"occlusion", "angular", "density", "variance"}
+        What of the model and of the clip is made use of (section 7.2 of [1]_).
+    beta : float
+        How much density counts against velocity in the descent on fields (eq. 11).
+    budget_s : float
+        Trials and evolution, in seconds of one usual core; counted in work, so that the clock changes nothing.
+    say : callable, optional
+        ``say(done, total, loss, text)``; loss is NaN while there is none.
+    stop : callable, optional
+        Asked now and then; when it says True the best so far is returned, as after Ctrl-C.
+    resume : path, optional
+        Where work is kept; a second call with the same evidence and settings goes on from there.
+    speed, body : SpeedSpec, BodySpec, optional
+        Instead of what the clip says.
+    brushes : bool
+        Begin with the shipped brushes, too.
+
+    Returns
+    -------
+    Learned
+
+    Raises
+    ------
+    ValueError
+        When there is nothing to learn from.
+    """
+    clips = tuple([evidences] if isinstance(evidences, Evidence) else evidences)
+    if not clips:
+        raise ValueError("there is no clip to learn from")
+    if unknown := set(use) - USE:
+        raise ValueError(f"use names {', '.join(sorted(unknown))}; it may have {', '.join(sorted(USE))}")
+    given = _setting(clips, frozenset(use), beta, speed, body)
+    search = _Search(given, seed, starts, budget_s, say or _silent, brushes)
+    forget()
+    with Workers(given, jobs, _signature(clips, given, seed), resume, stop) as workers:
+        try:
+            search.run(workers)
+        except (KeyboardInterrupt, Stopped):
+            search.interrupted = True
+    return search.learned()
+
+
+def _silent(done, total, loss, text):
+    """Nobody is told."""
+
+
+def _setting(clips, use, beta, speed, body):
+    cut = [len(c.fields) - round(HELD * len(c.fields)) if len(c.fields) >= FEWEST else 0 for c in clips]
+    seen = tuple(c.part(slice(0, k)) if k else c for c, k in zip(clips, cut, strict=True))
+    held = tuple(c.part(slice(k, None)) if k else c for c, k in zip(clips, cut, strict=True))
+    ignore = () if "density" in use else WHERE_DENSITY_COUNTS
+    ignore += () if "variance" in use else WHERE_ORDER_COUNTS
+    speed = speed_of(list(clips)) if speed is None else speed
+    body = body_of(list(clips)) if body is None else body
+    return Setting(clips, seen, held, speed, body, "occlusion" in use, "angular" in use, float(beta), ignore)
+
+
+def _signature(clips, given, seed):
+    digest = hashlib.sha256(json.dumps([seed, given.speed.model_dump(), given.body.model_dump()]).encode())
+    digest.update(repr((given.occlusion, given.angular, given.beta, given.ignore)).encode())
+    for clip in clips:
+        for array in (clip.fields.density, clip.fields.velocity, clip.fields.angular_variance):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        if clip.sightings is not None:
+            digest.update(clip.sightings.xy.tobytes() + clip.sightings.forward.tobytes())
+    return digest.hexdigest()
+
+
+class _Search:
+    """The search of one call: what was tried, and what is best."""
+
+    def __init__(self, given, seed, starts, budget_s, say, brushes=True):
+        self.given, self.seed, self.say = given, seed, say
+        self.attempts: list[Attempt] = []
+        self.deviation: dict[int, np.ndarray] = {}
+        self.budget = budget_s * RATE
+        self.begins = _begins(seed, starts, given.angular, _turn_limit(given.seen), brushes)
+        self.final: list[int] = []  # attempts that were judged on what was held back
+        self.interrupted, self.notes = False, []
+
+    @property
+    def cost(self):
+        """Animal ticks of one trial with one seed."""
+        total = 0.0
+        for clip in self.given.clips:
+            length = len(clip.fields) / clip.fps
+            animals = ALWAYS + float(np.nanmax(clip.fields.count, initial=1.0))
+            total += animals * (length + float(np.clip(3.0 * length, *BEYOND))) / DT
+        return max(total, 1.0)
+
+    def run(self, workers):
+        """All of it."""
+        self._descend(workers)
+        self._sift(workers)
+        self._evolve(workers)
+        self._choose(workers)
+
+    def _descend(self, workers):
+        count = len(self.begins)
+        tasks = [
+            {"theta": theta.tolist(), "extras": extras, "seed": _seed(self.seed, 1, k)}
+            for k, (_, theta, extras) in enumerate(self.begins)
+        ]
+        self.say(0, count, np.nan, "descents")
+        results = workers.map(descend, tasks, lambda done: self.say(done, count, np.nan, "descents"))
+        fitted = []
+        for (name, theta, extras), task, found in zip(self.begins, tasks, results, strict=True):
+            if not name.startswith("random"):  # as it is, too
+                self._add(Attempt(name, task["seed"], theta, theta, extras))
+                name += ", fitted"
+            fitted.append(self._add_found(Attempt(name, task["seed"], theta, theta, extras), found))
+        if "wander" in results[0]:
+            self._refine(workers, [k for k in fitted if len(self.attempts[k].loss)])
+
+    def _refine(self, workers, fitted):
+        """The best fits again, to more turns; with and without the chance that they leave unexplained."""
+        best = sorted(fitted, key=lambda k: self.attempts[k].loss[-1])[:3]
+        tasks = [
+            dict(zip(("theta", "extras"), _stronger(a.theta, a.extras), strict=True), seed=a.seed, rows=MANY)
+            for a in (self.attempts[k] for k in best)
+        ]
+        for k, found in zip(best, workers.map(descend, tasks), strict=True):
+            a = self.attempts[k]
+            self._add_found(dataclasses.replace(a, name=a.name + ", refined"), found)
+            wanders = found | {"extras": found["extras"] | {"wander": found["wander"]}}
+            self._add_found(dataclasses.replace(a, name=a.name + ", wandering"), wanders)
+
+    def _add_found(self, attempt, found):
+        return self._add(
+            dataclasses.replace(
+                attempt, theta=np.array(found["theta"]), extras=found["extras"], loss=np.array(found["loss"])
+            ),
+            found.get("deviation"),
+        )
+
+    def _add(self, new, deviation=None):
+        self.attempts.append(new)
+        if deviation is not None:
+            self.deviation[len(self.attempts) - 1] = np.array(deviation)
+        return len(self.attempts) - 1
+
+    def _judge(self, workers, which, seeds, held, text, over=None, dt=COARSE_DT):
+        """Try some attempts; their scores."""
+        over = over or (0, len(which))
+        tasks = [
+            {
+                "theta": np.round(self.attempts[k].theta, 12).tolist(), "extras": self.attempts[k].extras,
+                "seeds": list(seeds), "held": held, "dt": dt,
+            }
+            for k in which
+        ]  # fmt: skip
+        results = workers.map(attempt, tasks, lambda done: self.say(over[0] + done, over[1], self._best_score(), text))
+        self.budget -= self.cost * len(seeds) * len(which) * DT / dt
+        for k, result in zip(which, results, strict=True):
+            self.attempts[k].score, self.attempts[k].figures = result["score"], result["figures"]
+        return np.array([result["score"] for result in results])
+
+    def _best_score(self):
+        scores = [a.score for a in self.attempts if np.isfinite(a.score)]
+        return min(scores) if scores else np.nan
+
+    def _sift(self, workers):
+        """Try all once, the better half again."""
+        which = self._distinct()
+        scores = self._judge(workers, which, [_seed(self.seed, 2, 0)], False, "trials")
+        better = [which[k] for k in np.argsort(scores, kind="stable")[: max(4, len(which) // 3)]]
+        again = [_seed(self.seed, 2, k) for k in (0, 1, 2)]
+        self._judge(workers, better, again, False, "trials of the better ones")
+        self.ranked = sorted(better, key=lambda k: self.attempts[k].score)
+
+    def _distinct(self):
+        """Attempts without those that are as good as equal to an earlier one."""
+        kept = []
+        for k, a in enumerate(self.attempts):
+            twin = any(
+                np.abs(a.theta[:9] - b.theta[:9]).max() < 0.02 and a.extras == b.extras
+                for b in (self.attempts[j] for j in kept)
+            )
+            if not twin:
+                kept.append(k)
+        return kept
+
+    def _evolve(self, workers):
+        """Evolve the best two as long as the budget lasts; the end of each is a new attempt."""
+        parents = self.ranked[:2]
+        choice = self.cost * 2 * 2 * (FINALISTS + 2 * len(parents))
+        work = self.cost * GENERATION * DT / COARSE_DT * len(parents)
+        generations = int((self.budget - choice) / work)
+        for number, parent in enumerate(parents):
+            if generations >= 2:
+                self._evolve_one(workers, parent, generations, number, len(parents))
+
+    def _evolve_one(self, workers, parent, generations, number, many):
+        begin = self.attempts[parent]
+        code = _Code(begin.theta, begin.extras, self.given.angular)
+        cloud = Evolution(code.numbers, 0.05, GENERATION, (self.seed, 3, number))
+        worths, best = [begin.score], None
+        for g in range(generations):
+            asked = cloud.ask()
+            tasks = [
+                {"theta": theta, "extras": extras, "seeds": [_seed(self.seed, 4, g)], "held": False}
+                for theta, extras in map(code.read, asked)
+            ]
+            results = workers.map(attempt, tasks)
+            self.budget -= self.cost * len(tasks) * DT / COARSE_DT
+            cloud.tell([r["score"] for r in results])
+            first = int(np.argmin([r["score"] for r in results]))
+            if best is None or results[first]["score"] < best[0]:
+                best = results[first]["score"], asked[first]
+            worths.append(results[first]["score"])
+            done = number * generations + g + 1
+            self.say(done, many * generations, float(min(worths)), "evolution")
+        for text, numbers in (("evolved", np.clip(cloud.mean, 0, 1)), ("evolved, luckiest", best[1])):
+            theta, extras = code.read(numbers)
+            curve = np.array(worths)
+            self._add(Attempt(f"{begin.name}, {text}", begin.seed, begin.first_theta, np.array(theta), extras, curve))
+
+    def _choose(self, workers):
+        """The best on what was held back, of the ranked and the evolved."""
+        evolved = [k for k, a in enumerate(self.attempts) if ", evolved" in a.name]
+        final = [*self.ranked[:FINALISTS], *evolved]
+        seeds = [_seed(self.seed, 5, k) for k in range(2)]
+        shown = self._judge(workers, final, seeds, False, "choice", (0, 2 * len(final)), DT)
+        held = self._judge(workers, final, seeds, True, "choice", (len(final), 2 * len(final)), DT)
+        for k, a, b in zip(final, shown, held, strict=True):
+            self.attempts[k].score = float(np.sqrt(0.5 * a**2 + 0.5 * b**2))
+        self.final = final
+
+    # what comes of it
+
+    def learned(self) -> Learned:
+        """The best there is."""
+        given = self.given
+        pool = self.final or [k for k, a in enumerate(self.attempts) if np.isfinite(a.score)]
+        if pool:
+            chosen = min(pool, key=lambda k: self.attempts[k].score)
+        else:  # stopped before anything was tried
+            if not self.attempts:
+                name, theta, extras = self.begins[0]
+                self._add(Attempt(name, self.seed, theta, theta, extras))
+            chosen = len(self.attempts) - 1
+        best = self.attempts[chosen]
+        deviation = self._deviation_of(best)
+        spread = self._spread(pool, chosen)
+        identifiable = (deviation if deviation is not None else spread) < 0.1
+        return Learned(
+            params_of(best.theta, best.extras), given.speed, given.body, given.vision(best.extras), best.theta,
+            best.extras, self.attempts, chosen, spread, deviation, identifiable, dict(best.figures),
+            self._notes(best), self.interrupted,
+        )  # fmt: skip
+
+    def _deviation_of(self, best):
+        """Of the fit that this came from."""
+        near = [k for k in self.deviation if self.attempts[k].first_theta is best.first_theta]
+        return self.deviation[near[0]] if near else None
+
+    def _spread(self, pool, chosen):
+        """Of those that are about as good."""
+        limit = 1.25 * self.attempts[chosen].score + 0.1
+        alike = [self.attempts[k].theta for k in pool if self.attempts[k].score <= limit]
+        return np.std(alike, axis=0) if len(alike) > 1 else np.zeros(12)
+
+    def _notes(self, best):
+        notes = [note for clip in self.given.clips for note in clip.notes]
+        how = "turns of single animals" if all(told_apart(c) for c in self.given.clips) else "fields alone"
+        notes.append(f"learned from {how}; chosen: {best.name}, score {best.score:.2f} of the clip's own deviations")
+        if self.interrupted:
+            notes.append("learning was stopped: these are the best parameters so far")
+        if any(len(c.fields) < FEWEST for c in self.given.clips):
+            notes.append(
+                f"with fewer than {FEWEST} frames nothing could be held back: the score is of frames learned from"
+            )
+        return notes
+
+
+def _stronger(theta, extras):
+    """The same forces by larger weights and a smaller Ω, where all weights are small."""
+    theta, weights = np.array(theta), np.array(theta)[0:9:3]
+    if weights.max() < WEAK:
+        by = 0.5 / weights.max()
+        theta[0:9:3] = np.clip(weights * by, LEAST, 1.0)
+        extras = extras | {"sensitivity": max(extras.get("sensitivity", 10.0) / by, EXTRAS["sensitivity"][0])}
+    return theta.tolist(), extras
+
+
+def _seed(*numbers):
+    """A seed for each purpose."""
+    return int(np.random.SeedSequence(numbers).generate_state(1)[0])
+
+
+def _turn_limit(clips):
+    """rad/s: the fastest turns that are not rare; None where turns are not seen."""
+    seen = [np.abs(clip.sightings.turn) for clip in clips if told_apart(clip)]
+    turns = np.concatenate(seen) if seen else np.zeros(0)
+    turns = turns[np.isfinite(turns)]
+    return float(np.clip(1.1 * np.quantile(turns, 0.98), 1.0, 10.0)) if len(turns) > 100 else None
+
+
+def _begins(seed, starts, angular, limit, brushes):
+    """[(name, theta, extras)]: random ones, and all shipped brushes of the herd model.
+
+    Every second random one sees twice as far, and every third turns no faster than animals of the clip seem to.
+    """
+    out = []
+    for k in range(starts):
+        rng = np.random.default_rng([seed, 0, k])
+        theta = rng.uniform(0.02, 1.0, 12)
+        extras = {"neighbour_range": SIGHTS[k % 2], "wander": 0.0}
+        if limit is not None and k % 3 == 1:
+            extras["max_turn"] = limit
+        out.append((f"random {k + 1}", theta, extras))
+    library = shipped()
+    for name in library.names() if brushes else ():
+        brush = library.get(name)
+        if brush.model == "herd":
+            out.append((name, theta_of(brush.params), _extras_of(brush.params)))
+    if not angular:
+        out = [(name, np.where(np.arange(12) % 3 == 2, 1.0, theta), extras) for name, theta, extras in out]
+    return out
+
+
+def _extras_of(params):
+    """What a brush says besides the twelve numbers and differs from the defaults in."""
+    usual = type(params)()
+    kept = ("neighbour_range", "wander", "max_turn", "sensitivity", "leader_neighbours", "leader_cone", "unled")
+    return {name: getattr(params, name) for name in kept if getattr(params, name) != getattr(usual, name)} | {
+        "neighbour_range": params.neighbour_range, "wander": params.wander,
+    }  # fmt: skip
+
+
+class _Code:
+    """Parameters as numbers between 0 and 1, and back: nine of theta, and the logarithms of the extras."""
+
+    def __init__(self, theta, extras, angular):
+        self.theta, self.extras = np.array(theta, float), dict(extras)
+        self.free = np.array([k for k in range(9) if angular or k % 3 != 2])
+        usual = params_of(theta, extras)
+        logs = [self._to(name, getattr(usual, name)) for name in EXTRAS]
+        self.numbers = np.concatenate([self.theta[self.free], logs])
+
+    @staticmethod
+    def _to(name, value):
+        low, high = EXTRAS[name]
+        return float(np.clip(np.log(max(value, low) / low) / np.log(high / low), 0.0, 1.0))
+
+    def read(self, numbers):
+        """(theta, extras) as JSON holds them."""
+        theta = self.theta.copy()
+        theta[self.free] = np.clip(numbers[: len(self.free)], LEAST, 1.0)
+        extras = dict(self.extras)
+        for name, x in zip(EXTRAS, numbers[len(self.free) :], strict=True):
+            low, high = EXTRAS[name]
+            extras[name] = float(low * (high / low) ** x)
+        if extras["wander"] <= 1.2 * EXTRAS["wander"][0]:
+            extras["wander"] = 0.0
+        return theta.tolist(), extras

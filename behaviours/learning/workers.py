@@ -1,0 +1,139 @@
+"""Work that is shared among processes, remembered, and the same however many do it.
+
+A task is a function of this package, named by module and name, and its arguments as JSON.  What a task returned is kept
+under a name made of both; with a file it survives the program, and whoever does the same work again gets it at once.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import json
+import os
+import pickle
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+from behaviours.brush_writer import write_atomically
+
+_given = None  # what all tasks of a process are given
+
+
+class Stopped(Exception):
+    """The work was stopped; what was done is kept."""
+
+
+def _receive(pickled):
+    global _given
+    os.environ["FLOCKBRUSH_THREADS"] = "1"
+    _given = pickle.loads(pickled)
+
+
+def _work(module, name, arguments):
+    return getattr(importlib.import_module(module), name)(_given, **arguments)
+
+
+class Workers:
+    """Processes that do tasks.
+
+    Parameters
+    ----------
+    given : object
+        What every task gets as its first argument; it is sent to each process once.
+    jobs : int
+        Processes; 1 does the work here.
+    signature : str
+        Of everything the results depend on besides the tasks' arguments.
+    path : path, optional
+        Where results are kept.
+    stop : callable, optional
+        Asked between tasks; True ends the work.
+    """
+
+    def __init__(self, given, jobs=1, signature="", path=None, stop=None):
+        self.given, self.jobs, self.signature, self.stop = given, jobs, signature, stop
+        self.path, self.pool = Path(path) if path else None, None
+        self.known = self._read()
+
+    def _read(self):
+        if self.path is None or not self.path.is_file():
+            return {}
+        try:
+            kept = json.loads(self.path.read_text(encoding="utf-8"))
+            return kept["done"] if kept["signature"] == self.signature else {}
+        except (ValueError, KeyError, TypeError):
+            return {}
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        if self.pool is not None:
+            self.pool.shutdown(wait=error[0] is None, cancel_futures=True)
+
+    def map(self, function, tasks, done=None):
+        """Results of ``function(given, **task)``, in the order of the tasks.
+
+        Parameters
+        ----------
+        function : callable
+            On the top level of a module.
+        tasks : list of dict
+            Arguments that JSON can hold.
+        done : callable, optional
+            Told how many are done, after each.
+
+        Raises
+        ------
+        Stopped
+        """
+        keys = [_key(function, task) for task in tasks]
+        fresh = [k for k, key in enumerate(keys) if key not in self.known]
+        results = self._here(function, tasks, fresh) if self.jobs == 1 else self._there(function, tasks, fresh)
+        count = len(tasks) - len(fresh)
+        try:
+            for k, result in results:
+                self.known[keys[k]] = result
+                count += 1
+                if done:
+                    done(count)
+        finally:
+            self._keep()
+        return [self.known[key] for key in keys]
+
+    def _asked_to_stop(self):
+        if self.stop is not None and self.stop():
+            raise Stopped
+
+    def _here(self, function, tasks, fresh):
+        for k in fresh:
+            self._asked_to_stop()
+            yield k, function(self.given, **tasks[k])
+
+    def _there(self, function, tasks, fresh):
+        if not fresh:
+            return
+        if self.pool is None:
+            self.pool = ProcessPoolExecutor(
+                self.jobs, get_context("spawn"), initializer=_receive, initargs=(pickle.dumps(self.given),)
+            )
+        futures = [self.pool.submit(_work, function.__module__, function.__name__, tasks[k]) for k in fresh]
+        for k, future in zip(fresh, futures, strict=True):
+            while True:
+                self._asked_to_stop()
+                try:
+                    yield k, future.result(timeout=0.5)
+                    break
+                except TimeoutError:
+                    continue
+
+    def _keep(self):
+        if self.path is not None:
+            text = json.dumps({"signature": self.signature, "done": self.known})
+            write_atomically(self.path, text.encode())
+
+
+def _key(function, task):
+    text = json.dumps([function.__module__, function.__name__, task], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:24]
