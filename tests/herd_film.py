@@ -611,6 +611,17 @@ def _blend(picture, outline, colour):
     picture[y0:y1, x0:x1] += alpha * (colour.astype(np.float32) - picture[y0:y1, x0:x1])
 
 
+def mask_of(picture, look="sheep"):
+    """(h, w) uint8, 1 where a picture is nearer in colour to the animals than to the ground: a plain mask."""
+    look = LOOKS[look] if isinstance(look, str) else look
+    low, high = np.array(look.ground, np.float32), np.array(look.body, np.float32)
+    soft = cv2.GaussianBlur(picture, (0, 0), 0.6).astype(np.float32)
+    mask = ((soft - low) @ (high - low) > 0.5 * ((high - low) ** 2).sum()).astype(np.uint8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    mask[(stats[:, cv2.CC_STAT_AREA] < 6)[labels]] = 0
+    return mask
+
+
 # what a perfect observer would know ----------------------------------------------------------------------------------
 
 

@@ -12,6 +12,7 @@ Lengths are pixels; x right, y down, pixel (0, 0) has its middle at (0.5, 0.5).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -19,10 +20,10 @@ from numba import njit
 
 ALONE = 0.55, 1.45  # of one animal's area: a blob of one animal
 LEAST = 0.4  # of one animal's area: less is no animal
-SOLID = 0.88  # share of its convex hull that a lone body fills at least
+SOLID = 0.88, 0.74  # share of its convex hull that a lone body fills; less where a dark head is cut out of it
 ENOUGH = 6  # lone bodies that are needed to tell the size of one
 ANGLES = 16  # directions in which a capsule is tried, of half a turn
-FINE = 14.0  # px: longer bodies are looked for in a smaller picture
+FINE = 11.0  # px: longer bodies are looked for in a smaller picture
 FREE = 0.55  # share of a capsule that must belong to nobody else
 FULL = 0.7  # share of a capsule that must be animal
 ROUNDS = 5  # of k-means
@@ -107,8 +108,17 @@ def size_of_bodies(masks) -> BodySize | None:
     if len(found) < ENOUGH:
         return None
     area, long, wide, solid, inside = np.array(found).T
+    for least in SOLID:
+        chosen = (solid >= least) & (inside > 0) & (area >= 6)
+        size = _of_those(area, long, wide, chosen)
+        if size is not None:
+            return size
+    return None
+
+
+def _of_those(area, long, wide, chosen):
+    """The size of one from blobs that may be single; None where they are too few, or too small a part of all."""
     total = area.sum()
-    chosen = (solid >= SOLID) & (inside > 0) & (area >= 6)
     if chosen.sum() < ENOUGH:
         return None
     usual = _usual(area[chosen])
@@ -134,8 +144,8 @@ def _blobs(mask):
     rows = []
     for outline in outlines:
         x, y, wide, tall = cv2.boundingRect(outline)
-        patch = mask[y : y + tall, x : x + wide]
-        moments = cv2.moments(patch, binaryImage=True)
+        own = cv2.drawContours(np.zeros((tall, wide), np.uint8), [outline - (x, y)], -1, 1, cv2.FILLED)
+        moments = cv2.moments(own & mask[y : y + tall, x : x + wide], binaryImage=True)
         area = moments["m00"]
         if area < 4:
             continue
@@ -308,13 +318,15 @@ def _placed(solid, evidence, long, wide):
     if not len(places):
         return np.zeros((0, 3))
     score, angle = np.empty(len(places), np.float32), np.empty(len(places), np.int32)
-    _tried(evidence, places, inside, ring, score, angle)
+    across = evidence.shape[1]
+    _tried(evidence.ravel(), places @ (across, 1), inside @ (across, 1), ring @ (across, 1), score, angle)
     order = np.argsort(-score, kind="stable")
     taken = _chosen(solid, places[order], angle[order], inside, FREE, FULL)
     rows = order[taken]
     return np.column_stack([places[rows, 1] + 0.5, places[rows, 0] + 0.5, angle[rows] * np.pi / ANGLES])
 
 
+@lru_cache(maxsize=16)
 def _stamps(long, wide):
     """Pixels of a capsule and of the rim around it, rows and columns from its middle: (ANGLES, k, 2) each."""
     reach = int(np.ceil(0.5 * long + 0.35 * wide)) + 1
@@ -340,16 +352,19 @@ def _number(long, wide, more):
 
 @njit(cache=True, nogil=True)
 def _tried(evidence, places, inside, ring, score, angle):
-    """The best angle of a capsule at each place, and how well it fits: animal inside, ground around."""
+    """The best angle of a capsule at each place, and how well it fits: animal inside, ground around.
+
+    Places and pixels of capsules are numbers of pixels of the picture, row after row.
+    """
     for i in range(len(places)):
-        y, x = places[i, 0], places[i, 1]
+        at = places[i]
         score[i] = -9.0
         for k in range(inside.shape[0]):
-            full, rim = 0.0, 0.0
+            full, rim = np.float32(0.0), np.float32(0.0)
             for q in range(inside.shape[1]):
-                full += evidence[y + inside[k, q, 0], x + inside[k, q, 1]]
+                full += evidence[at + inside[k, q]]
             for q in range(ring.shape[1]):
-                rim += evidence[y + ring[k, q, 0], x + ring[k, q, 1]]
+                rim += evidence[at + ring[k, q]]
             s = full / inside.shape[1] - 0.5 * rim / ring.shape[1]
             if s > score[i]:
                 score[i], angle[i] = s, k

@@ -33,9 +33,9 @@ ASIDE = 2.0  # a step off the body's own line counts so many times as long
 TURNED = 0.3  # BL that a body turned by a right angle counts
 GAP = 3  # frames an animal may go unseen within a track
 SHORTEST = 4  # sights: a shorter track is no animal
-HALF = 0.1  # s to each side over which a track is smoothed, at least
+HALF = 0.08  # s to each side over which a track is smoothed, at least
 LONGEST = 0.32  # s, at most
-TURN_NOISE = 0.15  # rad/s: where the turning is less certain, a longer stretch is smoothed
+TURN_NOISE = 0.25  # rad/s: where the turning is less certain, a longer stretch is smoothed
 STILL = 0.25  # BL: an animal that moved less in all has a head at one end or the other
 
 
@@ -55,6 +55,9 @@ class Noise:
     turn: float  # rad/s, the rate over `half` seconds to each side
     half: float  # s to each side that heading and turning are smoothed over
     unsure: float  # share of the sights whose head may be the other end
+
+
+UNKNOWN = Noise(*[float("nan")] * 8)
 
 
 def sightings_of(frames, fps, to_bl, flow=None) -> tuple[Sightings, Noise]:
@@ -211,7 +214,7 @@ def _animals(xy, axis, alone, names, fps):
     name = np.concatenate([*names, np.zeros(0, int)])
     frame = np.repeat(np.arange(count), [len(p) for p in xy])
     if not len(name):
-        return _nobody(count), Noise(*[np.nan] * 8)
+        return _nobody(count), UNKNOWN
     at, along = np.concatenate(xy), np.concatenate(axis)
     order = np.lexsort((frame, name))
     name, frame, at, along = name[order], frame[order], at[order], along[order]
@@ -230,7 +233,7 @@ def _nobody(count):
 def _smoothed(frame, at, along, weight, begin, count, fps):
     """Sightings of tracks that lie one after the other."""
     if not len(frame):
-        return _nobody(count), Noise(*[np.nan] * 8)
+        return _nobody(count), UNKNOWN
     noise_xy = max(_third(at[:, 0], frame, begin), _third(at[:, 1], frame, begin))
     angle = np.empty(len(frame))
     moved = np.empty(len(frame))

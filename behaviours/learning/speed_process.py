@@ -1,0 +1,128 @@
+"""How the speeds of single animals come and go: mean, spread, and how soon a speed is forgotten.
+
+The herd model draws speeds from an Ornstein-Uhlenbeck process (paper eq. 6): a deviation from the mean is forgotten at
+the rate θ, so that the covariance of an animal's speeds at two times falls as exp(-θ τ).  It is measured on the tracks
+of a clip.  Errors of single sights do not last: covariances at lags longer than the smoothing of the tracks are free of
+them.  What the whole herd does at a time (it speeds up, it slows down) is no animal's own and is taken out.
+
+References
+----------
+.. [1] Uhlenbeck, G. E. & Ornstein, L. S. (1930). On the theory of the Brownian motion. Physical Review 36, 823-841.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+PAIRS = 200  # pairs of sights of one animal that a covariance needs
+TRACKS = 8  # animals that are needed, and groups of them that are left out in turn to tell the error
+FAR = 3.5  # robust deviations: who is slower or faster still is held up or pushed by others, or mistaken for another
+CERTAIN = 0.6  # of the rate itself: a greater error and it is not told
+RATES = np.geomspace(0.05, 20.0, 240)  # 1/s that are tried
+
+
+@dataclass(frozen=True)
+class SpeedProcess:
+    """An Ornstein-Uhlenbeck process of speeds.
+
+    Attributes
+    ----------
+    mean : float
+        BL/s.
+    spread : float
+        Standard deviation of the speeds of animals at a time, without the errors of sighting, BL/s.
+    reversion : float or None
+        θ, 1/s; None where the tracks are too short or too few to tell.
+    error : float
+        Standard error of the reversion, 1/s, by leaving out groups of animals; NaN unknown.
+    """
+
+    mean: float
+    spread: float
+    reversion: float | None
+    error: float
+
+    @property
+    def deviation(self) -> float | None:
+        """σ of eq. 6, BL/s per √s: what a brush calls the deviation."""
+        return None if self.reversion is None else float(self.spread * np.sqrt(2 * self.reversion))
+
+
+def speed_process(sightings, fps, smoothed=0.25) -> SpeedProcess | None:
+    """The process behind the speeds of a clip; None when no speeds are known.
+
+    Parameters
+    ----------
+    sightings : Sightings
+    fps : float
+    smoothed : float
+        s over which the speeds are averages (twice `Noise.half`): shorter lags are not used.
+    """
+    table = _table(sightings)
+    if table is None:
+        return None
+    mean, own = _own(table)
+    first = max(1, int(np.ceil(smoothed * fps)))
+    lags = np.unique(np.round(np.geomspace(first, max(first + 1, 0.6 * len(own)), 16)).astype(int))
+    lags = lags[lags < len(own)]
+    sums = _products(own, lags)  # (lags, animals, 2)
+    whole = _fitted(sums.sum(1), lags / fps)
+    spread_now = float(np.sqrt(np.nanmean(own**2)))
+    if whole is None or own.shape[1] < TRACKS:
+        return SpeedProcess(mean, spread_now, None, np.nan)
+    group = np.arange(own.shape[1]) % TRACKS
+    parts = [_fitted(sums[:, group != g].sum(1), lags / fps) for g in range(TRACKS)]
+    if any(part is None for part in parts):
+        return SpeedProcess(mean, spread_now, None, np.nan)
+    rates = np.array([rate for rate, _ in parts])
+    error = float(np.sqrt((TRACKS - 1) * rates.var()))
+    rate, variance = whole
+    told = error < CERTAIN * rate and RATES[1] < rate < min(RATES[-2], 1.5 / smoothed)
+    return SpeedProcess(mean, float(np.sqrt(variance)) if told else spread_now, rate if told else None, error)
+
+
+def _table(sightings):
+    """Speeds as frames x animals, NaN unknown; None of nobody."""
+    known = (sightings.track >= 0) & np.isfinite(sightings.speed)
+    if not known.any():
+        return None
+    _, who = np.unique(sightings.track[known], return_inverse=True)
+    table = np.full((len(sightings), who.max() + 1), np.nan)
+    table[sightings.frame[known], who] = sightings.speed[known]
+    return table
+
+
+def _own(table):
+    """The mean, and what each animal goes faster than the herd at the time."""
+    here = np.isfinite(table)
+    count = here.sum(1)
+    mean = np.nansum(table, 1) / np.maximum(count, 1)
+    common = np.where(count >= 10, mean, np.nanmean(table))
+    own = (table - common[:, None]) * np.sqrt(count / np.maximum(count - 1, 1))[:, None]
+    own -= np.nanmedian(own)
+    usual = 1.4826 * np.nanmedian(np.abs(own))
+    return float(np.nanmean(table)), np.where(np.abs(own) < FAR * usual, own, np.nan)
+
+
+def _products(own, lags):
+    """Sum and number of products of speeds so many frames apart, (lags, animals, 2)."""
+    filled, here = np.nan_to_num(own), np.isfinite(own).astype(float)
+    return np.array(
+        [np.stack([(filled[:-k] * filled[k:]).sum(0), (here[:-k] * here[k:]).sum(0)], -1) for k in lags]
+    )  # fmt: skip
+
+
+def _fitted(sums, seconds):
+    """(rate, variance) of the exponential nearest to the covariances, weighed by how many pairs there are; or None."""
+    enough = sums[:, 1] >= PAIRS
+    if enough.sum() < 3:
+        return None
+    covariance, weight, t = sums[enough, 0] / sums[enough, 1], sums[enough, 1], seconds[enough]
+    shape = np.exp(-RATES[:, None] * t)
+    variance = (shape * weight * covariance).sum(1) / (shape**2 * weight).sum(1)
+    off = ((covariance - variance[:, None] * shape) ** 2 * weight).sum(1)
+    off = np.where(variance > 0, off, np.inf)
+    best = int(np.argmin(off))
+    return (float(RATES[best]), float(variance[best])) if np.isfinite(off[best]) else None
