@@ -338,13 +338,11 @@ def _local(frame, at, angle, weight, begin, half, far, out_frame, first, out):
                 hi = lo
                 while hi < b and frame[hi] <= t + wide:
                     hi += 1
-                if hi - lo >= SHORTEST or wide > 2 * half:
+                if hi - lo >= min(SHORTEST, b - a):
                     break
                 wide += 1.0
                 lo = a
             n = hi - lo
-            if n < SHORTEST:
-                continue
             u = frame[lo:hi] - t
             w = np.ones(n)
             x, rx, nv = _quadratic(u, at[lo:hi, 0], w, n)
