@@ -10,12 +10,14 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 import flockbrush
 from behaviours.problems import Problem, ProblemsError
+from components import Body, Position
 from engine.clock import Clock
 from flockbrush.files import output_problems, publish, refused, temporary_beside, write_text
 from flockbrush.moments import Moment, Sampler, names_of
@@ -27,6 +29,7 @@ COLUMNS = (
 )  # fmt: skip
 BEAT, FASTEST_BEAT = 3.4, 6.0  # wing beats a second: of a bird 1 m long, and as many as can be seen in a video
 WALKING = 2.0  # body lengths a second: a bird on the ground that is faster flies
+IN_SPACE = (1280, 720)  # pixels of a picture in space
 WORDS = 90  # pixels for title, legend and scale
 ROLES = np.array(["follower", "leader"])
 
@@ -244,11 +247,25 @@ def _wings(moment, palette):
     return np.where(birds, np.sin(2 * np.pi * (turn % 1.0)), np.nan)
 
 
-def painter_of(simulation, size=None, theme="light"):
-    """A painter for a running world, with the level's proportions unless a size is given."""
+def painter_of(simulation, size=None, theme="light", view="plan", azimuth=90.0, elevation=None):
+    """A painter for a running world: of the plan with the level's proportions unless a size is given, or of space.
+
+    `azimuth` and `elevation`, in degrees, say from where one looks in space: counter-clockwise from east, and upwards;
+    flocks in the air are looked at from lower down than herds on the ground unless told.
+    """
     from flockbrush.draw import Painter, Scenery
 
-    return Painter(Scenery(simulation), size=size or picture_size(simulation.level), theme=theme)
+    if view != "space":
+        return Painter(Scenery(simulation), size=size or picture_size(simulation.level), theme=theme)
+    from flockbrush.draw.space import SpacePainter
+
+    painter = SpacePainter(Scenery(simulation), size or IN_SPACE, theme)
+    if elevation is None:
+        agents = simulation.agents
+        flying = len(agents) and (agents[Position.xyz][:, 2] > agents[Body.length]).mean() > 0.5
+        elevation = 14.0 if flying else 30.0
+    painter.look(replace(painter.camera, azimuth=np.radians(azimuth), elevation=np.radians(elevation)))
+    return painter
 
 
 def picture_size(level, across=1920, ground=960):
@@ -268,7 +285,8 @@ def _measured(moment: Moment):
 
 def _look(options):
     """The options that are about looks."""
-    return {name: options[name] for name in ("size", "theme") if options.get(name) is not None}
+    told = ("size", "theme", "view", "azimuth", "elevation")
+    return {name: options[name] for name in told if options.get(name) is not None}
 
 
 class _Pictures(Exporter):
@@ -280,7 +298,10 @@ class _Pictures(Exporter):
     def draw(self, moment):
         """The picture of a moment."""
         measures = _measured(moment) if len(moment) else None
-        return self._painter.frame(herd_of(self.simulation, moment), time=moment.time, measures=measures)
+        herd = herd_of(self.simulation, moment)
+        if self.options.get("view") == "space" and len(moment):
+            self._painter.chase(herd, 1 / self.fps if self.frames else None)
+        return self._painter.frame(herd, time=moment.time, measures=measures)
 
 
 class Mp4(_Pictures):
@@ -371,7 +392,7 @@ class Exports:
     fps : float, optional
         Moments per second; each kind of file has its own unless told: every tick for tables and videos, 24 for USD.
     options
-        For the exporters that know them: ``size``, ``theme``, ``usd_mode``.
+        For the exporters that know them: ``size``, ``theme``, ``view``, ``azimuth``, ``elevation``, ``usd_mode``.
     """
 
     def __init__(self, paths, simulation, fps=None, **options):

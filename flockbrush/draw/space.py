@@ -12,6 +12,7 @@ A herd is that of the plan, with heights and headings in space: `Herd.xy` and `H
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,6 +41,8 @@ LINES = 90.0  # pixels between two thin lines of the grid, about
 GRID = 42.0  # lines from its middle to where it has faded
 MANY = 30  # animals: the ways of more are fainter, that one still sees who flies there
 WALL = 1.6  # m, or body lengths if those are longer: what has been told no height
+TRAILS = 1.5  # s; in space there is less room for them than on the plan
+GLIDE = 0.8  # s in which a camera that chases a herd has made up for most of what it is behind
 ELBOW = 1.5  # body lengths free around a herd that is looked at
 
 
@@ -85,7 +88,7 @@ class SpacePainter:
     """
 
     def __init__(
-        self, level=None, size=(1280, 720), theme="light", brushes=None, trails=3.0, words=True, shadows=True,
+        self, level=None, size=(1280, 720), theme="light", brushes=None, trails=TRAILS, words=True, shadows=True,
         live=False, floor=0.0,
     ):  # fmt: skip
         self.level, self.size, self.theme = level, checked_size(size), theme_of(theme)
@@ -103,6 +106,7 @@ class SpacePainter:
         self._sheets[0][:] = self.theme.paper
         self._colours: tuple = (None, None)
         self._bodies: Bodies | None = None
+        self._chased: np.ndarray | None = None
         self.camera = self.home
 
     # the camera --------------------------------------------------------------------
@@ -140,6 +144,21 @@ class SpacePainter:
     def look(self, camera: OrbitCamera):
         """Look from somewhere else from now on."""
         self.camera = camera
+
+    def chase(self, herd: Herd, passed=None):
+        """Let the camera go with a herd, and glide to where it shows all of it.
+
+        `passed` is how many seconds ago it was there last; None lets it jump.
+        """
+        wanted = self.around(herd)
+        middle = np.append(np.median(np.asarray(herd.xy, float)[:, :2], axis=0), 0.0)
+        share, step = 1.0, np.zeros(3)
+        if passed is not None and self._chased is not None:
+            share, step = 1 - np.exp(-passed / GLIDE), middle - self._chased
+        self._chased = middle
+        target = (np.asarray(self.camera.target) + step) * (1 - share) + np.asarray(wanted.target) * share
+        distance = self.camera.distance ** (1 - share) * wanted.distance**share
+        self.look(replace(wanted, distance=float(distance)).at(*target))
 
     # what lies there -----------------------------------------------------------------
 

@@ -146,6 +146,19 @@ def test_dragging_moves_the_ground_with_the_mouse():
     assert np.allclose(look.moved(10, 6).pixels(place) - look.middle, (10, 6), atol=0.6)
 
 
+def test_a_camera_that_chases_a_flock_keeps_it_in_the_middle_and_comes_slowly_nearer():
+    one, apart = painter(), np.array([[-6.0, 0, 10], [6, 3, 12], [0, -3, 8]])
+    one.look(camera(40, 15))
+    one.chase(birds(apart))
+    wide = one.camera.distance
+    for k in range(1, 33):  # at 15 m/s, and drawing together
+        herd = birds(apart * (1, 1, 1) * (0.5 if k > 1 else 1) + (0.5 * k, 0, 0))
+        one.chase(herd, 1 / 30)
+    at, _ = one.camera.project(herd.xy)
+    assert np.abs(at.mean(axis=0) - one.camera.middle).max() < 25
+    assert one.around(herd).distance < one.camera.distance < wide
+
+
 # attitude ------------------------------------------------------------------------------------
 
 

@@ -5,6 +5,7 @@ import json
 import tracemalloc
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 from pens import pen
@@ -102,6 +103,15 @@ def test_names_with_commas_and_quotes_are_read_back_as_they_were(cli, tmp_path):
     path.write_text(path.read_text().replace('"sheep"', '"sheep, \\"black\\""'))
     assert cli("run", path, "--ticks", 1, "--export", tmp_path / "a.csv").code == 0
     assert {row["species"] for row in rows_of(tmp_path / "a.csv")} == {'sheep, "black"'}
+
+
+def test_pictures_may_be_of_space_from_where_one_wishes(recording, tmp_path):
+    for name, more in (("north", ()), ("east", ("--azimuth", 0, "--elevation", 50))):
+        picture = tmp_path / f"{name}.png"
+        done = other_process("export", recording, "--to", picture, "--view", "space", *more, "--fps", 2)
+        assert done.returncode == 0, done.stderr
+    north, east = (cv2.imread(str(tmp_path / f"{name}.png")) for name in ("north", "east"))
+    assert north.shape == east.shape == (720, 1280, 3) and (north != east).any()
 
 
 @pytest.mark.parametrize("name", ["a.csv", "a.parquet", "a.png", "a.mp4"])
