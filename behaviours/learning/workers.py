@@ -131,7 +131,7 @@ class Workers:
     def _keep(self):
         if self.path is not None:
             text = json.dumps({"signature": self.signature, "done": self.known})
-            write_atomically(self.path, text.encode())
+            write_atomically(self.path, text.encode(), overwrite=True)
 
 
 def _key(function, task):
