@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -132,8 +133,6 @@ def _checked(wishes) -> list[Region]:
         problems += refused(state, f"there is nothing to resume of {name}; leave out --resume").problems
     if problems:
         raise ProblemsError(problems)
-    if wishes.report is not None:
-        _make_folder(wishes.report)
     return regions
 
 
@@ -142,6 +141,8 @@ def _folder_problems(folder):
         return []
     if folder.exists():
         return refused(folder, "is a file; a report needs a folder").problems
+    if folder.parent.is_dir() and not os.access(folder.parent, os.W_OK):
+        return refused(folder, f"the folder {str(folder.parent)!r} may not be written to").problems
     if not folder.parent.is_dir():
         return refused(folder, f"there is no folder {str(folder.parent)!r} to make it in").problems
     return []
@@ -166,8 +167,10 @@ def _looked(clip, wishes) -> Evidence:
     try:
         seen = look_at(clip, wishes.looking)
     except CannotObserve as error:
-        if wishes.report is not None:
-            page = write_partial(wishes.report, clip, str(error), getattr(error, "seen", {}))
+        seen = getattr(error, "seen", None)
+        if wishes.report is not None and seen:
+            _make_folder(wishes.report)
+            page = write_partial(wishes.report, clip, str(error), seen)
             say(f"wrote {page}: what was seen up to there")
         raise
     return standing(seen, SPEED if wishes.speed is None else wishes.speed) if seen.still else seen
@@ -214,6 +217,7 @@ def _learned_herd(herd: Herd, wishes: Wishes, interrupts) -> Findings:
     if not learned.interrupted:
         herd.state.unlink(missing_ok=True)
     if wishes.report is not None:
+        _make_folder(wishes.report)
         folder = wishes.report if herd.region is None else wishes.report / found.brush.name
         _make_folder(folder)
         write_report(found, folder)

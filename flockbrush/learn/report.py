@@ -371,7 +371,7 @@ def write_partial(folder, clip, message: str, seen: dict) -> Path:
     pictures = seen.pop("pictures", {})
     if seen:
         page.head("What was seen")
-        page.facts((name.replace("_", " "), value) for name, value in seen.items())
+        page.facts((name.replace("_", " "), _word(value)) for name, value in seen.items())
     for title, image in pictures.items():
         page.picture(_coloured(image), title, max(1.0, image.shape[1] / 920), photograph=image.ndim == 3)
     path = Path(folder) / "report.html"
