@@ -314,6 +314,11 @@ def lift(
     method: Annotated[
         LiftMethod, typer.Option(help="One global solve, or the thesis' own descent.")
     ] = LiftMethod.smooth,
+    brush: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also a formation brush, from the birds of one frame.")
+    ] = None,
+    frame: Annotated[int | None, typer.Option(metavar="N", help="That frame; the middle one unless told.")] = None,
+    wingspan: Annotated[float | None, typer.Option(metavar="M", help="Of the birds; guessed unless told.")] = None,
     json: Json = False,
 ):
     """Lift a flock from one camera into space: tracks in pixels become a flight in metres."""
@@ -321,7 +326,8 @@ def lift(
 
     wishes = dict(smoothness=lambda_t, flock=lambda_f, evenness=evenness)
     wishes |= dict(separation=separation, separation_distance=separation_distance)
-    lift_tracks(tracks, camera, out, method.value, near, far, json, **wishes)
+    made = (brush, frame, wingspan) if brush is not None else None
+    lift_tracks(tracks, camera, out, method.value, near, far, json, made, **wishes)
 
 
 @app.command()

@@ -175,28 +175,30 @@ class Show:
         first = max(0, k - round(seconds * self.flight.fps))
         return self.flight.xyz[first : k + 1]
 
-    def facts(self, k, bird=None) -> list[tuple[str, str]]:
-        """(name, value) of what there is to know of frame k, and of a bird in it."""
+    def facts(self, k) -> list[str]:
+        """What there is to know of the birds of frame k, a line each."""
         rows = self.there(k)
-        speed = np.linalg.norm(self.velocity[k, rows], axis=-1)
-        ahead = self.forward[k, rows]
-        told = [("birds", str(len(rows)))]
+        told = [f"{len(rows)} bird{'s' * (len(rows) != 1)}"]
         if len(rows):
-            told += [
-                ("speed", f"{speed.mean():.1f} m/s"),
-                ("polarization", f"{np.linalg.norm(ahead.mean(0)):.3f}"),
-                ("depth", f"{_low_high(np.linalg.norm(self.flight.xyz[k, rows], axis=-1))} m"),
-            ]
-        row = self.row(bird)
-        if row is not None and row in rows:
-            across = np.cross(self.forward[k, row], (0.0, 0.0, 1.0))
-            lean = -float(np.degrees(np.arcsin(np.clip(self.up[k, row] @ -across, -1, 1))))
-            told += [
-                (f"bird {bird}, speed", f"{np.linalg.norm(self.velocity[k, row]):.1f} m/s"),
-                ("depth", f"{np.linalg.norm(self.flight.xyz[k, row]):.1f} m"),
-                ("banks", f"{abs(lean):.0f}° to the {'right' if lean > 0 else 'left'}"),
-            ]
+            speed = np.linalg.norm(self.velocity[k, rows], axis=-1).mean()
+            away = np.linalg.norm(self.flight.xyz[k, rows], axis=-1)
+            order = np.linalg.norm(_unit(self.velocity[k, rows]).mean(0))
+            told[0] += f" at {speed:.1f} m/s"
+            told += [f"polarization {order:.3f}", f"{away.min():.0f} to {away.max():.0f} m from the origin"]
+            if self.camera is not None:
+                told[-1] = f"{away.min():.0f} to {away.max():.0f} m from the camera"
         return told
+
+    def about(self, k, bird) -> str:
+        """A line about one bird of frame k, empty when it is not there."""
+        row = self.row(bird)
+        if row is None or row not in self.there(k):
+            return ""
+        right = _unit(np.cross(self.forward[k, row], (0.0, 0.0, 1.0)))
+        lean = np.degrees(np.arcsin(np.clip(self.up[k, row] @ right, -1, 1)))
+        side = "right" if lean > 0 else "left"
+        speed, away = np.linalg.norm(self.velocity[k, row]), np.linalg.norm(self.flight.xyz[k, row])
+        return f"bird {bird}: {speed:.1f} m/s, {away:.0f} m, {abs(lean):.0f}° {side}"
 
     def row(self, bird):
         """Row of a bird by its number, None when there is none."""
@@ -284,6 +286,30 @@ class Show:
             raise refused(self.name, f"frame {frame}: the birds fly in no line formation: {why}")
         return found
 
+    def formation_level(self, k, path, like="geese") -> Path:
+        """Write a brush as `formation_brush`, and beside it a level in which so many birds fly with it; that level.
+
+        The brush goes into the folder ``brushes`` there, where levels look for brushes.
+        """
+        from levels.sketch import Sketch
+
+        path = Path(path)
+        name = path.name.removesuffix(".brush.toml")
+        folder = path.parent.parent if path.parent.name == "brushes" else path.parent
+        (folder / "brushes").mkdir(exist_ok=True)
+        self.formation_brush(k, folder / "brushes" / path.name, like)
+        sky = Sketch(120, 40, 10.0, ".", [], boundary="despawn")
+        sky.document.data["tilesets"] = []
+        count = len(self.there(k))
+        side = float(np.clip(6.0 * np.sqrt(count), 20, 300))
+        middle = 0.5 * sky.height
+        sky.box(
+            "Spawn", 160, middle, side, side, "flock", species="goose", brush=name, count=count, heading="east",
+            altitude=50,
+        )  # fmt: skip
+        sky.draw("Key", [(600, middle)], "on", at=0, command="Migrate", x=1e5, y=middle, z=50, species="goose")
+        return sky.save(folder / f"{name}.tmj")
+
     def formation_brush(self, k, path, like="geese") -> str:
         """Write a brush whose birds fly as those of frame k; what was made, in words.
 
@@ -315,8 +341,8 @@ class _AsRun:
         return SimpleNamespace(names=["bird"] if kind.__name__ == "SpeciesList" else [""])
 
 
-def _low_high(values):
-    return f"{values.min():.0f} to {values.max():.0f}"
+def _unit(vectors):
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
 
 
 def _attitudes(velocity, pitch, bank):

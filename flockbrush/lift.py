@@ -20,7 +20,7 @@ GRAVITY = 9.81  # m/s^2
 METHODS = {"smooth": lift, "cobyla": lift_by_thesis}
 
 
-def lift_tracks(tracks, camera, out, method="smooth", near=None, far=None, as_json=False, **wishes):
+def lift_tracks(tracks, camera, out, method="smooth", near=None, far=None, as_json=False, made=None, **wishes):
     """Read tracks and camera, lift, write the flight, and print what there is to know of it.
 
     Parameters
@@ -30,6 +30,8 @@ def lift_tracks(tracks, camera, out, method="smooth", near=None, far=None, as_js
         The global solve, or the thesis' frame-by-frame descent.
     near, far : float, optional
         Metres, instead of the camera's.
+    made : (path, int or None, float or None), optional
+        A formation brush to be made, from the birds of a frame, of a wingspan in metres.
     **wishes
         Of `behaviours.learning.lift.Wish`.
 
@@ -38,7 +40,7 @@ def lift_tracks(tracks, camera, out, method="smooth", near=None, far=None, as_js
     ProblemsError
         With file, line and column; nothing has been written then.
     """
-    problems = output_problems([out], [tracks, camera])
+    problems = output_problems([out, *(made or ())[:1]], [tracks, camera])
     if problems:
         raise ProblemsError(problems)
     lens = _with_bounds(camera, read_camera(camera), near, far)
@@ -51,6 +53,23 @@ def lift_tracks(tracks, camera, out, method="smooth", near=None, far=None, as_js
     seconds = time.perf_counter() - begin
     write_flight(out, flight)
     _tell(out, flight, seconds, method, as_json)
+    if made is not None:
+        _make_brush(tracks, flight, lens, *made, as_json)
+
+
+def _make_brush(tracks, flight, lens, path, frame, wingspan, as_json):
+    """Write the formation brush of a frame; the flight is written whatever becomes of that."""
+    from flockbrush.flight_show import Show
+
+    last = flight.first + len(flight.xyz) - 1
+    frame = (flight.first + last) // 2 if frame is None else frame
+    if not flight.first <= frame <= last:
+        raise refused(tracks, f"has frames {flight.first} to {last}; there is no frame {frame}")
+    if wingspan is not None and not (np.isfinite(wingspan) and wingspan > 0):
+        raise refused("--wingspan", f"must be above 0 m, got {wingspan:g}")
+    said = Show(flight, str(tracks), lens, span=wingspan).formation_brush(frame - flight.first, path)
+    if not as_json:
+        say(said)
 
 
 def _with_bounds(path, camera, near, far):

@@ -171,10 +171,9 @@ class LiftWindow:
         """Labels and buttons say how things are."""
         flight = self.show.flight
         self.clock.say(f"frame {flight.first + self.k}   {self.k / flight.fps:.2f} of {self.show.seconds:.2f} s")
-        told = self.show.facts(self.k, self.bird)
-        lines = [f"{name}: {value}" for name, value in told[:3]]
-        lines.append("   ".join(f"{name} {value}" for name, value in told[4:] or told[3:]))
-        for label, text in zip(self.facts, lines + [""] * 4, strict=False):
+        told = self.show.facts(self.k)
+        lines = [*told, *[""] * (3 - len(told)), self.show.about(self.k, self.bird)]
+        for label, text in zip(self.facts, lines, strict=True):
             label.say(text)
         if self.show.camera is not None:
             busy = "solving …" if self.solver.busy else ""
@@ -481,23 +480,26 @@ class LiftWindow:
         kind = found.frames[0].kind
         name = f"{Path(self.show.name).name.split('.')[0]}-{kind.lower().replace(' ', '-')}.brush.toml"
         question = f"The birds of this frame fly as a {kind} ({found.frames[0].why}). Write the brush to:"
-        answers = [("Write", lambda path: self._brush(path, False)), ("Cancel", None)]
-        answers.insert(1, ("Write and fly", None))
-        self.dialog = Dialog(self, "Formation brush", question, answers, str(Path(self.show.name).parent / name))
-        fly = list(self.dialog.answers)[1]
-        entry = self.dialog.entry
-        self.dialog.answers[fly] = lambda: self._brush(entry.get_text().strip(), True)
+        answers = [("Write", self._brush), ("Write and fly", None), ("Cancel", None)]
+        where = str(Path(self.show.name).parent / name)
+        self.dialog = dialog = Dialog(self, "Formation brush", question, answers, where)
+        dialog.answers[list(dialog.answers)[1]] = lambda: self._fly(dialog.entry.get_text().strip())
 
-    def _brush(self, path, fly):
+    def _brush(self, path):
         self.guarded(self._finish_solving)
         self.toasts.say(self.show.formation_brush(self.k, path))
-        if fly:
-            self.fly(path)
 
-    def fly(self, brush):
-        """Open a level, in a window of its own, in which geese fly with a brush."""
-        words = [sys.executable, "-m", "flockbrush", "play", "geese", "--brush", str(brush)]
-        self._levels.append(subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL))
+    def _fly(self, path):
+        """Write brush and level, and open that in a window of its own."""
+        self.guarded(self._finish_solving)
+        level = self.show.formation_level(self.k, path)
+        self.toasts.say(f"{level}: a window of its own opens")
+        self._levels.append(subprocess.Popen(self.command(level), stderr=subprocess.PIPE, stdout=subprocess.DEVNULL))
+
+    def command(self, level):
+        """What opens a level, a list of words."""
+        brush = level.name.removesuffix(".tmj")
+        return [sys.executable, "-m", "flockbrush", "play", str(level), "--brush", brush]
 
     def _look_at_levels(self):
         for process in list(self._levels):

@@ -1,0 +1,177 @@
+"""A flight that is shown: read or lifted, solved anew, exported, made into a formation brush."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from behaviours.brush import load_brush
+from behaviours.learning.lift import Wish
+from behaviours.problems import ProblemsError
+from flockbrush.cli import called
+from flockbrush.flight_show import Show, Solver, Wanted, read_flight, with_wish
+from tests.flock_in_v import CAMERA, SPAN, geese, seen, written
+
+
+@pytest.fixture(scope="module")
+def lifted():
+    return Show.lifted(seen(geese()), CAMERA, "geese.csv", SPAN)
+
+
+@pytest.fixture
+def show(lifted):
+    """A show that a test may change."""
+    return Show(lifted.flight, lifted.name, CAMERA, lifted.tracks, lifted.sight, lifted.wanted, SPAN)
+
+
+def test_a_flight_that_was_written_is_read_as_it_was(tmp_path, show):
+    show.export(tmp_path / "flock.csv")
+    again = read_flight(tmp_path / "flock.csv")
+    assert again.xyz == pytest.approx(show.flight.xyz, abs=1e-5)
+    assert again.fps == pytest.approx(25) and again.ids.tolist() == show.flight.ids.tolist()
+
+
+def test_a_trajectory_of_a_level_can_be_shown(tmp_path):
+    assert called(["run", "geese", "--seconds", "1", "--export", str(tmp_path / "geese.csv")]) == 0
+    show = Show.open(tmp_path / "geese.csv")
+    assert len(show) == 33 and show.flight.fps == pytest.approx(32)
+    assert len(show.herd(3).xy) == 21
+
+
+def test_birds_that_come_late_are_drawn_while_they_are_there(tmp_path):
+    rows = ["frame,id,x,y,z"] + [f"{f},{n},{f},{n},5" for f in range(6) for n in (1, 2) if n == 1 or f > 2]
+    (tmp_path / "f.csv").write_text("\n".join(rows))
+    show = Show.open(tmp_path / "f.csv")
+    assert [len(show.herd(k).xy) for k in range(6)] == [1, 1, 1, 2, 2, 2]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("frame,id,x,y\n1,1,2,3\n", "--camera"),
+        ("frame,id,x,y,z\n1,1,2,3,4\n", "one frame only"),
+        ("frame,id,x,y,z\n1,1,2,3,4\n2,1,2,up,4\n", "f.csv:3: y: must be a finite number, got 'up'"),
+        ("frame,time,id,x,y,z\n1,0,1,2,3,4\n2,0,1,2,3,4\n", "time does not go on"),
+        ("frame,id,x,y,z\n", "no bird"),
+        ("", "--camera"),
+    ],
+)
+def test_what_is_no_flight_is_refused_in_words(tmp_path, text, said):
+    (tmp_path / "f.csv").write_text(text)
+    with pytest.raises(ProblemsError) as told:
+        Show.open(tmp_path / "f.csv")
+    assert said in str(told.value)
+
+
+# solving anew ------------------------------------------------------------------------
+
+
+def test_only_the_latest_wish_counts(show):
+    solver = Solver(show)
+    for flock in (0.1, 5.0, 0.5, 2.0):
+        solver.ask(with_wish(show.wanted, flock=flock), glance=flock < 1)
+    assert solver.busy
+    assert solver.wait() and not solver.busy
+    assert show.wanted.wish.flock == 2.0
+    assert show.flight.depth == pytest.approx(show.solved(Wanted(Wish(flock=2.0), near=10, far=300)).depth)
+
+
+def test_a_wish_that_cannot_be_leaves_the_flight_as_it_is(show):
+    solver, before = Solver(show), show.flight
+    solver.ask(with_wish(show.wanted, near=50.0, far=20.0))
+    with pytest.raises(ProblemsError, match="near must be above 0 and less than far"):
+        solver.wait()
+    assert show.flight is before and not solver.busy
+
+
+def test_a_flight_without_tracks_is_not_solved(tmp_path, show):
+    show.export(tmp_path / "flock.csv")
+    with pytest.raises(ProblemsError, match="was not lifted here"):
+        Show.open(tmp_path / "flock.csv").solved(Wanted())
+
+
+def test_the_thesis_method_keeps_the_bounds_of_the_sliders(show):
+    pytest.importorskip("nlopt")
+    some = Show.lifted(seen(geese(3, 8)), CAMERA, "geese.csv")
+    flight = some.solved(Wanted(method="cobyla", near=40.0, far=90.0))
+    assert flight.depth.min() >= 40.0 and flight.depth.max() <= 90.0
+
+
+# what is to be seen --------------------------------------------------------------------
+
+
+def test_birds_lie_in_the_picture_where_they_were_seen(show):
+    corners, spots = show.frustum(20)
+    px = CAMERA.project(spots)
+    assert px == pytest.approx(show.sight.px[20], abs=1e-6)
+    assert CAMERA.project(corners) == pytest.approx(np.array([(0, 0), (1280, 0), (1280, 720), (0, 720)]), abs=1e-6)
+
+
+def test_a_bird_that_turns_right_banks_to_the_right():
+    from behaviours.learning.lift import Flight
+
+    angle = -np.arange(60)[:, None] / 30 * 0.5
+    xyz = np.stack([20 * np.cos(angle), 20 * np.sin(angle), 0 * angle], -1)
+    show = Show(Flight(xyz, np.linalg.norm(xyz, axis=-1), np.array([7]), 0, 30.0), "turn.csv")
+    assert show.about(30, 7).endswith("right")
+    assert show.about(30, 8) == ""
+
+
+# keeping ---------------------------------------------------------------------------------
+
+
+def test_a_flight_becomes_a_parquet_table_with_every_bird_of_every_frame(tmp_path, show):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    show.export(tmp_path / "flock.parquet")
+    table = parquet.read_table(tmp_path / "flock.parquet").to_pydict()
+    assert len(table["x"]) == 60 * 11 and set(table["species"]) == {"bird"}
+    assert np.array(table["x"]).reshape(60, 11) == pytest.approx(show.flight.xyz[..., 0])
+
+
+def test_a_flight_becomes_a_scene(tmp_path, show):
+    pxr = pytest.importorskip("pxr")
+    show.export(tmp_path / "flock.usdc")
+    stage = pxr.Usd.Stage.Open(str(tmp_path / "flock.usdc")) if hasattr(pxr, "Usd") else None
+    if stage is not None:
+        assert stage.GetEndTimeCode() == 59
+    assert (tmp_path / "flock.usdc").stat().st_size > 0
+
+
+@pytest.mark.parametrize("name", ["flock.abc", "flock", "nowhere/flock.csv"])
+def test_a_file_that_cannot_be_is_refused(tmp_path, show, name):
+    with pytest.raises(ProblemsError):
+        show.export(tmp_path / name)
+
+
+def test_geese_lifted_from_a_film_make_a_brush_that_flies_as_they_did(tmp_path, show):
+    path = tmp_path / "mine.brush.toml"
+    assert "V of 11 birds" in show.formation_brush(30, path)
+    made = load_brush(path)
+    assert made.parameters["shape"] == "V"
+    assert made.parameters["spacing"] == pytest.approx(1.25, rel=0.1)
+    assert made.parameters["slope"] == pytest.approx(0.8, rel=0.35)
+
+
+def test_birds_in_no_formation_make_none(show):
+    chance = np.random.default_rng(0)
+    rest = 3.0 * chance.normal(size=(1, 11, 3))
+    show.take(type(show.flight)(show.flight.xyz + rest, show.flight.depth, show.flight.ids, 0, 25.0))
+    with pytest.raises(ProblemsError, match="frame 30: the birds fly in no line formation: a cluster"):
+        show.formation(30)
+
+
+def test_a_level_comes_with_the_brush(tmp_path, show):
+    level = show.formation_level(30, tmp_path / "mine.brush.toml")
+    assert (tmp_path / "brushes" / "mine.brush.toml").is_file()
+    assert called(["run", str(level), "--seconds", "0.5"]) == 0
+
+
+def test_lift_makes_the_brush_without_a_window(tmp_path, capsys):
+    tracks, camera = written(tmp_path, seen(geese()))
+    words = ["lift", str(tracks), "--camera", str(camera), "--out", str(tmp_path / "flock.csv")]
+    assert called([*words, "--brush", str(tmp_path / "v.brush.toml"), "--frame", "30", "--wingspan", "1.5"]) == 0
+    assert "V of 11 birds" in capsys.readouterr().err
+    assert called([*words, "--brush", str(tmp_path / "v.brush.toml"), "--frame", "99"]) == 1
+    assert "frames 0 to 59; there is no frame 99" in capsys.readouterr().err
+    with open(tmp_path / "flock.csv") as file:
+        assert len(list(csv.DictReader(file))) == 60 * 11

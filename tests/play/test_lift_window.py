@@ -1,0 +1,202 @@
+"""A lifted flight in its window: looked at from all sides, solved anew by sliders, kept."""
+
+import time
+
+import numpy as np
+import pygame
+import pytest
+
+from flockbrush.cli import called
+from flockbrush.flight_show import Show
+from tests.flock_in_v import SPAN, geese, seen, written
+from tests.play.window import MODS
+
+from flockbrush.play.lift_window import SETTLE, LiftWindow  # isort: skip  # the window of the tests has no screen
+
+
+class Hands(LiftWindow):
+    """The window, with hands."""
+
+    def post(self, kind, **values):
+        pygame.event.post(pygame.event.Event(kind, **values))
+        self.frame(1 / 30)
+
+    def drag(self, start, end, button=1):
+        """Between pixels of the window."""
+        self.post(pygame.MOUSEBUTTONDOWN, pos=start, button=button)
+        for share in (0.5, 1.0):
+            pos = tuple(np.round(np.add(start, np.subtract(end, start) * share)).astype(int).tolist())
+            self.post(pygame.MOUSEMOTION, pos=pos, rel=(0, 0), buttons=(1, 0, 0))
+        self.post(pygame.MOUSEBUTTONUP, pos=end, button=button)
+
+    def key(self, name, *mods):
+        self.post(pygame.KEYDOWN, key=pygame.key.key_code(name), mod=sum(MODS[m] for m in mods), unicode="")
+
+    def slide(self, number, way):
+        """Move a slider of the column to a place between 0 and 1000."""
+        import pygame_gui
+
+        widget = self.column.sliders[number].slider
+        self.post(pygame_gui.UI_HORIZONTAL_SLIDER_MOVED, value=way, ui_element=widget)
+
+    def until_solved(self):
+        end = time.perf_counter() + 20
+        while (self.solver.busy or self._due < np.inf) and time.perf_counter() < end:
+            self.frame(0.05)
+
+    def birds_at(self):
+        """Pixels of the birds of the frame that is shown."""
+        rows = self.show.there(self.k)
+        return self.painter.camera.project(self.show.flight.xyz[self.k, rows])[0]
+
+
+@pytest.fixture
+def window(tmp_path):
+    tracks, camera = written(tmp_path, seen(geese(11, 50)))
+    made = Hands(Show.open(tracks, camera, SPAN), (900, 620), "light")
+    pygame.event.get()
+    made.playing = False
+    made.frame(1 / 30)
+    yield made
+    made.close()
+
+
+def test_time_goes_on_and_can_be_stopped_and_stepped_through(window):
+    window.key("space")
+    for _ in range(6):
+        window.frame(0.1)
+    assert 10 <= window.k <= 20
+    window.key("space")
+    k = window.k
+    window.frame(0.5)
+    assert window.k == k
+    window.key("right")
+    assert window.k == k + 1
+    window.key("end")
+    assert window.k == 49
+    window.key("right")
+    assert window.k == 49
+
+
+def test_a_drag_goes_round_and_a_right_drag_moves(window):
+    before = window.painter.camera
+    window.drag((300, 300), (400, 300))
+    turned = window.painter.camera
+    assert turned.azimuth != before.azimuth and turned.target == before.target
+    window.drag((300, 300), (400, 300), button=3)
+    moved = window.painter.camera
+    assert moved.azimuth == turned.azimuth and moved.target != turned.target
+    window.key("0")
+    at = window.birds_at()
+    assert ((at > 0) & (at < window.area.size)).all()
+
+
+def test_from_the_camera_birds_are_where_they_were_filmed(window):
+    window.key("c")
+    window.step(25)
+    seen_at, px = window.birds_at(), window.show.sight.px[25]
+    size = np.array([1280, 720])
+    middle = (seen_at - np.array(window.area.size) / 2) / (px - size / 2)
+    assert np.allclose(middle, middle.mean(), rtol=1e-6)  # the same picture, of another size
+
+
+def test_a_click_picks_a_bird_and_escape_lets_it_go(window):
+    window.step(25)
+    window.key("0")
+    at = window.birds_at()[3]
+    window.post(pygame.MOUSEBUTTONDOWN, pos=tuple(np.round(at).astype(int).tolist()), button=1)
+    window.post(pygame.MOUSEBUTTONUP, pos=tuple(np.round(at).astype(int).tolist()), button=1)
+    assert window.bird in window.show.flight.ids
+    assert window.show.about(25, window.bird).startswith(f"bird {window.bird}: ")
+    window.key("escape")
+    assert window.bird is None
+
+
+def test_a_slider_solves_the_flight_anew(window):
+    before = window.show.flight.depth.copy()
+    window.slide(1, 900)
+    assert window.wanted.wish.flock > 5
+    window.until_solved()
+    assert window.show.wanted.wish.flock == window.wanted.wish.flock
+    assert not np.allclose(window.show.flight.depth, before)
+    assert "solved in" in window.solved.said
+    window.reset()
+    window.until_solved()
+    assert window.show.flight.depth == pytest.approx(before)
+
+
+def test_all_frames_are_solved_when_the_hand_rests(window):
+    window.slide(0, 300)
+    window.until_solved()
+    whole = window.show.solved(window.wanted)
+    assert window.show.flight.depth == pytest.approx(whole.depth)
+    assert SETTLE < 1
+
+
+def test_bounds_in_the_wrong_order_are_told_and_change_nothing(window):
+    before = window.show.flight
+    window.wish("near", 400.0)
+    window.until_solved()
+    assert window.show.flight is before
+    assert any("less than far" in toast.text for toast in window.toasts.log)
+
+
+def test_the_flight_is_exported_under_the_name_that_is_typed(window, tmp_path):
+    window.key("s", "ctrl")
+    assert window.dialog.entry.get_text().endswith("tracks.flock.csv")
+    window.dialog.entry.set_text(str(tmp_path / "flight.csv"))
+    window.key("return")
+    assert len((tmp_path / "flight.csv").read_text().splitlines()) == 1 + 50 * 11
+
+
+def test_a_name_with_a_wrong_ending_is_told(window, tmp_path):
+    window.key("s", "ctrl")
+    window.dialog.entry.set_text(str(tmp_path / "flight.obj"))
+    window.key("return")
+    assert any("the ending of a flight" in toast.text for toast in window.toasts.log)
+
+
+def test_the_birds_of_a_frame_become_a_brush_and_a_level(window, tmp_path, monkeypatch):
+    window.step(25)
+    monkeypatch.setattr(window, "command", lambda level: ["true"])
+    window.key("b")
+    dialog = window.dialog
+    assert dialog.entry.get_text().endswith("tracks-v.brush.toml")
+    dialog.answer(list(dialog.answers)[1])
+    assert (tmp_path / "tracks-v.tmj").is_file() and (tmp_path / "brushes" / "tracks-v.brush.toml").is_file()
+    window.frame(1 / 30)
+
+
+def test_a_flight_that_was_only_read_is_shown_without_sliders_of_the_solve(window, tmp_path):
+    window.show.export(tmp_path / "flock.csv")
+    window.close()
+    other = Hands(Show.open(tmp_path / "flock.csv"), (900, 620), "dark")
+    other.frame(1 / 30)
+    assert len(other.column.sliders) == 1
+    other.key("c")
+    other.key("b")
+    other.close()
+
+
+def test_the_window_can_become_small(window):
+    window.post(pygame.VIDEORESIZE, w=500, h=380, size=(500, 380))
+    assert window.screen.get_size() == (500, 380)
+    window.frame(1 / 30)
+
+
+def test_play_takes_tracks_with_their_camera(tmp_path):
+    tracks, camera = written(tmp_path, seen(geese(4, 20)))
+    assert called(["play", str(tracks), "--camera", str(camera), "--frames", "2", "--size", "640x480"]) == 0
+
+
+def test_play_tells_what_is_missing(tmp_path, capsys):
+    tracks, _ = written(tmp_path, seen(geese(4, 20)))
+    assert called(["play", str(tracks)]) == 1
+    assert "--camera" in capsys.readouterr().err
+
+
+def test_without_a_display_play_says_what_to_do(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("flockbrush.play.start_lift.missing_display", lambda: "none")
+    tracks, camera = written(tmp_path, seen(geese(4, 20)))
+    assert called(["play", str(tracks), "--camera", str(camera)]) == 2
+    assert "flockbrush lift TRACKS" in capsys.readouterr().err
