@@ -143,6 +143,46 @@ def arrows():
     return stage.picture()
 
 
+def space(level, theme, seconds, closer=1.0, turn=0.0, over=0.0, overlays=()):
+    """A herd in space, from where one sees it well."""
+    stage = Stage(level, theme, seconds=seconds)
+    stage.app.overlays |= set(overlays)
+    stage.app.toggle_space()
+    canvas = stage.app.canvas
+    canvas.look(canvas.camera.turned(np.radians(turn), np.radians(over)).zoomed(closer))
+    stage.live(1)  # trails in space begin when one looks
+    stage.panel("view")
+    return stage
+
+
+def starlings():
+    """A flock between pillars, one bird selected."""
+    stage = space("pillars", "light", 7, closer=1.15, turn=-35, over=6)
+    stage.app.canvas.follow()
+    stage.live(1.5)
+    stage.app.take_tool("select")
+    stage.app.select(int(stage.app.session.simulation.agents.ids[40]))
+    return stage.picture()
+
+
+def skein():
+    """A line of birds high above the ground, in the dark."""
+    stage = space("skein", "dark", 14, closer=1.1, turn=50, over=10)
+    stage.app.canvas.follow()
+    stage.live(1.5)
+    return stage.picture()
+
+
+def elephants():
+    """Sparrows around a herd on the ground."""
+    return space("elephants", "light", 9, closer=1.6, turn=-25, over=8).picture()
+
+
+def sheep():
+    """Sheep on their way, what one of them sees lying on the ground."""
+    return space("sheep-pasture", "light", 12, closer=1.2, turn=30, over=6, overlays=("density",)).picture()
+
+
 if __name__ == "__main__":
     scenes = [
         ("why does it turn?", why()),
@@ -155,3 +195,11 @@ if __name__ == "__main__":
     write_png(HERE / "playground.png", scenes[-1][1])
     small = [(name, cv2.resize(shot, (960, 540), interpolation=cv2.INTER_AREA)) for name, shot in scenes]
     write_png(HERE / "playground-gallery.png", contact_sheet(small, columns=2))
+    scenes = [
+        ("starlings between pillars", starlings()),
+        ("a skein, from behind", skein()),
+        ("sparrows around elephants", elephants()),
+        ("sheep, and how crowded it is", sheep()),
+    ]
+    small = [(name, cv2.resize(shot, (960, 540), interpolation=cv2.INTER_AREA)) for name, shot in scenes]
+    write_png(HERE / "playground-space.png", contact_sheet(small, columns=2))

@@ -400,7 +400,7 @@ class SpacePainter:
     @property
     def spacing(self) -> float:
         """Metres between two thin lines of the grid."""
-        return nice(LINES * self.layout.unit / self.camera.scale)
+        return nice(LINES * self.layout.unit / self.camera.scale_at(self._grid_middle()))
 
     def _grid_middle(self):
         """The point of the ground about which the grid is drawn: under the middle of the view, if it is not too far."""
