@@ -11,6 +11,7 @@ import importlib
 import json
 import os
 import pickle
+import signal
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -26,6 +27,7 @@ class Stopped(Exception):
 
 def _receive(pickled):
     global _given
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all; the parent hears it, and ends the work
     os.environ["FLOCKBRUSH_THREADS"] = "1"
     _given = pickle.loads(pickled)
 
