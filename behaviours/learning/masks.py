@@ -23,9 +23,12 @@ SAMPLES = 15  # pictures from which the ground is made
 SIDE = 400  # px, the longer side of pictures while colours are learned
 LEVELS, SHIFT = 32, 3  # of red, green and blue in the table; bits of 256 levels that it forgets
 CONTRAST, NOISE = 14.0, 5.0  # grey levels; robust deviations: what differs more from the ground is something else
-AT_HOME = 3.0  # times as common among what moves as elsewhere: an animal's colour
+AT_HOME = 3.0, 10.0  # times as common among what moves as elsewhere: an animal's colour, least and most
 STILL = 2e-4  # share of the pictures that differs from the ground, below which nothing moves
 SHADE = 0.3, 0.92  # a shadow leaves this share of the ground's light
+PART = 0.3  # share of what moves that is enough to be the animals
+CONTRAST_CHANGE = 0.6, 1.8  # of pictures' contrast against the ground's, beyond the change of light
+EXPOSED = 160  # px, the longer side of the pictures by which exposure is told
 CROWDED = 0.6  # share of the picture; more cannot be animals
 FAR = 60.0  # grey levels (Lab): no colour so far from the one that a person gave is taken
 _CANVAS = 4.0  # the stabilised ground may be this many pictures large, else it is made coarser
@@ -83,8 +86,8 @@ class BodyColours:
         return cv2.medianBlur(_looked_up(cv2.GaussianBlur(picture, (3, 3), 0), self.table), 3)
 
     def exposure(self, k, picture):
-        """How much brighter the k-th picture is than the ground, by channel, (3,)."""
-        scale = min(1.0, 160 / max(picture.shape[:2]))
+        """What gives the k-th picture the exposure of the ground (see `gain`)."""
+        scale = min(1.0, EXPOSED / max(picture.shape[:2]))
         small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
         way = after(self.ground.from_first, self.maps[k])
         way[:, :2] /= scale
@@ -96,16 +99,26 @@ class BodyColours:
 
 
 def gain(picture, ground, known):
-    """(3,) the median ratio of a picture to the ground under it, where that is known."""
-    a, b = picture[known].astype(np.float32) + 4, ground[known].astype(np.float32) + 4
-    return np.clip(np.median(a / b, axis=0), 0.4, 2.5) if len(a) else np.ones(3)
+    """(2, 3) factor and offset, by channel, that give a picture the light and contrast of the ground under it.
+
+    Both are those of medians and of median deviations, which the few pixels of animals do not move.
+    """
+    if known.sum() < 50:
+        return np.array([np.ones(3), np.zeros(3)])
+    a, b = picture[known].astype(np.float32), ground[known].astype(np.float32)
+    ma, mb = np.median(a, axis=0), np.median(b, axis=0)
+    wide = (np.median(np.abs(b - mb), axis=0) + 2.0) / (np.median(np.abs(a - ma), axis=0) + 2.0)
+    bright = (mb + 4.0) / (ma + 4.0)
+    factor = np.clip(wide / bright, *CONTRAST_CHANGE) * bright if abs(np.log(wide / bright)).max() > 0.15 else bright
+    return np.array([factor, mb - factor * ma])
 
 
-def exposed(picture, ratio):
-    """The picture at the ground's exposure."""
-    if np.abs(ratio - 1).max() < 0.02:
+def exposed(picture, change):
+    """The picture with factor and offset applied, by channel."""
+    factor, offset = change
+    if np.abs(factor - 1).max() < 0.02 and np.abs(offset).max() < 2:
         return picture
-    tables = np.clip((np.arange(256)[:, None] + 4) / ratio - 4, 0, 255).astype(np.uint8)
+    tables = np.clip(np.arange(256)[:, None] * factor + offset, 0, 255).astype(np.uint8)
     return cv2.LUT(picture, tables.reshape(256, 1, 3))
 
 
@@ -161,9 +174,16 @@ def ground_of(clip, steady: Steady) -> _Samples:
     pictures, known = np.array(pictures), np.array(known)
     middle = _median(pictures, known)
     for picture, there in zip(pictures, known, strict=True):
-        picture[:] = exposed(picture, gain(picture[::3, ::3], middle[::3, ::3], there[::3, ::3]))
+        picture[:] = exposed(picture, _gain_of_small(picture, middle, there))
     index = np.array([_index(picture) for picture in pictures])
     return _Samples(Ground(_median(pictures, known), from_first, known.any(0)), pictures, known, index)
+
+
+def _gain_of_small(picture, ground, known):
+    """As `gain`, at the size at which the exposure of all pictures is told."""
+    scale = min(1.0, EXPOSED / max(picture.shape[:2]))
+    small = [cv2.resize(p, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) for p in (picture, ground)]
+    return gain(*small, cv2.resize(known.astype(np.uint8), small[0].shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0)
 
 
 def zoomed_out(m):
@@ -274,7 +294,7 @@ def found_colours(clip, samples, steady) -> BodyColours:
     CannotObserve
         When nothing does.
     """
-    moving, shade = _movers(samples)
+    moving, shade, lighter = _movers(samples)
     share = moving.sum() / samples.known.sum()
     if share < STILL:
         raise CannotObserve(
@@ -283,23 +303,31 @@ def found_colours(clip, samples, steady) -> BodyColours:
             "the ground; choose other or more frames, or one alone (--frames A:A) to learn how densely they stand",
             {"share that differs": float(share), "pictures": {"ground": samples.ground.picture}},
         )  # fmt: skip
-    notes = []
-    bodies = moving & ~shade
-    if bodies.sum() < 0.3 * moving.sum():
-        bodies = moving
-    elif shade.sum() > 0.1 * moving.sum():
-        notes.append("the animals' shadows were left out")
+    bodies, notes = _without_shadows(moving, shade, lighter)
     table = _at_home(samples, bodies, samples.known & ~moving)
     table = _at_home(samples, *_again(samples, table, moving))
     return BodyColours(table, samples.ground, steady.maps, _typical(samples, table, bodies), notes=notes)
 
 
+def _without_shadows(moving, shade, lighter):
+    """(what moves and is no shadow, notes): where much of what moves is lighter than the ground, what is darker is."""
+    whole = moving.sum()
+    if (moving & lighter).sum() > PART * whole:
+        bodies = moving & lighter
+    elif (moving & ~shade).sum() > PART * whole:
+        bodies = moving & ~shade
+    else:
+        return moving, []
+    said = "the shadows of the animals were left out"
+    return bodies, [said] if bodies.sum() < (1 - PART) * whole else []
+
+
 def _movers(samples):
-    """((m, h, w) bool: differs from the ground, and is a shadow on it)."""
+    """(m, h, w) bool each: differs from the ground, is like a shadow on it, is lighter than it."""
     ground = samples.ground.picture
     low = cv2.erode(ground, np.ones((3, 3), np.uint8))
     high = cv2.dilate(ground, np.ones((3, 3), np.uint8))
-    moving, shade = [], []
+    moving, shade, lighter = [], [], []
     for picture, known in zip(samples.pictures, samples.known, strict=True):
         away = cv2.max(cv2.subtract(picture, high), cv2.subtract(low, picture)).max(-1)
         plain = cv2.absdiff(picture, ground)[::2, ::2].max(-1)[known[::2, ::2]]
@@ -309,7 +337,8 @@ def _movers(samples):
         dark[there] = _shaded(picture[there], ground[there])
         moving.append(there)
         shade.append(dark)
-    return np.array(moving), np.array(shade)
+        lighter.append(picture.sum(-1, dtype=np.int16) > ground.sum(-1, dtype=np.int16))
+    return np.array(moving), np.array(shade), np.array(lighter)
 
 
 def _shaded(colours, ground):
@@ -323,15 +352,21 @@ def _at_home(samples, bodies, elsewhere):
     """The table of colours that are more common among bodies than elsewhere."""
     index = samples.index
     a, b = (np.bincount(index[chosen], minlength=LEVELS**3).astype(float) for chosen in (bodies, elsewhere))
-    table = np.zeros(LEVELS**3)
+    ratio = np.zeros(LEVELS**3)
     known = np.zeros(LEVELS**3, bool)
     for width in (0.8, 2.0, 4.0):  # rare colours are judged with their neighbours
         fine, coarse = (gaussian_filter(c.reshape([LEVELS] * 3), width).ravel() for c in (a, b))
         enough = ~known & (fine + coarse > 0.5)
-        ratio = (fine / max(a.sum(), 1)) / np.maximum(coarse / max(b.sum(), 1), 1e-9)
-        table[enough] = ratio[enough] > AT_HOME
+        ratio[enough] = ((fine / max(a.sum(), 1)) / np.maximum(coarse / max(b.sum(), 1), 1e-7))[enough]
         known |= enough
-    return table.astype(np.uint8)
+    return (ratio > _homely(ratio, a)).astype(np.uint8)
+
+
+def _homely(ratio, bodies):
+    """The limit between colours that animals have and those they share with the ground: the valley of their ratios."""
+    low, high = AT_HOME
+    at = np.clip(np.log(np.maximum(ratio, 1e-6)), -3.0, 9.0)
+    return float(np.clip(np.exp(_valley((at + 3.0) * (256 / 12.0), bodies) * 12.0 / 256 - 3.0), low, high))
 
 
 def _again(samples, table, moving):

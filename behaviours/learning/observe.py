@@ -314,11 +314,9 @@ def _size(clip, steady, masks, given):
     length = None if given is None else float(given) * clip.scale
     if size is None and length is None:
         size = _guessed(clip, levelled)
-        note = (
-            f"no animals stand alone, so that the length of one was guessed from how wide they are, {size.length:.0f} "
-            "pixels; --body-length-px tells it"
-        )
-        return size, False, [note]
+        few = f"only {size.alone} animals stand" if size.alone else "no animal stands"
+        note = f"{few} alone; one was taken to be {size.length:.0f} pixels long: --body-length-px says it better"
+        return size, size.alone > 0, [note]
     if size is None:
         return BodySize(length, length / LONG, CAPSULE * length**2, 0), False, []
     if length is not None:
@@ -355,8 +353,25 @@ def _guessed(clip, masks):
             "no animals were found; name their colour with --body-colour R,G,B, or choose other frames: --frames A:B",
             {"pictures": example},
         )  # fmt: skip
-    width = 2.0 * float(np.median(found))
+    width = 2.0 * float(np.quantile(found, 0.7))
+    alone = [row for mask in masks for row in _lone(mask, width)]
+    if alone:
+        long, wide, area = np.median(alone, axis=0)
+        return BodySize(float(long), float(wide), float(area), len(alone))
     return BodySize(LONG * width, width, CAPSULE * (LONG * width) ** 2, 0)
+
+
+def _lone(mask, width):
+    """[(length, width, area)] of patches that look like one body about as wide as given."""
+    rows = []
+    for outline in cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]:
+        x, y, w, h = cv2.boundingRect(outline)
+        whole = x > 0 and y > 0 and x + w < mask.shape[1] and y + h < mask.shape[0]
+        area, hull = cv2.contourArea(outline), cv2.contourArea(cv2.convexHull(outline))
+        wide, long = sorted(side + 1.0 for side in cv2.minAreaRect(outline)[1])
+        if whole and area > 0.85 * hull and 0.6 * width < wide < 1.7 * width and 1.3 * wide < long < 5.0 * wide:
+            rows.append((long, wide, area + 0.5 * cv2.arcLength(outline, True)))
+    return rows
 
 
 def without_specks(mask, least):
