@@ -86,12 +86,12 @@ def brush_of(
         by=f"flockbrush {flockbrush.__version__} learn",
         notes="\n".join([*_sentences(learned, evidences), *notes])[:20_000],
         seed=seed,
-        clip=_line(clip.name),
+        clip=_line(Path(clip.name).name),
         frames=(int(frames[0]), int(frames[-1])),
         clip_sha256=clip.sha256 or None,
         licence=_line(licence) if licence else None,
         versions=tool_versions(),
-        report={_line(key): float(value) for key, value in figures.items() if math.isfinite(value)},
+        report={_line(key): float(f"{value:.4g}") for key, value in figures.items() if math.isfinite(value)},
     )
     return Brush(
         name=name,
@@ -114,7 +114,7 @@ def _line(text) -> str:
 
 def _source(evidences):
     kind = "photograph" if evidences[0].still else "clip"
-    return f"learned from the {kind} {', '.join(e.name for e in evidences)}"
+    return f"learned from the {kind} {', '.join(Path(e.name).name for e in evidences)}"
 
 
 def description(clip: Evidence, learned: Learned) -> str:
@@ -173,10 +173,15 @@ def _sentences(learned, evidences):
     if clip.sightings is None and not clip.still:
         yield "Single animals could not be told apart: learned from density and flow alone."
     for other in evidences[1:]:
-        yield f"Also from {other.name} (SHA-256 {other.sha256})."
-    yield from learned.notes
-    for evidence in evidences:
-        yield from (note for note in evidence.notes if note not in learned.notes)
+        yield f"Also from {Path(other.name).name} (SHA-256 {other.sha256})."
+    seen = dict.fromkeys([*(note for evidence in evidences for note in evidence.notes), *learned.notes])
+    yield from map(sentence, seen)
+
+
+def sentence(note: str) -> str:
+    """A note as a sentence."""
+    note = note.strip()
+    return note[:1].upper() + note[1:] + ("" if note.endswith((".", "!", "?")) else ".")
 
 
 def tool_versions() -> dict[str, str]:

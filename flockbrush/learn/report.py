@@ -12,7 +12,7 @@ from behaviours.brush_writer import brush_to_toml
 from behaviours.learning.rollout import FORCES, NAMES
 from flockbrush.draw import write_png
 from flockbrush.files import whole, write_text
-from flockbrush.learn.brush import plain
+from flockbrush.learn.brush import plain, sentence
 from flockbrush.learn.comparison import ERRORS, REACH, TITLES
 from flockbrush.learn.findings import Findings
 from flockbrush.learn.page import Page
@@ -315,7 +315,7 @@ def _seen(page, findings):
         f = clip.fields
         how = "given" if clip.length_source == "given" else "estimated from the bodies seen"
         facts = [
-            ("clip", clip.name),
+            ("clip", Path(clip.name).name),
             ("SHA-256", clip.sha256),
             ("learned from frames", f"{f.frames[0]} to {f.frames[-1]} at {clip.fps:g} a second"),
             ("animals in the picture", f"{np.median(f.count):.0f} ({f.count.min():.0f} to {f.count.max():.0f})"),
@@ -330,7 +330,8 @@ def _seen(page, findings):
             facts.append(("speed", f"{clip.speed.mean:.3g} ± {clip.speed.deviation:.2g} body lengths a second"))
             facts.append(("speed returns to its mean", told))
         page.facts(facts)
-    page.notes(dict.fromkeys([*findings.learned.notes, *(note for clip in findings.clips for note in clip.notes)]))
+    notes = [*(note for clip in findings.clips for note in clip.notes), *findings.learned.notes]
+    page.notes(dict.fromkeys(map(sentence, notes)))
 
 
 def _single(clip):
