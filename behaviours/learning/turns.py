@@ -36,6 +36,7 @@ FREEDOM = 4.0  # degrees of freedom of Student's t: the usual choice between rob
 SMALLEST = 1e-7  # rad, of the spread of differences: below it all agree
 SPAN = 0.1  # s over which a turn is observed where frames are closer.  By trial: see docs/learning.md
 JAMMED = 0.03  # BL of room between bodies below which one hinders the other in turning.  By trial
+STILL = 1e-6  # rad
 PAIRS = 1_500_000  # visible neighbours that are looked at in a step, at most; of more frames every second or third
 
 
@@ -119,7 +120,7 @@ def turns_of(
     rows = np.flatnonzero(np.isfinite(turn) & (percept.leader == 0) & _inside(evidence, chosen, params.neighbour_range))
     velocity, spin = _motion(seen, chosen)
     half, radius = half_and_radius(body)
-    weight = _at_liberty(percept, rows, half, radius)
+    weight = _at_liberty(percept, rows, turn[rows], half, radius)
     return Turns(percept, velocity, spin, rows, seconds[rows] / dt, turn[rows], weight, half, radius, dt)
 
 
@@ -141,13 +142,16 @@ def _look(seen, t, body, vision, walls, params):
     )  # fmt: skip
 
 
-def _at_liberty(percept, rows, half, radius, enough=0.1):
-    """(k,) weights: 0 for who stands so close to another that it could not turn as it would, if there are others."""
+def _at_liberty(percept, rows, turn, half, radius, enough=40.0):
+    """(k,) weights: 0 for who is held fast by bodies that touch it and could not turn, if there are others.
+
+    A disc turns on the spot, but one that does not turn at all is wedged.
+    """
     free = np.ones(percept.animals)
     if radius > 0.0:
         _room_kernel(percept.forward, percept.first, percept.near, percept.offset, half, radius, free)
-    weight = free[rows]
-    return weight if weight.mean() > enough else np.maximum(weight, enough)
+    weight = free[rows] if half > 0.0 else np.where(np.abs(turn) < STILL, free[rows], 1.0)
+    return weight if weight.sum() > enough else np.maximum(weight, 0.1)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -8,6 +8,7 @@ from behaviours.learning.perceive import perceive
 from behaviours.learning.rollout import Walls, theta_of
 from behaviours.learning.turns import (
     Turns,
+    _at_liberty,
     _limited,
     all_turns,
     best_fit,
@@ -138,3 +139,20 @@ def test_what_is_never_seen_is_not_known():
     assert cramer_rao(information).tolist() == [0.5, np.inf, 0.1]
     twins = np.array([[1.0, 1.0], [1.0, 1.0]])  # only their sum is seen
     assert (cramer_rao(twins) > 1e5).all()
+
+
+def test_who_is_wedged_between_others_says_nothing():
+    """Three discs in a row that touch, and one alone: who does not turn at all and is touched is not asked."""
+    xy, east = np.array([(0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (5.0, 5.0)]), np.tile([1.0, 0.0], (4, 1))
+    percept, turn = perceive(xy, east), np.array([0.0, 0.0, 0.1, 0.0])
+    assert _at_liberty(percept, np.arange(4), turn, 0.0, 0.25, enough=1).round(3).tolist() == [0, 0, 1, 1]
+    assert _at_liberty(percept, np.arange(4), turn, 0.0, 0.25, enough=9).min() == 0.1  # or nobody would be left
+
+
+def test_animals_held_fast_do_not_spoil_what_the_others_say():
+    turns = march()
+    rng = np.random.default_rng(0)
+    mad = turns._replace(turn=np.where(rng.random(len(turns.turn)) < 0.2, 0.5, turns.turn))
+    begin = theta_of(shipped().get("march").params)
+    fit = fit_turns(mad, np.clip(begin + 0.1, 0, 1), shipped().get("march").params)
+    assert np.abs(fit.theta - begin)[:9].max() < 0.05

@@ -1,0 +1,223 @@
+"""Learning from clips, measured.
+
+    python benchmarks/learning.py step [--animals 500 1000 1500] [--rounds 20]
+    python benchmarks/learning.py truth [--quick] [--write]     known truths (learning_truth.py)
+    python benchmarks/learning.py positions [--animals 200] [--starts 5] [--noise DEGREES BODYLENGTHS]
+
+``step``: one step of optimisation, that is who sees whom, the turns of all animals and their slopes, in milliseconds:
+by torch with the errors of the paper (eqs. 7 and 8), and by the kernel that fits turns.  Gong et al. (2025) tell 100,
+300 and 1,200 ms for 500, 1,000 and 1,500 animals in C++.  On a shared machine read the minimum.
+
+``positions``: how near the learned parameters come to a herd's own when all positions and turns are known (section
+7.1.1).  Five truths, random starts each; of the twelve numbers those count as identifiable whose Cramér-Rao deviation
+is below .1.  The sum of all twelve depends on the starts where a number is not identifiable: those keep the defaults.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import statistics
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parent.parent)]
+
+import learning_truth  # noqa: E402
+
+from behaviours.brush import BodySpec, SpeedSpec, VisionSpec  # noqa: E402
+
+TRUTHS = {  # weight, radial, angular of avoidance, cohesion, alignment; speed and its deviation, BL/s
+    "march": ((0.742, 0.526, 1, 0.505, 1, 0.965, 0.499, 1, 1), 4.0, 0.2),
+    "filled mill": ((0.31, 0.18, 0.18, 0.43, 0.83, 0.98, 0.46, 0.32, 0.40), 6.7, 0.67),
+    "swarm": ((0.68, 0.31, 0.80, 0.11, 1, 1, 0.001, 0.31, 0.98), 1.28, 0.13),
+    "graze": ((0.90, 0.30, 1, 0.08, 1, 1, 0.015, 0.60, 1), 0.3, 0.06),
+    "column": ((0.42, 0.16, 0.27, 0.44, 1, 0.29, 0.63, 0.72, 0.39), 3.5, 0.35),
+}  # searched with an independent simulator
+BODIES = {"filled mill": BodySpec(radius=0.25, contact="disc")}  # which capsules would jam
+OBSTACLE = 0.15, 0.5, 0.5  # of the truths; nothing stands in their way
+PAPER = {500: 100.0, 1000: 300.0, 1500: 1200.0}  # ms, section 7
+
+
+# a step of optimisation ---------------------------------------------------------------------------------
+
+
+def step(args):
+    """Rows of animals, neighbours, and milliseconds by each way."""
+    import torch
+
+    from behaviours.learning.torch_herd import threads
+
+    with threads(args.threads):
+        rows = [_step_of(count, args.rounds) for count in args.animals]
+    _print(rows, f"{platform.processor() or platform.machine()}, torch {torch.__version__}, {args.threads} threads")
+    return rows
+
+
+def _step_of(count, rounds, density=0.7):
+    from behaviours.learning.perceive import perceive
+    from behaviours.learning.torch_herd import headings, sight_of, theta_tensor
+    from behaviours.learning.torch_losses import aims, error_mean, error_var
+    from behaviours.learning.turns import Turns, predicted
+
+    xy, forward, fields = _herd(count, density)
+    theta, body, vision = np.full(12, 0.5), BodySpec(), VisionSpec()
+
+    def see():
+        return perceive(xy, forward, body, vision)
+
+    def by_torch():
+        sight, leaf = sight_of(see()), theta_tensor(theta, requires_grad=True)
+        ahead, aim = headings(leaf, sight), aims(fields, 0, xy, 0.5, leaf.device)
+        follows = ~sight.leader
+        error = error_mean(ahead, aim, follows) + error_var(ahead, aim, follows, int(np.prod(fields.shape)))
+        error.backward()
+        return leaf.grad
+
+    def by_kernel():
+        rest = np.zeros((count, 2)), np.zeros(count), np.arange(count), np.ones(count), np.zeros(count), np.ones(count)
+        turn, slope = predicted(Turns(see(), *rest, 0.3, 0.2), theta)
+        return slope.T @ slope, slope.T @ turn
+
+    return {
+        "animals": count, "visible": round(len(see().near) / count, 1), "seeing, ms": _least(see, rounds),
+        "torch, ms": _least(by_torch, rounds), "kernel, ms": _least(by_kernel, rounds),
+        "paper, ms": PAPER.get(count, float("nan")),
+    }  # fmt: skip
+
+
+def _herd(count, density):
+    """Animals on a jittered lattice, each its own way; and the fields of one frame of them."""
+    from behaviours.learning.evidence import Fields
+
+    rng = np.random.default_rng(count)
+    side = int(np.ceil(count**0.5))
+    lattice = np.argwhere(np.ones((side, side)))[:count] / density**0.5
+    xy, angle = lattice + rng.uniform(-0.3, 0.3, (count, 2)), rng.uniform(-np.pi, np.pi, count)
+    cell, shape = float(xy.max() + 1) / 30, (1, 30, 30)
+    fields = Fields(
+        fps=25.0, cell=cell, origin=np.zeros(2), density=rng.uniform(0, 2 * density, shape),
+        velocity=rng.normal(0, 1, (*shape, 2)), speed_variance=np.zeros(shape),
+        angular_variance=rng.uniform(0, 2700, shape), seen=np.ones(shape, bool), obstacle=np.zeros(shape[1:], bool),
+        region=np.zeros(shape[1:], np.uint8), count=np.array([float(count)]), frames=np.arange(1),
+    )  # fmt: skip
+    return xy, np.column_stack([np.cos(angle), np.sin(angle)]), fields
+
+
+def _least(work, rounds):
+    """Milliseconds of the fastest of some rounds."""
+    work()
+    times = []
+    for _ in range(rounds):
+        begin = time.perf_counter()
+        work()
+        times.append(1e3 * (time.perf_counter() - begin))
+    return round(min(times), 2) if rounds < 50 else round(statistics.quantiles(times, n=20)[0], 2)
+
+
+# what positions tell ------------------------------------------------------------------------------------
+
+
+def positions(args):
+    """Rows of a truth: how many numbers are identifiable, and the errors."""
+    rows = [row for name in args.truths for row in _found(name, args)]
+    _print(rows, f"{args.animals} animals, {args.seconds:g} s, noise {args.noise[0]:g} degrees, {args.noise[1]:g} BL")
+    known = [row["identifiable, each"] for row in rows if row["identifiable"]]
+    print(f"mean error of the identifiable: {np.mean(known):.4f}, worst {np.max(known):.4f}")
+    print(f"sum of 12: {np.mean([row['sum of 12'] for row in rows]):.2f} (the paper from fields: .72)")
+    return rows
+
+
+def _found(name, args):
+    from behaviours.learning.rollout import BODY, DT
+    from behaviours.learning.turns import best_fit, turns_of
+
+    evidence, truth = _evidence(name, args)
+    turns = turns_of(evidence, BODIES.get(name, BODY), span=args.span or DT)
+    for start in range(args.starts):
+        begin = time.perf_counter()
+        fit = best_fit(turns, seed=start)
+        known, off = fit.deviation < 0.1, np.abs(fit.theta - truth)
+        yield {
+            "truth": name, "start": start, "identifiable": int(known.sum()),
+            "identifiable, each": round(float(off[known].mean()), 4) if known.any() else np.nan,
+            "sum of 9": round(float(off[:9].sum()), 2), "sum of 12": round(float(off.sum()), 2),
+            "seconds": round(time.perf_counter() - begin, 1),
+        }  # fmt: skip
+
+
+def _evidence(name, args):
+    """What a perfect observer sees of a truth, or one who errs; and its twelve numbers."""
+    from behaviours.learning.rollout import BODY, Start, params_of, rollout
+    from tests.herd_film import Truth, evidence_of_truth
+
+    nine, mean, deviation = TRUTHS[name]
+    truth, rng = np.array([*nine, *OBSTACLE]), np.random.default_rng(1)
+    side = int(np.ceil(args.animals**0.5))
+    spacing = (1 / 0.15) ** 0.5 if name == "graze" else (1 / 0.7) ** 0.5
+    xy = np.argwhere(np.ones((side, side)))[: args.animals] * spacing + rng.uniform(-0.3, 0.3, (args.animals, 2))
+    angle = rng.uniform(-np.pi, np.pi, args.animals) * (0.1 if name == "column" else 1.0)
+    start = Start(xy, np.column_stack([np.cos(angle), np.sin(angle)]))
+    whole = rollout(
+        start,
+        params_of(truth),
+        SpeedSpec(mean=mean, deviation=deviation),
+        BODIES.get(name, BODY),
+        seconds=args.warm + args.seconds,
+        fps=args.fps,
+    )
+    frames = round(args.seconds * args.fps)
+    place, ahead = (v.reshape(len(whole), -1, 2)[-frames:] for v in (whole.xy, whole.forward))
+    speed = np.hypot(*np.moveaxis(whole.velocity.reshape(len(whole), -1, 2)[-frames:], -1, 0))
+    wrong = np.radians(args.noise[0]) * rng.normal(size=ahead.shape[:2])
+    ahead = np.stack([
+        np.cos(wrong) * ahead[..., 0] - np.sin(wrong) * ahead[..., 1],
+        np.sin(wrong) * ahead[..., 0] + np.cos(wrong) * ahead[..., 1],
+    ], -1)  # fmt: skip
+    place = place + args.noise[1] * rng.normal(size=place.shape)
+    return evidence_of_truth(Truth(name, args.fps, place, ahead, speed)), truth
+
+
+# the command ---------------------------------------------------------------------------------------------
+
+
+def _print(rows, title):
+    print(title)
+    print(" | ".join(rows[0]))
+    for row in rows:
+        print(" | ".join(str(value) for value in row.values()))
+
+
+def main(argv=None):
+    """Run a part of the measurements."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", type=Path, help="write the rows here, too")
+    parts = parser.add_subparsers(dest="part", required=True)
+    one = parts.add_parser("step", help="a step of optimisation, in milliseconds")
+    one.add_argument("--animals", type=int, nargs="+", default=list(PAPER))
+    one.add_argument("--rounds", type=int, default=20)
+    one.add_argument("--threads", type=int, default=1)
+    one.set_defaults(run=step)
+    two = parts.add_parser("positions", help="parameters from positions and turns, against the truth")
+    two.add_argument("--truths", nargs="+", choices=list(TRUTHS), default=list(TRUTHS))
+    two.add_argument("--animals", type=int, default=200)
+    two.add_argument("--starts", type=int, default=5)
+    two.add_argument("--seconds", type=float, default=2.0)
+    two.add_argument("--warm", type=float, default=4.0, help="seconds that a herd has gone before it is seen")
+    two.add_argument("--fps", type=float, default=32.0)
+    two.add_argument("--span", type=float, default=0.0, help="seconds over which turns are seen; a tick unless told")
+    two.add_argument("--noise", type=float, nargs=2, default=(0.0, 0.0), help="of headings and places")
+    two.set_defaults(run=positions)
+    learning_truth.add(parts)
+    args = parser.parse_args(argv)
+    rows = args.run(args)
+    if args.json:
+        args.json.write_text(json.dumps(rows, indent=1))
+
+
+if __name__ == "__main__":
+    main()
