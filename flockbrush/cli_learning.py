@@ -18,6 +18,7 @@ def register(app: typer.Typer):
     """Add the commands to the program."""
     app.command()(learn)
     app.command()(reenact)
+    app.command()(fields)
 
 
 # what a person writes --------------------------------------------------------------------
@@ -213,3 +214,36 @@ def reenact(
         body_length_px, grid, obstacles,
     )  # fmt: skip
     reenact_clip(clip, brush, looking, runs, seed, export, video, json)
+
+
+# fields ------------------------------------------------------------------------------------
+
+
+def fields(
+    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A film of a herd from above, or a photograph.")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="F.npz", help="Where the fields go.")],
+    preview: Annotated[
+        Path | None, typer.Option(metavar="F.mp4", help="A film of what was seen: bodies, motion, density.")
+    ] = None,
+    frames: Annotated[str | None, typer.Option(metavar="A:B", help="Only these frames, both included.")] = None,
+    landmark: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FRAME:x,y,w,h", help="Something that stands still, pixels; give it twice."),
+    ] = None,
+    body_colour: Annotated[str, typer.Option(metavar="R,G,B", help="Of the animals, or auto.")] = "auto",
+    body_length_px: Annotated[
+        float | None, typer.Option(min=2, max=2000, metavar="L", help="One animal nose to tail, pixels.")
+    ] = None,
+    grid: Annotated[int, typer.Option(min=5, max=200, metavar="N", help="Cells across the picture.")] = 30,
+    obstacles: Annotated[Path | None, typer.Option(metavar="PNG", help="White where nobody can go.")] = None,
+    regions: Annotated[Path | None, typer.Option(metavar="PNG", help="A colour for each region.")] = None,
+    json: Json = False,
+):
+    """Measure a herd in a film: density, motion and single animals, without learning anything yet."""
+    from flockbrush.fields import fields_of_clip
+
+    fields_of_clip(
+        clip, out, preview, json, frames=frames_of(frames),
+        landmarks=tuple(landmark_of(text) for text in landmark or ()), body_colour=colour_of(body_colour),
+        body_length_px=body_length_px, grid=grid, obstacles=obstacles, regions=regions,
+    )  # fmt: skip

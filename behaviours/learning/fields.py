@@ -159,6 +159,10 @@ class Collector:
             "speed_variance": spread.reshape(ny, nx), "angular_variance": angle.reshape(ny, nx),
         }  # fmt: skip
 
+    def last(self) -> dict:
+        """The fields of the frame that was taken last, by name."""
+        return {name: values[-1] for name, values in self.rows.items()}
+
     def fields(self, fps, obstacle=None, region=None) -> Fields:
         """All frames taken so far."""
         made = {name: np.array(values) for name, values in self.rows.items()}

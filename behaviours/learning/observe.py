@@ -61,7 +61,7 @@ class Glance:
 
 def observe(
     path, *, frames=None, landmarks=(), body_colour="auto", body_length_px=None, grid=30, obstacles=None, regions=None,
-    animals=True, say: Say = silent, show: Callable[[Glance, Watch], None] | None = None,
+    animals=True, say: Say = silent, show: Callable[[Glance, Watch, dict], None] | None = None,
 ) -> Evidence:  # fmt: skip
     """What a clip tells of its herd.
 
@@ -85,7 +85,7 @@ def observe(
     say : callable
         (what is done, how many are done, of how many).
     show : callable, optional
-        Is given every frame, to be drawn.
+        Is given every frame, to be drawn: (glance, watch, its fields by name).
 
     Raises
     ------
@@ -151,11 +151,11 @@ class Watch:
             first = picture if first is None else first
             for glance in taken.next(k, picture):
                 if show is not None:
-                    show(glance, self)
+                    show(glance, self, taken.collector.last())
             say("measuring the herd", k + 1, len(clip))
         for glance in taken.rest():
             if show is not None:
-                show(glance, self)
+                show(glance, self, taken.collector.last())
         fields = taken.collector.fields(clip.fps, self.obstacle_cells, self.region_cells)
         self._check(fields, taken.masks)
         sightings = taken.sightings()

@@ -12,9 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 BINS = 6  # of the table of speed against density
-LEAST = 0.02  # of all animals in a bin, below it is joined to the next
-LONGEST = 40.0  # 1/s: a reversion above it cannot be told from noise
-SIGHTS = 200  # pairs of sights of the same animal below which no reversion is told
+SIGHTS = 50  # speeds of single animals, below which those of pixels are taken
 
 
 @dataclass
@@ -24,7 +22,8 @@ class SpeedEvidence:
     Attributes
     ----------
     mean, deviation : float
-        BL/s, over animals and time.
+        BL/s, over animals and time: of animals that are followed where there are any, else of pixels as in the paper.
+        (The spread of speeds, and not the strength of chance in eq. 6, which is ``deviation * sqrt(2 * reversion)``.)
     reversion : float or None
         Rate at which a speed returns to the mean (the Ornstein-Uhlenbeck rate), 1/s; None where the clip does not say.
     by_density : list of (float, float)
@@ -72,13 +71,24 @@ def speed_evidence(fields, sightings=None, body_pixels=1.0) -> SpeedEvidence | N
     mean = float(np.average(speed, weights=weight))
     within = np.nan_to_num(fields.speed_variance[there])
     pixel_deviation = float(np.sqrt(np.average(within + (speed - mean) ** 2, weights=weight)))
+    single = _of_animals(sightings, fields.fps)
     return SpeedEvidence(
-        mean=mean,
-        deviation=pixel_deviation / np.sqrt(body_pixels),
+        mean=mean if single is None else float(single.mean),
+        deviation=float(pixel_deviation / np.sqrt(body_pixels)) if single is None else float(single.spread),
+        reversion=None if single is None else single.reversion,
         by_density=_by_density(weight, speed, mean),
         body_pixels=float(body_pixels),
         pixel_deviation=pixel_deviation,
     )
+
+
+def _of_animals(sightings, fps):
+    """The process of the speeds of single animals, None where too few are followed."""
+    if sightings is None or np.isfinite(sightings.speed).sum() < SIGHTS:
+        return None
+    from behaviours.learning.speed_process import speed_process
+
+    return speed_process(sightings, fps)
 
 
 def _by_density(density, speed, mean):
