@@ -21,6 +21,7 @@ from numba import njit
 ALONE = 0.55, 1.45  # of one animal's area: a blob of one animal
 LEAST = 0.4  # of one animal's area: less is no animal
 SOLID = 0.88, 0.74  # share of its convex hull that a lone body fills; less where a dark head is cut out of it
+LIKE = 0.35, 0.25, 0.25  # logarithms of area, length and width by which one animal may differ from the usual one
 ENOUGH = 6  # lone bodies that are needed to tell the size of one
 ANGLES = 16  # directions in which a capsule is tried, of half a turn
 FINE = 11.0  # px: longer bodies are looked for in a smaller picture
@@ -121,19 +122,23 @@ def _of_those(area, long, wide, chosen):
     total = area.sum()
     if chosen.sum() < ENOUGH:
         return None
-    usual = _usual(area[chosen])
-    alone = chosen & (area > 0.7 * usual) & (area < 1.35 * usual)
+    shape = np.log(np.column_stack([area, long, wide]))
+    usual = _usual(shape[chosen], area[chosen])
+    alone = chosen & (np.abs(shape - usual) < LIKE).all(1)
     if alone.sum() < ENOUGH or area[alone].sum() < 0.02 * total:
         return None
-    shape = [float(np.median(v[alone])) for v in (long, wide, area)]
-    return BodySize(*shape, int(alone.sum()))
+    return BodySize(*(float(np.median(v[alone])) for v in (long, wide, area)), int(alone.sum()))
 
 
-def _usual(area):
-    """The area that most blobs share, each weighing as much as its area: scraps are many and weigh little."""
-    at = np.log(area)
-    near = np.exp(-0.5 * ((at[:, None] - at) / 0.15) ** 2)
-    return float(area[np.argmax(near @ np.sqrt(area))])
+def _usual(shape, area):
+    """The logarithms of area, length and width that most blobs share: groups of two come in many shapes, one in one.
+
+    Scraps are many; they weigh little.
+    """
+    some = np.random.default_rng(0).permutation(len(shape))[:1500]
+    off = (shape[some, None] - shape[some]) / (0.4 * np.array(LIKE))
+    near = np.exp(-0.5 * (off**2).sum(-1))
+    return shape[some][np.argmax(near @ np.sqrt(area[some]))]
 
 
 def _blobs(mask):

@@ -36,6 +36,7 @@ SHORTEST = 4  # sights: a shorter track is no animal
 HALF = 0.08  # s to each side over which a track is smoothed, at least
 LONGEST = 0.32  # s, at most
 TURN_NOISE = 0.25  # rad/s: where the turning is less certain, a longer stretch is smoothed
+UNSURE = 2.5  # times as noisy as usual: at the ends of tracks no turning is told
 STILL = 0.25  # BL: an animal that moved less in all has a head at one end or the other
 
 
@@ -246,7 +247,8 @@ def _smoothed(frame, at, along, weight, begin, count, fps):
     _local(frame.astype(np.float64), at, angle, weight, begin, float(half), 4 * noise_axis, out_frame, first, out)
     place, v = out[:, 0:2], out[:, 2:4] * fps
     forward = np.column_stack([np.cos(out[:, 4]), np.sin(out[:, 4])])
-    turn, spread_turn, spread_v = out[:, 5] * fps, out[:, 6], out[:, 7]
+    spread_turn, spread_v = out[:, 6], out[:, 7]
+    turn = np.where(spread_turn < UNSURE * np.median(spread_turn), out[:, 5] * fps, np.nan)
     order = np.lexsort((out_track, out_frame))
     size = np.bincount(out_frame, minlength=count)
     speed = np.maximum((v * forward).sum(1), 0.0)
@@ -324,8 +326,11 @@ def _heads(frame, at, along, begin, noise, angle, moved):
 
 @njit(cache=True, nogil=True)
 def _local(frame, at, angle, weight, begin, half, far, out_frame, first, out):
-    """Quadratics through places and headings around every frame of every track: x, y, and their rates a frame, heading,
-    its rate, and what the noise of one body is multiplied by in the rate of heading and of place."""
+    """Places and headings by quadratics around every frame of every track, speeds by lines.
+
+    Rows of ``out``: x, y, their rates a frame, heading, its rate, and by what the noise of one body is multiplied in
+    the rates of heading and of place.
+    """
     for track in range(len(begin) - 1):
         a, b = begin[track], begin[track + 1]
         for row in range(first[track], first[track + 1]):
@@ -338,15 +343,17 @@ def _local(frame, at, angle, weight, begin, half, far, out_frame, first, out):
                 hi = lo
                 while hi < b and frame[hi] <= t + wide:
                     hi += 1
-                if hi - lo >= min(SHORTEST, b - a):
+                if hi - lo >= min(2 * half + 1, b - a):  # as many at the ends of a track as in its middle
                     break
                 wide += 1.0
                 lo = a
             n = hi - lo
             u = frame[lo:hi] - t
             w = np.ones(n)
-            x, rx, nv = _quadratic(u, at[lo:hi, 0], w, n)
-            y, ry, nv = _quadratic(u, at[lo:hi, 1], w, n)
+            x = _quadratic(u, at[lo:hi, 0], w, n)[0]
+            y = _quadratic(u, at[lo:hi, 1], w, n)[0]
+            rx, nv = _slope(u, at[lo:hi, 0])
+            ry, nv = _slope(u, at[lo:hi, 1])
             w[:] = weight[lo:hi]
             h, turn, nt = _quadratic(u, angle[lo:hi], w, n)
             # an axis that is far off its track is another animal's, or two animals'
@@ -373,6 +380,14 @@ def _local(frame, at, angle, weight, begin, half, far, out_frame, first, out):
 
 
 @njit(cache=True, nogil=True)
+def _slope(u, values):
+    """Slope of the line through points, and how much of the noise is in it."""
+    off = u - u.mean()
+    square = (off * off).sum()
+    return (off * values).sum() / square, 1.0 / np.sqrt(square)
+
+
+@njit(cache=True, nogil=True)
 def _quadratic(u, values, w, n):
     """Value and slope at 0 of the weighted quadratic through points, and how much of the noise is in the slope."""
     s0 = s1 = s2 = s3 = s4 = 0.0
@@ -388,13 +403,15 @@ def _quadratic(u, values, w, n):
         y0 += w[k] * values[k]
         y1 += p * values[k]
         y2 += q * values[k]
-    m = np.array([[s0, s1, s2], [s1, s2, s3], [s2, s3, s4 + 1e-9]])
-    inverse = np.linalg.inv(m)
-    v = np.array([y0, y1, y2])
+    s4 += 1e-9
+    # the first two rows of the inverse of the matrix of sums
+    a, b, c = s2 * s4 - s3 * s3, s2 * s3 - s1 * s4, s1 * s3 - s2 * s2
+    d, e = s0 * s4 - s2 * s2, s1 * s2 - s0 * s3
+    whole = s0 * a + s1 * b + s2 * c
     noise = 0.0
     for k in range(n):
-        g = w[k] * (inverse[1, 0] + inverse[1, 1] * u[k] + inverse[1, 2] * u[k] * u[k])
+        g = w[k] * (b + d * u[k] + e * u[k] * u[k])
         noise += g * g
-    value = inverse[0, 0] * v[0] + inverse[0, 1] * v[1] + inverse[0, 2] * v[2]
-    slope = inverse[1, 0] * v[0] + inverse[1, 1] * v[1] + inverse[1, 2] * v[2]
-    return value, slope, np.sqrt(noise)
+    value = (a * y0 + b * y1 + c * y2) / whole
+    slope = (b * y0 + d * y1 + e * y2) / whole
+    return value, slope, np.sqrt(noise) / np.abs(whole)
