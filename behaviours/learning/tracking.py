@@ -1,8 +1,10 @@
 """Birds in a film of the sky: found in every frame, and followed through crossings, gaps, and the edges of the picture.
 
-Each frame is taken apart into blobs that differ from the sky.  Every bird that is known foretells where it will be, by
-its own velocity within the flock's; a blob in which several are foretold is split among them, so that birds that pass
-in front of each other keep their names.  Birds and parts are then matched at least total cost
+Each frame is taken apart into blobs that differ from the sky, and these into parts: one for each peak of the contrast,
+smoothed by a share of the blob's own thickness.  Every bird that is known foretells where it will be, by its own
+velocity within the flock's; where more are foretold than there are peaks, a blob is split among them if it is large
+enough, else some are taken to be hidden by others for a while.  So birds that pass in front of each other keep their
+names.  Birds and parts are then matched at least total cost
 (`scipy.optimize.linear_sum_assignment` [1]_).  In the end, tracks that break off are joined to those that begin a
 little later where both, carried on, meet.
 
@@ -21,11 +23,14 @@ from scipy.optimize import linear_sum_assignment
 from behaviours.learning.birds_in_sky import away_from_sky
 from behaviours.learning.tracks import Tracks
 
-GAIN_PLACE, GAIN_VELOCITY = 0.7, 0.25  # of the filter that follows a bird (alpha, beta)
+GAIN_PLACE, GAIN_VELOCITY = 0.5, 0.12  # of the filter that follows a bird (alpha, beta)
 BORN_AFTER = 3  # frames in a row, before something is a bird
 GAP = 12  # frames a bird may be out of sight before its track ends
-SHARE = 10  # frames two birds may lie wholly on each other
 JOIN = 30  # frames between a track that breaks off and one that goes on
+HIDDEN = 10  # frames a bird may be foretold within a patch without being told apart in it
+PART = 0.35  # of a patch's greatest half width: the blur that leaves one peak for each bird
+FAINT = 0.3  # of the highest peak: a lower one is none
+ROUNDS = 8  # of k-means
 FAR = 1e6  # a cost that means: never
 
 
@@ -36,6 +41,7 @@ class Blob:
     at: np.ndarray  # (2,) px
     pixels: np.ndarray  # (k, 2) px
     weight: np.ndarray  # (k,) contrast
+    peaks: np.ndarray  # (n, 2) px, middles of what it seems to be made of
 
     @property
     def area(self):
@@ -53,11 +59,27 @@ def blobs_of(image, least=5) -> list[Blob]:
         left, top, wide, tall, area = stats[k]
         if area < least or max(wide, tall) > most:
             continue
-        y, x = np.nonzero(labels[top : top + tall, left : left + wide] == k)
+        mine = (labels[top : top + tall, left : left + wide] == k).astype(np.uint8)
+        y, x = np.nonzero(mine)
         weight = away[top + y, left + x].astype(float)
         pixels = np.column_stack([x + left + 0.5, y + top + 0.5])
-        found.append(Blob(weight @ pixels / weight.sum(), pixels, weight))
+        peaks = _peaks(mine, away[top : top + tall, left : left + wide] / (2 * threshold)) + (left, top)
+        found.append(Blob(weight @ pixels / weight.sum(), pixels, weight, peaks))
     return found
+
+
+def _peaks(mine, contrast):
+    """Middles of the parts of a patch, (n, 2) px: peaks of its contrast, smoothed by a share of its own thickness."""
+    edge = 6
+    inside = cv2.copyMakeBorder(mine, edge, edge, edge, edge, cv2.BORDER_CONSTANT)
+    ink = cv2.copyMakeBorder(np.minimum(contrast, 1) * mine, edge, edge, edge, edge, cv2.BORDER_CONSTANT)
+    thick = float(cv2.distanceTransform(inside, cv2.DIST_L2, 5).max())
+    blur = max(PART * thick, 0.5)
+    smooth = cv2.GaussianBlur(ink, (0, 0), blur)
+    side = 2 * max(1, round(0.8 * blur)) + 1
+    top = (smooth >= cv2.dilate(smooth, np.ones((side, side)))) & (inside > 0) & (smooth > FAINT * smooth.max())
+    y, x = np.nonzero(top)
+    return np.column_stack([x, y]) - edge + 0.5
 
 
 def split(blob, centres, rounds=8):
@@ -76,6 +98,25 @@ def split(blob, centres, rounds=8):
     return centres
 
 
+def divided(blob, foretold, usual, reach):
+    """The birds of a blob: those that can be told apart (k, 2), and places (m, 2) of those that cannot.
+
+    It has a bird for each of its peaks, and for each place where one was foretold and no peak is, as long as it is
+    large enough for all of them; the rest lie wholly on others, and are taken to be where they were foretold.
+    """
+    peaks = blob.peaks if len(blob.peaks) > 1 else blob.at[None]
+    rest = np.array(foretold).reshape(-1, 2)
+    if len(rest):
+        gaps = np.linalg.norm(rest[:, None] - peaks[None], axis=-1)
+        rows, columns = linear_sum_assignment(np.minimum(gaps, reach) ** 2)
+        rest = np.delete(rest, rows[gaps[rows, columns] < reach], axis=0)
+    room = max(0, int(blob.area / (0.55 * usual)) - len(peaks))
+    centres = np.concatenate([peaks, rest[:room]])
+    parts = split(blob, centres, ROUNDS) if len(centres) > 1 else peaks
+    hidden = [blob.pixels[np.argmin(((blob.pixels - place) ** 2).sum(1))] for place in rest[room:]]
+    return parts, np.array(hidden).reshape(-1, 2)
+
+
 @dataclass
 class _Bird:
     """One bird that is followed."""
@@ -86,7 +127,8 @@ class _Bird:
     area: float
     path: dict = field(default_factory=dict)  # frame -> (2,) px
     missed: int = 0
-    shared: int = 0  # frames in a row in which it lay on another, unseen itself
+    sights: int = 1  # since it was found, or put right
+    hidden: int = 0  # frames in a row in which it was not told apart from others
     sure: bool = False  # named by hand, or seen often enough
     turns: list = field(default_factory=list)  # frames: no bird from the first on, one again from the second, ...
 
@@ -105,9 +147,11 @@ class _Bird:
     def see(self, frame, at, area=None):
         before = self.foretold()
         off = at - before
-        gain = GAIN_VELOCITY if len(self.path) > 3 else 0.6
+        self.sights += 1
+        n = self.sights  # the fewer, the more each one counts, as in a line fitted to all of them
+        gain = max(GAIN_VELOCITY, min(0.6, 6 / (n * (n + 1))))
         self.velocity = self.velocity + gain * off / (1 + self.missed)
-        self.at = before + GAIN_PLACE * off
+        self.at = before + max(GAIN_PLACE, 2 * (2 * n - 1) / (n * (n + 1))) * off
         self.path[frame] = np.array(at)
         self.missed = 0
         self.sure = self.sure or len(self.path) >= BORN_AFTER
@@ -154,17 +198,17 @@ class Tracker:
         self._areas = (self._areas + [b.area for b in blobs])[-2000:]
         usual = float(np.median(self._areas)) if self._areas else 1.0
         reach = self.reach or max(6.0, 2.2 * np.sqrt(usual))
-        seen, area = self._parts(blobs, usual, reach)
+        seen, area, apart = self._parts(blobs, usual, reach)
         free = np.ones(len(seen), bool)
         for number, x, y, *gone in self.by_hand.get(self.frame, ()):
             self._by_hand(number, np.array([x, y]), seen, free, reach, any(gone))
         self._match(seen, area, free, reach)
-        self._begin(seen, area, free, reach)
-        self._unmask()
+        self._begin(seen, area, free & apart, reach)
+        self._unmask(set(map(tuple, seen[~apart].tolist())))
         self._let_go()
 
     def _parts(self, blobs, usual, reach):
-        """Where birds are in this frame, (k, 2), and the area of each: blobs, split where several were foretold."""
+        """Where birds are in this frame: places (k, 2), the area of each, and whether it was told apart from others."""
         foretold = [bird.foretold() for bird in self.birds if bird.sure and bird.missed <= 4]
         inside: list[list[np.ndarray]] = [[] for _ in blobs]
         if blobs and foretold:
@@ -173,15 +217,13 @@ class Tracker:
                 k = int(np.argmin(row))
                 if row[k] <= 0.5 * reach:
                     inside[k].append(place)
-        places, areas = [], []
+        places, areas, apart = [np.zeros((0, 2))], [], []
         for blob, mine in zip(blobs, inside, strict=True):
-            if len(mine) > 1 and blob.area > 0.55 * usual * len(mine):
-                parts = split(blob, mine)
-            else:  # of two that lie wholly on each other each is there; who was not foretold is one, however large
-                parts = np.array([blob.at] * max(1, len(mine)))
-            places += list(parts)
-            areas += [blob.area / len(parts)] * len(parts)
-        return np.array(places).reshape(-1, 2), np.array(areas)
+            parts, hidden = divided(blob, mine, usual, reach)
+            places += [parts, hidden]
+            areas += [blob.area / len(parts)] * len(parts) + [usual] * len(hidden)
+            apart += [True] * len(parts) + [False] * len(hidden)
+        return np.concatenate(places), np.array(areas), np.array(apart, bool)
 
     def _by_hand(self, number, at, seen, free, reach, gone=False):
         bird = next((b for b in self.birds if b.number == number), None)
@@ -197,7 +239,7 @@ class Tracker:
         jump = at - bird.foretold()
         bird.see(self.frame, at)
         if np.linalg.norm(jump) > reach:  # it had been somebody else: its velocity says nothing
-            bird.velocity = self._drift()
+            bird.velocity, bird.sights = self._drift(), 1
         bird.at, bird.sure = at.copy(), True
         if gone != bird.gone:
             bird.turns.append(self.frame)
@@ -217,7 +259,7 @@ class Tracker:
             wide = np.array([reach * (1 + 0.25 * min(b.missed, 6)) * (1 if b.sure else 1.5) for b in waiting])
             cost = np.where(
                 gaps <= wide[:, None],
-                gaps + 0.02 * np.abs(np.subtract.outer([b.area for b in waiting], area[columns])),
+                gaps**2 / reach + 0.02 * np.abs(np.subtract.outer([b.area for b in waiting], area[columns])),
                 FAR,
             )
             cost[[not b.sure for b in waiting]] += 0.3 * reach  # who is known comes first
@@ -241,15 +283,13 @@ class Tracker:
             )
             self.next += 1
 
-    def _unmask(self):
-        """Two that have lain on each other for long are one: the younger was never there."""
-        here: dict[tuple, _Bird] = {}
-        for bird in sorted(self.birds, key=lambda b: -len(b.path)):
+    def _unmask(self, unseen):
+        """Who has not been told apart from others for long was never there."""
+        for bird in self.birds:
             place = bird.path.get(self.frame)
-            elder = None if place is None else here.setdefault(tuple(place), bird)
-            bird.shared = bird.shared + 1 if elder not in (None, bird) else 0
-            if bird.shared > SHARE:
-                for frame in range(self.frame - bird.shared + 1, self.frame + 1):
+            bird.hidden = bird.hidden + 1 if place is not None and tuple(place.tolist()) in unseen else 0
+            if bird.hidden > HIDDEN:
+                for frame in range(self.frame - bird.hidden + 1, self.frame + 1):
                     bird.path.pop(frame, None)
                 bird.missed = GAP + 1
 
