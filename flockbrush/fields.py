@@ -18,7 +18,7 @@ from flockbrush.files import output_problems, refused, whole
 from flockbrush.terminal import number, print_json, progress, say, show, table
 
 WIDE = 640  # px of each half of the preview, at most
-FULL = 1.0  # animals a BL² that are drawn in the strongest colour, at least
+FULL = 3.0  # animals a BL² that are drawn in the strongest colour: shoulder to shoulder
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
@@ -149,8 +149,9 @@ def _bodies(picture, glance, watch, scale):
     cv2.polylines(picture, lines, True, (0, 0, 0), 2, cv2.LINE_AA, 4)
     cv2.polylines(picture, lines, True, (255, 255, 255), 1, cv2.LINE_AA, 4)
     at, move = _thinned(glance, watch)
-    length = watch.size.length / max(float(np.median(np.hypot(*move.T))) if len(move) else 1.0, 1e-6)
-    for (x, y), (u, v) in zip(at * scale, move * scale * min(length, 2.0), strict=True):
+    quick = float(np.quantile(np.hypot(*move.T), 0.9)) if len(move) else 1.0
+    length = 1.2 * watch.size.length / max(quick, 1e-6)
+    for (x, y), (u, v) in zip(at * scale, move * scale * length, strict=True):
         _arrow(picture, (x, y), (x + u, y + v), _hue(u, v))
     _says(picture, f"frame {int(watch.clip.numbers[glance.k])}   {_animals(glance, watch):.0f} animals", (8, 18))
     return picture
@@ -178,7 +179,7 @@ def _cells(picture, glance, watch, fields, scale):
     """Density as colour and mean velocity as arrows, cell by cell, over the picture."""
     grid, density = watch.grid, np.nan_to_num(fields["density"])
     ground = cv2.addWeighted(picture, 0.45, np.full_like(picture, 255 if picture.mean() > 128 else 0), 0.55, 0)
-    tint = cv2.applyColorMap(np.uint8(255 * np.clip(density / FULL, 0, 1) ** 0.7), cv2.COLORMAP_INFERNO)
+    tint = cv2.applyColorMap(np.uint8(255 * np.clip(density / FULL, 0, 1) ** 0.5), cv2.COLORMAP_INFERNO)
     here = after(np.array([[scale, 0, 0], [0, scale, 0]]), after(back(watch.steady.maps[glance.k]), grid.to_pixels))
     cells = np.array([[grid.cell, 0, grid.origin[0] + grid.cell / 2], [0, grid.cell, grid.origin[1] + grid.cell / 2]])
     way, size = after(here, cells), picture.shape[1::-1]
@@ -188,12 +189,12 @@ def _cells(picture, glance, watch, fields, scale):
     velocity = fields["velocity"]
     rows, columns = np.nonzero(np.isfinite(velocity[..., 0]) & (density > 0.05))
     v = velocity[rows, columns]
-    usual = float(np.median(np.hypot(*v.T))) if len(v) else 0.0
-    longest = 0.8 * grid.cell / max(usual, 1e-6)
+    usual, quick = np.quantile(np.hypot(*v.T), (0.5, 0.9)) if len(v) else (0.0, 0.0)
+    longest = 1.2 * grid.cell / max(quick, 1e-6)
     middle = grid.origin + grid.cell * (np.column_stack([columns, rows]) + 0.5)
     for a, b in zip(middle - 0.5 * longest * v, middle + 0.5 * longest * v, strict=True):
         _arrow(made, here[:, :2] @ a + here[:, 2], here[:, :2] @ b + here[:, 2], (255, 255, 255))
-    _says(made, f"cells of {grid.cell:.2g} body lengths   mean speed {usual:.2g} BL/s", (8, 18))
+    _says(made, f"cells of {grid.cell:.2g} body lengths   half go faster than {usual:.2g} a second", (8, 18))
     _scale_bar(made, scale * watch.size.length)
     return made
 
@@ -222,5 +223,9 @@ def _scale_bar(picture, length):
 
 
 def _says(picture, text, at):
-    cv2.putText(picture, text, at, FONT, 0.45, (0, 0, 0), 3, cv2.LINE_AA)
+    """White on a dark band."""
+    (wide, tall), base = cv2.getTextSize(text, FONT, 0.45, 1)
+    x, y = at
+    band = picture[max(0, y - tall - 3) : y + base + 1, max(0, x - 4) : x + wide + 4]
+    band[:] = band // 4
     cv2.putText(picture, text, at, FONT, 0.45, (255, 255, 255), 1, cv2.LINE_AA)
