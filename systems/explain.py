@@ -102,7 +102,7 @@ def explain(world, entity) -> Explanation:
 
 
 def _surroundings(world, row):
-    """A world of one animal, those it may see, and those they may see, after the systems that perceive."""
+    """A world of one animal, those it may see, and those they may see, and predators, after what perceives."""
     agents, land = world.agents, world.resource(Landscape)
     xy = agents[Position.xyz][:, :2]
     away = xy - xy[row]
@@ -112,7 +112,10 @@ def _surroundings(world, row):
     sight = float((palette.view_range.max() * agents[Body.length].max()) if len(palette) else 0.0)
     size = float((agents[Body.axis] + agents[Body.radius]).max())
     sight = max(sight, float(agents[Vision.range].max()), 3.0 * size)
-    rows = np.flatnonzero(np.hypot(*away.T) <= 2.0 * (sight + size))
+    near = np.hypot(*away.T) <= 2.0 * (sight + size)
+    if len(palette):  # those in the air know of predators wherever they are
+        near |= palette.danger.astype(bool)[agents[BrushBinding.brush]]
+    rows = np.flatnonzero(near)
     small = World(agents.kinds, max(len(rows), 1))
     columns = {column: values[: len(agents)][rows] for column, values in agents.arrays.items()}
     small.become(agents.ids[rows], columns, (), int(agents.ids[-1]) + 1)

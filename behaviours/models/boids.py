@@ -34,6 +34,9 @@ from engine.parallel import over_rows
 
 DIRECTION, POINT = 1, 2  # what `Air.bound` may be
 URGES = ("obstacle", "separation", "fear", "matching", "centring", "migration", "height")  # in order of priority
+REASONS = dict(  # what designers read: the names that the herd's forces have
+    zip(URGES, ("obstacles", "avoidance", "fear", "alignment", "cohesion", "migration", "height"), strict=True)
+)
 SAFETY = 5.0  # times the acceleration that would just do, asked for to pass an obstacle.  By trial: 2 grazes corners
 STANDING = 0.05  # of the maximum speed: who is slower was stopped by something, and goes away from it
 NEAREST = 0.3  # body lengths: nearer neighbours weigh no more
@@ -107,9 +110,38 @@ def flight(p):
     )
 
 
-@behaviour("boids", Params, flight=flight)
+def explain(scene, row, p):
+    """Why a boid turns: its velocity, and what each urge was given of the acceleration in this tick, {reason: (2,)}."""
+    asked = np.zeros((1, len(URGES), 3))
+    _wishes(scene, np.array([row]), p, asked)
+    ask, own = asked[0], scene.length[row]
+    given = np.array(_shares(ask, [getattr(p, f"{urge}_strength") for urge in URGES], p.arbitration == "average"))
+    velocity = scene.forward[row] * np.linalg.norm(scene.velocity[row])
+    if not (given[:, None] * ask).any():
+        velocity = scene.forward[row].copy()  # nothing is asked for: it goes on
+    reasons = {REASONS[urge]: given[k] * ask[k] for k, urge in enumerate(URGES)}
+    size = scene.dt * p.max_acceleration * p.max_speed * own
+    return {"heading": velocity[:2]} | {name: size * wish[:2] for name, wish in reasons.items() if wish[:2].any()}
+
+
+def _shares(ask, strength, average):
+    """What part each urge gets of what it asked for, (7,): by priority until 1 is handed out, or in the average."""
+    size = np.sqrt((ask**2).sum(axis=1))
+    if average:
+        total = sum(weight for weight, one in zip(strength, size, strict=True) if one > 0)
+        return [1.0 / total if total > 0 else 0.0] * len(ask)
+    left = np.maximum(1.0 - np.concatenate([[0.0], np.cumsum(size)[:-1]]), 0.0)
+    return np.minimum(left / np.maximum(size, 1e-300), 1.0)
+
+
+@behaviour("boids", Params, flight=flight, explain=explain)
 def steer(scene, rows, p):
     """The acceleration that the urges agree on."""
+    return _wishes(scene, rows, p, np.zeros((0, len(URGES), 3)))
+
+
+def _wishes(scene, rows, p, asked):
+    """The same, and into `asked` (n, 7, 3), or (0, 7, 3), what each urge asks for."""
     air, n = air_of(scene), len(rows)
     direction, pace, acceleration = np.empty((n, 3)), np.ones(n), np.empty((n, 3))
     strength = np.array([getattr(p, f"{urge}_strength") for urge in URGES])
@@ -119,12 +151,12 @@ def steer(scene, rows, p):
         air.dangers, strength, p.arbitration == "average", p.avoid == "field", p.neighbour_range, p.exponent,
         p.forward_weight, p.separation, p.matching_time, p.field_range, p.flight_distance, p.panic_pace, p.height,
         p.clearance, p.foresight, p.max_acceleration * p.max_speed, p.max_speed, p.grounded,
-        direction, pace, acceleration,
+        direction, pace, acceleration, asked,
     )  # fmt: skip
     return Wishes(direction, pace, acceleration)
 
 
-@behaviour("raptor", Params, danger=True, flight=flight)
+@behaviour("raptor", Params, danger=True, flight=flight, explain=explain)
 def stoop(scene, rows, p):
     """A boid that others flee from; the script sends it."""
     return steer(scene, rows, p)
@@ -173,7 +205,7 @@ def _steer(
     first, near, offset, hit, aim, gap, normal, height, bound, target, dangers,
     strength, average, field, neighbour_range, exponent, forward_weight, separation, matching_time, field_range,
     flight_distance, panic_pace, wanted_height, clearance, foresight, most, top, grounded,
-    direction, pace, acceleration,
+    direction, pace, acceleration, asked,
 ):  # fmt: skip
     ask = np.zeros((len(strength), 3))
     cut2, apart2 = neighbour_range * neighbour_range, separation * separation
@@ -253,6 +285,8 @@ def _steer(
             ask[6, 2] = strength[6] * min(max((climb - vz) * 2.0 / most, -1.0), 1.0)
         if grounded:
             ask[:, 2] = 0.0
+        if len(asked):
+            asked[k] = ask
         x, y, z = averaged(ask, strength) if average else allocated(ask)
         x, y, z = x * most * own, y * most * own, z * most * own
         acceleration[k, 0], acceleration[k, 1], acceleration[k, 2] = x, y, z
