@@ -35,6 +35,7 @@ from behaviours.learning.rollout import DT, LEAST, Gates, Guide, Walls, params_o
 from behaviours.learning.scores import Target, distance, told_apart, total
 from behaviours.learning.setting import body_of, speed_of, start_of
 from behaviours.learning.workers import Stopped, Workers
+from behaviours.models.herd import Params
 
 USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section 7.2 of [1] takes away, one by one
 HELD = 0.3  # of the frames, at the end, are shown to nobody before the choice
@@ -46,9 +47,13 @@ WEAK = 0.15  # weights below it are made larger, and Ω smaller: only their prod
 GENERATION = 8  # candidates
 DESCENT = 120  # steps on fields
 FEW, MANY = 3000, 12_000  # turns that a descent looks at, first and last
+SPANS = 0.1, 0.2  # s over which a turn is taken: short is sharp, long is less disturbed by noise
+LIMITS = 0.8, 0.9, 0.96, 0.99  # of all turns are slower than a limit of turning that is tried
+REFINED = 2
+CLEARLY = 0.02  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
 COARSE_DT = 1 / 16  # s to a tick in the search; the choice is made with that of a level
 FINALISTS = 4
-EXTRAS = {"wander": (0.01, 3.0), "max_turn": (0.8, 20.0), "sensitivity": (0.05, 100.0)}  # freed, on a logarithmic scale
+EXTRAS = {"wander": (0.01, 3.0), "max_turn": (0.4, 20.0), "sensitivity": (0.05, 100.0)}  # freed, on a logarithmic scale
 SIGHTS = 4.0, 8.0  # BL
 WHERE_DENSITY_COUNTS = ("aspect", "spread", "density", "nearest neighbour", "largest part")
 WHERE_ORDER_COUNTS = ("order nearby", "disorder")
@@ -80,10 +85,10 @@ _known: dict[
 # tasks ----------------------------------------------------------------------------------------------
 
 
-def descend(given: Setting, theta, extras, seed, rows=FEW):
+def descend(given: Setting, theta, extras, seed, rows=FEW, span=SPANS[1]):
     """One descent: {theta, extras, loss}; and of turns also how sure they are."""
     if all(told_apart(clip) for clip in given.seen):
-        return _descend_on_turns(given, np.array(theta), dict(extras), rows)
+        return _descend_on_turns(given, np.array(theta), dict(extras), rows, span)
     return _descend_on_fields(given, np.array(theta), dict(extras), seed)
 
 
@@ -95,28 +100,29 @@ def _free(given):
     return free
 
 
-def _descend_on_turns(given, theta, extras, rows):
+def _descend_on_turns(given, theta, extras, rows, span):
     from behaviours.learning.turns import fit_turns, thinned
 
-    turns, params, free = _turns(given, extras), params_of(theta, extras), _free(given)
+    turns, params, free = _turns(given, extras, span), params_of(theta, extras), _free(given)
     if turns is None:
         return {"theta": theta.tolist(), "extras": extras, "loss": []}
     fit = fit_turns(thinned(turns, rows), theta, params, free=free, tolerance=1e-5)
+    unsaid = free & ~np.isfinite(fit.deviation)  # where no obstacle is seen, what is usual
     return {
-        "theta": fit.theta.tolist(), "extras": extras, "loss": fit.loss.tolist(),
+        "theta": np.where(unsaid, theta_of(Params()), fit.theta).tolist(), "extras": extras, "loss": fit.loss.tolist(),
         "deviation": np.minimum(fit.deviation, 1e6).tolist(),
         "wander": float(np.clip(1.2 * fit.spread / np.sqrt(np.mean(turns.ticks) * turns.dt), 0.0, 2.0)),
     }  # fmt: skip
 
 
-def _turns(given, extras):
+def _turns(given, extras, span):
     """The turns of all clips, as animals with this sight and this rule of leaders would make them."""
     from behaviours.learning.turns import all_turns, turns_of
 
     params = params_of(np.ones(12), extras)
-    key = id(given), params.neighbour_range, params.leader_neighbours, params.leader_cone
+    key = id(given), span, params.neighbour_range, params.leader_neighbours, params.leader_cone
     if key not in _known:
-        parts = [turns_of(clip, given.body, given.vision(extras), params) for clip in given.seen]
+        parts = [turns_of(clip, given.body, given.vision(extras), params, span=span) for clip in given.seen]
         parts = [part for part in parts if part is not None]
         _known[key] = given, (all_turns(parts) if parts else None)
     return _known[key][1]
@@ -128,7 +134,7 @@ def _descend_on_fields(given, theta, extras, seed):
     use = USE - ({"angular"} if not given.angular else set()) - ({"occlusion"} if not given.occlusion else set())
     found = descend_on_fields(
         list(given.seen), theta, free=_free(given), seed=seed, steps=DESCENT, use=use, beta=given.beta,
-        speed=given.speed, body=given.body, vision=given.vision(extras),
+        speed=given.speed, body=given.body, vision=given.vision(extras), extras=extras, device="cpu",
     )  # fmt: skip
     return {"theta": found.theta.tolist(), "extras": extras, "loss": np.asarray(found.losses).tolist()}
 
@@ -286,7 +292,7 @@ class _Search:
         self.attempts: list[Attempt] = []
         self.deviation: dict[int, np.ndarray] = {}
         self.budget = budget_s * RATE
-        self.begins = _begins(seed, starts, given.angular, _turn_limit(given.seen), brushes)
+        self.begins = _begins(seed, starts, given.angular, brushes)
         self.final: list[int] = []  # attempts that were judged on what was held back
         self.interrupted, self.notes = False, []
 
@@ -322,20 +328,38 @@ class _Search:
                 name += ", fitted"
             fitted.append(self._add_found(Attempt(name, task["seed"], theta, theta, extras), found))
         if "wander" in results[0]:
-            self._refine(workers, [k for k in fitted if len(self.attempts[k].loss)])
+            self._limit(workers, [k for k in fitted if len(self.attempts[k].loss)])
 
-    def _refine(self, workers, fitted):
-        """The best fits again, to more turns; with and without the chance that they leave unexplained."""
-        best = sorted(fitted, key=lambda k: self.attempts[k].loss[-1])[:3]
+    def _limit(self, workers, fitted):
+        """The best fit of each reach of sight, with animals that cannot turn faster than they are seen to."""
+        best = {}
+        for k in sorted(fitted, key=lambda k: self.attempts[k].loss[-1], reverse=True):
+            best[self.attempts[k].extras["neighbour_range"]] = self.attempts[k]
+        least = min(a.loss[-1] for a in best.values())
+        best = {sight: a for sight, a in best.items() if a.loss[-1] < least + CLEARLY}
         tasks = [
-            dict(zip(("theta", "extras"), _stronger(a.theta, a.extras), strict=True), seed=a.seed, rows=MANY)
-            for a in (self.attempts[k] for k in best)
+            {"theta": a.theta.tolist(), "extras": a.extras | {"max_turn": limit}, "seed": a.seed}
+            for a in best.values()
+            for limit in (10.0, *_turn_limits(self.given.seen))
         ]
-        for k, found in zip(best, workers.map(descend, tasks), strict=True):
-            a = self.attempts[k]
-            self._add_found(dataclasses.replace(a, name=a.name + ", refined"), found)
+        found = workers.map(descend, tasks)
+        order = sorted(range(len(tasks)), key=lambda k: found[k]["loss"][-1])
+        parents = [a for a in best.values() for _ in range(len(tasks) // len(best))]
+        self._refine(workers, [(parents[k], found[k]) for k in order[:REFINED]])
+
+    def _refine(self, workers, best):
+        """The best fits again, to more turns, over a short and a long time; and with the chance they leave over."""
+        tasks, parents = [], []
+        for parent, found in best:
+            theta, extras = _stronger(found["theta"], found["extras"])
+            for span in SPANS:
+                tasks.append({"theta": theta, "extras": extras, "seed": parent.seed, "rows": MANY, "span": span})
+                parents.append(parent)
+        for parent, task, found in zip(parents, tasks, workers.map(descend, tasks), strict=True):
+            name = f"{parent.name}, {task['span']:g} s"
+            self._add_found(dataclasses.replace(parent, name=name), found)
             wanders = found | {"extras": found["extras"] | {"wander": found["wander"]}}
-            self._add_found(dataclasses.replace(a, name=a.name + ", wandering"), wanders)
+            self._add_found(dataclasses.replace(parent, name=name + ", wandering"), wanders)
 
     def _add_found(self, attempt, found):
         return self._add(
@@ -500,27 +524,24 @@ def _seed(*numbers):
     return int(np.random.SeedSequence(numbers).generate_state(1)[0])
 
 
-def _turn_limit(clips):
-    """rad/s: the fastest turns that are not rare; None where turns are not seen."""
+def _turn_limits(clips):
+    """rad/s: how fast all but a few turns are, from `LIMITS`."""
     seen = [np.abs(clip.sightings.turn) for clip in clips if told_apart(clip)]
     turns = np.concatenate(seen) if seen else np.zeros(0)
     turns = turns[np.isfinite(turns)]
-    return float(np.clip(1.1 * np.quantile(turns, 0.98), 1.0, 10.0)) if len(turns) > 100 else None
+    return [float(np.clip(q, 0.5, 20.0)) for q in np.quantile(turns, LIMITS)] if len(turns) > 100 else []
 
 
-def _begins(seed, starts, angular, limit, brushes):
+def _begins(seed, starts, angular, brushes):
     """[(name, theta, extras)]: random ones, and all shipped brushes of the herd model.
 
-    Every second random one sees twice as far, and every third turns no faster than animals of the clip seem to.
+    Every second random one sees twice as far.
     """
     out = []
     for k in range(starts):
         rng = np.random.default_rng([seed, 0, k])
         theta = rng.uniform(0.02, 1.0, 12)
-        extras = {"neighbour_range": SIGHTS[k % 2], "wander": 0.0}
-        if limit is not None and k % 3 == 1:
-            extras["max_turn"] = limit
-        out.append((f"random {k + 1}", theta, extras))
+        out.append((f"random {k + 1}", theta, {"neighbour_range": SIGHTS[k % 2], "wander": 0.0}))
     library = shipped()
     for name in library.names() if brushes else ():
         brush = library.get(name)
