@@ -360,7 +360,7 @@ class _System:
         Their scale is set first, as the logarithm has it; the problem is convex, and no depth becomes negative.
         """
         d = depth[self.there]
-        d = d * np.sqrt(VOLUME * len(d) / (d @ banded_product(bands, d)))
+        d = d * np.sqrt(VOLUME * len(d) / _cost(bands, d))
         stiff = bands.copy()
         stiff[:, 0] += VOLUME / d**2
         step = self._solved(stiff, VOLUME / d - banded_product(bands, d))
@@ -376,10 +376,15 @@ class _System:
         return found
 
 
+def _cost(bands, d):
+    """The quadratic form at d; of a flight that costs nothing, what rounding leaves of it."""
+    return max(float(d @ banded_product(bands, d)), 1e-12 * float(bands[:, 0] @ d**2))
+
+
 def _apart(system, bands, depth, wish, rounds=4):
     """Push birds nearer than the separation distance apart, along their rays, at the least cost; for looks."""
     found = depth[system.there]
-    stiff = bands * (VOLUME * len(found) / (found @ banded_product(bands, found)))
+    stiff = bands * (VOLUME * len(found) / _cost(bands, found))
     stiff[:, 0] += VOLUME / found**2
     pull = banded_product(stiff, found)
     weight = float(np.median(stiff[:, 0])) * wish.separation

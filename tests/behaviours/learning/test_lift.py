@@ -292,6 +292,20 @@ def test_two_birds_on_one_pixel_are_no_trouble():
     assert np.isfinite(lift(filmed(truth), CAMERA).depth).all()
 
 
+def test_birds_all_on_one_pixel_fly_at_one_depth():
+    truth = np.repeat(starlings(1, 40), 3, axis=1)
+    depth = lift(filmed(truth), CAMERA).depth
+    assert depth == pytest.approx(np.repeat(depth[:, :1], 3, axis=1), rel=1e-3)
+
+
+def test_a_straight_flight_costs_nothing_and_is_found():
+    t = np.arange(30)[:, None] / 30
+    truth = np.stack([9 * t - 4, 40 + 2 * t, 0 * t + 1], -1) + np.array([(0, 0, 0), (1, 3, 1), (2, 1, -2)])
+    depth = lift(filmed(truth), CAMERA).depth
+    true = np.linalg.norm(truth, axis=-1)
+    assert depth / depth.mean() == pytest.approx(true / true.mean(), rel=0.05)
+
+
 def test_separation_keeps_birds_apart():
     truth = starlings(6, 30)
     truth[:, 1] = truth[:, 0] + 0.1
