@@ -36,10 +36,11 @@ WINDOW = (8.0, 14.0)  # body lengths across: those outside are left out rather t
 TILE_WINDOW = (6.5, 9.0)  # the same for tiles, which are smaller
 SKY = 60.0  # body lengths across at most, of birds
 LEAST = 14.0  # a bird is drawn at least as large as the picture over this
+LEAST_WINGED = 18.0  # the same with its wings spread
 MILL = 0.7  # milling that makes a mill, of a herd that began on a ring
 MARCH, SOME = 0.75, 0.35  # polarization out of disorder that makes a march for certain; that makes one if no mill
 ALONG = np.pi / 7  # rad; marches go up to the right
-VERSION = 2  # of these pictures: counts up when they look otherwise
+VERSION = 3  # of these pictures: counts up when they look otherwise
 
 
 def thumbnail(brush, size=64, theme="light") -> np.ndarray:
@@ -92,7 +93,7 @@ def make_in_background(names=(), size=64, theme="light") -> subprocess.Popen:
 def draw_thumbnail(brush, size, theme) -> np.ndarray:
     """The picture of a brush, made now."""
     look = replace(theme, texture=theme.texture / 2)
-    image = _picture(brush, FINE * size, look, brush.colour, WINDOW)
+    image = _picture(brush, FINE * size, look, brush.colour, WINDOW, winged=True)
     return _ringed(image, size, rgb(brush.colour), look)
 
 
@@ -110,8 +111,8 @@ def draw_tile(brush, size) -> np.ndarray:
     return image
 
 
-def _picture(brush, side, theme, colour, window):
-    """Animals under a brush after some seconds, with trails, on a square of bare ground."""
+def _picture(brush, side, theme, colour, window, winged=False):
+    """Animals under a brush after some seconds, with trails, on a square of bare ground; birds with wings, if asked."""
     simulation = _settled(brush)
     try:
         step = max(1, round(TRAIL / 16 / simulation.clock.dt))
@@ -127,20 +128,28 @@ def _picture(brush, side, theme, colour, window):
     far = float(np.quantile(np.abs(xy - middle).max(axis=1), 0.6 if flies else 0.9)) / length
     window = (window[0], SKY) if flies else window
     across = float(np.clip(2.3 * far + 1.5, *window)) * length
-    larger = max(LARGER, across / length / LEAST)
+    winged = winged and _in_the_air(brush)
+    larger = max(LARGER, across / length / (LEAST_WINGED if winged else LEAST))
     painter = Painter(SimpleNamespace(width=across, height=across, name=""), (side, side), theme, words=False)
     painter.look(Camera.fit(across, across, (side, side)))
     painter.backdrop = np.empty((side, side, 3), np.uint8)
     painter.backdrop[:] = theme.ground
     danger = behaviours()[brush.model].danger
+    beats = np.sin(2 * np.pi * 0.381966 * np.arange(len(xy))) if winged else None
     for k, (xy, forward) in enumerate(moments):
         herd = Herd(
             xy - middle + across / 2, forward, larger * length, larger * brush.body.radius,
             brush=np.zeros(len(xy), int), brush_colours=(colour,), predator=np.full(len(xy), danger),
-            ids=np.arange(len(xy)),
+            ids=np.arange(len(xy)), wings=beats,
         )  # fmt: skip
         frame = painter.frame(herd, time=k * step * simulation.clock.dt, legend=False)
     return frame
+
+
+def _in_the_air(brush):
+    """Whether animals under a brush have wings: they fly, and are not held to the ground."""
+    flight = behaviours()[brush.model].flight
+    return flight is not None and not flight(brush.params).grounded
 
 
 def _middle(xy, reach=None):
