@@ -2,6 +2,7 @@
 
     python benchmarks/learning.py step [--animals 500 1000 1500] [--rounds 20]
     python benchmarks/learning.py truth [--quick] [--write]     known truths (learning_truth.py)
+    python benchmarks/learning.py halves [--clips ...] [--write]  held-out halves of clips (learning_halves.py)
     python benchmarks/learning.py positions [--animals 200] [--starts 5] [--noise DEGREES BODYLENGTHS]
 
 ``step``: one step of optimisation, that is who sees whom, the turns of all animals and their slopes, in milliseconds:
@@ -27,6 +28,7 @@ import numpy as np
 
 sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parent.parent)]
 
+import learning_halves  # noqa: E402
 import learning_truth  # noqa: E402
 
 from behaviours.brush import BodySpec, SpeedSpec, VisionSpec  # noqa: E402
@@ -213,6 +215,7 @@ def main(argv=None):
     two.add_argument("--noise", type=float, nargs=2, default=(0.0, 0.0), help="of headings and places")
     two.set_defaults(run=positions)
     learning_truth.add(parts)
+    learning_halves.add(parts)
     args = parser.parse_args(argv)
     rows = args.run(args)
     if args.json:

@@ -2,8 +2,8 @@
 
     python benchmarks/learning.py truth [--quick] [--write]
 
-Five truths of the measured map as shipped, with capsules as bodies: march, hollow mill (begun as a ring; a filled mill of
-a hundred goes over into a march now and then, and one of discs jams), swarm, column and stampede.  What would be seen of
+Five truths of the measured map as shipped, with capsules as bodies: march, hollow mill (begun as a ring; a filled mill
+of a hundred goes over into a march now and then, and one of discs jams), swarm, column and stampede.  What is seen of
 each in four seconds is learned from, without the shipped brushes as starts: from five seeds, each with its own random
 starts.
 

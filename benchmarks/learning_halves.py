@@ -1,0 +1,151 @@
+"""Held-out halves: learn from the first half of a clip, and foretell the second.
+
+    python benchmarks/learning.py halves [--clips band mill swarm ...] [--write]
+
+Clips: herds by models of the literature that are not ours (``tests/herd_film.py``), filmed by a camera that drifts,
+turns and zooms, and seen by ``observe``; and the real sheep where ``../shared/data`` is.  A herd with what was learned
+begins as the second half does.  Its polarization and milling (means over the half and three runs) are to be the clip's
+within two of the clip's own standard deviations or .05, whichever is larger; and its distance to the clip over all
+measures (``behaviours.learning.scores``) is set beside those of random parameters and of every shipped brush chosen
+blindly: each with the clip's own speeds, so that only the way of turning differs.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+TRIED = "band", "mill", "swarm"  # looked at while the recipe was made
+KEPT = "torus", "topological", "drifting mill"  # kept for this check alone
+SHEEP = Path(__file__).resolve().parents[2] / "shared" / "data" / "aerial_sheep" / "sheep_0043.mp4"
+RESULTS = Path(__file__).resolve().parent / "learning_halves.json"
+RUNS, RANDOM = 3, 7
+
+
+def add(commands):
+    """The command's options."""
+    parser = commands.add_parser("halves", help="learn from the first half of clips, and foretell the second")
+    parser.add_argument("--clips", nargs="*", default=[*TRIED, *KEPT, "sheep"], help="models of herd_film, or sheep")
+    parser.add_argument("--animals", type=int, default=70)
+    parser.add_argument("--seconds", type=float, default=6.0)
+    parser.add_argument("--budget", type=float, default=25.0, help="seconds of trials and evolution, as learn counts")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--perfect", action="store_true", help="a perfect observer instead of a film")
+    parser.add_argument("--write", action="store_true", help=f"store the results in {RESULTS.name}")
+    parser.set_defaults(run=run)
+
+
+def run(options):
+    """The study; prints a line for each clip."""
+    results = json.loads(RESULTS.read_text()) if options.write and RESULTS.exists() else {}
+    rows = {}
+    for name in options.clips:
+        if name == "sheep" and not SHEEP.exists():
+            print("sheep: no ../shared/data here")
+            continue
+        rows[name] = halves_of(name, options)
+        print(f"{name}: {json.dumps(rows[name])}", flush=True)
+        if options.write:
+            RESULTS.write_text(json.dumps(results | rows, indent=1) + "\n")
+    print(table(results | rows if options.write else rows))
+    return [{"clip": name} | row for name, row in rows.items()]
+
+
+def evidence_of_clip(name, options, folder):
+    """What is seen of a clip."""
+    from behaviours.learning.observe import observe
+    from tests.herd_film import Camera, evidence_of_truth, herd, shoot
+
+    if name == "sheep":
+        return observe(SHEEP)
+    truth = herd(name, options.animals, options.seconds, seed=11)
+    if options.perfect:
+        return evidence_of_truth(truth)
+    # the camera goes along with who goes far, and sees the whole herd
+    extent = float(np.ptp(truth.xy - truth.xy.mean(1, keepdims=True), axis=(0, 1)).max()) + 6.0
+    body = float(np.clip(620.0 / extent, 11.0, 22.0))
+    side = int(np.ceil(extent * body / 16) * 16)
+    film = shoot(truth, Path(folder) / "clip.mp4", (side, side), body, Camera(follow=1.0), seed=5)
+    return observe(film.path)
+
+
+def halves_of(name, options):
+    """The figures of one clip."""
+    from behaviours.brush import shipped
+    from behaviours.learning.evidence import halves
+    from behaviours.learning.recipe import learn
+    from behaviours.learning.rollout import params_of
+
+    begun = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        first, second = halves(evidence_of_clip(name, options, folder))
+    looked = time.perf_counter()
+    found = learn(first, seed=0, starts=6, jobs=options.jobs, budget_s=options.budget)
+    learned = time.perf_counter()
+    given = found.speed, found.body
+    mine = judged(second, found.params, *given, found.vision)
+    rng = np.random.default_rng(3)
+    random = [judged(second, params_of(rng.uniform(0.02, 1, 12)), *given, None, 1) for _ in range(RANDOM)]
+    brushes = {}
+    for brush in (shipped().get(name) for name in shipped().names()):
+        if brush.model == "herd":
+            brushes[brush.name] = judged(second, brush.params, *given, brush.vision, 1)
+    return {
+        "within": mine["within"], "polarization": mine["polarization"], "milling": mine["milling"],
+        "distance": mine["distance"], "random, median": float(np.median([r["distance"] for r in random])),
+        "random, best": min(r["distance"] for r in random),
+        "brushes": {k: v["distance"] for k, v in brushes.items()},
+        "better than all brushes": all(mine["distance"] < v["distance"] for v in brushes.values()),
+        "better than random": mine["distance"] < float(np.median([r["distance"] for r in random])),
+        "chosen": found.starts[found.chosen].name, "theta": np.round(found.theta, 3).tolist(),
+        "extras": {k: round(v, 3) if isinstance(v, float) else v for k, v in found.extras.items()},
+        "seen one by one": first.sightings is not None, "looking, s": round(looked - begun, 1),
+        "learning, s": round(learned - looked, 1),
+    }  # fmt: skip
+
+
+def judged(clip, params, speed, body, vision, runs=RUNS):
+    """How near herds with these numbers come to a clip, begun as it begins."""
+    from behaviours.brush import VisionSpec
+    from behaviours.learning.recipe import simulate
+    from behaviours.learning.rollout import theta_of
+    from behaviours.learning.scores import Target, distance, measures_of, total, view_of_run
+
+    extras = {k: v for k, v in params.model_dump().items() if not k.endswith(("_weight", "_radial", "_angular"))}
+    target = Target.of(clip)
+    vision = VisionSpec() if vision is None else vision
+    seen, parts = [], []
+    for seed in range(runs):
+        went = simulate(clip, theta_of(params), extras, speed, body, vision, [77, seed])
+        seen.append(measures_of(view_of_run(went, clip, target.single), target.every))
+        parts.append(total(distance(went, clip, target)))
+    out = {"distance": round(float(np.mean(parts)), 3), "within": True}
+    for name in ("polarization", "milling"):
+        theirs, mine = target.over_time[name], float(np.mean([np.nanmean(s[name]) for s in seen]))
+        limit = max(2.0 * float(np.nanstd(theirs)), 0.05)
+        off = abs(mine - float(np.nanmean(theirs)))
+        out[name] = {"clip": round(float(np.nanmean(theirs)), 3), "herd": round(mine, 3), "limit": round(limit, 3)}
+        out["within"] = bool(out["within"] and off <= limit)
+    return out
+
+
+def table(rows):
+    """Lines of Markdown."""
+    lines = [
+        "| clip | polarization, clip / herd (limit) | milling | distance | random, median | best shipped brush |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, row in rows.items():
+        cells = [
+            f"{row[m]['clip']:.2f} / {row[m]['herd']:.2f} ({row[m]['limit']:.2f})" for m in ("polarization", "milling")
+        ]
+        best = min(row["brushes"], key=row["brushes"].get)
+        lines.append(
+            f"| {name}{'' if row['within'] else ' (missed)'} | {cells[0]} | {cells[1]} | {row['distance']:.2f} | "
+            f"{row['random, median']:.2f} | {best} {row['brushes'][best]:.2f} |"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,136 @@
+"""A herd is learned: the same with the same seed, in one go or taken up again; who stops it gets the best so far."""
+
+import numpy as np
+import pytest
+
+from behaviours.learning.evolution import Evolution
+from behaviours.learning.learned import Learned
+from behaviours.learning.recipe import learn, simulate
+from behaviours.learning.rollout import Start, rollout
+from behaviours.learning.setting import body_of, speed_of, start_of
+from behaviours.learning.workers import Stopped, Workers
+from behaviours.models.herd import Params
+from components import Heading, Position
+from levels.build import plane
+from tests.herd_film import Truth, evidence_of_truth, herd
+
+FEW = {"budget_s": 0.5, "starts": 2, "brushes": False}
+
+
+def swarm_of_graze(animals=24, seconds=1.5, fps=20.0):
+    """A clip of grazing animals, who turn for one another, with everything known."""
+    from behaviours.brush import shipped
+
+    brush = shipped().get("graze")
+    agents = plane(brush, animals, density=0.15, seed=3).agents
+    start = Start(agents[Position.xyz][:, :2].copy(), agents[Heading.forward][:, :2].copy())
+    run = rollout(start, brush.params, brush.speed, seconds=seconds, fps=fps, seed=4)
+    shape = len(run), animals
+    truth = Truth("graze", fps, run.xy.reshape(*shape, 2), run.forward.reshape(*shape, 2), run.speed.reshape(shape))
+    return evidence_of_truth(truth), brush
+
+
+@pytest.fixture(scope="module")
+def clip():
+    return swarm_of_graze()[0]
+
+
+@pytest.fixture(scope="module")
+def found(clip):
+    return learn(clip, seed=1, **FEW)
+
+
+def test_what_is_learned_is_a_brush_and_what_is_known_of_it(found):
+    assert isinstance(found, Learned) and isinstance(found.params, Params)
+    assert found.theta.shape == (12,) and (found.theta >= 1e-3).all() and (found.theta <= 1).all()
+    assert found.speed.mean == pytest.approx(0.3, rel=0.2)
+    assert found.starts[found.chosen].score == min(a.score for a in found.starts if np.isfinite(a.score))
+    assert found.identifiable.shape == (12,) and not found.interrupted
+    assert {"polarization", "lasting polarization"} <= set(found.held_out)
+
+
+def test_the_turns_of_the_animals_give_back_their_avoidance(found):
+    truth = swarm_of_graze()[1].params
+    strength = found.params.sensitivity / 10
+    assert found.params.avoidance_weight * strength == pytest.approx(truth.avoidance_weight, abs=0.25)
+    assert found.params.avoidance_radial == pytest.approx(truth.avoidance_radial, abs=0.1)
+
+
+def test_the_same_seed_learns_the_same_and_work_that_was_kept_is_not_done_again(clip, found, tmp_path):
+    kept = tmp_path / "work.json"
+    asked = []
+
+    def stop():
+        asked.append(1)
+        return len(asked) > 6
+
+    part = learn(clip, seed=1, resume=kept, stop=stop, **FEW)
+    assert part.interrupted and len(part.starts) >= 1
+    told = []
+    again = learn(clip, seed=1, resume=kept, say=lambda *a: told.append(a), **FEW)
+    assert np.array_equal(again.theta, found.theta) and again.extras == found.extras
+    assert not again.interrupted and told[-1][0] == told[-1][1]
+
+
+def test_nothing_to_learn_from_is_said():
+    with pytest.raises(ValueError, match="no clip"):
+        learn([])
+    with pytest.raises(ValueError, match="it may have angular"):
+        learn(swarm_of_graze(8, 0.5)[0], use=frozenset({"colour"}))
+
+
+def test_a_herd_begins_where_the_animals_are_seen(clip):
+    start = start_of(clip, 0)
+    assert np.array_equal(start.xy, clip.sightings.xy[clip.sightings.of(0)])
+    run = simulate(clip, np.full(12, 0.3), {}, speed_of([clip]), body_of([clip]), swarm_of_graze()[1].vision)
+    assert len(run) == len(clip.fields)
+
+
+def test_where_only_fields_are_seen_a_herd_begins_as_dense_and_headed_as_they_say():
+    truth = herd("band", 40, 0.2, seed=2)
+    blurred = evidence_of_truth(truth, cell=2.0, sight=False)
+    start = start_of(blurred, 0, seed=3)
+    assert len(start) == 40
+    assert np.abs(start.xy.mean(0) - truth.xy[0].mean(0)).max() < 0.5
+    assert (start.forward.mean(0) @ truth.forward[0].mean(0)) > 0.8
+
+
+def test_animals_that_lie_on_each_other_are_taken_for_discs():
+    xy, facing = np.random.default_rng(1).uniform(0, 4, (3, 40, 2)), np.tile([1.0, 0.0], (3, 40, 1))
+    crowd = evidence_of_truth(Truth("a heap", 10.0, xy, facing, np.ones((3, 40))))
+    assert body_of([crowd]).contact == "disc"
+    apart = evidence_of_truth(Truth("a grid", 10.0, np.tile(np.argwhere(np.ones((6, 6))) * 2.0, (3, 1, 1)),
+                                    np.tile([1.0, 0.0], (3, 36, 1)), np.ones((3, 36))))  # fmt: skip
+    assert body_of([apart]).contact == "capsule"
+
+
+def test_evolution_walks_to_the_best_place():
+    goal, cloud = np.array([0.2, 0.7, 0.5, 0.9]), Evolution(np.full(4, 0.5), 0.15, 8, (1,))
+    for _ in range(60):
+        cloud.tell([((x - goal) ** 2 * [1, 10, 100, 1]).sum() for x in cloud.ask()])
+    assert np.abs(cloud.mean - goal).max() < 0.02
+    again = Evolution(np.full(4, 0.5), 0.15, 8, (1,))
+    assert np.array_equal(again.ask(), Evolution(np.full(4, 0.5), 0.15, 8, (1,)).ask())
+
+
+def doubled(given, number):
+    return given * number
+
+
+def test_work_is_done_once_and_kept(tmp_path):
+    path, done = tmp_path / "kept.json", []
+    with Workers(2, signature="a", path=path) as workers:
+        assert workers.map(doubled, [{"number": 3}, {"number": 4}], done.append) == [6, 8]
+    with Workers(100, signature="a", path=path) as workers:  # remembered, though it would be another number now
+        assert workers.map(doubled, [{"number": 4}]) == [8]
+    with Workers(100, signature="b", path=path) as workers:
+        assert workers.map(doubled, [{"number": 4}]) == [400]
+    with Workers(1, stop=lambda: True) as workers, pytest.raises(Stopped):
+        workers.map(doubled, [{"number": 1}])
+    assert done == [1, 2]
+
+
+@pytest.mark.slow
+def test_two_processes_learn_what_one_does(clip, found):
+    other = learn(clip, seed=1, jobs=2, **FEW)
+    assert np.array_equal(other.theta, found.theta)

@@ -1,0 +1,112 @@
+"""A herd is like itself, and a mill is not like a march; fields and animals tell the same."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from behaviours.learning.rollout import Run
+from behaviours.learning.scores import (
+    Target,
+    density_errors,
+    distance,
+    fields_of,
+    map_error,
+    measures_of,
+    neighbour_map,
+    told_apart,
+    total,
+    velocity_errors,
+    view_of,
+    view_of_run,
+)
+from tests.herd_film import Truth, evidence_of_truth
+
+FPS = 10.0
+
+
+def lattice(n=49):
+    side = int(n**0.5)
+    return np.argwhere(np.ones((side, side))) * 1.5 - 0.75 * (side - 1)
+
+
+def march(frames=20):
+    """Everybody to the right, at two body lengths a second."""
+    t = np.arange(frames)[:, None, None] / FPS
+    xy = lattice()[None] + t * np.array([2.0, 0.0])
+    return xy, np.broadcast_to([1.0, 0.0], xy.shape).copy()
+
+
+def mill(frames=20):
+    """Everybody round the middle, at a quarter of a radian a second."""
+    at = lattice()[np.hypot(*lattice().T) > 1]
+    angle = np.arange(frames) / FPS * 0.25
+    c, s = np.cos(angle), np.sin(angle)
+    xy = np.einsum("tij,nj->tni", np.array([[c, -s], [s, c]]).transpose(2, 0, 1), at)
+    across = np.stack([-xy[..., 1], xy[..., 0]], -1)
+    return xy, across / np.linalg.norm(across, axis=-1, keepdims=True)
+
+
+def run_of(xy, forward):
+    frames, n = xy.shape[:2]
+    velocity = np.gradient(xy, 1 / FPS, axis=0).reshape(-1, 2)
+    first, ids = np.arange(frames + 1) * n, np.tile(np.arange(n), frames)
+    return Run(np.arange(frames) / FPS, first, ids, xy.reshape(-1, 2), forward.reshape(-1, 2), velocity)
+
+
+def clip_of(xy, forward, **more):
+    speed = np.linalg.norm(np.gradient(xy, 1 / FPS, axis=0), axis=-1)
+    return evidence_of_truth(Truth("a clip", FPS, xy, forward, speed), **more)
+
+
+@pytest.mark.parametrize("sight", [True, False], ids=["animals", "fields"])
+def test_a_march_is_polarized_and_a_mill_mills_in_whatever_way_they_are_seen(sight):
+    marching = measures_of(view_of(clip_of(*march(), cell=1.0, sight=sight)))
+    milling = measures_of(view_of(clip_of(*mill(), cell=1.0, sight=sight)))
+    assert np.allclose(marching["polarization"], 1.0) and (marching["milling"] < 0.1).all()
+    assert (milling["milling"] > 0.95).all() and (milling["polarization"] < 0.1).all()
+    assert np.allclose(marching["speed"], 2.0)
+
+
+@pytest.mark.parametrize("sight", [True, False], ids=["animals", "fields"])
+def test_a_herd_is_no_distance_from_itself_and_far_from_another(sight):
+    clip = clip_of(*march(), cell=1.0, sight=sight)
+    target = Target.of(clip)
+    assert told_apart(clip) == sight
+    assert total(distance(run_of(*march()), clip, target)) < 0.15
+    assert total(distance(run_of(*mill()), clip, target)) > 5.0
+
+
+def test_what_should_last_is_compared_over_a_longer_run():
+    clip = clip_of(*march())
+    lasting = distance(run_of(*march(60)), clip, Target.of(clip), lasting=True)
+    assert "spread" not in lasting and max(lasting.values()) < 0.3
+
+
+def test_a_run_is_put_on_the_grid_of_the_clip_and_nobody_is_lost():
+    clip = clip_of(*march(), cell=2.0)
+    fields = fields_of(run_of(*march(60)), clip.fields)  # farther than the clip's picture
+    assert np.allclose((fields.density * fields.cell**2).sum((1, 2)), 49)
+    begin = fields_of(run_of(*march()), clip.fields)
+    assert max(np.nanmax(e) for e in density_errors(begin, clip.fields).values()) < 1e-9
+    assert np.allclose(velocity_errors(run_of(*march()), clip.fields), 0.0, atol=1e-9)
+
+
+def test_who_is_beside_the_picture_of_a_part_of_a_herd_is_not_seen():
+    xy, forward = march()
+    part = clip_of(xy, forward, window=(-3.0, -3.0, 3.0, 3.0), cell=1.0)
+    view = view_of_run(run_of(xy, forward), part)
+    assert len(view.xy[view.of(0)]) == len(part.sightings.xy[part.sightings.of(0)]) < 49
+
+
+def test_neighbours_are_found_where_they_stand():
+    around = neighbour_map(view_of(clip_of(*march())), reach=3.0, rings=3, sectors=4)
+    assert around[0].sum() == 0.0  # nobody nearer than one body length
+    assert around[1, 0] > 0 and around[1, 3] > 0  # ahead and behind, at 1.5
+    assert map_error(around, around) == 0.0
+    assert map_error(around, np.roll(around, 1, axis=1)) > 0.3
+
+
+def test_a_clip_without_animals_told_apart_is_compared_by_its_fields():
+    clip = dataclasses.replace(clip_of(*march(), cell=1.0), sightings=None)
+    assert not view_of(clip).single and Target.of(clip).map is None
