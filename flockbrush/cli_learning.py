@@ -6,7 +6,7 @@ import os
 import re
 import shlex
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -143,7 +143,7 @@ def learn(
     The first half of the clip is learned from, the second tests what was learned.
     Ctrl-C keeps the best so far; --resume goes on.
     """
-    looking = {
+    looking: dict[str, Any] = {
         "frames": frames_of(frames),
         "landmarks": tuple(landmark_of(text) for text in landmark or ()),
         "body_colour": colour_of(body_colour),

@@ -70,7 +70,8 @@ class Bodies:
     @staticmethod
     def none() -> Bodies:
         """Nobody."""
-        return Bodies(np.zeros((0, 2)), np.zeros((0, 2)), *np.zeros((3, 0)), np.zeros(0, bool))
+        none = np.zeros(0)
+        return Bodies(np.zeros((0, 2)), np.zeros((0, 2)), none, none, none, np.zeros(0, bool))
 
     def moved(self, transform) -> Bodies:
         """The same bodies in another picture: a similarity (2, 3) of pixels."""

@@ -163,20 +163,20 @@ def ground_of(clip, steady: Steady) -> _Samples:
     """The median of the stabilised clip, and the pictures that it is the median of."""
     rows = np.unique(np.linspace(0, len(clip) - 1, min(SAMPLES, len(clip))).round().astype(int))
     from_first, size = _canvas(clip.size, steady.maps)
-    pictures, known = [], []
+    views, inside = [], []
     full = np.full(clip.size[::-1], 255, np.uint8)
     for k, picture in clip.read(rows):
         way = after(from_first, steady.maps[k])
         shrink = cv2.INTER_AREA if zoomed_out(way) else cv2.INTER_LINEAR
         small = cv2.GaussianBlur(picture, (3, 3), 0) if shrink == cv2.INTER_AREA else picture
-        pictures.append(cv2.warpAffine(small, way, size, flags=cv2.INTER_LINEAR))
-        known.append(cv2.warpAffine(full, way, size, flags=cv2.INTER_NEAREST) > 0)
-    pictures, known = np.array(pictures), np.array(known)
+        views.append(cv2.warpAffine(small, way, size, flags=cv2.INTER_LINEAR))
+        inside.append(cv2.warpAffine(full, way, size, flags=cv2.INTER_NEAREST) > 0)
+    pictures, known = np.array(views), np.array(inside)
     middle = _median(pictures, known)
     for picture, there in zip(pictures, known, strict=True):
         picture[:] = exposed(picture, _gain_of_small(picture, middle, there))
     index = np.array([_index(picture) for picture in pictures])
-    return _Samples(Ground(_median(pictures, known), from_first, known.any(0)), pictures, known, index)
+    return _Samples(Ground(_median(pictures, known), from_first, np.logical_or.reduce(known)), pictures, known, index)
 
 
 def _gain_of_small(picture, ground, known):

@@ -87,8 +87,10 @@ def perceive(
     kinds = np.zeros(n, np.int32) if species is None else np.asarray(species, np.int32)
     leader, memory, known = _leaders(xyz, facing, kinds, lists, neighbour_range, leader_neighbours, leader_cone)
     guidance = np.zeros((n, 2)) if guide is None else guide.at(time, xyz[:, :2])
+    first, near, offset = lists
+    walls_first, walls_offset = _walls_in_sight(xyz, reach, solid, walls)
     return Percept(
-        facing[:, :2].copy(), kinds, leader, *lists, *_walls_in_sight(xyz, reach, solid, walls), guidance,
+        facing[:, :2].copy(), kinds, leader, first, near, offset, walls_first, walls_offset, guidance,
         memory - xyz[:, :2], known,
     )  # fmt: skip
 

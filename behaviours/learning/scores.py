@@ -75,9 +75,9 @@ def view_of(evidence: Evidence, single=None) -> View:
     """
     single = told_apart(evidence) if single is None else single
     fields = evidence.fields
-    if not single:
-        return _view_of_fields(fields)
     seen = evidence.sightings
+    if not single or seen is None:
+        return _view_of_fields(fields)
     ones = np.ones(len(seen.xy))
     return View(seen.first, seen.xy, seen.forward, seen.speed, ones, True, _middle(fields), fields.cell)
 
@@ -136,7 +136,7 @@ def _view_of_fields(fields: Fields) -> View:
     xy = np.asarray(fields.origin, float) + fields.cell * (np.column_stack([column, row]) + 0.5)
     first = np.searchsorted(frame, np.arange(len(fields.density) + 1))
     weight = fields.density[there] * fields.cell**2
-    return View(first, xy, heading, fields.speed[there], weight, False, _middle(fields), fields.cell)
+    return View(first, xy, heading, np.asarray(fields.speed)[there], weight, False, _middle(fields), fields.cell)
 
 
 def fields_of(run: Run, like: Fields) -> Fields:

@@ -84,9 +84,10 @@ def start_of(evidence: Evidence, t=0, seed=0, body=BodySpec()) -> Start:  # noqa
     fields = evidence.fields
     missing = round(float(fields.count[t]))
     xy, forward, speed = np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)
-    if told_apart(evidence):
-        rows = evidence.sightings.of(t)
-        xy, forward, speed = (getattr(evidence.sightings, name)[rows] for name in ("xy", "forward", "speed"))
+    seen = evidence.sightings
+    if seen is not None and told_apart(evidence):
+        rows = seen.of(t)
+        xy, forward, speed = (getattr(seen, name)[rows] for name in ("xy", "forward", "speed"))
         missing = max(0, missing - len(xy)) if len(xy) < 0.9 * missing else 0
     if missing:
         more = _drawn(fields, t, missing, xy, 2 * body.radius / body.length, rng)

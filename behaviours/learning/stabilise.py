@@ -171,9 +171,8 @@ class _Follower:
         grey = _grey(picture, self.scale)
         if not self.maps:
             self.maps.append(np.eye(2, 3))
-            self._new_key(k, picture, grey, self.maps[0])
-            self.last = self.key
-            self.bare = len(self.key.corners) < 2 * LEAST
+            self.last = self._new_key(k, picture, grey, self.maps[0])
+            self.bare = len(self.last.corners) < 2 * LEAST
             return True
         if self.bare:
             self.maps.append(np.eye(2, 3))
@@ -238,12 +237,14 @@ class _Follower:
         zoom, turn = abs(np.log(zoom_of(to_here))), abs(np.arctan2(to_here[1, 0], to_here[0, 0]))
         return min(shared - SHARED, 1 - zoom / np.log(ZOOMED), 1 - turn / TURNED)
 
-    def _new_key(self, k, picture, grey, to_first):
+    def _new_key(self, k, picture, grey, to_first) -> _Key:
+        """The picture as the one to find the ground by, if it has enough corners; the key picture from now on."""
         away = self.animals(k, picture) if self.animals is not None else None
         corners = _corners(grey, away)
         if len(corners) >= 2 * LEAST or self.key is None:
             self.key = _Key(grey, corners, to_first)
             self.keys.append(self.key)
+        return self.key
 
     def steady(self) -> Steady:
         """What was found of all pictures."""
@@ -251,7 +252,7 @@ class _Follower:
         if self.bare:
             notes.append("the ground has too little texture to follow the camera by; it is taken to have stood still")
         maps = _scaled(self.maps, 1 / self.scale)
-        size = np.array(self.key.grey.shape[::-1]) / self.scale
+        size = np.array(self.keys[-1].grey.shape[::-1]) / self.scale
         corners = np.array([(0, 0), (size[0], 0), (0, size[1]), size])
         drift = max((np.abs(moved_by(m, corners) - corners).max() for m in maps), default=0.0)
         residual = float(np.median(self.errors)) if self.errors else 0.0

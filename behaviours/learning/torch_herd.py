@@ -193,11 +193,13 @@ class Contacts(NamedTuple):
 
 def contacts_of(percept: Percept, half, radius, device=None) -> Contacts:
     """Who touches whom, nearly; capsules of half axis ``half`` and ``radius``, BL."""
-    at, by_turn = device_of(device), {}
+    at = device_of(device)
+    by_turn: dict = {}
     touch = 2.0 * radius
     far = (1.0 + SKIN) * touch + 2.0 * half
     close = np.flatnonzero((percept.offset**2).sum(1) < far * far)
-    rows, seen = percept.observer, {}
+    rows = percept.observer
+    seen: dict = {}
     for m in close:
         i, j = rows[m], percept.near[m]
         f, g = percept.forward[i], percept.forward[j]

@@ -411,7 +411,7 @@ def fit_turns(
     free = np.ones(12, bool) if free is None else np.asarray(free, bool)
     if not len(turns.rows):
         return Fit(theta, np.zeros(0), np.inf, np.zeros((12, 12)), converged=True)
-    now = _judged(turns, *predicted(turns, theta, params), None)
+    now = _judged(turns, predicted(turns, theta, params), None)
     losses, damping, interrupted, converged = [now.loss], 1e-3, False, False
     try:
         for step in range(steps):
@@ -421,7 +421,7 @@ def fit_turns(
             better = None
             while better is None and damping < 1e9:
                 trial = _step(theta, now, free, damping)
-                judged = _judged(turns, *predicted(turns, trial, params), now.spread)
+                judged = _judged(turns, predicted(turns, trial, params), now.spread)
                 if judged.loss < now.loss - 1e-15:
                     better, damping = (trial, judged), max(damping / 5.0, 1e-9)
                 else:
@@ -507,8 +507,9 @@ class _Judged(NamedTuple):
     information: np.ndarray  # (12, 12)
 
 
-def _judged(turns, turn, slope, spread):
+def _judged(turns, foretold, spread):
     """How likely the turns are, by Student's t, and the normal equations."""
+    turn, slope = foretold
     off = turns.turn - turn
     off -= 2 * np.pi * np.round(off / (2 * np.pi))
     total = turns.weight.sum()

@@ -58,7 +58,7 @@ class Params(Parameters):
     sensitivity: float = quantity(10.0, "1/s", "how fast animals answer to all forces together (Ω)", 0, 1000)
     neighbour_range: float = quantity(4.0, "body lengths", "neighbours farther away are ignored", 0.5, 20)
     leader_neighbours: int = Field(
-        2,
+        default=2,
         ge=-1,
         le=100,
         description="who sees at most this many others leads; -1: nobody leads",
@@ -69,7 +69,7 @@ class Params(Parameters):
     )
     leader_blend: float = quantity(0.0, "1", "how much a leader still listens to its neighbours", 0, 1)
     unled: Literal["return", "keep"] = Field(
-        "return",
+        default="return",
         description="what a leader does where no guide reaches: return to the others, or keep its way (the paper)",
         json_schema_extra={"unit": "-"},
     )

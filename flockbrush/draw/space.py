@@ -209,7 +209,7 @@ class SpacePainter:
         """Height of the ground under points (n, 2), m: what is drawn flat."""
         land = getattr(self.level, "land", None)
         relief = getattr(land, "relief", None)
-        if relief is None or relief.shape[:2] == (1, 1):
+        if land is None or relief is None or relief.shape[:2] == (1, 1):
             return np.full(len(xy), self.floor)
         at = np.asarray(xy, float) / land.relief_cell - 0.5
         heights = np.ascontiguousarray(relief[..., 0], np.float32)
@@ -229,7 +229,7 @@ class SpacePainter:
     def bodies_of(self, herd: Herd, told: Herd) -> Bodies:
         """Places and attitudes in space of a herd that is `checked`, as it was `told`; ValueError names a bad row."""
         count = len(herd.xy)
-        height = herd.z
+        height = np.asarray(herd.z, float)
         if told.z is None and np.ndim(told.xy) == 2 and np.shape(told.xy)[1] == 3:
             height = np.ascontiguousarray(np.asarray(told.xy, float)[:, 2])
             refuse_nan(height, "height")
@@ -237,7 +237,7 @@ class SpacePainter:
         forward[:, : np.shape(told.forward)[1]] = told.forward
         refuse_nan(forward, "heading")
         above = height - (self.ground_height(herd.xy) if self.level is not None else 0.0)
-        winged = np.isfinite(herd.wings)
+        winged = np.isfinite(np.asarray(herd.wings, float))
         ground = self.floor
         walks = ~winged & (above < ground + 0.5 * herd.length)
         if self.level is not None:
@@ -289,9 +289,10 @@ class SpacePainter:
             self.plan._learn(herd)
         frame, depth = self._backdrop(herd, out, under, news)
         colours = self._looks(herd)
-        kind = np.where(herd.predator, 2, herd.leader.astype(np.int64))
+        kind = np.where(np.asarray(herd.predator), 2, np.asarray(herd.leader, np.int64))
         known = len(colours) // KINDS - 1
-        brush = np.where((herd.brush >= 0) & (herd.brush < known), herd.brush + 1, 0)
+        own = np.asarray(herd.brush)
+        brush = np.where((own >= 0) & (own < known), own + 1, 0)
         clip, cam = np.array(self.view, np.int64), self.camera.numbers()
         if self.shadows:
             self._shadows(frame, depth, clip, cam, herd, bodies)
@@ -472,7 +473,7 @@ class SpacePainter:
 
     def _stand(self, frame, clip, herd, bodies, row):
         """A circle on the ground under the selected animal, and a line down to it."""
-        camera, x, y, z = self.camera, *bodies.xyz[row]
+        camera, (x, y, z) = self.camera, bodies.xyz[row]
         turn = np.linspace(0, 2 * np.pi, 49)
         long = float((herd.length * self._grown(herd, bodies))[row])
         ring = np.column_stack([x + 0.9 * long * np.cos(turn), y + 0.9 * long * np.sin(turn), 0 * turn + self.floor])

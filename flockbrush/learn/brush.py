@@ -142,8 +142,9 @@ def _manner(clip):
 def order_of(clip: Evidence) -> tuple[float, float]:
     """(polarization, milling) of a clip, means over the frames; NaN where nobody moves."""
     found = measures_of(view_of(clip), max(1, len(clip.fields) // 40))
-    means = [values[np.isfinite(values)] for values in (found["polarization"], found["milling"])]
-    return tuple(float(values.mean()) if len(values) else math.nan for values in means)
+    known = {name: found[name][np.isfinite(found[name])] for name in ("polarization", "milling")}
+    means = {name: float(values.mean()) if len(values) else math.nan for name, values in known.items()}
+    return means["polarization"], means["milling"]
 
 
 def plain(name: str) -> str:

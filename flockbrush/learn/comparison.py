@@ -143,7 +143,7 @@ class Comparison:
 
     def figures(self, prefix) -> dict[str, float]:
         """What goes into a brush's provenance."""
-        found = {}
+        found: dict[str, float] = {}
         for v in self.verdicts():
             found |= {f"{prefix} {v.name}, clip": v.clip, f"{prefix} {v.name}, clip deviation": v.clip_deviation}
             found |= {f"{prefix} {v.name}, simulated": v.herd, f"{prefix} {v.name}, error": v.off}
@@ -211,7 +211,7 @@ def neighbours(view: View) -> np.ndarray:
 def speed_by_density(fields: Fields) -> tuple[np.ndarray, np.ndarray]:
     """(densities, mean speeds there): slots that hold equally many animals."""
     there = fields.occupied & (np.nan_to_num(fields.density) > 0)
-    density, speed = fields.density[there], fields.speed[there]
+    density, speed = fields.density[there], np.asarray(fields.speed)[there]
     known = np.isfinite(speed)
     density, speed = density[known], speed[known]
     if len(density) < SLOTS:
@@ -219,7 +219,8 @@ def speed_by_density(fields: Fields) -> tuple[np.ndarray, np.ndarray]:
     order = np.argsort(density, kind="stable")
     share = np.cumsum(density[order]) / density.sum()
     slots = [slot for slot in np.split(order, np.searchsorted(share, np.arange(1, SLOTS) / SLOTS)) if len(slot)]
-    at, mean = [], []
+    at: list[float] = []
+    mean: list[float] = []
     for slot in slots:
         here = float(np.average(density[slot], weights=density[slot]))
         if at and here < 1.05 * at[-1]:  # cells of one animal are many

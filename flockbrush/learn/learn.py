@@ -167,10 +167,10 @@ def _looked(clip, wishes) -> Evidence:
     try:
         seen = look_at(clip, wishes.looking)
     except CannotObserve as error:
-        seen = getattr(error, "seen", None)
-        if wishes.report is not None and seen:
+        facts = getattr(error, "seen", None)
+        if wishes.report is not None and facts:
             _make_folder(wishes.report)
-            page = write_partial(wishes.report, clip, str(error), seen)
+            page = write_partial(wishes.report, clip, str(error), facts)
             say(f"wrote {page}: what was seen up to there")
         raise
     return standing(seen, SPEED if wishes.speed is None else wishes.speed) if seen.still else seen

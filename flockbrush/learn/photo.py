@@ -10,6 +10,7 @@ The paper learns its seals from a photograph: it matches density and direction v
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -42,7 +43,9 @@ def standing(photo: Evidence, speed: float = SPEED, seconds: float = SECONDS) ->
     frames = max(2, round(seconds * FPS))
     target, told = angular_variance(photo)
     fields = photo.fields
-    again = {name: np.repeat(getattr(fields, name), frames, axis=0) for name in ("density", "seen", "count")}
+    again: dict[str, Any] = {
+        name: np.repeat(getattr(fields, name), frames, axis=0) for name in ("density", "seen", "count")
+    }
     unknown = np.full(again["density"].shape, np.nan)
     long = replace(
         fields,

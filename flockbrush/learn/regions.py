@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -55,8 +56,8 @@ def regions_of(path) -> list[Region]:
     image = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
     if image is None:
         raise refused(path, "is no picture that can be read; a mask is a PNG in which each region has a colour")
-    colours = np.unique(image[:, :, ::-1].reshape(-1, 3), axis=0)
-    colours = [tuple(int(part) for part in colour) for colour in colours if colour.any()]
+    painted = np.unique(image[:, :, ::-1].reshape(-1, 3), axis=0)
+    colours = [tuple(int(part) for part in colour) for colour in painted if colour.any()]
     if not colours:
         raise refused(path, "is all black: paint each region in a colour of its own")
     if len(colours) > MOST:
@@ -77,7 +78,7 @@ def within(evidence: Evidence, region: Region) -> Evidence | None:
     count = np.nan_to_num(density).sum((1, 2)) * fields.cell**2
     if not len(count) or count.mean() < FEWEST:
         return None
-    unknown = {
+    unknown: dict[str, Any] = {
         name: np.where(seen, getattr(fields, name), np.nan) for name in ("speed_variance", "angular_variance", "speed")
     }
     velocity = np.where(seen[..., None], fields.velocity, np.nan)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -67,7 +68,7 @@ def write_report(findings: Findings, folder) -> list[Path]:
 def as_json(findings: Findings) -> dict:
     """What --json prints of one brush."""
     learned, comparison = findings.learned, findings.comparison
-    found = {
+    found: dict[str, Any] = {
         "brush": findings.brush.name,
         "verdict": findings.verdict(),
         "interrupted": learned.interrupted,

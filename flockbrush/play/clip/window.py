@@ -68,7 +68,8 @@ class ClipWindow:
         self.book, self.film = book, book.film
         self.theme = theme_of(theme or load_settings()[0].theme or "light")
         self.k, self.running, self.playing, self.now = 0, True, False, 0.0
-        self.view, self.toasts, self.jobs = View(), Toasts(), {}
+        self.view, self.toasts = View(), Toasts()
+        self.jobs: dict = {}
         self.dialog: Dialog | None = None
         self.lifting = Lifting(self, camera)
         self._held: tuple | None = None  # (who has the mouse: "mode" or "view", where it was last, which button)
