@@ -7,7 +7,7 @@ import numpy as np
 import systems.commands  # noqa: F401  the commands a level's script may give
 from behaviours.brush import BodySpec, Brush, Provenance, SpeedSpec, VisionSpec
 from components import Airborne, Body, BrushBinding, Destination, Heading, Position, Species, Speed, Velocity, Vision
-from engine.solids import surface_
+from engine.solids import CYLINDER, SPHERE
 from levels.build import build
 from levels.schema import Level, Obstacle, Spawn
 from systems.landscape import Landscape
@@ -203,11 +203,24 @@ def put_aloft(simulation, xyz, forward=(1.0, 0.0, 0.0), **more):
     return entities
 
 
+def gaps_to_solid(solids, k, xyz):
+    """(n,) m from points (n, 3) to the nearest face of a solid, less than 0 inside; plain numpy, the kernels' oracle."""
+    away = xyz - solids.centre[k]
+    if solids.kind[k] == SPHERE:
+        return np.linalg.norm(away, axis=1) - solids.radius[k]
+    if solids.kind[k] == CYLINDER:
+        along = away @ solids.axis[k]
+        aside = np.linalg.norm(away - along[:, None] * solids.axis[k], axis=1)
+        return np.maximum(aside - solids.radius[k], np.abs(along) - solids.half[k])
+    faces = solids.face[solids.face_first[k] : solids.face_first[k + 1]]
+    return (xyz @ faces[:, :3].T - faces[:, 3]).max(axis=1)
+
+
 def room_in_the_air(simulation):
     """(n,) m between each animal and the nearest solid, or the ground, were it a bird."""
     agents, land = simulation.agents, simulation.world.resource(Landscape)
-    out = np.empty(len(agents))
-    for i, (xyz, radius) in enumerate(zip(agents[Position.xyz], agents[Body.radius], strict=True)):
-        gaps = [surface_(land.sky, k, *xyz)[0] for k in range(len(land.sky.kind))]
-        out[i] = min([xyz[2] - land.ground(xyz[:2]), *gaps]) - radius
-    return out
+    xyz = agents[Position.xyz]
+    room = xyz[:, 2] - [land.ground(xy) for xy in xyz[:, :2]]
+    for k in range(len(land.sky.kind)):
+        room = np.minimum(room, gaps_to_solid(land.sky, k, xyz))
+    return room - agents[Body.radius]

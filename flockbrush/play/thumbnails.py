@@ -12,6 +12,7 @@ import subprocess
 import sys
 from contextlib import suppress
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -74,10 +75,16 @@ def cached(brush, size=64, theme="light") -> np.ndarray | None:
 
 def placeholder(brush, size=64, theme="light") -> np.ndarray:
     """What stands in for a picture that is still being made: the empty disc in the brush's ring."""
-    look = theme_of(theme)
+    return _empty_disc(size, rgb(brush.colour), theme_of(theme))
+
+
+@lru_cache(maxsize=256)
+def _empty_disc(size, colour, theme):
     image = np.empty((FINE * size, FINE * size, 3), np.uint8)
-    image[:] = look.ground
-    return _ringed(image, size, rgb(brush.colour), look)
+    image[:] = theme.ground
+    disc = _ringed(image, size, colour, theme)
+    disc.flags.writeable = False  # many may hold it
+    return disc
 
 
 def make_in_background(names=(), size=64, theme="light") -> subprocess.Popen:

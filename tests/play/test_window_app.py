@@ -523,7 +523,7 @@ def test_ctrl_c_closes_the_window_in_good_order(tmp_path):
         [sys.executable, "-m", "flockbrush", "play", str(pasture(tmp_path)), "--record", str(recording)],
         cwd=HOUSE, env=os.environ | {"FLOCKBRUSH_CONFIG": str(tmp_path)}, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    while child.poll() is None and not (recording.exists() and recording.stat().st_size > 100_000):
+    while child.poll() is None and not (recording.exists() and recording.stat().st_size > 10_000):
         time.sleep(0.1)
     child.send_signal(signal.SIGINT)
     _, err = child.communicate(timeout=60)

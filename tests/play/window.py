@@ -17,6 +17,8 @@ from systems.landscape import Landscape
 from systems.palette import Palette
 
 MODS = {"ctrl": pygame.KMOD_LCTRL, "shift": pygame.KMOD_LSHIFT}
+gc.freeze()  # modules stay: only what windows leave is looked through when they are closed
+
 NAMES = {"pageup": "page up", "pagedown": "page down"}
 
 
