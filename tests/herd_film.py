@@ -641,14 +641,13 @@ def evidence_of_truth(truth: Truth, grid=30, cell=None, name=None, window=None, 
     """
     from behaviours.learning.evidence import Evidence, Fields, Sightings, SpeedEvidence
 
+    low, high = truth.xy.min((0, 1)) - 1.0, truth.xy.max((0, 1)) + 1.0
     if window is not None:
         low, high = np.array(window[:2], float), np.array(window[2:], float)
-        cell = cell or float((high - low).max() / grid)
-    else:  # nobody in the outermost cells, which would say that the picture cuts the herd
-        low, high = truth.xy.min((0, 1)), truth.xy.max((0, 1))
-        cell = cell or max(float((high - low).max() / (grid - 2.4)), float((high - low + 2.0).max() / grid))
-        room = max(1.0, 1.2 * cell)
+    elif cell is None:  # nobody in the outermost cells, which would say that the picture cuts the herd
+        room = max(1.2 * float((high - low).max() - 2.0) / (grid - 2.4) - 1.0, 0.0)
         low, high = low - room, high + room
+    cell = cell or float((high - low).max() / grid)
     nx, ny = np.maximum(np.ceil((high - low) / cell - 1e-9).astype(int), 1)
     values = [_cells(truth, t, low, high, cell, nx, ny) for t in range(len(truth.xy))]
     density, velocity, speed_variance, angular_variance, count = (np.array(v) for v in zip(*values, strict=True))

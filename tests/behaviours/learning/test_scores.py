@@ -84,7 +84,7 @@ def test_what_should_last_is_compared_over_a_longer_run():
 
 
 def test_a_run_is_put_on_the_grid_of_the_clip_and_nobody_is_lost():
-    clip = clip_of(*march(), cell=2.0)
+    clip = clip_of(*march(), cell=0.9)
     fields = fields_of(run_of(*march(60)), clip.fields)  # farther than the clip's picture
     assert np.allclose((fields.density * fields.cell**2).sum((1, 2)), 49)
     begin = fields_of(run_of(*march()), clip.fields)
