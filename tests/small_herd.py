@@ -204,7 +204,7 @@ def put_aloft(simulation, xyz, forward=(1.0, 0.0, 0.0), **more):
 
 
 def gaps_to_solid(solids, k, xyz):
-    """(n,) m from points (n, 3) to the nearest face of a solid, less than 0 inside; plain numpy, the kernels' oracle."""
+    """(n,) m from points (n, 3) to the nearest face of a solid, less than 0 inside: the kernels' oracle."""
     away = xyz - solids.centre[k]
     if solids.kind[k] == SPHERE:
         return np.linalg.norm(away, axis=1) - solids.radius[k]

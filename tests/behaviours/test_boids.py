@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from small_herd import boids, box, brush, meadow, obstacle, put, put_aloft, room_in_the_air, spawn
+from small_herd import (
+    boids,
+    box,
+    brush,
+    gaps_to_solid,
+    meadow,
+    obstacle,
+    put,
+    put_aloft,
+    room_in_the_air,
+    spawn,
+)
 
 from behaviours.behaviour import behaviours
 from behaviours.models.boids import URGES, Params, allocated, averaged
@@ -13,7 +24,7 @@ from engine import parallel
 from engine.fields import Raster
 from engine.parallel import set_threads
 from engine.state import restore, snapshot, state_hash
-from systems.commands import Migrate
+from systems.commands import Migrate, MoveObstacle
 from systems.landscape import Landscape
 from systems.measures import compute_largest_part, compute_polarization
 from systems.steer import scene_of
@@ -101,6 +112,21 @@ def test_a_bird_behind_is_not_seen_and_one_at_the_side_is():
     assert air.near[air.first[0] : air.first[1]].tolist() == [2]
 
 
+@given(st.floats(0, 180), st.integers(0, 10_000))
+def test_a_bird_sees_300_degrees_about_its_heading(degrees, seed):
+    if abs(degrees - 150.0) < 1e-6:
+        return
+    forward, across = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 2)))[0].T
+    angle = np.radians(degrees)
+    simulation = meadow(boids())
+    here = np.array([20.0, 20.0, 50.0])
+    put_aloft(simulation, [here, here + 2.0 * (np.cos(angle) * forward + np.sin(angle) * across)], forward)
+    simulation.agents[Velocity.xyz][:] = 0.0
+    simulation.tick()
+    air = scene_of(simulation.world).air
+    assert (1 in air.near[air.first[0] : air.first[1]]) == (degrees < 150.0)
+
+
 def test_a_bird_behind_another_is_seen_only_without_occlusion():
     for occlusion, expected in ((True, [1]), (False, [1, 2])):
         eyes = {"range": 40.0, "field_of_view": 300.0, "occlusion": occlusion}
@@ -158,10 +184,15 @@ def test_an_undecided_bird_hits_the_pillar_and_one_with_priorities_passes_it():
 # obstacles -------------------------------------------------------------------------------------
 
 
+CRYSTAL = [(-2, 0, 8), (0, -3, 7), (3, 1, 9), (0, 2.5, 6), (0, 0, 0), (0.5, -0.5, 16)]  # m; no two faces alike
+
+
 def head_on(avoid, shape, y=20.0, **more):
     """(least room, sideways way, least speed) of a bird that flies at an obstacle, m and m/s."""
     thing = obstacle(box(38, 17, 42, 23) if shape == "box" else box(37.9, 17.9, 42.1, 22.1), "thing")
     thing.shape, thing.z_max = shape, 100.0
+    if shape == "hull":
+        thing.corners, thing.z_min = np.array(CRYSTAL), 42.0
     simulation = meadow(boids(**only("obstacle", avoid=avoid, **more)), width=80, obstacles=[thing])
     put_aloft(simulation, (22, y, 50), (1, 0, 0))
     room, slowest = np.inf, np.inf
@@ -172,7 +203,7 @@ def head_on(avoid, shape, y=20.0, **more):
     return room, np.abs(simulation.agents[Position.xyz][0] - (22, y, 50))[1:].max(), slowest
 
 
-@pytest.mark.parametrize("shape", ["box", "cylinder", "sphere"])
+@pytest.mark.parametrize("shape", ["box", "cylinder", "sphere", "hull"])
 def test_a_bird_that_flies_straight_at_an_obstacle_steers_past_it_by_half_a_length_or_more(shape):
     room, aside, slowest = head_on("steer", shape)
     assert room > 0.5 * LENGTH
@@ -190,6 +221,78 @@ def test_a_force_field_met_head_on_does_not_turn_a_bird():
 def test_a_force_field_bends_the_way_of_one_who_comes_from_the_side():
     _, aside, _ = head_on("field", "sphere", y=21.5, field_range=30.0)
     assert aside > 0.5
+
+
+@pytest.mark.parametrize("rise", [-1.0, 1.0])
+def test_a_bird_that_dives_at_a_lake_or_climbs_to_a_ceiling_turns_along_it(rise):
+    floor, roof = obstacle(box(1, 1, 2, 2), "lake"), obstacle(box(1, 1, 2, 2), "ceiling")
+    floor.shape, floor.z_min, floor.z_max = "plane", -1.0, 30.0
+    roof.shape, roof.z_min, roof.z_max = "plane", 50.0, 51.0
+    simulation = meadow(boids(**only("obstacle")), width=200, obstacles=[floor, roof])
+    put_aloft(simulation, (5, 20, 40), (1, 0, rise))
+    room = []
+    for _ in range(150):
+        simulation.tick()
+        room.append(room_in_the_air(simulation)[0])
+    assert min(room) > 0.5 * LENGTH
+    assert simulation.agents[Velocity.xyz][0, 0] > 5
+
+
+@pytest.mark.parametrize("shape", ["box", "cylinder", "sphere", "hull", "plane"])
+def test_a_force_field_pushes_straight_off_the_surface_by_the_square_of_the_share_of_its_range(shape):
+    thing = obstacle(box(28, 28, 32, 32), "thing")
+    thing.shape, thing.z_min, thing.z_max = shape, 0.0 if shape == "plane" else 20.0, 36.0
+    thing.corners = np.array(CRYSTAL) if shape == "hull" else None
+    simulation = meadow(boids(**only()), width=60, height=60, obstacles=[thing])
+    xyz = np.random.default_rng(5).uniform(-4.5, 4.5, (60, 3)) + (30, 30, 28)
+    xyz = xyz[_gaps(simulation, xyz) > 0.1] if shape != "plane" else xyz + (0, 0, 13)
+    put_aloft(simulation, xyz, (0, 1, 0))
+    simulation.tick()
+    here = simulation.agents[Position.xyz] - simulation.agents[Velocity.xyz] / 32  # where the tick began
+    asked = wishes_of(simulation, tick=False, **only("obstacle", avoid="field", field_range=20.0))
+    step = 1e-6 * np.eye(3)
+    gap = _gaps(simulation, here)
+    slope = np.stack([(_gaps(simulation, here + e) - _gaps(simulation, here - e)) / 2e-6 for e in step], axis=1)
+    push = np.maximum(1 - gap / LENGTH / 20.0, 0.0)[:, None] ** 2 * slope
+    near = (np.linalg.norm(slope, axis=1) > 0.99) & (gap > 0.3)  # not on a ridge between two faces, and flown straight
+    assert near.sum() > 20
+    assert asked[near] == pytest.approx(push[near], abs=1e-5)
+
+
+def _gaps(simulation, xyz):
+    """(n,) m to the nearest face of any solid, in plain numpy."""
+    sky = simulation.world.resource(Landscape).sky
+    return np.min([gaps_to_solid(sky, k, xyz) for k in range(len(sky.kind))], axis=0)
+
+
+def test_a_flock_that_parts_about_a_pillar_does_not_brush_along_it():
+    """The wishes of the others do not press those who pass an edge onto what lies behind it."""
+    pillar = obstacle(box(57, 97, 63, 103), "pillar")
+    pillar.shape = "cylinder"
+    simulation = meadow(boids(separation=5.0), width=200, height=200, cell=2.0, obstacles=[pillar])
+    put_aloft(simulation, np.random.default_rng(4).uniform(-4, 4, (60, 3)) + (40, 100, 40))
+    simulation.submit(Migrate(150.0, 100.0, 40.0))
+    room = np.full(60, np.inf)
+    for _ in range(200):
+        simulation.tick()
+        room = np.minimum(room, room_in_the_air(simulation))
+    assert (simulation.agents[Position.xyz][:, 0] > 65).all()
+    assert (room < 2.0).sum() > 20  # they did pass close by
+    assert (room < 1e-3).mean() < 0.05
+
+
+def test_a_bird_steers_past_a_pillar_that_the_script_moves_into_its_way():
+    pillar = obstacle(box(38, 8, 40, 10), "pillar")
+    pillar.shape = "cylinder"
+    simulation = meadow(boids(**only("obstacle")), width=80, obstacles=[pillar])
+    put_aloft(simulation, (12, 20, 50))
+    simulation.submit(MoveObstacle("pillar", 39.0, 20.0, 2.0))  # it is there, 11 m further on, when the bird is at 30 m
+    room = np.inf
+    for _ in range(150):
+        simulation.tick()
+        room = min(room, room_in_the_air(simulation)[0])
+    assert room > 0.5 * LENGTH
+    assert simulation.agents[Position.xyz][0, 0] > 45
 
 
 def test_beside_a_wall_steering_does_nothing_and_a_field_pushes():
@@ -447,7 +550,7 @@ def test_a_flock_goes_on_from_a_snapshot():
 
 def test_every_system_writes_only_what_it_says_with_birds_about():
     simulation = lively()
-    for _ in range(40):
+    for _ in range(12):
         assert simulation.schedule.undeclared_writes(simulation.world) == []
         simulation.clock.tick += 1
 
