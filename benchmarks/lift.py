@@ -124,6 +124,22 @@ def seen(xyz, camera, noise, seed):
     return Tracks(px + noise * np.random.default_rng(seed).normal(size=px.shape), np.arange(px.shape[1]))
 
 
+def in_part(tracks, what, seed):
+    """Tracks as a film has them: with gaps of up to half a second, or of birds that come late and leave early."""
+    chance = np.random.default_rng(seed)
+    px = tracks.px.copy()
+    frames, birds = px.shape[:2]
+    for n in range(birds):
+        if what == "gaps":
+            for begin in chance.integers(1, frames - 20, 6):
+                px[begin : begin + chance.integers(2, 16), n] = np.nan
+        elif n:  # the first stays all the time
+            stays = chance.integers(frames // 4, frames)
+            begin = chance.integers(0, frames - stays + 1)
+            px[:begin, n] = px[begin + stays :, n] = np.nan
+    return Tracks(px, tracks.ids)
+
+
 def compute_flock(xyz, fps=FPS):
     """(polarization, distance to the nearest, degrees turned) of a flight."""
     way = np.diff(xyz, axis=0)
@@ -143,19 +159,21 @@ def compute_depth(truth, flight):
         error and constant: root mean square error over the mean depth, of the flight and of one constant depth;
         correlation; order: share of pairs more than .5 m apart in the right order; direction: degrees.
     """
-    deep, found = np.linalg.norm(truth, axis=-1), flight.depth
-    scaled = found * (deep * found).sum() / (found**2).sum()
+    found = flight.depth
+    deep = np.where(np.isfinite(found), np.linalg.norm(truth, axis=-1), np.nan)
+    scaled = found * np.nansum(deep * found) / np.nansum(found**2)
     i, j = np.triu_indices(deep.shape[1], 1)
     apart = np.abs(deep[:, i] - deep[:, j]) > 0.5
     order = (np.sign(deep[:, i] - deep[:, j]) == np.sign(found[:, i] - found[:, j]))[apart]
     a, b = np.diff(truth, axis=0), np.diff(flight.xyz, axis=0)
     cosine = (a * b).sum(-1) / np.maximum(np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1), 1e-12)
+    there = np.isfinite(found)
     return {
-        "error": np.sqrt(((scaled - deep) ** 2).mean()) / deep.mean(),
-        "constant": deep.std() / deep.mean(),
-        "correlation": np.corrcoef(deep.ravel(), found.ravel())[0, 1] if np.ptp(found) > 0 else 0.0,
+        "error": np.sqrt(np.nanmean((scaled - deep) ** 2)) / np.nanmean(deep),
+        "constant": np.nanstd(deep) / np.nanmean(deep),
+        "correlation": np.corrcoef(deep[there], found[there])[0, 1] if np.ptp(found[there]) > 0 else 0.0,
         "order": order.mean() if len(order) else np.nan,
-        "direction": np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean(),
+        "direction": np.degrees(np.nanmean(np.arccos(np.clip(cosine, -1, 1)))),
     }
 
 
@@ -216,6 +234,7 @@ def depth(cases):
     print(f"tight flocks, {cases} of each size, {FRAMES} frames, field of view 60 degrees")
     for n in BARS:
         print(f"{n} birds: {_of([compute_flock(xyz) for xyz in flights[n]])}")
+    _times(flights[5][0], flights[50][0])
     print()
     print(f"| birds | noise, px | {MEASURES} bars |\n|{'---|' * 11}")
     for birds in BARS:
@@ -228,10 +247,36 @@ def depth(cases):
     print(f"\n10 birds, 0.5 px, other lenses\n\n| field of view | {MEASURES}\n|{'---|' * 9}")
     for fov in (15, 30, 60, 90):
         print(f"| {fov}° | {_tally(flights[10], 0.5, fov).line()}", flush=True)
+    _coming_and_going(flights[10])
     print(f"\n20 birds, 0.5 px, other flocks\n\n| flock | {MEASURES}\n|{'---|' * 9}")
     for kind in FLOCKS:
         flown = flights[20] if kind == "tight" else [flight(20, seed, kind) for seed in range(cases)]
         print(f"| {kind}: {_of([compute_flock(xyz) for xyz in flown])} | {_tally(flown, 0.5).line()}", flush=True)
+
+
+def _coming_and_going(flights):
+    """The table of birds that are not seen all the time."""
+    print(f"\n10 birds, 0.5 px, not seen all the time\n\n| seen | {MEASURES}\n|{'---|' * 9}")
+    for what, told in (
+        ("all the time", "all the time"),
+        ("gaps", "but for six gaps each of up to half a second"),
+        ("part", "for a quarter to all of the film, one all the time"),
+    ):
+        tally = Tally()
+        for seed, xyz in enumerate(flights):
+            truth, camera = filmed(turned(xyz, seed), 20.0)
+            tracks = seen(truth, camera, 0.5, seed)
+            tally.add(truth, tracks if what == "all the time" else in_part(tracks, what, seed), camera)
+        print(f"| {told} | {tally.line()}", flush=True)
+
+
+def _times(few, many):
+    """What lifting costs, with smoothing: the goals are 1 s for 5 birds (Lin's own), 10 s for 50."""
+    for birds, xyz, goal in ((5, few, 1), (50, many, 10)):
+        truth, camera = filmed(turned(xyz, 0), 20.0)
+        tally = Tally()
+        tally.add(truth, seen(truth, camera, 0.5, 0), camera)
+        print(f"{birds} birds x {FRAMES} frames: {tally.seconds[0]:.2f} s of processor time, goal {goal} s")
 
 
 def _of(flown):

@@ -73,9 +73,12 @@ def _make_brush(tracks, flight, lens, path, frame, wingspan, as_json):
 
 
 def _with_bounds(path, camera, near, far):
+    own = near, far
     near, far = camera.near if near is None else near, camera.far if far is None else far
     if not 0 < near < far:
-        raise refused(path, f"near must be above 0 and less than far, got {near:g} and {far:g} m")
+        asked = [f"--{name}" for name, value in (("near", own[0]), ("far", own[1])) if value is not None]
+        whose = f" with {' and '.join(asked)}" if asked else ""
+        raise refused(path, f"near must be above 0 and less than far, got {near:g} and {far:g} m{whose}")
     return camera.model_copy(update={"near": near, "far": far})
 
 

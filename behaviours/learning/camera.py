@@ -6,10 +6,14 @@ import math
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic_core import PydanticCustomError
 
 from behaviours.problems import ProblemsError, did_you_mean
 from behaviours.tomlfile import parse_toml, read_bytes
+
+# what a camera's file may say, shown where something is missing
+EXAMPLE = {"width": 1280, "height": 720, "horizontal_fov_deg": 60, "fps": 30, "mean_speed": 9, "near": 5, "far": 200}
 
 
 class Camera(BaseModel):
@@ -27,6 +31,14 @@ class Camera(BaseModel):
     mean_speed: float = Field(gt=0, le=1_000, description="of the birds, m/s: it sets the scale")
     near: float = Field(gt=0, description="no bird is nearer, m")
     far: float = Field(gt=0, description="no bird is farther, m")
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _is_number(cls, value):
+        """TOML tells numbers from texts and from true and false; so does the camera."""
+        if isinstance(value, bool | str):
+            raise PydanticCustomError("number_type", "must be a number")
+        return value
 
     @model_validator(mode="after")
     def _in_order(self):
@@ -80,15 +92,22 @@ def read_camera(path: str | Path) -> Camera:
 
 
 def _key(error):
-    return tuple(error["loc"]) if error["type"] != "missing" else ()
+    """Where in the file: the name that is wrong, or the one that is at odds with another."""
+    if error["type"] == "missing":
+        return ()
+    return tuple(error["loc"]) or ("near",)
 
 
 def _said(error):
     name = str(error["loc"][-1]) if error["loc"] else ""
     if error["type"] == "missing":
-        return f"{name} is missing ({Camera.model_fields[name].description})"
+        return f"{name} is missing ({Camera.model_fields[name].description}), such as  {name} = {EXAMPLE[name]}"
     if error["type"] == "extra_forbidden":
         return f"unknown name{did_you_mean(name, list(Camera.model_fields))}"
-    text = error["msg"].removeprefix("Value error, ")
-    text = text.replace("Input should be", "must be")
-    return text if not name else f"{text}, got {error['input']!r}"
+    if not name:
+        return error["msg"].removeprefix("Value error, ")
+    kind = "a whole number" if name in ("width", "height") else "a number"
+    text = error["msg"].replace("Input should be", "must be")
+    if error["type"].endswith(("_type", "_parsing", "_from_float")):
+        text = f"must be {kind}"
+    return f"{text} ({Camera.model_fields[name].description}), got {error['input']!r}"

@@ -4,15 +4,15 @@ Lin 2019 [1]_ asks for the depths that make every path smooth and the flock fly 
 (`behaviours.learning.lift_thesis`) keeps the films' reprojection but does not find depth; here the same idea is one
 convex problem over all frames and birds, solved at once.  With ``b = d * ray`` (his eq. 1.1)::
 
-    |acceleration|^2 + alignment |v - mean v|^2 + cohesion |b - mean b|^2 + evenness (way . mean acceleration)^2
-        - 2 sum(log d)
+    |a - mean a|^2 + alignment |v - mean v|^2 + cohesion |b - mean b|^2
+        + turning |mean a|^2 + evenness (way . mean a)^2 - 2 sum(log d)
 
 The first three say how birds of a flock move about its middle.  How strong they are is read off the picture: across the
-line of sight that movement is seen, and along it it is taken for alike (`compute_manner`).  The fourth is the flock's
-own flight: it may turn, but speeds up and slows down little.  The logarithm is the volume that a pixel sees, which
-grows with the square of the distance: without it depths shrink wherever birds are seen to move about.  It also keeps
-all birds before the camera, and makes a factor common to all weights a mere scale of the flight.  That scale no camera
-knows; the mean speed of the birds sets it.  Birds may come and go.
+line of sight that movement is seen, and along it it is taken for alike (`compute_manner`).  The other two are the
+flock's own flight: it may turn, by as much as is seen, but speeds up and slows down little.  The logarithm is the
+volume that a pixel sees, which grows with the square of the distance: without it depths shrink wherever birds are seen
+to move about.  It also keeps all birds before the camera, and makes a factor common to all weights a mere scale of the
+flight.  That scale no camera knows; the mean speed of the birds sets it.  Birds may come and go.
 
 .. [1] Lin, C.-A. (2019). Predicting 3D bird flock motion from 2D projection. Master's thesis, The University of Tokyo.
 """
@@ -29,9 +29,12 @@ from behaviours.learning.manner import Manner, compute_manner
 from behaviours.learning.tracks import Tracks, smoothed
 
 EVENNESS = 10.0  # of speeding up over turning, for the whole flock.  By trial: 1 to 30 will do for boids and pigeons
+FLOCK = 8.0  # of alignment and cohesion over what the picture tells of them.  By trial: 4 to 16
 VOLUME = 2.0  # what a pixel sees grows with depth to this
 STEPS, SETTLED = 16, 2e-3  # of Newton's method at most; the largest relative change of a depth at which it ends
+EVEN = "they are put at one distance, at which they fly as fast as the camera's file says"
 COARSE = 0.1  # the same, for a look while a slider is dragged
+WISHES = {"smoothness": 1e6, "flock": 1e6, "evenness": 1e6, "separation": 1.0, "separation_distance": 1e3}  # at most
 MOST = 150_000_000  # numbers in the banded system: 1.2 GB
 
 
@@ -65,10 +68,10 @@ class Wish:
     separation_distance: float = 1.2
 
     def __post_init__(self):
-        for name in ("smoothness", "flock", "evenness", "separation", "separation_distance"):
+        for name, most in WISHES.items():
             value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise LiftError(f"{name.replace('_', ' ')} must be at least 0, got {value:g}")
+            if not 0 <= value <= most:
+                raise LiftError(f"{name.replace('_', ' ')} must be from 0 to {most:g}, got {value:g}")
         if self.smoothness == 0:
             raise LiftError("smoothness must be above 0: without it any depth is as good as another")
 
@@ -150,7 +153,7 @@ def lift(tracks: Tracks, camera: Camera, wish: Wish | None = None) -> Flight:
     Raises
     ------
     LiftError
-        When nothing can be known of the depths, as of a single bird.
+        When there is no flight in them, as of birds that do not move.
     """
     return lift_sight(prepared(tracks, camera), camera, wish)
 
@@ -167,7 +170,7 @@ def lift_sight(sight: Sight, camera: Camera, wish: Wish | None = None, every: in
 
 
 def prepared(tracks: Tracks, camera: Camera) -> Sight:
-    """Smoothed tracks as rays; LiftError when there is no flock in them."""
+    """Smoothed tracks as rays; LiftError when there is no flight in them."""
     clean = smoothed(tracks)
     there = np.isfinite(clean.px).all(-1)
     notes = list(tracks.notes) + _warnings(tracks, clean, there, camera)
@@ -177,15 +180,12 @@ def prepared(tracks: Tracks, camera: Camera) -> Sight:
 
 
 def _warnings(tracks, clean, there, camera):
-    """What to know before the depths are believed; LiftError when there can be none."""
-    if tracks.px.shape[1] < 2:
-        raise LiftError(
-            "one bird alone has no depth: a flock is needed, two birds at least that are seen at the same time"
-        )
-    together = (there.sum(1) >= 2).sum()
-    if together < 3:
-        raise LiftError("no two birds are seen at the same time for three frames; there is no flock in these tracks")
+    """What to know before the depths are believed; LiftError when there can be no flight."""
     notes = []
+    if tracks.px.shape[1] < 2:
+        notes.append(f"one bird alone has no depth: a flock is needed, two birds that are seen together; {EVEN}")
+    elif not _is_flock(there):
+        notes.append(f"no two birds are seen at the same time for three frames, so none has a depth; {EVEN}")
     moved = np.abs(np.diff(clean.px, axis=0))
     if not np.nanmax(moved, initial=0.0) > 1e-3:
         raise LiftError("nothing moves in these tracks: the speed of the birds cannot set the scale")
@@ -199,6 +199,10 @@ def _warnings(tracks, clean, there, camera):
     if camera.horizontal_fov_deg < 25:
         notes.append("with so long a lens towards and away can hardly be told apart")
     return notes
+
+
+def _is_flock(there):
+    return (there.sum(1) >= 2).sum() >= 3
 
 
 def _out_of_bounds(flight, camera):
@@ -235,11 +239,14 @@ def _sparsely(sight, camera, wish, every):
 
 def _depths(rays, there, fps, manner, wish, mean_speed, settled=SETTLED):
     """(F, N) m."""
+    if not _is_flock(there):
+        depth = np.where(there, 1.0, np.nan)
+        return depth * (mean_speed / _mean_speed(rays, depth, fps))
     system = _System(rays, there)
     fixed = system.steady(fps, manner, wish)
     bands, depth = fixed, system.filled(1.0)
     for step in range(STEPS):
-        bands = fixed + system.evenness(depth, fps, manner, wish) if step else fixed
+        bands = fixed + system.evenness(depth, fps, wish) if step else fixed
         depth, change = system.newton(bands, depth)
         if change < settled and step:
             break
@@ -266,6 +273,8 @@ class _System:
         self.number[there] = np.arange(there.sum())
         self.size = int(there.sum())
         self.band = self._bandwidth()
+        crowd = np.where(there.sum(1, keepdims=True) > 1, there, False)
+        self.volume = VOLUME * crowd[there].astype(float)  # a bird alone goes on as it flew, be it near or far
 
     def _bandwidth(self):
         """The farthest apart two unknowns are that meet in one term: those of three frames on end."""
@@ -299,8 +308,9 @@ class _System:
         """Smooth paths, alignment, cohesion: what does not depend on the depths."""
         bands = self.empty()
         self._acceleration(bands, wish.smoothness * fps**4)
-        self._alignment(bands, wish.flock * manner.alignment * fps**2)
-        self._cohesion(bands, max(wish.flock, 1e-6) * manner.cohesion)
+        self._turning(bands, wish.smoothness * (manner.turning - 1.0) * fps**4)
+        self._alignment(bands, FLOCK * wish.flock * manner.alignment * fps**2)
+        self._cohesion(bands, FLOCK * max(wish.flock, 1e-6) * manner.cohesion)
         return bands
 
     def _acceleration(self, bands, weight):
@@ -313,6 +323,17 @@ class _System:
                 i, j = self.number[f + a, n], self.number[f + b, n]
                 bands[i, j - i] += weight * step[a] * step[b] * dots  # each place once
 
+    def _turning(self, bands, weight):
+        """The middle's own acceleration, over what it has in that of all birds."""
+        if not weight:
+            return
+        triple = self.there[2:] & self.there[1:-1] & self.there[:-2]
+        for f in np.flatnonzero(triple.any(1)):
+            birds = np.flatnonzero(triple[f])
+            places = self.number[f : f + 3, birds].ravel()
+            bend = (self.rays[f : f + 3, birds] * np.array([1.0, -2.0, 1.0])[:, None, None]).reshape(-1, 3)
+            self.add(bands, places, places, weight / len(birds) * (bend @ bend.T))
+
     def _alignment(self, bands, weight):
         for f, birds in self._pairs():
             spread = np.eye(len(birds)) - 1.0 / len(birds)
@@ -324,12 +345,12 @@ class _System:
 
     def _cohesion(self, bands, weight):
         for f, birds in enumerate(self.frames):
-            if len(birds):
-                spread = np.eye(len(birds)) - (1.0 / len(birds) if len(birds) > 1 else 0.0)
+            if len(birds) > 1:
+                spread = np.eye(len(birds)) - 1.0 / len(birds)
                 ray, i = self.rays[f, birds], self.number[f, birds]
                 self.add(bands, i, i, weight * spread * (ray @ ray.T))
 
-    def evenness(self, depth, fps, manner, wish):
+    def evenness(self, depth, fps, wish):
         """No speeding up or slowing down of the whole flock, along the way it flies with these depths."""
         bands = self.empty()
         weight = wish.smoothness * wish.evenness * EVENNESS * fps**4
@@ -360,10 +381,10 @@ class _System:
         Their scale is set first, as the logarithm has it; the problem is convex, and no depth becomes negative.
         """
         d = depth[self.there]
-        d = d * np.sqrt(VOLUME * len(d) / _cost(bands, d))
+        d = d * np.sqrt(self.volume.sum() / _cost(bands, d))
         stiff = bands.copy()
-        stiff[:, 0] += VOLUME / d**2
-        step = self._solved(stiff, VOLUME / d - banded_product(bands, d))
+        stiff[:, 0] += self.volume / d**2
+        step = self._solved(stiff, self.volume / d - banded_product(bands, d))
         short = min(1.0, 0.9 / max(float((-step / d).max()), 1e-12))
         better = self.filled(0.0)
         better[self.there] = d + short * step
@@ -384,8 +405,8 @@ def _cost(bands, d):
 def _apart(system, bands, depth, wish, rounds=4):
     """Push birds nearer than the separation distance apart, along their rays, at the least cost; for looks."""
     found = depth[system.there]
-    stiff = bands * (VOLUME * len(found) / _cost(bands, found))
-    stiff[:, 0] += VOLUME / found**2
+    stiff = bands * (system.volume.sum() / _cost(bands, found))
+    stiff[:, 0] += system.volume / found**2
     pull = banded_product(stiff, found)
     weight = float(np.median(stiff[:, 0])) * wish.separation
     behind = np.sign(np.nan_to_num(depth[:, :, None] - depth[:, None]).sum(0))  # who is behind whom, all the time

@@ -7,6 +7,10 @@ seen, birds are then taken to move in the same manner (`behaviours.learning.lift
 
 Alignment comes out too low, by up to two thirds, for birds whose accelerations have no memory at all: second
 differences over a lag are then correlated.
+
+The middle itself accelerates, too: by the mean of its birds' own wandering where each flies as it likes, by far more
+where a flock turns as one.  How much is seen in the picture as well, once what a straight flight towards or away from
+the camera shows is taken out.
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ from scipy.optimize import minimize
 LAG = 0.25  # s between the places compared: what is faster is smoothed noise
 USUAL = (2.0, 0.3)  # 1/s^2, 1/s^4: where too little is seen to tell; those of boids at a polarization of .99
 BOUNDS = ((1e-3, 100.0), (1e-6, 1000.0))  # of the two weights
+TURNING = (1e-3, 1.0)  # the bounds of the third
 
 
 @dataclass(frozen=True)
@@ -32,10 +37,14 @@ class Manner:
         1/s^2.  Its root is how soon a bird gives up a velocity of its own.
     cohesion : float
         1/s^4.
+    turning : float
+        Of the middle's own acceleration, for each bird: 1 where it is no more than the mean of theirs, less for a flock
+        that turns as one.
     """
 
     alignment: float
     cohesion: float
+    turning: float = 1.0
 
 
 def compute_manner(rays, there, fps) -> Manner:
@@ -64,7 +73,8 @@ def compute_manner(rays, there, fps) -> Manner:
         return 0.5 * length * np.log(weights[[1, 0, 2]] @ seen) - 0.5 * _log_determinant(weights, length, step)
 
     best = minimize(surprise, np.log(USUAL), method="Nelder-Mead", options={"xatol": 0.01, "fatol": 1e-4})
-    return Manner(*np.exp(np.clip(best.x, *bounds.T)).tolist())
+    alignment, cohesion = np.exp(np.clip(best.x, *bounds.T)).tolist()
+    return Manner(alignment, cohesion, _turning(rays, there, lag, spread[2]))
 
 
 def _spread(rays, there, lag, steps):
@@ -78,6 +88,35 @@ def _spread(rays, there, lag, steps):
     about = np.where(both[..., None], change - change.sum(1, keepdims=True) / np.maximum(count, 1)[:, None, None], 0.0)
     freedom = 2.0 * np.maximum(count - 1, 0).sum()
     return float((about**2).sum() / freedom) if freedom else 0.0
+
+
+def _turning(rays, there, lag, spread):
+    """Weight of the middle's acceleration, from what is seen of it across the line of sight.
+
+    Of a straight flight at even speed a camera sees an acceleration along its way alone: minus twice the relative speed
+    away, times the speed across.  That is taken out, the relative speed as a line in time.
+    """
+    before, now, after = rays[: -2 * lag], rays[lag:-lag], rays[2 * lag :]
+    both = there[: -2 * lag] & there[lag:-lag] & there[2 * lag :]
+    both &= (both.sum(1) > 1)[:, None]
+    frames = both.any(1)
+    if not frames.any():
+        return 1.0
+    count = both.sum(1)[frames, None]
+
+    def middle(values):
+        return np.where(both[..., None], values, 0.0).sum(1)[frames] / count
+
+    sight, way, bend = (middle(v) for v in (now, 0.5 * (after - before), after - 2 * now + before))
+    sight /= np.linalg.norm(sight, axis=-1, keepdims=True)
+    way -= (way * sight).sum(-1, keepdims=True) * sight
+    speed = np.linalg.norm(way, axis=-1)
+    ahead = way / np.maximum(speed, 1e-12)[:, None]
+    along, aside = (bend * ahead).sum(-1), (bend * np.cross(sight, ahead)).sum(-1)
+    straight = np.column_stack([speed, speed * np.linspace(-1, 1, len(speed))])
+    along = along - straight @ np.linalg.lstsq(straight, along, rcond=None)[0]
+    seen = 0.5 * float((count[:, 0] * (along**2 + aside**2)).mean())
+    return float(np.clip(spread / max(seen, 1e-300), *TURNING))
 
 
 def _log_determinant(weights, length, step):

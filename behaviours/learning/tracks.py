@@ -79,7 +79,8 @@ def _rows(path, gone=None):
     header = [cell.strip().lower() for cell in next(rows, [])]
     missing = [column for column in COLUMNS if column not in header]
     if missing:
-        hints = "".join(did_you_mean(column, header) for column in missing[:1])
+        other = next((mark for mark in (";", "\t") if len(header) == 1 and mark in header[0]), None)
+        hints = "; separate them by commas" if other else did_you_mean(missing[0], header)
         raise ProblemsError(
             [Problem(name, 1, missing[0], f"there is no such column{hints}; a file of tracks has {', '.join(COLUMNS)}")]
         )
@@ -147,8 +148,9 @@ def _number(name, line, column, row, at, problems):
         return None
     whole = column in ("frame", "id")
     if not math.isfinite(value) or (whole and value != int(value)) or abs(value) > 1e9:
-        kind = "a whole number" if whole else "a finite number of pixels"
-        problems.append(Problem(name, line, column, f"must be {kind}, got {cell!r}"))
+        kind = "a whole number" if whole else "a finite number of pixels, at most 1e9"
+        hint = "" if whole else "; a bird that is not seen has no row"
+        problems.append(Problem(name, line, column, f"must be {kind}, got {cell!r}{hint}"))
         return None
     return value
 
