@@ -119,6 +119,7 @@ class SeeInSpace(System):
     stage = Stage.SENSE
     reads = (Near, Body, Vision, BrushBinding, Palette, Landscape)
     writes = (SightInSpace,)
+    width = 32  # room for each list: of memory, not of the state
 
     def process(self, world):
         agents, palette, near = world.agents, world.resource(Palette), world.resource(Near)
@@ -136,7 +137,9 @@ class SeeInSpace(System):
             through,
             agents[Body.radius],
             world.resource(Landscape).opaque_solids,
+            self.width,
         )
+        self.width = 32 + 2 * len(sight.lists.near) // max(len(near.space.x), 1)
 
 
 class SeeByHiddenPoints(System):

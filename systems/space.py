@@ -183,7 +183,7 @@ def visible_in_space(space, view_range, cos_half_view, through, radius, solids=N
     solids : Solids, optional
         What blocks the view besides.
     width : int
-        First guess of the mean length of the lists.
+        First guess of the mean length of the lists; too small a one costs time, and changes nothing.
     scratch : Scratch, optional
         Memory for the lists, which then are good until the next call with it.
 
@@ -335,6 +335,7 @@ def _in_view_by_one(n, x, y, z, slot, seen, at, end, i, space, reach, cosine, oc
         ox[found], oy[found], oz[found], who[found] = x[k] - xi, y[k] - yi, z[k] - zi, slot[k]
         d2[found] = ox[found] * ox[found] + oy[found] * oy[found] + oz[found] * oz[found]
         found += (d2[found] <= reach * reach) & (slot[k] != i)
+    nearest = np.argsort(d2[:found]) if occlusion else who[:0].astype(np.int64)  # who is near hides most
     visible, cos2 = 0, cosine * cosine
     for k in range(found):
         ahead = ox[k] * fx + oy[k] * fy + oz[k] * fz
@@ -344,7 +345,7 @@ def _in_view_by_one(n, x, y, z, slot, seen, at, end, i, space, reach, cosine, oc
         else:
             inside |= (ahead >= 0.0) & (ahead * ahead >= d2[k] * cos2)
         if inside and occlusion:
-            inside = not _hidden(k, found, who, ox, oy, oz, d2, space.row, radius) and not blocks_(
+            inside = not _hidden(k, nearest, who, ox, oy, oz, d2, space.row, radius) and not blocks_(
                 solids, xi, yi, zi, ox[k], oy[k], oz[k]
             )
         if inside:
@@ -355,16 +356,17 @@ def _in_view_by_one(n, x, y, z, slot, seen, at, end, i, space, reach, cosine, oc
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _hidden(k, found, who, ox, oy, oz, d2, rows, radius):
+def _hidden(k, nearest, who, ox, oy, oz, d2, rows, radius):
     """Whether the ball of somebody nearer meets the segment to k."""
     if d2[k] <= 0.0:
         return False
-    for q in range(found):
-        if d2[q] < d2[k]:
-            r2 = radius[rows[who[q]]] * radius[rows[who[q]]]
-            along = ox[q] * ox[k] + oy[q] * oy[k] + oz[q] * oz[k]  # times the distance to k
-            if along > 0.0 and d2[q] > r2 and d2[q] - along * along / d2[k] < r2:
-                return True
+    for q in nearest:
+        if d2[q] >= d2[k]:
+            return False
+        r2 = radius[rows[who[q]]] * radius[rows[who[q]]]
+        along = ox[q] * ox[k] + oy[q] * oy[k] + oz[q] * oz[k]  # times the distance to k
+        if along > 0.0 and d2[q] > r2 and d2[q] - along * along / d2[k] < r2:
+            return True
     return False
 
 
