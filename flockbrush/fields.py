@@ -195,7 +195,7 @@ def _cells(picture, glance, watch, fields, scale):
     for a, b in zip(middle - 0.5 * longest * v, middle + 0.5 * longest * v, strict=True):
         _arrow(made, here[:, :2] @ a + here[:, 2], here[:, :2] @ b + here[:, 2], (255, 255, 255))
     _says(made, f"cells of {grid.cell:.2g} body lengths   half go faster than {usual:.2g} a second", (8, 18))
-    _scale_bar(made, scale * watch.size.length)
+    _scale_bar(made, scale * watch.length)
     return made
 
 

@@ -26,6 +26,7 @@ CONTRAST, NOISE = 14.0, 5.0  # grey levels; robust deviations: what differs more
 AT_HOME = 3.0, 10.0  # times as common among what moves as elsewhere: an animal's colour, least and most
 STILL = 2e-4  # share of the pictures that differs from the ground, below which nothing moves
 SHADE = 0.3, 0.92  # a shadow leaves this share of the ground's light
+GHOST = 3.0  # times as common on the still ground as the colour that the ground's picture has there
 PART = 0.3  # share of what moves that is enough to be the animals
 CONTRAST_CHANGE = 0.6, 1.8  # of pictures' contrast against the ground's, beyond the change of light
 EXPOSED = 160  # px, the longer side of the pictures by which exposure is told
@@ -303,10 +304,21 @@ def found_colours(clip, samples, steady) -> BodyColours:
             "the ground; choose other or more frames, or one alone (--frames A:A) to learn how densely they stand",
             {"share that differs": float(share), "pictures": {"ground": samples.ground.picture}},
         )  # fmt: skip
-    bodies, notes = _without_shadows(moving, shade, lighter)
+    ghosts = _ghosts(samples, moving)
+    bodies, notes = _without_shadows(moving & ~ghosts, shade, lighter)
     table = _at_home(samples, bodies, samples.known & ~moving)
     table = _at_home(samples, *_again(samples, table, moving))
     return BodyColours(table, samples.ground, steady.maps, _typical(samples, table, bodies), notes=notes)
+
+
+def _ghosts(samples, moving):
+    """(m, h, w) bool: differs because an animal that hardly moves has got into the ground, and is not here now.
+
+    What the picture shows there is common where nothing moves, and what the ground shows is rare.
+    """
+    still = np.bincount(samples.index[samples.known & ~moving], minlength=LEVELS**3).astype(float)
+    common = gaussian_filter(still.reshape([LEVELS] * 3), 0.8).ravel()
+    return moving & (common[samples.index] > GHOST * common[_index(samples.ground.picture)])
 
 
 def _without_shadows(moving, shade, lighter):

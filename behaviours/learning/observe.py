@@ -32,6 +32,7 @@ SIZES = 9  # pictures in which the size of one animal is measured
 SMALL = 6.0  # px: shorter bodies are not told apart
 CAPSULE = 0.366  # area of a body of 1 x 0.4 with round ends, BL² [herd.md]
 LONG = 2.5  # length of a body over its width, where neither is known [herd.md]
+PARTLY = 0.6  # a mask may show so much less, or more, of a body's length than a person measures
 SLOW = 3.0  # deviations of the ground's flow: slower bodies have no direction
 
 
@@ -105,8 +106,9 @@ class Watch:
     clip: Clip
     steady: Steady
     colours: BodyColours
-    size: BodySize
-    given: bool  # whether a person told the length of a body
+    size: BodySize  # of what the mask shows of one animal
+    length: float  # px of the first picture: a body length, as a person gave it or as the mask shows it
+    given: bool  # whether a person told it
     grid: Grid
     obstacle: np.ndarray | None  # (h, w) uint8 in pixels of the first picture
     obstacle_cells: np.ndarray | None
@@ -129,14 +131,14 @@ class Watch:
         if not landmarks and not clip.still and steady.moved and np.mean([m.mean() for m in masks.values()]) > HERD:
             steady = register(clip, lambda k, picture: colours.mask(k, picture) > 0, say)
             colours.maps = steady.maps
-        size, apart, notes = _size(clip, steady, masks, body_length_px)
-        cells = grid_over(clip.size, steady.maps, size.length, grid)
+        size, length, apart, notes = _size(clip, steady, masks, body_length_px)
+        cells = grid_over(clip.size, steady.maps, length, grid)
         obstacle = None if painted_on[0] is None else (painted_on[0].max(-1) > 127).astype(np.uint8)
         numbers, kinds = (None, None) if painted_on[1] is None else read_colours(painted_on[1])
         if kinds is not None and len(kinds) > 32:
             raise _refused(regions, f"has {len(kinds)} colours; regions are painted in a few, without soft edges")
         return Watch(
-            clip, steady, colours, size, body_length_px is not None, cells,
+            clip, steady, colours, size, length, body_length_px is not None, cells,
             None if obstacle is None else cv2.resize(obstacle, clip.size, interpolation=cv2.INTER_NEAREST),
             None if obstacle is None else painted(obstacle, cells, clip.scale).astype(bool),
             None if numbers is None else painted(numbers.astype(np.uint8), cells, clip.scale),
@@ -160,7 +162,7 @@ class Watch:
         self._check(fields, taken.masks)
         sightings = taken.sightings()
         return Evidence(
-            name=clip.name, sha256=clip.sha256, fps=clip.fps, body_length_px=self.size.length,
+            name=clip.name, sha256=clip.sha256, fps=clip.fps, body_length_px=self.length,
             length_source="given" if self.given else "blobs", radius_bl=0.5 * self.size.width / self.size.length,
             fields=fields, sightings=sightings,
             speed=None if clip.still else speed_evidence(fields, sightings, self.size.area), notes=self._notes(taken),
@@ -248,7 +250,7 @@ class _Taken:
         else:
             seconds = float(self.clip.times[other] - self.clip.times[k])
             at, move, _, noise = self.flow.between(small, self.frames[other][2], m, self.maps[other])
-            slow = SLOW * np.nan_to_num(noise) * zoom_of(m) / self.watch.size.length / abs(seconds)
+            slow = SLOW * np.nan_to_num(noise) * zoom_of(m) / self.watch.length / abs(seconds)
             self.collector.add(number, mask, m, seconds, (at, move), slow)
             move = move / seconds
         bodies = self._bodies(k, picture, mask, at, move)
@@ -307,7 +309,7 @@ def _sampled(clip, colours):
 
 
 def _size(clip, steady, masks, given):
-    """(size of one animal in pixels of the first picture, whether animals can be told apart, notes)."""
+    """(size of one animal in the masks and a body length, px of the first picture; whether they stand apart; notes)."""
     levelled = [_zoomed(mask, zoom_of(steady.maps[k])) for k, mask in masks.items()]
     size = size_of_bodies(levelled)
     apart = size is not None
@@ -316,14 +318,16 @@ def _size(clip, steady, masks, given):
         size = _guessed(clip, levelled)
         few = f"only {size.alone} animals stand" if size.alone else "no animal stands"
         note = f"{few} alone; one was taken to be {size.length:.0f} pixels long: --body-length-px says it better"
-        return size, size.alone > 0, [note]
+        return size, size.length, size.alone > 0, [note]
+    if length is None:
+        return size, size.length, apart, []
     if size is None:
-        return BodySize(length, length / LONG, CAPSULE * length**2, 0), False, []
-    if length is not None:
-        ratio = length / size.length
-        said = f"a body is {length:.0f} pixels long as given, those who stand alone measure {size.length:.0f}"
-        return scaled(size, ratio), apart, [said] if abs(ratio - 1) > 0.25 else []
-    return size, apart, []
+        return BodySize(length, length / LONG, CAPSULE * length**2, 0), length, False, []
+    ratio = length / size.length
+    said = f"a body is {length:.0f} pixels long as given, those who stand alone measure {size.length:.0f}"
+    if abs(ratio - 1) > PARTLY:
+        size = scaled(size, ratio)
+    return size, length, apart, [said] if abs(ratio - 1) > 0.25 else []
 
 
 def scaled(size: BodySize, ratio: float) -> BodySize:
