@@ -340,7 +340,7 @@ def elephants():
     for k, (x, y) in enumerate(places):
         s.draw("Key", [(x, y)], f"feed {k + 1}", at=4 * k, command="Migrate", x=x, y=y, z=4, seconds=3 if k else 0,
                species="sparrow")  # fmt: skip
-    for at, x, y, z in ((9.1, 80, 70, 5), (16, 30, 40, 25), (22, 130, 50, 20)):
+    for at, x, y, z in ((9.1, 84, 45, 4), (15.5, 40, 40, 25), (20, 76, 75, 5), (25.5, 130, 100, 25)):
         s.draw("Key", [(x, y)], f"stoop {at:g}", at=at, command="Migrate", x=x, y=y, z=z, species="falcon")
     return s
 
