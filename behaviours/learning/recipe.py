@@ -41,7 +41,7 @@ USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section
 HELD = 0.3  # of the frames, at the end, are shown to nobody before the choice
 FEWEST = 24  # frames, with fewer nothing is held back
 BEYOND = (6.0, 10.0)  # s, a herd is run on after the clip: three times its length, within
-RATE = 130_000  # animal ticks that count as a second
+RATE = 200_000  # animal ticks that count as a second
 ALWAYS = 100  # animals whose work a tick costs besides
 WEAK = 0.15  # weights below it are made larger, and Ω smaller: only their product tells, and weights end at 1e-3
 GENERATION = 8  # candidates
@@ -419,7 +419,7 @@ class _Search:
     def _evolve(self, workers):
         """Evolve the best two as long as the budget lasts; the end of each is a new attempt."""
         parents = self.ranked[:2]
-        choice = self.cost * 2 * 2 * (FINALISTS + 2 * len(parents))
+        choice = self.cost * 2 * 3 * (FINALISTS + 2 * len(parents))
         work = self.cost * GENERATION * DT / COARSE_DT * len(parents)
         generations = int((self.budget - choice) / work)
         for number, parent in enumerate(parents):
@@ -455,7 +455,7 @@ class _Search:
         """The best on what was held back, of the ranked and the evolved."""
         evolved = [k for k, a in enumerate(self.attempts) if ", evolved" in a.name]
         final = [*self.ranked[:FINALISTS], *evolved]
-        seeds = [_seed(self.seed, 5, k) for k in range(2)]
+        seeds = [_seed(self.seed, 5, k) for k in range(3)]
         shown = self._judge(workers, final, seeds, False, "choice", (0, 2 * len(final)), DT)
         held = self._judge(workers, final, seeds, True, "choice", (len(final), 2 * len(final)), DT)
         for k, a, b in zip(final, shown, held, strict=True):

@@ -156,14 +156,14 @@ class Gates:
     def of(cls, fields):
         """From `Fields`; None where the picture holds the whole herd all the time."""
         speed = np.hypot(fields.velocity[..., 0], fields.velocity[..., 1])
-        density, entry, leaving = np.nan_to_num(fields.density), [], False
-        for t in range(len(density)):
-            rim = fields.seen[t] & ~ndimage.binary_erosion(fields.seen[t])
-            busy = rim & (density[t] > 0) & (np.nan_to_num(speed[t]) > 0)
-            leaving |= density[t][rim].sum() * fields.cell**2 > 0.01 * max(fields.count[t], 1)
-            entry.append(_inward(fields, t, busy))
+        density, entry = np.nan_to_num(fields.density), []
+        rims = [seen & ~ndimage.binary_erosion(seen) for seen in fields.seen]
+        crowd = np.array([d[rim].sum() for d, rim in zip(density, rims, strict=True)]) * fields.cell**2
+        leaving = bool((crowd > 0.01 * np.maximum(fields.count, 1)).any())
         if not leaving:
             return None
+        for t, rim in enumerate(rims):
+            entry.append(_inward(fields, t, rim & (density[t] > 0) & (np.nan_to_num(speed[t]) > 0)))
         origin = np.asarray(fields.origin, float)
         return cls(origin, fields.cell, fields.fps, fields.seen, np.asarray(fields.count, float), entry)
 

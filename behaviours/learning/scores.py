@@ -19,8 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+from numba import njit
 from scipy.spatial import cKDTree
 
 from behaviours.learning.evidence import Evidence, Fields
@@ -30,11 +29,13 @@ FLOOR = 0.05  # of a share; and of a length or speed, so many times its mean
 LINK = 4.0  # BL: animals nearer than this belong together
 NEAR = 2.0  # BL within which headings are compared
 COARSE = 10  # cells along a side on which fields are compared (section 7.1.2 of [1])
+LOOKS = 50  # at a herd that runs on
 FARTHEST = 10.0  # deviations: a herd that is farther off is just as wrong
 
 SHARES = ("polarization", "milling", "milling in the picture", "order nearby", "largest part")
 LENGTHS = ("aspect", "spread", "density", "nearest neighbour", "speed")
 MEASURES = SHARES + LENGTHS
+COUNTS = {"polarization": 3.0, "milling": 3.0, "nearest neighbour": 2.0}  # weights; 1 for the others
 LASTING = ("polarization", "milling", "order nearby", "nearest neighbour", "density")  # what a longer run should keep
 
 
@@ -273,19 +274,43 @@ def _crowding(view, xy, weight):
 def _neighbours(xy, heading, share, known, view):
     """Mean distance to the nearest neighbour, order nearby, and the share of the largest part."""
     reach, link = (NEAR, LINK) if view.single else (1.5 * view.cell, max(LINK, 1.5 * view.cell))
-    n = len(xy)
-    if n < 2:
+    if len(xy) < 2:
         return np.nan, np.nan, 1.0
-    tree = cKDTree(xy)
-    nearest = float(tree.query(xy, k=2)[0][:, 1].mean()) if view.single else np.nan
-    pairs = tree.query_pairs(link, output_type="ndarray")
-    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (n, n))
-    part = float(np.bincount(connected_components(graph, directed=False)[1], share).max())
-    i, j = pairs.T
-    near = known[i] & known[j] & (((xy[i] - xy[j]) ** 2).sum(1) <= reach**2)
-    weight = share[i[near]] * share[j[near]]
-    agree = (heading[i[near]] * heading[j[near]]).sum(1)
-    return nearest, float(weight @ agree / weight.sum()) if weight.sum() > 0 else np.nan, part
+    nearest, order, part = _neighbour_kernel(np.ascontiguousarray(xy), heading, share, known, reach, link)
+    return nearest if view.single else np.nan, order, part
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _neighbour_kernel(xy, heading, share, known, reach, link):
+    """All pairs once: who is nearest, whose headings agree within reach, who belongs together by links."""
+    n = len(xy)
+    least, root = np.full(n, np.inf), np.arange(n)
+    agree, weight = 0.0, 0.0
+    for i in range(n):
+        for j in range(i + 1, n):
+            x, y = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
+            far = x * x + y * y
+            least[i], least[j] = min(least[i], far), min(least[j], far)
+            if far <= reach * reach and known[i] and known[j]:
+                both = share[i] * share[j]
+                weight += both
+                agree += both * (heading[i, 0] * heading[j, 0] + heading[i, 1] * heading[j, 1])
+            if far <= link * link:
+                a, b = i, j
+                while root[a] != a:
+                    root[a] = root[root[a]]
+                    a = root[a]
+                while root[b] != b:
+                    root[b] = root[root[b]]
+                    b = root[b]
+                root[max(a, b)] = min(a, b)
+    parts = np.zeros(n)
+    for i in range(n):
+        a = i
+        while root[a] != a:
+            a = root[a]
+        parts[a] += share[i]
+    return np.sqrt(least).mean(), agree / weight if weight > 0.0 else np.nan, parts.max()
 
 
 def neighbour_map(view: View, reach=4.0, rings=8, sectors=8, every=4):
@@ -413,7 +438,8 @@ def distance(run: Run, evidence: Evidence, target: Target, lasting=False) -> dic
     lasting : bool
         The run is longer than the clip: compare means over all of it, of what should stay as it is, with the clip's.
     """
-    seen = measures_of(view_of_run(run, evidence, target.single), target.every)
+    every = max(target.every, len(run) // LOOKS) if lasting else target.every
+    seen = measures_of(view_of_run(run, evidence, target.single), every)
     out = {}
     for name in LASTING if lasting else MEASURES:
         if not np.isfinite(target.mean[name]):
@@ -421,7 +447,7 @@ def distance(run: Run, evidence: Evidence, target: Target, lasting=False) -> dic
         out[name] = _off(seen[name], target, name, lasting)
     if target.map is not None:
         view = view_of_run(run, evidence, True)
-        out["neighbours"] = min(map_error(neighbour_map(view), target.map) / (2 * FLOOR), FARTHEST)
+        out["neighbours"] = min(map_error(neighbour_map(view, every=max(4, len(run) // LOOKS)), target.map) / (2 * FLOOR), FARTHEST)
     return out
 
 
@@ -439,5 +465,8 @@ def _off(mine, target, name, lasting):
 
 
 def total(parts: dict[str, float]) -> float:
-    """One number of the parts of a distance: their root mean square."""
-    return float(np.sqrt(np.mean(np.square(list(parts.values()))))) if parts else np.inf
+    """One number of the parts of a distance: their root mean square, with the weights of `COUNTS`."""
+    if not parts:
+        return np.inf
+    weights = [COUNTS.get(name.removeprefix("lasting "), 1.0) for name in parts]
+    return float(np.sqrt(np.average(np.square(list(parts.values())), weights=weights)))
