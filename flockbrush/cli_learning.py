@@ -29,8 +29,8 @@ def frames_of(text: str | None) -> tuple[int, int] | None:
     if text is None:
         return None
     found = re.fullmatch(r"(\d+):(\d+)", text.strip())
-    if not found or int(found[1]) >= int(found[2]):
-        raise typer.BadParameter(f"is FIRST:LAST, such as 0:99, with the first before the last; got {text!r}",
+    if not found or int(found[1]) > int(found[2]):
+        raise typer.BadParameter(f"is FIRST:LAST, such as 0:99, the last not before the first; got {text!r}",
                                  param_hint="--frames")  # fmt: skip
     return int(found[1]), int(found[2])
 

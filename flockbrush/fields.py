@@ -71,7 +71,7 @@ def _tell(out, preview, evidence, seconds, as_json):
         "fps": evidence.fps,
         "animals": float(np.median(fields.count)),
         "told_apart": evidence.sightings is not None,
-        "body_length_px": evidence.body_length_px,
+        "body_length_px": evidence.clip_body_px,
         "body_length_source": evidence.length_source,
         "body_radius_bl": evidence.radius_bl,
         "cells": [fields.shape[1], fields.shape[0]],

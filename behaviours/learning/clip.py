@@ -138,7 +138,7 @@ def _sha256(name, path):
     if not path.is_file():
         raise CannotObserve(name, "there is no such file")
     if path.stat().st_size == 0:
-        raise CannotObserve(name, "is empty: it has no bytes")
+        raise CannotObserve(name, "is empty: it has no bytes; copy it again", {"bytes of the file": 0})
     try:
         with open(path, "rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -179,11 +179,12 @@ class _Film:
         try:
             self._container = av.open(str(path))
         except (av.error.FFmpegError, OSError, ValueError) as error:
-            raise CannotObserve(name, f"{_BAD}: {_said(error)}") from None
+            raise CannotObserve(name, f"{_BAD}: {_said(error)}", _of_file(path)) from None
         if not self._container.streams.video:
             kinds = sorted({stream.type for stream in self._container.streams}) or ["nothing"]
             self._container.close()
-            raise CannotObserve(name, f"has no video stream, only {' and '.join(kinds)}; is it the right file?")
+            seen = _of_file(path) | {"streams in it": ", ".join(kinds)}
+            raise CannotObserve(name, f"has no video stream, only {' and '.join(kinds)}; is it the right file?", seen)
         self._stream = self._container.streams.video[0]
         self._stream.thread_type = "AUTO"
         self.length = int(self._stream.frames or 0)
@@ -209,6 +210,13 @@ class _Film:
                     yield number, frame.time, _upright(frame.to_ndarray(format="bgr24"), self.turned)
         except (av.error.FFmpegError, ValueError) as error:
             self.damage = f"it is damaged after frame {number} ({_said(error)}); what comes later was left out"
+
+
+def _of_file(path):
+    """What can be told of a file that is no film."""
+    with open(path, "rb") as file:
+        begin = file.read(16)
+    return {"bytes of the file": path.stat().st_size, "it begins with": " ".join(f"{byte:02x}" for byte in begin)}
 
 
 def _said(error):
@@ -378,6 +386,8 @@ def evenly(numbers, times, repeats):
         return numbers, times, (len(times) - 1) / float(times[-1] - times[0]), notes
     step = float(np.quantile(steps, 0.9))
     row = _nearest(times, np.arange(times[0], times[-1] + 0.5 * step, step))
+    if len(row) == len(numbers):
+        return numbers, times, (len(times) - 1) / float(times[-1] - times[0]), notes
     notes.append(
         f"its frames are unevenly timed, {steps.min():.3g} to {steps.max():.3g} s apart; {len(row)} of {len(times)} "
         f"were taken, {step:.3g} s apart"

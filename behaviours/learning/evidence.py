@@ -285,6 +285,12 @@ class Evidence:
         """A photograph: nothing is known of motion."""
         return len(self.fields) == 1
 
+    @property
+    def clip_body_px(self) -> float:
+        """A body length in pixels of the clip itself, which is larger than `picture` where that was made smaller."""
+        scale = 1.0 if self.camera is None else float(np.sqrt(abs(np.linalg.det(self.camera[0][:, :2]))))
+        return self.body_length_px / scale
+
     def part(self, chosen: slice) -> Evidence:
         """Some of the frames, with the speed of those alone: what is held out stays unknown.
 

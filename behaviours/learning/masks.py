@@ -301,7 +301,8 @@ def found_colours(clip, samples, steady) -> BodyColours:
         raise CannotObserve(
             clip.name,
             f"nothing moves in frames {clip.numbers[0]} to {clip.numbers[-1]}: {share:.2%} of the pictures differ from "
-            "the ground; choose other or more frames, or one alone (--frames A:A) to learn how densely they stand",
+            "the ground; choose other or more frames; if animals stand there, name their colour (--body-colour R,G,B) "
+            "or learn how densely they stand from one frame alone, --frames A:A",
             {"share that differs": float(share), "pictures": {"ground": samples.ground.picture}},
         )  # fmt: skip
     ghosts = _ghosts(samples, moving)

@@ -22,7 +22,7 @@ from behaviours.learning.flow import Flow, gap_of
 from behaviours.learning.masks import BodyColours, colours_of
 from behaviours.learning.sightings import sightings_of
 from behaviours.learning.speeds import speed_evidence
-from behaviours.learning.stabilise import Landmark, Steady, back, follow_landmarks, register, zoom_of
+from behaviours.learning.stabilise import Landmark, Steady, after, back, follow_landmarks, register, zoom_of
 from behaviours.problems import Problem, ProblemsError
 from behaviours.tomlfile import read_bytes
 
@@ -33,6 +33,8 @@ SMALL = 6.0  # px: shorter bodies are not told apart
 CAPSULE = 0.366  # area of a body of 1 x 0.4 with round ends, BL² [herd.md]
 LONG = 2.5  # length of a body over its width, where neither is known [herd.md]
 PARTLY = 0.6  # a mask may show so much less, or more, of a body's length than a person measures
+FEW = 5  # animals
+JUMP, STEADY = 0.5, 0.4  # overlap of the herd with that of the frame before, over the usual; and the least usual one
 SLOW = 3.0  # deviations of the ground's flow: slower bodies have no direction
 
 
@@ -184,6 +186,10 @@ class Watch:
         notes = list(self.notes)
         if taken.gap > 1:
             notes.append(f"motion was measured over {taken.gap} frames, since animals move little from one to the next")
+        usual = float(np.median(taken.collector.rows["count"]))
+        if usual < FEW:
+            notes.append(f"only about {usual:.0f} animals are seen: too few to tell much of how a herd moves")
+        notes += taken.jumps()
         if not self.apart:
             notes.append("the animals could not be told apart; there are fields alone")
         return notes
@@ -207,6 +213,7 @@ class _Taken:
         self.seen: list[Bodies] | None = [] if animals else None
         self.moves: list[np.ndarray] = []
         self.masks: dict[str, np.ndarray] = {}
+        self.overlaps: list[float] = []
 
     def _gap(self):
         """How many frames apart flow is measured, from some pairs of neighbours."""
@@ -223,10 +230,31 @@ class _Taken:
     def next(self, k, picture):
         """Take a picture; the glances at all frames that could be measured now."""
         mask = self._mask(k, picture)
-        self.frames[k] = (picture, mask, self.flow.small(picture, mask))
+        small = self.flow.small(picture, mask)
+        if k > 0:
+            self.overlaps.append(self._overlap(k, self.frames[k - 1][2][1], small[1]))
+        self.frames[k] = (picture, mask, small)
         if k - self.gap >= 0:
             yield self._measure(k - self.gap, k)
             self.frames.pop(k - 2 * self.gap - 1, None)
+
+    def _overlap(self, k, before, now):
+        """Share of the herd's pixels that were the herd's in the frame before, the camera taken out."""
+        way = after(back(self.maps[k]), self.maps[k - 1])
+        way[:, 2] *= self.flow.scale
+        before = cv2.warpAffine(before, way, self.flow.size, flags=cv2.INTER_NEAREST)
+        return float(cv2.countNonZero(cv2.bitwise_and(before, now)) / max(1, cv2.countNonZero(now)))
+
+    def jumps(self):
+        """Notes on where the whole herd is suddenly elsewhere: a cut over the same ground, or missing frames."""
+        overlaps, numbers = np.array(self.overlaps), self.clip.numbers
+        usual = float(np.median(overlaps)) if len(overlaps) else 0.0
+        for k in np.flatnonzero(overlaps < JUMP * usual)[:3] + 1 if usual > STEADY else []:
+            a, b = numbers[k - 1], numbers[k]
+            yield (
+                f"the herd jumps between frames {a} and {b}; if that is a cut, use --frames {numbers[0]}:{a} or "
+                f"--frames {b}:{numbers[-1]}"
+            )
 
     def rest(self):
         """The glances at the last frames, whose flow is measured backwards."""

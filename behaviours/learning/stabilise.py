@@ -25,6 +25,7 @@ LEAST = 12  # corners that must agree on how the camera moved
 NEAR, FIRM = 1.2, 0.3  # px at SIDE, within which a corner agrees; and at which it counts half
 SHARED, ZOOMED, TURNED = 0.6, 1.25, 0.25  # of a key picture's corners in view; ratio; rad: beyond, another key picture
 EVEN = 31  # px at SIDE, over which light and contrast are made even
+SHOT = 8  # frames from which something can be learned
 SMOOTH = 9  # frames [paper, section 4]
 LOST = 3  # frames in a row in which a rectangle is not found again
 ALIKE = 0.4  # correlation of what is in a rectangle with what was in it at first, below which it is lost
@@ -148,11 +149,18 @@ def register(clip: Clip, animals=None, say: Say = silent) -> Steady:
             raise CannotObserve(
                 clip.name,
                 f"the ground of frame {a} is not found again in frame {b}: a cut, or too quick a move of the camera; "
-                f"try --frames {clip.numbers[0]}:{a} or --frames {b}:{clip.numbers[-1]}, or give landmarks: --landmark",
+                f"try {_around(clip, k)}landmarks: --landmark FRAME:x,y,w,h",
                 {"frame": b, "pictures": {f"frame {b}": picture}},
             )  # fmt: skip
         say("following the ground", k + 1, len(clip))
     return follower.steady()
+
+
+def _around(clip, k):
+    """The frames before and from the k-th, as options to try, where they are enough to be of use."""
+    n = clip.numbers
+    parts = [f"--frames {n[a]}:{n[b - 1]}, or " for a, b in ((0, k), (k, len(n))) if b - a >= SHOT]
+    return "".join(parts)
 
 
 class _Follower:

@@ -170,7 +170,7 @@ def _sentences(learned, evidences):
         yield f"Set from the clip besides: {told}."
     clip = evidences[0]
     how = "given" if clip.length_source == "given" else "estimated from the bodies seen"
-    yield f"One body length is {clip.body_length_px:.1f} pixels ({how}); {clip.fps:g} frames a second."
+    yield f"One body length is {clip.clip_body_px:.1f} pixels ({how}); {clip.fps:g} frames a second."
     if clip.sightings is None and not clip.still:
         yield "Single animals could not be told apart: learned from density and flow alone."
     for other in evidences[1:]:

@@ -320,7 +320,7 @@ def _seen(page, findings):
             ("SHA-256", clip.sha256),
             ("learned from frames", f"{f.frames[0]} to {f.frames[-1]} at {clip.fps:g} a second"),
             ("animals in the picture", f"{np.median(f.count):.0f} ({f.count.min():.0f} to {f.count.max():.0f})"),
-            ("one body length", f"{clip.body_length_px:.1f} pixels, {how}"),
+            ("one body length", f"{clip.clip_body_px:.1f} pixels, {how}"),
             ("half the width of a body", f"{clip.radius_bl:.2f} body lengths"),
             ("grid", f"{f.shape[1]} x {f.shape[0]} cells of {f.cell:.2g} body lengths"),
             ("single animals", _single(clip)),
