@@ -165,7 +165,7 @@ def pillars(seeds, first, way, ticks=1280):
     print(f"  {touched.mean():.3f} of the birds came to touch one; {through.mean():.3f} got through;")
     print(f"  {split.sum()} were torn, of these {again.sum()} were one again at the end")
     if again.any():
-        wait = (joined - torn)[again]
+        wait = joined[again] - torn[again]
         print(f"  (half of them within {np.median(wait):.1f} s, nine tenths within {np.quantile(wait, 0.9):.1f} s);")
     print(f"  at the end {last.mean():.3f} of the birds were in the largest part, {last.min():.2f} in the worst flock")
 
@@ -189,7 +189,7 @@ def passage(seed, way, ticks):
     room, parts = np.full(len(simulation.agents), np.inf), []
     for tick in range(ticks):
         simulation.tick()
-        room = np.minimum(room, room_in_the_air(simulation))
+        room = np.minimum(room, room_in_the_air(simulation, ground=False))
         if tick % 8 == 7:
             parts.append(compute_largest_part(simulation.agents[Position.xyz], LINK))
     apart = np.flatnonzero(np.array(parts) < WHOLE)

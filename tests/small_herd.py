@@ -216,11 +216,11 @@ def gaps_to_solid(solids, k, xyz):
     return (xyz @ faces[:, :3].T - faces[:, 3]).max(axis=1)
 
 
-def room_in_the_air(simulation):
+def room_in_the_air(simulation, ground=True):
     """(n,) m between each animal and the nearest solid, or the ground, were it a bird."""
     agents, land = simulation.agents, simulation.world.resource(Landscape)
     xyz = agents[Position.xyz]
-    room = xyz[:, 2] - [land.ground(xy) for xy in xyz[:, :2]]
+    room = xyz[:, 2] - [land.ground(xy) for xy in xyz[:, :2]] if ground else np.full(len(xyz), np.inf)
     for k in range(len(land.sky.kind)):
         room = np.minimum(room, gaps_to_solid(land.sky, k, xyz))
     return room - agents[Body.radius]
