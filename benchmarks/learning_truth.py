@@ -2,16 +2,19 @@
 
     python benchmarks/learning.py truth [--quick] [--write]
 
-Five truths of the measured map as shipped, with capsules as bodies: march, hollow mill (begun as a ring; a filled mill
-of a hundred goes over into a march now and then, and one of discs jams), swarm, column and stampede.  What is seen of
-each in four seconds is learned from, without the shipped brushes as starts: from five seeds, each with its own random
-starts.
+Five truths of the measured map as shipped, with capsules as bodies: march, filled mill, swarm, column and stampede, of
+a hundred animals each (the mill of 150).  The map's mills with discs for bodies are no truths here: in this engine most
+herds of 100 and 150 lock (nearest neighbour at .50, two radii) within the 20 s that are to be foretold, in one future
+and not in another; nor is the hollow mill, which with 100 animals stays one in one of five futures.  The filled mill
+as shipped (searched with capsules) passes, begun at random: 11 of 12 with 150 animals, 10 with 100, 8 with 200.  What
+is seen of each in four seconds is learned from, without the shipped brushes as starts: from five seeds, each with its
+own random starts.
 
 * ``floor``: the truth's own parameters, begun as an observer saw the herd, with other chance.  Nothing can beat it.
 * ``blobs``: positions and body axes with noise, no identities, a 30 x 30 grid of fields: the whole recipe.
 * ``fields``: the grid alone: the whole recipe.
 
-Then a herd is begun as the clip's last frame is seen and runs on for 20 s, and so does the truth (three times, with
+Then a herd is begun as the clip's last frame is seen and runs on for 20 s, and so does the truth (eight times, with
 other chance): polarization and milling are to lie within .1, the distance to the nearest neighbour within 10 %, as
 means over the last 15 s.  What exact positions tell of the parameters: ``python benchmarks/learning.py positions``.
 """
@@ -27,13 +30,14 @@ import numpy as np
 
 TRUTHS = {  # how they start, heading in rad (None: each its own), and after how many seconds they are as called
     "march": ("scatter", 0.0, 10.0),
-    "mill-hollow": ("ring", None, 8.0),
+    "mill-filled": ("scatter", None, 12.0),
     "swarm": ("scatter", None, 10.0),
     "column": ("scatter", 0.0, 12.0),
     "stampede": ("scatter", 0.0, 8.0),
 }
+ANIMALS = {"mill-filled": 150}  # of fewer and of more, futures of the truth itself differ by more than is allowed
 SEEDS = 5
-FPS, SECONDS, FUTURES = 25.0, 4.0, 3
+FPS, SECONDS, FUTURES = 25.0, 4.0, 8
 FRESH, SINCE = 20.0, 5.0  # s
 NOISE_XY, NOISE_AXIS = 0.05, np.radians(7.0)  # BL, rad: of blobs
 PAPER = {"with density": 0.72, "without density": 0.85}  # sum of 12 errors, section 7.1.1
@@ -48,7 +52,7 @@ def add(commands):
     parser.add_argument("--ways", nargs="*", default=["floor", "blobs"], help="floor, blobs, fields")
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--animals", type=int, default=100)
+    parser.add_argument("--animals", type=int, default=None, help="100 unless told, 150 in the mill")
     parser.add_argument("--budget", type=float, default=15.0, help="seconds of trials and evolution, as learn counts")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--write", action="store_true", help=f"store the results in {RESULTS.name}")
@@ -164,12 +168,13 @@ def fields(case, seed, options):
 
 
 def _recipe(case, clip, seed, options):
-    from behaviours.learning.recipe import learn
+    from behaviours.learning.recipe import forces_of, learn
     from behaviours.learning.rollout import theta_of
 
     begun = time.perf_counter()
     found = learn(clip, seed=seed, starts=5, jobs=options.jobs, budget_s=options.budget, brushes=False)
-    error = np.abs(found.theta - theta_of(case.brush.params))
+    truth = theta_of(case.brush.params)
+    error = np.abs(forces_of(found.theta, found.extras) - truth)
     result = judged(fresh(case, clip, found.params, found.speed, found.body, found.vision, 200 + seed), case.future)
     told = found.identifiable
     return result | {
@@ -188,8 +193,8 @@ def run(options):
     """The study; prints a line for each run, and the table."""
     names = options.only or list(TRUTHS)
     if options.quick:
-        names, options.seeds, options.animals = names[1:3], 1, 60
-    cases = {name: case_of(name, options.animals) for name in names}
+        names, options.seeds, options.animals = names[2:4], 1, 60
+    cases = {name: case_of(name, options.animals or ANIMALS.get(name, 100)) for name in names}
     for name, case in cases.items():
         print(f"{name}: truth {json.dumps({k: round(v, 3) for k, v in case.future.items()})}", flush=True)
     results = {}

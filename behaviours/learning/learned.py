@@ -61,11 +61,11 @@ class Learned:
     chosen : int
         Which of them this is.
     spread : (12,) ndarray
-        Standard deviation of theta over the attempts that describe the clip about as well.
+        Standard deviation over the attempts that describe the clip about as well; of weights as they are at Ω = 10.
     deviation : (12,) ndarray or None
         Standard deviation of each number as far as the turns of the animals tell (Cramér-Rao); None without turns.
     identifiable : (12,) bool ndarray
-        Whether the clip says what this number is: ``deviation`` below .1, or without it ``spread`` below .1.
+        Whether the clip says what this number is: ``spread`` below .1, and ``deviation`` too where it is known.
     held_out : dict
         Figures of the chosen herd on the frames held back inside the clips, by name.
     notes : list of str

@@ -55,6 +55,7 @@ COARSE_DT = 1 / 16  # s to a tick in the search; the choice is made with that of
 FINALISTS = 4
 EXTRAS = {"wander": (0.01, 3.0), "max_turn": (0.4, 20.0), "sensitivity": (0.05, 100.0)}  # freed, on a logarithmic scale
 SIGHTS = 4.0, 8.0  # BL
+SURE = 0.1  # of what lies between 0 and 1: a number that is told is known better
 WHERE_DENSITY_COUNTS = ("aspect", "spread", "density", "nearest neighbour", "largest part")
 WHERE_ORDER_COUNTS = ("order nearby", "disorder")
 
@@ -476,9 +477,8 @@ class _Search:
                 self._add(Attempt(name, self.seed, theta, theta, extras))
             chosen = len(self.attempts) - 1
         best = self.attempts[chosen]
-        deviation = self._deviation_of(best)
-        spread = self._spread(pool, chosen)
-        identifiable = (deviation if deviation is not None else spread) < 0.1
+        deviation, spread = self._deviation_of(best), self._spread(chosen)
+        identifiable = spread < SURE if deviation is None else (spread < SURE) & (deviation < SURE)
         return Learned(
             params_of(best.theta, best.extras), given.speed, given.body, given.vision(best.extras), best.theta,
             best.extras, self.attempts, chosen, spread, deviation, identifiable, dict(best.figures),
@@ -486,14 +486,14 @@ class _Search:
         )  # fmt: skip
 
     def _deviation_of(self, best):
-        """Of the fit that this came from."""
-        near = [k for k in self.deviation if self.attempts[k].first_theta is best.first_theta]
-        return self.deviation[near[0]] if near else None
+        """Of the last fit that this came from."""
+        near = [k for k in self.deviation if best.name.startswith(self.attempts[k].name)]
+        return self.deviation[max(near, key=lambda k: len(self.attempts[k].name))] if near else None
 
-    def _spread(self, pool, chosen):
-        """Of those that are about as good."""
+    def _spread(self, chosen):
+        """Of those that are about as good, wherever they came from; weights as forces, that is with their Ω."""
         limit = 1.25 * self.attempts[chosen].score + 0.1
-        alike = [self.attempts[k].theta for k in pool if self.attempts[k].score <= limit]
+        alike = [forces_of(a.theta, a.extras) for a in self.attempts if a.score <= limit]
         return np.std(alike, axis=0) if len(alike) > 1 else np.zeros(12)
 
     def _notes(self, best):
@@ -507,6 +507,13 @@ class _Search:
                 f"with fewer than {FEWEST} frames nothing could be held back: the score is of frames learned from"
             )
         return notes
+
+
+def forces_of(theta, extras):
+    """(12,) theta with weights as they are at the usual Ω: only the product of the two tells."""
+    out = np.array(theta, float)
+    out[0:12:3] *= extras.get("sensitivity", 10.0) / 10.0
+    return out
 
 
 def _stronger(theta, extras):

@@ -446,8 +446,8 @@ def distance(run: Run, evidence: Evidence, target: Target, lasting=False) -> dic
             continue
         out[name] = _off(seen[name], target, name, lasting)
     if target.map is not None:
-        view = view_of_run(run, evidence, True)
-        out["neighbours"] = min(map_error(neighbour_map(view, every=max(4, len(run) // LOOKS)), target.map) / (2 * FLOOR), FARTHEST)
+        around = neighbour_map(view_of_run(run, evidence, True), every=max(4, len(run) // LOOKS))
+        out["neighbours"] = min(map_error(around, target.map) / (2 * FLOOR), FARTHEST)
     return out
 
 
