@@ -46,6 +46,14 @@ def landmark_of(text: str) -> tuple[int, tuple[float, float, float, float]]:
     return int(found[1]), (float(found[2]), float(found[3]), float(found[4]), float(found[5]))
 
 
+def landmarks_of(texts: list[str] | None) -> tuple:
+    """All of them, of which there are none or at least two."""
+    if texts is not None and len(texts) == 1:
+        landmark_of(texts[0])
+        raise typer.BadParameter("is given twice: what stands still, in two frames", param_hint="--landmark")
+    return tuple(landmark_of(text) for text in texts or ())
+
+
 def colour_of(text: str) -> str | tuple[int, int, int]:
     """ "auto", or (red, green, blue)."""
     if text.strip().lower() == "auto":
@@ -145,7 +153,7 @@ def learn(
     """
     looking: dict[str, Any] = {
         "frames": frames_of(frames),
-        "landmarks": tuple(landmark_of(text) for text in landmark or ()),
+        "landmarks": landmarks_of(landmark),
         "body_colour": colour_of(body_colour),
         "body_length_px": body_length_px,
         "grid": grid,
@@ -153,8 +161,6 @@ def learn(
         "regions": regions,
     }
     without = parts_of(ablate)
-    if len(looking["landmarks"]) == 1:
-        raise typer.BadParameter("is given twice: where something stands in two frames", param_hint="--landmark")
     options = {
         "--out": out, "--frames": frames, "--landmark": landmark, "--body-length-px": body_length_px,
         "--body-colour": body_colour if body_colour != "auto" else None,
@@ -210,7 +216,7 @@ def reenact(
     from flockbrush.learn.reenact import reenact_clip
 
     looking = Looking(
-        frames_of(frames), tuple(landmark_of(text) for text in landmark or ()), colour_of(body_colour),
+        frames_of(frames), landmarks_of(landmark), colour_of(body_colour),
         body_length_px, grid, obstacles,
     )  # fmt: skip
     reenact_clip(clip, brush, looking, runs, seed, export, video, json)
@@ -244,6 +250,6 @@ def fields(
 
     fields_of_clip(
         clip, out, preview, json, frames=frames_of(frames),
-        landmarks=tuple(landmark_of(text) for text in landmark or ()), body_colour=colour_of(body_colour),
+        landmarks=landmarks_of(landmark), body_colour=colour_of(body_colour),
         body_length_px=body_length_px, grid=grid, obstacles=obstacles, regions=regions,
     )  # fmt: skip

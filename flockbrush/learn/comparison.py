@@ -55,6 +55,7 @@ TITLES = {
 }
 ERRORS = "density error", "symmetric density error", "velocity error"
 JUDGED = "polarization", "milling"
+MOVING = "polarization", "milling", "milling in the picture", "order nearby", "speed"  # what one picture does not tell
 DEVIATIONS, LEAST = 2.0, 0.05  # a measure is met within two of the clip's own deviations, or .05
 REACH, BINS, LOOKS = 3.0, 25, 40  # of the map of neighbours: body lengths, cells across, frames at most
 SLOTS = 8  # of the curve of speed against density
@@ -186,7 +187,10 @@ def compared(evidence: Evidence, runs: list[Run]) -> Comparison:
         for run, seen, as_fields in zip(runs, views, simulated, strict=True)
     ]
     times = np.arange(len(fields)) / fields.fps
-    made = Comparison(fields.frames.copy(), times, measures_of(view), herds, runs[0])
+    clip = measures_of(view)
+    if not np.isfinite(fields.velocity).any():  # one picture: nothing is known of motion
+        clip |= {name: np.full(len(fields), np.nan) for name in MOVING if name in clip}
+    made = Comparison(fields.frames.copy(), times, clip, herds, runs[0])
     target = Target.of(evidence)
     made.unlike = float(np.mean([total(distance(run, evidence, target)) for run in runs]))
     made.speeds = {"clip": speed_by_density(fields), "simulation": speed_by_density(simulated[0])}

@@ -90,6 +90,12 @@ class Findings:
             return "The learning was interrupted: this is the best so far, and nothing was compared."
         if self.comparison is None:
             return "Learned from one picture: there is no motion to compare with."
+        if not np.isfinite(self.whole.fields.velocity).any():
+            v = self.comparison.verdict("density")
+            return (
+                f"Learned from one picture: {v.clip:.2f} animals a square body length in it, {v.herd:.2f} in the "
+                "simulated herd; there is no motion to compare with."
+            )
         where = "the part of the clip that was held out" if self.held is not None else "the very frames it learned from"
         begun = f"Begun as {where} begins and left alone for {self.comparison.times[-1]:.1f} s, the simulated herd "
         missed = [v for v in map(self.comparison.verdict, JUDGED) if math.isfinite(v.clip) and not v.met]

@@ -1,0 +1,116 @@
+"""Clips that tell nothing of a herd, through the command line: what was seen, what to try, and a page of it."""
+
+import av
+import cv2
+import numpy as np
+import pytest
+from herd_film import STILL, herd, shoot
+
+SIZE = (160, 120)
+
+
+def film(path, pictures, fps=10):
+    """Write an mp4."""
+    with av.open(str(path), "w") as out:
+        stream = out.add_stream("libx264", rate=fps, options={"crf": "10", "preset": "ultrafast", "bf": "0"})
+        stream.width, stream.height, stream.pix_fmt = *SIZE, "yuv420p"
+        for picture in pictures:
+            out.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="bgr24")))
+        out.mux(stream.encode(None))
+
+
+def grass(seed=0, tint=(60, 110, 80)):
+    """A picture of a meadow with nobody on it."""
+    blades = np.random.default_rng(seed).normal(size=(SIZE[1], SIZE[0], 1)).astype(np.float32)
+    return np.clip(cv2.GaussianBlur(blades, (0, 0), 1.5)[..., None] * 60 + np.array(tint), 0, 255).astype(np.uint8)
+
+
+def song(path):
+    """A film that is sound alone."""
+    with av.open(str(path), "w") as out:
+        stream = out.add_stream("aac", rate=44100)
+        stream.layout = "mono"
+        silence = av.AudioFrame.from_ndarray(np.zeros((1, 4410), np.float32), format="fltp", layout="mono")
+        silence.sample_rate, silence.pts = 44100, 0
+        out.mux(stream.encode(silence))
+        out.mux(stream.encode(None))
+
+
+@pytest.fixture(scope="module")
+def clips(tmp_path_factory):
+    """A folder of clips, each with something the matter."""
+    folder = tmp_path_factory.mktemp("clips")
+    (folder / "text.mp4").write_text("not a film at all " * 50)
+    (folder / "empty.mp4").write_bytes(b"")
+    song(folder / "song.mp4")
+    film(folder / "still.mp4", [grass()] * 10)
+    film(folder / "plain.mp4", [np.full((*SIZE[::-1], 3), 128, np.uint8)] * 10)
+    film(folder / "cut.mp4", [grass()] * 9 + [grass(1, (200, 180, 160))] * 9)
+    film(
+        folder / "storm.mp4", [np.random.default_rng(k).integers(0, 255, (*SIZE[::-1], 3), np.uint8) for k in range(9)]
+    )
+    (folder / "folder.mp4").mkdir()
+    truth = herd("swarm", count=12, seconds=0.5, fps=20, seed=3)
+    shoot(truth, folder / "swarm.mp4", (240, 180), 14.0, STILL, seed=4)
+    return folder
+
+
+REFUSED = [
+    ("text.mp4", (), "is no film or picture that can be read", True),
+    ("empty.mp4", (), "is empty: it has no bytes", True),
+    ("song.mp4", (), "has no video stream, only audio", True),
+    ("still.mp4", (), "nothing moves in frames 0 to 9", True),
+    ("plain.mp4", (), "--body-colour R,G,B", True),
+    ("cut.mp4", (), "try --frames 0:8 or --frames 9:17", True),
+    ("swarm.mp4", ("--body-colour", "90,120,60"), "of the picture look like animals; name their colour", True),
+    ("swarm.mp4", ("--body-colour", "0,0,255"), "no animals were found", True),
+    ("swarm.mp4", ("--frames", "90:99"), "has frames 0 to 9, and none of 90:99", False),
+    (
+        "swarm.mp4",
+        ("--landmark", "0:230,10,40,40", "--landmark", "9:5,5,40,40"),
+        "inside the picture of 240 x 180",
+        False,
+    ),
+    (
+        "plain.mp4",
+        ("--landmark", "0:10,10,40,40", "--landmark", "9:90,50,40,40"),
+        "there is nothing to hold on to in the landmark",
+        True,
+    ),
+    ("folder.mp4", (), "is a folder, not a clip", False),
+    ("missing.mp4", (), "there is no such file", False),
+]
+
+
+@pytest.mark.parametrize(("clip", "options", "words", "page"), REFUSED)
+def test_a_clip_that_tells_nothing_is_refused_with_what_was_seen(cli, clips, tmp_path, clip, options, words, page):
+    report = tmp_path / "report"
+    done = cli("learn", clips / clip, "--out", tmp_path / "x.brush.toml", "--report", report, *options)
+    assert done.code == 1
+    assert f"{clip}: " in done.err and words in done.err
+    assert (report / "report.html").exists() == page
+    assert not (tmp_path / "x.brush.toml").exists()
+    if page:
+        assert clip in (report / "report.html").read_text()
+
+
+def test_a_herd_that_jumps_over_the_same_ground_may_be_a_cut(cli, tmp_path):
+    ground, pictures = grass(), []
+    for k in range(24):
+        picture = ground.copy()
+        for x, y in ((20, 20), (60, 30), (35, 70), (80, 90), (60, 60), (30, 100)):
+            at = x + 2 * k + (20 if k > 11 else 0), y + (12 if k > 11 else 0)
+            cv2.ellipse(picture, at, (7, 3), 0, 0, 360, (235, 240, 240), cv2.FILLED)
+        pictures.append(picture)
+    film(tmp_path / "jump.mp4", pictures)
+    done = cli("fields", tmp_path / "jump.mp4", "--out", tmp_path / "jump.npz")
+    assert done.code == 0, done.err
+    assert "the herd jumps between frames 11 and 12; if that is a cut, use --frames 0:11 or --frames 12:23" in done.err
+
+
+def test_one_frame_of_a_film_is_a_photograph(cli, clips, tmp_path):
+    done = cli("fields", clips / "swarm.mp4", "--out", tmp_path / "one.npz", "--frames", "3:3")
+    assert done.code == 0, done.err
+    assert "nothing of how they move" in done.err
+    with np.load(tmp_path / "one.npz") as seen:
+        assert seen["fields.density"].shape[0] == 1
