@@ -1,6 +1,6 @@
 """What a frame of the playground costs: simulation, drawing and interface apart, beside the least it could cost.
 
-    python benchmarks/playground.py [--counts 2000 10000] [--frames 180] [--level meadow] [--cpu] [--json]
+    python benchmarks/playground.py [--counts 2000 10000] [--frames 180] [--level meadow] [--space] [--cpu] [--json]
 
 The window is 1280 x 720 on SDL's dummy driver, with the panels and the overlays it opens with, driven at 60 frames a
 second; a tick is due in every second frame or so (32 a second).  In the same run, round by round:
@@ -10,7 +10,8 @@ second; a tick is due in every second frame or so (32 a second).  In the same ru
 
 Their sum is the floor.  ``--cpu`` counts the processor's time of all threads instead of the clock on the wall: what a
 frame costs on a machine that does other things as well.  Goals: 12 ms for 2,000 animals and 30 ms for 10,000, in the
-mean over all frames.
+mean over all frames.  ``--space`` looks at the herd from the side, in three dimensions, as near as all of it fits in
+and going with it; take a level of birds, such as ``--level pillars --counts 1000 10000``.
 """
 
 from __future__ import annotations
@@ -19,11 +20,15 @@ import argparse
 import gc
 import json
 import os
+import sys
 import tempfile
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 SIZE = (1280, 720)
 FPS = 60
@@ -41,7 +46,7 @@ def silent(folder):
 class Playground:
     """The playground with a running herd."""
 
-    def __init__(self, level, count, folder):
+    def __init__(self, level, count, folder, space=False):
         import flockbrush.play.app as window
         from flockbrush.play.app import App, open_session
 
@@ -50,6 +55,9 @@ class Playground:
         self.session.play()
         self.app = App(self.session, SIZE, "light")
         self.app.notify = _silent
+        if space:
+            self.app.toggle_space()
+            self.app.toggle_follow()
 
     def frames(self, count):
         """(ms of each part, whether a tick fell into it) of so many frames."""
@@ -105,10 +113,10 @@ def timed(do):
     return 1000 * (WATCH.perf_counter() - begin)
 
 
-def measured(level, count, frames, rounds=6):
+def measured(level, count, frames, space=False, rounds=6):
     """The means of one number of animals, ms."""
     with tempfile.TemporaryDirectory() as folder:
-        playground, headless = Playground(level, count, folder), Headless(level, count)
+        playground, headless = Playground(level, count, folder, space), Headless(level, count)
         blit = Blit()
         playground.frames(40)  # compiled, drawn once, warm
         headless.ticks(8)
@@ -146,6 +154,7 @@ def main():
     parser.add_argument("--counts", type=int, nargs="+", default=[2_000, 10_000])
     parser.add_argument("--frames", type=int, default=180)
     parser.add_argument("--level", default="meadow")
+    parser.add_argument("--space", action="store_true", help="the view in three dimensions")
     parser.add_argument("--cpu", action="store_true", help="processor's time of all threads")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
@@ -153,7 +162,7 @@ def main():
         WATCH.perf_counter = time.process_time
     with tempfile.TemporaryDirectory() as folder:
         silent(folder)
-        table = {count: measured(options.level, count, options.frames) for count in options.counts}
+        table = {count: measured(options.level, count, options.frames, options.space) for count in options.counts}
     if options.json:
         print(json.dumps(table, indent=2))
         return
@@ -165,19 +174,21 @@ def show(table, options):
     from engine.parallel import threads
 
     load = f"load {os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "load unknown"
-    of = f"{options.level}, {threads()} threads, {options.frames} frames, {os.cpu_count()} cores, {load}"
+    level = options.level + " in space" * options.space
+    of = f"{level}, {threads()} threads, {options.frames} frames, {os.cpu_count()} cores, {load}"
     print(f"{'ms of CPU' if options.cpu else 'ms'} per frame at {SIZE[0]} x {SIZE[1]}: {of}")
     names = [*PARTS, "together", "95 % below", "floor"]
     print(f"{'animals':>9}  {'':<12}" + "".join(f"{name:>12}" for name in names) + f"{'goal':>8}")
     for count, rows in table.items():
         for kind in ("all frames", "with a tick"):
-            goal = f"{GOALS[count]:.0f}" if count in GOALS and kind == "all frames" else ""
+            goal = f"{GOALS[count]:.0f}" if count in GOALS and not options.space and kind == "all frames" else ""
             cells = "".join(f"{rows[kind][name]:>12.2f}" for name in names)
             print(f"{count:>9,}  {kind:<12}{cells}{goal:>8}")
         peers = rows["peers"]
         print(
             f"{'':>9}  headless tick {peers['headless tick']:.2f}, bare blit {peers['bare blit']:.2f}, "
-            f"{100 * peers['frames with a tick']:.0f} % of the frames have a tick"
+            f"{100 * peers['frames with a tick']:.0f} % of the frames have a tick, "
+            f"{1000 / rows['all frames']['together']:.0f} frames a second"
         )
 
 
