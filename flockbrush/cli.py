@@ -296,7 +296,7 @@ def track(
     """Follow the birds of a film: one id each, through crossings and gaps."""
     from flockbrush.track import track_clip
 
-    track_clip(clip, out, seed_points, correct, reach, json)
+    return track_clip(clip, out, seed_points, correct, reach, json)
 
 
 @app.command()

@@ -382,6 +382,8 @@ def _header(path, name):
     try:
         with open(path, encoding="utf-8-sig", errors="replace", newline="") as file:
             return {cell.strip().lower() for cell in next(csv.reader(file), [])}
+    except FileNotFoundError:
+        raise refused(name, "there is no such file") from None
     except OSError as error:
         raise refused(name, f"cannot be read: {error.strerror or error}") from None
     except csv.Error as error:

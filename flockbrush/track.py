@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 
@@ -12,11 +13,11 @@ from behaviours.learning.tracking import Tracker
 from behaviours.learning.tracks import Tracks, read_marks
 from behaviours.problems import ProblemsError
 from flockbrush.files import output_problems, refused, write_text
-from flockbrush.terminal import number, print_json, progress, say, show, table
+from flockbrush.terminal import INTERRUPTED, number, print_json, progress, say, show, table
 
 
-def track_clip(clip, out, seed_points=None, correct=None, reach=None, as_json=False):
-    """Follow the birds of a film and write ``frame,id,x,y``.
+def track_clip(clip, out, seed_points=None, correct=None, reach=None, as_json=False) -> int:
+    """Follow the birds of a film and write ``frame,id,x,y``; the exit code.
 
     Parameters
     ----------
@@ -38,27 +39,49 @@ def track_clip(clip, out, seed_points=None, correct=None, reach=None, as_json=Fa
     by_hand = [read_marks(path) if path else {} for path in (seed_points, correct)]
     tracker = Tracker(*by_hand, reach)
     begin = time.perf_counter()
-    frames, stopped = _follow(clip, tracker)
+    frames, stopped, size = _follow(clip, tracker)
     try:
         tracks = tracker.tracks()
     except ValueError as error:
         hint = "is it a film of birds against the sky? birds must be small, and darker or lighter than it"
         raise refused(clip, f"{error} in {frames} frames; {hint}") from None
     write_text(Path(out), table_of(tracks))
-    _tell(out, tracks, frames, time.perf_counter() - begin, stopped, as_json)
+    seconds = time.perf_counter() - begin
+    notes = [
+        note for path, marks in zip((seed_points, correct), by_hand, strict=True) for note in _unused(path, marks, size)
+    ]
+    if stopped:
+        notes.append(f"stopped after {frames} frames; what was followed so far is kept")
+    _tell(out, tracks, frames, seconds, stopped, notes, as_json)
+    return INTERRUPTED if stopped else 0
+
+
+def _unused(path, marks, size):
+    """Notes about what a person marked where the film has nothing: after its end, or outside the picture."""
+    frames, wide, high = size
+    late = sorted(frame for frame in marks if not 0 <= frame < frames)
+    if late:
+        yield f"{path}: frame {late[0]} is not in the film, which has 0 to {frames - 1}; {len(late)} such left out"
+    for frame in sorted(set(marks) - set(late)):
+        for bird, x, y, *_ in marks[frame]:
+            if not (0 <= x <= wide and 0 <= y <= high):
+                yield f"{path}: bird {bird} in frame {frame} is outside the {wide} x {high} picture"
 
 
 def _follow(clip, tracker):
-    """(frames taken, whether somebody stopped it)."""
+    """(frames taken, whether somebody stopped it, (frames of the film, its width and height))."""
     path = Path(clip)
     if not path.is_file():
         raise refused(clip, "is a folder, not a film" if path.is_dir() else "there is no such file")
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # what is wrong is said here
     film = cv2.VideoCapture(str(path))
     try:
         if not film.isOpened():
             raise refused(clip, "is no film that can be read")
         total = max(0, int(film.get(cv2.CAP_PROP_FRAME_COUNT)))
-        return _steps(film, tracker, total)
+        done, stopped = _steps(film, tracker, total)
+        sides = (int(film.get(side)) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+        return done, stopped, (max(done, total) if stopped else done, *sides)
     finally:
         film.release()
 
@@ -88,7 +111,7 @@ def table_of(tracks: Tracks) -> str:
     return "\n".join(rows) + "\n"
 
 
-def _tell(out, tracks, frames, seconds, stopped, as_json):
+def _tell(out, tracks, frames, seconds, stopped, notes, as_json):
     sights = tracks.seen.sum(0)
     alive = tracks.alive.sum(0)
     whole = int((alive >= 0.95 * len(tracks.px)).sum())
@@ -99,6 +122,7 @@ def _tell(out, tracks, frames, seconds, stopped, as_json):
         "in_gaps": int((alive - sights).sum()),
         "seconds": seconds,
         "stopped": stopped,
+        "notes": notes,
         "file": str(out),
     }
     if as_json:
@@ -114,8 +138,8 @@ def _tell(out, tracks, frames, seconds, stopped, as_json):
     ):
         made.add_row(name, number(value))
     show(made)
-    if stopped:
-        say(f"stopped after {frames} frames; what was followed so far is kept")
+    for note in notes:
+        say(f"note: {note}")
     if whole < len(tracks.ids):
         say("tracks that break off are birds that came, left or were lost; put them right with --correct FILE")
     say(f"wrote {out}")

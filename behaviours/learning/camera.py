@@ -43,7 +43,7 @@ class Camera(BaseModel):
     @model_validator(mode="after")
     def _in_order(self):
         if self.near >= self.far:
-            raise ValueError(f"near must be less than far, got {self.near:g} and {self.far:g} m")
+            raise ValueError(f"must be less than far, got {self.near:g} and {self.far:g} m")
         return self
 
     @property

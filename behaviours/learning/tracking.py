@@ -212,11 +212,13 @@ class Tracker:
         foretold = [bird.foretold() for bird in self.birds if bird.sure and bird.missed <= 4]
         inside: list[list[np.ndarray]] = [[] for _ in blobs]
         if blobs and foretold:
-            gaps = np.array([[_gap(blob, place) for blob in blobs] for place in foretold])
-            for place, row in zip(foretold, gaps, strict=True):
-                k = int(np.argmin(row))
-                if row[k] <= 0.5 * reach:
-                    inside[k].append(place)
+            low, high = (np.array([edge(blob.pixels, axis=0) for blob in blobs]) for edge in (np.min, np.max))
+            for place in foretold:
+                off = np.maximum(low - place, place - high).max(1) - 0.5  # of the box: never more than of the blob
+                near = np.flatnonzero(off <= 0.5 * reach)
+                gaps = [_gap(blobs[k], place) for k in near]
+                if gaps and min(gaps) <= 0.5 * reach:
+                    inside[near[int(np.argmin(gaps))]].append(place)
         places, areas, apart = [np.zeros((0, 2))], [], []
         for blob, mine in zip(blobs, inside, strict=True):
             parts, hidden = divided(blob, mine, usual, reach)

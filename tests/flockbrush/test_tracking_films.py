@@ -53,3 +53,29 @@ def test_a_correction_with_a_mistake_names_its_line(clip, tmp_path, capsys):
     assert called(["track", str(clip), "--out", str(tmp_path / "t.csv"), "--correct", str(tmp_path / "fix.csv")]) == 1
     assert "fix.csv:2: x: must be a number, got 'ten'" in capsys.readouterr().err
     assert not (tmp_path / "t.csv").exists()
+
+
+def test_marks_that_the_film_has_no_place_for_are_told(clip, tmp_path, capsys):
+    (tmp_path / "fix.csv").write_text("frame,id,x,y\n5000,1,10,20\n3,7,-400,20\n")
+    out, fix = str(tmp_path / "t.csv"), str(tmp_path / "fix.csv")
+    assert called(["track", str(clip), "--out", out, "--correct", fix, "--json"]) == 0
+    late, outside = json.loads(capsys.readouterr().out)["notes"]
+    assert "frame 5000 is not in the film, which has 0 to 29" in late
+    assert "bird 7 in frame 3 is outside the 320 x 180 picture" in outside
+
+
+def test_what_was_followed_before_somebody_stops_it_is_kept(clip, tmp_path, capsys, monkeypatch):
+    from behaviours.learning.tracking import Tracker
+
+    step = Tracker.step
+
+    def stopped(self, image):
+        if self.frame == 19:
+            raise KeyboardInterrupt
+        step(self, image)
+
+    monkeypatch.setattr(Tracker, "step", stopped)
+    assert called(["track", str(clip), "--out", str(tmp_path / "t.csv")]) == 130
+    assert "stopped after 20 frames" in capsys.readouterr().err
+    with open(tmp_path / "t.csv") as file:
+        assert {int(row["frame"]) for row in csv.DictReader(file)} == set(range(20))
