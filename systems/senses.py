@@ -138,8 +138,9 @@ class SeeInSpace(System):
             agents[Body.radius],
             world.resource(Landscape).opaque_solids,
             self.width,
+            sight.scratch,
         )
-        self.width = 32 + 2 * len(sight.lists.near) // max(len(near.space.x), 1)
+        self.width = max(32, 16 + 3 * len(sight.lists.near) // max(2 * len(near.space.x), 1))
 
 
 class SeeByHiddenPoints(System):
