@@ -89,7 +89,9 @@ _known: dict[
 def descend(given: Setting, theta, extras, seed, rows=FEW, span=SPANS[1]):
     """One descent: {theta, extras, loss}; and of turns also how sure they are."""
     if all(told_apart(clip) for clip in given.seen):
-        return _descend_on_turns(given, np.array(theta), dict(extras), rows, span)
+        found = _descend_on_turns(given, np.array(theta), dict(extras), rows, span)
+        if found is not None:
+            return found
     return _descend_on_fields(given, np.array(theta), dict(extras), seed)
 
 
@@ -102,11 +104,12 @@ def _free(given):
 
 
 def _descend_on_turns(given, theta, extras, rows, span):
+    """As `descend`; None where nobody's turns can be told, as in a region so narrow that all may see beyond it."""
     from behaviours.learning.turns import fit_turns, thinned
 
     turns, params, free = _turns(given, extras, span), params_of(theta, extras), _free(given)
-    if turns is None:
-        return {"theta": theta.tolist(), "extras": extras, "loss": []}
+    if turns is None or not len(turns.ticks):
+        return None
     fit = fit_turns(thinned(turns, rows), theta, params, free=free, tolerance=1e-5)
     unsaid = free & ~np.isfinite(fit.deviation)  # where no obstacle is seen, what is usual
     return {
@@ -328,8 +331,9 @@ class _Search:
                 self._add(Attempt(name, task["seed"], theta, theta, extras))
                 name += ", fitted"
             fitted.append(self._add_found(Attempt(name, task["seed"], theta, theta, extras), found))
-        if "wander" in results[0]:
-            self._limit(workers, [k for k in fitted if len(self.attempts[k].loss)])
+        turned = [k for k, found in zip(fitted, results, strict=True) if "wander" in found]
+        if turned:
+            self._limit(workers, turned)
 
     def _limit(self, workers, fitted):
         """The best fit of each reach of sight, with animals that cannot turn faster than they are seen to."""
