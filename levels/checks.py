@@ -196,10 +196,18 @@ class _Checks:
 
     def named(self, key, place, lines):
         """What a command names must exist."""
-        for name, known in (("brush", self.library.names()), ("goal", [g.name for g in self.level.goals])):
+        goals = [goal.name for goal in self.level.goals]
+        for name, known in (("brush", self.library.names()), ("goal", goals), ("species", self.species())):
             value = key.args.get(name)
             if isinstance(value, str) and value and value not in known:
                 place.say(f"{name}: there is no {name} {value[:60]!r}{did_you_mean(value, known)}", lines.get(name))
+
+    def species(self):
+        """The species that spawns and the script bring in."""
+        come = [spawn.species for spawn in self.level.spawns]
+        script = [key for key in self.level.script if key.command == "AddAnimals" and key.command in self.commands]
+        come += [key.args.get("species", self.commands["AddAnimals"].species) for key in script]
+        return [name for name in dict.fromkeys(come) if isinstance(name, str)]
 
     def complete(self, key, known):
         """What a command wants and the properties leave out, the drawn object says: x, y, radius, points."""

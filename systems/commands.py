@@ -64,6 +64,12 @@ def _check_circle(command):
     need(command.radius >= 0, f"radius must be at least 0 m, got {command.radius:g}")
 
 
+def _check_species(world, name):
+    names = world.resource(SpeciesList).names
+    if name and name not in names:
+        raise LookupError(f"there is no species {name!r}{did_you_mean(name, names)}")
+
+
 def _check_brush(world, name):
     world.resource(Palette).named(name)
 
@@ -86,10 +92,8 @@ def _selected(world, x, y, radius, species):
     if radius > 0:
         chosen &= (xyz[:, 0] - x) ** 2 + (xyz[:, 1] - y) ** 2 <= radius**2
     if species:
-        names = world.resource(SpeciesList).names
-        if species not in names:
-            raise LookupError(f"there is no species {species!r}{did_you_mean(species, names)}")
-        chosen &= world.agents[Species.index] == names.index(species)
+        _check_species(world, species)
+        chosen &= world.agents[Species.index] == world.resource(SpeciesList).names.index(species)
     return chosen
 
 
@@ -624,6 +628,7 @@ class Migrate:
         need(self.seconds >= 0, f"seconds must be at least 0, got {self.seconds:g}")
         need(self.kind != "direction" or self.x or self.y or self.z, "a direction must not be (0, 0, 0)")
         _check_circle(self)
+        _check_species(world, self.species)
 
     def _chosen(self, world):
         return _selected(world, self.at_x, self.at_y, self.radius, self.species)

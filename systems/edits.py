@@ -400,13 +400,13 @@ class RemoveThing:
 
     def there(self, world):
         """Index of the thing, or None."""
-        return next((k for k, thing in enumerate(_things(world, self.kind)) if thing.id == self.id), None)
+        return next((k for k, thing in enumerate(_things(world, self.kind, self.id)) if thing.id == self.id), None)
 
     def ground_box(self, world):
         if self.kind in ("guide", "goal"):
             return "all"
         there = self.there(world)
-        return None if there is None else box_of(_things(world, self.kind)[there].polygon)
+        return None if there is None else box_of(_things(world, self.kind, self.id)[there].polygon)
 
     def inverse(self, world):
         self.check(world)
@@ -423,7 +423,7 @@ class RemoveThing:
         if self.kind == "obstacle":
             RemoveObstacle(id=self.id).apply(world)
             return
-        del _things(world, self.kind)[there]
+        del _things(world, self.kind, self.id)[there]
         if self.kind == "spawn":
             del nursery.born[there]
         elif self.kind == "exit":
@@ -436,15 +436,17 @@ class RemoveThing:
             land.navigate()
 
 
-def _things(world, kind):
-    """The list of the things of a kind that the world keeps."""
+def _things(world, kind, number):
+    """The list of the things of a kind that the world keeps, with the one of this id if there is one."""
     owner = world.resource(Nursery if kind == "spawn" else Landscape)
+    if kind == "obstacle" and any(b.id == number for b in owner.overhead):
+        return owner.overhead
     return getattr(owner, KINDS[kind][0])
 
 
 def _inverse(world, kind, number):
     """The command, in a list, that puts the thing with this id back to how it is now, or away if it is not."""
-    things = _things(world, kind)
+    things = _things(world, kind, number)
     there = next((k for k, thing in enumerate(things) if thing.id == number), None)
     return [RemoveThing(kind, number) if there is None else KINDS[kind][1](world, things[there], there)]
 

@@ -8,7 +8,7 @@ from components.formation import FormationPlace
 from engine.clock import Clock
 from engine.commands import command
 from engine.noise import Noise
-from systems.commands import _check_circle, _selected
+from systems.commands import _check_circle, _check_species, _selected
 from systems.taking_back import columns_now, need
 
 ONSET = 0.5  # s in which a gust is felt.  By eye
@@ -36,6 +36,7 @@ class Gust:
         need(self.seconds > 0, f"seconds must be above 0, got {self.seconds:g}")
         need(0 <= self.uneven <= 1, f"uneven must be from 0 to 1, got {self.uneven:g}")
         _check_circle(self)
+        _check_species(world, self.species)
 
     def inverse(self, world):
         self.check(world)

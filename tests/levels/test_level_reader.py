@@ -17,6 +17,7 @@ from small_level import (
     PLAIN,
     SLOW,
     WALL,
+    Shelf,
     herd,
     level,
     objects,
@@ -32,8 +33,12 @@ from small_level import (
     with_objects,
 )
 
+import systems.gusts  # noqa: F401  a command
+from behaviours.problems import ProblemsError
+from engine.commands import COMMANDS
 from levels import schema
 from levels.geometry import signed_area
+from levels.reader import read_level_files
 
 
 def png(picture):
@@ -613,6 +618,24 @@ class TestScript:
     )
     def test_a_script_that_cannot_run_is_told(self, values, message):
         assert message in problem(self.script(**values))
+
+    @pytest.mark.parametrize("command", ["Migrate", "Gust", "RemoveAnimals"])
+    def test_a_species_that_nobody_is_of_is_told_when_the_level_is_read(self, command):
+        def told(*script):
+            keys = [thing(k, "Key", 80, 80, extra={"point": True}, **v) for k, v in enumerate(script, 2)]
+            data = json.dumps(with_objects("script", *keys)).encode()
+            try:
+                read_level_files({"small.tmj": data}, library=Shelf(), commands=COMMANDS)
+            except ProblemsError as error:
+                return str(error)
+            return ""
+
+        values = {"command": command, "radius": 5.0, "z": 1.0, "species": "aminal"}
+        values = {k: v for k, v in values.items() if (command, k) != ("RemoveAnimals", "z")}
+        assert "species: there is no species 'aminal'; there are animal" in told(values)
+        assert told(values | {"species": "animal"}) == told(values | {"species": ""}) == ""
+        added = {"command": "AddAnimals", "brush": "march", "radius": 5.0, "species": "aminal"}
+        assert told(values, added) == ""
 
 
 class TestNoLevel:

@@ -306,6 +306,18 @@ def test_a_guide_is_drawn_reshaped_and_taken_away():
     assert not land.navigation.guidance.any()
 
 
+def test_what_hangs_over_the_ground_is_taken_away_by_its_id_and_comes_back():
+    simulation = scene()
+    land = simulation.world.resource(Landscape)
+    do(simulation, AddObstacle("beam", SQUARE, id=50, z_min=5.0, z_max=6.0))
+    assert [b.name for b in land.overhead] == ["beam"]
+    back = do(simulation, RemoveThing("obstacle", 50))
+    assert land.overhead == []
+    for command in back:
+        command.apply(simulation.world)
+    assert [(b.name, b.z_min) for b in land.overhead] == [("beam", 5.0)]
+
+
 def test_animals_leave_by_an_exit_drawn_in_mid_run():
     simulation = scene()
     do(simulation, PlaceExit(41, "out", box(9, 9, 13, 11).tolist()))
