@@ -93,6 +93,7 @@ class LiftWindow:
         self.scale = scale_of(size)
         self.manager = Manager(size, look(self.theme, self.scale))
         self.dialog = None
+        self._letter = ""  # of the key that has opened the dialog; it comes once more, as text
         foot, wide = px(self.scale, 66), min(px(self.scale, 270), size[0] // 2)
         self.area = pygame.Rect(0, 0, size[0] - wide, max(20, size[1] - foot))
         self.column: Column | None = None
@@ -306,17 +307,16 @@ class LiftWindow:
 
     def handle(self, event):
         """Answer one event."""
-        if self.dialog is not None and self.dialog.alive():
-            self.manager.process_events(event)
-            self.dialog.handle(event)
-            return
         if event.type == pygame.QUIT:
             self.quit()
+        elif self.dialog is not None and self.dialog.alive():
+            self._of_dialog(event)
         elif event.type == pygame.VIDEORESIZE:
             self.screen = pygame.display.set_mode((max(480, event.w), max(360, event.h)), pygame.RESIZABLE)
             self.build()
         elif event.type == pygame.KEYDOWN:
             self._key(key_of(event))
+            self._letter = event.unicode if self.dialog is not None and self.dialog.alive() else ""
         elif self._held is None and event.type != pygame.MOUSEMOTION and self.manager.process_events(event):
             return
         elif event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.buttons:
@@ -326,6 +326,16 @@ class LiftWindow:
             self.at = float(round(event.value))
         elif self.column is None or not self.column.handle(event):
             self._mouse(event)
+
+    def _of_dialog(self, event):
+        """Give an event to the dialog, but not the letter of the key that has opened it."""
+        if event.type == pygame.TEXTINPUT and event.text == self._letter:
+            self._letter = ""
+            return
+        if event.type == pygame.KEYUP:
+            self._letter = ""
+        self.manager.process_events(event)
+        self.dialog.handle(event)
 
     def _key(self, key):
         steps = {"left": -1, "right": 1, "pageup": -10, "pagedown": 10, "home": -len(self.show), "end": len(self.show)}

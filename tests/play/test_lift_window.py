@@ -200,3 +200,19 @@ def test_without_a_display_play_says_what_to_do(tmp_path, monkeypatch, capsys):
     tracks, camera = written(tmp_path, seen(geese(4, 20)))
     assert called(["play", str(tracks), "--camera", str(camera)]) == 2
     assert "flockbrush lift TRACKS" in capsys.readouterr().err
+
+
+def test_the_letter_that_opens_a_dialog_is_not_typed_into_it(window):
+    pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_b, mod=0, unicode="b"))
+    pygame.event.post(pygame.event.Event(pygame.TEXTINPUT, text="b"))
+    window.frame(1 / 30)
+    assert window.dialog.entry.get_text().endswith("tracks-v.brush.toml")
+    window.post(pygame.KEYUP, key=pygame.K_b, mod=0, unicode="b")
+    window.post(pygame.TEXTINPUT, text="b")
+    assert window.dialog.entry.get_text().endswith(".tomlb")
+
+
+def test_the_window_closes_though_a_dialog_asks_something(window):
+    window.key("b")
+    window.post(pygame.QUIT)
+    assert not window.running

@@ -73,7 +73,7 @@ class BirdsMode(Mode):
         if self.selected is not None and self.selected not in birds.ids:
             self.selected = None
         there = self.selected is not None
-        self.who.say(f"{self.selected}: in {birds.sights()[self.selected]} frames" if there else "none is chosen")
+        self.who.say(f"{self.selected}: in {_frames(birds.sights()[self.selected])}" if there else "none is chosen")
         for button in (*self.ends, self.remove, self.never):
             enabled(button, there)
         busy = "birds" in self.window.jobs
@@ -298,3 +298,8 @@ class BirdsMode(Mode):
             tall, wide = written(str(bird), height).shape
             label = pygame.Rect(round(corner[0]), round(corner[1]) - tall, wide, tall)
             self._labels[bird] = label.inflate(px(self.window.scale, 6), px(self.window.scale, 4))
+
+
+def _frames(count):
+    """So many frames, in words."""
+    return f"{count} frame{'s' * (count != 1)}"
