@@ -7,7 +7,9 @@ single animals (`bodies`, `sightings`).
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -35,6 +37,7 @@ LONG = 2.5  # length of a body over its width, where neither is known [herd.md]
 PARTLY = 0.6  # a mask may show so much less, or more, of a body's length than a person measures
 FEW = 5  # animals
 JUMP, STEADY = 0.5, 0.4  # overlap of the herd with that of the frame before, over the usual; and the least usual one
+AHEAD = 2  # pictures that a second thread prepares
 SLOW = 3.0  # deviations of the ground's flow: slower bodies have no direction
 
 
@@ -151,9 +154,9 @@ class Watch:
         """Measure every frame."""
         clip, taken = self.clip, _Taken(self, animals and self.apart and self.size.length >= SMALL)
         first = None
-        for k, picture in clip.read():
+        for (k, picture), (mask, small) in ahead(taken.prepared, clip.read()):
             first = picture if first is None else first
-            for glance in taken.next(k, picture):
+            for glance in taken.next(k, picture, mask, small):
                 if show is not None:
                     show(glance, self, taken.collector.last())
             say("measuring the herd", k + 1, len(clip))
@@ -227,10 +230,13 @@ class _Taken:
             steps.append(np.linalg.norm(move, axis=1))
         return gap_of(np.concatenate(steps), self.watch.size.length, self.clip.fps)
 
-    def next(self, k, picture):
-        """Take a picture; the glances at all frames that could be measured now."""
+    def prepared(self, k, picture):
+        """(mask, what the flow is computed of) of a picture."""
         mask = self._mask(k, picture)
-        small = self.flow.small(picture, mask)
+        return mask, self.flow.small(picture, mask)
+
+    def next(self, k, picture, mask, small):
+        """Take a picture; the glances at all frames that could be measured now."""
         if k > 0:
             self.overlaps.append(self._overlap(k, self.frames[k - 1][2][1], small[1]))
         self.frames[k] = (picture, mask, small)
@@ -311,6 +317,19 @@ class _Taken:
             return None
         moves = None if self.clip.still else self.moves
         return sightings_of(self.seen, self.clip.fps, self.watch.grid.to_bl, moves)[0]
+
+
+def ahead(work, items):
+    """(item, work(*item)) of each item in order, while a second thread works on the next."""
+    with ThreadPoolExecutor(1) as pool:
+        waiting: deque = deque()
+        for item in items:
+            waiting.append((item, pool.submit(work, *item)))
+            if len(waiting) > AHEAD:
+                item, made = waiting.popleft()
+                yield item, made.result()
+        for item, made in waiting:
+            yield item, made.result()
 
 
 # steps -----------------------------------------------------------------------------------

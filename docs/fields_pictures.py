@@ -1,0 +1,34 @@
+"""Draw the picture of what a film tells: ``python -m docs.fields_pictures``.  No screen is needed."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from behaviours.learning.observe import observe
+from flockbrush.draw import write_png
+from flockbrush.fields import drawing
+from tests.herd_film import Camera, herd, shoot
+
+HERE = Path(__file__).parent
+FRAME = 12
+
+
+def main():
+    """A mill by D'Orsogna and others' model, under a camera that drifts, turns and zooms, as `fields` shows it."""
+    shown = {}
+
+    def show(glance, watch, fields):
+        if glance.k == FRAME:
+            shown["picture"] = drawing(glance, watch, fields)
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "mill.mp4"
+        camera = Camera(drift=(1.0, 0.6), turn=0.1, zoom=0.05)
+        shoot(herd("mill", count=70, seconds=1.0, fps=25, seed=5), path, (640, 420), 17.0, camera, seed=6)
+        observe(path, show=show)
+    write_png(HERE / "fields.png", np.ascontiguousarray(shown["picture"][..., ::-1]))
+
+
+if __name__ == "__main__":
+    main()
