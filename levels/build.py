@@ -136,6 +136,7 @@ def build(level: Level, seed=None, agents=None, library: BrushLibrary | None = N
         When animals do not fit into their spawn, or a script command is unknown.
     """
     library = shipped() if library is None else library
+    species = list(dict.fromkeys(spawn.species for spawn in level.spawns))  # the script may name who does not come
     if agents is not None:
         level = scaled(level, agents)
     world = World(AGENT, capacity=max(256, level.agents))
@@ -144,7 +145,7 @@ def build(level: Level, seed=None, agents=None, library: BrushLibrary | None = N
         Clock(DT),
         Noise(level.seed if seed is None else seed),
         Commands(),
-        SpeciesList(list(dict.fromkeys(spawn.species for spawn in level.spawns))),
+        SpeciesList(species),
         palette,
         Near(),
         Sight(),

@@ -75,3 +75,8 @@ def test_a_level_of_birds_is_recorded_and_lived_again_bit_for_bit(cli, tmp_path,
     again = json.loads(cli("replay", path, "--verify", "--threads", 2, "--json").out)
     assert again["verified"] is True
     assert again["hash"] == run["hash"]
+
+
+def test_a_level_with_so_few_animals_that_the_falcon_stays_away_runs_all_the_same(cli):
+    done = cli("run", "elephants", "--agents", 12, "--seconds", 10)
+    assert (done.code, done.err) == (0, "")
