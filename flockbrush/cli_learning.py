@@ -12,6 +12,17 @@ import typer
 
 PARTS = ("occlusion", "angular", "density", "variance")
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
+Frames = Annotated[str | None, typer.Option(metavar="A:B", help="Only these frames, both included.")]
+Landmarks = Annotated[
+    list[str] | None,
+    typer.Option(metavar="FRAME:x,y,w,h", help="Something that stands still, pixels; give it twice."),
+]
+BodyColour = Annotated[str, typer.Option(metavar="R,G,B", help="Of the animals, or auto.")]
+BodyLength = Annotated[
+    float | None, typer.Option(min=2, max=2000, metavar="L", help="One animal nose to tail, pixels.")
+]
+Grid = Annotated[int, typer.Option(min=5, max=200, metavar="N", help="Cells across the picture.")]
+Obstacles = Annotated[Path | None, typer.Option(metavar="PNG", help="White where nobody can go.")]
 
 
 def register(app: typer.Typer):
@@ -106,20 +117,15 @@ def learn(
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write a page with pictures that tells how good it is.")
     ] = None,
-    frames: Annotated[str | None, typer.Option(metavar="A:B", help="Only these frames, both included.")] = None,
-    landmark: Annotated[
-        list[str] | None,
-        typer.Option(metavar="FRAME:x,y,w,h", help="Something that stands still, pixels; give it twice."),
-    ] = None,
-    body_colour: Annotated[str, typer.Option(metavar="R,G,B", help="Of the animals, or auto.")] = "auto",
-    body_length_px: Annotated[
-        float | None, typer.Option(min=2, max=2000, metavar="L", help="One animal nose to tail, pixels.")
-    ] = None,
+    frames: Frames = None,
+    landmark: Landmarks = None,
+    body_colour: BodyColour = "auto",
+    body_length_px: BodyLength = None,
     body_length_m: Annotated[
         float, typer.Option(min=0.001, max=50, metavar="M", help="The same in metres: a film does not tell.")
     ] = 1.0,
-    grid: Annotated[int, typer.Option(min=5, max=200, metavar="N", help="Cells across the picture.")] = 30,
-    obstacles: Annotated[Path | None, typer.Option(metavar="PNG", help="White where nobody can go.")] = None,
+    grid: Grid = 30,
+    obstacles: Obstacles = None,
     regions: Annotated[
         Path | None, typer.Option(metavar="PNG", help="A colour for each region; each gets a brush of its own.")
     ] = None,
@@ -190,17 +196,12 @@ def learn(
 def reenact(
     clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A film of a herd from above.")],
     brush: Annotated[str, typer.Option(metavar="NAME", help="A brush, or a .brush.toml file.")],
-    frames: Annotated[str | None, typer.Option(metavar="A:B", help="From which frame to which; all.")] = None,
-    landmark: Annotated[
-        list[str] | None,
-        typer.Option(metavar="FRAME:x,y,w,h", help="Something that stands still, pixels; give it twice."),
-    ] = None,
-    body_colour: Annotated[str, typer.Option(metavar="R,G,B", help="Of the animals, or auto.")] = "auto",
-    body_length_px: Annotated[
-        float | None, typer.Option(min=2, max=2000, metavar="L", help="One animal nose to tail, pixels.")
-    ] = None,
-    grid: Annotated[int, typer.Option(min=5, max=200, metavar="N", help="Cells across the picture.")] = 30,
-    obstacles: Annotated[Path | None, typer.Option(metavar="PNG", help="White where nobody can go.")] = None,
+    frames: Frames = None,
+    landmark: Landmarks = None,
+    body_colour: BodyColour = "auto",
+    body_length_px: BodyLength = None,
+    grid: Grid = 30,
+    obstacles: Obstacles = None,
     runs: Annotated[int, typer.Option(min=1, max=100, metavar="N", help="Simulations with different chance.")] = 3,
     seed: Annotated[int, typer.Option(min=0, max=2**31, metavar="K", help="Of the first.")] = 0,
     export: Annotated[
@@ -231,17 +232,12 @@ def fields(
     preview: Annotated[
         Path | None, typer.Option(metavar="F.mp4", help="A film of what was seen: bodies, motion, density.")
     ] = None,
-    frames: Annotated[str | None, typer.Option(metavar="A:B", help="Only these frames, both included.")] = None,
-    landmark: Annotated[
-        list[str] | None,
-        typer.Option(metavar="FRAME:x,y,w,h", help="Something that stands still, pixels; give it twice."),
-    ] = None,
-    body_colour: Annotated[str, typer.Option(metavar="R,G,B", help="Of the animals, or auto.")] = "auto",
-    body_length_px: Annotated[
-        float | None, typer.Option(min=2, max=2000, metavar="L", help="One animal nose to tail, pixels.")
-    ] = None,
-    grid: Annotated[int, typer.Option(min=5, max=200, metavar="N", help="Cells across the picture.")] = 30,
-    obstacles: Annotated[Path | None, typer.Option(metavar="PNG", help="White where nobody can go.")] = None,
+    frames: Frames = None,
+    landmark: Landmarks = None,
+    body_colour: BodyColour = "auto",
+    body_length_px: BodyLength = None,
+    grid: Grid = 30,
+    obstacles: Obstacles = None,
     regions: Annotated[Path | None, typer.Option(metavar="PNG", help="A colour for each region.")] = None,
     json: Json = False,
 ):

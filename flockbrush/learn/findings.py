@@ -12,6 +12,8 @@ from behaviours.learning.evidence import Evidence
 from behaviours.learning.learned import Learned
 from flockbrush.learn.comparison import JUDGED, TITLES, Comparison
 
+KEPT = 0.2  # polarization and milling of a herd of other size are the clip's within this
+
 
 @dataclass
 class Rival:
@@ -83,6 +85,13 @@ class Findings:
             words = f"with {row['factor']:g} times the animals"
             found |= {f"{words}, {name}": row[name] for name in ("polarization", "milling", "spacing", "together")}
         return {name: value for name, value in found.items() if math.isfinite(value)}
+
+    def strayed(self, row: dict) -> str:
+        """What a herd of other size does not keep of the clip, of one row of `counts`; "" where it keeps all."""
+        if self.comparison is None:
+            return ""
+        clip = {name: self.comparison.verdict(name).clip for name in JUDGED}
+        return ", ".join(n for n, v in clip.items() if math.isfinite(v) and abs(row[n] - v) > KEPT)
 
     def verdict(self) -> str:
         """One sentence: does the brush do what the clip shows?"""

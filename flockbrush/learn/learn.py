@@ -270,10 +270,15 @@ def _brush(herd, learned, clips, wishes, figures={}, notes=()) -> Brush:  # noqa
 
 def _counted(found):
     """A sentence about other numbers of animals."""
+
+    def not_kept(row):
+        strayed = found.strayed(row)
+        return f" (not as in the clip: {strayed})" if strayed else ""
+
     if found.counts:
         told = "; ".join(
             f"{r['animals']} animals: polarization {r['polarization']:.2f}, milling {r['milling']:.2f}, nearest "
-            f"neighbour {r['spacing']:.2f} BL"
+            f"neighbour {r['spacing']:.2f} BL{not_kept(r)}"
             for r in found.counts
         )
         yield f"On an endless plane, 10 to 20 s after a start like the clip's: {told}."
@@ -387,7 +392,7 @@ def _show(findings: Findings):
             made.add_row(v.name, *cells, allowed, met)
         show(made)
     for title, rows in (
-        ("with other numbers of animals", findings.counts),
+        ("with other numbers of animals", [r | {"not kept": findings.strayed(r) or "-"} for r in findings.counts]),
         ("left out, one at a time: mean errors", findings.ablations),
     ):
         if rows:

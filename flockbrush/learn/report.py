@@ -15,7 +15,7 @@ from flockbrush.draw import write_png
 from flockbrush.files import whole, write_text
 from flockbrush.learn.brush import plain, sentence
 from flockbrush.learn.comparison import ERRORS, REACH, TITLES
-from flockbrush.learn.findings import Findings
+from flockbrush.learn.findings import KEPT, Findings
 from flockbrush.learn.page import Page
 from flockbrush.learn.panels import CLIP, HERD, OTHER, SCALE, Chart, Line, Maps, Row, Rows, sheet
 from flockbrush.terminal import finite, number
@@ -291,13 +291,16 @@ def _counts(page, findings):
     if not findings.counts:
         return
     page.head("With other numbers of animals")
-    page.say("Herds of the same density on an endless plane, 20 s; means over the last ten.")
+    page.say(
+        "Herds of the same density on an endless plane, 20 s; means over the last ten. Not kept: what is farther than "
+        f"{KEPT:g} from the clip's."
+    )
     rows = [
         [f"{r['factor']:g} times", r["animals"], _n(r["polarization"]), _n(r["milling"]), _n(r["spacing"])]
-        + [_n(r["together"])]
+        + [_n(r["together"]), (strayed, "bad") if (strayed := findings.strayed(r)) else ("nothing", "good")]
         for r in findings.counts
     ]
-    page.table(["", "animals", "polarization", "milling", "nearest neighbour, BL", "in one herd"], rows)
+    page.table(["", "animals", "polarization", "milling", "nearest neighbour, BL", "in one herd", "not kept"], rows)
 
 
 def _ablations(page, findings):
