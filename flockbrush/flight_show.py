@@ -458,7 +458,8 @@ def _gridded(name, values, timed):
         fps = (last - first) / (end - begin)
     xyz = np.full((last - first + 1, len(birds), 3), np.nan)
     xyz[frames - first, column] = values[:, 2:5]
-    return Flight(xyz, np.linalg.norm(xyz, axis=-1), birds, first, float(fps))
+    fps = float(f"{fps:.7g}")  # as far as times are written: 30, not 30.0000015
+    return Flight(xyz, np.linalg.norm(xyz, axis=-1), birds, first, fps)
 
 
 # solving beside a window ---------------------------------------------------------------

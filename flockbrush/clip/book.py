@@ -159,6 +159,16 @@ class Book:
                 words += [f"--{part}", str(self.place(f"{part}.png"))]
         return shlex.join(words)
 
+    def lift_line(self, camera=None) -> str:
+        """The command that lifts the birds that were saved, empty when there are none."""
+        parts = [self.place(part) for part in ("tracks.csv", "sketch.csv") if self.place(part).is_file()]
+        if not parts:
+            return ""
+        camera = self.place("camera.toml") if camera is None else camera
+        return shlex.join(
+            ["flockbrush", "lift", str(parts[0]), "--camera", str(camera), "--out", str(self.place("flock.csv"))]
+        )
+
     # files ------------------------------------------------------------------------------------
 
     def save(self) -> list[Path]:

@@ -94,5 +94,7 @@ def _stay(book, size, theme, camera, mode, frames, interrupts):
         if not ended_well and book.dirty:
             book.save()
             say(f"{book.place('marks.toml')}: what was marked was saved before the end")
-    if book.place("marks.toml").is_file() and book.film.path is not None:
+    if line := book.lift_line(camera):
+        say(line)
+    elif book.place("marks.toml").is_file() and book.film.path is not None:
         say(book.learn_line())

@@ -333,3 +333,12 @@ def test_work_that_nobody_wants_stops():
     job = Job("endless", endless, lambda result: pytest.fail("nobody wants it"))
     job.stop(wait=True)
     assert job.look()
+
+
+def test_who_has_sketched_birds_is_told_how_to_lift_them(tmp_path):
+    book = Book(Sky(), tmp_path)
+    assert book.lift_line() == ""
+    (tmp_path / "sky.sketch.csv").write_text("frame,id,x,y\n")
+    said = book.lift_line()
+    assert said.startswith("flockbrush lift") and "sky.sketch.csv" in said and "sky.camera.toml" in said
+    assert "mine.toml" in book.lift_line(tmp_path / "mine.toml")
