@@ -338,9 +338,9 @@ def tracking(cases):
     """The table of tracking."""
     print("| flock | birds | tracks | recall | precision | switches | IDF1 | ms a frame |")
     print("|---|---|---|---|---|---|---|---|")
-    for flock, birds in (("crossing", 20), ("boids", 5), ("boids", 20), ("boids", 50)):
+    for flock, birds in (("crossing", 20), ("tight", 20), ("starlings", 5), ("starlings", 20), ("starlings", 50)):
         for seed in range(cases):
-            xyz, camera = crossing(birds, seed) if flock == "crossing" else filmed(flight(birds, seed))
+            xyz, camera = crossing(birds, seed) if flock == "crossing" else filmed(flight(birds, seed, flock))
             px = camera.project(xyz)
             visible = ((px > 4) & (px < (camera.width - 4, camera.height - 4))).all(-1)
             tracker, spent = Tracker(), 0.0

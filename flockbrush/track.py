@@ -37,7 +37,8 @@ def track_clip(clip, out, seed_points=None, correct=None, reach=None, as_json=Fa
     if problems:
         raise ProblemsError(problems)
     by_hand = [read_marks(path) if path else {} for path in (seed_points, correct)]
-    tracker = Tracker(*by_hand, reach)
+    seeds, corrections = by_hand
+    tracker = Tracker(seeds, corrections, reach)
     begin = time.perf_counter()
     frames, stopped, size = _follow(clip, tracker)
     try:
