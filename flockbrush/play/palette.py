@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import html
+
 import numpy as np
 import pygame
 import pygame_gui
@@ -13,6 +15,19 @@ from flockbrush.play.widgets import set_pictures
 
 CAPS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # m/s
 ACROSS = 2  # pictures side by side
+
+
+def whence(brush) -> str:
+    """Where a brush's numbers come from, and how well a learned one kept to its clip, for a tooltip."""
+    told = brush.provenance
+    lines = [f"{told.kind}: {told.clip or told.source}"]
+    if told.clip and told.frames:
+        lines[0] += f", frames {told.frames[0]} to {told.frames[1]}"
+    for name in ("polarization", "milling"):
+        pair = [told.report.get(f"held-out {name}, {whose}") for whose in ("clip", "simulated")]
+        if None not in pair:
+            lines.append(f"{name} {pair[0]:.2f} in frames held out, {pair[1]:.2f} simulated")
+    return "<br>".join(map(html.escape, lines))
 
 
 class Palette:
@@ -74,7 +89,7 @@ class Palette:
             return (entry or "bare ground"), ("Ground without a kind" if not entry else f"Ground of the kind {entry}")
         brush = app.find_brush(entry)
         title = getattr(brush, "title", "") or entry
-        return entry, f"<b>{title}</b><br>model {brush.model}" if brush is not None else entry
+        return entry, f"<b>{html.escape(title)}</b><br>model {brush.model}<br>{whence(brush)}" if brush else entry
 
     def _swatch(self, entry):
         """A speed limit as stripes the closer the slower; a surface as its colour."""

@@ -284,3 +284,17 @@ def test_what_was_tuned_lasts_into_a_run_that_begins_anew_and_is_still_told_from
     assert row(window, "mean").against().startswith("3, asset ")
     window.click(window.panel.drop)
     assert running(window).speed.mean != 3.0
+
+
+def test_a_learned_brush_says_from_which_clip_it_is_and_how_well_it_kept_to_it():
+    from behaviours.brush import shipped
+    from flockbrush.play.palette import whence
+
+    march = shipped().get("march")
+    report = {"held-out milling, clip": 0.9, "held-out milling, simulated": 0.85}
+    changed = {"kind": "learned", "clip": "a&b.mp4", "frames": (0, 49), "report": report}
+    lambs = march.model_copy(update={"provenance": march.provenance.model_copy(update=changed)})
+    said = whence(lambs)
+    assert said.startswith("learned: a&amp;b.mp4, frames 0 to 49<br>")
+    assert "milling 0.90 in frames held out, 0.85 simulated" in said
+    assert whence(march).startswith(f"{march.provenance.kind}: ")

@@ -13,6 +13,7 @@ from pygame_gui.elements import UIButton, UIDropDownMenu, UIScrollingContainer
 
 from behaviours.brush import Brush
 from behaviours.problems import ProblemsError
+from flockbrush.play.palette import whence
 from flockbrush.play.panels.knobs import TABLES, Knob, knobs_of
 from flockbrush.play.panels.panel import Panel, Picture, blank, palette_of, write
 from flockbrush.play.panels.rows import Row, row_of
@@ -131,7 +132,7 @@ class BrushPanel(Panel):
     def _say(self, brush, asset):
         count = len(changes(brush, asset))
         animals = self._animals(brush)
-        said = f"{brush.model} · {animals}", f"{count} changed" if count else "as the asset"
+        said = f"{brush.model} · {brush.provenance.kind} · {animals}", f"{count} changed" if count else "as the asset"
         if self.about.said != (said, self.app.theme.name):
             surface, height, px = blank(self.about.size), self.px(13), self.px
             middle = surface.get_height() / 2
@@ -142,8 +143,8 @@ class BrushPanel(Panel):
             pygame.draw.circle(surface, brush.colour, (px(7), middle), px(6))
             write(surface, said[0], (px(18), middle), height, self.colours.muted, room=right - px(24))
             self.about.show(surface, (said, self.app.theme.name))
-            self.about.element.set_tooltip(f"<b>{html.escape(brush.title or brush.name)}</b><br>"
-                                           f"{html.escape(brush.description or 'No description.')}")  # fmt: skip
+            title, more = brush.title or brush.name, brush.description or "No description."
+            self.about.element.set_tooltip(f"<b>{html.escape(title)}</b><br>{html.escape(more)}<br>{whence(brush)}")
         (self.drop.enable if count else self.drop.disable)() if self.drop.is_enabled != bool(count) else None
 
     def _animals(self, brush):
