@@ -32,7 +32,7 @@ def add(commands):
     parser.add_argument("--clips", nargs="*", default=[*TRIED, *KEPT, "sheep"], help="models of herd_film, or sheep")
     parser.add_argument("--animals", type=int, default=70)
     parser.add_argument("--seconds", type=float, default=6.0)
-    parser.add_argument("--budget", type=float, default=25.0, help="seconds of trials and evolution, as learn counts")
+    parser.add_argument("--budget", type=float, default=90.0, help="seconds of trials and evolution, as learn counts")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--perfect", action="store_true", help="a perfect observer instead of a film")
     parser.add_argument("--write", action="store_true", help=f"store the results in {RESULTS.name}")

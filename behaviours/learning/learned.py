@@ -65,7 +65,7 @@ class Learned:
     deviation : (12,) ndarray or None
         Standard deviation of each number as far as the turns of the animals tell (Cramér-Rao); None without turns.
     identifiable : (12,) bool ndarray
-        Whether the clip says what this number is: ``spread`` below .1, and ``deviation`` too where it is known.
+        Whether the clip says what this number is (`behaviours.learning.recipe.told_of`).
     held_out : dict
         Figures of the chosen herd on the frames held back inside the clips, by name.
     notes : list of str

@@ -31,7 +31,7 @@ from behaviours.brush import BodySpec, SpeedSpec, VisionSpec, shipped
 from behaviours.learning.evidence import Evidence
 from behaviours.learning.evolution import Evolution
 from behaviours.learning.learned import Attempt, Learned
-from behaviours.learning.rollout import DT, LEAST, Gates, Guide, Walls, params_of, rollout, theta_of
+from behaviours.learning.rollout import DT, LEAST, MOST, Gates, Guide, Walls, params_of, rollout, theta_of
 from behaviours.learning.scores import Target, distance, told_apart, total
 from behaviours.learning.setting import body_of, speed_of, start_of
 from behaviours.learning.workers import Stopped, Workers
@@ -55,6 +55,7 @@ COARSE_DT = 1 / 16  # s to a tick in the search; the choice is made with that of
 FINALISTS = 4
 EXTRAS = {"wander": (0.01, 3.0), "max_turn": (0.4, 20.0), "sensitivity": (0.05, 100.0)}  # freed, on a logarithmic scale
 SIGHTS = 4.0, 8.0  # BL
+FAINT = 0.1  # of the strongest weight, below which the ranges of a force tell nothing
 SURE = 0.1  # of what lies between 0 and 1: a number that is told is known better
 WHERE_DENSITY_COUNTS = ("aspect", "spread", "density", "nearest neighbour", "largest part")
 WHERE_ORDER_COUNTS = ("order nearby", "disorder")
@@ -482,7 +483,7 @@ class _Search:
             chosen = len(self.attempts) - 1
         best = self.attempts[chosen]
         deviation, spread = self._deviation_of(best), self._spread(chosen)
-        identifiable = spread < SURE if deviation is None else (spread < SURE) & (deviation < SURE)
+        identifiable = told_of(best.theta, spread, deviation)
         return Learned(
             params_of(best.theta, best.extras), given.speed, given.body, given.vision(best.extras), best.theta,
             best.extras, self.attempts, chosen, spread, deviation, identifiable, dict(best.figures),
@@ -518,6 +519,21 @@ def forces_of(theta, extras):
     out = np.array(theta, float)
     out[0:12:3] *= extras.get("sensitivity", 10.0) / 10.0
     return out
+
+
+def told_of(theta, spread, deviation=None):
+    """(12,) bool, which numbers a clip tells: those on which all herds as good agree, and the turns of animals too.
+
+    A number at its bound is only known to lie there or beyond, and the ranges of a force that is weak beside the
+    others, or may be none at all, mean nothing.
+    """
+    theta = np.asarray(theta, float)
+    deviation = np.zeros(12) if deviation is None else np.asarray(deviation)
+    told = (spread < SURE) & (deviation < SURE) & (theta > 1.01 * LEAST) & (theta < MOST)
+    for k in range(0, 12, 3):
+        faint = theta[k] < max(3.0 * deviation[k], FAINT * theta[0:9:3].max())
+        told[k + 1 : k + 3] &= not faint
+    return told
 
 
 def _stronger(theta, extras):
