@@ -331,6 +331,7 @@ def elephants():
     s.ground("dirt", rolling(s.x, s.y, 92, 40) > 1.0)
     s.box("Obstacle", 52, 84, 5, 5, "baobab", round_=True, shape="cylinder", z_max=14)
     s.box("Obstacle", 112, 40, 4, 4, "acacia", round_=True, shape="sphere", z_max=8)
+    s.box("Obstacle", 112, 40, 0.8, 0.8, "trunk of the acacia", round_=True, shape="cylinder", z_max=3)
     s.box("Obstacle", 118, 82, 16, 12, "kopje", shape="hull", z_max=9,
           corners="-8 -6 0; 8 -5 0; 7 6 0; -7 6 0; -5 -3 6; -1 1 9; 3 -2 8; 5 3 5; -4 4 5")  # fmt: skip
     s.box("Spawn", 80, 60, 60, 44, "herd", species="elephant", brush="graze", count=14, body_length=5)
