@@ -231,9 +231,9 @@ MEASURES = "constant | error | p90 | / constant | correlation | order | directio
 def depth(cases):
     """The tables of depths."""
     flights = {n: [flight(n, seed, "tight") for seed in range(cases)] for n in BARS}
-    print(f"tight flocks, {cases} of each size, {FRAMES} frames, field of view 60 degrees")
+    print(f"tight flocks, {cases} of each size, {FRAMES} frames, field of view 60 degrees:\n")
     for n in BARS:
-        print(f"{n} birds: {_of([compute_flock(xyz) for xyz in flights[n]])}")
+        print(f"* {n} birds: {_of([compute_flock(xyz) for xyz in flights[n]])}")
     _times(flights[5][0], flights[50][0])
     print()
     print(f"| birds | noise, px | {MEASURES} bars |\n|{'---|' * 11}")
@@ -276,7 +276,7 @@ def _times(few, many):
         truth, camera = filmed(turned(xyz, 0), 20.0)
         tally = Tally()
         tally.add(truth, seen(truth, camera, 0.5, 0), camera)
-        print(f"{birds} birds x {FRAMES} frames: {tally.seconds[0]:.2f} s of processor time, goal {goal} s")
+        print(f"* {birds} birds x {FRAMES} frames: {tally.seconds[0]:.2f} s of processor time, goal {goal} s")
 
 
 def _of(flown):
