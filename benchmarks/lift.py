@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -309,12 +310,25 @@ def pigeon_films(seconds=8.0, fps=25, folder=PIGEONS):
     return [(float(t), path(t + np.arange(round(seconds * fps)) / fps)) for t in begins]
 
 
+def compute_wind(xyz, fps):
+    """(deviation of the middle's speed over ground, the wind that leaves it evenest in the air, deviation in the air)."""
+    velocity = np.diff(xyz.mean(1), axis=0)[:, :2] * fps
+
+    def uneven(guess):
+        return np.linalg.norm(velocity - guess[:2], axis=1) - guess[2]
+
+    found = least_squares(uneven, [0.0, 0.0, 15.0]).x
+    return np.linalg.norm(velocity, axis=1).std(), float(np.hypot(*found[:2])), uneven(found).std()
+
+
 def pigeons(noise):
     """The table of pigeons."""
     if not PIGEONS.is_dir():
         print(f"skipped: there is no {PIGEONS}")
         return
     print(f"ten pigeons by GPS before a virtual camera, field of view 60°, {noise:g} px\n")
+    ground, wind, air = np.median([compute_wind(xyz, 5) for _, xyz in pigeon_films(40.0, 5)], axis=0)
+    print(f"speed over ground ± {ground:.1f} m/s; with a wind of {wind:.1f} m/s, through the air ± {air:.1f} m/s\n")
     print(f"| film | phase | films | polarization | {MEASURES}\n|{'---|' * 12}")
     for seconds, fps in ((4.0, 50), (8.0, 25), (40.0, 5)):
         films = [xyz for _, xyz in pigeon_films(seconds, fps)]
