@@ -311,7 +311,7 @@ def pigeon_films(seconds=8.0, fps=25, folder=PIGEONS):
 
 
 def compute_wind(xyz, fps):
-    """(deviation of the middle's speed over ground, the wind that leaves it evenest in the air, deviation in the air)."""
+    """(deviation of the speed over ground, the wind that leaves it evenest in the air, deviation in the air), m/s."""
     velocity = np.diff(xyz.mean(1), axis=0)[:, :2] * fps
 
     def uneven(guess):
