@@ -21,6 +21,7 @@ from flockbrush.learn.panels import CLIP, HERD, OTHER, SCALE, Chart, Line, Maps,
 from flockbrush.terminal import finite, number
 
 ORDER = "polarization", "milling", "milling in the picture", "aspect"
+OWN = "order", "errors", "crowd", "neighbours", "parameters", "loss"  # pictures of a report, besides its moments
 CROWD = "nearest neighbour", "density", "order nearby", "largest part"
 WORDS = {
     "moments": "Left: the clip, stabilised. Right: the simulation with the learned brush, from the same start, at the "
@@ -54,6 +55,8 @@ def write_report(findings: Findings, folder) -> list[Path]:
     """
     folder = Path(folder)
     pictures = _pictures(findings)
+    for name in {*OWN, *(f"moment-{k}" for k in range(1, 10))} - pictures.keys():  # of a report that was here before
+        (folder / f"{name}.png").unlink(missing_ok=True)
     written = [folder / "report.html"]
     write_text(written[0], page_of(findings, pictures).text())
     for name, image in pictures.items():
@@ -105,7 +108,9 @@ def _pictures(findings):
     made = {f"moment-{k + 1}": image for k, image in enumerate(findings.moments)}
     comparison = findings.comparison
     if comparison is not None:
-        made["order"] = sheet([_chart(comparison, name, (0.0, 1.0)) for name in ORDER if _told(comparison, name)])
+        order = [_chart(comparison, name, (0.0, 1.0)) for name in ORDER if _told(comparison, name)]
+        if order:
+            made["order"] = sheet(order)
         made["errors"] = sheet([_error_chart(comparison, name) for name in ERRORS])
         crowd = [_chart(comparison, name, _from_zero(comparison, name)) for name in CROWD if _told(comparison, name)]
         crowd.append(_speeds(comparison))

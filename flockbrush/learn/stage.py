@@ -20,6 +20,7 @@ SQUAREST = 0.55, 1.9  # width over height of a picture
 FADE = 1.5  # s of trails behind the simulated animals
 GAP = 8  # pixels between two pictures
 STRIP = 30  # pixels for what is written above them
+BAR = 160  # pixels for the bar that tells what a body length is
 
 
 class Stage:
@@ -46,6 +47,7 @@ class Stage:
         self.scale = min(TALL / tall, WIDEST / wide)  # pixels of the stage in a body length
         self.size = (int(2 * round(wide * self.scale / 2)), int(2 * round(tall * self.scale / 2)))
         self._from_picture = _after(self._from_bl, _inverse(to_pixels))
+        self._elsewhere = self._outside()
         self.painter = self._painter(wide, tall)
 
     @property
@@ -73,7 +75,20 @@ class Stage:
         way = _after(self._from_picture, _after(camera, self._upright))
         paper = tuple(float(part) for part in LIGHT.paper[::-1])
         flat = cv2.warpAffine(frame, way, self.size, flags=cv2.INTER_AREA, borderValue=paper)
+        if self._elsewhere is not None:
+            flat[self._elsewhere] = (0.4 * flat[self._elsewhere] + 0.6 * np.array(paper)).astype(np.uint8)
         return np.ascontiguousarray(flat[:, :, ::-1])
+
+    def _outside(self):
+        """(h, w) bool, pixels of the stage beyond the region that was learned from; None where all was."""
+        fields = self.evidence.fields
+        kinds = np.unique(fields.region[fields.seen.any(0)])
+        if len(kinds) != 1 or (fields.region == kinds[0]).all():
+            return None
+        cell, (x, y) = fields.cell, fields.origin
+        middle = np.array([[cell, 0, x + cell / 2], [0, cell, y + cell / 2]])  # of cells, BL
+        here = (fields.region == kinds[0]).astype(np.uint8)
+        return cv2.warpAffine(here, _after(self._from_bl, middle), self.size, flags=cv2.INTER_NEAREST) == 0
 
     def herd(self, xy, forward, time, ids=None, leader=None) -> np.ndarray:
         """Simulated animals (n, 2) BL; RGB."""
@@ -108,8 +123,10 @@ class Stage:
         image[STRIP : STRIP + tall, wide + GAP :] = right
         canvas = Canvas(image)
         for k, text in enumerate(words):
-            canvas.words(text, (k * (wide + GAP) + 2, STRIP / 2), 16, rgb("#26302c"), anchor=(0, 0.5))
-        self._bar(canvas, wide + GAP + wide)
+            begin = k * (wide + GAP) + 2
+            long = canvas.words(text, (begin, STRIP / 2), 16, rgb("#26302c"), anchor=(0, 0.5))
+        if begin + long + BAR < 2 * wide + GAP:  # room for it beside the words
+            self._bar(canvas, wide + GAP + wide)
         even = image.shape[0] + image.shape[0] % 2
         return np.pad(image, [(0, even - image.shape[0]), (0, 0), (0, 0)], constant_values=255)
 
