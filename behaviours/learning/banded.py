@@ -49,3 +49,24 @@ def solve_banded(bands, side):
             x[i] -= bands[i, k] * x[i + k]
         x[i] /= bands[i, 0]
     return x
+
+
+@njit(cache=True, nogil=True)
+def add_squares(bands, places, vectors, weight):
+    """Add ``weight * vectors.T @ vectors`` to a banded system, in place.
+
+    Parameters
+    ----------
+    bands : (size, wide) ndarray
+        Row i holds what is at (i, i), (i, i + 1), ...
+    places : (n,) ndarray of int
+        Rows that the vectors are of, in ascending order.
+    vectors : (k, n) ndarray
+    weight : float
+    """
+    for a in range(len(places)):
+        for b in range(a, len(places)):
+            total = 0.0
+            for k in range(len(vectors)):
+                total += vectors[k, a] * vectors[k, b]
+            bands[places[a], places[b] - places[a]] += weight * total

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from behaviours.learning.banded import banded_product, solve_banded
+from behaviours.learning.banded import add_squares, banded_product, solve_banded
 from behaviours.learning.camera import Camera
 from behaviours.learning.manner import Manner, compute_manner
 from behaviours.learning.tracks import Tracks, smoothed
@@ -332,7 +332,7 @@ class _System:
             birds = np.flatnonzero(triple[f])
             places = self.number[f : f + 3, birds].ravel()
             bend = (self.rays[f : f + 3, birds] * np.array([1.0, -2.0, 1.0])[:, None, None]).reshape(-1, 3)
-            self.add(bands, places, places, weight / len(birds) * (bend @ bend.T))
+            add_squares(bands, places, np.ascontiguousarray(bend.T), weight / len(birds))
 
     def _alignment(self, bands, weight):
         for f, birds in self._pairs():
@@ -364,7 +364,7 @@ class _System:
             way /= max(np.linalg.norm(way), 1e-12)
             places = self.number[f : f + 3, birds].ravel()
             along = (self.rays[f : f + 3, birds] @ way * [[1.0], [-2.0], [1.0]]).ravel()
-            self.add(bands, places, places, weight / len(birds) * np.outer(along, along))
+            add_squares(bands, places, along[None], weight / len(birds))
         return bands
 
     def _pairs(self):
