@@ -174,8 +174,15 @@ def skein():
 
 
 def elephants():
-    """Sparrows around a herd on the ground."""
-    return space("elephants", "light", 9, closer=1.6, turn=-25, over=8).picture()
+    """Sparrows among a herd on the ground burst before a falcon, which tells why it turns."""
+    stage = space("elephants", "light", 15.6, turn=-30, over=2)
+    stage.select("falcon", (0.0, 0.0))
+    app = stage.app
+    falcon = app.session.simulation.world.agents.row(app.selected)
+    x, y, z = app.session.simulation.world.agents[Position.xyz][falcon]
+    app.canvas.look(app.canvas.camera.at(x, y, z - 1.0).zoomed(3.0))
+    stage.panel("animal")
+    return stage.picture()
 
 
 def sheep():
@@ -198,7 +205,7 @@ if __name__ == "__main__":
     scenes = [
         ("starlings between pillars", starlings()),
         ("a skein, from behind", skein()),
-        ("sparrows around elephants", elephants()),
+        ("sparrows among elephants, and a falcon", elephants()),
         ("sheep, and how crowded it is", sheep()),
     ]
     small = [(name, cv2.resize(shot, (960, 540), interpolation=cv2.INTER_AREA)) for name, shot in scenes]
