@@ -7,9 +7,12 @@ from small_window import SmallWindow
 
 from behaviours.behaviour import behaviours
 from components import Heading, Role, Velocity
-from flockbrush.play.panels.animal import AnimalPanel, compass, facts_of, pulls_of, row_of, turning
+from flockbrush.draw.bodies import attitude_of
+from flockbrush.play.panels.animal import AnimalPanel, attitude, compass, facts_of, pulls_of, row_of, turning
+from flockbrush.play.session import Session
 from systems.commands import RemoveAnimals, SwitchBrush
 from systems.explain import explain
+from systems.senses import SightInSpace
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +56,32 @@ def test_the_facts_are_those_of_the_world(window):
     assert facts["brush"].startswith("march, ") and facts["brush"].endswith(" % (from swarm)")
     x, y = agents[Heading.forward][row, :2]
     assert facts["faces"].endswith(compass(x, y))
+
+
+def test_a_bird_tells_how_it_lies_in_the_air_and_whom_it_sees_there():
+    session = Session.open("elephants")
+    session.step(24)
+    sparrow = 20
+    facts = dict(facts_of(session, sparrow))
+    lists = session.simulation.world.resource(SightInSpace).lists
+    assert facts["others in sight"] == str(lists.first[sparrow + 1] - lists.first[sparrow]) != "0"
+    assert "height" in facts["place"] and "ground" not in facts and "flies" in facts
+    assert "flies" not in dict(facts_of(session, 0))  # an elephant
+    session.close()
+
+
+@pytest.mark.parametrize(
+    ("pitch", "bank", "words"),
+    [
+        (0, 0, "level"),
+        (10, 0, "climbs 10°"),
+        (-40, 30, "sinks 40°, leans 30° to the right"),
+        (0, -5, "leans 5° to the left"),
+    ],
+)
+def test_how_a_bird_lies_in_the_air_in_words(pitch, bank, words):
+    forward, up = attitude_of([0.7], np.radians([pitch]), np.radians([bank]))
+    assert attitude(forward[0], up[0]) == words
 
 
 def test_what_each_force_adds_comes_to_the_turn(window):

@@ -9,6 +9,7 @@ from pygame_gui.core import ObjectID
 from pygame_gui.elements import UIButton, UILabel, UIScrollingContainer
 
 from components import (
+    Airborne,
     Body,
     BrushBinding,
     Destination,
@@ -26,7 +27,9 @@ from flockbrush.play.panels.bars import Bar, bars_picture
 from flockbrush.play.panels.panel import Panel, Picture, blank, palette_of, write
 from systems.explain import explain
 from systems.landscape import Landscape
+from systems.palette import Palette
 from systems.population import SpeciesList
+from systems.senses import Sight, SightInSpace
 
 NOBODY = "Nobody is selected.", "Take the select tool and click an animal:", "its numbers and its forces appear here."
 
@@ -227,6 +230,10 @@ def facts_of(session, row) -> list[tuple[str, str]]:
     ]
     if goal >= 0:
         facts.append(("bound for", land.goals[goal].name or f"goal {goal + 1}"))
+    ways = world.resource(Palette)
+    if ways.flies[binding] and not ways.grounded[binding]:
+        facts.append(("flies", attitude(agents[Heading.forward][row], agents[Airborne.up][row])))
+        factor = 1.0  # mud slows nobody in the air
     if np.isfinite(cap) or factor != 1:
         limit = f"at most {cap:.1f} m/s" if np.isfinite(cap) else f"{100 * factor:.0f} % of its speed"
         facts.append(("ground", limit))
@@ -235,12 +242,21 @@ def facts_of(session, row) -> list[tuple[str, str]]:
 
 def seen_by(world, row) -> int:
     """How many others the animal saw in the last tick."""
-    from systems.senses import Sight
-
-    lists = world.resource(Sight).lists
+    flies = world.resource(Palette).flies[world.agents[BrushBinding.brush][row]]
+    lists = world.resource(SightInSpace if flies else Sight).lists
     if lists is None or row + 1 >= len(lists.first):
         return 0
     return int(lists.first[row + 1] - lists.first[row])
+
+
+def attitude(forward, up) -> str:
+    """How a bird lies in the air, in words, from its heading and its back, (3,) each."""
+    climb = float(np.degrees(np.arcsin(np.clip(forward[2], -1, 1))))
+    left = np.array([-forward[1], forward[0], 0.0]) / max(np.hypot(forward[0], forward[1]), 1e-9)
+    lean = float(np.degrees(np.arctan2(up @ left, up @ np.cross(forward, left))))
+    words = [f"{'climbs' if climb > 0 else 'sinks'} {abs(climb):.0f}°"] if abs(climb) >= 0.5 else []
+    words += [f"leans {abs(lean):.0f}° to the {'left' if lean > 0 else 'right'}"] if abs(lean) >= 0.5 else []
+    return ", ".join(words) or "level"
 
 
 def compass(x, y) -> str:
