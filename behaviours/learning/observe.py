@@ -363,7 +363,7 @@ def _size(clip, steady, masks, given):
     length = None if given is None else float(given) * clip.scale
     if size is None and length is None:
         size = _guessed(clip, levelled)
-        few = f"only {size.alone} animals stand" if size.alone else "no animal stands"
+        few = {0: "no animal stands", 1: "only one animal stands"}.get(size.alone, f"only {size.alone} animals stand")
         note = f"{few} alone; one was taken to be {size.length:.0f} pixels long: --body-length-px says it better"
         return size, size.length, size.alone > 0, [note]
     if length is None:
