@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from small_herd import gaps_to_solid
 
 from engine.solids import (
     ahead_,
@@ -126,6 +127,16 @@ def test_a_polygon_is_the_sum_of_its_convex_parts(polygon):
 # rays --------------------------------------------------------------------------------
 
 
+@given(st.integers(0, 10_000))
+def test_the_gap_is_what_plain_numpy_says_and_the_normal_is_its_slope(seed):
+    solids, points = packed(shapes(seed)), np.random.default_rng(seed).uniform(-6, 6, (6, 3))
+    for k in range(7):
+        found = np.array([surface_(solids, k, *point) for point in points])
+        assert found[:, 0] == pytest.approx(gaps_to_solid(solids, k, points), abs=1e-12)
+        further = gaps_to_solid(solids, k, points + 1e-6 * found[:, 1:])
+        assert further - found[:, 0] == pytest.approx(np.full(6, 1e-6), abs=1e-9)
+
+
 @given(st.integers(0, 10_000), st.floats(0, 0.7))
 def test_a_ray_enters_where_marching_along_it_finds_the_surface(seed, w):
     rng = np.random.default_rng(seed)
@@ -133,7 +144,7 @@ def test_a_ray_enters_where_marching_along_it_finds_the_surface(seed, w):
     p, u = rng.uniform(-8, 8, 3), unit(rng.normal(size=3))
     t = np.arange(0, 20, 0.01)
     for k in range(7):
-        gaps = np.array([surface_(solids, k, *(p + d * u))[0] for d in t[::5]])
+        gaps = gaps_to_solid(solids, k, p + t[::5, None] * u)
         inside = np.flatnonzero(gaps < w - 0.05)
         hit = entry_(solids, k, *p, *u, w)
         if len(inside):
