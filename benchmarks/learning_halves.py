@@ -92,7 +92,7 @@ def halves_of(name, options):
     random = [judged(second, params_of(rng.uniform(0.02, 1, 12)), *given, None, 1) for _ in range(RANDOM)]
     brushes = {}
     for brush in (shipped().get(name) for name in shipped().names()):
-        if brush.model == "herd":
+        if brush.model == "herd" and brush.provenance.kind != "learned":
             brushes[brush.name] = judged(second, brush.params, *given, brush.vision, 1)
     return {
         "within": mine["within"], "polarization": mine["polarization"], "milling": mine["milling"],

@@ -1,7 +1,7 @@
 """Draw the picture of what is learned from a film: ``python -m docs.learning_pictures``.  It takes some minutes.
 
-A mill by a model that is not ours (D'Orsogna et al. 2006) is filmed by a camera that drifts and turns; the picture is the
-report's of frames that were not learned from.
+A mill by a model that is not ours (D'Orsogna et al. 2006) is filmed by a camera that drifts and turns; the picture is
+the report's of frames that were not learned from.
 """
 
 import subprocess

@@ -154,9 +154,9 @@ class Watch:
         """Measure every frame."""
         clip, taken = self.clip, _Taken(self, animals and self.apart and self.size.length >= SMALL)
         first = None
-        for (k, picture), (mask, small) in ahead(taken.prepared, clip.read()):
+        for (k, picture), made in ahead(taken.prepared, clip.read()):
             first = picture if first is None else first
-            for glance in taken.next(k, picture, mask, small):
+            for glance in taken.next(k, picture, *made):
                 if show is not None:
                     show(glance, self, taken.collector.last())
             say("measuring the herd", k + 1, len(clip))
@@ -231,15 +231,20 @@ class _Taken:
         return gap_of(np.concatenate(steps), self.watch.size.length, self.clip.fps)
 
     def prepared(self, k, picture):
-        """(mask, what the flow is computed of) of a picture."""
+        """(mask, what the flow is computed of, the animals if they are told apart) of a picture."""
         mask = self._mask(k, picture)
-        return mask, self.flow.small(picture, mask)
+        return mask, self.flow.small(picture, mask), self._found(k, picture, mask)
 
-    def next(self, k, picture, mask, small):
+    def _found(self, k, picture, mask):
+        if self.seen is None:
+            return None
+        return bodies_of(mask, scaled(self.watch.size, 1 / zoom_of(self.maps[k])), picture)
+
+    def next(self, k, picture, mask, small, bodies):
         """Take a picture; the glances at all frames that could be measured now."""
         if k > 0:
             self.overlaps.append(self._overlap(k, self.frames[k - 1][2][1], small[1]))
-        self.frames[k] = (picture, mask, small)
+        self.frames[k] = (picture, mask, small, bodies)
         if k - self.gap >= 0:
             yield self._measure(k - self.gap, k)
             self.frames.pop(k - 2 * self.gap - 1, None)
@@ -276,7 +281,7 @@ class _Taken:
         return without_specks(mask, SPECK * self.watch.size.area / zoom_of(self.maps[k]) ** 2)
 
     def _measure(self, k, other):
-        picture, mask, small = self.frames[k]
+        picture, mask, small, bodies = self.frames[k]
         number, m = int(self.clip.numbers[k]), self.maps[k]
         if k == other:
             self.collector.add(number, mask, m, 0.0)
@@ -287,19 +292,16 @@ class _Taken:
             slow = SLOW * np.nan_to_num(noise) * zoom_of(m) / self.watch.length / abs(seconds)
             self.collector.add(number, mask, m, seconds, (at, move), slow)
             move = move / seconds
-        bodies = self._bodies(k, picture, mask, at, move)
+        if self.seen is not None:
+            self._follow(k, bodies, at, move)
         if not self.masks:
             self.masks = {f"frame {number}": picture, "what looks like animals": mask * np.uint8(255)}
         return Glance(k, picture, mask, at, move, bodies)
 
-    def _bodies(self, k, picture, mask, at, move):
-        if self.seen is None:
-            return None
-        m, zoom = self.maps[k], zoom_of(self.maps[k])
-        bodies = bodies_of(mask, scaled(self.watch.size, 1 / zoom), picture)
+    def _follow(self, k, bodies, at, move):
+        m = self.maps[k]
         self.seen.append(bodies.moved(m))
         self.moves.append(self._at_bodies(bodies, at, move) @ m[:, :2].T / self.clip.fps)
-        return bodies
 
     def _at_bodies(self, bodies, at, move):
         """(k, 2) how the middle of each body moves, px/s; NaN unknown."""

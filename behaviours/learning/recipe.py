@@ -1,14 +1,14 @@
 """From what a clip tells to a brush: starts, descents, trials and evolution, and what they leave unsure.
 
 1. Speed, bodies and the way animals begin follow from the clip directly (`behaviours.learning.setting`).
-2. **Starts**: some at random, and the numbers of every shipped brush of the herd model.
+2. **Starts**: some at random, and the numbers of every shipped brush of the herd model that was not itself learned.
 3. **Descent** of each: on the turns of single animals where they are told apart (`behaviours.learning.turns`), else on
    the fields (`behaviours.learning.torch_descent`, the paper's way [1]_).
 4. **Trials**: herds with those numbers are run from frames of the clip and compared with it
    (`behaviours.learning.scores`): once as far as the clip goes, and once well beyond, so that a mill must keep milling
    and not only begin as one.
 5. **Evolution** of the best on the same trials, which also sets what the equations of the paper leave out: wander, how
-   fast animals can turn and how fast they answer.
+   fast animals can turn and how fast they answer.  Nobody wanders by more than the fits of turns leave over.
 6. The better of each is kept on the last part of the frames, which neither descent nor evolution was shown.
 
 Work is counted in animals times ticks, never by the clock, and chance comes from seeds: the same evidence, seed and
@@ -53,6 +53,7 @@ REFINED = 2
 CLEARLY = 0.02  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
 COARSE_DT = 1 / 16  # s to a tick in the search; the choice is made with that of a level
 FINALISTS = 4
+LEAST_WANDER = 0.05  # rad/√s, that animals may always wander by
 EXTRAS = {"wander": (0.01, 3.0), "max_turn": (0.4, 20.0), "sensitivity": (0.05, 100.0)}  # freed, on a logarithmic scale
 SIGHTS = 4.0, 8.0  # BL
 FAINT = 0.1  # of the strongest weight, below which the ranges of a force tell nothing
@@ -299,6 +300,9 @@ class _Search:
         self.budget = budget_s * RATE
         self.begins = _begins(seed, starts, given.angular, brushes)
         self.final: list[int] = []  # attempts that were judged on what was held back
+        self.most_wander = EXTRAS["wander"][
+            1
+        ]  # what fits leave over: noise of sighting is in it, so it is an upper bound
         self.interrupted, self.notes = False, []
 
     @property
@@ -361,7 +365,11 @@ class _Search:
             for span in SPANS:
                 tasks.append({"theta": theta, "extras": extras, "seed": parent.seed, "rows": MANY, "span": span})
                 parents.append(parent)
-        for parent, task, found in zip(parents, tasks, workers.map(descend, tasks), strict=True):
+        results = workers.map(descend, tasks)
+        left_over = [found["wander"] for found in results if "wander" in found]
+        if left_over:
+            self.most_wander = min(self.most_wander, max(*left_over, LEAST_WANDER))
+        for parent, task, found in zip(parents, tasks, results, strict=True):
             name = f"{parent.name}, {task['span']:g} s"
             self._add_found(dataclasses.replace(parent, name=name), found)
             wanders = found | {"extras": found["extras"] | {"wander": found["wander"]}}
@@ -434,7 +442,7 @@ class _Search:
 
     def _evolve_one(self, workers, parent, generations, number, many):
         begin = self.attempts[parent]
-        code = _Code(begin.theta, begin.extras, self.given.angular)
+        code = _Code(begin.theta, begin.extras, self.given.angular, self.most_wander)
         cloud = Evolution(code.numbers, 0.05, GENERATION, (self.seed, 3, number))
         worths, best = [begin.score], None
         for g in range(generations):
@@ -572,7 +580,7 @@ def _begins(seed, starts, angular, brushes):
     library = shipped()
     for name in library.names() if brushes else ():
         brush = library.get(name)
-        if brush.model == "herd":
+        if brush.model == "herd" and brush.provenance.kind != "learned":  # perhaps from this very clip
             out.append((name, theta_of(brush.params), _extras_of(brush.params)))
     if not angular:
         out = [(name, np.where(np.arange(12) % 3 == 2, 1.0, theta), extras) for name, theta, extras in out]
@@ -591,16 +599,16 @@ def _extras_of(params):
 class _Code:
     """Parameters as numbers between 0 and 1, and back: nine of theta, and the logarithms of the extras."""
 
-    def __init__(self, theta, extras, angular):
+    def __init__(self, theta, extras, angular, most_wander):
+        self.limits = EXTRAS | {"wander": (EXTRAS["wander"][0], most_wander)}
         self.theta, self.extras = np.array(theta, float), dict(extras)
         self.free = np.array([k for k in range(9) if angular or k % 3 != 2])
         usual = params_of(theta, extras)
         logs = [self._to(name, getattr(usual, name)) for name in EXTRAS]
         self.numbers = np.concatenate([self.theta[self.free], logs])
 
-    @staticmethod
-    def _to(name, value):
-        low, high = EXTRAS[name]
+    def _to(self, name, value):
+        low, high = self.limits[name]
         return float(np.clip(np.log(max(value, low) / low) / np.log(high / low), 0.0, 1.0))
 
     def read(self, numbers):
@@ -609,7 +617,7 @@ class _Code:
         theta[self.free] = np.clip(numbers[: len(self.free)], LEAST, 1.0)
         extras = dict(self.extras)
         for name, x in zip(EXTRAS, numbers[len(self.free) :], strict=True):
-            low, high = EXTRAS[name]
+            low, high = self.limits[name]
             extras[name] = float(low * (high / low) ** x)
         if extras["wander"] <= 1.2 * EXTRAS["wander"][0]:
             extras["wander"] = 0.0

@@ -303,10 +303,11 @@ def _compare(found: Findings, wishes, interrupts, photo):
 
 
 def _rivals(frames, found, interrupts) -> list[Rival]:
-    """The brush, random numbers, and the shipped brushes of the model, on the same frames."""
+    """The brush, random numbers, and the shipped brushes of the model that were not learned, on the same frames."""
     learned = found.learned
     library = shipped()
-    names = [name for name in library.names() if library.get(name).model == "herd"]
+    papers = {name: library.get(name) for name in library.names()}
+    names = [name for name, brush in papers.items() if brush.model == "herd" and brush.provenance.kind != "learned"]
     if np.median(frames.fields.count) * len(frames.fields) > RIVAL_WORK / 10:
         names = names[:: max(1, len(names) // 4)]
     tried = {"random numbers": found.brush.with_parameters(**_random())}

@@ -5,7 +5,7 @@ import pytest
 
 from behaviours.learning.evolution import Evolution
 from behaviours.learning.learned import Learned
-from behaviours.learning.recipe import learn, simulate
+from behaviours.learning.recipe import _Code, learn, simulate
 from behaviours.learning.rollout import Start, rollout
 from behaviours.learning.setting import body_of, speed_of, start_of
 from behaviours.learning.workers import Stopped, Workers
@@ -134,3 +134,10 @@ def test_work_is_done_once_and_kept(tmp_path):
 def test_two_processes_learn_what_one_does(clip, found):
     other = learn(clip, seed=1, jobs=2, **FEW)
     assert np.array_equal(other.theta, found.theta)
+
+
+def test_evolution_lets_nobody_wander_by_more_than_the_fits_leave_over():
+    code = _Code(np.full(12, 0.5), {"wander": 0.0}, True, most_wander=0.6)
+    _, most = code.read(np.ones_like(code.numbers))
+    _, least = code.read(np.zeros_like(code.numbers))
+    assert most["wander"] == pytest.approx(0.6) and least["wander"] == 0.0
