@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-TRIED = "band", "mill", "swarm"  # looked at while the recipe was made
-KEPT = "torus", "topological", "drifting mill"  # kept for this check alone
+TRIED = "band", "mill", "swarm", "torus", "drifting mill", "topological"  # looked at while the recipe was made
+KEPT = "school", "graze"  # kept for this check alone
 SHEEP = Path(__file__).resolve().parents[2] / "shared" / "data" / "aerial_sheep" / "sheep_0043.mp4"
 RESULTS = Path(__file__).resolve().parent / "learning_halves.json"
 RUNS, RANDOM = 3, 7

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from behaviours.learning.observe import observe
 
 from behaviours.learning.clip import open_clip
 from behaviours.learning.evidence import CannotObserve, Evidence, halves
+from behaviours.learning.observe import observe
 from flockbrush.files import refused
 from flockbrush.terminal import progress
 
