@@ -43,6 +43,7 @@ from flockbrush.terminal import Stopped, finite, print_json, say
 JOURNAL = "runs.jsonl"
 ATTEMPTS = 3  # how often a worker may die of the same run before it is listed as failed
 ADDRESS = re.compile(r"(?:(?:tcp|tls|ucx|wss?)://)?(?:\[[0-9a-fA-F:]+\]|[\w.-]+):\d{1,5}")
+ANSWERS = "10s"  # a scheduler that says nothing for so long is not there
 BEAT = 0.2  # s between looks at the keyboard
 
 
@@ -205,7 +206,7 @@ def cluster(address):
         raise refused("--cluster", f"an address is a host and a port, such as tcp://host:8786, got {address!r}")
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters of it is said in our own words
     try:
-        client = Client(address, timeout="10s", set_as_default=False)
+        client = Client(address, timeout=ANSWERS, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise refused(address, f"no Dask scheduler answers there: {error}") from None
     try:

@@ -12,4 +12,5 @@ def pytest_xdist_make_scheduler(config, log):
     """The tests of a file go to one process: kernels are compiled and herds set up once, not in every process."""
     from xdist.scheduler import LoadFileScheduling
 
+    config.option.loadscopereorder = False  # the files with few, long tests are not kept for the end
     return LoadFileScheduling(config, log)
