@@ -28,6 +28,8 @@ FINE = 11.0  # px: longer bodies are looked for in a smaller picture
 FREE = 0.55  # share of a capsule that must belong to nobody else
 FULL = 0.7  # share of a capsule that must be animal
 ROUNDS = 5  # of k-means
+AGAIN = 0.15  # of a perfect fit: what it is worth to lie as an animal lay in the frame before
+WANDERS = 0.12  # of a length: how far it may have gone since for that to count
 SHAPES = np.linspace(0.0, 6.0, 241)  # half axis over radius of a capsule
 
 
@@ -196,7 +198,7 @@ def capsule(area, along, across):
 # bodies -------------------------------------------------------------------------------------------------------------
 
 
-def bodies_of(mask, size: BodySize, picture=None) -> Bodies:
+def bodies_of(mask, size: BodySize, picture=None, before: Bodies | None = None) -> Bodies:
     """The animals of a mask, (h, w), nonzero where an animal is.
 
     Parameters
@@ -205,6 +207,9 @@ def bodies_of(mask, size: BodySize, picture=None) -> Bodies:
         Of one animal, in pixels of this mask.
     picture : (h, w, 3) or (h, w) uint8 ndarray, optional
         Makes animals that touch easier to tell apart.
+    before : Bodies, optional
+        Those of the frame before, in pixels of this one: where animals touch, a way to part them that looks much as it
+        did is preferred, so that they do not jump to and fro.
     """
     mask = _binary(mask)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
@@ -215,7 +220,7 @@ def bodies_of(mask, size: BodySize, picture=None) -> Bodies:
     found = [_measured(labels, np.flatnonzero(lone), count, np.ones(lone.sum(), bool))]
     if many.any():
         crowd = many[labels].view(np.uint8)
-        found.append(_parted(crowd, size, picture))
+        found.append(_parted(crowd, size, picture, before))
     return Bodies(*(np.concatenate(v) for v in zip(*(vars(f).values() for f in found), strict=True)))
 
 
@@ -261,7 +266,7 @@ def _moments(labels, sums):
 # those that touch ---------------------------------------------------------------------------------------------------
 
 
-def _parted(crowd, size, picture):
+def _parted(crowd, size, picture, before=None):
     """The bodies of a mask in which they touch."""
     y0, x0, crowd = _cut(crowd, size)
     shrink = min(1.0, FINE / size.length)
@@ -275,7 +280,8 @@ def _parted(crowd, size, picture):
         grey = _contrast(part, crowd[pad[0] : h - pad[1], pad[2] : w - pad[3]], size)
         evidence *= _resized(cv2.copyMakeBorder(grey, *pad, cv2.BORDER_CONSTANT), shrink)
     long, wide = size.length * shrink, size.width * shrink
-    at = _placed(small, evidence, long, wide)
+    likely = _likely(before, small.shape, shrink, (x0, y0), long)
+    at = _placed(small, evidence, long, wide, likely)
     half, radius = 0.5 * (long - wide), 0.5 * wide
     sums, owner = _settled(small, at, half, radius)
     keep = sums[:, 0] > LEAST * size.area * shrink**2
@@ -316,7 +322,27 @@ def _contrast(picture, mask, size):
     return np.clip(0.75 + 0.25 * ridge / spread, 0.0, 1.0).astype(np.float32)
 
 
-def _placed(solid, evidence, long, wide):
+def _likely(before, shape, shrink, corner, long):
+    """How likely a body lies where one lay before, (h, w) float32, 0 to 1, and its angle there, (h, w) float32 rad."""
+    likely, angle = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    if before is None:
+        return likely, angle
+    for (x, y), (c, s) in zip((before.xy - corner) * shrink, before.axis, strict=True):
+        reach = int(np.ceil(3 * WANDERS * long))
+        rows = slice(max(0, int(y) - reach), max(0, int(y) + reach + 1))
+        columns = slice(max(0, int(x) - reach), max(0, int(x) + reach + 1))
+        here = likely[rows, columns]
+        if not here.size:
+            continue
+        down, right = np.mgrid[rows.start : rows.start + here.shape[0], columns.start : columns.start + here.shape[1]]
+        along, across = c * (right + 0.5 - x) + s * (down + 0.5 - y), c * (down + 0.5 - y) - s * (right + 0.5 - x)
+        own = np.exp(-0.5 * ((along / (WANDERS * long)) ** 2 + (across / (0.5 * WANDERS * long)) ** 2))
+        angle[rows, columns] = np.where(own > here, np.arctan2(s, c), angle[rows, columns])
+        likely[rows, columns] = np.maximum(here, own)
+    return likely, angle
+
+
+def _placed(solid, evidence, long, wide, likely):
     """Capsules that cover the animals without lying on each other, (k, 3): x, y, angle."""
     inside, ring = _stamps(long, wide)
     depth = cv2.distanceTransform((solid > 0.5).astype(np.uint8), cv2.DIST_L2, 3)
@@ -325,7 +351,8 @@ def _placed(solid, evidence, long, wide):
         return np.zeros((0, 3))
     score, angle = np.empty(len(places), np.float32), np.empty(len(places), np.int32)
     across = evidence.shape[1]
-    _tried(evidence.ravel(), places @ (across, 1), inside @ (across, 1), ring @ (across, 1), score, angle)
+    prior = (AGAIN * likely[0][*places.T]).astype(np.float32), likely[1][*places.T]
+    _tried(evidence.ravel(), places @ (across, 1), inside @ (across, 1), ring @ (across, 1), *prior, score, angle)
     order = np.argsort(-score, kind="stable")
     taken = _chosen(solid, places[order], angle[order], inside, FREE, FULL)
     rows = order[taken]
@@ -357,10 +384,11 @@ def _number(long, wide, more):
 
 
 @njit(cache=True, nogil=True)
-def _tried(evidence, places, inside, ring, score, angle):
+def _tried(evidence, places, inside, ring, likely, lay, score, angle):
     """The best angle of a capsule at each place, and how well it fits: animal inside, ground around.
 
-    Places and pixels of capsules are numbers of pixels of the picture, row after row.
+    Who lay there before, as likely and at the angle given, counts too.  Places and pixels of capsules are numbers of
+    pixels of the picture, row after row.
     """
     for i in range(len(places)):
         at = places[i]
@@ -372,6 +400,8 @@ def _tried(evidence, places, inside, ring, score, angle):
             for q in range(ring.shape[1]):
                 rim += evidence[at + ring[k, q]]
             s = full / inside.shape[1] - 0.5 * rim / ring.shape[1]
+            if likely[i] > 0:
+                s += likely[i] * np.cos(lay[i] - k * np.pi / inside.shape[0]) ** 2
             if s > score[i]:
                 score[i], angle[i] = s, k
 

@@ -10,6 +10,7 @@ import io
 import json
 import zipfile
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -133,6 +134,16 @@ class Fields:
         ny, nx = self.shape
         x, y = np.meshgrid(np.arange(nx) + 0.5, np.arange(ny) + 0.5)
         return self.origin + self.cell * np.stack([x, y], axis=-1)
+
+    @cached_property
+    def holds_all(self) -> bool:
+        """Whether nobody stands at the border of the picture: then it may be thought larger than it is."""
+        density, seen = np.nan_to_num(self.density), self.seen
+        inner = np.zeros_like(seen)
+        inner[:, 1:-1, 1:-1] = (
+            seen[:, 1:-1, 1:-1] & seen[:, :-2, 1:-1] & seen[:, 2:, 1:-1] & seen[:, 1:-1, :-2] & seen[:, 1:-1, 2:]
+        )
+        return bool((density * (seen & ~inner)).sum() <= 0.01 * max(density.sum(), 1e-12))
 
     def cells_of(self, xy):
         """(row, column, inside) of points (n, 2) BL; those outside are clipped to the border and not ``inside``."""
@@ -303,8 +314,9 @@ class Evidence:
         if not len(fields_part):
             raise ValueError(f"no frame is left of the {len(self.fields)} of {self.name}")
         seen = self.sightings.part(chosen) if self.sightings is not None else None
-        pixels = self.speed.body_pixels if self.speed else 1.0
-        speed = speed_evidence(fields_part, seen, pixels) if self.speed and len(fields_part) > 1 else None
+        speed = None
+        if self.speed and len(fields_part) > 1:
+            speed = speed_evidence(fields_part, seen, self.speed.body_pixels, self.speed.smoothed)
         camera = self.camera[chosen] if self.camera is not None else None
         return replace(self, fields=fields_part, sightings=seen, speed=speed, camera=camera, notes=list(self.notes))
 

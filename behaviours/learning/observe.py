@@ -23,6 +23,7 @@ from behaviours.learning.fields import Collector, Grid, grid_over, painted, read
 from behaviours.learning.flow import Flow, gap_of
 from behaviours.learning.masks import BodyColours, colours_of
 from behaviours.learning.sightings import sightings_of
+from behaviours.learning.speed_process import SMOOTHED
 from behaviours.learning.speeds import speed_evidence
 from behaviours.learning.stabilise import Landmark, Steady, after, back, follow_landmarks, register, zoom_of
 from behaviours.problems import Problem, ProblemsError
@@ -165,13 +166,14 @@ class Watch:
                 show(glance, self, taken.collector.last())
         fields = taken.collector.fields(clip.fps, self.obstacle_cells, self.region_cells)
         self._check(fields, taken.masks)
-        sightings = taken.sightings()
+        sightings, half = taken.sightings()
+        speed = None if clip.still else speed_evidence(fields, sightings, self.size.area, max(SMOOTHED, 2 * half))
         return Evidence(
             name=clip.name, sha256=clip.sha256, fps=clip.fps, body_length_px=self.length,
             length_source="given" if self.given else "blobs", radius_bl=0.5 * self.size.width / self.size.length,
             fields=fields, sightings=sightings,
-            speed=None if clip.still else speed_evidence(fields, sightings, self.size.area), notes=self._notes(taken),
-            picture=first, to_pixels=self.grid.to_pixels, camera=self._camera(), region_colours=self.region_colours,
+            speed=speed, notes=self._notes(taken), picture=first, to_pixels=self.grid.to_pixels, camera=self._camera(),
+            region_colours=self.region_colours,
         )  # fmt: skip
 
     def _check(self, fields, example):
@@ -214,6 +216,7 @@ class _Taken:
         self.gap = 0 if self.clip.still else min(self._gap(), len(self.clip) - 1)
         self.frames: dict[int, tuple] = {}
         self.seen: list[Bodies] | None = [] if animals else None
+        self.last: Bodies | None = None
         self.moves: list[np.ndarray] = []
         self.masks: dict[str, np.ndarray] = {}
         self.overlaps: list[float] = []
@@ -238,7 +241,9 @@ class _Taken:
     def _found(self, k, picture, mask):
         if self.seen is None:
             return None
-        return bodies_of(mask, scaled(self.watch.size, 1 / zoom_of(self.maps[k])), picture)
+        before = None if self.last is None else self.last.moved(after(back(self.maps[k]), self.maps[k - 1]))
+        self.last = bodies_of(mask, scaled(self.watch.size, 1 / zoom_of(self.maps[k])), picture, before)
+        return self.last
 
     def next(self, k, picture, mask, small, bodies):
         """Take a picture; the glances at all frames that could be measured now."""
@@ -313,12 +318,13 @@ class _Taken:
         row = where[y, x]
         return np.where((row >= 0)[:, None], np.vstack([move, (np.nan, np.nan)])[row], np.nan)
 
-    def sightings(self) -> Sightings | None:
-        """The single animals, where they were told apart."""
+    def sightings(self) -> tuple[Sightings | None, float]:
+        """(The single animals, where they were told apart; s to each side that their speeds are averages over)."""
         if self.seen is None:
-            return None
+            return None, 0.0
         moves = None if self.clip.still else self.moves
-        return sightings_of(self.seen, self.clip.fps, self.watch.grid.to_bl, moves)[0]
+        found, noise = sightings_of(self.seen, self.clip.fps, self.watch.grid.to_bl, moves)
+        return found, float(np.nan_to_num(noise.half))
 
 
 def ahead(work, items):

@@ -27,11 +27,11 @@ from scipy.spatial import cKDTree
 
 from behaviours.learning.evidence import Sightings
 
-REACH = 0.5  # BL from where a followed animal is foretold
-REACH_NEW = 0.6  # BL from where a body seen for the first time is foretold
+REACH = 0.65  # BL from where a followed animal is foretold
+REACH_NEW = 0.65  # BL from where a body seen for the first time is foretold
 ASIDE = 2.0  # a step off the body's own line counts so many times as long
 TURNED = 0.3  # BL that a body turned by a right angle counts
-GAP = 3  # frames an animal may go unseen within a track
+GAP = 5  # frames an animal may go unseen within a track
 SHORTEST = 4  # sights: a shorter track is no animal
 HALF = 0.08  # s to each side over which a track is smoothed, at least
 LONGEST = 0.32  # s, at most

@@ -3,7 +3,8 @@
 The herd model draws speeds from an Ornstein-Uhlenbeck process (paper eq. 6): a deviation from the mean is forgotten at
 the rate θ, so that the covariance of an animal's speeds at two times falls as exp(-θ τ).  It is measured on the tracks
 of a clip.  Errors of single sights do not last: covariances at lags longer than the smoothing of the tracks are free of
-them.  What the whole herd does at a time (it speeds up, it slows down) is no animal's own and is taken out.
+them, and the process goes through those with the rate that fits, but varies no more than the speeds that are seen.  What
+the whole herd does at a time (it speeds up, it slows down) is no animal's own and is taken out.
 
 References
 ----------
@@ -12,7 +13,7 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +22,9 @@ TRACKS = 8  # animals that are needed, and groups of them that are left out in t
 FAR = 3.5  # robust deviations: who is slower or faster still is held up or pushed by others, or mistaken for another
 CERTAIN = 0.6  # of the rate itself: a greater error and it is not told
 RATES = np.geomspace(0.05, 20.0, 240)  # 1/s that are tried
+USUAL = int(np.argmin(np.abs(RATES - 1.0)))  # row of the rate that is taken where the tracks do not tell one
+SMOOTHED = 0.25  # s over which speeds are averages unless told
+POINTS = 15  # into which such an average is cut
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,8 @@ class SpeedProcess:
     mean : float
         BL/s.
     spread : float
-        Standard deviation of the speeds of animals at a time, without the errors of sighting, BL/s.
+        Standard deviation of the speeds of animals at a time, without the errors of sighting, BL/s (with them, where
+        the tracks are too short to part the two).
     reversion : float or None
         θ, 1/s; None where the tracks are too short or too few to tell.
     error : float
@@ -50,7 +55,7 @@ class SpeedProcess:
         return None if self.reversion is None else float(self.spread * np.sqrt(2 * self.reversion))
 
 
-def speed_process(sightings, fps, smoothed=0.25) -> SpeedProcess | None:
+def speed_process(sightings, fps, smoothed=SMOOTHED) -> SpeedProcess | None:
     """The process behind the speeds of a clip; None when no speeds are known.
 
     Parameters
@@ -58,7 +63,8 @@ def speed_process(sightings, fps, smoothed=0.25) -> SpeedProcess | None:
     sightings : Sightings
     fps : float
     smoothed : float
-        s over which the speeds are averages (twice `Noise.half`): shorter lags are not used.
+        s over which the speeds are averages (twice `Noise.half`): shorter lags are not used, and what the average hides
+        of the process is reckoned with.
     """
     table = _table(sightings)
     if table is None:
@@ -68,19 +74,25 @@ def speed_process(sightings, fps, smoothed=0.25) -> SpeedProcess | None:
     lags = np.unique(np.round(np.geomspace(first, max(first + 1, 0.6 * len(own)), 16)).astype(int))
     lags = lags[lags < len(own)]
     sums = _products(own, lags)  # (lags, animals, 2)
-    whole = _fitted(sums.sum(1), lags / fps)
+    shapes, most = _averaged(lags / fps, smoothed), float(np.nanmean(own**2)) / _averaged([0.0], smoothed)[:, 0]
+    whole = _fitted(sums.sum(1), shapes, most)
     spread_now = float(np.sqrt(np.nanmean(own**2)))
-    if whole is None or own.shape[1] < TRACKS:
+    if whole is None:
         return SpeedProcess(mean, spread_now, None, np.nan)
+    usual = _fitted(sums.sum(1), *(each[[USUAL]] for each in (shapes, most)))
+    unsaid = SpeedProcess(mean, spread_now if usual is None else float(np.sqrt(usual[1])), None, np.nan)
+    if own.shape[1] < TRACKS:
+        return unsaid
     group = np.arange(own.shape[1]) % TRACKS
-    parts = [_fitted(sums[:, group != g].sum(1), lags / fps) for g in range(TRACKS)]
+    parts = [_fitted(sums[:, group != g].sum(1), shapes, most) for g in range(TRACKS)]
     if any(part is None for part in parts):
-        return SpeedProcess(mean, spread_now, None, np.nan)
-    rates = np.array([rate for rate, _ in parts])
+        return unsaid
+    rates = RATES[[row for row, _ in parts]]
     error = float(np.sqrt((TRACKS - 1) * rates.var()))
-    rate, variance = whole
-    told = error < CERTAIN * rate and RATES[1] < rate < min(RATES[-2], 1.5 / smoothed)
-    return SpeedProcess(mean, float(np.sqrt(variance)) if told else spread_now, rate if told else None, error)
+    row, variance = whole
+    if error < CERTAIN * RATES[row] and RATES[1] < RATES[row] < min(RATES[-2], 1.5 / smoothed):
+        return SpeedProcess(mean, float(np.sqrt(variance)), float(RATES[row]), error)
+    return replace(unsaid, error=error)
 
 
 def _table(sightings):
@@ -114,15 +126,30 @@ def _products(own, lags):
     )  # fmt: skip
 
 
-def _fitted(sums, seconds):
-    """(rate, variance) of the exponential nearest to the covariances, weighed by how many pairs there are; or None."""
+def _averaged(seconds, smoothed):
+    """(rates, lags) the covariances of a process of variance 1 whose speeds are slopes of places over ``smoothed`` s.
+
+    The slope of a line through places is the mean of the speeds under a parabola.
+    """
+    at = (np.arange(POINTS) + 0.5) / POINTS - 0.5
+    weight = 1 - 4 * at**2
+    weight /= weight.sum()
+    apart, pairs = smoothed * (at[:, None] - at).ravel(), np.outer(weight, weight).ravel()
+    lags = np.abs(np.asarray(seconds, float)[:, None] + apart)
+    return np.array([np.exp(-rate * lags) @ pairs for rate in RATES])
+
+
+def _fitted(sums, shapes, most):
+    """(row of the rate, variance) of the process nearest to the covariances; None where too few pairs tell of them.
+
+    Covariances weigh as many as their pairs.  No process varies more than the speeds that were seen, errors and all.
+    """
     enough = sums[:, 1] >= PAIRS
     if enough.sum() < 3:
         return None
-    covariance, weight, t = sums[enough, 0] / sums[enough, 1], sums[enough, 1], seconds[enough]
-    shape = np.exp(-RATES[:, None] * t)
-    variance = (shape * weight * covariance).sum(1) / (shape**2 * weight).sum(1)
+    covariance, weight, shape = sums[enough, 0] / sums[enough, 1], sums[enough, 1], shapes[:, enough]
+    variance = np.minimum((shape * weight * covariance).sum(1) / (shape**2 * weight).sum(1), most)
     off = ((covariance - variance[:, None] * shape) ** 2 * weight).sum(1)
     off = np.where(variance > 0, off, np.inf)
     best = int(np.argmin(off))
-    return (float(RATES[best]), float(variance[best])) if np.isfinite(off[best]) else None
+    return (best, float(variance[best])) if np.isfinite(off[best]) else None

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from behaviours.learning.speed_process import SMOOTHED, speed_process
+
 BINS = 6  # of the table of speed against density
 SIGHTS = 50  # speeds of single animals, below which those of pixels are taken
 
@@ -32,6 +34,8 @@ class SpeedEvidence:
         Pixels of one animal in the reference picture (N_bp).
     pixel_deviation : float
         Of the speeds of pixels, before the correction by sqrt(N_bp), BL/s.
+    smoothed : float
+        s over which the speeds of single animals are averages.
     """
 
     mean: float
@@ -40,6 +44,7 @@ class SpeedEvidence:
     by_density: list[tuple[float, float]] = field(default_factory=list)
     body_pixels: float = 1.0
     pixel_deviation: float = float("nan")
+    smoothed: float = SMOOTHED
 
     @staticmethod
     def of_arrays(arrays) -> SpeedEvidence:
@@ -48,7 +53,7 @@ class SpeedEvidence:
         return SpeedEvidence(**arrays, by_density=[(float(a), float(b)) for a, b in table])
 
 
-def speed_evidence(fields, sightings=None, body_pixels=1.0) -> SpeedEvidence | None:
+def speed_evidence(fields, sightings=None, body_pixels=1.0, smoothed=SMOOTHED) -> SpeedEvidence | None:
     """The speeds of a clip from its fields, and from single animals where there are some.
 
     Parameters
@@ -57,6 +62,8 @@ def speed_evidence(fields, sightings=None, body_pixels=1.0) -> SpeedEvidence | N
     sightings : Sightings, optional
     body_pixels : float
         N_bp.
+    smoothed : float
+        s over which the speeds of the sightings are averages.
 
     Returns
     -------
@@ -71,7 +78,7 @@ def speed_evidence(fields, sightings=None, body_pixels=1.0) -> SpeedEvidence | N
     mean = float(np.average(speed, weights=weight))
     within = np.nan_to_num(fields.speed_variance[there])
     pixel_deviation = float(np.sqrt(np.average(within + (speed - mean) ** 2, weights=weight)))
-    single = _of_animals(sightings, fields.fps)
+    single = _of_animals(sightings, fields.fps, smoothed)
     return SpeedEvidence(
         mean=mean if single is None else float(single.mean),
         deviation=float(pixel_deviation / np.sqrt(body_pixels)) if single is None else float(single.spread),
@@ -79,16 +86,15 @@ def speed_evidence(fields, sightings=None, body_pixels=1.0) -> SpeedEvidence | N
         by_density=_by_density(weight, speed, mean),
         body_pixels=float(body_pixels),
         pixel_deviation=pixel_deviation,
+        smoothed=float(smoothed),
     )
 
 
-def _of_animals(sightings, fps):
+def _of_animals(sightings, fps, smoothed):
     """The process of the speeds of single animals, None where too few are followed."""
     if sightings is None or np.isfinite(sightings.speed).sum() < SIGHTS:
         return None
-    from behaviours.learning.speed_process import speed_process
-
-    return speed_process(sightings, fps)
+    return speed_process(sightings, fps, smoothed)
 
 
 def _by_density(density, speed, mean):

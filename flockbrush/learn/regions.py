@@ -86,7 +86,7 @@ def within(evidence: Evidence, region: Region) -> Evidence | None:
     sightings = None if evidence.sightings is None else _within(evidence.sightings, fields, here)
     speed = None
     if evidence.speed is not None and len(part) > 1:
-        speed = speed_evidence(part, sightings, evidence.speed.body_pixels)
+        speed = speed_evidence(part, sightings, evidence.speed.body_pixels, evidence.speed.smoothed)
     notes = [*evidence.notes, f"Learned from the region painted {region.colour} alone."]
     return replace(evidence, fields=part, sightings=sightings, speed=speed, notes=notes)
 
