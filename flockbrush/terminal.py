@@ -67,6 +67,14 @@ def number(value, digits=4):
     return f"{value:.{digits}g}" if 1e-3 <= abs(value) < 1e5 or value == 0 else f"{value:.{digits - 1}e}"
 
 
+def measure(value, digits=3):
+    """A measure for people: so many places after the point, however small, fewer where it is large."""
+    if value is None or not abs(value) < float("inf"):
+        return "-"
+    places = digits if abs(value) < 10 else max(0, digits - len(f"{abs(value):.0f}") + 1)
+    return f"{value:.{places}f}".replace("-0.000", "0.000")
+
+
 def finite(values):
     """A copy fit for JSON: NaN and infinity become None, numpy's numbers become plain ones."""
     if isinstance(values, dict):

@@ -81,4 +81,17 @@ def pictures_of(clip, evidence: Evidence, chosen) -> tuple[dict[int, np.ndarray]
     return {t: read[k] for t, k in wanted.items()}, film.scale
 
 
-__all__ = ["CannotObserve", "Looking", "look_at", "needs_torch", "parted", "pictures_of"]
+def facts_of(clip) -> dict[str, object]:
+    """What a file is, in words: nothing where it cannot be opened."""
+    try:
+        film = open_clip(clip)
+    except CannotObserve:
+        return {}
+    wide, tall = film.full
+    facts: dict[str, object] = {"clip": str(clip), "SHA-256": film.sha256, "size": f"{wide} x {tall} pixels"}
+    if not film.still:
+        facts["frames"] = f"{film.numbers[0]} to {film.numbers[-1]} at {film.fps:g} a second"
+    return facts | {"pictures": {"first frame": next(picture for _, picture in film.read([0]))}}
+
+
+__all__ = ["CannotObserve", "Looking", "facts_of", "look_at", "needs_torch", "parted", "pictures_of"]

@@ -27,6 +27,7 @@ from behaviours.learning.scores import (
     view_of,
     view_of_run,
 )
+from flockbrush.learn.photo import directions_of
 
 SHOWN = (
     "polarization",
@@ -36,6 +37,7 @@ SHOWN = (
     "order nearby",
     "nearest neighbour",
     "density",
+    "directions",
     "largest part",
     "speed",
 )
@@ -47,6 +49,7 @@ TITLES = {
     "order nearby": "Order among neighbours",
     "nearest neighbour": "Nearest neighbour, BL",
     "density": "Density, animals per BL²",
+    "directions": "Variance of directions, degrees²",
     "largest part": "Share of the largest part",
     "speed": "Speed, BL/s",
     "density error": "Density error (paper)",
@@ -58,6 +61,7 @@ JUDGED = "polarization", "milling"
 MOVING = "polarization", "milling", "milling in the picture", "order nearby", "speed"  # what one picture does not tell
 DEVIATIONS, LEAST = 2.0, 0.05  # a measure is met within two of the clip's own deviations, or .05
 REACH, BINS, LOOKS = 3.0, 25, 40  # of the map of neighbours: body lengths, cells across, frames at most
+HORIZONS = 0.25, 0.5, 0.75, 1.0  # shares of the time after which errors are told
 SLOTS = 8  # of the curve of speed against density
 
 
@@ -135,7 +139,13 @@ class Comparison:
 
     def verdicts(self) -> list[Verdict]:
         """Of every measure that the clip tells."""
-        return [v for v in map(self.verdict, SHOWN) if np.isfinite(v.clip)]
+        return [v for v in map(self.verdict, (n for n in SHOWN if n in self.clip)) if np.isfinite(v.clip)]
+
+    def at_horizons(self, name, shares=HORIZONS) -> list[tuple[float, float]]:
+        """[(seconds, error)] of one of `ERRORS`, at these shares of the time; means over the simulations."""
+        rows = np.unique(np.round(np.asarray(shares) * (len(self.times) - 1)).astype(int))
+        series = self.herd(name)
+        return [(float(self.times[t]), float(series[t])) for t in rows]
 
     @property
     def met(self) -> bool:
@@ -190,6 +200,8 @@ def compared(evidence: Evidence, runs: list[Run]) -> Comparison:
     clip = measures_of(view)
     if not np.isfinite(fields.velocity).any():  # one picture: nothing is known of motion
         clip |= {name: np.full(len(fields), np.nan) for name in MOVING if name in clip}
+        clip["directions"] = np.full(len(fields), _moments(fields.angular_variance[0])[0])
+        herds = [herd | {"directions": directions_of(run, fields)} for herd, run in zip(herds, runs, strict=True)]
     made = Comparison(fields.frames.copy(), times, clip, herds, runs[0])
     target = Target.of(evidence)
     made.unlike = float(np.mean([total(distance(run, evidence, target)) for run in runs]))

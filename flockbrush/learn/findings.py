@@ -10,7 +10,8 @@ import numpy as np
 from behaviours.brush import Brush
 from behaviours.learning.evidence import Evidence
 from behaviours.learning.learned import Learned
-from flockbrush.learn.comparison import JUDGED, TITLES, Comparison
+from flockbrush.learn.comparison import JUDGED, TITLES, Comparison, Verdict
+from flockbrush.learn.counts import SECONDS
 
 KEPT = 0.2  # polarization and milling of a herd of other size are the clip's within this
 
@@ -93,22 +94,81 @@ class Findings:
         clip = {name: self.comparison.verdict(name).clip for name in JUDGED}
         return ", ".join(n for n, v in clip.items() if math.isfinite(v) and abs(row[n] - v) > KEPT)
 
+    @property
+    def motion(self) -> bool:
+        """Whether the clip shows any; one picture does not."""
+        return bool(np.isfinite(self.whole.fields.velocity).any())
+
     def verdict(self) -> str:
         """One sentence: does the brush do what the clip shows?"""
         if self.learned.interrupted and self.comparison is None:
             return "The learning was interrupted: this is the best so far, and nothing was compared."
         if self.comparison is None:
             return "Learned from one picture: there is no motion to compare with."
-        if not np.isfinite(self.whole.fields.velocity).any():
+        if not self.motion:
             v = self.comparison.verdict("density")
             return (
                 f"Learned from one picture: {v.clip:.2f} animals a square body length in it, {v.herd:.2f} in the "
                 "simulated herd; there is no motion to compare with."
             )
         where = "the part of the clip that was held out" if self.held is not None else "the very frames it learned from"
-        begun = f"Begun as {where} begins and left alone for {self.comparison.times[-1]:.1f} s, the simulated herd "
-        missed = [v for v in map(self.comparison.verdict, JUDGED) if math.isfinite(v.clip) and not v.met]
+        begun = f"begun as {where} begins and left alone for {self.comparison.times[-1]:.1f} s"
+        missed = [v for v in self.judged() if not v.met]
         if not missed:
-            return begun + "keeps to the clip's polarization and milling, within what the clip itself varies by."
+            return (
+                f"The simulated herd keeps to the film: {begun}, its polarization and milling stay within what the "
+                "clip itself varies by."
+            )
         told = " and ".join(f"{TITLES[v.name].lower()} by {v.off:.2f} (allowed: {v.allowed:.2f})" for v in missed)
-        return begun + f"misses {told}."
+        return f"The simulated herd does not keep to the film: {begun}, it misses {told}."
+
+    def judged(self) -> list[Verdict]:
+        """What the verdict goes by, as far as the clip tells it."""
+        if self.comparison is None:
+            return []
+        return [v for v in map(self.comparison.verdict, JUDGED) if math.isfinite(v.clip)]
+
+    def place(self) -> tuple[int, list[str]]:
+        """(how many were tried on the same frames, the names of those that are nearer to the clip)."""
+        own = [rival.unlike for rival in self.rivals if rival.name == self.brush.name]
+        return len(self.rivals), [r.name for r in self.rivals if own and r.unlike < own[0]]
+
+    def checks(self) -> list[tuple[bool | None, str]]:
+        """The chief findings as (met or missed or neither, sentence)."""
+        told: list[tuple[bool | None, str]] = [(v.met, _judgement(v)) for v in self.judged()]
+        tried, nearer = self.place()
+        if tried:
+            told.append((not nearer, _ranked(self.brush.name, tried, nearer)))
+        if self.counts and self.motion:
+            strayed = [(r, words) for r in self.counts if (words := self.strayed(r))]
+            told.append((not strayed, _resized(self.counts, strayed)))
+        sure = int(np.sum(self.learned.identifiable))
+        told.append((None, f"The clip tells {sure} of the 12 numbers of the model; the others are no facts."))
+        if self.learned.interrupted:
+            told.append((False, "The learning was interrupted: these are the best numbers up to then."))
+        return told
+
+
+def _judgement(v: Verdict) -> str:
+    met = "met" if v.met else "missed"
+    return (
+        f"{TITLES[v.name]}: {v.clip:.3f} in the clip, {v.herd:.3f} simulated; {met}, off by {v.off:.3f} where "
+        f"{v.allowed:.3f} is allowed."
+    )
+
+
+def _ranked(name, tried, nearer) -> str:
+    if not nearer:
+        return f"Nearer to the clip than all of the {tried - 1} others tried on the same frames."
+    are = "is" if len(nearer) == 1 else "are"
+    who = ", ".join(nearer)
+    return f"Of {tried} tried on the same frames, {len(nearer)} {are} nearer to the clip than {name}: {who}."
+
+
+def _resized(counts, strayed) -> str:
+    sizes = ", ".join(str(row["animals"]) for row in counts)
+    begun = f"Left alone for {SECONDS:g} s on a plane, herds of {sizes} animals "
+    if not strayed:
+        return begun + "keep the clip's polarization and milling."
+    told = "; ".join(f"with {r['animals']} animals {words.replace(', ', ' and ')} changed" for r, words in strayed)
+    return f"{begun}do not all keep the clip's polarization and milling: {told}."

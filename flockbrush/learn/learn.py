@@ -20,19 +20,20 @@ from behaviours.problems import ProblemsError
 from flockbrush.files import output_problems, refused, write_text
 from flockbrush.learn.ablation import ablated
 from flockbrush.learn.brush import brush_of, name_of
-from flockbrush.learn.clips import Looking, look_at, needs_torch, parted, pictures_of
+from flockbrush.learn.clips import Looking, facts_of, look_at, needs_torch, parted, pictures_of
 from flockbrush.learn.comparison import JUDGED, Comparison, compared
 from flockbrush.learn.counts import with_other_numbers
 from flockbrush.learn.findings import Findings, Rival
 from flockbrush.learn.photo import SPEED, standing
 from flockbrush.learn.regions import Region, regions_of, within
-from flockbrush.learn.report import as_json, write_partial, write_report
+from flockbrush.learn.report import as_json, write_overview, write_partial, write_report
 from flockbrush.learn.simulate import longest_way, simulated
 from flockbrush.learn.stage import Stage
 from flockbrush.terminal import (
     Interrupts,
     Stopped,
     compiling,
+    measure,
     number,
     print_json,
     progress,
@@ -42,7 +43,7 @@ from flockbrush.terminal import (
 )
 
 RUNS = 3  # simulations compared with the clip
-MOMENTS = 4  # pictures of a report
+MOMENTS, MOMENTS_OF_PHOTO = 4, 2  # pictures of a report
 BUDGET, QUICK_BUDGET = 90.0, 12.0  # s of learning, as `learn` counts them
 QUICK_STARTS = 2
 RIVAL_WORK = 400_000  # animals times frames, above which fewer of the shipped brushes are tried
@@ -106,6 +107,8 @@ def learn_brushes(wishes: Wishes):
             found.append(_learned_herd(herd, wishes, interrupts))
             if found[-1].learned.interrupted or interrupts.asked:
                 break
+    if wishes.report is not None and regions:
+        write_overview(wishes.report, wishes.clips[0], wishes.looking.regions, found)
     _tell(wishes, found, herds)
     if interrupts.asked:
         raise Stopped
@@ -170,10 +173,16 @@ def _looked(clip, wishes) -> Evidence:
         facts = getattr(error, "seen", None)
         if wishes.report is not None and facts:
             _make_folder(wishes.report)
-            page = write_partial(wishes.report, clip, str(error), facts)
+            page = write_partial(wishes.report, clip, str(error), _all_seen(clip, facts), wishes.command)
             say(f"wrote {page}: what was seen up to there")
         raise
     return standing(seen, SPEED if wishes.speed is None else wishes.speed) if seen.still else seen
+
+
+def _all_seen(clip, seen):
+    """What the file is, and what was seen of it."""
+    facts = facts_of(clip)
+    return facts | seen | {"pictures": facts.get("pictures", {}) | seen.get("pictures", {})}
 
 
 def _herds(wishes, evidences, regions) -> list[Herd]:
@@ -299,7 +308,8 @@ def _compare(found: Findings, wishes, interrupts, photo):
         return
     found.counts = with_other_numbers(found.brush, start_of(frames, 0, 0, found.brush.body), wishes.seed)
     if wishes.report is not None:
-        found.moments = moments_of(wishes.clips[0], frames, runs[0], found.brush)
+        many = MOMENTS_OF_PHOTO if photo else MOMENTS
+        found.moments = moments_of(wishes.clips[0], frames, runs[0], found.brush, many)
 
 
 def _rivals(frames, found, interrupts) -> list[Rival]:
@@ -371,11 +381,10 @@ def _tell(wishes, found: list[Findings], herds):
         for findings in found:
             _show(findings)
     for findings, herd in zip(found, herds, strict=False):
-        say(findings.verdict())
+        say(("" if len(herds) == 1 else f"{findings.brush.name}: ") + findings.verdict())
         say(f"wrote {herd.out}" + (f"; go on with --resume ({herd.state})" if findings.learned.interrupted else ""))
-        if wishes.report is not None:
-            folder = wishes.report if herd.region is None else wishes.report / findings.brush.name
-            say(f"wrote {folder / 'report.html'}")
+    if wishes.report is not None:
+        say(f"wrote {wishes.report / 'report.html'}")
 
 
 def _show(findings: Findings):
@@ -388,8 +397,8 @@ def _show(findings: Findings):
         for v in comparison.verdicts():
             judged = v.name in JUDGED
             met = ("met" if v.met else "MISSED") if judged else ""
-            allowed = number(v.allowed, 3) if judged else ""
-            cells = [number(x, 3) for x in (v.clip, v.clip_deviation, v.herd, v.off)]
+            allowed = measure(v.allowed) if judged else ""
+            cells = [measure(x) for x in (v.clip, v.clip_deviation, v.herd, v.off)]
             made.add_row(v.name, *cells, allowed, met)
         show(made)
     for title, rows in (
@@ -400,8 +409,15 @@ def _show(findings: Findings):
             columns = list(rows[0])
             made = table(*columns, title=title, right=columns[1:])
             for row in rows:
-                made.add_row(*(v if isinstance(v, str) else number(v, 3) for v in row.values()))
+                made.add_row(*(_word(column, value) for column, value in row.items()))
             show(made)
+
+
+def _word(column, value):
+    """A cell of a table."""
+    if isinstance(value, str):
+        return value
+    return number(value) if isinstance(value, int) or column == "factor" else measure(value)
 
 
 _NUMBERS = "clip", "±", "simulated", "off by", "allowed"

@@ -9,31 +9,47 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 STYLE = """
-:root { color-scheme: light; }
+:root { color-scheme: only light; }
 body { font: 16px/1.55 Georgia, "Times New Roman", serif; color: #26302c; background: #fff; margin: 0 auto;
-       max-width: 980px; padding: 2.2rem 1.4rem 4rem; }
-h1 { font-size: 1.9rem; margin: 0 0 .2rem; line-height: 1.2; }
-h2 { font-size: 1.25rem; margin: 2.6rem 0 .6rem; border-bottom: 1px solid #d8d4c8; padding-bottom: .25rem; }
+       max-width: 980px; padding: 2.2rem 1.4rem 4rem; overflow-wrap: break-word; }
+h1 { font-size: 1.9rem; margin: 0 0 .4rem; line-height: 1.2; }
+h2 { font-size: 1.3rem; margin: 2.8rem 0 .7rem; border-bottom: 1px solid #d8d4c8; padding-bottom: .25rem; }
 p { margin: .5rem 0; max-width: 44rem; }
-.lead { font-size: 1.08rem; }
-.small, figcaption, td.small { color: #66716a; font-size: .88rem; }
-table { border-collapse: collapse; margin: .8rem 0 1.2rem; font: 14px/1.45 system-ui, "Segoe UI", Helvetica, sans-serif;
+.lead { font-size: 1.14rem; }
+.small, figcaption, caption { color: #5a655f; font-size: .9rem; }
+figcaption { max-width: 48rem; margin-top: .5rem; }
+nav { margin: 1rem 0 0; font-size: .9rem; } nav a { margin-right: 1.1rem; white-space: nowrap; }
+a { color: #075f95; } summary { cursor: pointer; color: #5a655f; font-size: .9rem; }
+.wide { overflow-x: auto; margin: .8rem 0 1.2rem; }
+table { border-collapse: collapse; font: 14px/1.45 system-ui, "Segoe UI", Helvetica, sans-serif;
         font-variant-numeric: tabular-nums; }
-th { text-align: left; font-weight: 600; color: #66716a; border-bottom: 1.5px solid #26302c;
-     padding: .25rem .9rem .25rem 0; vertical-align: bottom; }
-td { border-bottom: 1px solid #ebe8de; padding: .25rem .9rem .25rem 0; vertical-align: top; }
-th.number, td.number { text-align: right; }
-tr.chief td { font-weight: 600; }
-.good { color: #1d6b49; } .bad { color: #b3361f; } .quiet { color: #8a938d; }
-figure { margin: 1rem 0 1.4rem; } img { max-width: 100%; height: auto; display: block; }
+th { text-align: left; font-weight: 600; color: #5a655f; border-bottom: 1.5px solid #26302c;
+     padding: .25rem 1.1rem .25rem 0; vertical-align: bottom; }
+td { border-bottom: 1px solid #ebe8de; padding: .25rem 1.1rem .25rem 0; vertical-align: top; overflow-wrap: normal; }
+th.number, td.number { text-align: right; } td.number { white-space: nowrap; }
+tr.chief td { font-weight: 600; background: #f7f5ef; }
+.good { color: #1d6b49; } .bad { color: #b3361f; } .quiet { color: #6d7771; }
+figure { margin: 1.2rem 0 1.6rem; }
+.beside { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 400px), 1fr)); gap: 1rem 1rem; }
+img { max-width: 100%; height: auto; display: block; }
 pre { font: 13px/1.5 ui-monospace, "DejaVu Sans Mono", Menlo, monospace; background: #f7f5ef; padding: .8rem 1rem;
       overflow-x: auto; white-space: pre-wrap; overflow-wrap: anywhere; border-radius: 4px; }
-ul { max-width: 44rem; padding-left: 1.2rem; }
-dl { display: grid; grid-template-columns: max-content 1fr; gap: .15rem 1.2rem; margin: .6rem 0; }
-dt { color: #66716a; } dd { margin: 0; overflow-wrap: anywhere; }
-@media print { body { max-width: none; padding: 0; font-size: 10.5pt; } h2 { break-after: avoid; }
-               figure, table, pre { break-inside: avoid; } }
+ul { max-width: 44rem; padding-left: 1.2rem; } li { margin: .2rem 0; }
+ul.checks { list-style: none; padding: 0; } .checks li { padding-left: 1.5rem; text-indent: -1.5rem; }
+.checks b { display: inline-block; width: 1.5rem; text-indent: 0; }
+dl { display: grid; grid-template-columns: minmax(6rem, max-content) 1fr; gap: .2rem 1.2rem; margin: .6rem 0; }
+dt { color: #5a655f; } dd { margin: 0; overflow-wrap: anywhere; }
+@media (max-width: 520px) { body { padding: 1.2rem .9rem 3rem; } h1 { font-size: 1.5rem; } dl { display: block; }
+                            dd { margin: 0 0 .5rem; } table { font-size: 13px; } th, td { padding-right: .7rem; } }
+@media print { @page { margin: 16mm 15mm; } body { max-width: none; padding: 0; font-size: 10pt; }
+               nav { display: none; }
+               h1 { font-size: 18pt; } h2 { font-size: 13pt; margin-top: 1.6rem; break-after: avoid; }
+               table { font-size: 8.5pt; } .wide { overflow: visible; break-inside: avoid; } pre { font-size: 8pt; }
+               .beside { grid-template-columns: 1fr 1fr; } .beside.one { grid-template-columns: 1fr; }
+               img, tr, pre.short, .checks, dl { break-inside: avoid; } p, h2, caption { break-after: avoid; } }
 """
+# before a sentence that says what was met, what was missed, or what is only told
+MARKS = {True: ("✓", "good"), False: ("✗", "bad"), None: ("·", "quiet")}
 
 
 class Page:
@@ -46,11 +62,18 @@ class Page:
 
     def __init__(self, title: str):
         self.title = title
+        self._heads: list[str] = []
+        self._contents = 0  # before which part the contents stand; 0 for none
         self._parts: list[str] = [f"<h1>{_safe(title)}</h1>"]
 
     def head(self, text: str):
         """Begin a section."""
-        self._parts.append(f"<h2>{_safe(text)}</h2>")
+        self._heads.append(text)
+        self._parts.append(f'<h2 id="part-{len(self._heads)}">{_safe(text)}</h2>')
+
+    def contents(self):
+        """Here stand the names of all sections, each leading there."""
+        self._contents = len(self._parts)
 
     def say(self, text: str, kind: str = ""):
         """A paragraph; ``kind`` is "lead", "small" or nothing."""
@@ -62,6 +85,13 @@ class Page:
         if items:
             self._parts.append(f"<ul>{items}</ul>")
 
+    def checks(self, told: Iterable[tuple[bool | None, str]]):
+        """Sentences below one another, each with a mark: True met, False missed, None neither."""
+        marks = {met: f'<b class="{kind}" aria-hidden="true">{mark}</b>' for met, (mark, kind) in MARKS.items()}
+        items = [f"<li>{marks[met]}{_safe(text)}</li>" for met, text in told]
+        if items:
+            self._parts.append(f'<ul class="checks">{"".join(items)}</ul>')
+
     def facts(self, pairs: Iterable[tuple[str, object]]):
         """Words and what they stand for."""
         self._parts.append("<dl>" + "".join(f"<dt>{_safe(a)}</dt><dd>{_safe(b)}</dd>" for a, b in pairs) + "</dl>")
@@ -72,34 +102,58 @@ class Page:
         A cell is a text, or (text, kind) with kind "good", "bad" or "quiet".
         """
         sides = [""] * words + ["number"] * (len(columns) - words)
-        head = "".join(f"<th{_kind(side)}>{_safe(c)}</th>" for c, side in zip(columns, sides, strict=True))
+        head = "".join(f'<th scope="col"{_kind(side)}>{_safe(c)}</th>' for c, side in zip(columns, sides, strict=True))
         body = []
         for k, row in enumerate(rows):
             cells = "".join(_cell(cell, side) for cell, side in zip(row, sides, strict=True))
             body.append(f"<tr{_kind('chief' if k in chief else '')}>{cells}</tr>")
-        self._parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>")
+        made = f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
+        self._parts.append(f'<div class="wide">{made}</div>')
 
-    def picture(self, image: np.ndarray, caption: str, scale: float = 1.0, photograph: bool = False):
-        """A picture (h, w, 3) uint8 RGB within the page, ``scale`` of its pixels to one of the page."""
-        data, kind = _encoded(image, photograph)
-        width, height = round(image.shape[1] / scale), round(image.shape[0] / scale)
-        size = f'width="{width}" height="{height}"'
-        source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
-        shown = f'<img {size} alt="{_safe(caption)}" src="{source}"/>'
-        self._parts.append(f"<figure>{shown}<figcaption>{_safe(caption)}</figcaption></figure>")
+    def pictures(self, images: Sequence[tuple[np.ndarray, str]], caption="", scale: float = 1.0, photograph=False):
+        """Pictures (h, w, 3) uint8 RGB beside one another, or below one another where the page is narrow.
 
-    def lines(self, text: str):
-        """A text as it is: commands, files."""
-        self._parts.append(f"<pre>{_safe(text)}</pre>")
+        Parameters
+        ----------
+        images : sequence of (picture, str)
+            Each with the words for who does not see it.
+        caption : str
+            Below them all.
+        scale : float
+            Pixels of a picture to one of the page.
+        photograph : bool
+            Filmed, not drawn.
+        """
+        shown = "".join(_image(image, words, scale, photograph) for image, words in images)
+        below = f"<figcaption>{_safe(caption)}</figcaption>" if caption else ""
+        kind = "beside" if len(images) > 1 else "beside one"
+        self._parts.append(f'<figure><div class="{kind}">{shown}</div>{below}</figure>')
+
+    def lines(self, text: str, folded: str = ""):
+        """A text as it is: commands, files; behind the words ``folded``, if there are any, until asked for."""
+        made = f"<pre{_kind('' if text.count(chr(10)) > 30 else 'short')}>{_safe(text)}</pre>"
+        self._parts.append(f"<details><summary>{_safe(folded)}</summary>{made}</details>" if folded else made)
+
+    def links(self, ways: Iterable[tuple[str, str, str]]):
+        """(where to, its name, a sentence about it) below one another."""
+        items = "".join(f'<li><a href="{_safe(to)}">{_safe(name)}</a>: {_safe(text)}</li>' for to, name, text in ways)
+        self._parts.append(f"<ul>{items}</ul>")
 
     def text(self) -> str:
         """The whole page."""
-        body = "\n".join(self._parts)
+        parts = list(self._parts)
+        if self._contents:
+            parts.insert(self._contents, self._ways())
+        body = "\n".join(parts)
         return (
             '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"/>'
             '<meta name="viewport" content="width=device-width, initial-scale=1"/>'
             f"<title>{_safe(self.title)}</title><style>{STYLE}</style></head>\n<body>\n{body}\n</body></html>\n"
         )
+
+    def _ways(self):
+        ways = [f'<a href="#part-{k + 1}">{_safe(text)}</a>' for k, text in enumerate(self._heads)]
+        return f"<nav>{' '.join(ways)}</nav>"
 
 
 def _safe(text) -> str:
@@ -113,6 +167,15 @@ def _kind(name: str) -> str:
 def _cell(cell, side):
     text, kind = cell if isinstance(cell, tuple) else (cell, "")
     return f"<td{_kind(' '.join(filter(None, (side, kind))))}>{_safe(text)}</td>"
+
+
+def _image(image, words, scale, photograph):
+    """A picture within the page."""
+    data, kind = _encoded(image, photograph)
+    width, height = round(image.shape[1] / scale), round(image.shape[0] / scale)
+    size = f'width="{width}" height="{height}"'
+    source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+    return f'<img {size} alt="{_safe(words)}" src="{source}"/>'
 
 
 def _encoded(image, photograph):

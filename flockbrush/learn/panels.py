@@ -15,7 +15,9 @@ from flockbrush.plot import ticks
 
 SCALE = 2  # pixels of the picture for one of the page: sharp on paper
 PANEL = 440, 250  # pixels of the page
-GAP, HEAD = 26, 40
+GAP, HEAD = 26, 44
+EDGE = 2  # pixels of the page around a panel that stands alone
+SMALL, SMALLER = 13, 12  # pixels of the page, height of names and of numbers along axes
 PAPER, INK, MUTED = rgb("#ffffff"), rgb("#26302c"), rgb("#66716a")
 CLIP, HERD, OTHER = rgb("#26302c"), rgb("#d0402b"), rgb("#097abe")  # what was filmed, what was simulated, a third
 BAND = 0.16  # opacity of what lies within the bounds
@@ -49,9 +51,10 @@ class Row(NamedTuple):
 
     name: str
     value: float
-    others: np.ndarray  # what the other starts came to
+    others: np.ndarray  # what other starts came to
     told: bool = True
     group: str = ""
+    alike: np.ndarray = np.zeros(0)  # what those came to that describe the clip about as well
 
 
 class Rows(NamedTuple):
@@ -70,6 +73,14 @@ class Maps(NamedTuple):
     squares: list[np.ndarray]  # (bins, bins), row 0 is behind
     reach: float  # from the middle to a side
     unit: str
+
+
+def drawn(panel) -> np.ndarray:
+    """One panel on white paper without a margin to speak of, (h, w, 3) uint8."""
+    height = _height(panel)
+    image = np.full(((height + 2 * EDGE) * SCALE, (PANEL[0] + 2 * EDGE) * SCALE, 3), PAPER, np.uint8)
+    _draw(Pen(image), np.array([EDGE, EDGE], float), panel, height)
+    return image
 
 
 def sheet(panels, columns=2) -> np.ndarray:
@@ -112,7 +123,7 @@ class Pen(Canvas):
 
 def _height(panel):
     if isinstance(panel, Rows):
-        return HEAD + 17 * len(panel.rows) + 10 * _groups(panel) + 26
+        return HEAD + 19 * len(panel.rows) + 10 * _groups(panel) + 26
     if isinstance(panel, Maps):
         return HEAD + round(_side(panel)) + 44
     return PANEL[1]
@@ -150,12 +161,12 @@ def _chart(pen, corner, chart, height):
 
     for value, words in _heights(chart, low, high, step):
         pen.line(at([start, stop], value), 0.8, MUTED, 0.28)
-        pen.words(words, at(start, value) - (6, 0), 11, MUTED, anchor=(1, 0.5))
+        pen.words(words, at(start, value) - (6, 0), SMALLER, MUTED, anchor=(1, 0.5))
     across = nice((stop - start) / 5)
     for x in np.arange(math.ceil(start / across - 1e-9), math.floor(stop / across + 1e-9) + 1) * across:
         pen.line(at(x, [low, high]), 0.8, MUTED, 0.14)
-        pen.words(f"{x:.4g}", at(x, low) + (0, 11), 11, MUTED, anchor=(0.5, 0.5))
-    pen.words(chart.across, (box[[0, 2]].mean(), box[3] + 27), 12, MUTED, anchor=(0.5, 0.5))
+        pen.words(f"{x:.4g}", at(x, low) + (0, 11), SMALLER, MUTED, anchor=(0.5, 0.5))
+    pen.words(chart.across, (box[[0, 2]].mean(), box[3] + 27), SMALL, MUTED, anchor=(0.5, 0.5))
     for line in lines:
         _curve(pen, at, line)
 
@@ -215,11 +226,11 @@ def _names(pen, corner, lines):
     """Who is who, each name once, below the title."""
     x, y = corner[0] + 2, corner[1] + 28
     for name, colour in {line.name: line.colour for line in lines if line.name}.items():
-        wide = width_of(name, 12 * SCALE) / SCALE
+        wide = width_of(name, SMALL * SCALE) / SCALE
         if x + wide + 20 > corner[0] + PANEL[0]:
             return
         pen.line([(x, y), (x + 14, y)], 2.4, colour)
-        pen.words(name, (x + 19, y), 12, MUTED, anchor=(0, 0.5))
+        pen.words(name, (x + 19, y), SMALL, MUTED, anchor=(0, 0.5))
         x += wide + 36
 
 
@@ -227,8 +238,8 @@ def _names(pen, corner, lines):
 
 
 def _rows(pen, corner, panel, height):
-    """A row for each parameter: a disc where it was found, a ring where other starts came to."""
-    left, right = corner[0] + 140, corner[0] + PANEL[0] - 12
+    """A row for each parameter: a disc where it was found, small ones where other starts came to."""
+    left, right = corner[0] + 152, corner[0] + PANEL[0] - 12
     low, high = panel.span
     top, bottom = corner[1] + HEAD - 6, corner[1] + height - 26
 
@@ -237,24 +248,25 @@ def _rows(pen, corner, panel, height):
 
     for value in np.linspace(low, high, 6):
         pen.line([(across(value), top), (across(value), bottom)], 0.8, MUTED, 0.2)
-        pen.words(f"{value:.3g}", (across(value), bottom + 12), 11, MUTED, anchor=(0.5, 0.5))
+        pen.words(f"{value:.3g}", (across(value), bottom + 12), SMALLER, MUTED, anchor=(0.5, 0.5))
     y, group = top + 9, panel.rows[0].group if panel.rows else ""
     for row in panel.rows:
         if row.group != group:
             y, group = y + 10, row.group
         _row(pen, row, y, corner[0], across)
-        y += 17
+        y += 19
 
 
 def _row(pen, row, y, left, across):
     colour = HERD if row.told else MUTED
-    pen.words(row.name, (left, y), 12, INK if row.told else MUTED, 1.0 if row.told else 0.8, anchor=(0, 0.5))
+    pen.words(row.name, (left, y), SMALL, INK if row.told else MUTED, 1.0 if row.told else 0.8, anchor=(0, 0.5))
     pen.line([(across(-1e9), y), (across(1e9), y)], 0.8, MUTED, 0.15)
-    others = row.others[np.isfinite(row.others)]
-    if len(others) > 1:
-        pen.line([(across(others.min()), y), (across(others.max()), y)], 3.0, colour, 0.25)
-    for value in others:
-        pen.dot((across(value), y), 2.6, colour, 0.4)
+    for values, radius, alpha in ((row.others, 2.0, 0.3), (row.alike, 2.8, 0.6)):
+        for value in values[np.isfinite(values)]:
+            pen.dot((across(value), y), radius, colour, alpha)
+    if len(row.alike):
+        ends = np.array([*row.alike, row.value])
+        pen.line([(across(np.nanmin(ends)), y), (across(np.nanmax(ends)), y)], 3.0, colour, 0.3)
     pen.dot((across(row.value), y), 4.6, PAPER)
     pen.dot((across(row.value), y), 3.8, colour)
 
@@ -272,12 +284,12 @@ def _maps(pen, corner, panel, height):
     most = max((float(np.nanmax(square)) for square in panel.squares if np.isfinite(square).any()), default=1.0) or 1.0
     for k, (name, square) in enumerate(zip(panel.names, panel.squares, strict=True)):
         left = corner[0] + k * (side + 14)
-        pen.words(name, (left, corner[1] + 28), 12, MUTED, anchor=(0, 0.5))
+        pen.words(name, (left, corner[1] + 28), SMALL, MUTED, anchor=(0, 0.5))
         _square(pen, (left, top), side, square, most)
         _walker(pen, (left + side / 2, top + side / 2), side / (2 * panel.reach))
         for words, share in ((f"-{panel.reach:g}", 0.0), ("0", 0.5), (f"{panel.reach:g}", 1.0)):
-            pen.words(words, (left + share * side, top + side + 10), 11, MUTED, anchor=(share, 0.5))
-        pen.words("body lengths to the right", (left + side / 2, top + side + 26), 12, MUTED, anchor=(0.5, 0.5))
+            pen.words(words, (left + share * side, top + side + 10), SMALLER, MUTED, anchor=(share, 0.5))
+        pen.words("body lengths to the right", (left + side / 2, top + side + 26), SMALL, MUTED, anchor=(0.5, 0.5))
     _scale_bar(pen, corner[0] + len(panel.squares) * (side + 14), top, side, most, panel.unit)
 
 
@@ -305,5 +317,5 @@ def _scale_bar(pen, left, top, side, most, unit):
     x = round(left * SCALE)
     pen.image[round(top * SCALE) : round(top * SCALE) + tall, x : x + 9 * SCALE] = bar[:, None]
     for share in (0.0, 0.5, 1.0):
-        pen.words(f"{share * most:.2g}", (left + 13, top + (1 - share) * side), 11, MUTED, anchor=(0, 0.5))
-    pen.words(unit, (left + 9, top - 12), 11, MUTED, anchor=(0.5, 0.5))
+        pen.words(f"{share * most:.2g}", (left + 13, top + (1 - share) * side), SMALLER, MUTED, anchor=(0, 0.5))
+    pen.words(unit, (left + 9, top - 12), SMALLER, MUTED, anchor=(0.5, 0.5))

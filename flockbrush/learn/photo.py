@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from behaviours.learning.evidence import Evidence, Sightings
+from behaviours.learning.evidence import Evidence, Fields, Sightings
+from behaviours.learning.rollout import Run
 from behaviours.learning.speeds import SpeedEvidence
 
 RANDOM = 3000.0  # degrees², the paper's target where animals lie at random
@@ -87,14 +88,28 @@ def angular_variance(photo: Evidence) -> tuple[np.ndarray, bool]:
     if photo.sightings is None:
         return target, False
     rows = photo.sightings.of(0)
-    xy, forward = photo.sightings.xy[rows], photo.sightings.forward[rows]
+    measured = _by_cell(fields, photo.sightings.xy[rows], photo.sightings.forward[rows])
+    told = np.isfinite(measured) & np.isfinite(target)
+    target[told] = measured[told]
+    return target, bool(told.any())
+
+
+def directions_of(run: Run, fields: Fields) -> np.ndarray:
+    """(T,) degrees², the angular variance of a simulated herd frame by frame, as that of a photograph is taken."""
+    rows = [run.of(t) for t in range(len(run))]
+    cells = [_by_cell(fields, run.xy[r], run.forward[r]) for r in rows]
+    return np.array([np.nanmean(c) if np.isfinite(c).any() else np.nan for c in cells])
+
+
+def _by_cell(fields, xy, forward):
+    """(ny, nx) degrees², of the axes in each cell and those around it; NaN where too few are."""
+    measured = np.full(fields.shape, np.nan)
     row, column, inside = fields.cells_of(xy)
-    told = False
     for r, c in {(int(r), int(c)) for r, c in zip(row[inside], column[inside], strict=True)}:
         near = (abs(row - r) <= 1) & (abs(column - c) <= 1) & inside
-        if near.sum() >= ENOUGH and np.isfinite(target[r, c]):
-            target[r, c], told = _variance(forward[near]), True
-    return target, told
+        if near.sum() >= ENOUGH:
+            measured[r, c] = _variance(forward[near])
+    return measured
 
 
 def _variance(forward):

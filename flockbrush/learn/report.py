@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -11,32 +12,47 @@ import numpy as np
 
 from behaviours.brush_writer import brush_to_toml
 from behaviours.learning.rollout import FORCES, NAMES
+from behaviours.models.herd import Params
 from flockbrush.draw import write_png
 from flockbrush.files import whole, write_text
+from flockbrush.learn.ablation import PARTS
 from flockbrush.learn.brush import plain, sentence
-from flockbrush.learn.comparison import ERRORS, REACH, TITLES
+from flockbrush.learn.charts import ORDER, is_told, panels_of
+from flockbrush.learn.comparison import ERRORS, JUDGED, TITLES
+from flockbrush.learn.counts import SECONDS
 from flockbrush.learn.findings import KEPT, Findings
 from flockbrush.learn.page import Page
-from flockbrush.learn.panels import CLIP, HERD, OTHER, SCALE, Chart, Line, Maps, Row, Rows, sheet
-from flockbrush.terminal import finite, number
+from flockbrush.learn.panels import SCALE, Chart, drawn, sheet
+from flockbrush.learn.stage import halves_of
+from flockbrush.terminal import finite, measure, number
 
-ORDER = "polarization", "milling", "milling in the picture", "aspect"
 OWN = "order", "errors", "crowd", "neighbours", "parameters", "loss"  # pictures of a report, besides its moments
-CROWD = "nearest neighbour", "density", "order nearby", "largest part"
+SEARCHED = 10  # starts in the table, the best first
+UNITS = {"radial": "BL", "angular": "°", "weight": "/s"}
 WORDS = {
     "moments": "Left: the clip, stabilised. Right: the simulation with the learned brush, from the same start, at the "
     "same scale and camera. It is left alone: animals are not the same ones one by one.",
+    "photograph": "Left: the photograph. Right: the simulated herd, begun where the animals of the photograph stand, "
+    "and what it has become.",
     "order": "Black: the clip, with the band that counts as the same (two of its own standard deviations, or .05). "
-    "Red: the simulations. Polarization: 1 when all head one way. Milling: 1 when all go round.",
-    "errors": "How far density and velocity drift from the clip as time goes on: quote the horizon with it. The "
-    "paper's density error counts only cells the simulation occupies; the share of animals in the wrong cell is fair "
-    "to both.",
-    "crowd": "How the animals keep to one another.",
-    "parameters": "Discs: the brush. Small discs: where other starts of the search ended. Grey: not told by the clip, "
-    "other values describe it as well; do not read them as facts about the species.",
+    "Red: the simulations, their mean drawn strongly. Polarization: 1 when all head one way. Milling: 1 when all go "
+    "round.",
+    "errors": "How far density and velocity drift from the clip as time goes on, as means over the simulations: quote "
+    "the horizon with them. The paper's density error counts only cells the simulation occupies; the share of animals "
+    "in the wrong cell is fair to both.",
+    "crowd": "How the animals keep to one another. Black: the clip. Red: the simulations.",
+    "parameters": "Large discs: the brush. Small discs: other starts of the search, joined where they describe the "
+    "clip about as well. Red: told by the clip. Grey: not told, other values describe it as well; do not read them "
+    "as facts about the species.",
     "loss": "Every start of the search; red the one that was chosen.",
     "neighbours": "Where others stand about an animal that looks up, from above (the radial density histogram).",
 }
+
+PAPER = (
+    'Model, measures, "the paper": Gong, X. et al. (2025). Herds from video: learning a microscopic herd model from '
+    "macroscopic motion data. Computer Graphics Forum 44(6), e70225."
+)
+LOOKED_AT = {"ground": "The ground, as it is without what moves on it."}  # what pictures of a refused clip show
 
 
 def write_report(findings: Findings, folder) -> list[Path]:
@@ -54,11 +70,13 @@ def write_report(findings: Findings, folder) -> list[Path]:
         The page first.
     """
     folder = Path(folder)
-    pictures = _pictures(findings)
+    panels = panels_of(findings)
+    pictures = {f"moment-{k + 1}": image for k, image in enumerate(findings.moments)}
+    pictures |= {name: sheet(some, 1 if len(some) == 1 else 2) for name, some in panels.items()}
     for name in {*OWN, *(f"moment-{k}" for k in range(1, 10))} - pictures.keys():  # of a report that was here before
         (folder / f"{name}.png").unlink(missing_ok=True)
     written = [folder / "report.html"]
-    write_text(written[0], page_of(findings, pictures).text())
+    write_text(written[0], page_of(findings, panels).text())
     for name, image in pictures.items():
         written.append(folder / f"{name}.png")
         with whole(written[-1]) as temporary:
@@ -100,109 +118,22 @@ def as_json(findings: Findings) -> dict:
     return found
 
 
-# pictures ---------------------------------------------------------------------------------
-
-
-def _pictures(findings):
-    """{name: image} of what there is to show."""
-    made = {f"moment-{k + 1}": image for k, image in enumerate(findings.moments)}
-    comparison = findings.comparison
-    if comparison is not None:
-        order = [_chart(comparison, name, (0.0, 1.0)) for name in ORDER if _told(comparison, name)]
-        if order:
-            made["order"] = sheet(order)
-        made["errors"] = sheet([_error_chart(comparison, name) for name in ERRORS])
-        crowd = [_chart(comparison, name, _from_zero(comparison, name)) for name in CROWD if _told(comparison, name)]
-        crowd.append(_speeds(comparison))
-        made["crowd"] = sheet(crowd)
-        if comparison.maps:
-            made["neighbours"] = sheet([_maps(comparison)], 1)
-    made["parameters"] = sheet([parameter_rows(findings.learned)], 1)
-    if any(len(attempt.loss) for attempt in findings.learned.starts):
-        made["loss"] = sheet([_losses(findings.learned)], 1)
-    return made
-
-
-def _told(comparison, name):
-    return bool(np.isfinite(comparison.clip[name]).any())
-
-
-def _from_zero(comparison, name):
-    """An axis that does not make much of little."""
-    return 0.0, max(float(np.nanmax(comparison.clip[name])), float(np.nanmax(comparison.herd(name), initial=0.0)))
-
-
-def _chart(comparison, name, span=None):
-    """The clip with its band, and the simulations."""
-    verdict, clip, times = comparison.verdict(name), comparison.clip[name], comparison.times
-    band = (clip - verdict.allowed, clip + verdict.allowed) if name in ORDER else None
-    if name == "aspect" and np.nanmax(clip) > 1:
-        span = None
-    herds = [Line("each simulation", times, h[name], HERD, width=1.0, alpha=0.35) for h in comparison.herds]
-    lines = [Line("clip", times, clip, CLIP, band), *(herds if len(herds) > 1 else [])]
-    lines.append(Line("simulation", times, comparison.herd(name), HERD))
-    return Chart(TITLES[name], "seconds from the start of the simulation", lines, span)
-
-
-def _error_chart(comparison, name):
-    times = comparison.times
-    each = [Line("each simulation", times, h[name], OTHER, width=1.0, alpha=0.35) for h in comparison.herds]
-    lines = [*(each if len(each) > 1 else []), Line("mean", times, comparison.herd(name), OTHER)]
-    return Chart(TITLES[name], "horizon, seconds", lines)
-
-
-def _speeds(comparison):
-    lines = [
-        Line(name, *comparison.speeds[name], colour, marks=True)
-        for name, colour in (("clip", CLIP), ("simulation", HERD))
-    ]
-    most = max((float(line.y.max()) for line in lines if len(line.y)), default=1.0)
-    return Chart("Speed against density, BL/s", "animals per BL²", lines, (0.0, most))
-
-
-def _maps(comparison):
-    squares = [comparison.maps[name] for name in ("clip", "simulation")]
-    return Maps("Where the others stand", ["clip", "simulation"], squares, REACH, "per BL²")
-
-
-def parameter_rows(learned) -> Rows:
-    """The twelve numbers, with what other starts came to."""
-    others = np.array([a.theta for k, a in enumerate(learned.starts) if k != learned.chosen]).reshape(-1, 12)
-    rows = [
-        Row(plain(name), float(value), others[:, k], bool(learned.identifiable[k]), name.split("_")[0])
-        for k, (name, value) in enumerate(zip(NAMES, learned.theta, strict=True))
-    ]
-    return Rows("Parameters, normalised to 0..1", rows)
-
-
-def _losses(learned):
-    lines = [
-        Line("other starts", np.arange(len(a.loss)), a.loss, OTHER, width=1.2, alpha=0.6)
-        for k, a in enumerate(learned.starts)
-        if k != learned.chosen and len(a.loss)
-    ]
-    if len(learned.loss):
-        lines.append(Line("the start chosen", np.arange(len(learned.loss)), learned.loss, HERD))
-    every = np.concatenate([line.y for line in lines])
-    return Chart("Loss", "steps", lines, logarithmic=bool((every[np.isfinite(every)] > 0).all()))
-
-
 # the page -----------------------------------------------------------------------------------
 
 
-def page_of(findings: Findings, pictures: dict[str, np.ndarray]) -> Page:
-    """The report as a page."""
+def page_of(findings: Findings, panels: dict[str, list]) -> Page:
+    """The report as a page; ``panels`` as `panels_of` gives them."""
     page = Page(f"{findings.brush.name}: a brush learned from {Path(findings.whole.name).name}")
     page.say(findings.verdict(), "lead")
+    page.checks(findings.checks())
     page.say(findings.brush.description, "small")
-    if findings.moments:
-        page.head("Clip and simulation")
-        for k, image in enumerate(findings.moments):
-            page.picture(image, WORDS["moments"] if k == len(findings.moments) - 1 else "", 1.0, photograph=True)
+    page.contents()
+    _moments(page, findings)
     if findings.comparison is not None:
-        _compared(page, findings, pictures)
+        _compared(page, findings, panels)
     _rivals(page, findings)
-    _parameters(page, findings, pictures)
+    _parameters(page, findings, panels)
+    _searched(page, findings, panels)
     _counts(page, findings)
     _ablations(page, findings)
     _seen(page, findings)
@@ -210,37 +141,110 @@ def page_of(findings: Findings, pictures: dict[str, np.ndarray]) -> Page:
     return page
 
 
-def _show(page, pictures, name):
-    if name in pictures:
-        page.picture(pictures[name], WORDS[name], SCALE)
+def _moments(page, findings):
+    if not findings.moments:
+        return
+    page.head("Clip and simulation" if findings.motion else "Photograph and simulation")
+    last = len(findings.moments) - 1
+    times = findings.comparison.times if findings.comparison is not None else [0.0]
+    whole = "The clip" if findings.motion else "The photograph"
+    for k, image in enumerate(findings.moments):
+        after = f"{times[-1] * k / max(last, 1):.1f} s after the start"
+        told = zip(halves_of(image), (f"{whole}, {after}", f"The simulated herd, {after}"), strict=True)
+        words = WORDS["moments" if findings.motion else "photograph"] if k == last else ""
+        page.pictures(list(told), words, photograph=True)
 
 
-def _compared(page, findings, pictures):
+def _show(page, panels, name, more=""):
+    if name in panels:
+        drawings = [(drawn(panel), f"{panel.title}. {_lines_in(panel)}".strip()) for panel in panels[name]]
+        page.pictures(drawings, f"{WORDS[name]} {more}".strip(), SCALE)
+
+
+def _lines_in(panel):
+    """What a chart ends with, for who does not see it."""
+    if not isinstance(panel, Chart):
+        return ""
+    last = {line.name: line for line in panel.lines if len(line.y) and line.name in ("clip", "simulation", "mean")}
+    told = ", ".join(f"{name} {_n(np.nanmean(line.y))}" for name, line in last.items() if np.isfinite(line.y).any())
+    return f"Mean: {told}." if told else ""
+
+
+def _compared(page, findings, panels):
     comparison = findings.comparison
-    first, last = comparison.frames[[0, -1]]
-    held = findings.held is not None
-    page.head("Held out: the frames nothing was learned from" if held else "The frames it was learned from")
-    page.say(
-        f"Frames {first} to {last}, {comparison.times[-1]:.2f} s; {len(comparison.herds)} simulations with "
-        "different chance, each begun as the first of these frames. "
-        + ("" if held else "The clip was too short to hold a part of it back: these figures flatter the brush.")
-    )
-    columns = ["measure", "clip", "±", "simulated", "±", "off by", "allowed", "frame by frame"]
+    page.head(
+        "Held out: the frames nothing was learned from" if findings.held is not None
+        else "The frames it was learned from" if findings.motion else "Against the photograph"
+    )  # fmt: skip
+    page.say(_frames_compared(findings))
+    columns = ["measure", "", "clip", "±", "simulated", "±", "off by", "allowed", "frame by frame"]
     rows = []
     for v in comparison.verdicts():
-        judged = v.name in ORDER
-        kind = ("good" if v.met else "bad") if judged else ""
-        rows.append(
-            [TITLES[v.name], _n(v.clip), _n(v.clip_deviation), _n(v.herd), _n(v.herd_deviation), (_n(v.off), kind)]
-            + [_n(v.allowed) if judged else "", _n(v.frame_error)]
+        judged = v.name in ORDER and findings.motion
+        met = (("met", "good") if v.met else ("missed", "bad")) if judged else ""
+        cells = [v.clip, v.clip_deviation, v.herd, v.herd_deviation, v.off]
+        rows.append([TITLES[v.name], met, *map(_n, cells), _n(v.allowed) if judged else "", _n(v.frame_error)])
+    page.table(columns, rows, words=2, chief=[k for k, v in enumerate(comparison.verdicts()) if v.name in JUDGED])
+    page.say(_explained(findings), "small")
+    _show(page, panels, "order", _untold(findings))
+    _errors(page, comparison)
+    for name in ("errors", "crowd", "neighbours"):
+        _show(page, panels, name)
+
+
+def _frames_compared(findings):
+    comparison = findings.comparison
+    first, last = comparison.frames[[0, -1]]
+    runs = len(comparison.herds)
+    made = "One simulation" if runs == 1 else f"{runs} simulations with different chance, each"
+    if not findings.motion:
+        return f"{made} of {comparison.times[-1]:.1f} s, begun where the animals of the photograph stand."
+    told = f"Frames {first} to {last}, {comparison.times[-1]:.2f} s. {made} begun as the first of these frames."
+    if len(findings.clips) > 1:
+        told += f" Of {len(findings.clips)} clips the first is compared with."
+    if findings.held is None:
+        told += " The clip was too short to hold a part of it back: these figures flatter the brush."
+    return told
+
+
+def _explained(findings):
+    if not findings.motion:
+        return (
+            "±: the standard deviation over the time. Directions: of the bodies' axes, about each place; at random "
+            "they vary by about 2700, the paper takes 3000 where it is not told."
         )
-    page.table(columns, rows)
-    for name in ("order", "errors", "crowd", "neighbours"):
-        _show(page, pictures, name)
+    return (
+        "BL: body lengths. ±: the standard deviation over the frames. Allowed: two of the clip's own, or .05 if that "
+        "is more. Frame by frame: the mean difference between clip and simulation at the same moment. The first "
+        "sentence of this page goes by the two rows in bold."
+    )
+
+
+def _untold(findings):
+    """Of what the clip does not tell, why."""
+    comparison = findings.comparison
+    missing = [TITLES[name].lower() for name in ORDER if not is_told(comparison, name)]
+    if not missing or not findings.motion:
+        return ""
+    reasons = {TITLES["aspect"].lower(): " (there is no length without a common direction)"}
+    return "Not told by the clip: " + ", ".join(name + reasons.get(name, "") for name in missing) + "."
+
+
+def _errors(page, comparison):
+    """Density and velocity errors after some time."""
+    told = {name: comparison.at_horizons(name) for name in ERRORS if np.isfinite(comparison.herd(name)).any()}
+    if not told:
+        return
+    times = [time for time, _ in next(iter(told.values()))]
+    rows = [
+        [TITLES[name], *(_n(error) for _, error in series), _n(comparison.figures("-")[f"- {name}"])]
+        for name, series in told.items()
+    ]
+    page.table(["error", *(f"after {time:.2f} s" for time in times), "mean"], rows)
 
 
 def _n(value, digits=3):
-    return number(float(value), digits)
+    return measure(float(value), digits)
 
 
 def _rivals(page, findings):
@@ -255,41 +259,82 @@ def _rivals(page, findings):
     own = findings.brush.name
     rows = sorted(findings.rivals, key=lambda rival: rival.unlike)
     cells = [
-        [r.name, _n(r.errors["polarization"]), _n(r.errors["milling"]), _n(r.density), _n(r.velocity), _n(r.unlike)]
+        [r.name, _n(r.errors["polarization"]), _n(r.errors["milling"]), _n(r.density), _n(r.velocity), _n(r.unlike, 2)]
         for r in rows
     ]
     columns = ["brush", "polarization off by", "milling off by", "in the wrong cell", "velocity error"]
     page.table([*columns, "unlike the clip by"], cells, chief=[k for k, r in enumerate(rows) if r.name == own])
 
 
-def _parameters(page, findings, pictures):
+def _parameters(page, findings, panels):
     learned = findings.learned
     page.head("The numbers, and which of them the clip tells")
-    _show(page, pictures, "parameters")
+    _show(page, panels, "parameters")
+    sure = learned.deviation is not None
     rows = []
     for force in FORCES:
         for name in (n for n in NAMES if n.startswith(force)):
             k = NAMES.index(name)
             told = ("told", "good") if learned.identifiable[k] else ("not told", "quiet")
-            deviation = "" if learned.deviation is None else _n(learned.deviation[k])
-            rows.append([plain(name), told, _n(learned.theta[k]), _n(learned.spread[k]), deviation])
-    page.table(["parameter", "by the clip", "value", "spread of starts", "deviation"], rows, words=2)
+            deviation = [_n(learned.deviation[k])] if sure else []
+            rows.append([plain(name), told, _n(learned.theta[k]), _real(learned, k), _n(learned.spread[k]), *deviation])
+    columns = ["parameter", "by the clip", "value", "that is", "spread of starts", *(["deviation"] if sure else [])]
+    page.table(columns, rows, words=2)
+    page.say(
+        "Value: 0 to 1, as in the paper and in the brush. That is: the strength (weight times sensitivity Ω), or the "
+        "standard deviation of the Gaussian in distance or angle. Spread: the standard deviation over the starts that "
+        "describe the clip about as well."
+        + (" Deviation: what the turns of the animals leave open (Cramér-Rao bound); - where they tell nothing."
+           if sure else ""), "small",
+    )  # fmt: skip
     if learned.extras:
-        page.say("Set from the clip besides: " + ", ".join(f"{k} {_word(v)}" for k, v in learned.extras.items()) + ".")
+        page.say("Set from the clip besides:")
+        page.facts((name.replace("_", " "), _extra(name, value)) for name, value in learned.extras.items())
     speed = learned.speed
     page.say(
         f"Speed: {speed.mean:.3g} body lengths a second, noise {speed.deviation:.3g} (speeds spread by "
         f"{speed.deviation / math.sqrt(2 * speed.reversion):.3g}), reversion {speed.reversion:.3g} a second"
         + (f", a table of {len(speed.by_density)} densities." if speed.by_density else ".")
     )
-    _show(page, pictures, "loss")
-    scores = [[a.name, str(a.seed), len(a.loss), _n(a.score)] for a in learned.starts]
-    if scores:
-        page.table(["start", "seed", "steps", "unlike the clip by"], scores, words=2, chief=[learned.chosen])
+
+
+def _real(learned, k):
+    """A normalised number in its unit."""
+    kind = NAMES[k].split("_")[1]
+    scale = {"weight": learned.params.sensitivity, "radial": 4.0, "angular": 180.0}[kind]
+    value = learned.theta[k] * scale
+    return f"{value:.0f}°" if kind == "angular" else f"{value:.2f} {UNITS[kind]}"
+
+
+def _extra(name, value):
+    """A parameter of the model with its unit and meaning."""
+    field = Params.model_fields.get(name)
+    if field is None:
+        return _word(value)
+    more = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+    return f"{_word(value)} {more.get('unit', '')}: {field.description}"
+
+
+def _searched(page, findings, panels):
+    learned = findings.learned
+    if not learned.starts:
+        return
+    page.head("The search")
+    chosen = learned.starts[learned.chosen]
+    bare = f"The one that was chosen, {chosen.name}, has no curve: it was taken as it is."
+    _show(page, panels, "loss", "" if len(chosen.loss) else bare)
+    shown = sorted((a for a in learned.starts if np.isfinite(a.score)), key=lambda a: a.score)[:SEARCHED] or [chosen]
+    rows = [[a.name, len(a.loss), _n(a.score, 2)] for a in shown]
+    page.table(["start", "steps", "unlike the clip by"], rows, chief=[k for k, a in enumerate(shown) if a is chosen])
+    left = len(learned.starts) - len(shown)
+    page.say(
+        "Unlike the clip by: of the part that was learned from, in the clip's own standard deviations."
+        + (f" {left} more did worse or were dropped before; figures.json has them all." if left else ""), "small",
+    )  # fmt: skip
 
 
 def _word(value):
-    return _n(value) if isinstance(value, float) else str(value)
+    return number(value, 3) if isinstance(value, float) else str(value)
 
 
 def _counts(page, findings):
@@ -297,25 +342,32 @@ def _counts(page, findings):
         return
     page.head("With other numbers of animals")
     page.say(
-        "Herds of the same density on an endless plane, 20 s; means over the last ten. Not kept: what is farther than "
-        f"{KEPT:g} from the clip's."
+        f"Herds of the same density on an endless plane, {SECONDS:g} s; means over the last ten. "
+        + (f"Not kept: what is farther than {KEPT:g} from the clip's." if findings.motion else "")
     )
-    rows = [
-        [f"{r['factor']:g} times", r["animals"], _n(r["polarization"]), _n(r["milling"]), _n(r["spacing"])]
-        + [_n(r["together"]), (strayed, "bad") if (strayed := findings.strayed(r)) else ("nothing", "good")]
-        for r in findings.counts
-    ]
-    page.table(["", "animals", "polarization", "milling", "nearest neighbour, BL", "in one herd", "not kept"], rows)
+    rows = []
+    for r in findings.counts:
+        strayed = findings.strayed(r)
+        kept = [(strayed, "bad") if strayed else ("nothing", "good")] if findings.motion else []
+        figures = [_n(r[name]) for name in ("polarization", "milling", "spacing", "together")]
+        rows.append([f"{r['factor']:g} times", f"{r['animals']:,}", *figures, *kept])
+    columns = ["", "animals", "polarization", "milling", "nearest neighbour, BL", "in one herd"]
+    page.table([*columns, *(["not kept"] if findings.motion else [])], rows)
 
 
 def _ablations(page, findings):
     if not findings.ablations:
         return
     page.head("Left out, one thing at a time")
-    page.say("Learned again without one part of the method; mean error over the frames, as the paper tabulates it.")
+    page.say(
+        "Learned again without one part of the method; mean error over the frames, as the paper tabulates it. A part "
+        "is worth what the errors grow by without it."
+    )
     columns = list(findings.ablations[0])
     rows = [[row[c] if isinstance(row[c], str) else _n(row[c]) for c in columns] for row in findings.ablations]
     page.table([c.replace("_", " ") for c in columns], rows, chief=[0])
+    parts = [(f"without {part}", f"not used: {words}") for part, words in PARTS.items()]
+    page.facts(pair for pair in parts if any(row["method"] == pair[0] for row in findings.ablations))
 
 
 def _seen(page, findings):
@@ -352,17 +404,20 @@ def _single(clip):
 def _again(page, findings):
     page.head("To do it again")
     page.lines(findings.command)
-    versions = findings.brush.provenance.versions
-    page.facts((f"{name} took", f"{value:.0f} s") for name, value in findings.seconds.items())
+    told = findings.brush.provenance
+    facts = [("brush", f"{findings.brush.name}, of the model {findings.brush.model}"), ("learned on", str(told.date))]
+    facts += [("by", told.by), ("seed", str(told.seed)), ("licence of the clip", told.licence or "not given")]
+    page.facts([*facts, *((f"{name} took", f"{value:.0f} s") for name, value in findings.seconds.items())])
+    versions = told.versions
     page.say("Made with " + ", ".join(f"{name} {version}" for name, version in versions.items()) + ".", "small")
-    page.say("The brush:", "small")
-    page.lines(brush_to_toml(findings.brush))
+    page.say(PAPER, "small")
+    page.lines(brush_to_toml(findings.brush), "The brush, as it is in its file")
 
 
 # what can be told when nothing was learned -----------------------------------------------------
 
 
-def write_partial(folder, clip, message: str, seen: dict) -> Path:
+def write_partial(folder, clip, message: str, seen: dict, command="") -> Path:
     """A page about a clip that nothing could be learned from: what was seen up to there.
 
     Parameters
@@ -374,16 +429,51 @@ def write_partial(folder, clip, message: str, seen: dict) -> Path:
         What went wrong.
     seen : dict
         Facts by name; under "pictures" pictures by title, BGR.
+    command : str
+        That came to this.
     """
     page = Page(f"Nothing learned from {Path(clip).name}")
     page.say(message, "lead")
     seen = dict(seen)
     pictures = seen.pop("pictures", {})
-    if seen:
-        page.head("What was seen")
-        page.facts((name.replace("_", " "), _word(value)) for name, value in seen.items())
+    page.head("What was seen")
+    page.facts((name.replace("_", " "), _word(value)) for name, value in seen.items())
     for title, image in pictures.items():
-        page.picture(_coloured(image), title, max(1.0, image.shape[1] / 920), photograph=image.ndim == 3)
+        scale = max(1.0, image.shape[1] / 720)
+        page.pictures([(_coloured(image), title)], LOOKED_AT.get(title, title), scale, photograph=image.ndim == 3)
+    page.head("What to try")
+    page.notes([message.split("; ", 1)[1]] if "; " in message else [])
+    page.say("See what is taken for animals, without learning anything:")
+    page.lines(shlex.join(["flockbrush", "fields", str(clip), "--out", "seen.npz", "--preview", "seen.mp4"]))
+    page.say("Look through the clip; take the colour and the length of an animal; draw what stands still:")
+    page.lines(shlex.join(["flockbrush", "play", "--clip", str(clip)]))
+    if command:
+        page.head("What was asked for")
+        page.lines(command)
+    path = Path(folder) / "report.html"
+    write_text(path, page.text())
+    return path
+
+
+def write_overview(folder, clip, mask, found: list[Findings]) -> Path:
+    """A page that leads to the reports of the regions of one clip, each in a folder of its own.
+
+    Parameters
+    ----------
+    folder : path
+    clip, mask : path
+    found : list of Findings
+        One for each region.
+    """
+    page = Page(f"Brushes learned from regions of {Path(clip).name}")
+    kept = sum(all(v.met for v in f.judged()) for f in found)
+    page.say(f"{kept} of {len(found)} simulated herds keep to the film, in polarization and milling.", "lead")
+    page.links((f"{f.brush.name}/report.html", f.brush.name, f.verdict()) for f in found)
+    page.say(f"The regions are those of the mask {Path(mask).name}.", "small")
+    for f in found:
+        if f.moments:
+            told = "The clip, its other regions pale", f"The simulated herd of {f.brush.name}"
+            page.pictures(list(zip(halves_of(f.moments[-1]), told, strict=True)), f.brush.name, photograph=True)
     path = Path(folder) / "report.html"
     write_text(path, page.text())
     return path

@@ -19,8 +19,9 @@ EDGE = 2.5  # body lengths of ground left around the herd
 SQUAREST = 0.55, 1.9  # width over height of a picture
 FADE = 1.5  # s of trails behind the simulated animals
 GAP = 8  # pixels between two pictures
-STRIP = 30  # pixels for what is written above them
-BAR = 160  # pixels for the bar that tells what a body length is
+LETTERS = 16, 1 / 30  # pixels of what is written above them, at least; of a picture's width
+STRIP = 1.8  # times the letters, the room for it
+BAR = 10  # times the letters, the bar that tells what a body length is
 
 
 class Stage:
@@ -118,25 +119,26 @@ class Stage:
         """Clip left, simulation right, and what is written above each; RGB."""
         left, right = self.film(frame, t), self.herd(xy, forward, time, ids)
         wide, tall = self.size
-        image = np.full((tall + STRIP + 2, 2 * wide + GAP, 3), 255, np.uint8)
-        image[STRIP : STRIP + tall, :wide] = left
-        image[STRIP : STRIP + tall, wide + GAP :] = right
+        letters = max(LETTERS[0], round(LETTERS[1] * wide))
+        strip = round(STRIP * letters)
+        image = np.full((tall + strip + 2, 2 * wide + GAP, 3), 255, np.uint8)
+        image[strip : strip + tall, :wide] = left
+        image[strip : strip + tall, wide + GAP :] = right
         canvas = Canvas(image)
         for k, text in enumerate(words):
             begin = k * (wide + GAP) + 2
-            long = canvas.words(text, (begin, STRIP / 2), 16, rgb("#26302c"), anchor=(0, 0.5))
-        if begin + long + BAR < 2 * wide + GAP:  # room for it beside the words
-            self._bar(canvas, wide + GAP + wide)
+            long = canvas.words(text, (begin, strip / 2), letters, rgb("#26302c"), anchor=(0, 0.5))
+        if begin + long + BAR * letters < 2 * wide + GAP:  # room for it beside the words
+            self._bar(canvas, (2 * wide + GAP - 4, strip / 2), round(0.85 * letters))
         even = image.shape[0] + image.shape[0] % 2
         return np.pad(image, [(0, even - image.shape[0]), (0, 0), (0, 0)], constant_values=255)
 
-    def _bar(self, canvas, right):
-        """How long so many body lengths are."""
+    def _bar(self, canvas, at, letters):
+        """How long so many body lengths are, ending at ``at``."""
         length = nice(0.16 * self.size[0] / self.scale)
         across = length * self.scale
-        at = right - 10, STRIP / 2
         words = f"{length:g} body length" + ("" if length == 1 else "s")
-        wide = canvas.words(words, at, 13, rgb("#66716a"), anchor=(1, 0.5))
+        wide = canvas.words(words, at, letters, rgb("#66716a"), anchor=(1, 0.5))
         x = at[0] - wide - 8
         canvas.line([(x - across, at[1]), (x, at[1])], 2.5, rgb("#66716a"))
 
@@ -168,6 +170,12 @@ def _shown(evidence, to_pixels):
     back = _inverse(to_pixels)
     ground = on_picture @ back[:, :2].T + back[:, 2]
     return ground.min(0), ground.max(0)
+
+
+def halves_of(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Clip and simulation of a picture of `Stage.beside`, each alone."""
+    wide = (image.shape[1] - GAP) // 2
+    return image[:, :wide], image[:, wide + GAP :]
 
 
 def _proportioned(low, high):

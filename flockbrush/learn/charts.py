@@ -1,0 +1,115 @@
+"""The charts of a report: what the findings of one brush have to show."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from behaviours.learning.rollout import NAMES
+from flockbrush.learn.brush import plain
+from flockbrush.learn.comparison import ERRORS, REACH, TITLES
+from flockbrush.learn.findings import Findings
+from flockbrush.learn.panels import CLIP, HERD, OTHER, Chart, Line, Maps, Row, Rows
+
+ORDER = "polarization", "milling", "milling in the picture", "aspect"
+CROWD = "nearest neighbour", "density", "order nearby", "largest part", "directions"
+ALIKE = 1.25, 0.1  # as good as the best: its score so many times, and so much more (the recipe's own rule)
+
+
+def panels_of(findings: Findings) -> dict[str, list]:
+    """{name: panels} of what there is to show."""
+    made: dict[str, list] = {}
+    comparison = findings.comparison
+    if comparison is not None:
+        made["order"] = [_chart(comparison, name, (0.0, 1.0)) for name in ORDER if is_told(comparison, name)]
+        made["errors"] = [_error_chart(comparison, n) for n in ERRORS if np.isfinite(comparison.herd(n)).any()]
+        made["crowd"] = [
+            _chart(comparison, name, _from_zero(comparison, name)) for name in CROWD if is_told(comparison, name)
+        ]
+        if all(len(x) for x, _ in comparison.speeds.values()):
+            made["crowd"].append(_speeds(comparison))
+        if comparison.maps:
+            made["neighbours"] = [_maps(comparison)]
+    made["parameters"] = [parameter_rows(findings.learned)]
+    made["loss"] = _losses(findings.learned)
+    return {name: panels for name, panels in made.items() if panels}
+
+
+def is_told(comparison, name) -> bool:
+    """Whether a clip tells of a measure at all."""
+    return name in comparison.clip and bool(np.isfinite(comparison.clip[name]).any())
+
+
+def _from_zero(comparison, name):
+    """An axis that does not make much of little."""
+    return 0.0, max(float(np.nanmax(comparison.clip[name])), float(np.nanmax(comparison.herd(name), initial=0.0)))
+
+
+def _chart(comparison, name, span=None):
+    """The clip with its band, and the simulations."""
+    verdict, clip, times = comparison.verdict(name), comparison.clip[name], comparison.times
+    band = (clip - verdict.allowed, clip + verdict.allowed) if name in ORDER else None
+    if name == "aspect" and np.nanmax(clip) > 1:
+        span = None
+    herds = [Line("each simulation", times, h[name], HERD, width=1.0, alpha=0.35) for h in comparison.herds]
+    lines = [Line("clip", times, clip, CLIP, band), *(herds if len(herds) > 1 else [])]
+    lines.append(Line("simulation", times, comparison.herd(name), HERD))
+    return Chart(TITLES[name], "seconds from the start of the simulation", lines, span)
+
+
+def _error_chart(comparison, name):
+    times = comparison.times
+    each = [Line("each simulation", times, h[name], OTHER, width=1.0, alpha=0.35) for h in comparison.herds]
+    lines = [*(each if len(each) > 1 else []), Line("mean", times, comparison.herd(name), OTHER)]
+    return Chart(TITLES[name], "horizon, seconds", lines)
+
+
+def _speeds(comparison):
+    lines = [
+        Line(name, *comparison.speeds[name], colour, marks=True)
+        for name, colour in (("clip", CLIP), ("simulation", HERD))
+    ]
+    most = max((float(line.y.max()) for line in lines if len(line.y)), default=1.0)
+    return Chart("Speed against density, BL/s", "animals per BL²", lines, (0.0, most))
+
+
+def _maps(comparison):
+    squares = [comparison.maps[name] for name in ("clip", "simulation")]
+    return Maps("Where the others stand", ["clip", "simulation"], squares, REACH, "per BL²")
+
+
+def parameter_rows(learned) -> Rows:
+    """The twelve numbers, with what other starts came to."""
+    times, more = ALIKE
+    limit = times * learned.starts[learned.chosen].score + more if learned.starts else np.inf
+    tried = [a for k, a in enumerate(learned.starts) if k != learned.chosen and np.isfinite(a.score)]
+    others, alike = (np.array([a.theta for a in some]).reshape(-1, 12) for some in (
+        [a for a in tried if a.score > limit], [a for a in tried if a.score <= limit],
+    ))  # fmt: skip
+    rows = [
+        Row(plain(name), float(value), others[:, k], bool(learned.identifiable[k]), name.split("_")[0], alike[:, k])
+        for k, (name, value) in enumerate(zip(NAMES, learned.theta, strict=True))
+    ]
+    return Rows("Parameters, normalised to 0..1", rows)
+
+
+def _losses(learned) -> list[Chart]:
+    """Descents and evolutions, each with a loss of its own."""
+    curves = [(k, a) for k, a in enumerate(learned.starts) if len(a.loss)]
+    evolved = [(k, a) for k, a in curves if ", evolved" in a.name]
+    fitted = [(k, a) for k, a in curves if ", evolved" not in a.name]
+    titles = ("Descent: loss", "steps"), ("Evolution: unlike the clip by, at best", "generations")
+    made = []
+    for (title, across), some in zip(titles, (fitted, evolved), strict=True):
+        lines = [_loss(a, False) for k, a in some if k != learned.chosen]
+        lines += [_loss(a, True) for k, a in some if k == learned.chosen]
+        if lines:
+            every = np.concatenate([line.y for line in lines])
+            made.append(Chart(title, across, lines, logarithmic=bool((every[np.isfinite(every)] > 0).all())))
+    return made
+
+
+def _loss(attempt, chosen):
+    steps = np.arange(len(attempt.loss))
+    if chosen:
+        return Line("the start chosen", steps, attempt.loss, HERD)
+    return Line("other starts", steps, attempt.loss, OTHER, width=1.2, alpha=0.6)
