@@ -47,20 +47,28 @@ def _from_zero(comparison, name):
 def _chart(comparison, name, span=None):
     """The clip with its band, and the simulations."""
     verdict, clip, times = comparison.verdict(name), comparison.clip[name], comparison.times
-    band = (clip - verdict.allowed, clip + verdict.allowed) if name in ORDER else None
+    most = np.inf if name == "aspect" else 1.0
+    band = np.maximum(clip - verdict.allowed, 0.0), np.minimum(clip + verdict.allowed, most)
     if name == "aspect" and np.nanmax(clip) > 1:
         span = None
     herds = [Line("each simulation", times, h[name], HERD, width=1.0, alpha=0.35) for h in comparison.herds]
-    lines = [Line("clip", times, clip, CLIP, band), *(herds if len(herds) > 1 else [])]
-    lines.append(Line("simulation", times, comparison.herd(name), HERD))
+    lines = [
+        Line(comparison.subject, times, clip, CLIP, band if name in ORDER else None),
+        *(herds if len(herds) > 1 else []),
+    ]
+    lines.append(Line(_mean_of(herds), times, comparison.herd(name), HERD))
     return Chart(TITLES[name], "seconds from the start of the simulation", lines, span)
 
 
 def _error_chart(comparison, name):
     times = comparison.times
     each = [Line("each simulation", times, h[name], OTHER, width=1.0, alpha=0.35) for h in comparison.herds]
-    lines = [*(each if len(each) > 1 else []), Line("mean", times, comparison.herd(name), OTHER)]
+    lines = [*(each if len(each) > 1 else []), Line(_mean_of(each), times, comparison.herd(name), OTHER)]
     return Chart(TITLES[name], "horizon, seconds", lines)
+
+
+def _mean_of(herds):
+    return "mean of them" if len(herds) > 1 else "simulation"
 
 
 def _speeds(comparison):
@@ -77,14 +85,20 @@ def _maps(comparison):
     return Maps("Where the others stand", ["clip", "simulation"], squares, REACH, "per BL²")
 
 
+def others_of(learned) -> tuple[list, list]:
+    """(starts besides the chosen that describe the clip about as well, those that describe it worse)."""
+    if not learned.starts:
+        return [], []
+    times, more = ALIKE
+    limit = times * learned.starts[learned.chosen].score + more
+    tried = [a for k, a in enumerate(learned.starts) if k != learned.chosen and np.isfinite(a.score)]
+    return [a for a in tried if a.score <= limit], [a for a in tried if a.score > limit]
+
+
 def parameter_rows(learned) -> Rows:
     """The twelve numbers, with what other starts came to."""
-    times, more = ALIKE
-    limit = times * learned.starts[learned.chosen].score + more if learned.starts else np.inf
-    tried = [a for k, a in enumerate(learned.starts) if k != learned.chosen and np.isfinite(a.score)]
-    others, alike = (np.array([a.theta for a in some]).reshape(-1, 12) for some in (
-        [a for a in tried if a.score > limit], [a for a in tried if a.score <= limit],
-    ))  # fmt: skip
+    near, far = others_of(learned)
+    alike, others = (np.array([a.theta for a in some]).reshape(-1, 12) for some in (near, far))
     rows = [
         Row(plain(name), float(value), others[:, k], bool(learned.identifiable[k]), name.split("_")[0], alike[:, k])
         for k, (name, value) in enumerate(zip(NAMES, learned.theta, strict=True))

@@ -27,7 +27,7 @@ from behaviours.learning.scores import (
     view_of,
     view_of_run,
 )
-from flockbrush.learn.photo import directions_of
+from flockbrush.learn.photo import RANDOM, directions_of
 
 SHOWN = (
     "polarization",
@@ -119,6 +119,11 @@ class Comparison:
     speeds: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     unlike: float = np.nan
 
+    @property
+    def subject(self) -> str:
+        """What the simulations are compared with: a clip, or one photograph."""
+        return "photograph" if (self.frames == self.frames[0]).all() else "clip"
+
     def herd(self, name) -> np.ndarray:
         """(T,) mean over the simulations."""
         return _mean([one[name] for one in self.herds])
@@ -200,7 +205,7 @@ def compared(evidence: Evidence, runs: list[Run]) -> Comparison:
     clip = measures_of(view)
     if not np.isfinite(fields.velocity).any():  # one picture: nothing is known of motion
         clip |= {name: np.full(len(fields), np.nan) for name in MOVING if name in clip}
-        clip["directions"] = np.full(len(fields), _moments(fields.angular_variance[0])[0])
+        clip["directions"] = np.full(len(fields), _directions(fields))
         herds = [herd | {"directions": directions_of(run, fields)} for herd, run in zip(herds, runs, strict=True)]
     made = Comparison(fields.frames.copy(), times, clip, herds, runs[0])
     target = Target.of(evidence)
@@ -209,6 +214,12 @@ def compared(evidence: Evidence, runs: list[Run]) -> Comparison:
     if single:
         made.maps = {"clip": neighbours(view), "simulation": neighbours(views[0])}
     return made
+
+
+def _directions(fields):
+    """Mean variance of the directions of a photograph, degrees²; NaN where none was measured."""
+    told = fields.angular_variance[0]
+    return _moments(told[told != RANDOM])[0]
 
 
 # where the others stand, and how fast a crowd is ------------------------------------------------

@@ -13,6 +13,7 @@ from behaviours.learning.learned import Learned
 from flockbrush.learn.comparison import JUDGED, TITLES, Comparison, Verdict
 from flockbrush.learn.counts import SECONDS
 
+FEW = 10  # animals, below which polarization and milling say little
 KEPT = 0.2  # polarization and milling of a herd of other size are the clip's within this
 
 
@@ -142,6 +143,9 @@ class Findings:
         if self.counts and self.motion:
             strayed = [(r, words) for r in self.counts if (words := self.strayed(r))]
             told.append((not strayed, _resized(self.counts, strayed)))
+        count = float(np.median(self.whole.fields.count))
+        if count < FEW:
+            told.append((None, f"Only about {count:.0f} animals are seen: too few to say much of a herd."))
         sure = int(np.sum(self.learned.identifiable))
         told.append((None, f"The clip tells {sure} of the 12 numbers of the model; the others are no facts."))
         if self.learned.interrupted:

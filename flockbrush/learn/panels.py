@@ -34,6 +34,7 @@ class Line(NamedTuple):
     marks: bool = False
     width: float = 2.0
     alpha: float = 1.0
+    pieces: tuple[int, ...] = ()  # where a new piece begins, after what is not known
 
 
 class Chart(NamedTuple):
@@ -179,7 +180,9 @@ def _cleaned(line, logarithmic):
         with np.errstate(divide="ignore", invalid="ignore"):
             y, band = np.log10(y), [np.log10(b) for b in band]
     good = np.isfinite(x) & np.isfinite(y)
-    return line._replace(x=x[good], y=y[good], band=None if line.band is None else (band[0][good], band[1][good]))
+    pieces = tuple(np.flatnonzero(np.diff(np.flatnonzero(good)) > 1) + 1)
+    band = None if line.band is None else (band[0][good], band[1][good])
+    return line._replace(x=x[good], y=y[good], band=band, pieces=pieces)
 
 
 def _heights(chart, low, high, step):
@@ -187,7 +190,7 @@ def _heights(chart, low, high, step):
     if not chart.logarithmic:
         return [(v, f"{v:.4g}") for v in np.arange(round(low / step), round(high / step) + 1) * step]
     decades = range(math.floor(low), math.ceil(high) + 1)
-    parts = (1, 2, 5) if high - low < 2 else (1,)
+    parts = (1, 1.5, 2, 3, 4, 5, 7) if high - low < 0.8 else (1, 2, 5) if high - low < 2 else (1,)
     values = [part * 10.0**decade for decade in decades for part in parts]
     return [(math.log10(v), f"{v:.4g}") for v in values if low - 1e-9 <= math.log10(v) <= high + 1e-9]
 
@@ -212,24 +215,25 @@ def _level(lines):
 
 
 def _curve(pen, at, line):
-    if line.band is not None and len(line.x) > 1:
-        edge = np.concatenate([at(line.x, line.band[0]), at(line.x, line.band[1])[::-1]])
-        pen.area(edge, line.colour, BAND)
-    points = at(line.x, line.y)
-    pen.line(points, line.width, line.colour, line.alpha)
-    if line.marks or len(points) == 1:
-        for point in points:
-            pen.dot(point, 3.2, line.colour, line.alpha)
+    for rows in np.split(np.arange(len(line.x)), line.pieces):
+        points = at(line.x[rows], line.y[rows])
+        if line.band is not None and len(rows) > 1:
+            low, high = (at(line.x[rows], side[rows]) for side in line.band)
+            pen.area(np.concatenate([low, high[::-1]]), line.colour, BAND)
+        pen.line(points, line.width, line.colour, line.alpha)
+        if line.marks or len(rows) == 1:
+            for point in points:
+                pen.dot(point, 3.2 if line.marks else 0.9 * line.width, line.colour, line.alpha)
 
 
 def _names(pen, corner, lines):
     """Who is who, each name once, below the title."""
     x, y = corner[0] + 2, corner[1] + 28
-    for name, colour in {line.name: line.colour for line in lines if line.name}.items():
+    for name, line in {line.name: line for line in lines if line.name}.items():
         wide = width_of(name, SMALL * SCALE) / SCALE
         if x + wide + 20 > corner[0] + PANEL[0]:
             return
-        pen.line([(x, y), (x + 14, y)], 2.4, colour)
+        pen.line([(x, y), (x + 14, y)], line.width, line.colour, line.alpha)
         pen.words(name, (x + 19, y), SMALL, MUTED, anchor=(0, 0.5))
         x += wide + 36
 

@@ -17,7 +17,7 @@ from flockbrush.draw import write_png
 from flockbrush.files import whole, write_text
 from flockbrush.learn.ablation import PARTS
 from flockbrush.learn.brush import plain, sentence
-from flockbrush.learn.charts import ORDER, is_told, panels_of
+from flockbrush.learn.charts import ORDER, is_told, others_of, panels_of
 from flockbrush.learn.comparison import ERRORS, JUDGED, TITLES
 from flockbrush.learn.counts import SECONDS
 from flockbrush.learn.findings import KEPT, Findings
@@ -37,10 +37,10 @@ WORDS = {
     "order": "Black: the clip, with the band that counts as the same (two of its own standard deviations, or .05). "
     "Red: the simulations, their mean drawn strongly. Polarization: 1 when all head one way. Milling: 1 when all go "
     "round.",
-    "errors": "How far density and velocity drift from the clip as time goes on, as means over the simulations: quote "
-    "the horizon with them. The paper's density error counts only cells the simulation occupies; the share of animals "
+    "errors": "How far density and velocity drift away as time goes on, as means over the simulations: quote the "
+    "horizon with them. The paper's density error counts only cells the simulation occupies; the share of animals "
     "in the wrong cell is fair to both.",
-    "crowd": "How the animals keep to one another. Black: the clip. Red: the simulations.",
+    "crowd": "How the animals keep to one another. Black: what was filmed. Red: the simulations.",
     "parameters": "Large discs: the brush. Small discs: other starts of the search, joined where they describe the "
     "clip about as well. Red: told by the clip. Grey: not told, other values describe it as well; do not read them "
     "as facts about the species.",
@@ -52,6 +52,7 @@ PAPER = (
     'Model, measures, "the paper": Gong, X. et al. (2025). Herds from video: learning a microscopic herd model from '
     "macroscopic motion data. Computer Graphics Forum 44(6), e70225."
 )
+FACTS = {"share of the picture": "share taken for animals", "share that differs": "share that moves"}
 LOOKED_AT = {"ground": "The ground, as it is without what moves on it."}  # what pictures of a refused clip show
 
 
@@ -165,8 +166,15 @@ def _lines_in(panel):
     """What a chart ends with, for who does not see it."""
     if not isinstance(panel, Chart):
         return ""
-    last = {line.name: line for line in panel.lines if len(line.y) and line.name in ("clip", "simulation", "mean")}
-    told = ", ".join(f"{name} {_n(np.nanmean(line.y))}" for name, line in last.items() if np.isfinite(line.y).any())
+    last = {
+        line.name: line
+        for line in panel.lines
+        if len(line.y) and line.name in ("clip", "photograph", "simulation", "mean of them")
+    }
+    said = {"mean of them": "simulations"}
+    told = ", ".join(
+        f"{said.get(name, name)} {_n(np.nanmean(line.y))}" for name, line in last.items() if np.isfinite(line.y).any()
+    )
     return f"Mean: {told}." if told else ""
 
 
@@ -177,7 +185,7 @@ def _compared(page, findings, panels):
         else "The frames it was learned from" if findings.motion else "Against the photograph"
     )  # fmt: skip
     page.say(_frames_compared(findings))
-    columns = ["measure", "", "clip", "±", "simulated", "±", "off by", "allowed", "frame by frame"]
+    columns = ["measure", "", comparison.subject, "±", "simulated", "±", "off by", "allowed", "frame by frame"]
     rows = []
     for v in comparison.verdicts():
         judged = v.name in ORDER and findings.motion
@@ -270,20 +278,29 @@ def _parameters(page, findings, panels):
     learned = findings.learned
     page.head("The numbers, and which of them the clip tells")
     _show(page, panels, "parameters")
-    sure = learned.deviation is not None
+    sure, alone = learned.deviation is not None, not others_of(learned)[0]
     rows = []
     for force in FORCES:
         for name in (n for n in NAMES if n.startswith(force)):
             k = NAMES.index(name)
             told = ("told", "good") if learned.identifiable[k] else ("not told", "quiet")
             deviation = [_n(learned.deviation[k])] if sure else []
-            rows.append([plain(name), told, _n(learned.theta[k]), _real(learned, k), _n(learned.spread[k]), *deviation])
+            rows.append(
+                [
+                    plain(name),
+                    told,
+                    _n(learned.theta[k]),
+                    _real(learned, k),
+                    _n(math.nan if alone else learned.spread[k]),
+                    *deviation,
+                ]
+            )
     columns = ["parameter", "by the clip", "value", "that is", "spread of starts", *(["deviation"] if sure else [])]
     page.table(columns, rows, words=2)
     page.say(
         "Value: 0 to 1, as in the paper and in the brush. That is: the strength (weight times sensitivity Ω), or the "
         "standard deviation of the Gaussian in distance or angle. Spread: the standard deviation over the starts that "
-        "describe the clip about as well."
+        "describe the clip about as well" + ("; none but this does." if alone else ".")
         + (" Deviation: what the turns of the animals leave open (Cramér-Rao bound); - where they tell nothing."
            if sure else ""), "small",
     )  # fmt: skip
@@ -396,7 +413,7 @@ def _seen(page, findings):
 
 
 def _single(clip):
-    if clip.sightings is None:
+    if clip.sightings is None or not len(clip.sightings.xy):
         return "could not be told apart"
     return f"{len(clip.sightings.xy) / max(len(clip.sightings), 1):.0f} a frame told apart"
 
@@ -437,12 +454,12 @@ def write_partial(folder, clip, message: str, seen: dict, command="") -> Path:
     seen = dict(seen)
     pictures = seen.pop("pictures", {})
     page.head("What was seen")
-    page.facts((name.replace("_", " "), _word(value)) for name, value in seen.items())
+    page.facts((FACTS.get(name, name.replace("_", " ")), _word(value)) for name, value in seen.items())
     for title, image in pictures.items():
         scale = max(1.0, image.shape[1] / 720)
         page.pictures([(_coloured(image), title)], LOOKED_AT.get(title, title), scale, photograph=image.ndim == 3)
     page.head("What to try")
-    page.notes([message.split("; ", 1)[1]] if "; " in message else [])
+    page.notes([sentence(message.split("; ", 1)[1])] if "; " in message else [])
     page.say("See what is taken for animals, without learning anything:")
     page.lines(shlex.join(["flockbrush", "fields", str(clip), "--out", "seen.npz", "--preview", "seen.mp4"]))
     page.say("Look through the clip; take the colour and the length of an animal; draw what stands still:")
@@ -473,7 +490,9 @@ def write_overview(folder, clip, mask, found: list[Findings]) -> Path:
     for f in found:
         if f.moments:
             told = "The clip, its other regions pale", f"The simulated herd of {f.brush.name}"
-            page.pictures(list(zip(halves_of(f.moments[-1]), told, strict=True)), f.brush.name, photograph=True)
+            page.pictures(
+                list(zip(halves_of(f.moments[len(f.moments) // 2]), told, strict=True)), f.brush.name, photograph=True
+            )
     path = Path(folder) / "report.html"
     write_text(path, page.text())
     return path
