@@ -121,15 +121,15 @@ def description(clip: Evidence, learned: Learned) -> str:
     """What the animals do, from what was measured of the clip."""
     count = float(np.median(clip.fields.count))
     speed = learned.speed.mean
-    told = f"As about {count:.0f} animals in {Path(clip.name).name} move: {_manner(clip)}, {speed:.2g} body lengths a "
-    return told + "second."
+    where, pace = Path(clip.name).name, f"{speed:.2g} body lengths a second"
+    if not np.isfinite(clip.fields.velocity).any():
+        return f"As about {count:.0f} animals stand in {where}; {pace}, which the picture does not tell."
+    return f"As about {count:.0f} animals in {where} move: {_manner(clip)}, {pace}."
 
 
 def _manner(clip):
     """March, mill or neither, by polarization and milling about the middle of the herd."""
     polarization, milling = order_of(clip)
-    if not math.isfinite(polarization):
-        return "standing as the picture shows them"
     if milling >= MILL and milling > polarization:
         return "round and round"
     if polarization >= MARCH:

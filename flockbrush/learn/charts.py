@@ -64,7 +64,7 @@ def _error_chart(comparison, name):
     times = comparison.times
     each = [Line("each simulation", times, h[name], OTHER, width=1.0, alpha=0.35) for h in comparison.herds]
     lines = [*(each if len(each) > 1 else []), Line(_mean_of(each), times, comparison.herd(name), OTHER)]
-    return Chart(TITLES[name], "horizon, seconds", lines)
+    return Chart(TITLES[name], "horizon, seconds", lines, (0.0, float(np.nanmax([h[name] for h in comparison.herds]))))
 
 
 def _mean_of(herds):

@@ -364,7 +364,8 @@ def moments_of(clip, frames: Evidence, run: Run, brush, count=MOMENTS) -> list[n
         rows = run.of(t)
         seconds = float(run.times[t])
         if t in pictures:
-            words = (f"clip, frame {frames.fields.frames[t]}", f"{brush.name}, after {seconds:.1f} s")
+            filmed = "photograph" if _is_photo(frames) else f"clip, frame {frames.fields.frames[t]}"
+            words = (filmed, f"{brush.name}, after {seconds:.1f} s")
             made.append(stage.beside(pictures[t], t, run.xy[rows], run.forward[rows], seconds, words, run.ids[rows]))
         else:
             stage.herd(run.xy[rows], run.forward[rows], seconds, run.ids[rows])

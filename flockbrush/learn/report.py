@@ -185,19 +185,27 @@ def _compared(page, findings, panels):
         else "The frames it was learned from" if findings.motion else "Against the photograph"
     )  # fmt: skip
     page.say(_frames_compared(findings))
-    columns = ["measure", "", comparison.subject, "±", "simulated", "±", "off by", "allowed", "frame by frame"]
-    rows = []
-    for v in comparison.verdicts():
-        judged = v.name in ORDER and findings.motion
-        met = (("met", "good") if v.met else ("missed", "bad")) if judged else ""
-        cells = [v.clip, v.clip_deviation, v.herd, v.herd_deviation, v.off]
-        rows.append([TITLES[v.name], met, *map(_n, cells), _n(v.allowed) if judged else "", _n(v.frame_error)])
-    page.table(columns, rows, words=2, chief=[k for k, v in enumerate(comparison.verdicts()) if v.name in JUDGED])
+    _measures(page, findings)
     page.say(_explained(findings), "small")
     _show(page, panels, "order", _untold(findings))
     _errors(page, comparison)
     for name in ("errors", "crowd", "neighbours"):
         _show(page, panels, name)
+
+
+def _measures(page, findings):
+    comparison = findings.comparison
+    if not findings.motion:
+        rows = [[TITLES[v.name], *map(_n, (v.clip, v.herd, v.herd_deviation, v.off))] for v in comparison.verdicts()]
+        page.table(["measure", "photograph", "simulated", "±", "off by"], rows)
+        return
+    rows = []
+    for v in comparison.verdicts():
+        met = (("met", "good") if v.met else ("missed", "bad")) if v.name in ORDER else ""
+        cells = [v.clip, v.clip_deviation, v.herd, v.herd_deviation, v.off]
+        rows.append([TITLES[v.name], met, *map(_n, cells), _n(v.allowed) if met else "", _n(v.frame_error)])
+    columns = ["measure", "", "clip", "±", "simulated", "±", "off by", "allowed", "frame by frame"]
+    page.table(columns, rows, words=2, chief=[k for k, v in enumerate(comparison.verdicts()) if v.name in JUDGED])
 
 
 def _frames_compared(findings):
