@@ -28,6 +28,7 @@ FINE = 11.0  # px: longer bodies are looked for in a smaller picture
 FREE = 0.55  # share of a capsule that must belong to nobody else
 FULL = 0.7  # share of a capsule that must be animal
 ROUNDS = 5  # of k-means
+ALONG, END = 6, 0.62  # places from the middle of a body to each end, and how far the last part goes, lengths
 AGAIN = 0.15  # of a perfect fit: what it is worth to lie as an animal lay in the frame before
 WANDERS = 0.12  # of a length: how far it may have gone since for that to count
 SHAPES = np.linspace(0.0, 6.0, 241)  # half axis over radius of a capsule
@@ -57,6 +58,9 @@ class Bodies:
         px, px, px².
     alone : (k,) bool ndarray
         Whether nobody touches it.
+    ends : (k, m) ndarray
+        By how much the picture at the end that the axis points to differs from that at the other (see `_ends`); turned
+        about, a body has the same numbers with the other sign.  m is 0 where no picture was given.
     """
 
     xy: np.ndarray
@@ -65,6 +69,11 @@ class Bodies:
     width: np.ndarray
     area: np.ndarray
     alone: np.ndarray
+    ends: np.ndarray = None  # type: ignore[assignment]  # nothing known
+
+    def __post_init__(self):
+        if self.ends is None:
+            object.__setattr__(self, "ends", np.zeros((len(self.xy), 0)))
 
     def __len__(self):
         return len(self.xy)
@@ -86,7 +95,9 @@ class Bodies:
 
     def of(self, chosen) -> Bodies:
         """Some of them."""
-        return Bodies(*(getattr(self, name)[chosen] for name in ("xy", "axis", "length", "width", "area", "alone")))
+        return Bodies(
+            *(getattr(self, name)[chosen] for name in ("xy", "axis", "length", "width", "area", "alone", "ends"))
+        )
 
 
 # the size of one ----------------------------------------------------------------------------------------------------
@@ -221,7 +232,37 @@ def bodies_of(mask, size: BodySize, picture=None, before: Bodies | None = None) 
     if many.any():
         crowd = many[labels].view(np.uint8)
         found.append(_parted(crowd, size, picture, before))
-    return Bodies(*(np.concatenate(v) for v in zip(*(vars(f).values() for f in found), strict=True)))
+    bodies = Bodies(*(np.concatenate(v) for v in zip(*(vars(f).values() for f in found), strict=True)))
+    return bodies if picture is None else replace(bodies, ends=_ends(bodies, mask, picture, size))
+
+
+def _ends(bodies, mask, picture, size):
+    """(k, 2 ALONG) what a body looks like from its middle towards one end, less the same towards the other.
+
+    First how light it is, in deviations of all that is animal, then how much of it is animal: heads are darker than
+    backs, or narrower.
+    """
+    if not len(bodies):
+        return np.zeros((0, 2 * ALONG))
+    grey = (picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)).astype(np.float32)
+    spread = float(grey[mask > 0].std()) + 1.0 if mask.any() else 1.0
+    layers = [cv2.GaussianBlur(layer, (0, 0), 0.07 * size.length) for layer in (grey / spread, mask.astype(np.float32))]
+    out = END * (np.arange(ALONG) + 0.5) / ALONG * size.length
+    aside = np.array([-0.2, 0.0, 0.2]) * size.width
+    axis, across = bodies.axis[:, None, None], np.column_stack([-bodies.axis[:, 1], bodies.axis[:, 0]])[:, None, None]
+    along = out[:, None, None] * axis  # (k, ALONG, 1, 2)
+    middle = bodies.xy[:, None, None] - 0.5 + aside[:, None] * across
+    return np.concatenate(
+        [_looked_at(layer, middle + along) - _looked_at(layer, middle - along) for layer in layers], 1
+    )
+
+
+def _looked_at(layer, places):
+    """Means over the last number of a picture at places (k, a, b, 2) px, (k, a)."""
+    k, a, b = places.shape[:3]
+    x, y = np.moveaxis(places, -1, 0).reshape(2, k, a * b).astype(np.float32)
+    seen = cv2.remap(layer, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return seen.reshape(k, a, b).mean(-1).astype(float)
 
 
 def _binary(mask):

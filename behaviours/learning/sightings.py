@@ -3,9 +3,10 @@
 Bodies are matched from frame to frame where each is foretold (`scipy.optimize.linear_sum_assignment` on those that are
 near; a body that is new is foretold by the flow of the picture, or by its neighbours).  Which end of a body is the head
 follows from where it goes: of all ways to give every body of a track a head, the one is taken that turns least and
-goes forwards most (Viterbi).  Heading and turning are then those of local polynomials through the *axes* of the bodies,
-which tell them far better than the places do: places that are .02 body lengths (BL) off make the rate of turning of a
-walk uncertain by some tenths of a radian a second, axes that are 1.5° off by a few hundredths.
+goes forwards most (Viterbi); of those that stand it is the end that looks like the heads of those that walk (`heads`).
+Heading and turning are then those of local polynomials through the *axes* of the bodies, which tell them far better
+than the places do: places that are .02 body lengths (BL) off make the rate of turning of a walk uncertain by some
+tenths of a radian a second, axes that are 1.5° off by a few hundredths.
 
 References
 ----------
@@ -26,6 +27,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from behaviours.learning.evidence import Sightings
+from behaviours.learning.heads import by_looks
 
 REACH = 0.65  # BL from where a followed animal is foretold
 REACH_NEW = 0.65  # BL from where a body seen for the first time is foretold
@@ -80,7 +82,13 @@ def sightings_of(frames, fps, to_bl, flow=None) -> tuple[Sightings, Noise]:
     axis = [b.axis @ m[:, :2].T / scale for b in frames]
     moves = None if flow is None else [np.asarray(f, float) @ m[:, :2].T for f in flow]
     names = follow(xy, axis, moves)
-    return _animals(xy, axis, [b.alone for b in frames], names, float(fps))
+    ends = np.concatenate([b.ends for b in frames]) if _alike([b.ends for b in frames if len(b)]) else None
+    return _animals(xy, axis, [b.alone for b in frames], ends, names, float(fps))
+
+
+def _alike(ends):
+    """Whether as much is known of the ends of all bodies."""
+    return len({e.shape[1] for e in ends}) == 1
 
 
 # following ----------------------------------------------------------------------------------------------------------
@@ -209,7 +217,7 @@ def _cheapest(i, j, cost, n, m):
 # what they do -------------------------------------------------------------------------------------------------------
 
 
-def _animals(xy, axis, alone, names, fps):
+def _animals(xy, axis, alone, ends, names, fps):
     """Sightings and their noise from bodies with names."""
     count = len(xy)
     name = np.concatenate([*names, np.zeros(0, int)])
@@ -224,21 +232,26 @@ def _animals(xy, axis, alone, names, fps):
     long = np.diff(begin) >= SHORTEST
     keep = np.repeat(long, np.diff(begin))
     begin = np.concatenate([[0], np.cumsum(np.diff(begin)[long])])
-    return _smoothed(frame[keep], at[keep], along[keep], weight[keep], begin, count, fps)
+    ends = np.zeros((len(order), 0)) if ends is None else ends[order]
+    return _smoothed(frame[keep], at[keep], along[keep], weight[keep], ends[keep], begin, count, fps)
 
 
 def _nobody(count):
     return Sightings(np.zeros(count + 1, int), *np.zeros((2, 0, 2)), *np.zeros((2, 0)), np.zeros(0, int))
 
 
-def _smoothed(frame, at, along, weight, begin, count, fps):
+def _smoothed(frame, at, along, weight, ends, begin, count, fps):
     """Sightings of tracks that lie one after the other."""
     if not len(frame):
         return _nobody(count), UNKNOWN
     noise_xy = max(_third(at[:, 0], frame, begin), _third(at[:, 1], frame, begin))
     angle = np.empty(len(frame))
     moved = np.empty(len(frame))
-    _heads(frame.astype(np.float64), at, along, begin, max(noise_xy, 0.005), angle, moved)
+    firm = max(noise_xy, 0.005)
+    _heads(at, along, begin, firm, np.zeros(len(frame)), angle, moved)
+    looks = by_looks(ends, along, np.column_stack([np.cos(angle), np.sin(angle)]), at, begin, firm, fps)
+    if looks.any():
+        _heads(at, along, begin, firm, looks, angle, moved)
     noise_axis = max(_third(angle, frame, begin), 1e-3)
     half = _half(noise_axis, fps)
     out_frame, out_track = _present(frame, begin)
@@ -291,8 +304,11 @@ def _present(frame, begin):
 
 
 @njit(cache=True, nogil=True)
-def _heads(frame, at, along, begin, noise, angle, moved):
-    """Headings of the bodies of each track, unwrapped, by the ends that turn least and go forwards most (Viterbi)."""
+def _heads(at, along, begin, noise, looks, angle, moved):
+    """Headings of the bodies of each track, unwrapped, by the ends that turn least and go forwards most (Viterbi).
+
+    What the ends look like counts as well: the logarithm of how much likelier the axis points to the head.
+    """
     for track in range(len(begin) - 1):
         a, b = begin[track], begin[track + 1]
         back = np.zeros((b - a, 2), np.int64)
@@ -312,7 +328,8 @@ def _heads(frame, at, along, begin, noise, angle, moved):
                     other = cost[1] + 8.0 * (1.0 - (-same if s == 0 else same))
                     back[k - a, s] = 0 if best <= other else 1
                     new[s] = min(best, other)
-                new[s] += -forwards if s == 0 else forwards
+                ahead = forwards + 0.5 * looks[k]
+                new[s] += -ahead if s == 0 else ahead
             cost[:] = new
         s = 0 if cost[0] <= cost[1] else 1
         for k in range(b - 1, a - 1, -1):

@@ -3,7 +3,7 @@
 The herd model draws speeds from an Ornstein-Uhlenbeck process (paper eq. 6): a deviation from the mean is forgotten at
 the rate θ, so that the covariance of an animal's speeds at two times falls as exp(-θ τ).  It is measured on the tracks
 of a clip.  Errors of single sights do not last: covariances at lags longer than the smoothing of the tracks are free of
-them, and the process goes through those with the rate that fits, but varies no more than the speeds that are seen.  What
+them, and the process goes through those at the rate that fits, but varies no more than the speeds that are seen.  What
 the whole herd does at a time (it speeds up, it slows down) is no animal's own and is taken out.
 
 References

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from behaviours.learning.bodies import BodySize, bodies_of, capsule, size_of_bodies
+from behaviours.learning.bodies import Bodies, BodySize, bodies_of, capsule, size_of_bodies
 
 SHEEP = Path(__file__).parents[4] / "shared/data/aerial_sheep"
 
@@ -163,6 +163,35 @@ def test_seams_between_animals_are_seen_in_the_picture():
     seams = [judged(film, t, bodies_of(m, told, f)) for t, (m, f) in enumerate(zip(masks, film.frames, strict=True))]
     for measured in (plain, seams):
         assert np.mean([m[0] for m in measured]) > 0.98 and np.mean([m[1] for m in measured]) > 0.98
+
+
+@pytest.mark.parametrize("angle", [0.0, np.pi / 2])
+def test_a_heap_that_can_be_parted_in_two_ways_is_parted_as_before(angle):
+    heap = np.zeros((90, 90), np.uint8)
+    heap[30:60, 30:60] = 1
+    axis = np.array([np.cos(angle), np.sin(angle)])
+    beside = np.array([-8.0, 8.0])[:, None] * axis[::-1]
+    before = Bodies(45 + beside, np.tile(axis, (2, 1)), *np.array([[30.0, 15.0, 400.0]] * 2).T, np.zeros(2, bool))
+    bodies = bodies_of(heap, size(30.0, 13.0), None, before)
+    assert len(bodies) == 2 and (np.abs(bodies.axis @ axis) > 0.98).all()
+
+
+def test_animals_that_stand_in_a_heap_do_not_jump_to_and_fro():
+    truth = herd_film.herd("graze", 40, 0.4, starts=0.0, spacing=0.6, room=0.5)
+    film = herd_film.shoot(truth, size=(360, 300), camera=herd_film.STILL, look="poor")
+    masks = [herd_film.mask_of(frame, "poor") for frame in film.frames]
+    one = BodySize(13.5, 5.6, 68.0, 9)
+
+    def jumps(remember):
+        last, steps = None, []
+        for mask, picture in zip(masks, film.frames, strict=True):
+            now = bodies_of(mask, one, picture, last if remember else None)
+            if last is not None:
+                steps.append(np.linalg.norm(now.xy[:, None] - last.xy, axis=2).min(1))
+            last = now
+        return np.sqrt(np.mean(np.concatenate(steps) ** 2))
+
+    assert jumps(True) < 0.5 * jumps(False)
 
 
 def test_bodies_move_with_the_picture():

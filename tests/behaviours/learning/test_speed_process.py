@@ -49,6 +49,28 @@ def test_errors_of_single_sights_do_not_count():
     assert process.spread == pytest.approx(0.3 / np.sqrt(2), rel=0.25)
 
 
+def test_speeds_that_are_averages_over_half_a_second_have_the_process_back_that_was_averaged():
+    truth = walkers(reversion=2.0, count=120)
+    sightings = evidence_of_truth(truth).sightings
+    table = truth.speed
+    at = np.arange(-6, 7)
+    weight = (1 - (at / 6.5) ** 2) / (1 - (at / 6.5) ** 2).sum()  # of a line through 13 places
+    sightings.speed = np.apply_along_axis(np.convolve, 0, table, weight, "same").ravel()
+    sightings = sightings.part(slice(6, len(table) - 6))
+    process = speed_process(sightings, truth.fps, 0.5)
+    assert process.reversion == pytest.approx(2.0, rel=0.35)
+    assert process.deviation == pytest.approx(0.5, rel=0.2)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_process_varies_no_more_than_the_speeds_that_are_seen(seed):
+    truth = walkers(seconds=2.0, count=25, fps=10, reversion=4.0, seed=seed)
+    sightings = evidence_of_truth(truth).sightings
+    sightings.speed = sightings.speed + np.random.default_rng(seed).normal(0, 0.2, len(sightings.speed))
+    process = speed_process(sightings, truth.fps, 0.1)
+    assert process.spread < 1.2 * np.std(sightings.speed)
+
+
 def test_nothing_is_told_of_half_a_second_or_of_three_animals():
     short, few = walkers(seconds=0.5), walkers(count=3)
     assert speed_process(evidence_of_truth(short).sightings, 25).reversion is None
