@@ -252,7 +252,8 @@ def _ends(bodies, mask, picture, size):
     axis, across = bodies.axis[:, None, None], np.column_stack([-bodies.axis[:, 1], bodies.axis[:, 0]])[:, None, None]
     along = out[:, None, None] * axis  # (k, ALONG, 1, 2)
     middle = bodies.xy[:, None, None] - 0.5 + aside[:, None] * across
-    return np.concatenate(
+    ends = [_looked_at(layer, middle + along) - _looked_at(layer, middle - along) for layer in layers]
+    return np.concatenate(ends, axis=1)
         [_looked_at(layer, middle + along) - _looked_at(layer, middle - along) for layer in layers], 1
     )
 
