@@ -254,8 +254,6 @@ def _ends(bodies, mask, picture, size):
     middle = bodies.xy[:, None, None] - 0.5 + aside[:, None] * across
     ends = [_looked_at(layer, middle + along) - _looked_at(layer, middle - along) for layer in layers]
     return np.concatenate(ends, axis=1)
-        [_looked_at(layer, middle + along) - _looked_at(layer, middle - along) for layer in layers], 1
-    )
 
 
 def _looked_at(layer, places):
