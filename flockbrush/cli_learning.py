@@ -41,7 +41,7 @@ def frames_of(text: str | None) -> tuple[int, int] | None:
         return None
     found = re.fullmatch(r"(\d+):(\d+)", text.strip())
     if not found or int(found[1]) > int(found[2]):
-        raise typer.BadParameter(f"is FIRST:LAST, such as 0:99, the last not before the first; got {text!r}",
+        raise typer.BadParameter(f"frames are FIRST:LAST, such as 0:99, the last not before the first; got {text!r}",
                                  param_hint="--frames")  # fmt: skip
     return int(found[1]), int(found[2])
 
@@ -52,7 +52,7 @@ def landmark_of(text: str) -> tuple[int, tuple[float, float, float, float]]:
     found = re.fullmatch(rf"\s*(\d+)\s*:{number},{number},{number},{number}", text)
     if not found or not (float(found[4]) > 0 and float(found[5]) > 0):
         raise typer.BadParameter(
-            f"is FRAME:x,y,w,h in pixels, such as 0:120,80,60,60; got {text!r}", param_hint="--landmark"
+            f"a landmark is FRAME:x,y,w,h in pixels, such as 0:120,80,60,60; got {text!r}", param_hint="--landmark"
         )
     return int(found[1]), (float(found[2]), float(found[3]), float(found[4]), float(found[5]))
 
@@ -61,7 +61,7 @@ def landmarks_of(texts: list[str] | None) -> tuple:
     """All of them, of which there are none or at least two."""
     if texts is not None and len(texts) == 1:
         landmark_of(texts[0])
-        raise typer.BadParameter("is given twice: what stands still, in two frames", param_hint="--landmark")
+        raise typer.BadParameter("a landmark is given twice: what stands still, in two frames", param_hint="--landmark")
     return tuple(landmark_of(text) for text in texts or ())
 
 
@@ -72,7 +72,7 @@ def colour_of(text: str) -> str | tuple[int, int, int]:
     parts = text.split(",")
     if len(parts) != 3 or not all(re.fullmatch(r"\s*\d{1,3}\s*", p) and int(p) <= 255 for p in parts):
         raise typer.BadParameter(
-            f"is R,G,B from 0 to 255, such as 240,240,235, or auto; got {text!r}", param_hint="--body-colour"
+            f"a colour is R,G,B from 0 to 255, such as 240,240,235, or auto; got {text!r}", param_hint="--body-colour"
         )
     red, green, blue = (int(part) for part in parts)
     return red, green, blue
@@ -88,7 +88,7 @@ def parts_of(text: str | None) -> tuple[str, ...]:
             from behaviours.problems import did_you_mean
 
             raise typer.BadParameter(
-                f"there is no part {part!r}{did_you_mean(part, PARTS)}; there are {', '.join(PARTS)}",
+                f"there is no part {part!r}{did_you_mean(part, PARTS)}",
                 param_hint="--ablate",
             )
     return tuple(dict.fromkeys(named))
