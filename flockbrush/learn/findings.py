@@ -112,16 +112,22 @@ class Findings:
                 f"Learned from one picture: {v.clip:.2f} animals a square body length in it, {v.herd:.2f} in the "
                 "simulated herd; there is no motion to compare with."
             )
-        where = "the part of the clip that was held out" if self.held is not None else "the very frames it learned from"
-        begun = f"begun as {where} begins and left alone for {self.comparison.times[-1]:.1f} s"
         missed = [v for v in self.judged() if not v.met]
-        if not missed:
-            return (
-                f"The simulated herd keeps to the film: {begun}, its polarization and milling stay within what the "
-                "clip itself varies by."
-            )
         told = " and ".join(f"{TITLES[v.name].lower()} by {v.off:.2f} (allowed: {v.allowed:.2f})" for v in missed)
-        return f"The simulated herd does not keep to the film: {begun}, it misses {told}."
+        lasting = f"left alone for {self.comparison.times[-1]:.1f} s"
+        did = f"it misses {told}" if missed else (
+            "its polarization and milling stay within what the clip itself varies by"
+        )  # fmt: skip
+        if self.held is None:
+            return (
+                f"Nothing was held back to show whether the simulated herd keeps to the film: begun as the very frames "
+                f"it learned from begin and {lasting}, {did}."
+            )
+        keeps = "does not keep" if missed else "keeps"
+        return (
+            f"The simulated herd {keeps} to the film: begun as the part of the clip that was held out begins and "
+            f"{lasting}, {did}."
+        )
 
     def judged(self) -> list[Verdict]:
         """What the verdict goes by, as far as the clip tells it."""
