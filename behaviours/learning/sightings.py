@@ -39,6 +39,7 @@ HALF = 0.08  # s to each side over which a track is smoothed, at least
 LONGEST = 0.32  # s, at most
 TURN_NOISE = 0.25  # rad/s: where the turning is less certain, a longer stretch is smoothed
 UNSURE = 2.5  # times as noisy as usual: at the ends of tracks no turning is told
+SMALL = 0.75  # of the usual area
 STILL = 0.25  # BL: an animal that moved less in all has a head at one end or the other
 
 
@@ -81,9 +82,29 @@ def sightings_of(frames, fps, to_bl, flow=None) -> tuple[Sightings, Noise]:
     xy = [b.xy @ m[:, :2].T + m[:, 2] for b in frames]
     axis = [b.axis @ m[:, :2].T / scale for b in frames]
     moves = None if flow is None else [np.asarray(f, float) @ m[:, :2].T for f in flow]
-    names = follow(xy, axis, moves)
+    names = _without_specks(follow(xy, axis, moves), xy, [b.area for b in frames], [b.alone for b in frames])
     ends = np.concatenate([b.ends for b in frames]) if _alike([b.ends for b in frames if len(b)]) else None
     return _animals(xy, axis, [b.alone for b in frames], ends, names, float(fps))
+
+
+def _without_specks(names, xy, area, alone):
+    """The names, -1 for what is small, lies alone and never moves while the herd does: a speck of the ground."""
+    name = np.concatenate([*names, np.zeros(0, int)])
+    if not len(name):
+        return names
+    at, area, alone = np.concatenate(xy), np.concatenate(area), np.concatenate(alone)
+    count = np.bincount(name)
+    small = np.bincount(name, area < SMALL * np.median(area)) > 0.8 * count
+    lonely = np.bincount(name, alone) > 0.8 * count
+    low, high = np.full((len(count), 2), np.inf), np.full((len(count), 2), -np.inf)
+    np.minimum.at(low, name, at)
+    np.maximum.at(high, name, at)
+    extent = np.hypot(*(high - low).T)
+    speck = small & lonely & (extent < STILL)
+    herd = extent[(count >= SHORTEST) & ~speck]
+    if not len(herd) or np.median(herd) < STILL:  # a herd that rests: lambs rest as well
+        return names
+    return [np.where(speck[n], -1, n) for n in names]
 
 
 def _alike(ends):
@@ -229,7 +250,7 @@ def _animals(xy, axis, alone, ends, names, fps):
     name, frame, at, along = name[order], frame[order], at[order], along[order]
     weight = np.where(np.concatenate(alone)[order], 1.0, 0.5)
     begin = np.concatenate([[0], np.flatnonzero(np.diff(name)) + 1, [len(name)]])
-    long = np.diff(begin) >= SHORTEST
+    long = (np.diff(begin) >= SHORTEST) & (name[begin[:-1]] >= 0)
     keep = np.repeat(long, np.diff(begin))
     begin = np.concatenate([[0], np.cumsum(np.diff(begin)[long])])
     ends = np.zeros((len(order), 0)) if ends is None else ends[order]

@@ -24,6 +24,7 @@ CERTAIN = 0.6  # of the rate itself: a greater error and it is not told
 RATES = np.geomspace(0.05, 20.0, 240)  # 1/s that are tried
 USUAL = int(np.argmin(np.abs(RATES - 1.0)))  # row of the rate that is taken where the tracks do not tell one
 SMOOTHED = 0.25  # s over which speeds are averages unless told
+CLEAR = 1.5  # times as long as the average are lags at which errors have gone: at the ends of tracks it is longer
 POINTS = 15  # into which such an average is cut
 
 
@@ -70,7 +71,7 @@ def speed_process(sightings, fps, smoothed=SMOOTHED) -> SpeedProcess | None:
     if table is None:
         return None
     mean, own = _own(table)
-    first = max(1, int(np.ceil(smoothed * fps)))
+    first = max(1, int(np.ceil(CLEAR * smoothed * fps)))
     lags = np.unique(np.round(np.geomspace(first, max(first + 1, 0.6 * len(own)), 16)).astype(int))
     lags = lags[lags < len(own)]
     sums = _products(own, lags)  # (lags, animals, 2)

@@ -89,6 +89,29 @@ def test_what_is_seen_in_one_frame_alone_is_no_animal():
     assert (np.diff(sightings.first) == 9).all()
 
 
+def with_specks(frames, area):
+    """The frames with two more bodies that lie still, of some area, px²."""
+    still = bodies(np.array([[30.0, 30.0], [34.0, 31.0]]), np.array([0.2, 1.9]))
+    still = Bodies(still.xy, still.axis, still.length, still.width, np.full(2, area), still.alone)
+    return [
+        Bodies(*(np.concatenate(v) for v in zip(vars(f).values(), vars(still).values(), strict=True))) for f in frames
+    ]
+
+
+def test_small_things_that_never_move_while_the_herd_does_are_the_grounds():
+    frames, _ = walk()
+    sightings, _ = sightings_of(with_specks(frames, 18.0), 25, TO_BL)
+    assert (np.diff(sightings.first) == 9).all() and sightings.speed.min() > 1.9
+    sightings, _ = sightings_of(with_specks(frames, 34.0), 25, TO_BL)  # an animal that stands
+    assert (np.diff(sightings.first) == 11).all()
+
+
+def test_in_a_herd_that_stands_small_animals_may_stand_too():
+    frames, _ = walk(speed=0.0, noise=0.01)
+    sightings, _ = sightings_of(with_specks(frames, 18.0), 25, TO_BL)
+    assert (np.diff(sightings.first) == 11).all()
+
+
 def test_an_axis_that_is_another_animals_turns_nobody():
     frames, angle = walk(turn=0.0, turned=0.02)
     axis = frames[18].axis.copy()
