@@ -30,6 +30,8 @@ class Attempt:
         How unlike the clip its herds are, in the clip's own standard deviations; 0 is the same, inf not tried.
     figures : dict
         The parts of the score by name.
+    staying : float
+        How far its herds stray from what the clip is in 20 s and with other numbers of animals; NaN not tried.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Attempt:
     loss: np.ndarray = field(default_factory=lambda: np.zeros(0))
     score: float = np.inf
     figures: dict[str, float] = field(default_factory=dict)
+    staying: float = np.nan
 
 
 @dataclass

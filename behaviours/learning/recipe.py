@@ -9,7 +9,9 @@
    and not only begin as one.
 5. **Evolution** of the best on the same trials, which also sets what the equations of the paper leave out: wander, how
    fast animals can turn and how fast they answer.  Nobody wanders by more than the fits of turns leave over.
-6. The better of each is kept on the last part of the frames, which neither descent nor evolution was shown.
+6. The choice among the best and the evolved: on the last part of the frames, which neither descent nor evolution was
+   shown; and of the first of these, whether they stay what the clip is for 20 s more, and with a quarter and four
+   times as many animals.
 
 Work is counted in animals times ticks, never by the clock, and chance comes from seeds: the same evidence, seed and
 versions give the same brush, with any number of processes, in one go or taken up again.
@@ -32,16 +34,17 @@ from behaviours.learning.evidence import Evidence
 from behaviours.learning.evolution import Evolution
 from behaviours.learning.learned import Attempt, Learned
 from behaviours.learning.rollout import DT, LEAST, MOST, Gates, Guide, Walls, params_of, rollout, theta_of
-from behaviours.learning.scores import Target, distance, told_apart, total
-from behaviours.learning.setting import body_of, speed_of, start_of
+from behaviours.learning.scores import LOOKS, Target, distance, order_off, told_apart, total
+from behaviours.learning.setting import body_of, resized, speed_of, start_of
 from behaviours.learning.workers import Stopped, Workers
 from behaviours.models.herd import Params
 
 USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section 7.2 of [1] takes away, one by one
 HELD = 0.3  # of the frames, at the end, are shown to nobody before the choice
 FEWEST = 24  # frames, with fewer nothing is held back
-BEYOND = (6.0, 10.0)  # s, a herd is run on after the clip: three times its length, within
-RATE = 150_000  # animal ticks that count as a second
+BEGINS = 0.0, 0.25, 0.5  # of the frames seen, where trials begin
+BEYOND = (10.0, 16.0)  # s, a herd is run on after the clip: four times its length, within
+RATE = 200_000  # animal ticks that count as a second
 ALWAYS = 100  # animals whose work a tick costs besides
 WEAK = 0.15  # weights below it are made larger, and Ω smaller: only their product tells, and weights end at 1e-3
 GENERATION = 8  # candidates
@@ -53,6 +56,11 @@ REFINED = 2
 CLEARLY = 0.02  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
 COARSE_DT = 1 / 16  # s to a tick in the search; the choice is made with that of a level
 FINALISTS = 4
+KEEPERS = 3  # finalists of whom it is asked whether they stay what they are
+STAY = 20.0  # s
+OTHER_NUMBERS = 0.25, 4.0  # times as many animals
+TOO_MANY = 1000  # animals: larger herds are not tried
+KEEPING = 0.2  # of the choice
 LEAST_WANDER = 0.05  # rad/√s, that animals may always wander by
 EXTRAS = {"wander": (0.01, 3.0), "max_turn": (0.4, 20.0), "sensitivity": (0.05, 100.0)}  # freed, on a logarithmic scale
 SIGHTS = 4.0, 8.0  # BL
@@ -145,12 +153,17 @@ def _descend_on_fields(given, theta, extras, seed):
     return {"theta": found.theta.tolist(), "extras": extras, "loss": np.asarray(found.losses).tolist()}
 
 
-def attempt(given: Setting, theta, extras, seeds, held, dt=COARSE_DT):
+def attempt(given: Setting, theta, extras, seeds, held, dt=COARSE_DT, begin=0):
     """Run herds with these numbers and compare them with the clips: {score, figures}.
 
-    ``held``: on the frames held back and from the end on; else on those that may be seen.
+    ``held``: on the frames held back and from the end on; else on those that may be seen, one seed from their
+    beginning, the next from later on (`BEGINS`), ``begin`` for the first.
     """
-    parts = [_tried(given, k, theta, extras, seed, held, dt) for k in range(len(given.clips)) for seed in seeds]
+    parts = [
+        _tried(given, k, theta, extras, seed, held, dt, 0 if held else begin + turn)
+        for k in range(len(given.clips))
+        for turn, seed in enumerate(seeds)
+    ]
     figures = {}
     for name in sorted({name for part in parts for name in part}):
         values = [part[name] for part in parts if name in part]
@@ -160,41 +173,88 @@ def attempt(given: Setting, theta, extras, seeds, held, dt=COARSE_DT):
     return {"score": float(np.sqrt(0.5 * clip**2 + 0.5 * lasting**2)), "figures": figures}
 
 
-def _tried(given, k, theta, extras, seed, held, dt):
-    clip, part = given.clips[k], (given.held if held else given.seen)[k]
+def _tried(given, k, theta, extras, seed, held, dt, begin):
+    clip, shown = given.clips[k], (given.held if held else given.seen)[k]
+    part, target = _from(shown, begin)
     span = (len(part.fields) - 1) / part.fps
-    out = _compared(given, part, theta, extras, [seed, k, 0], 0, span, False, dt)
-    whole = clip if held else part
-    length = float(np.clip(3.0 * len(whole.fields) / whole.fps, *BEYOND))
-    on = _compared(given, whole, theta, extras, [seed, k, 1], len(whole.fields) - 1, length, True, dt)
+    out = _compared(given, part, target, theta, extras, [seed, k, 0], 0, span, False, dt)
+    whole = clip if held else shown
+    length = float(np.clip(4.0 * len(whole.fields) / whole.fps, *BEYOND))
+    target = _from(whole)[1]
+    on = _compared(given, whole, target, theta, extras, [seed, k, 1], len(whole.fields) - 1, length, True, dt)
     return out | {f"lasting {name}": value for name, value in on.items()}
 
 
-def _compared(given, clip, theta, extras, seed, frame, seconds, lasting, dt):
+def _from(clip, begin=0):
+    """What is left of a clip from one of `BEGINS` on, and what it is like, in deviations of the whole clip."""
+    begin = begin % len(BEGINS) if len(clip.fields) >= FEWEST else 0
+    key = "from", begin, id(clip)
+    if key not in _known:
+        if begin:
+            part = clip.part(slice(round(BEGINS[begin] * len(clip.fields)), None))
+            target = dataclasses.replace(Target.of(part), scale=_from(clip)[1].scale)
+        else:
+            part, target = clip, Target.of(clip)
+        _known[key] = clip, (part, target)
+    return _known[key][1]
+
+
+def _compared(given, clip, target, theta, extras, seed, frame, seconds, lasting, dt):
     """The distance of one run from a clip, by measure."""
-    run = simulate(clip, theta, extras, given.speed, given.body, given.vision(extras), seed, frame, seconds, dt)
-    parts = distance(run, clip, _target(given, clip), lasting)
+    looks = LOOKS if lasting else None
+    run = simulate(clip, theta, extras, given.speed, given.body, given.vision(extras), seed, frame, seconds, dt, looks)
+    return _not_ignored(given, distance(run, clip, target, lasting))
+
+
+def _not_ignored(given, parts):
     return {name: value for name, value in parts.items() if name not in given.ignore}
 
 
-def simulate(clip: Evidence, theta, extras, speed, body, vision, seed=0, frame=0, seconds=None, dt=DT):
-    """A herd with these numbers, begun as a frame of the clip; as far as the clip goes unless told."""
+def keep(given: Setting, theta, extras, seed):
+    """How far herds with these numbers stray from what the clips are in the long run: {score, figures}.
+
+    Each goes on from the last frame for `STAY` seconds, and so do a quarter and four times as many, of whom only order
+    and turning are compared.  Clips that see part of a herd are left out, and larger herds than `TOO_MANY`.
+    """
+    figures = {}
+    for k, clip in enumerate(given.clips):
+        if not clip.fields.holds_all:
+            continue
+        last, target = len(clip.fields) - 1, _from(clip)[1]
+        parts = _compared(given, clip, target, theta, extras, [seed, k, 2], last, STAY, True, DT)
+        figures.setdefault("as many", []).append(total(parts))
+        begun = start_of(clip, last, seed, given.body)
+        for factor in OTHER_NUMBERS:
+            herd = resized(begun, factor, seed)
+            if not 2 <= len(herd) <= TOO_MANY:
+                continue
+            run = rollout(
+                herd, params_of(theta, extras), given.speed, given.body, given.vision(extras), seconds=STAY,
+                fps=LOOKS / STAY, seed=seed,
+            )  # fmt: skip
+            parts = _not_ignored(given, order_off(run, clip, target))
+            figures.setdefault(f"{factor:g} times as many", []).append(total(parts))
+    figures = {name: float(np.mean(values)) for name, values in figures.items()}
+    others = [value for name, value in figures.items() if name != "as many"]
+    halves = [figures["as many"], float(np.mean(others)) if others else figures["as many"]] if figures else [0.0]
+    return {"score": float(np.sqrt(np.mean(np.square(halves)))), "figures": figures}
+
+
+def simulate(clip: Evidence, theta, extras, speed, body, vision, seed=0, frame=0, seconds=None, dt=DT, looks=None):
+    """A herd with these numbers, begun as a frame of the clip; as far as the clip goes unless told.
+
+    Seen as often as the clip, or about ``looks`` times where nobody comes and goes between.
+    """
     entropy = np.random.SeedSequence(seed).generate_state(2)
     seconds = (len(clip.fields) - 1 - frame) / clip.fps if seconds is None else seconds
     gates = Gates.of(clip.fields)
+    fps = clip.fps if looks is None or gates is not None else looks / seconds
     guide = Guide.of(clip.fields) if gates is not None else None  # leaders walk into a picture that sees a part
     start = start_of(clip, frame, int(entropy[0]), body)
     return rollout(
-        start, params_of(theta, extras), speed, body, vision, seconds=seconds, fps=clip.fps, seed=int(entropy[1]),
+        start, params_of(theta, extras), speed, body, vision, seconds=seconds, fps=fps, seed=int(entropy[1]),
         dt=dt, walls=Walls.of(clip.fields), guide=guide, gates=gates,
     )  # fmt: skip
-
-
-def _target(given, clip):
-    key = "target", id(clip)
-    if key not in _known:
-        _known[key] = clip, Target.of(clip)
-    return _known[key][1]
 
 
 def forget():
@@ -299,7 +359,7 @@ class _Search:
         self.deviation: dict[int, np.ndarray] = {}
         self.budget = budget_s * RATE
         self.begins = _begins(seed, starts, given.angular, brushes)
-        self.final: list[int] = []  # attempts that were judged on what was held back
+        self.final: list[int] = []  # attempts that were judged to the end, the best first
         self.most_wander = EXTRAS["wander"][
             1
         ]  # what fits leave over: noise of sighting is in it, so it is an upper bound
@@ -312,8 +372,19 @@ class _Search:
         for clip in self.given.clips:
             length = len(clip.fields) / clip.fps
             animals = ALWAYS + float(np.nanmax(clip.fields.count, initial=1.0))
-            total += animals * (length + float(np.clip(3.0 * length, *BEYOND))) / DT
+            total += animals * (length + float(np.clip(4.0 * length, *BEYOND))) / DT
         return max(total, 1.0)
+
+    @property
+    def cost_of_keeping(self):
+        """Animal ticks of one `keep`."""
+        total = 0.0
+        for clip in self.given.clips:
+            if clip.fields.holds_all:
+                animals = float(np.nanmax(clip.fields.count, initial=1.0))
+                herds = [animals, *(f * animals for f in OTHER_NUMBERS if f * animals <= TOO_MANY)]
+                total += sum(ALWAYS + herd for herd in herds) * STAY / DT
+        return total
 
     def run(self, workers):
         """All of it."""
@@ -433,7 +504,7 @@ class _Search:
     def _evolve(self, workers):
         """Evolve the best two as long as the budget lasts; the end of each is a new attempt."""
         parents = self.ranked[:2]
-        choice = self.cost * 2 * 3 * (FINALISTS + 2 * len(parents))
+        choice = self.cost * 2 * 3 * (FINALISTS + 2 * len(parents)) + self.cost_of_keeping * KEEPERS
         work = self.cost * GENERATION * DT / COARSE_DT * len(parents)
         generations = int((self.budget - choice) / work)
         for number, parent in enumerate(parents):
@@ -448,7 +519,7 @@ class _Search:
         for g in range(generations):
             asked = cloud.ask()
             tasks = [
-                {"theta": theta, "extras": extras, "seeds": [_seed(self.seed, 4, g)], "held": False}
+                {"theta": theta, "extras": extras, "seeds": [_seed(self.seed, 4, g)], "held": False, "begin": g}
                 for theta, extras in map(code.read, asked)
             ]
             results = workers.map(attempt, tasks)
@@ -472,18 +543,34 @@ class _Search:
         seeds = [_seed(self.seed, 5, k) for k in range(3)]
         shown = self._judge(workers, final, seeds, False, "choice", (0, 2 * len(final)), DT)
         held = self._judge(workers, final, seeds, True, "choice", (len(final), 2 * len(final)), DT)
-        for k, a, b in zip(final, shown, held, strict=True):
-            self.attempts[k].score = float(np.sqrt(0.5 * a**2 + 0.5 * b**2))
-        self.final = final
+        scores = {k: float(np.sqrt(0.5 * a**2 + 0.5 * b**2)) for k, a, b in zip(final, shown, held, strict=True)}
+        for k in final:
+            self.attempts[k].score = scores[k]
+        self.final = self._keepers(workers, sorted(final, key=lambda k: scores[k])[:KEEPERS])
+
+    def _keepers(self, workers, final):
+        """Of these, too, whether they stay what they are."""
+        tasks = [
+            {
+                "theta": np.round(self.attempts[k].theta, 12).tolist(), "extras": self.attempts[k].extras,
+                "seed": _seed(self.seed, 6, 0),
+            }
+            for k in final
+        ]  # fmt: skip
+        results = workers.map(keep, tasks, lambda done: self.say(done, len(final), self._best_score(), "staying"))
+        for k, result in zip(final, results, strict=True):
+            self.attempts[k].staying = result["score"]
+            self.attempts[k].figures |= {f"staying, {name}": value for name, value in result["figures"].items()}
+        return sorted(final, key=lambda k: _merit(self.attempts[k]))
 
     # what comes of it
 
     def learned(self) -> Learned:
         """The best there is."""
         given = self.given
-        pool = self.final or [k for k, a in enumerate(self.attempts) if np.isfinite(a.score)]
-        if pool:
-            chosen = min(pool, key=lambda k: self.attempts[k].score)
+        tried = [k for k, a in enumerate(self.attempts) if np.isfinite(a.score)]
+        if self.final or tried:
+            chosen = self.final[0] if self.final else min(tried, key=lambda k: self.attempts[k].score)
         else:  # stopped before anything was tried
             if not self.attempts:
                 name, theta, extras = self.begins[0]
@@ -520,6 +607,11 @@ class _Search:
                 f"with fewer than {FEWEST} frames nothing could be held back: the score is of frames learned from"
             )
         return notes
+
+
+def _merit(attempt):
+    """What finalists are chosen by: less is better."""
+    return float(np.sqrt((1 - KEEPING) * attempt.score**2 + KEEPING * attempt.staying**2))
 
 
 def forces_of(theta, extras):

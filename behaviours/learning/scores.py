@@ -20,23 +20,25 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from scipy.spatial import cKDTree
 
 from behaviours.learning.evidence import Evidence, Fields
 from behaviours.learning.rollout import Run
+from engine.maths import atan2_
 
 FLOOR = 0.05  # of a share; and of a length or speed, so many times its mean
 LINK = 4.0  # BL: animals nearer than this belong together
 NEAR = 2.0  # BL within which headings are compared
+REACH = 4.0  # BL of the map of neighbours
 COARSE = 10  # cells along a side on which fields are compared (section 7.1.2 of [1])
-LOOKS = 50  # at a herd that runs on
+LOOKS = 48  # at a herd that runs on
 FARTHEST = 10.0  # deviations: a herd that is farther off is just as wrong
 
 SHARES = ("polarization", "milling", "milling in the picture", "order nearby", "largest part")
 LENGTHS = ("aspect", "spread", "density", "nearest neighbour", "speed")
 MEASURES = SHARES + LENGTHS
 COUNTS = {"polarization": 3.0, "milling": 3.0, "nearest neighbour": 2.0}  # weights; 1 for the others
-LASTING = ("polarization", "milling", "order nearby", "nearest neighbour", "density")  # what a longer run should keep
+CHANCE = {"polarization": 1.0, "milling": 0.5}  # mean square of n strangers, times n
+LASTING = ("polarization", "milling", "order nearby", "nearest neighbour", "density", "spread")  # what should last
 
 
 @dataclass
@@ -98,26 +100,11 @@ def view_of_run(run: Run, evidence: Evidence, single=None) -> View:
 
 def in_picture(run: Run, fields: Fields):
     """(m,) bool, which animals of a run are in the picture; all, when the picture holds the whole herd."""
-    if holds_all(fields):
+    if fields.holds_all:
         return np.ones(len(run.xy), bool)
     frame = np.minimum(np.repeat(np.arange(len(run)), np.diff(run.first)), len(fields) - 1)
     row, column, inside = fields.cells_of(run.xy)
     return inside & fields.seen[frame, row, column]
-
-
-def holds_all(fields: Fields):
-    """Whether nobody stands at the border of the picture: then it may be thought larger than it is."""
-    density = np.nan_to_num(fields.density)
-    rim = fields.seen & ~_eroded(fields.seen)
-    return bool((density * rim).sum() <= 0.01 * max(density.sum(), 1e-12))
-
-
-def _eroded(seen):
-    inner = np.zeros_like(seen)
-    inner[:, 1:-1, 1:-1] = (
-        seen[:, 1:-1, 1:-1] & seen[:, :-2, 1:-1] & seen[:, 2:, 1:-1] & seen[:, 1:-1, :-2] & seen[:, 1:-1, 2:]
-    )
-    return inner
 
 
 def _middle(fields):
@@ -146,7 +133,7 @@ def fields_of(run: Run, like: Fields) -> Fields:
     Where the picture holds the whole herd, so does the grid: it grows to where the herd goes.
     """
     cell, origin, (ny, nx), before = like.cell, np.asarray(like.origin, float), like.shape, np.zeros(2, int)
-    if holds_all(like) and len(run.xy):
+    if like.holds_all and len(run.xy):
         before = np.maximum(np.ceil((origin - run.xy.min(0)) / cell), 0).astype(int)
         after = np.maximum(np.floor((run.xy.max(0) - origin) / cell).astype(int) - (nx - 1, ny - 1), 0)
         before, after = np.minimum(before, 500), np.minimum(after, 500)
@@ -313,33 +300,46 @@ def _neighbour_kernel(xy, heading, share, known, reach, link):
     return np.sqrt(least).mean(), agree / weight if weight > 0.0 else np.nan, parts.max()
 
 
-def neighbour_map(view: View, reach=4.0, rings=8, sectors=8, every=4):
+def neighbour_map(view: View, reach=REACH, rings=8, sectors=8, every=4):
     """Where neighbours are found: animals per BL², by distance and bearing, left and right as one, (rings, sectors).
 
-    Row 0 is nearest, column 0 ahead, the last one behind: the radial density histogram of section 7.1.2 of [1]_.
-    None where animals are not told apart.
+    Row 0 is nearest, column 0 ahead, the last one behind: the radial density histogram of section 7.1.2 of [1]_.  Of
+    fields the cells are counted, by how many animals they hold.
     """
-    if not view.single:
-        return None
-    total, animals = np.zeros((rings, sectors)), 0
+    number, animals = np.zeros((rings, sectors)), 0.0
     for t in range(0, len(view), every):
         rows = view.of(t)
-        xy, heading = view.xy[rows], view.heading[rows]
-        pairs = cKDTree(xy).query_pairs(reach, output_type="ndarray")
-        i, j = np.concatenate([pairs, pairs[:, ::-1]]).T
-        off = xy[j] - xy[i]
-        bearing = np.arctan2(np.abs(heading[i, 0] * off[:, 1] - heading[i, 1] * off[:, 0]), (heading[i] * off).sum(1))
-        total += np.histogram2d(np.hypot(*off.T), bearing, [rings, sectors], [(0, reach), (0, np.pi)])[0]
-        animals += len(xy)
+        _count_neighbours(view.xy[rows], view.heading[rows], view.weight[rows], reach, number)
+        animals += view.weight[rows].sum()
     radius = np.linspace(0, reach, rings + 1)
     area = np.pi * (radius[1:] ** 2 - radius[:-1] ** 2) / sectors
-    return total / max(animals, 1) / area[:, None]
+    return number / max(animals, 1e-12) / area[:, None]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _count_neighbours(xy, heading, weight, reach, number):
+    """Add every pair within reach to (rings, sectors), as each of the two sees the other."""
+    rings, sectors = number.shape
+    for i in range(len(xy)):
+        for j in range(i + 1, len(xy)):
+            x, y = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
+            far = np.sqrt(x * x + y * y)
+            if far > reach:
+                continue
+            ring, both = min(int(far / reach * rings), rings - 1), weight[i] * weight[j]
+            number[ring, _sector(heading[i, 0], heading[i, 1], x, y, sectors)] += both
+            number[ring, _sector(heading[j, 0], heading[j, 1], -x, -y, sectors)] += both
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sector(forward_x, forward_y, x, y, sectors):
+    """Of the bearing of (x, y) from 0 to pi, either side."""
+    bearing = atan2_(abs(forward_x * y - forward_y * x), forward_x * x + forward_y * y)
+    return min(int(bearing / np.pi * sectors), sectors - 1)
 
 
 def map_error(a, b):
     """How unlike two neighbour maps are, by rings as wide as they weigh: 0 the same, 1 nothing in common."""
-    if a is None or b is None:
-        return np.nan
     area = 2.0 * np.arange(len(a))[:, None] + 1.0
     return float((area * np.abs(a - b)).sum() / max((area * (a + b)).sum(), 1e-12))
 
@@ -397,7 +397,7 @@ class Target:
     over_time: dict[str, np.ndarray]  # (frames looked at,)
     mean: dict[str, float]
     scale: dict[str, float]  # one standard deviation of the clip, or the floor
-    map: np.ndarray | None
+    map: np.ndarray
     every: int  # frames from look to look
     single: bool
 
@@ -410,7 +410,7 @@ class Target:
         over_time = measures_of(view, every)
         mean = {name: _mean(values) for name, values in over_time.items()}
         scale = {name: max(_deviation(values), _floor(name, mean[name])) for name, values in over_time.items()}
-        if holds_all(evidence.fields):
+        if evidence.fields.holds_all:
             mean["milling in the picture"] = np.nan
         else:  # the herd's own outline is not to be seen
             for name in ("aspect", "spread"):
@@ -436,31 +436,57 @@ def distance(run: Run, evidence: Evidence, target: Target, lasting=False) -> dic
     Parameters
     ----------
     lasting : bool
-        The run is longer than the clip: compare means over all of it, of what should stay as it is, with the clip's.
+        The run is longer than the clip: compare means over its last two thirds, of what should stay as it is, with
+        the clip's.
     """
-    every = max(target.every, len(run) // LOOKS) if lasting else target.every
-    seen = measures_of(view_of_run(run, evidence, target.single), every)
-    out = {}
+    view = view_of_run(run, evidence, target.single)
+    every = max(1, len(run) // LOOKS) if lasting else target.every
+    seen, out = measures_of(view, every), {}
     for name in LASTING if lasting else MEASURES:
-        if not np.isfinite(target.mean[name]):
-            continue
-        out[name] = _off(seen[name], target, name, lasting)
-    if target.map is not None:
-        around = neighbour_map(view_of_run(run, evidence, True), every=max(4, len(run) // LOOKS))
-        out["neighbours"] = min(map_error(around, target.map) / (2 * FLOOR), FARTHEST)
+        if np.isfinite(target.mean[name]):
+            out[name] = _off_in_the_end(seen[name], target, name) if lasting else _off(seen[name], target, name)
+    around = neighbour_map(view, every=max(4, len(run) // LOOKS))
+    out["neighbours"] = min(map_error(around, target.map) / (2 * FLOOR), FARTHEST)
     return out
 
 
-def _off(mine, target, name, lasting):
+def order_off(run: Run, evidence: Evidence, target: Target) -> dict[str, float]:
+    """How far the order and the turning of a longer run are from a clip's, whatever the number of its animals.
+
+    A few animals that head anywhere are by chance more polarized than many; what chance makes is taken out of both,
+    and one deviation is at least what it does to so few.
+    """
+    seen, out = measures_of(view_of_run(run, evidence, target.single)), {}
+    for name, of_one in CHANCE.items():
+        mine, theirs, animals = _mean(seen[name][len(run) // 3 :]), target.mean[name], len(run.xy) / len(run)
+        if np.isfinite(theirs):
+            mine = beyond_chance(mine, animals, of_one)
+            theirs = beyond_chance(theirs, float(np.nanmean(evidence.fields.count)), of_one)
+            by_chance = 0.5 * np.sqrt(of_one / max(animals, 1.0))
+            out[name] = min(abs(mine - theirs) / max(target.scale[name], by_chance), FARTHEST)
+    return out
+
+
+def beyond_chance(share, animals, of_one):
+    """What is left of the polarization or milling of so many animals without that of as many strangers."""
+    chance = of_one / max(animals, 2.0)
+    return float(np.sqrt(max(share**2 - chance, 0.0) / (1.0 - chance)))
+
+
+def _off(mine, target, name):
+    """Half of it frame by frame, half as means: chance moves frames apart, not means."""
     theirs = target.over_time[name]
-    if lasting:
-        gap = abs(_mean(mine) - target.mean[name])
-    else:
-        k = min(len(mine), len(theirs))
-        both = np.isfinite(mine[:k]) & np.isfinite(theirs[:k])
-        # half of it frame by frame, half as means: chance moves frames apart, not means
-        each = np.abs(mine[:k] - theirs[:k])[both].mean() if both.any() else np.inf
-        gap = 0.5 * each + 0.5 * abs(_mean(mine[:k]) - _mean(theirs[:k]))
+    k = min(len(mine), len(theirs))
+    both = np.isfinite(mine[:k]) & np.isfinite(theirs[:k])
+    each = np.abs(mine[:k] - theirs[:k])[both].mean() if both.any() else np.inf
+    return _in_deviations(0.5 * each + 0.5 * abs(_mean(mine[:k]) - _mean(theirs[:k])), target, name)
+
+
+def _off_in_the_end(mine, target, name):
+    return _in_deviations(abs(_mean(mine[len(mine) // 3 :]) - target.mean[name]), target, name)
+
+
+def _in_deviations(gap, target, name):
     return float(np.nan_to_num(min(gap / target.scale[name], FARTHEST), nan=FARTHEST))
 
 

@@ -9,6 +9,7 @@ from behaviours.brush import BodySpec, SpeedSpec
 from behaviours.learning.evidence import Evidence
 from behaviours.learning.rollout import Start
 from behaviours.learning.scores import told_apart
+from systems.measures import compute_nnd
 
 TOUCHING = 0.04  # share of animals lying on another as capsules, above which bodies are taken for discs
 UNEVEN = 0.15  # of the mean: speeds that differ less between crowded and empty places are taken for the same
@@ -137,3 +138,32 @@ def _apart(cells, fields, others, room, rng):
         else:
             placed[n] = tries[0]
     return placed[len(others) :]
+
+
+def resized(start: Start, factor: float, seed=0) -> Start:
+    """A herd of so many times the animals, as dense as before and headed as before at each place of its outline."""
+    n = len(start)
+    draw = np.random.default_rng(seed)
+    whole, rest = divmod(round(n * factor), n) if n else (0, 0)
+    chosen = np.concatenate([np.repeat(np.arange(n), whole), np.sort(draw.permutation(n)[:rest])]).astype(int)
+    middle = start.xy.mean(0) if n else 0.0
+    xy = middle + (start.xy[chosen] - middle) * np.sqrt(factor)
+    if factor > 1:
+        xy = xy + _aside(chosen, n, _gap(start.xy))
+    speed = None if start.speed is None else start.speed[chosen]
+    return Start(xy, start.forward[chosen], speed)
+
+
+def _gap(xy):
+    return float(np.median(compute_nnd(xy))) if len(xy) > 1 else 1.0
+
+
+def _aside(chosen, n, gap):
+    """Where the copies of an animal stand about its place: on a lattice as wide as the herd's own."""
+    copy = np.zeros(len(chosen), int)
+    counted = np.zeros(n, int)
+    for row, animal in enumerate(chosen):
+        copy[row] = counted[animal]
+        counted[animal] += 1
+    side = int(np.ceil(np.sqrt(max(counted.max(initial=1), 1))))
+    return (np.column_stack([copy % side, copy // side]) - (side - 1) / 2) * gap

@@ -6,6 +6,7 @@ import numpy as np
 
 from behaviours.brush import Brush
 from behaviours.learning.rollout import Start, rollout
+from behaviours.learning.setting import resized
 from systems.measures import compute_largest_part, compute_milling, compute_nnd, compute_polarization
 
 FACTORS = 0.25, 1.0, 4.0
@@ -51,32 +52,3 @@ def with_other_numbers(brush: Brush, start: Start, seed=0, factors=FACTORS, seco
             }
         )
     return rows
-
-
-def resized(start: Start, factor: float, seed=0) -> Start:
-    """A herd of so many times the animals, as dense as before and headed as before at each place of its outline."""
-    n = len(start)
-    draw = np.random.default_rng(seed)
-    whole, rest = divmod(round(n * factor), n) if n else (0, 0)
-    chosen = np.concatenate([np.repeat(np.arange(n), whole), np.sort(draw.permutation(n)[:rest])]).astype(int)
-    middle = start.xy.mean(0) if n else 0.0
-    xy = middle + (start.xy[chosen] - middle) * np.sqrt(factor)
-    if factor > 1:
-        xy = xy + _aside(chosen, n, _gap(start.xy))
-    speed = None if start.speed is None else start.speed[chosen]
-    return Start(xy, start.forward[chosen], speed)
-
-
-def _gap(xy):
-    return float(np.median(compute_nnd(xy))) if len(xy) > 1 else 1.0
-
-
-def _aside(chosen, n, gap):
-    """Where the copies of an animal stand about its place: on a lattice as wide as the herd's own."""
-    copy = np.zeros(len(chosen), int)
-    counted = np.zeros(n, int)
-    for row, animal in enumerate(chosen):
-        copy[row] = counted[animal]
-        counted[animal] += 1
-    side = int(np.ceil(np.sqrt(max(counted.max(initial=1), 1))))
-    return (np.column_stack([copy % side, copy // side]) - (side - 1) / 2) * gap

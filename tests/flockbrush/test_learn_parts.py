@@ -13,11 +13,12 @@ from herd_film import Camera, evidence_of_truth, herd
 from behaviours.brush import load_brush, shipped
 from behaviours.brush_writer import brush_to_toml
 from behaviours.learning.rollout import NAMES, Start
+from behaviours.learning.setting import resized
 from behaviours.problems import ProblemsError
 from flockbrush.cli_learning import command_line
 from flockbrush.learn.brush import brush_of, name_of, order_of
 from flockbrush.learn.comparison import compared
-from flockbrush.learn.counts import resized, with_other_numbers
+from flockbrush.learn.counts import with_other_numbers
 from flockbrush.learn.findings import Findings
 from flockbrush.learn.page import Page
 from flockbrush.learn.panels import SCALE, Chart, Line, Row, Rows, sheet

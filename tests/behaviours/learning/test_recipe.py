@@ -5,8 +5,8 @@ import pytest
 
 from behaviours.learning.evolution import Evolution
 from behaviours.learning.learned import Learned
-from behaviours.learning.recipe import _Code, learn, simulate
-from behaviours.learning.rollout import Start, rollout
+from behaviours.learning.recipe import USE, _Code, _setting, keep, learn, simulate
+from behaviours.learning.rollout import Start, rollout, theta_of
 from behaviours.learning.setting import body_of, speed_of, start_of
 from behaviours.learning.workers import Stopped, Workers
 from behaviours.models.herd import Params
@@ -44,7 +44,9 @@ def test_what_is_learned_is_a_brush_and_what_is_known_of_it(found):
     assert isinstance(found, Learned) and isinstance(found.params, Params)
     assert found.theta.shape == (12,) and (found.theta >= 1e-3).all() and (found.theta <= 1).all()
     assert found.speed.mean == pytest.approx(0.3, rel=0.2)
-    assert found.starts[found.chosen].score == min(a.score for a in found.starts if np.isfinite(a.score))
+    chosen, judged = found.starts[found.chosen], [a for a in found.starts if np.isfinite(a.staying)]
+    assert np.isfinite(chosen.staying) and len(judged) == 3  # the others stray or fit worse
+    assert all(chosen.score <= a.score or chosen.staying <= a.staying for a in judged)
     assert found.identifiable.shape == (12,) and not found.interrupted
     assert {"polarization", "lasting polarization"} <= set(found.held_out)
 
@@ -111,6 +113,16 @@ def test_evolution_walks_to_the_best_place():
     assert np.abs(cloud.mean - goal).max() < 0.02
     again = Evolution(np.full(4, 0.5), 0.15, 8, (1,))
     assert np.array_equal(again.ask(), Evolution(np.full(4, 0.5), 0.15, 8, (1,)).ask())
+
+
+def test_who_does_not_stay_what_the_clip_is_strays():
+    clip, truth = swarm_of_graze(40, 3.0)
+    given = _setting((clip,), USE, 0.5, truth.speed, truth.body)
+    sight = {"neighbour_range": truth.params.neighbour_range}
+    theirs = keep(given, theta_of(truth.params).tolist(), sight, 1)
+    aligned = keep(given, [0.5, 0.3, 1.0, 1e-3, 0.1, 0.1, 1.0, 1.0, 1.0, 1e-3, 0.1, 0.1], sight, 1)
+    assert set(theirs["figures"]) == {"as many", "0.25 times as many", "4 times as many"}
+    assert theirs["score"] < 3.0 and aligned["score"] > 2 * theirs["score"]
 
 
 def doubled(given, number):

@@ -8,6 +8,7 @@ import pytest
 from behaviours.learning.rollout import Run
 from behaviours.learning.scores import (
     Target,
+    beyond_chance,
     density_errors,
     distance,
     fields_of,
@@ -80,7 +81,9 @@ def test_a_herd_is_no_distance_from_itself_and_far_from_another(sight):
 def test_what_should_last_is_compared_over_a_longer_run():
     clip = clip_of(*march())
     lasting = distance(run_of(*march(60)), clip, Target.of(clip), lasting=True)
-    assert "spread" not in lasting and max(lasting.values()) < 0.3
+    assert "aspect" not in lasting and max(lasting.values()) < 0.3
+    apart = march(60)[0] * np.linspace(1, 3, 60)[:, None, None]  # three times as wide in the end
+    assert distance(run_of(apart, march(60)[1]), clip, Target.of(clip), lasting=True)["spread"] > 5.0
 
 
 def test_a_run_is_put_on_the_grid_of_the_clip_and_nobody_is_lost():
@@ -107,6 +110,39 @@ def test_neighbours_are_found_where_they_stand():
     assert map_error(around, np.roll(around, 1, axis=1)) > 0.3
 
 
+@pytest.mark.parametrize("animals", [5, 20, 80])
+def test_strangers_have_no_order_however_few_they_are(animals):
+    headings = np.exp(2j * np.pi * np.random.default_rng(animals).random((4000, animals)))
+    polarization = np.sqrt((np.abs(headings.mean(1)) ** 2).mean())
+    assert beyond_chance(polarization, animals, 1.0) < 0.1 < 1.2 * polarization
+    assert beyond_chance(1.0, animals, 1.0) == 1.0
+
+
+def test_neighbours_are_counted_as_by_brute_force():
+    view = view_of(clip_of(*mill()))
+    found = neighbour_map(view, reach=3.0, rings=3, sectors=4, every=len(view))
+    xy, heading = view.xy[view.of(0)], view.heading[view.of(0)]
+    number = np.zeros((3, 4))
+    for me, ahead in zip(xy, heading, strict=True):
+        for other in xy:
+            far = np.hypot(*(other - me))
+            if 0 < far <= 3:
+                bearing = np.arccos(np.clip((other - me) @ ahead / far, -1, 1))
+                number[min(int(far), 2), min(int(bearing / np.pi * 4), 3)] += 1
+    area = np.pi * np.array([1.0, 3.0, 5.0]) / 4
+    assert np.abs(found - number / len(xy) / area[:, None]).max() < 1e-12
+
+
+def test_cells_are_neighbours_by_how_many_animals_they_hold():
+    one = view_of(clip_of(*march(), cell=1.5), single=False)
+    two = dataclasses.replace(one, weight=2 * one.weight)
+    assert np.allclose(neighbour_map(two), 2 * neighbour_map(one)) and neighbour_map(one).sum() > 0
+
+
 def test_a_clip_without_animals_told_apart_is_compared_by_its_fields():
     clip = dataclasses.replace(clip_of(*march(), cell=1.0), sightings=None)
-    assert not view_of(clip).single and Target.of(clip).map is None
+    target, tight = Target.of(clip), march()
+    assert not view_of(clip).single
+    assert distance(run_of(*march()), clip, target)["neighbours"] < 0.1
+    squeezed = run_of(0.7 * tight[0] + 0.3 * tight[0].mean(1, keepdims=True), tight[1])
+    assert distance(squeezed, clip, target)["neighbours"] > 2.0
