@@ -65,6 +65,7 @@ LEAST_WANDER = 0.05  # rad/√s, that animals may always wander by
 EXTRAS = {"wander": (0.01, 3.0), "max_turn": (0.4, 20.0), "sensitivity": (0.05, 100.0)}  # freed, on a logarithmic scale
 SIGHTS = 4.0, 8.0  # BL
 FAINT = 0.1  # of the strongest weight, below which the ranges of a force tell nothing
+AGREEING = 3  # starts, where no turns say how sure a number is
 SURE = 0.1  # of what lies between 0 and 1: a number that is told is known better
 WHERE_DENSITY_COUNTS = ("aspect", "spread", "density", "nearest neighbour", "largest part")
 WHERE_ORDER_COUNTS = ("order nearby", "disorder")
@@ -577,8 +578,13 @@ class _Search:
                 self._add(Attempt(name, self.seed, theta, theta, extras))
             chosen = len(self.attempts) - 1
         best = self.attempts[chosen]
-        deviation, spread = self._deviation_of(best), self._spread(chosen)
+        deviation, alike = self._deviation_of(best), self._alike(chosen)
+        spread = np.std([forces_of(a.theta, a.extras) for a in alike], axis=0)
         identifiable = told_of(best.theta, spread, deviation)
+        if deviation is None and len({a.name.split(",")[0] for a in alike}) < AGREEING:
+            identifiable[:] = False  # nothing but one start and what came of it says so
+        if not any(clip.fields.obstacle.any() for clip in given.clips):
+            identifiable[9:] = False
         return Learned(
             params_of(best.theta, best.extras), given.speed, given.body, given.vision(best.extras), best.theta,
             best.extras, self.attempts, chosen, spread, deviation, identifiable, dict(best.figures),
@@ -590,11 +596,10 @@ class _Search:
         near = [k for k in self.deviation if best.name.startswith(self.attempts[k].name)]
         return self.deviation[max(near, key=lambda k: len(self.attempts[k].name))] if near else None
 
-    def _spread(self, chosen):
-        """Of those that are about as good, wherever they came from; weights as forces, that is with their Ω."""
+    def _alike(self, chosen):
+        """Those that are about as good, wherever they came from."""
         limit = 1.25 * self.attempts[chosen].score + 0.1
-        alike = [forces_of(a.theta, a.extras) for a in self.attempts if a.score <= limit]
-        return np.std(alike, axis=0) if len(alike) > 1 else np.zeros(12)
+        return [self.attempts[chosen]] + [a for k, a in enumerate(self.attempts) if k != chosen and a.score <= limit]
 
     def _notes(self, best):
         notes = [note for clip in self.given.clips for note in clip.notes]

@@ -48,6 +48,7 @@ def test_what_is_learned_is_a_brush_and_what_is_known_of_it(found):
     assert np.isfinite(chosen.staying) and len(judged) == 3  # the others stray or fit worse
     assert all(chosen.score <= a.score or chosen.staying <= a.staying for a in judged)
     assert found.identifiable.shape == (12,) and not found.interrupted
+    assert not found.identifiable[9:].any()  # there is no obstacle in the clip
     assert {"polarization", "lasting polarization"} <= set(found.held_out)
 
 
