@@ -22,6 +22,8 @@ SIDE = 640  # px, the longer side of the pictures in which corners are followed
 BUCKETS = 8, 6  # across, down: corners are taken from all of the picture, not from the herd alone
 IN_BUCKET = 8
 LEAST = 12  # corners that must agree on how the camera moved
+FEW, SCARCE = 0.6, 0.2  # share of corners that agree, below which the picture before is tried, too; and descriptors
+BETTER = 1.5  # times as many must agree for it to be taken: errors add up from key picture to key picture
 NEAR, FIRM = 1.2, 0.3  # px at SIDE, within which a corner agrees; and at which it counts half
 SHARED, ZOOMED, TURNED = 0.6, 1.25, 0.25  # of a key picture's corners in view; ratio; rad: beyond, another key picture
 EVEN = 31  # px at SIDE, over which light and contrast are made even
@@ -194,35 +196,39 @@ class _Follower:
         return True
 
     def _found(self, grey):
-        """The map of this picture to the first, or None."""
-        found = self._against(self.key, grey)
-        if found is None and self.last.to_first is not self.key.to_first:
+        """The map of this picture to the first, or None; by the picture before where that shows more of its ground."""
+        found, agree = self._against(self.key, grey)
+        if agree < FEW and self.last.to_first is not self.key.to_first:
             last = _Key(self.last.grey, _corners(self.last.grey), self.last.to_first)
-            found = self._against(last, grey)
-            if found is not None:
+            again, better = self._against(last, grey)
+            if better > BETTER * agree:
                 self.keys.append(last)
-                self.key = last
+                self.key, found = last, again
         return found
 
     def _against(self, key, grey):
-        """The map of this picture to the first by one key picture, or None."""
+        """(Map of this picture to the first by one key picture, share of its corners that agree); (None, 0) unknown."""
         guess = after(back(key.to_first), self.maps[-1])  # this picture to the key, if the camera stood since
+        best, most, off = None, 0.0, 0.0
         for attempt in (lambda: guess, lambda: _by_descriptors(grey, key.grey)):
             seen = attempt()
             if seen is None:
-                return None
+                break
             for _ in range(2):
-                found, error = _refined(key, grey, seen)
+                found, error, agree = _refined(key, grey, seen)
                 if found is None:
                     break
                 step = np.abs(moved_by(found, _frame(grey)) - moved_by(seen, _frame(grey))).max()
                 seen = found
                 if step < 2.0:
                     break
-            if found is not None:
-                self.errors.append(error / self.scale)
-                return after(key.to_first, found)
-        return None
+            if found is not None and agree > most:
+                best, most, off = after(key.to_first, found), agree, error
+            if most >= SCARCE:
+                break
+        if best is not None:
+            self.errors.append(off / self.scale)
+        return best, most
 
     def _choose_key(self, k, picture, grey):
         """Stay with the key picture, go back to an older one, or make this one a key."""
@@ -308,23 +314,23 @@ def _bucket(points, shape):
 
 
 def _refined(key, grey, to_key):
-    """(map of the picture to the key, median error of the corners that agree); None where few do."""
+    """(map of the picture to the key, median error of the corners that agree, their share); None where few do."""
     h, w = key.grey.shape
     there = cv2.warpAffine(grey, to_key, (w, h), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     inside = _within(moved_by(back(to_key), key.corners), grey.shape, 4)
     if inside.sum() < LEAST:
-        return None, 0.0
+        return None, 0.0, 0.0
     corners = key.corners[inside].astype(np.float32).reshape(-1, 1, 2)
     seen, fine, _ = cv2.calcOpticalFlowPyrLK(key.grey, there, corners, None, **_LK)
     fine = fine.ravel().astype(bool) & np.isfinite(seen).all((1, 2))
     at, seen = corners[fine, 0].astype(float), seen[fine, 0].astype(float)
     if len(at) < LEAST:
-        return None, 0.0
+        return None, 0.0, 0.0
     step, agree = _consensus(seen, at, key.grey.shape)
     if step is None:
-        return None, 0.0
+        return None, 0.0, 0.0
     error = np.linalg.norm(moved_by(step, seen[agree]) - at[agree], axis=1)
-    return after(step, to_key), float(np.median(error))
+    return after(step, to_key), float(np.median(error)), float(agree.mean())
 
 
 def _within(points, shape, margin):

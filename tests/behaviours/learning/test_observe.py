@@ -1,6 +1,7 @@
 """What is seen in films of herds is what was filmed: where the camera was, who is where, how fast and which way."""
 
 import cv2
+import herd_film
 import numpy as np
 import pytest
 from herd_film import STILL, Camera, herd, shoot
@@ -14,6 +15,7 @@ from behaviours.learning.observe import observe
 from behaviours.learning.stabilise import (
     Landmark,
     Steady,
+    _Follower,
     after,
     back,
     fitted,
@@ -59,6 +61,27 @@ def off(maps, film):
 def test_the_ground_stays_where_it_is_while_the_camera_drifts_turns_and_zooms(band):
     steady = register(open_clip(band.path))
     assert steady.moved and max(off(steady.maps, band)) < 1.0 and steady.residual < 0.5
+
+
+@pytest.mark.parametrize("tilt", [0.0005, 0.002])
+def test_pictures_taken_aslant_at_first_do_not_spoil_those_taken_from_above(tilt):
+    tile = herd_film.ground(herd_film.LOOKS["sheep"], 1, 1024).clip(0, 255).astype(np.uint8)
+    middle = np.array([[1, 0, SIZE[0] / 2], [0, 1, SIZE[1] / 2], [0, 0, 1]])
+
+    def ground_of(k):
+        """(3, 3) from pixels of the k-th picture to those of the tile; from the fifth on the camera looks down."""
+        slant = np.array([[1, 0, 0], [0, 1, 0], [0, tilt * max(0, 1 - k / 4), 1]])
+        there = np.array([[1, 0, 280 + 2.0 * k], [0, 1, 330 + k], [0, 0, 1]])
+        return middle @ there @ slant @ np.linalg.inv(middle)
+
+    follower = _Follower(None, 1.0)
+    for k in range(10):
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        assert follower.step(k, cv2.warpPerspective(tile, ground_of(k), SIZE, flags=flags, borderMode=cv2.BORDER_WRAP))
+    corners = np.array([(0, 0), (SIZE[0], 0), (0, SIZE[1]), SIZE], float)
+    for k in range(5, 10):
+        found = after(back(follower.maps[4]), follower.maps[k])
+        assert np.abs(moved_by(found, corners) - corners - (2 * (k - 4), k - 4)).max() < 0.5
 
 
 def test_two_landmarks_do_as_well(band):
