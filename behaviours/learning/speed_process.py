@@ -122,9 +122,8 @@ def _own(table):
 def _products(own, lags):
     """Sum and number of products of speeds so many frames apart, (lags, animals, 2)."""
     filled, here = np.nan_to_num(own), np.isfinite(own).astype(float)
-    return np.array(
-        [np.stack([(filled[:-k] * filled[k:]).sum(0), (here[:-k] * here[k:]).sum(0)], -1) for k in lags]
-    )  # fmt: skip
+    sums = [np.stack([(filled[:-k] * filled[k:]).sum(0), (here[:-k] * here[k:]).sum(0)], -1) for k in lags]
+    return np.array(sums).reshape(len(lags), own.shape[1], 2)
 
 
 def _averaged(seconds, smoothed):

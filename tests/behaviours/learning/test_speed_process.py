@@ -73,6 +73,7 @@ def test_a_process_varies_no_more_than_the_speeds_that_are_seen(seed):
 
 def test_nothing_is_told_of_half_a_second_or_of_three_animals():
     short, few = walkers(seconds=0.5), walkers(count=3)
+    assert speed_process(evidence_of_truth(walkers(seconds=0.3)).sightings, 25).reversion is None
     assert speed_process(evidence_of_truth(short).sightings, 25).reversion is None
     assert speed_process(evidence_of_truth(few).sightings, 25).reversion is None
     assert speed_process(evidence_of_truth(few).sightings, 25).mean == pytest.approx(2.0, rel=0.2)
