@@ -100,7 +100,11 @@ def learn_brushes(wishes: Wishes):
     needs_torch()
     regions = _checked(wishes)
     with Interrupts() as interrupts, compiling():
-        evidences = [_looked(clip, wishes) for clip in wishes.clips]
+        try:
+            evidences = [_looked(clip, wishes) for clip in wishes.clips]
+        except KeyboardInterrupt:
+            say("stopped before anything was learned: nothing was written")
+            raise Stopped from None
         herds = _herds(wishes, evidences, regions)
         found: list[Findings] = []
         for herd in herds:
