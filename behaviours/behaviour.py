@@ -98,11 +98,23 @@ def air_of(scene: Scene) -> Air:
     n = len(scene.ids)
     rise = scene.xyz[scene.near, 2] - np.repeat(scene.xyz[:, 2], np.diff(scene.first))
     up = np.tile([0.0, 0.0, 1.0], (n, 1))
-    return Air(
+    air = Air(
         scene.first, scene.near, np.column_stack([scene.offset, rise]), up, np.full(n, np.inf), scene.forward,
         np.full(n, np.inf), up, np.full(n, np.inf), np.zeros(n, np.uint8), np.zeros((n, 3)),
         np.flatnonzero(scene.danger),
     )  # fmt: skip
+    return frozen(air)
+
+
+def frozen(columns):
+    """A named tuple whose arrays are views that cannot be written: one type for the kernels, which compile once."""
+    return type(columns)(*(_read_only(column) if isinstance(column, np.ndarray) else column for column in columns))
+
+
+def _read_only(array):
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 class Wishes(NamedTuple):

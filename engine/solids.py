@@ -536,7 +536,7 @@ def slide_(s, x, y, z, sx, sy, sz, w):
         if length < 1e-12:
             break
         ux, uy, uz = sx / length, sy / length, sz / length
-        hit, who = length + SLACK, -1
+        hit, who = length + SLACK, np.int64(-1)  # a plain -1 is a type of its own, for which numba compiles all over
         for k in range(len(s.kind)):
             if far_(s, k, x, y, z, length, w):
                 continue

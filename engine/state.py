@@ -45,6 +45,7 @@ def state_hash(world):
     digest = hashlib.blake2b(digest_size=8)
     for name, data in _parts(world, hashed=True):
         array = np.frombuffer(data, np.uint8)
+        array.flags.writeable = False  # as those of bytes are: one kernel for all
         whole = len(array) & ~7
         digest.update(name.encode())
         digest.update(_LENGTH.pack(len(array)))

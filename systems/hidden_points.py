@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 from scipy.spatial import ConvexHull, QhullError
 
+from engine.arrays import order_, write_
 from engine.parallel import over_rows
 from systems.visibility import Lists, visible_neighbours
 
@@ -106,8 +107,10 @@ def _corners(x, y):
     Monotone chain: from west to east below, and back above, leaving out whoever makes no left turn.
     """
     n = len(x)
-    px, py = np.append(x, 0.0), np.append(y, 0.0)
-    order = np.argsort(px, kind="mergesort")
+    px, py = np.zeros(n + 1), np.zeros(n + 1)
+    write_(px[:n], x)
+    write_(py[:n], y)
+    order = order_(px, n + 1)
     for k in range(1, n + 1):  # those on one meridian from south to north
         i, at = order[k], k
         while at > 0 and px[order[at - 1]] == px[i] and py[order[at - 1]] > py[i]:

@@ -18,6 +18,7 @@ import numpy as np
 from numba import njit
 
 from behaviours.formation.reaching import Rules, home_, part_in_height, reach_, wrap_
+from engine.arrays import write_
 from engine.maths import atan2_, sincos_
 from engine.noise import Noise
 from systems.hidden_points import _corners
@@ -111,6 +112,7 @@ def decide(x, y, heading, leader, reference, side, slot, count, rules, new_refer
     """Whom each bird follows next, on which side (-1 left, 1 right, 0 open) and as which of the arm (-1 open)."""
     n = len(x)
     angle, seen = np.empty(n), np.empty(n, np.bool_)
+    either, anywhere, behind = np.int64(0), np.int64(-1), np.int64(0)  # not three types of literals to compile for
     for i in range(n):
         if i == leader:
             new_reference[i], new_side[i], new_slot[i] = -1, 0, 0
@@ -123,7 +125,7 @@ def decide(x, y, heading, leader, reference, side, slot, count, rules, new_refer
         if j < 0 or not rules.loyal:
             _look(i, x, y, heading, rules, angle, seen)
             looked = True
-            j = _nearest(i, x, y, reference, side, slot, seen, angle, rules, 0, -1)
+            j = _nearest(i, x, y, reference, side, slot, seen, angle, rules, either, anywhere)
             if j != reference[i]:
                 s = 0
         if j < 0:
@@ -139,7 +141,7 @@ def decide(x, y, heading, leader, reference, side, slot, count, rules, new_refer
             if not looked:
                 _look(i, x, y, heading, rules, angle, seen)
                 looked = True
-            j = _nearest(i, x, y, reference, side, slot, seen, angle, rules, s, 0)
+            j = _nearest(i, x, y, reference, side, slot, seen, angle, rules, s, behind)
             if j < 0 or slot[j] >= count[(s + 1) // 2]:
                 j = leader
             place = slot[j] + 1
@@ -211,9 +213,12 @@ def _fly(x, y, heading, speed, leader, count, dx, dy, usual, rules, most, hold, 
     least, longest, since = np.inf, 0.0, -1
     for frame in range(most):
         decide(x, y, heading, leader, reference, side, slot, count, rules, reference2, side2, slot2)
-        reference[:], side[:], slot[:] = reference2, side2, slot2
+        write_(reference, reference2)
+        write_(side, side2)
+        write_(slot, slot2)
         move(x, y, z, heading, speed, leader, reference, side, slot, dx, dy, usual, rules, heading2, speed2, climb)
-        heading[:], speed[:] = heading2, speed2
+        write_(heading, heading2)
+        write_(speed, speed2)
         for i in range(n):
             sine, cosine = sincos_(heading[i])
             x[i] += speed[i] * sine

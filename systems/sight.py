@@ -343,7 +343,8 @@ def _view_by_looks(i, reach, cosine, depth, widest, cells, near, bodies, rims, r
 @step
 def _all_in_view(i, reach, cosine, cells, near, seen):
     """Whoever is in range and in the field of view, hidden or not."""
-    n = _gather(i, -1.0, reach * reach, cosine, False, cells, near)
+    dense = np.bool_(False)  # a plain False is a type of its own, for which numba would compile once more
+    n = _gather(i, -1.0, reach * reach, cosine, dense, cells, near)
     found = 0
     for k in range(0, n, LANES):
         slot = load(near.slot, k)

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from engine.arrays import order_
 from engine.lanes import LANES, load, pack, pointer
 from engine.lanes import count as count_lanes
 from engine.parallel import over_rows
@@ -231,34 +232,16 @@ def _look(lo, hi, space, view_range, cos_half_view, through, radius, solids, wid
                 room = 2 * (n + LANES)
                 x, y, z, slot = np.empty(room), np.empty(room), np.empty(room), np.empty(room, np.int32)
             _gather(space, cx, cy, cz, x, y, z, slot)
-        if through[row]:
-            if at + n + LANES <= end:
-                visible = _in_view(
-                    n, x, y, z, slot, seen, at, i, space.x[i], space.y[i], space.z[i], space.fx[i], space.fy[i],
-                    space.fz[i], view_range[row] * view_range[row], cos_half_view[row],
-                )  # fmt: skip
-            else:
-                visible = _in_view_by_one(
-                    n,
-                    x,
-                    y,
-                    z,
-                    slot,
-                    seen,
-                    at,
-                    end,
-                    i,
-                    space,
-                    view_range[row],
-                    cos_half_view[row],
-                    False,
-                    radius,
-                    solids,
-                )
+        if through[row] and at + n + LANES <= end:
+            visible = _in_view(
+                n, x, y, z, slot, seen, at, i, space.x[i], space.y[i], space.z[i], space.fx[i], space.fy[i],
+                space.fz[i], view_range[row] * view_range[row], cos_half_view[row],
+            )  # fmt: skip
         else:
             visible = _in_view_by_one(
-                n, x, y, z, slot, seen, at, end, i, space, view_range[row], cos_half_view[row], True, radius, solids
-            )
+                n, x, y, z, slot, seen, at, end, i, space, view_range[row], cos_half_view[row], not through[row],
+                radius, solids,
+            )  # fmt: skip
         count[row] = visible
         if at + visible > end:
             begin[i] = -1
@@ -335,7 +318,7 @@ def _in_view_by_one(n, x, y, z, slot, seen, at, end, i, space, reach, cosine, oc
         ox[found], oy[found], oz[found], who[found] = x[k] - xi, y[k] - yi, z[k] - zi, slot[k]
         d2[found] = ox[found] * ox[found] + oy[found] * oy[found] + oz[found] * oz[found]
         found += (d2[found] <= reach * reach) & (slot[k] != i)
-    nearest = np.argsort(d2[:found]) if occlusion else who[:0].astype(np.int64)  # who is near hides most
+    nearest = order_(d2, found if occlusion else np.int64(0))  # who is near hides most
     visible, cos2 = 0, cosine * cosine
     for k in range(found):
         ahead = ox[k] * fx + oy[k] * fy + oz[k] * fz

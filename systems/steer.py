@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from behaviours.behaviour import Air, Scene
+from behaviours.behaviour import Air, Scene, frozen
 from behaviours.models.line_formation import InFormation
 from components import (
     Airborne,
@@ -130,8 +130,8 @@ def scene_of(world):
     order, air = cells.row[~cells.ghost], None
     near = world.resource(Near)
     if near.aloft is not None:
-        order = np.concatenate([order, np.flatnonzero(near.aloft)])  # their lists lie in order of row
-        air = Air(*(_frozen(column) for column in _air_of(world, xyz, near)))
+        order = np.concatenate([order, np.flatnonzero(near.aloft).astype(np.int32)])  # their lists lie in order of row
+        air = frozen(Air(*_air_of(world, xyz, near)))
     scene = Scene(
         clock.dt,
         clock.tick,
@@ -159,7 +159,7 @@ def scene_of(world):
         air,
         _formation_of(agents, palette),
     )
-    return Scene(*(_frozen(column) for column in scene))
+    return frozen(scene)
 
 
 def _formation_of(agents, palette):
@@ -173,7 +173,7 @@ def _formation_of(agents, palette):
         agents[FormationPlace.track], agents[FormationPlace.climb], agents[FormationPlace.wind],
         agents[FormationPlace.felt],
     )  # fmt: skip
-    return InFormation(*(_frozen(column) for column in known))
+    return frozen(known)
 
 
 def _air_of(world, xyz, near):
@@ -202,13 +202,6 @@ def _air_of(world, xyz, near):
 def _nearest_image(offset, wrap):
     """Offsets on a periodic map the short way, across the seam where that is shorter."""
     return offset if wrap is None else offset - wrap * np.floor(offset / wrap + 0.5)
-
-
-def _frozen(column):
-    if isinstance(column, np.ndarray):
-        column = column.view()
-        column.flags.writeable = False
-    return column
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

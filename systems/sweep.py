@@ -12,6 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from engine.arrays import write_
+
 EVERYWHERE = np.empty(0, np.int64)
 
 AROUND = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
@@ -87,9 +89,11 @@ def march_(seeds, slowness, limit, targets):
 def rimmed_(values):
     """The grid with a rim of infinity, flat."""
     ny, nx = values.shape
-    out = np.full((ny + 2, nx + 2), np.inf)
-    out[1:-1, 1:-1] = values
-    return out.reshape(-1)
+    out = np.full((ny + 2) * (nx + 2), np.inf)
+    for iy in range(ny):
+        for ix in range(nx):
+            out[(iy + 1) * (nx + 2) + ix + 1] = values[iy, ix]
+    return out
 
 
 @njit(cache=True, nogil=True)
@@ -170,7 +174,7 @@ def spread_(values, seeds, distance, order):
     for c in order:
         iy, ix = c // nx, c % nx
         if seeds[iy, ix] < np.inf:
-            out[iy, ix] = values[iy, ix]
+            write_(out[iy, ix], values[iy, ix])
             continue
         here, total = (iy + 1) * wide + ix + 1, 0.0
         for dx, dy in AROUND:

@@ -182,9 +182,9 @@ def _sides(field, blocked):
         ys, xs = boxes[number - 1]
         size = ys.stop - ys.start + xs.stop - xs.start + 2
         top, left = max(0, ys.start - size), max(0, xs.start - size)
-        part = np.s_[top : ys.stop + size, left : xs.stop + size]  # no shorter way round leaves it
+        part = np.ascontiguousarray(blocked[top : ys.stop + size, left : xs.stop + size])  # no shorter way leaves it
         mine = hit == number
-        choose_side_(side, cells[mine], exits[mine, 0], field, blocked[part], top, left, 2.0 * size)
+        choose_side_(side, cells[mine], exits[mine, 0], field, part, top, left, 2.0 * size)
     return side
 
 

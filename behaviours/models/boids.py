@@ -29,6 +29,7 @@ from numba import njit
 from pydantic import Field
 
 from behaviours.behaviour import Flight, Parameters, Wishes, air_of, behaviour, quantity
+from engine.arrays import write_
 from engine.maths import exp_, kernel_function, log_
 from engine.parallel import over_rows
 
@@ -115,7 +116,7 @@ def flight(p):
 def explain(scene, row, p):
     """Why a boid turns: its velocity, and what each urge was given of the acceleration in this tick, {reason: (2,)}."""
     asked = np.zeros((1, len(URGES), 3))
-    _wishes(scene, np.array([row]), p, asked)
+    _wishes(scene, np.array([row], np.int32), p, asked)
     ask, own = asked[0], scene.length[row]
     given = np.array(_shares(ask, [getattr(p, f"{urge}_strength") for urge in URGES], p.arbitration == "average"))
     velocity = scene.forward[row] * np.linalg.norm(scene.velocity[row])
@@ -165,11 +166,11 @@ def stoop(scene, rows, p):
 
 
 @kernel_function
-def _request(ask, urge, x, y, z, strength):
+def _request(ask, x, y, z, strength):
     """An urge's request, cut to 1, times its strength."""
     size = np.sqrt(x * x + y * y + z * z)
-    share = strength[urge] / max(size, 1.0)
-    ask[urge, 0], ask[urge, 1], ask[urge, 2] = share * x, share * y, share * z
+    share = strength / max(size, 1.0)
+    ask[0], ask[1], ask[2] = share * x, share * y, share * z
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -239,12 +240,12 @@ def _steer(
             total += w
             mx, my, mz = mx + w * velocity[j, 0], my + w * velocity[j, 1], mz + w * velocity[j, 2]
             cx, cy, cz = cx + w * x, cy + w * y, cz + w * z
-        _request(ask, 1, sx, sy, sz, strength)
+        _request(ask[1], sx, sy, sz, strength[1])
         if total > 0.0:
             share, soon = per / total, 1.0 / (matching_time * most)
-            _request(ask, 3, (mx * share - vx) * soon, (my * share - vy) * soon, (mz * share - vz) * soon, strength)
+            _request(ask[3], (mx * share - vx) * soon, (my * share - vy) * soon, (mz * share - vz) * soon, strength[3])
             share = 1.0 / (total * neighbour_range)
-            _request(ask, 4, cx * share, cy * share, cz * share, strength)
+            _request(ask[4], cx * share, cy * share, cz * share, strength[4])
         else:
             ask[3], ask[4] = 0.0, 0.0
         x, y, z = _clear_of_obstacles(
@@ -254,7 +255,7 @@ def _steer(
         low = height[i] * per - clearance
         if low < 0.0 and not grounded:
             z += min(-low / max(clearance, 1e-9), 1.0) + max(-vz, 0.0) / most
-        _request(ask, 0, x, y, z, strength)
+        _request(ask[0], x, y, z, strength[0])
         worst = 0.0
         x = y = z = 0.0
         for at in range(len(dangers)):
@@ -267,7 +268,7 @@ def _steer(
                 fear = 1.0 - d / flight_distance
                 x, y, z = x + fear * dx / d, y + fear * dy / d, z + fear * dz / d
                 worst = max(worst, fear)
-        _request(ask, 2, 2.0 * x, 2.0 * y, 2.0 * z, strength)
+        _request(ask[2], 2.0 * x, 2.0 * y, 2.0 * z, strength[2])
         pace[k] = 1.0 + (panic_pace - 1.0) * worst
         x, y, z = target[i, 0], target[i, 1], target[i, 2]
         size = np.sqrt(x * x + y * y + z * z)
@@ -278,17 +279,18 @@ def _steer(
             along = fx * x + fy * y + fz * z
             if along < -0.999:
                 x, y, z, along = x - fy, y + fx, z, 0.0
-            _request(ask, 5, 2.0 * (x - along * fx), 2.0 * (y - along * fy), 2.0 * (z - along * fz), strength)
+            _request(ask[5], 2.0 * (x - along * fx), 2.0 * (y - along * fy), 2.0 * (z - along * fz), strength[5])
         ask[6] = 0.0
         if not grounded:
             climb = 0.0
             if wanted_height > 0.0:
                 climb = min(max((wanted_height - height[i]) * per / 10.0, -0.5), 0.5) * speed
             ask[6, 2] = strength[6] * min(max((climb - vz) * 2.0 / most, -1.0), 1.0)
-        if grounded:
-            ask[:, 2] = 0.0
-        if len(asked):
-            asked[k] = ask
+        for urge in range(len(ask)):
+            if grounded:
+                ask[urge, 2] = 0.0
+            if len(asked):
+                write_(asked[k, urge], ask[urge])
         x, y, z = averaged(ask, strength) if average else allocated(ask)
         x, y, z = x * most * own, y * most * own, z * most * own
         acceleration[k, 0], acceleration[k, 1], acceleration[k, 2] = x, y, z

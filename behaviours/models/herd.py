@@ -146,7 +146,8 @@ def _wandering(scene, i, p, reasons):
     before = scaled(unit(reasons), 1.0)
     direction = np.zeros((1, 3))
     direction[0, :2] = start = sum(before.values())
-    wander_kernel(0, 1, np.array([i]), scene.ids, scene.key("wander"), p.wander * np.sqrt(scene.dt), direction)
+    rows, drift = np.array([i], np.int32), p.wander * np.sqrt(scene.dt)
+    wander_kernel(0, 1, rows, scene.ids, scene.key("wander"), drift, direction)
     return before | {"wander": direction[0, :2] - start}
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from numba import njit
 from pydantic import Field
 
-from behaviours.behaviour import Flight, Parameters, Wishes, air_of, behaviour, quantity
+from behaviours.behaviour import Flight, Parameters, Wishes, air_of, behaviour, frozen, quantity
 from behaviours.formation.flight import Drawing, SteadyFlight
 from behaviours.formation.reaching import Rules, limited_speed_, limited_turn_, reach_, wrap_
 from behaviours.formation.shapes import Curve, Formation, FrameShape
@@ -84,14 +84,16 @@ def steer(scene, rows, p):
     direction, velocity = np.zeros((k, 3)), np.zeros((k, 3))
     air, known = air_of(scene), scene.formation
     if known is None:  # nobody has looked yet
-        known = InFormation(
-            np.full(n, -1),
-            np.full(n, -1),
-            np.zeros((n, 2)),
-            np.zeros((n, 2)),
-            np.zeros(n),
-            np.zeros((n, 3)),
-            np.zeros((n, 3)),
+        known = frozen(
+            InFormation(
+                np.full(n, -1),
+                np.full(n, -1, np.int32),
+                np.zeros((n, 2)),
+                np.zeros((n, 2)),
+                np.zeros(n),
+                np.zeros((n, 3)),
+                np.zeros((n, 3)),
+            )
         )
     over_rows(
         _steer, k, rows, scene.dt, scene.xyz, scene.velocity, scene.forward, scene.speed, scene.length, *known,

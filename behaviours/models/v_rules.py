@@ -19,6 +19,7 @@ import numpy as np
 from behaviours.behaviour import Flight, Wishes, air_of, behaviour, quantity
 from behaviours.v_rules.flights import STREAM, shift
 from behaviours.v_rules.rules import Rules, kernel, law_of, sort_by
+from engine.arrays import write_
 from engine.maths import atan2_, sincos_
 
 
@@ -155,10 +156,11 @@ def _shifts(law, members, first, near, offset, species, ids, key, forward, way, 
     x, y, z = np.empty(most), np.empty(most), np.empty(most)  # where others are now, from the bird's own eye
     sx, sy, sz = np.empty(most), np.empty(most), np.empty(most)  # and as it sees them
     by_x = np.empty(most, np.int64)
+    me = np.int64(0)  # a plain 0 or 1 is a type of its own, for which numba would compile the rules once more
     for i in members:
         fx, fy = way[i, 0], way[i, 1]
         x[0] = y[0] = z[0] = sx[0] = sy[0] = sz[0] = 0.0
-        kin = last = 1
+        kin = last = np.int64(1)
         for kind in range(2):  # one's own kind first: one keeps the rules with these, and clear of all
             for at in range(first[i], first[i + 1]):
                 j = near[at]
@@ -173,13 +175,15 @@ def _shifts(law, members, first, near, offset, species, ids, key, forward, way, 
             if kind == 0:
                 kin = last
         if law.in_turn:
-            sx[:kin], sy[:kin], sz[:kin] = x[:kin], y[:kin], z[:kin]
+            write_(sx[:kin], x)
+            write_(sy[:kin], y)
+            write_(sz[:kin], z)
         for k in range(kin):
             by_x[k] = k
         sort_by(sx, by_x, kin)
         hx, hy = _level(forward[i, 0], forward[i, 1], fx, fy)
         angle = atan2_(hx * fy - hy * fx, hx * fx + hy * fy)
-        busy, angle, mx, my, mz = shift(law, 0, kin, last, sx, sy, sz, x, y, z, by_x, key, ids[i], angle)
+        busy, angle, mx, my, mz = shift(law, me, kin, last, sx, sy, sz, x, y, z, by_x, key, ids[i], angle)
         moved[i, 0], moved[i, 1], moved[i, 2] = mx * fy + my * fx, -mx * fx + my * fy, mz
         velocity[i, 0] = speed[i] * fx + moved[i, 0] / dt
         velocity[i, 1] = speed[i] * fy + moved[i, 1] / dt

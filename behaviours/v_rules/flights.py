@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from behaviours.v_rules.rules import Rules, barred, dodge, kernel, law_of, sort_by, turned, wish
+from engine.arrays import write_
 from engine.noise import Noise, key_, normal_, uniform_
 from engine.parallel import over_rows
 
@@ -135,7 +136,9 @@ def one_step(law, n, ids, key, x, y, z, sx, sy, sz, angle, by_x):
     busy = False
     sort_by(x, by_x, n)
     if not law.in_turn:
-        sx[:], sy[:], sz[:] = x, y, z
+        write_(sx, x)
+        write_(sy, y)
+        write_(sz, z)
     for i in range(n):
         acts, angle[i], mx, my, mz = shift(law, i, n, n, sx, sy, sz, x, y, z, by_x, key, ids[i], angle[i])
         busy |= acts

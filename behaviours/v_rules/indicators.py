@@ -77,8 +77,8 @@ def _measure(lo, hi, law, margin, xyz, counts, distances):
         counts[flock, 0] = np.sum(degree[0] == 0)
         counts[flock, 1] = _groups(follows, group)
         counts[flock, 2] = found
-        distances[flock, 0] = _mean_distance(birds, degree, lines[:found], group, False)
-        distances[flock, 1] = _mean_distance(birds, degree, lines[:found], group, True)
+        for own in range(2):
+            distances[flock, own] = _mean_distance(birds, degree, lines[:found], group, own == 1)
         counts[flock, 3] = GROUPS if counts[flock, 1] > 1 else _shape(law, margin, birds, by_x)
 
 

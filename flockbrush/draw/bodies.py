@@ -173,21 +173,23 @@ def _bird(points, beat, long):
 def _draw_bird(frame, depth, clip, points, places, light, seen, lift, ink, near, long, winged):
     """The wing on the far side, tail and trunk, then the wing on the near side."""
     left_first = seen[1] < 0
+    bill, rump, tail = np.int64(0), np.int64(1), np.int64(10)  # numbers as such are types, to be compiled for each
+    flat, trunk = np.bool_(False), np.bool_(True)
     if winged:
         _wing(frame, depth, clip, points, places, light, seen, lift, ink, near, 12 if left_first else 16)
     if seen[0] >= -0.4:
-        _facet(frame, depth, clip, points, places, light, seen, lift, 1, 10, 11, ink[3], near, False)
+        _facet(frame, depth, clip, points, places, light, seen, lift, rump, tail, tail + 1, ink[3], near, flat)
     for k in range(4):
         m = (k + 1) % 4
-        _facet(frame, depth, clip, points, places, light, seen, lift, 1, 2 + k, 2 + m, ink[0], near, True)
+        _facet(frame, depth, clip, points, places, light, seen, lift, rump, 2 + k, 2 + m, ink[0], near, trunk)
         if long < FINE:
-            _facet(frame, depth, clip, points, places, light, seen, lift, 0, 2 + m, 2 + k, ink[1], near, True)
+            _facet(frame, depth, clip, points, places, light, seen, lift, bill, 2 + m, 2 + k, ink[1], near, trunk)
         else:
-            _facet(frame, depth, clip, points, places, light, seen, lift, 2 + k, 6 + m, 2 + m, ink[0], near, True)
-            _facet(frame, depth, clip, points, places, light, seen, lift, 2 + k, 6 + k, 6 + m, ink[0], near, True)
-            _facet(frame, depth, clip, points, places, light, seen, lift, 0, 6 + m, 6 + k, ink[1], near, True)
+            _facet(frame, depth, clip, points, places, light, seen, lift, 2 + k, 6 + m, 2 + m, ink[0], near, trunk)
+            _facet(frame, depth, clip, points, places, light, seen, lift, 2 + k, 6 + k, 6 + m, ink[0], near, trunk)
+            _facet(frame, depth, clip, points, places, light, seen, lift, bill, 6 + m, 6 + k, ink[1], near, trunk)
     if seen[0] < -0.4:
-        _facet(frame, depth, clip, points, places, light, seen, lift, 1, 10, 11, ink[3], near, False)
+        _facet(frame, depth, clip, points, places, light, seen, lift, rump, tail, tail + 1, ink[3], near, flat)
     if winged:
         _wing(frame, depth, clip, points, places, light, seen, lift, ink, near, 16 if left_first else 12)
 
@@ -195,8 +197,9 @@ def _draw_bird(frame, depth, clip, points, places, light, seen, lift, ink, near,
 @kernel
 def _wing(frame, depth, clip, points, places, light, seen, lift, ink, near, k):
     """One wing: an arm, and a darker hand."""
-    _facet(frame, depth, clip, points, places, light, seen, lift, k, k + 2, k + 1, ink[2], near, False)
-    _facet(frame, depth, clip, points, places, light, seen, lift, k + 1, k + 2, k + 3, ink[3], near, False)
+    flat = np.bool_(False)
+    _facet(frame, depth, clip, points, places, light, seen, lift, k, k + 2, k + 1, ink[2], near, flat)
+    _facet(frame, depth, clip, points, places, light, seen, lift, k + 1, k + 2, k + 3, ink[3], near, flat)
 
 
 # beasts --------------------------------------------------------------------------------
@@ -260,10 +263,11 @@ def _hip(places, k):
 @kernel
 def _block(frame, depth, clip, points, places, light, seen, lift, first, ink, near):
     """A block of eight corners, see `_beast` for their order."""
+    trunk = np.bool_(True)
     for face in range(6):
         a, b, c, d = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (1, 3, 7, 5), (0, 4, 6, 2))[face]
-        _facet(frame, depth, clip, points, places, light, seen, lift, first + a, first + b, first + c, ink, near, True)
-        _facet(frame, depth, clip, points, places, light, seen, lift, first + a, first + c, first + d, ink, near, True)
+        _facet(frame, depth, clip, points, places, light, seen, lift, first + a, first + b, first + c, ink, near, trunk)
+        _facet(frame, depth, clip, points, places, light, seen, lift, first + a, first + c, first + d, ink, near, trunk)
 
 
 def standing(forward: np.ndarray) -> np.ndarray:

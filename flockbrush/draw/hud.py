@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flockbrush.draw.animals import KINDS, LEADER, PLAIN, PREDATOR, figure
+from flockbrush.draw.animals import KINDS, LEADER, NO_WINGS, PLAIN, PREDATOR, figure
 from flockbrush.draw.camera import Camera
 from flockbrush.draw.canvas import Canvas
 from flockbrush.draw.ground import nice
@@ -145,7 +145,7 @@ class Hud:
         kind = look % 4
         if kind == PREDATOR:
             long *= 0.9
-        figure(frame, clip, float(x), float(y), 1.0, 0.0, long, thick, kind, False, colours[look])
+        figure(frame, clip, float(x), float(y), 1.0, 0.0, long, thick, kind, False, colours[look], NO_WINGS)
 
     def things(self, frame, present):
         """Second row of the legend: what is drawn on the ground; `present` are the names of kinds in `GLYPHS`."""

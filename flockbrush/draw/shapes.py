@@ -49,11 +49,14 @@ def cover_polygon(points, left, top, width, height):
                 ax, ay = points[k, 0], points[k, 1]
                 bx, by = points[(k + 1) % count, 0], points[(k + 1) % count, 1]
                 if (ay <= y) != (by <= y):
-                    crossings[found] = ax + (y - ay) / (by - ay) * (bx - ax)
+                    crossing, at = ax + (y - ay) / (by - ay) * (bx - ax), found
+                    while at > 0 and crossings[at - 1] > crossing:  # from left to right
+                        crossings[at] = crossings[at - 1]
+                        at -= 1
+                    crossings[at] = crossing
                     found += 1
-            edges = np.sort(crossings[:found])
             for pair in range(found // 2):
-                start, stop = max(edges[2 * pair], float(left)), min(edges[2 * pair + 1], float(left + width))
+                start, stop = max(crossings[2 * pair], float(left)), min(crossings[2 * pair + 1], float(left + width))
                 if stop <= start:
                     continue
                 for col in range(int(np.floor(start)), min(int(np.floor(stop)) + 1, left + width)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pygame
 
-from flockbrush.draw.animals import KINDS, LEADER, PLAIN, PREDATOR, Stamps, figure
+from flockbrush.draw.animals import KINDS, LEADER, NO_WINGS, PLAIN, PREDATOR, Stamps, figure
 from flockbrush.draw.ground import nice
 from flockbrush.draw.painter import brush_rgb
 from flockbrush.play.theme import chrome, font, px
@@ -81,7 +81,7 @@ class Legend:
             PREDATOR if kind == PREDATOR else (brush + 1) * KINDS + kind
         )  # the first look is of animals without a brush
         long = 0.9 * width
-        figure(image, clip, width / 2, height / 2, 1.0, 0.0, long, 0.24 * long, kind, False, colours[look])
+        figure(image, clip, width / 2, height / 2, 1.0, 0.0, long, 0.24 * long, kind, False, colours[look], NO_WINGS)
         return pygame.image.frombuffer(image.tobytes(), (width, height), "RGB")
 
     def draw(self, surface):

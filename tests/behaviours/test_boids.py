@@ -43,7 +43,7 @@ def wishes_of(simulation, tick=True, **parameters):
     if tick:
         simulation.tick()
     p = Params(**parameters)
-    wishes = BOIDS.steer(scene_of(simulation.world), np.arange(len(simulation.agents)), p)
+    wishes = BOIDS.steer(scene_of(simulation.world), np.arange(len(simulation.agents), dtype=np.int32), p)
     return wishes.acceleration / (simulation.agents[Body.length][:, None] * p.max_acceleration * p.max_speed)
 
 

@@ -53,7 +53,7 @@ def scene(xy, heading, length=1.0, seed=0, leader=None, obstacles=(), guidance=(
         "slope": np.broadcast_to(np.asarray(slope, float), (n, 2)).copy(),
         "memory": np.zeros((n, 2)),
         "known": np.zeros(n, np.uint8),
-        "order": np.arange(n),
+        "order": np.arange(n, dtype=np.int32),
     }
     return frozen(Scene(**(values | more)))
 
@@ -89,8 +89,12 @@ def lively(seed=3, n=14, turn=0.0, shift=(0.0, 0.0)):
 
 
 def steer(model, scene, rows=None, **parameters):
-    rows = np.arange(len(scene.ids)) if rows is None else rows
-    return model.steer(scene, rows, model.Params(**parameters))
+    return model.steer(scene, rows_(range(len(scene.ids)) if rows is None else rows), model.Params(**parameters))
+
+
+def rows_(numbers):
+    """Rows as the systems give them to a model."""
+    return np.array(numbers, np.int32)
 
 
 # what every model promises --------------------------------------------------------
@@ -133,7 +137,7 @@ class TestEveryModel:
         some = steer(model, lively(), rows)
         assert some.direction.tolist() == whole.direction[rows].tolist()
         assert some.pace.tolist() == whole.pace[rows].tolist()
-        none = steer(model, lively(), np.array([], np.int64))
+        none = steer(model, lively(), [])
         assert none.direction.shape == (0, 3)
 
     def test_leaves_the_scene_untouched_and_repeats_itself(self, model):
@@ -270,7 +274,7 @@ def test_the_herd_kernel_is_equations_2_to_5(seed, n, w, r, a, sensitivity, neig
         obstacles=rng.uniform(-1, 6, (2, 2)), slope=(0.2, -0.1), species=rng.integers(0, 2, n).astype(np.int32),
     )  # fmt: skip
     # the kernel's exponentials are good to a few 1e-16, and arccos near 0 and pi to the root of that
-    assert HERD.steer(s, np.arange(n), p).direction[:, :2] == pytest.approx(transcription(s, p), abs=2e-7)
+    assert HERD.steer(s, rows_(range(n)), p).direction[:, :2] == pytest.approx(transcription(s, p), abs=2e-7)
 
 
 def test_to_twelve_digits_where_the_oracle_has_them():
@@ -278,14 +282,14 @@ def test_to_twelve_digits_where_the_oracle_has_them():
     s = scene([(0, 0), (0.3, 2.0), (0.5, -1.5), (-0.4, 1.0)], 0.05, obstacles=[(0.2, 3.0)])
     p = Params(cohesion_weight=0.6, alignment_angular=0.3, obstacle_weight=0.4)
     fine = [0]
-    assert HERD.steer(s, np.array(fine), p).direction[:, :2] == pytest.approx(transcription(s, p)[fine], abs=1e-13)
+    assert HERD.steer(s, rows_(fine), p).direction[:, :2] == pytest.approx(transcription(s, p)[fine], abs=1e-13)
 
 
 def force_on_first(xy, heading=0.0, obstacles=(), **parameters):
     """What the first animal feels, in body lengths: read back from the next heading of a herd that answers slowly."""
     quiet = {**NO_FORCES, "sensitivity": 1.0, "slope_aversion": 0.0, **parameters}
     s = scene(xy, heading, obstacles=obstacles, dt=1e-6)
-    h = HERD.steer(s, np.array([0]), Params(**quiet)).direction[0, :2]
+    h = HERD.steer(s, rows_([0]), Params(**quiet)).direction[0, :2]
     f = s.forward[0, :2]
     across = np.array([-f[1], f[0]])
     return (h @ across) / (h @ f) / 1e-6  # the part of the force that turns, to its left
@@ -322,7 +326,7 @@ def test_sensitivity_scales_the_turn():
     s = scene([(0, 0), (1, 1.5), (-1, 0.5)], 0.0)
 
     def turn(sensitivity):
-        return HERD.steer(s, np.array([0]), Params(sensitivity=sensitivity, slope_aversion=0.0)).direction[0]
+        return HERD.steer(s, rows_([0]), Params(sensitivity=sensitivity, slope_aversion=0.0)).direction[0]
 
     tangent = [turn(o)[1] / turn(o)[0] for o in (0.001, 0.002, 0.004)]
     assert turn(0.0).tolist() == [1.0, 0.0, 0.0]
@@ -333,23 +337,23 @@ def test_sensitivity_scales_the_turn():
 def test_who_is_beyond_the_neighbour_range_is_ignored():
     s = scene([(0, 0), (0, 4.1)], 0.0)
     p = Params(cohesion_weight=1.0)
-    assert HERD.steer(s, np.array([0]), p).direction[0, 1] == 0.0
-    assert HERD.steer(s, np.array([0]), Params(cohesion_weight=1.0, neighbour_range=4.2)).direction[0, 1] > 0.01
+    assert HERD.steer(s, rows_([0]), p).direction[0, 1] == 0.0
+    assert HERD.steer(s, rows_([0]), Params(cohesion_weight=1.0, neighbour_range=4.2)).direction[0, 1] > 0.01
 
 
 def test_animals_of_another_kind_are_given_way_to_and_otherwise_ignored():
     other = {"species": np.array([0, 1], np.int32)}
     p = Params(cohesion_weight=1.0, alignment_weight=1.0, avoidance_weight=0.0)
     s = scene([(0, 0), (0, 2)], (0.0, np.pi / 2), **other)
-    assert HERD.steer(s, np.array([0]), p).direction[0].tolist() == [1.0, 0.0, 0.0]
+    assert HERD.steer(s, rows_([0]), p).direction[0].tolist() == [1.0, 0.0, 0.0]
     p = Params(cohesion_weight=0.0, alignment_weight=0.0, avoidance_weight=1.0)
-    assert HERD.steer(s, np.array([0]), p).direction[0, 1] < -0.05
+    assert HERD.steer(s, rows_([0]), p).direction[0, 1] < -0.05
 
 
 def test_steep_ground_turns_an_animal_downhill():
     s = scene([(0, 0)], 0.0, slope=(0.0, 0.5))
-    assert HERD.steer(s, np.array([0]), Params(slope_aversion=2.0)).direction[0, 1] == pytest.approx(-1 / 32, rel=1e-2)
-    assert HERD.steer(s, np.array([0]), Params(slope_aversion=0.0)).direction[0, 1] == 0.0
+    assert HERD.steer(s, rows_([0]), Params(slope_aversion=2.0)).direction[0, 1] == pytest.approx(-1 / 32, rel=1e-2)
+    assert HERD.steer(s, rows_([0]), Params(slope_aversion=0.0)).direction[0, 1] == 0.0
 
 
 # two animals ------------------------------------------------------------------------
@@ -416,10 +420,10 @@ def test_one_brush_moves_mice_and_cattle_alike_in_body_lengths():
 
 def test_leaders_follow_the_guidance_and_followers_do_not():
     s = scene([(0, 0), (2, 0), (0, 2)], 0.0, leader=[1, 0, 0], guidance=(0.0, 1.0))
-    wishes = HERD.steer(s, np.arange(3), Params())
+    wishes = HERD.steer(s, rows_(range(3)), Params())
     assert wishes.direction[0].tolist() == [0.0, 1.0, 0.0]
     assert wishes.direction[1, 0] > 0.9
-    assert HERD.steer(frozen(s, guidance=s.guidance * 0), np.arange(3), Params()).direction[1].tolist() == (
+    assert HERD.steer(frozen(s, guidance=s.guidance * 0), rows_(range(3)), Params()).direction[1].tolist() == (
         wishes.direction[1].tolist()
     )
 
@@ -427,21 +431,21 @@ def test_leaders_follow_the_guidance_and_followers_do_not():
 def test_a_leader_may_listen_to_its_neighbours_as_well():
     s = scene([(0, 0), (1, -2), (-1, -2)], 0.0, leader=[1, 0, 0], guidance=(0.0, 1.0))
     angle = [
-        np.arctan2(*HERD.steer(s, np.array([0]), Params(leader_blend=b)).direction[0, 1::-1]) for b in (0.0, 0.5, 1.0)
+        np.arctan2(*HERD.steer(s, rows_([0]), Params(leader_blend=b)).direction[0, 1::-1]) for b in (0.0, 0.5, 1.0)
     ]
     assert angle[0] == pytest.approx(np.pi / 2)
     assert angle[0] > angle[1] > angle[2]
-    unled = HERD.steer(frozen(s, leader=np.zeros(3, np.uint8)), np.array([0]), Params()).direction[0]
+    unled = HERD.steer(frozen(s, leader=np.zeros(3, np.uint8)), rows_([0]), Params()).direction[0]
     assert np.arctan2(unled[1], unled[0]) == pytest.approx(angle[2], abs=1e-12)
 
 
 def test_where_no_guide_reaches_a_stray_returns_or_keeps_its_way():
     memory = np.array([(0.0, 12.0)])
     s = scene([(0, 0)], 0.0, leader=[1], memory=memory, known=np.ones(1, np.uint8))
-    assert HERD.steer(s, np.array([0]), Params(unled="return")).direction[0, 1] > 0.05
-    assert HERD.steer(s, np.array([0]), Params(unled="keep")).direction[0].tolist() == [1.0, 0.0, 0.0]
+    assert HERD.steer(s, rows_([0]), Params(unled="return")).direction[0, 1] > 0.05
+    assert HERD.steer(s, rows_([0]), Params(unled="keep")).direction[0].tolist() == [1.0, 0.0, 0.0]
     never = frozen(s, known=np.zeros(1, np.uint8))
-    assert HERD.steer(never, np.array([0]), Params(unled="return")).direction[0].tolist() == [1.0, 0.0, 0.0]
+    assert HERD.steer(never, rows_([0]), Params(unled="return")).direction[0].tolist() == [1.0, 0.0, 0.0]
 
 
 def test_a_stray_really_comes_home():
@@ -473,10 +477,10 @@ def wolf_and_deer(distance, wolf_first=False, **more):
 
 
 def test_prey_turns_away_from_a_wolf_the_sooner_the_nearer_it_is_and_runs():
-    calm = HERD.steer(wolf_and_deer(11.0), np.array([0]), Params()).direction[0]
+    calm = HERD.steer(wolf_and_deer(11.0), rows_([0]), Params()).direction[0]
     turned, paces = [], []
     for distance in (13.0, 11.0, 6.0, 2.0):
-        wish = steer(FLEE, wolf_and_deer(distance), np.array([0]), flight_distance=12.0, panic_pace=3.0)
+        wish = steer(FLEE, wolf_and_deer(distance), [0], flight_distance=12.0, panic_pace=3.0)
         turned.append(wish.direction[0, 1])
         paces.append(wish.pace[0])
     assert turned[0] == pytest.approx(calm[1])
@@ -489,22 +493,22 @@ def test_prey_turns_away_from_a_wolf_the_sooner_the_nearer_it_is_and_runs():
 def test_haste_is_caught_from_ones_kind():
     still, running = np.zeros((3, 3)), np.array([(0, 0, 0), (3.6, 0, 0), (3.6, 0, 0)], float)
     xy = [(0, 0), (2, 0), (0, 2)]
-    assert steer(FLEE, scene(xy, 0.0, velocity=still), np.array([0])).pace[0] == 1.0
-    caught = steer(FLEE, scene(xy, 0.0, velocity=running), np.array([0]), contagion=0.5).pace[0]
+    assert steer(FLEE, scene(xy, 0.0, velocity=still), [0]).pace[0] == 1.0
+    caught = steer(FLEE, scene(xy, 0.0, velocity=running), [0], contagion=0.5).pace[0]
     assert caught == pytest.approx(1 + 0.5 * (3.0 - 1.0))  # they run three times as fast as they would
-    assert steer(FLEE, scene(xy, 0.0, velocity=running), np.array([0]), contagion=0.0).pace[0] == 1.0
+    assert steer(FLEE, scene(xy, 0.0, velocity=running), [0], contagion=0.0).pace[0] == 1.0
 
 
 def test_wolves_do_not_flee_from_their_own_kind():
     pack = {"danger": np.ones(2, np.uint8)}
-    assert steer(FLEE, scene([(0, 0), (0, 2)], 0.0, **pack), np.array([0])).pace[0] == 1.0
+    assert steer(FLEE, scene([(0, 0), (0, 2)], 0.0, **pack), [0]).pace[0] == 1.0
 
 
 def test_a_wolf_heads_for_prey_in_sight_and_faster_in_the_last_rush():
     def chase(distance):
-        return steer(HUNT, wolf_and_deer(distance, True), np.array([0]), chase_distance=30.0, charge_distance=8.0)
+        return steer(HUNT, wolf_and_deer(distance, True), [0], chase_distance=30.0, charge_distance=8.0)
 
-    nobody = steer(HUNT, scene([(0, 0)], 0.0, danger=np.ones(1, np.uint8)), np.array([0]))
+    nobody = steer(HUNT, scene([(0, 0)], 0.0, danger=np.ones(1, np.uint8)), [0])
     assert nobody.direction[0].tolist() == [1.0, 0.0, 0.0]
     assert nobody.pace[0] == 1.0
     assert chase(31.0).pace[0] == 1.0
@@ -529,8 +533,8 @@ def test_a_wolf_singles_out_the_stray():
         "offset": np.array([xy[j] - xy[i] for i, row in enumerate(near) for j in row]),
     }
     s = frozen(s, **seen)
-    assert steer(HUNT, s, np.array([0]), crowd_penalty=1.0).direction[0, 1] > 0.9
-    assert steer(HUNT, s, np.array([0]), crowd_penalty=0.0).direction[0, 1] < -0.9
+    assert steer(HUNT, s, [0], crowd_penalty=1.0).direction[0, 1] > 0.9
+    assert steer(HUNT, s, [0], crowd_penalty=0.0).direction[0, 1] < -0.9
 
 
 def test_deer_run_from_a_wolf_and_calm_down_when_it_is_gone():

@@ -28,9 +28,10 @@ def some_theta(seed):
 def by_kernel(percept: Percept, params):
     """Next headings by the kernel of a run, (n, 2)."""
     n = percept.animals
+    rows = np.arange(n, dtype=np.int32)
     forward, direction = np.column_stack([percept.forward, np.zeros(n)]), np.zeros((n, 3))
     herd_kernel(
-        0, n, np.arange(n), DT, forward, np.ones(n), percept.species, percept.leader, percept.first, percept.near,
+        0, n, rows, DT, forward, np.ones(n), percept.species, percept.leader, percept.first, percept.near,
         percept.offset, percept.walls_first, percept.walls_offset, percept.guidance, np.zeros((n, 2)), percept.memory,
         percept.known, *kernel_params(params), direction,
     )  # fmt: skip
