@@ -7,10 +7,26 @@ settings.register_profile("house", derandomize=True, deadline=None, print_blob=F
 settings.load_profile("house")
 
 
+FIRST = "test_replaying.py"  # the longest: it compiles every kernel twice, once for a plain processor
+WITHOUT_HERDS = ("levels", "components", "engine")  # rooms whose tests need few kernels, or none
+
+
+def pytest_collection_modifyitems(items):
+    """The longest file first, and last those that another process can run while the kernels are being compiled."""
+    items.sort(key=lambda item: (item.path.name != FIRST, item.path.parent.name in WITHOUT_HERDS))
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """The tests of a file go to one process: kernels are compiled and herds set up once, not in every process."""
+    """The tests of a file go to one process: herds are set up once.  The first process begins with the first file, the
+    others with the last, so that they do not compile the same kernels at the same time."""
     from xdist.scheduler import LoadFileScheduling
 
-    config.option.loadscopereorder = False  # the files with few, long tests are not kept for the end
-    return LoadFileScheduling(config, log)
+    class FromBothEnds(LoadFileScheduling):
+        def _assign_work_unit(self, node):
+            if node is not self.nodes[0]:
+                self.workqueue.move_to_end(next(reversed(self.workqueue)), last=False)
+            super()._assign_work_unit(node)
+
+    config.option.loadscopereorder = False  # files in the order of their tests
+    return FromBothEnds(config, log)
