@@ -10,6 +10,7 @@ import numpy as np
 from behaviours.brush import Brush
 from behaviours.learning.evidence import Evidence
 from behaviours.learning.learned import Learned
+from behaviours.learning.scores import CHANCE, beyond_chance
 from flockbrush.learn.comparison import JUDGED, TITLES, Comparison, Verdict
 from flockbrush.learn.counts import SECONDS
 
@@ -89,11 +90,20 @@ class Findings:
         return {name: value for name, value in found.items() if math.isfinite(value)}
 
     def strayed(self, row: dict) -> str:
-        """What a herd of other size does not keep of the clip, of one row of `counts`; "" where it keeps all."""
+        """What a herd of other size does not keep of the clip, of one row of `counts`; "" where it keeps all.
+
+        Few animals are by chance more polarized than many: that is taken out of both.
+        """
         if self.comparison is None:
             return ""
-        clip = {name: self.comparison.verdict(name).clip for name in JUDGED}
-        return ", ".join(n for n, v in clip.items() if math.isfinite(v) and abs(row[n] - v) > KEPT)
+        seen = float(np.median(self.whole.fields.count))
+        lost = []
+        for name in JUDGED:
+            clip = self.comparison.verdict(name).clip
+            herd = beyond_chance(row[name], row["animals"], CHANCE[name])
+            if math.isfinite(clip) and abs(herd - beyond_chance(clip, seen, CHANCE[name])) > KEPT:
+                lost.append(name)
+        return ", ".join(lost)
 
     @property
     def motion(self) -> bool:

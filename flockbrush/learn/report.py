@@ -368,7 +368,11 @@ def _counts(page, findings):
     page.head("With other numbers of animals")
     page.say(
         f"Herds of the same density on an endless plane, {SECONDS:g} s; means over the last ten. "
-        + (f"Not kept: what is farther than {KEPT:g} from the clip's." if findings.motion else "")
+        + (
+            f"Not kept: what is farther than {KEPT:g} from the clip's, without what chance does to few animals."
+            if findings.motion
+            else ""
+        )
     )
     rows = []
     for r in findings.counts:
