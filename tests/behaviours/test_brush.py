@@ -511,6 +511,7 @@ EXPECTED = [
     "march",
     "mill-filled",
     "mill-hollow",
+    "sheep-drone",
     "sheep-narrow",
     "stampede",
     "swarm",
@@ -556,6 +557,16 @@ def test_sheep_narrow_has_the_published_numbers():
     assert (p.cohesion_weight, p.cohesion_radial, p.cohesion_angular) == (0.505, 1, 0.965)
     assert (p.alignment_weight, p.alignment_radial, p.alignment_angular) == (0.499, 1, 1)
     assert (p.obstacle_weight, p.obstacle_radial, p.obstacle_angular) == (0.153, 1, 0.5)
+
+
+def test_sheep_drone_says_which_film_it_was_learned_from_and_how_well():
+    papers = shipped().get("sheep-drone").provenance
+    assert papers.kind == "learned" and papers.licence.startswith("public domain")
+    assert re.fullmatch("[0-9a-f]{64}", papers.clip_sha256) and papers.frames == (11, 41) and papers.seed == 0
+    assert "flockbrush learn sheep_0043.mp4 --frames 11:72" in " ".join(papers.notes.split())
+    told = papers.report
+    for name in ("polarization", "milling"):  # within two deviations of the clip, in frames it was not learned from
+        assert told[f"held-out {name}, error"] < max(2 * told[f"held-out {name}, clip deviation"], 0.05)
 
 
 # fuzzing: whatever comes in, a brush or problems come out, soon
