@@ -16,7 +16,8 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
-kernel_function = njit(cache=True, error_model="numpy", forceinline=True)  # one line in a kernel's loop
+# one line in a kernel's loop; a function for C callers would be compiled for nobody
+kernel_function = njit(cache=True, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)
 
 LN2_HIGH = 0.6931471803691238  # 32 bits: its product with an exponent is exact
 LN2_LOW = 1.9082149292705877e-10
