@@ -11,6 +11,7 @@ def test_every_example_of_the_page_runs(tmp_path, monkeypatch):
     from engine import commands
 
     monkeypatch.chdir(tmp_path)
+    behaviour.behaviours()  # all known before, so that all are known again afterwards
     monkeypatch.setattr(behaviour, "_registry", dict(behaviour._registry))
     monkeypatch.setattr(commands, "COMMANDS", dict(commands.COMMANDS))
     text = PAGE.read_text()

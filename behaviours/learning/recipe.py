@@ -217,13 +217,13 @@ def keep(given: Setting, theta, extras, seed):
     Each goes on from the last frame for `STAY` seconds, and so do a quarter and four times as many, of whom only order
     and turning are compared.  Clips that see part of a herd are left out, and larger herds than `TOO_MANY`.
     """
-    figures = {}
+    measured: dict[str, list[float]] = {}
     for k, clip in enumerate(given.clips):
         if not clip.fields.holds_all:
             continue
         last, target = len(clip.fields) - 1, _from(clip)[1]
         parts = _compared(given, clip, target, theta, extras, [seed, k, 2], last, STAY, True, DT)
-        figures.setdefault("as many", []).append(total(parts))
+        measured.setdefault("as many", []).append(total(parts))
         begun = start_of(clip, last, seed, given.body)
         for factor in OTHER_NUMBERS:
             herd = resized(begun, factor, seed)
@@ -234,8 +234,8 @@ def keep(given: Setting, theta, extras, seed):
                 fps=LOOKS / STAY, seed=seed,
             )  # fmt: skip
             parts = _not_ignored(given, order_off(run, clip, target))
-            figures.setdefault(f"{factor:g} times as many", []).append(total(parts))
-    figures = {name: float(np.mean(values)) for name, values in figures.items()}
+            measured.setdefault(f"{factor:g} times as many", []).append(total(parts))
+    figures = {name: float(np.mean(values)) for name, values in measured.items()}
     others = [value for name, value in figures.items() if name != "as many"]
     halves = [figures["as many"], float(np.mean(others)) if others else figures["as many"]] if figures else [0.0]
     return {"score": float(np.sqrt(np.mean(np.square(halves)))), "figures": figures}

@@ -20,6 +20,7 @@ class Nothing(Parameters):
 def watcher(monkeypatch):
     """A brush whose animals walk on and note whom they see by hidden-point removal."""
     registry.behaviours()
+    registry.behaviours()  # all known before, so that all are known again afterwards
     monkeypatch.setattr(registry, "_registry", dict(registry._registry))
     seen = []
 
