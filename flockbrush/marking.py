@@ -20,6 +20,7 @@ from behaviours.formation.marks import HEADINGS, guess_heading, read_marks
 from behaviours.learning.birds_in_sky import Patch, carry, find_birds, read_pictures
 from behaviours.problems import ProblemsError
 from flockbrush.files import refused, write_text
+from levels.steps import Steps
 
 REACH = 2.0  # wingspans that a bird may leave the flock's movement from one frame to the next
 NEAR = 0.6  # wingspans: a mark so near to a bird that was found is on it
@@ -57,6 +58,14 @@ class State(NamedTuple):
     touched: frozenset
 
 
+class Step(NamedTuple):
+    """What undo takes back: its name, where it happened, and how things were before."""
+
+    label: str
+    k: int
+    before: State
+
+
 @dataclass
 class Frame:
     """A picture, and what was found in it."""
@@ -90,7 +99,7 @@ def read_frames(paths, every=1, say=lambda done: None) -> list[Frame]:
     return frames
 
 
-class Album:
+class Album(Steps):
     """The marks of all frames.
 
     Parameters
@@ -107,6 +116,7 @@ class Album:
     """
 
     def __init__(self, frames, wingspan=None):
+        super().__init__()
         self.frames = frames
         spans = [patch.span for frame in frames for patch in frame.found]
         usual = float(np.median(spans)) if spans else UNKNOWN_SPAN * min(frames[0].size)
@@ -114,8 +124,6 @@ class Album:
         first = {k: Mark(patch.x, patch.y) for k, patch in enumerate(frames[0].found)}
         self.state = State((first,) + ({},) * (len(frames) - 1), frozenset())
         self._carry_from(0)
-        self._done: list[tuple[str, int, State]] = []
-        self._undone: list[tuple[str, int, State]] = []
         self._saved = self.state
         self._shapes: dict = {}
 
@@ -177,26 +185,16 @@ class Album:
         """Do again what was taken back."""
         return self._step(self._undone, self._done)
 
-    @property
-    def undo_label(self):
-        """What undo would take back, or None."""
-        return self._done[-1][0] if self._done else None
-
-    @property
-    def redo_label(self):
-        """What redo would do again, or None."""
-        return self._undone[-1][0] if self._undone else None
-
     def _step(self, source, target):
         if not source:
             return None
         label, k, state = source.pop()
-        target.append((label, k, self.state))
+        target.append(Step(label, k, self.state))
         self.state = state
         return label, k
 
     def _edit(self, label, k, marks):
-        self._done.append((label, k, self.state))
+        self._done.append(Step(label, k, self.state))
         self._undone.clear()
         frames = (*self.state.frames[:k], dict(sorted(marks.items())), *self.state.frames[k + 1 :])
         self.state = State(frames, self.state.touched | {k})

@@ -20,6 +20,7 @@ from engine.commands import from_record, to_record
 from levels.edits import EditError, Sheet
 from levels.files import MemoryFiles, project_folder
 from levels.reader import brush_library
+from levels.steps import Steps
 from levels.writer import Document, dump, write_file
 
 FORMAT = 1  # of the journal
@@ -49,7 +50,7 @@ class Step:
         return list(self.commands if self.again is None else self.again)
 
 
-class Editor:
+class Editor(Steps):
     """A level open for editing.
 
     Parameters
@@ -68,12 +69,11 @@ class Editor:
     """
 
     def __init__(self, document, library=None, files=None):
+        super().__init__()
         self._document = document
         self.library = brush_library(document.path) if library is None else library
         self.sheet = Sheet(document, self.library, files)
         self._base, self._base_path = dump(document.data), str(document.path)
-        self._done: list[Step] = []
-        self._undone: list[Step] = []
         self._events: list[dict] = []
         self._serial = self._saved = self._highest = 0
         self._joinable = False
@@ -101,16 +101,6 @@ class Editor:
     def text(self):
         """The level as it would be saved."""
         return dump(self.document.data)
-
-    @property
-    def undo_label(self):
-        """What undo would take back, or None."""
-        return self._done[-1].label if self._done else None
-
-    @property
-    def redo_label(self):
-        """What redo would do again, or None."""
-        return self._undone[-1].label if self._undone else None
 
     @property
     def undo_commands(self):

@@ -18,6 +18,7 @@ from flockbrush.clip.sketch import Path as Drawn
 from flockbrush.clip.sketch import Sketch
 from flockbrush.files import refused, write_text
 from flockbrush.track import table_of
+from levels.steps import Steps
 
 UNDONE = 100  # steps that can be taken back
 LIMIT = 64 << 20  # bytes of a file of marks: sketches are long
@@ -64,7 +65,7 @@ class Step(NamedTuple):
     before: State
 
 
-class Book:
+class Book(Steps):
     """The marks of one film.
 
     Parameters
@@ -80,13 +81,12 @@ class Book:
     """
 
     def __init__(self, film, folder):
+        super().__init__()
         self.film, self.folder = film, Path(folder)
         self.stem = Path(film.name).stem
         empty = Layer.empty(film.size)
         self.state = State(Marks(), empty, empty, Birds.none(len(film)), Sketch(frames=len(film)))
         self._saved = self.state
-        self._done: list[Step] = []
-        self._undone: list[Step] = []
         self._ours: set[Path] = set()  # files that were read or written here
 
     @property
@@ -124,16 +124,6 @@ class Book:
         target.append(step._replace(before=self.state))
         self.state = step.before
         return step
-
-    @property
-    def undo_label(self):
-        """What undo would take back, or None."""
-        return self._done[-1].label if self._done else None
-
-    @property
-    def redo_label(self):
-        """What redo would do again, or None."""
-        return self._undone[-1].label if self._undone else None
 
     # what it is for -------------------------------------------------------------------------
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from flockbrush.files import refused
 from levels.editor import Step
+from levels.steps import Steps
 
 FIRST_ID = 1_000_000  # of new objects; those of level files are smaller
 
 
-class History:
+class History(Steps):
     """Takes the place of a `levels.editor.Editor`.
 
     Parameters
@@ -23,20 +24,9 @@ class History:
     journal_problem = ""
 
     def __init__(self, path, why):
+        super().__init__()
         self.path, self.why = path, why
-        self._done: list[Step] = []
-        self._undone: list[Step] = []
         self._highest = FIRST_ID
-
-    @property
-    def undo_label(self):
-        """What undo would take back, or None."""
-        return self._done[-1].label if self._done else None
-
-    @property
-    def redo_label(self):
-        """What redo would do again, or None."""
-        return self._undone[-1].label if self._undone else None
 
     @property
     def undo_commands(self):

@@ -12,19 +12,15 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIHorizontalSlider, UIPanel
 
-from behaviours.problems import ProblemsError
 from flockbrush.draw.canvas import Canvas
 from flockbrush.draw.orbit import OrbitCamera
 from flockbrush.draw.space import SpacePainter
-from flockbrush.draw.style import mix, theme_of
+from flockbrush.draw.style import mix
 from flockbrush.flight_show import ENDINGS, METHODS, Show, Solver, with_wish
 from flockbrush.play.clip.column import Column
 from flockbrush.play.dialogs import Dialog
-from flockbrush.play.keys import key_of
-from flockbrush.play.manager import Manager
-from flockbrush.play.settings import load_settings
-from flockbrush.play.theme import chrome, look, px, scale_of
-from flockbrush.play.toasts import Toasts
+from flockbrush.play.plain_window import PlainWindow
+from flockbrush.play.theme import chrome, px
 from flockbrush.play.widgets import NO_MARGINS, icon_button, set_icon, words
 
 HINT = "Drag: go round   Right drag: move   Wheel: nearer   Click: pick a bird   Space: play   C: from the camera"
@@ -42,7 +38,7 @@ SLIDERS = (  # name, what is set, lowest, highest, whether equal steps multiply,
 )
 
 
-class LiftWindow:
+class LiftWindow(PlainWindow):
     """The window on a flight.
 
     Parameters
@@ -63,20 +59,14 @@ class LiftWindow:
 
     def __init__(self, show: Show, size=(1280, 720), theme=None):
         self.show, self.solver = show, Solver(show)
-        self.theme = theme_of(theme or load_settings()[0].theme or "light")
-        self.running, self.playing, self.late, self.bird = True, True, 0.0, None
+        super().__init__(theme)
+        self.playing, self.late, self.bird = True, 0.0, None
         self.wanted = show.wanted
-        self.toasts, self.dialog = Toasts(), None
         self.at = 0.0  # frames: where playing is
         self._due = np.inf  # s until all frames are solved
-        self._held: tuple | None = None  # (what, where it began, where it is now, which button)
         self._camera: OrbitCamera | None = None
         self._levels: list[subprocess.Popen] = []
-        pygame.display.init()
-        pygame.font.init()
-        self.screen = pygame.display.set_mode(size, pygame.RESIZABLE)
-        pygame.key.set_repeat(350, 40)
-        self.build()
+        self.open(size)
         for note in show.flight.notes:
             self.toasts.say(note, "warning")
 
@@ -89,10 +79,7 @@ class LiftWindow:
 
     def build(self):
         """Make all controls for the window's size."""
-        size = self.screen.get_size()
-        self.scale = scale_of(size)
-        self.manager = Manager(size, look(self.theme, self.scale))
-        self.dialog = None
+        size = self.begin()
         self._letter = ""  # of the key that has opened the dialog; it comes once more, as text
         foot, wide = px(self.scale, 66), min(px(self.scale, 270), size[0] // 2)
         self.area = pygame.Rect(0, 0, size[0] - wide, max(20, size[1] - foot))
@@ -190,17 +177,9 @@ class LiftWindow:
 
     # one frame ---------------------------------------------------------------------------
 
-    def run(self, frames=None, stop=lambda: False):
-        """Go on until the window is closed, for so many frames, or until `stop()`."""
-        clock = pygame.time.Clock()
-        while self.running and frames != 0 and not stop():
-            self.frame(min(clock.tick(60) / 1000, 0.25))
-            frames = None if frames is None else frames - 1
-
     def frame(self, dt):
         """One frame, without waiting."""
-        for event in pygame.event.get():
-            self.guarded(self.handle, event)
+        self.events()
         self._go_on(dt)
         self._due -= dt
         if self._due <= 0:
@@ -213,16 +192,6 @@ class LiftWindow:
         self.manager.update(dt)
         self._freshen()
         self.draw()
-
-    def guarded(self, do, *arguments):
-        """Do something; what goes wrong becomes a message, and the window goes on with the flight it has."""
-        try:
-            return do(*arguments)
-        except ProblemsError as error:
-            self.toasts.say(error, "error")
-        except OSError as error:
-            self.toasts.say(f"{error.filename or self.show.name}: {error.strerror or error}", "error")
-        return None
 
     def _go_on(self, dt):
         if self.playing:
@@ -306,26 +275,18 @@ class LiftWindow:
     # what a person does ---------------------------------------------------------------------
 
     def handle(self, event):
-        """Answer one event."""
+        """Answer one event; nothing can be lost, so that a dialog does not keep the window open."""
         if event.type == pygame.QUIT:
             self.quit()
-        elif self.dialog is not None and self.dialog.alive():
-            self._of_dialog(event)
-        elif event.type == pygame.VIDEORESIZE:
-            self.screen = pygame.display.set_mode((max(480, event.w), max(360, event.h)), pygame.RESIZABLE)
-            self.build()
-        elif event.type == pygame.KEYDOWN:
-            self._key(key_of(event))
-            self._letter = event.unicode if self.dialog is not None and self.dialog.alive() else ""
-        elif self._held is None and event.type != pygame.MOUSEMOTION and self.manager.process_events(event):
-            return
-        elif event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.buttons:
-            self.buttons[event.ui_element]()
-        elif event.type == pygame_gui.UI_HORIZONTAL_SLIDER_MOVED and event.ui_element is self.scrub:
-            self.playing = False
-            self.at = float(round(event.value))
-        elif self.column is None or not self.column.handle(event):
-            self._mouse(event)
+        else:
+            super().handle(event)
+
+    def _file(self):
+        return self.show.name
+
+    def _pressed(self, event):
+        super()._pressed(event)
+        self._letter = event.unicode if self.asking else ""
 
     def _of_dialog(self, event):
         """Give an event to the dialog, but not the letter of the key that has opened it."""
@@ -334,8 +295,7 @@ class LiftWindow:
             return
         if event.type == pygame.KEYUP:
             self._letter = ""
-        self.manager.process_events(event)
-        self.dialog.handle(event)
+        super()._of_dialog(event)
 
     def _key(self, key):
         steps = {"left": -1, "right": 1, "pageup": -10, "pagedown": 10, "home": -len(self.show), "end": len(self.show)}
@@ -349,7 +309,12 @@ class LiftWindow:
             does[key]()
 
     def _mouse(self, event):
-        if event.type == pygame.MOUSEBUTTONDOWN and event.button <= 3 and self.area.collidepoint(event.pos):
+        if event.type == pygame_gui.UI_HORIZONTAL_SLIDER_MOVED and event.ui_element is self.scrub:
+            self.playing = False
+            self.at = float(round(event.value))
+        elif self.column is not None and self.column.handle(event):
+            pass
+        elif event.type == pygame.MOUSEBUTTONDOWN and event.button <= 3 and self.area.collidepoint(event.pos):
             if not self.toasts.click(event.pos):
                 moves = event.button != 1 or pygame.key.get_mods() & pygame.KMOD_SHIFT
                 self._held = ("move" if moves else "turn", event.pos, event.pos, event.button)
@@ -520,16 +485,6 @@ class LiftWindow:
             process.stderr.close()
             if process.returncode:
                 self.toasts.say(said.splitlines()[-1] if said else "the level could not be opened", "error")
-
-    def quit(self):
-        """Close the window after this frame."""
-        self.running = False
-
-    def close(self):
-        """Take the window away."""
-        if pygame.display.get_init():
-            pygame.event.get()
-            pygame.display.quit()
 
 
 def _thirds(count):

@@ -12,15 +12,12 @@ from pygame_gui.elements import UIButton, UIHorizontalSlider, UIPanel
 
 from behaviours.problems import ProblemsError
 from flockbrush.draw.canvas import Canvas
-from flockbrush.draw.style import rgb, theme_of
+from flockbrush.draw.style import rgb
 from flockbrush.draw.text import words as written
 from flockbrush.marking import Album, Mark
 from flockbrush.play.dialogs import Dialog
-from flockbrush.play.keys import key_of
-from flockbrush.play.manager import Manager
-from flockbrush.play.settings import load_settings
-from flockbrush.play.theme import chrome, look, px, scale_of
-from flockbrush.play.toasts import Toasts
+from flockbrush.play.plain_window import PlainWindow
+from flockbrush.play.theme import chrome, px
 from flockbrush.play.widgets import NO_MARGINS, icon_button, words
 
 HINT = "Click: add   Right click: remove   Drag a bird: move   Drag a number onto another bird: swap   Wheel: zoom"
@@ -53,7 +50,7 @@ class View:
             self.shift[:] = 0
 
 
-class Marking:
+class Marking(PlainWindow):
     """The window on an album.
 
     Parameters
@@ -74,31 +71,24 @@ class Marking:
         The way the birds fly: auto, up, right, down or left.
     """
 
+    smallest = 320, 240
+
     def __init__(self, album: Album, out, size=(1280, 720), theme=None):
         self.album, self.out = album, out
-        self.theme = theme_of(theme or load_settings()[0].theme or "light")
-        self.k, self.heading, self.running = 0, "auto", True
-        self.view, self.toasts = View(), Toasts()
-        self.held: tuple | None = None  # (what, bird or None, where it began, where it is now), pixels of the canvas
-        self.dialog: Dialog | None = None
+        super().__init__(theme)
+        self.k, self.heading = 0, "auto"
+        self.view = View()
         self._shown: tuple = ()
         self._image = np.zeros((1, 1, 3), np.uint8)
         self._labels: dict[int, pygame.Rect] = {}
-        pygame.display.init()
-        pygame.font.init()
-        self.screen = pygame.display.set_mode(size, pygame.RESIZABLE)
-        pygame.key.set_repeat(350, 40)
-        self.build()
+        self.open(size)
         self._tell_partly()
 
     # controls ---------------------------------------------------------------------------
 
     def build(self):
         """Make all controls for the window's size."""
-        size = self.screen.get_size()
-        self.scale = scale_of(size)
-        self.manager = Manager(size, look(self.theme, self.scale))
-        self.dialog = None
+        size = self.begin()
         bar, foot = px(self.scale, 42), px(self.scale, 62)
         self.area = pygame.Rect(0, bar, size[0], max(20, size[1] - bar - foot))
         with warnings.catch_warnings():
@@ -167,22 +157,9 @@ class Marking:
 
     # one frame ---------------------------------------------------------------------------
 
-    def run(self, frames=None, stop=lambda: False):
-        """Go on until the window is closed, for so many frames, or until `stop()`."""
-        clock = pygame.time.Clock()
-        while self.running and frames != 0 and not stop():
-            self.frame(min(clock.tick(60) / 1000, 0.25))
-            frames = None if frames is None else frames - 1
-
     def frame(self, dt):
         """One frame, without waiting."""
-        for event in pygame.event.get():
-            try:
-                self.handle(event)
-            except ProblemsError as error:
-                self.toasts.say(error, "error")
-            except OSError as error:
-                self.toasts.say(f"{self.out}: {error.strerror or error}", "error")
+        self.events()
         self.toasts.update(dt)
         self.manager.update(dt)
         self._freshen()
@@ -232,8 +209,8 @@ class Marking:
     def _birds(self):
         """The birds as they are while one is dragged."""
         birds = self.album.birds(self.k)
-        if self.held is not None and self.held[0] == "bird" and self._far():
-            birds[self.held[1]] = Mark(*self._place(self.held[3]), "hand")
+        if self._held is not None and self._held[0] == "bird" and self._far():
+            birds[self._held[1]] = Mark(*self._place(self._held[3]), "hand")
         return birds
 
     def _draw_marks(self, canvas):
@@ -257,8 +234,8 @@ class Marking:
                 canvas.disc(at, 3.6 * u, halo)
                 canvas.disc(at, 2.4 * u, rgb(chrome(self.theme).accent))
             self._draw_number(canvas, bird, at + (0.72 * radius, -0.72 * radius), ink, halo)
-        if self.held is not None and self.held[0] == "number" and self._far():
-            self._draw_number(canvas, self.held[1], np.array(self.held[3]), chrome(self.theme).accent, halo, False)
+        if self._held is not None and self._held[0] == "number" and self._far():
+            self._draw_number(canvas, self._held[1], np.array(self._held[3]), chrome(self.theme).accent, halo, False)
 
     def _draw_number(self, canvas, bird, corner, ink, halo, keep=True):
         height = px(self.scale, 15)
@@ -270,27 +247,8 @@ class Marking:
 
     # what a person does ---------------------------------------------------------------------
 
-    def handle(self, event):
-        """Answer one event."""
-        if self.dialog is not None and self.dialog.alive():
-            self.manager.process_events(event)
-            self.dialog.handle(event)
-            return
-        if event.type == pygame.QUIT:
-            self.ask_to_quit()
-        elif event.type == pygame.VIDEORESIZE:
-            self.screen = pygame.display.set_mode((max(320, event.w), max(240, event.h)), pygame.RESIZABLE)
-            self.build()
-        elif event.type == pygame.KEYDOWN:
-            self._key(key_of(event))
-        elif self.held is None and event.type != pygame.MOUSEMOTION and self.manager.process_events(event):
-            return
-        elif event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.buttons:
-            self.buttons[event.ui_element]()
-        elif event.type == pygame_gui.UI_HORIZONTAL_SLIDER_MOVED and event.ui_element is self.slider:
-            self.go(round(event.value), slide=False)
-        else:
-            self._mouse(event)
+    def _file(self):
+        return self.out
 
     def _key(self, key):
         step = {"left": -1, "right": 1, "pageup": -10, "pagedown": 10, "home": -len(self.album), "end": len(self.album)}
@@ -304,30 +262,29 @@ class Marking:
             does[key]()
 
     def _mouse(self, event):
-        if event.type == pygame.MOUSEBUTTONDOWN and self.area.collidepoint(event.pos):
+        if event.type == pygame_gui.UI_HORIZONTAL_SLIDER_MOVED and event.ui_element is self.slider:
+            self.go(round(event.value), slide=False)
+        elif event.type == pygame.MOUSEBUTTONDOWN and self.area.collidepoint(event.pos):
             if not self.toasts.click(event.pos):
                 self._press(self._inside(event.pos), event.button)
-        elif event.type == pygame.MOUSEMOTION and self.held is not None:
+        elif event.type == pygame.MOUSEMOTION and self._held is not None:
             self._drag(self._inside(event.pos))
-        elif event.type == pygame.MOUSEBUTTONUP and self.held is not None and event.button == self.held[4]:
+        elif event.type == pygame.MOUSEBUTTONUP and self._held is not None and event.button == self._held[4]:
             self._drag(self._inside(event.pos))
             self._release()
         elif event.type == pygame.MOUSEWHEEL:
             at = self._inside(pygame.mouse.get_pos())
             self.view.wheel(event.y, at, self.album.frames[self.k].size, self.area)
 
-    def _inside(self, position):
-        return position[0] - self.area.x, position[1] - self.area.y
-
     def _press(self, at, button):
         bird, number = self.bird_at(at), self._number_at(at)
         if button == 3 and bird is not None:
             self.album.remove(self.k, bird)
         elif button == 2:
-            self.held = "view", None, at, at, button
+            self._held = "view", None, at, at, button
         elif button == 1:
             what = "number" if number is not None else "bird" if bird is not None else "sky"
-            self.held = what, bird if number is None else number, at, at, button
+            self._held = what, bird if number is None else number, at, at, button
 
     def bird_at(self, at) -> int | None:
         """The bird at a pixel of the canvas."""
@@ -346,18 +303,18 @@ class Marking:
 
     def _far(self):
         """Whether the mouse has gone farther than in a click."""
-        return np.hypot(*np.subtract(self.held[2], self.held[3])) > px(self.scale, STILL)
+        return np.hypot(*np.subtract(self._held[2], self._held[3])) > px(self.scale, STILL)
 
     def _drag(self, at):
-        what, bird, start, last, button = self.held
+        what, bird, start, last, button = self._held
         if what == "view" or (what == "sky" and self._far()):
             self.view.shift += np.subtract(at, last)
             what = "view"
-        self.held = what, bird, start, at, button
+        self._held = what, bird, start, at, button
 
     def _release(self):
-        what, bird, _, at, _ = self.held
-        far, self.held = self._far(), None
+        what, bird, _, at, _ = self._held
+        far, self._held = self._far(), None
         if what == "sky":
             self._add(self._place(at))
         elif what == "bird" and far:
@@ -373,12 +330,12 @@ class Marking:
             self.album.add(self.k, *place)
 
     def _let_go(self):
-        self.held = None
+        self._held = None
 
     def go(self, k, slide=True):
         """Show another frame."""
         k = min(max(k, 0), len(self.album) - 1)
-        self.held = None
+        self._held = None
         if k != self.k:
             self.k = k
             if self.slider is not None and slide:
@@ -403,7 +360,7 @@ class Marking:
         self._after(self.album.redo(), "done again")
 
     def _after(self, step, how):
-        self.held = None
+        self._held = None
         if step is not None:
             self.go(step[1])
             self.toasts.say(f"{step[0]}: {how}")
@@ -444,13 +401,3 @@ class Marking:
     def _save_and_quit(self):
         if self.save():
             self.quit()
-
-    def quit(self):
-        """Close the window after this frame."""
-        self.running = False
-
-    def close(self):
-        """Take the window away."""
-        if pygame.display.get_init():
-            pygame.event.get()
-            pygame.display.quit()

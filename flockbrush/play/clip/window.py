@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import warnings
 
 import cv2
@@ -11,11 +10,9 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton, UIPanel
 
-from behaviours.problems import ProblemsError
 from flockbrush.clip.book import Book
 from flockbrush.clip.jobs import Job
 from flockbrush.draw.canvas import Canvas
-from flockbrush.draw.style import theme_of
 from flockbrush.play.clip.birds import BirdsMode
 from flockbrush.play.clip.body import BodyMode
 from flockbrush.play.clip.column import Column, chosen
@@ -26,20 +23,16 @@ from flockbrush.play.clip.paint import PaintMode
 from flockbrush.play.clip.sketch import SketchMode
 from flockbrush.play.clip.strip import FilmBar
 from flockbrush.play.dialogs import Dialog
-from flockbrush.play.keys import key_of
-from flockbrush.play.manager import Manager
 from flockbrush.play.marking import View
-from flockbrush.play.settings import load_settings
-from flockbrush.play.theme import chrome, look, px, scale_of
-from flockbrush.play.toasts import Toasts
+from flockbrush.play.plain_window import PlainWindow
+from flockbrush.play.theme import chrome, px
 from flockbrush.play.widgets import NO_MARGINS, icon_button
 
 MODES = (LookMode, LandmarksMode, PaintMode, BodyMode, BirdsMode, SketchMode)
 OF_THE_SKY = (LookMode, SketchMode)  # where there is no film
-SMALLEST = (480, 360)  # pixels of the window
 
 
-class ClipWindow:
+class ClipWindow(PlainWindow):
     """The window on the marks of a film.
 
     Parameters
@@ -64,33 +57,26 @@ class ClipWindow:
         Work that goes on beside the window.
     """
 
+    repeat = 300, 33
+
     def __init__(self, book: Book, size=(1280, 720), theme=None, camera=None, mode="look"):
         self.book, self.film = book, book.film
-        self.theme = theme_of(theme or load_settings()[0].theme or "light")
-        self.k, self.running, self.playing, self.now = 0, True, False, 0.0
-        self.view, self.toasts = View(), Toasts()
+        super().__init__(theme)
+        self.k, self.playing, self.now = 0, False, 0.0
+        self.view = View()
         self.jobs: dict = {}
-        self.dialog: Dialog | None = None
         self.lifting = Lifting(self, camera)
-        self._held: tuple | None = None  # (who has the mouse: "mode" or "view", where it was last, which button)
         self._shown: tuple = ()
         self._late = 0.0  # s that playing is ahead of the frame shown
         self.modes = [kind(self) for kind in (MODES if self.film.path is not None else OF_THE_SKY)]
         self.mode = next((one for one in self.modes if one.name == mode), self.modes[0])
-        pygame.display.init()
-        pygame.font.init()
-        self.screen = pygame.display.set_mode(size, pygame.RESIZABLE)
-        pygame.key.set_repeat(300, 33)
-        self.build()
+        self.open(size)
 
     # controls ---------------------------------------------------------------------------
 
     def build(self):
         """Make all controls for the window's size and mode."""
-        size = self.screen.get_size()
-        self.scale = scale_of(size)
-        self.manager = Manager(size, look(self.theme, self.scale))
-        self.dialog = None
+        size = self.begin()
         bar, foot = px(self.scale, 42), px(self.scale, 68)
         wide = min(px(self.scale, 250), size[0] // 2)
         self.area = pygame.Rect(0, bar, size[0] - wide, max(20, size[1] - bar - foot))
@@ -163,21 +149,13 @@ class ClipWindow:
 
     # one frame ---------------------------------------------------------------------------
 
-    def run(self, frames=None, stop=lambda: False):
-        """Go on until the window is closed, for so many frames, or until `stop()`."""
-        clock = pygame.time.Clock()
-        while self.running and frames != 0 and not stop():
-            self.frame(min(clock.tick(60) / 1000, 0.25))
-            frames = None if frames is None else frames - 1
-
     def frame(self, dt):
         """One frame, without waiting."""
         self.now += dt
         if self.film.path is None and len(self.film) != self.book.state.sketch.frames:
             self.film.lasts(self.book.state.sketch.frames)
             self.k = min(self.k, len(self.film) - 1)
-        for event in pygame.event.get():
-            self.guarded(self.handle, event)
+        self.events()
         self._play(dt)
         self._look_at_jobs()
         self.guarded(self.lifting.look)
@@ -189,11 +167,7 @@ class ClipWindow:
     def guarded(self, do, *arguments):
         """Do something; what goes wrong becomes a message, and the window goes on with everything marked so far."""
         try:
-            return do(*arguments)
-        except ProblemsError as error:
-            self.toasts.say(error, "error")
-        except OSError as error:
-            self.toasts.say(f"{error.filename or self.book.folder}: {error.strerror or error}", "error")
+            return super().guarded(do, *arguments)
         except Exception as error:
             from flockbrush.terminal import debugging
 
@@ -237,7 +211,7 @@ class ClipWindow:
         self.screen.blit(pygame.image.frombuffer(image.tobytes(), self.area.size, "RGB"), self.area)
         self.toasts.draw(self.screen, self.area, self.theme, self.scale)
         self.manager.draw_ui(self.screen)
-        if self.dialog is None or not self.dialog.alive():
+        if not self.asking:
             self.bar.draw(self.screen)
             for chip in getattr(self.mode, "chips", ()):
                 chip.draw(self.screen)
@@ -287,32 +261,17 @@ class ClipWindow:
     # what a person does ---------------------------------------------------------------------
 
     def handle(self, event):
-        """Answer one event."""
-        if self.dialog is not None and self.dialog.alive():
-            self.manager.process_events(event)
-            self.dialog.handle(event)
-        elif event.type == pygame.QUIT:
-            self.ask_to_quit()
-        elif event.type == pygame.VIDEORESIZE:
-            size = max(SMALLEST[0], event.w), max(SMALLEST[1], event.h)
-            self.screen = pygame.display.set_mode(size, pygame.RESIZABLE)
-            self.build()
-        elif event.type == pygame.WINDOWFOCUSLOST:
+        """Answer one event; who looks elsewhere lets go of what is held."""
+        if event.type == pygame.WINDOWFOCUSLOST and not self.asking:
             self.let_go()
-        elif event.type == pygame.KEYDOWN:
-            self._key(key_of(event))
-        elif self._held is None and self._is_of_controls(event):
-            pass
-        elif event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.buttons:
-            self.buttons[event.ui_element]()
-        elif event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.bar.buttons:
-            self.bar.buttons[event.ui_element]()
-        elif not self.column.handle(event):
-            self._mouse(event)
+        else:
+            super().handle(event)
 
-    def _is_of_controls(self, event):
-        """Whether strip or controls have taken an event; no control wants to hear of movements."""
-        return self.bar.mouse(event) or (event.type != pygame.MOUSEMOTION and self.manager.process_events(event))
+    def _file(self):
+        return self.book.folder
+
+    def _of_controls(self, event):
+        return self.bar.mouse(event) or super()._of_controls(event)
 
     def _key(self, key):
         step = {"left": -1, "right": 1, "pageup": -10, "pagedown": 10, "home": -len(self.film), "end": len(self.film)}
@@ -331,7 +290,11 @@ class ClipWindow:
             self.take(self.modes[int(key) - 1].name)
 
     def _mouse(self, event):
-        if event.type == pygame.MOUSEBUTTONDOWN and self.area.collidepoint(event.pos) and self._held is None:
+        if event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.bar.buttons:
+            self.bar.buttons[event.ui_element]()
+        elif self.column.handle(event):
+            pass
+        elif event.type == pygame.MOUSEBUTTONDOWN and self.area.collidepoint(event.pos) and self._held is None:
             if not self.toasts.click(event.pos):
                 self._press(self._inside(event.pos), event.button)
         elif event.type == pygame.MOUSEMOTION and self._held is not None:
@@ -464,17 +427,10 @@ class ClipWindow:
         if self.save():
             self.quit()
 
-    def quit(self):
-        """Close the window after this frame."""
-        self.running = False
-
     def close(self):
         """Take the window away, and all work beside it."""
         for job in self.jobs.values():
             job.stop(wait=True)
         self.jobs.clear()
         self.mode.leave()
-        with contextlib.suppress(pygame.error):
-            if pygame.display.get_init():
-                pygame.event.get()
-                pygame.display.quit()
+        super().close()
