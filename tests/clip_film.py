@@ -1,5 +1,6 @@
-"""Small films with truth for the window over clips: numbered frames with a thing that moves, and birds in the sky."""
+"""Small films with truth: numbered frames with a thing that moves, birds in the sky, and sound alone."""
 
+import av
 import cv2
 import numpy as np
 
@@ -35,3 +36,14 @@ def bird_film(path, frames=40, size=(320, 180)):
         writer.write(picture)
     writer.release()
     return path
+
+
+def song(path):
+    """A film that is sound alone."""
+    with av.open(str(path), "w") as out:
+        stream = out.add_stream("aac", rate=44100)
+        stream.layout = "mono"
+        silence = av.AudioFrame.from_ndarray(np.zeros((1, 4410), np.float32), format="fltp", layout="mono")
+        silence.sample_rate, silence.pts = 44100, 0
+        out.mux(stream.encode(silence))
+        out.mux(stream.encode(None))

@@ -4,6 +4,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from clip_film import song
 from herd_film import STILL, herd, shoot
 
 SIZE = (160, 120)
@@ -23,17 +24,6 @@ def grass(seed=0, tint=(60, 110, 80)):
     """A picture of a meadow with nobody on it."""
     blades = np.random.default_rng(seed).normal(size=(SIZE[1], SIZE[0], 1)).astype(np.float32)
     return np.clip(cv2.GaussianBlur(blades, (0, 0), 1.5)[..., None] * 60 + np.array(tint), 0, 255).astype(np.uint8)
-
-
-def song(path):
-    """A film that is sound alone."""
-    with av.open(str(path), "w") as out:
-        stream = out.add_stream("aac", rate=44100)
-        stream.layout = "mono"
-        silence = av.AudioFrame.from_ndarray(np.zeros((1, 4410), np.float32), format="fltp", layout="mono")
-        silence.sample_rate, silence.pts = 44100, 0
-        out.mux(stream.encode(silence))
-        out.mux(stream.encode(None))
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from clip_film import song
 
 from behaviours.learning.clip import WORK, cuts, evenly, open_clip
 from behaviours.learning.evidence import CannotObserve
@@ -90,13 +91,7 @@ def test_what_is_no_film_is_refused_by_name(tmp_path):
 
 
 def test_a_film_without_pictures_says_what_it_has(tmp_path):
-    with av.open(str(tmp_path / "song.mp4"), "w") as out:
-        stream = out.add_stream("aac", rate=44100)
-        stream.layout = "mono"
-        silence = av.AudioFrame.from_ndarray(np.zeros((1, 4410), np.float32), format="fltp", layout="mono")
-        silence.sample_rate, silence.pts = 44100, 0
-        out.mux(stream.encode(silence))
-        out.mux(stream.encode(None))
+    song(tmp_path / "song.mp4")
     assert "has no video stream, only audio" in refusal(tmp_path / "song.mp4")
 
 
