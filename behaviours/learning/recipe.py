@@ -68,7 +68,7 @@ FAINT = 0.1  # of the strongest weight, below which the ranges of a force tell n
 AGREEING = 3  # starts, where no turns say how sure a number is
 SURE = 0.1  # of what lies between 0 and 1: a number that is told is known better
 WHERE_DENSITY_COUNTS = ("aspect", "spread", "density", "nearest neighbour", "largest part")
-WHERE_ORDER_COUNTS = ("order nearby", "disorder")
+WHERE_ORDER_COUNTS = ("order nearby", "directions")
 
 
 @dataclasses.dataclass(frozen=True)

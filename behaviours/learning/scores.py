@@ -22,6 +22,7 @@ import numpy as np
 from numba import njit
 
 from behaviours.learning.evidence import Evidence, Fields
+from behaviours.learning.lying import mean_variance
 from behaviours.learning.rollout import Run
 from engine.maths import atan2_
 
@@ -36,7 +37,8 @@ FARTHEST = 10.0  # deviations: a herd that is farther off is just as wrong
 SHARES = ("polarization", "milling", "milling in the picture", "order nearby", "largest part")
 LENGTHS = ("aspect", "spread", "density", "nearest neighbour", "speed")
 MEASURES = SHARES + LENGTHS
-COUNTS = {"polarization": 3.0, "milling": 3.0, "nearest neighbour": 2.0}  # weights; 1 for the others
+LYING = 270.0  # degrees², of the directions of a photograph: a tenth of chance
+COUNTS = {"directions": 3.0, "polarization": 3.0, "milling": 3.0, "nearest neighbour": 2.0}  # weights; 1 for the others
 CHANCE = {"polarization": 1.0, "milling": 0.5}  # mean square of n strangers, times n
 LASTING = ("polarization", "milling", "order nearby", "nearest neighbour", "density", "spread")  # what should last
 
@@ -400,6 +402,7 @@ class Target:
     map: np.ndarray
     every: int  # frames from look to look
     single: bool
+    directions: float = np.nan  # degrees², of a photograph, where order is not to be seen by motion
 
     @classmethod
     def of(cls, evidence: Evidence, every=None, single=None):
@@ -415,7 +418,14 @@ class Target:
         else:  # the herd's own outline is not to be seen
             for name in ("aspect", "spread"):
                 mean[name] = np.nan
-        return cls(over_time, mean, scale, neighbour_map(view), every, single)
+        return cls(over_time, mean, scale, neighbour_map(view), every, single, _directions(evidence.fields))
+
+
+def _directions(fields):
+    """How varied the directions of a photograph are, degrees²; NaN of a film, whose motion tells more."""
+    if np.isfinite(fields.velocity).any() or not np.isfinite(fields.angular_variance).any():
+        return np.nan
+    return float(np.nanmean(fields.angular_variance[0]))
 
 
 def _mean(values):
@@ -445,6 +455,10 @@ def distance(run: Run, evidence: Evidence, target: Target, lasting=False) -> dic
     for name in LASTING if lasting else MEASURES:
         if np.isfinite(target.mean[name]):
             out[name] = _off_in_the_end(seen[name], target, name) if lasting else _off(seen[name], target, name)
+    if np.isfinite(target.directions):
+        looks = [run.of(t) for t in range(len(run) // 3, len(run), max(1, len(run) // 8))]
+        lie = _mean(np.array([mean_variance(evidence.fields, run.xy[r], run.forward[r]) for r in looks]))
+        out["directions"] = float(np.nan_to_num(min(abs(lie - target.directions) / LYING, FARTHEST), nan=FARTHEST))
     around = neighbour_map(view, every=max(4, len(run) // LOOKS))
     out["neighbours"] = min(map_error(around, target.map) / (2 * FLOOR), FARTHEST)
     return out

@@ -81,6 +81,8 @@ def sightings_of(frames, fps, to_bl, flow=None) -> tuple[Sightings, Noise]:
     scale = float(np.sqrt(abs(np.linalg.det(m[:, :2]))))
     xy = [b.xy @ m[:, :2].T + m[:, 2] for b in frames]
     axis = [b.axis @ m[:, :2].T / scale for b in frames]
+    if len(frames) == 1:
+        return _at_rest(xy[0], axis[0], frames[0].alone), UNKNOWN
     moves = None if flow is None else [np.asarray(f, float) @ m[:, :2].T for f in flow]
     names = _without_specks(follow(xy, axis, moves), xy, [b.area for b in frames], [b.alone for b in frames])
     ends = np.concatenate([b.ends for b in frames]) if _alike([b.ends for b in frames if len(b)]) else None
@@ -255,6 +257,12 @@ def _animals(xy, axis, alone, ends, names, fps):
     begin = np.concatenate([[0], np.cumsum(np.diff(begin)[long])])
     ends = np.zeros((len(order), 0)) if ends is None else ends[order]
     return _smoothed(frame[keep], at[keep], along[keep], weight[keep], ends[keep], begin, count, fps)
+
+
+def _at_rest(xy, axis, alone):
+    """Of one picture: everybody who lies clear of the others; which end is the head is not told, nor any motion."""
+    n, unknown = int(alone.sum()), np.full(int(alone.sum()), np.nan)
+    return Sightings(np.array([0, n]), xy[alone], axis[alone], unknown, unknown.copy(), np.arange(n))
 
 
 def _nobody(count):

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from behaviours.learning.evidence import Evidence, Fields, Sightings
+from behaviours.learning.evidence import Evidence, Fields
+from behaviours.learning.lying import mean_variance, variance_of_axes
 from behaviours.learning.rollout import Run
 from behaviours.learning.speeds import SpeedEvidence
 
@@ -22,7 +23,6 @@ RANDOM = 3000.0  # degrees², the paper's target where animals lie at random
 SECONDS, FPS = 4.0, 12.5  # how long the picture stands
 SPEED = 0.5  # body lengths a second, of animals at rest on land (the paper's seals), where nobody says
 SPREAD = 0.1  # of the speed
-ENOUGH = 3  # bodies in a cell from which the way they lie can be told
 
 
 def standing(photo: Evidence, speed: float = SPEED, seconds: float = SECONDS) -> Evidence:
@@ -59,7 +59,6 @@ def standing(photo: Evidence, speed: float = SPEED, seconds: float = SECONDS) ->
         **again,
     )
     camera = None if photo.camera is None else np.repeat(photo.camera, frames, axis=0)
-    seen = photo.sightings
     how = "measured on the bodies' axes" if told else f"{RANDOM:g} degrees², directions at random"
     notes = [
         *photo.notes,
@@ -70,7 +69,7 @@ def standing(photo: Evidence, speed: float = SPEED, seconds: float = SECONDS) ->
         photo,
         fps=FPS,
         fields=long,
-        sightings=None if seen is None else _repeated(seen, frames),
+        sightings=None,  # heads are not told: what is made of headings would compare the toss of a coin
         speed=SpeedEvidence(mean=speed, deviation=SPREAD * speed),
         camera=camera,
         notes=notes,
@@ -88,7 +87,7 @@ def angular_variance(photo: Evidence) -> tuple[np.ndarray, bool]:
     if photo.sightings is None:
         return target, False
     rows = photo.sightings.of(0)
-    measured = _by_cell(fields, photo.sightings.xy[rows], photo.sightings.forward[rows])
+    measured = variance_of_axes(fields, photo.sightings.xy[rows], photo.sightings.forward[rows])
     told = np.isfinite(measured) & np.isfinite(target)
     target[told] = measured[told]
     return target, bool(told.any())
@@ -97,32 +96,4 @@ def angular_variance(photo: Evidence) -> tuple[np.ndarray, bool]:
 def directions_of(run: Run, fields: Fields) -> np.ndarray:
     """(T,) degrees², the angular variance of a simulated herd frame by frame, as that of a photograph is taken."""
     rows = [run.of(t) for t in range(len(run))]
-    cells = [_by_cell(fields, run.xy[r], run.forward[r]) for r in rows]
-    return np.array([np.nanmean(c) if np.isfinite(c).any() else np.nan for c in cells])
-
-
-def _by_cell(fields, xy, forward):
-    """(ny, nx) degrees², of the axes in each cell and those around it; NaN where too few are."""
-    measured = np.full(fields.shape, np.nan)
-    row, column, inside = fields.cells_of(xy)
-    for r, c in {(int(r), int(c)) for r, c in zip(row[inside], column[inside], strict=True)}:
-        near = (abs(row - r) <= 1) & (abs(column - c) <= 1) & inside
-        if near.sum() >= ENOUGH:
-            measured[r, c] = _variance(forward[near])
-    return measured
-
-
-def _variance(forward):
-    """Of the unsigned doubled angles of axes about their mean, degrees²."""
-    doubled = 2.0 * np.arctan2(forward[:, 1], forward[:, 0])
-    mean = np.arctan2(np.sin(doubled).sum(), np.cos(doubled).sum())
-    off = np.degrees(np.abs(np.arctan2(np.sin(doubled - mean), np.cos(doubled - mean))))
-    return float(off.var())
-
-
-def _repeated(seen, frames):
-    rows = seen.of(0)
-    n = rows.stop - rows.start
-    again = {name: np.concatenate([getattr(seen, name)[rows]] * frames) for name in ("xy", "forward", "track")}
-    unknown = np.full(n * frames, np.nan)
-    return Sightings(np.arange(frames + 1) * n, speed=unknown, turn=unknown.copy(), **again)
+    return np.array([mean_variance(fields, run.xy[r], run.forward[r]) for r in rows])

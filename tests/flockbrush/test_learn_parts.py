@@ -221,7 +221,9 @@ def test_bodies_that_lie_at_random_have_the_variance_of_chance():
 
 
 def test_a_photograph_stands_still_and_nobody_is_known_to_move():
-    still = standing(replace(photo(np.zeros(100)), sightings=None), speed=0.7, seconds=2.0)
+    lying = photo(np.zeros(100))
+    assert np.nanmax(standing(lying).fields.angular_variance) < 1
+    still = standing(replace(lying, sightings=None), speed=0.7, seconds=2.0)
     fields = still.fields
     assert len(fields) == 25 and not fields.occupied.any()
     assert (fields.density == fields.density[0]).all()

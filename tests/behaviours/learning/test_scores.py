@@ -146,3 +146,18 @@ def test_a_clip_without_animals_told_apart_is_compared_by_its_fields():
     assert distance(run_of(*march()), clip, target)["neighbours"] < 0.1
     squeezed = run_of(0.7 * tight[0] + 0.3 * tight[0].mean(1, keepdims=True), tight[1])
     assert distance(squeezed, clip, target)["neighbours"] > 2.0
+
+
+def test_of_a_photograph_the_directions_of_bodies_are_compared():
+    xy, forward = march()
+    film = clip_of(xy, forward, cell=3.0, sight=False)
+    unknown, varied = np.full_like(film.fields.velocity, np.nan), np.where(film.fields.density > 0, 2700.0, np.nan)
+    nobody_moves = {"velocity": unknown, "speed": unknown[..., 0], "angular_variance": varied}
+    photo = dataclasses.replace(film, fields=dataclasses.replace(film.fields, **nobody_moves))
+    angle = np.random.default_rng(2).uniform(-np.pi, np.pi, 49)
+    lying = np.broadcast_to(np.column_stack([np.cos(angle), np.sin(angle)]), xy.shape)
+    still = np.broadcast_to(xy[0], xy.shape)
+    target = Target.of(photo)
+    assert np.isnan(Target.of(film).directions) and target.directions == 2700.0
+    assert distance(run_of(still, forward), photo, target)["directions"] > 9.0  # all lie alike
+    assert distance(run_of(still, lying), photo, target)["directions"] < 2.5

@@ -207,3 +207,13 @@ def test_real_fish_keep_their_names():
             total += 1
             last[a] = b
     assert switches / total < 0.05  # who is out of sight for long gets another name
+
+
+def test_a_picture_tells_how_everybody_lies_who_touches_nobody():
+    (first, *_), angle = walk()
+    first.alone[2] = False
+    seen, _ = sightings_of([first], 25.0, TO_BL)
+    assert len(seen) == 1 and len(seen.xy) == 8
+    along = np.array([np.cos(angle[0]), np.sin(angle[0])])
+    assert np.abs(seen.forward @ along) == pytest.approx(1.0)  # which end the head is nobody knows
+    assert np.isnan(seen.speed).all() and np.isnan(seen.turn).all()

@@ -1,0 +1,36 @@
+"""How animals lie: how varied the directions of bodies are; a picture shows axes, and not which end is the head."""
+
+from __future__ import annotations
+
+import numpy as np
+
+ENOUGH = 3  # bodies in a cell, and those around it, from which it can be told
+
+
+def variance_of_axes(fields, xy, forward):
+    """(ny, nx) degrees², of the axes of bodies (n, 2) in each cell and those around it; NaN where too few are.
+
+    Angles between axes are doubled, so that axes at random have the variance of directions at random (180²/12 = 2700)
+    and parallel axes none.
+    """
+    measured = np.full(fields.shape, np.nan)
+    row, column, inside = fields.cells_of(xy)
+    for r, c in {(int(r), int(c)) for r, c in zip(row[inside], column[inside], strict=True)}:
+        near = (abs(row - r) <= 1) & (abs(column - c) <= 1) & inside
+        if near.sum() >= ENOUGH:
+            measured[r, c] = _variance(forward[near])
+    return measured
+
+
+def _variance(forward):
+    """Of the unsigned doubled angles of axes about their mean, degrees²."""
+    doubled = 2.0 * np.arctan2(forward[:, 1], forward[:, 0])
+    mean = np.arctan2(np.sin(doubled).sum(), np.cos(doubled).sum())
+    off = np.degrees(np.abs(np.arctan2(np.sin(doubled - mean), np.cos(doubled - mean))))
+    return float(off.var())
+
+
+def mean_variance(fields, xy, forward) -> float:
+    """The mean of `variance_of_axes` over the cells where it can be told, degrees²; NaN where none is."""
+    cells = variance_of_axes(fields, xy, forward)
+    return float(np.nanmean(cells)) if np.isfinite(cells).any() else np.nan
