@@ -53,7 +53,7 @@ def add(commands):
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--animals", type=int, default=None, help="100 unless told, 150 in the mill")
-    parser.add_argument("--budget", type=float, default=15.0, help="seconds of trials and evolution, as learn counts")
+    parser.add_argument("--budget", type=float, default=90.0, help="seconds of trials and evolution, as learn counts")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--write", action="store_true", help=f"store the results in {RESULTS.name}")
     parser.set_defaults(run=run)
