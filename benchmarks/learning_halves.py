@@ -122,9 +122,9 @@ def halves_of(name, options):
 def judged(clip, params, speed, body, vision, runs=RUNS):
     """How near herds with these numbers come to a clip, begun as it begins."""
     from behaviours.brush import VisionSpec
-    from behaviours.learning.recipe import simulate
     from behaviours.learning.rollout import theta_of
     from behaviours.learning.scores import Target, distance, measures_of, total, view_of_run
+    from behaviours.learning.trials import simulate
 
     extras = {k: v for k, v in params.model_dump().items() if not k.endswith(("_weight", "_radial", "_angular"))}
     target = Target.of(clip)

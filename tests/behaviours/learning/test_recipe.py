@@ -5,9 +5,10 @@ import pytest
 
 from behaviours.learning.evolution import Evolution
 from behaviours.learning.learned import Learned
-from behaviours.learning.recipe import USE, _Code, _setting, keep, learn, simulate
+from behaviours.learning.recipe import USE, _Code, _setting, learn
 from behaviours.learning.rollout import Start, rollout, theta_of
 from behaviours.learning.setting import body_of, speed_of, start_of
+from behaviours.learning.trials import keep, simulate
 from behaviours.learning.workers import Stopped, Workers
 from behaviours.models.herd import Params
 from components import Heading, Position
