@@ -173,9 +173,8 @@ class _Search:
         self.budget = budget_s * RATE
         self.begins = _begins(seed, starts, given.angular, brushes)
         self.final: list[int] = []  # attempts that were judged to the end, the best first
-        self.most_wander = EXTRAS["wander"][
-            1
-        ]  # what fits leave over: noise of sighting is in it, so it is an upper bound
+        # what fits leave over: noise of sighting is in it, so it is an upper bound
+        self.most_wander = EXTRAS["wander"][1]
         self.interrupted, self.notes = False, []
 
     @property

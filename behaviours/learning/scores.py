@@ -216,8 +216,8 @@ def _measures(view, rows):
     fine = np.isfinite(speed)
     return {
         "polarization": float(np.hypot(*mean)) if known.any() else np.nan,
-        "milling": _turning(xy - centre, heading, of_known),
-        "milling in the picture": _turning(xy - view.middle, heading, of_known),
+        "milling": _turning(xy - centre, heading, of_known) if known.any() else np.nan,
+        "milling in the picture": _turning(xy - view.middle, heading, of_known) if known.any() else np.nan,
         "order nearby": order,
         "largest part": part,
         "aspect": _aspect(xy - centre, mean, share),

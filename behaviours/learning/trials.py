@@ -50,9 +50,8 @@ class Setting:
         return VisionSpec(range=extras.get("neighbour_range", SIGHTS[0]), occlusion=self.occlusion)
 
 
-_known: dict[
-    tuple, tuple
-] = {}  # by clip, in this process: what many tasks ask for; with the clip, so that ids stay its
+# by clip, in this process: what many tasks ask for; with the clip, so that ids stay its
+_known: dict[tuple, tuple] = {}
 
 
 def descend(given: Setting, theta, extras, seed, rows=FEW, span=SPANS[1]):
@@ -192,7 +191,8 @@ def keep(given: Setting, theta, extras, seed):
                 fps=LOOKS / STAY, seed=seed,
             )  # fmt: skip
             parts = _not_ignored(given, order_off(run, clip, target))
-            measured.setdefault(f"{factor:g} times as many", []).append(total(parts))
+            if parts:  # a photograph tells neither order nor turning
+                measured.setdefault(f"{factor:g} times as many", []).append(total(parts))
     figures = {name: float(np.mean(values)) for name, values in measured.items()}
     others = [value for name, value in figures.items() if name != "as many"]
     halves = [figures["as many"], float(np.mean(others)) if others else figures["as many"]] if figures else [0.0]

@@ -1,5 +1,7 @@
 """A herd is learned: the same with the same seed, in one go or taken up again; who stops it gets the best so far."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -125,6 +127,15 @@ def test_who_does_not_stay_what_the_clip_is_strays():
     aligned = keep(given, [0.5, 0.3, 1.0, 1e-3, 0.1, 0.1, 1.0, 1.0, 1.0, 1e-3, 0.1, 0.1], sight, 1)
     assert set(theirs["figures"]) == {"as many", "0.25 times as many", "4 times as many"}
     assert theirs["score"] < 3.0 and aligned["score"] > 2 * theirs["score"]
+
+
+def test_herds_from_a_photograph_are_asked_whether_they_stay_as_dense(clip):
+    nobody_moves = np.full_like(clip.fields.velocity, np.nan)
+    still = dataclasses.replace(clip.fields, velocity=nobody_moves, speed=nobody_moves[..., 0])
+    truth, photo = swarm_of_graze()[1], dataclasses.replace(clip, fields=still, sightings=None)
+    given = _setting((photo,), USE, 0.5, truth.speed, truth.body)
+    found = keep(given, theta_of(truth.params).tolist(), {}, 1)
+    assert np.isfinite(found["score"]) and set(found["figures"]) == {"as many"}
 
 
 def doubled(given, number):
