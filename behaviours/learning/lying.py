@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 ENOUGH = 3  # bodies in a cell, and those around it, from which it can be told
+RANDOM = 3000.0  # degrees², the paper's target where animals lie at random, and ours where nothing was measured
 
 
 def variance_of_axes(fields, xy, forward):
@@ -34,3 +35,10 @@ def mean_variance(fields, xy, forward) -> float:
     """The mean of `variance_of_axes` over the cells where it can be told, degrees²; NaN where none is."""
     cells = variance_of_axes(fields, xy, forward)
     return float(np.nanmean(cells)) if np.isfinite(cells).any() else np.nan
+
+
+def variance_told(fields) -> float:
+    """The mean variance of directions in a photograph where it was measured, degrees²; `RANDOM` where nowhere was."""
+    told = fields.angular_variance[0]
+    measured = told[np.isfinite(told) & (told != RANDOM)]
+    return float(measured.mean()) if len(measured) else RANDOM

@@ -22,7 +22,7 @@ import numpy as np
 from numba import njit
 
 from behaviours.learning.evidence import Evidence, Fields
-from behaviours.learning.lying import mean_variance
+from behaviours.learning.lying import mean_variance, variance_told
 from behaviours.learning.rollout import Run
 from engine.maths import atan2_
 
@@ -425,7 +425,7 @@ def _directions(fields):
     """How varied the directions of a photograph are, degrees²; NaN of a film, whose motion tells more."""
     if np.isfinite(fields.velocity).any() or not np.isfinite(fields.angular_variance).any():
         return np.nan
-    return float(np.nanmean(fields.angular_variance[0]))
+    return variance_told(fields)
 
 
 def _mean(values):

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from behaviours.learning.evidence import Evidence, Fields
+from behaviours.learning.lying import variance_told
 from behaviours.learning.rollout import Run
 from behaviours.learning.scores import (
     Target,
@@ -27,7 +28,7 @@ from behaviours.learning.scores import (
     view_of,
     view_of_run,
 )
-from flockbrush.learn.photo import RANDOM, directions_of
+from flockbrush.learn.photo import directions_of
 
 SHOWN = (
     "polarization",
@@ -205,7 +206,7 @@ def compared(evidence: Evidence, runs: list[Run]) -> Comparison:
     clip = measures_of(view)
     if not np.isfinite(fields.velocity).any():  # one picture: nothing is known of motion
         clip |= {name: np.full(len(fields), np.nan) for name in MOVING if name in clip}
-        clip["directions"] = np.full(len(fields), _directions(fields))
+        clip["directions"] = np.full(len(fields), variance_told(fields))
         herds = [herd | {"directions": directions_of(run, fields)} for herd, run in zip(herds, runs, strict=True)]
     made = Comparison(fields.frames.copy(), times, clip, herds, runs[0])
     target = Target.of(evidence)
@@ -214,12 +215,6 @@ def compared(evidence: Evidence, runs: list[Run]) -> Comparison:
     if single:
         made.maps = {"clip": neighbours(view), "simulation": neighbours(views[0])}
     return made
-
-
-def _directions(fields):
-    """Mean variance of the directions of a photograph, degrees²; NaN where none was measured."""
-    told = fields.angular_variance[0]
-    return _moments(told[told != RANDOM])[0]
 
 
 # where the others stand, and how fast a crowd is ------------------------------------------------

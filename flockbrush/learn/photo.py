@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 
 from behaviours.learning.evidence import Evidence, Fields
-from behaviours.learning.lying import mean_variance, variance_of_axes
+from behaviours.learning.lying import RANDOM, mean_variance, variance_of_axes
 from behaviours.learning.rollout import Run
 from behaviours.learning.speeds import SpeedEvidence
 
-RANDOM = 3000.0  # degrees², the paper's target where animals lie at random
 SECONDS, FPS = 4.0, 12.5  # how long the picture stands
 SPEED = 0.5  # body lengths a second, of animals at rest on land (the paper's seals), where nobody says
 SPREAD = 0.1  # of the speed

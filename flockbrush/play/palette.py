@@ -188,8 +188,8 @@ class Thumbnails:
         """Make no more."""
         self._working = False
         for process in self._makers.values():
-            process.terminate()
-            process.wait(5)
+            process.kill()  # what is half written has another name
+            process.wait()
 
 
 def surface_of(array, size):

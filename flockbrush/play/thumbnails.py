@@ -296,7 +296,10 @@ def main(arguments=None):
     if options.tiles:
         write_tiles(options.tiles, library)
         return
+    window = os.getppid()
     for name in options.names or library.names():
+        if os.getppid() != window:  # it has been killed, and nobody waits for pictures
+            return
         thumbnail(library.get(name), options.size, options.theme)
 
 

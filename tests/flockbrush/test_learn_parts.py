@@ -12,6 +12,7 @@ from herd_film import Camera, evidence_of_truth, herd
 
 from behaviours.brush import load_brush, shipped
 from behaviours.brush_writer import brush_to_toml
+from behaviours.learning.lying import RANDOM, variance_told
 from behaviours.learning.rollout import NAMES, Start
 from behaviours.learning.setting import resized
 from behaviours.problems import ProblemsError
@@ -22,7 +23,7 @@ from flockbrush.learn.counts import with_other_numbers
 from flockbrush.learn.findings import Findings
 from flockbrush.learn.page import Page
 from flockbrush.learn.panels import SCALE, Chart, Line, Row, Rows, sheet
-from flockbrush.learn.photo import RANDOM, angular_variance, standing
+from flockbrush.learn.photo import angular_variance, standing
 from flockbrush.learn.regions import regions_of, within
 from flockbrush.learn.report import as_json, page_of, write_partial, write_report
 from flockbrush.learn.simulate import simulated
@@ -230,6 +231,18 @@ def test_a_photograph_stands_still_and_nobody_is_known_to_move():
     assert np.nanmin(fields.angular_variance) == RANDOM
     assert still.speed.mean == 0.7
     assert any("as told" in note for note in still.notes)
+
+
+def test_how_animals_lie_is_told_by_those_whose_axes_are_seen():
+    """In a heap nobody's axis is; chance is assumed there for learning, and not held against the others."""
+    lying = photo(np.zeros(100))
+    all_of_them = lying.sightings
+    few = np.flatnonzero(all_of_them.xy[:, 0] < np.median(all_of_them.xy[:, 0]))
+    of_few = {name: getattr(all_of_them, name)[few] for name in ("xy", "forward", "speed", "turn", "track")}
+    some = replace(all_of_them, first=np.array([0, len(few)]), **of_few)
+    seen = standing(replace(lying, sightings=some)).fields
+    assert np.nanmax(seen.angular_variance) == RANDOM and variance_told(seen) < 1
+    assert variance_told(standing(replace(lying, sightings=None)).fields) == RANDOM
 
 
 # regions ------------------------------------------------------------------------------------------

@@ -135,7 +135,7 @@ def test_whoever_stops_a_run_keeps_what_was_written(cli, level, tmp_path, how):
     film, table, recording = tmp_path / "a.mp4", tmp_path / "a.csv", tmp_path / "a.flock"
     process = started("run", level, "--seconds", 9000, "--record", recording, "--export", film, "--export", table)
     process.send_signal(how)
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=240)
     assert process.returncode == 130
     assert out == ""
     assert "Traceback" not in err
@@ -160,7 +160,7 @@ def test_a_recording_outlives_a_kill_that_asks_nobody(cli, level, tmp_path):
     recording = tmp_path / "a.flock"
     process = started("run", level, "--seconds", 9000, "--record", recording, "--export", tmp_path / "a.mp4")
     process.kill()
-    process.communicate(timeout=60)
+    process.communicate(timeout=240)
     assert not (tmp_path / "a.mp4").exists()  # half a film is none
     done = cli("replay", recording, "--verify")
     assert done.code == 0

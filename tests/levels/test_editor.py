@@ -208,7 +208,7 @@ def test_tiled_opens_and_saves_an_edited_level_and_loses_nothing(meadow, tmp_pat
         "HOME": str(tmp_path),
     }
     command = [TILED, "--export-map", "json", meadow, again]
-    out = subprocess.run(command, env=environment, check=True, timeout=60, capture_output=True)
+    out = subprocess.run(command, env=environment, check=True, timeout=240, capture_output=True)
     assert b"rror" not in out.stderr, out.stderr
     same_place(living, build(read_level(again), library=living.library))
     ours, theirs = (json.loads(path.read_text(), object_hook=without_project) for path in (meadow, again))

@@ -152,7 +152,7 @@ class TestShipped:
             "HOME": str(tmp_path),
         }
         command = [TILED, "--export-map", "json", tmp_path / "shipped" / "before.tmj", again]
-        subprocess.run(command, env=environment, check=True, timeout=60, capture_output=True)
+        subprocess.run(command, env=environment, check=True, timeout=240, capture_output=True)
         same(read_level(path), read_level(again))
         text = again.read_text(encoding="utf-8")
         assert dump(json.loads(text)) == text  # to the byte: a save of ours makes no noise in a designer's diff

@@ -42,10 +42,16 @@ def display():
         server.wait()
 
 
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory):
+    """Where the playground keeps the pictures of brushes, so that not every window has them made."""
+    return tmp_path_factory.mktemp("pictures")
+
+
 @pytest.fixture
-def desk(display, tmp_path):
+def desk(display, tmp_path, pictures):
     """Opens windows, and sees to it that none stays."""
-    desk = Desk(display, tmp_path)
+    desk = Desk(display, tmp_path, pictures)
     yield desk
     desk.clear()
 
@@ -53,13 +59,15 @@ def desk(display, tmp_path):
 class Desk:
     """A screen, a mouse and a keyboard, and the playground on it."""
 
-    def __init__(self, display, folder):
+    def __init__(self, display, folder, pictures):
         self.folder, self.path = folder, pasture(folder / "levels", script=False)
-        own = {f"FLOCKBRUSH_{name}": str(folder / name) for name in ("CONFIG", "STATE", "CACHE")}
+        own = {f"FLOCKBRUSH_{name}": str(folder / name) for name in ("CONFIG", "STATE")}
+        own["FLOCKBRUSH_CACHE"] = str(pictures)
         screen = {
             "DISPLAY": display,
             "SDL_VIDEODRIVER": "x11",
             "SDL_AUDIODRIVER": "dummy",
+            "SDL_MOUSE_FOCUS_CLICKTHROUGH": "1",  # else a click is lost that is heard as soon as that one is looked at
             "FLOCKBRUSH_SCALE": "1",
             "LC_ALL": "C.UTF-8",
         }
@@ -221,5 +229,7 @@ def tiled(path, folder):
     """Have Tiled read the level and write it in its own way."""
     env = os.environ | {"QT_QPA_PLATFORM": "offscreen", "HOME": str(folder), "XDG_RUNTIME_DIR": str(folder)}
     again = path.with_name("again.tmj")
-    subprocess.run([TILED, "--export-map", "json", path, again], env=env, check=True, capture_output=True, timeout=60)
+    subprocess.run(
+        [TILED, "--export-map", "json", path, again], env=env, check=True, capture_output=True, timeout=PATIENCE
+    )
     again.replace(path)

@@ -526,7 +526,7 @@ def test_ctrl_c_closes_the_window_in_good_order(tmp_path):
     while child.poll() is None and not (recording.exists() and recording.stat().st_size > 10_000):
         time.sleep(0.1)
     child.send_signal(signal.SIGINT)
-    _, err = child.communicate(timeout=60)
+    _, err = child.communicate(timeout=240)
     assert child.returncode == 130 and "Traceback" not in err, err
 
 
