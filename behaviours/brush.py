@@ -386,7 +386,6 @@ class BrushLibrary:
             raise ProblemsError(missing)
         self._files = {name.replace("\\", "/").rsplit("/", 1)[-1]: data for name, data in (files or {}).items()}
         self._models = models
-        self._parsed: dict[tuple[str, bytes], Brush] = {}
 
     def names(self) -> list[str]:
         """Names of all brushes, sorted."""
@@ -423,10 +422,7 @@ class BrushLibrary:
         """
         path = self.path(name)
         data = self._files[path.name] if path.name in self._files else read_bytes(path)
-        key = str(path), data
-        if key not in self._parsed:
-            self._parsed[key] = load_brush(data, str(path), self._models)
-        return self._parsed[key]
+        return _parsed(str(path), data, _models() if self._models is None else self._models)
 
     def problems(self) -> list[Problem]:
         """Everything that is wrong with any brush of the library."""
@@ -437,6 +433,21 @@ class BrushLibrary:
             except ProblemsError as error:
                 found += error.problems
         return found
+
+
+_PARSED: dict[tuple[str, bytes], tuple[Brush, Any]] = {}  # with the model it was checked by
+MOST_PARSED = 1024
+
+
+def _parsed(file: str, source: bytes, models: Mapping[str, Any]) -> Brush:
+    """What is in a brush file, parsed once however many libraries hold it."""
+    brush, model = _PARSED.get((file, source), (None, None))
+    if brush is None or models.get(brush.model) is not model:
+        brush = load_brush(source, file, models)
+        if len(_PARSED) >= MOST_PARSED:
+            _PARSED.clear()
+        _PARSED[file, source] = brush, models[brush.model]
+    return brush
 
 
 def _safe(name: str) -> str:
