@@ -2,34 +2,94 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
 import shlex
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, get_type_hints
 
 import typer
 
+if TYPE_CHECKING:
+    from flockbrush.learn.clips import Looking
+
 PARTS = ("occlusion", "angular", "density", "variance")
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
-Frames = Annotated[str | None, typer.Option(metavar="A:B", help="Only these frames, both included.")]
-Landmarks = Annotated[
-    list[str] | None,
-    typer.Option(metavar="FRAME:x,y,w,h", help="Something that stands still, pixels; give it twice."),
-]
-BodyColour = Annotated[str, typer.Option(metavar="R,G,B", help="Of the animals, or auto.")]
-BodyLength = Annotated[
-    float | None, typer.Option(min=2, max=2000, metavar="L", help="One animal nose to tail, pixels.")
-]
-Grid = Annotated[int, typer.Option(min=5, max=200, metavar="N", help="Cells across the picture.")]
-Obstacles = Annotated[Path | None, typer.Option(metavar="PNG", help="White where nobody can go.")]
+
+
+@dataclass
+class Look:
+    """How a person wants a clip to be looked at, as it was written: an option each of every command that looks."""
+
+    frames: Annotated[str | None, typer.Option(metavar="A:B", help="Only these frames, both included.")] = None
+    landmark: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FRAME:x,y,w,h", help="Something that stands still, pixels; give it twice."),
+    ] = None
+    body_colour: Annotated[str, typer.Option(metavar="R,G,B", help="Of the animals, or auto.")] = "auto"
+    body_length_px: Annotated[
+        float | None, typer.Option(min=2, max=2000, metavar="L", help="One animal nose to tail, pixels.")
+    ] = None
+    grid: Annotated[int, typer.Option(min=5, max=200, metavar="N", help="Cells across the picture.")] = 30
+    obstacles: Annotated[Path | None, typer.Option(metavar="PNG", help="White where nobody can go.")] = None
+
+    def read(self) -> Looking:
+        """The same with everything understood; typer.BadParameter where it cannot be."""
+        understood = frames_of(self.frames), landmarks_of(self.landmark), colour_of(self.body_colour)
+        from flockbrush.learn.clips import Looking  # takes a second, which a mistake need not wait for
+
+        return Looking(*understood, self.body_length_px, self.grid, self.obstacles, getattr(self, "regions", None))
+
+    def words(self) -> dict[str, object]:
+        """{option: value} of what is not at its default."""
+        asked = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}
+        return {
+            "--" + name.replace("_", "-"): value for name, (value, usual) in asked.items() if value not in (usual, [])
+        }
+
+
+@dataclass
+class LookByRegion(Look):
+    """The same where the ground may be parted."""
+
+    regions: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="A colour for each region; `learn` makes a brush of each.")
+    ] = None
+
+
+def looking(command: Callable) -> Callable:
+    """The command with the options of its parameter ``look`` in that one's place."""
+    own = inspect.signature(command, eval_str=True)
+    kind = own.parameters["look"].annotation
+    hints = get_type_hints(kind, include_extras=True)
+    options = [
+        inspect.Parameter(f.name, inspect.Parameter.KEYWORD_ONLY, default=f.default, annotation=hints[f.name])
+        for f in fields(kind)
+    ]
+
+    @wraps(command)
+    def with_options(**given):
+        return command(look=kind(**{option.name: given.pop(option.name) for option in options}), **given)
+
+    parameters = [
+        each
+        for p in own.parameters.values()
+        for each in (options if p.name == "look" else [p.replace(kind=inspect.Parameter.KEYWORD_ONLY)])
+    ]
+    with_options.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
+    with_options.__annotations__ = {p.name: p.annotation for p in parameters}
+    return with_options
 
 
 def register(app: typer.Typer):
     """Add the commands to the program."""
     app.command()(learn)
     app.command()(reenact)
-    app.command()(fields)
+    app.command("fields")(measure)
 
 
 # what a person writes --------------------------------------------------------------------
@@ -109,6 +169,7 @@ def command_line(name: str, arguments, options: dict) -> str:
 # learn -----------------------------------------------------------------------------------
 
 
+@looking
 def learn(
     clips: Annotated[
         list[Path], typer.Argument(metavar="CLIP", help="Films of one herd from above, or one photograph.")
@@ -117,18 +178,10 @@ def learn(
     report: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write a page with pictures that tells how good it is.")
     ] = None,
-    frames: Frames = None,
-    landmark: Landmarks = None,
-    body_colour: BodyColour = "auto",
-    body_length_px: BodyLength = None,
+    look: LookByRegion = LookByRegion(),  # noqa: B008  its fields become the options
     body_length_m: Annotated[
-        float, typer.Option(min=0.001, max=50, metavar="M", help="The same in metres: a film does not tell.")
+        float, typer.Option(min=0.001, max=50, metavar="M", help="Nose to tail in metres: a film does not tell.")
     ] = 1.0,
-    grid: Grid = 30,
-    obstacles: Obstacles = None,
-    regions: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="A colour for each region; each gets a brush of its own.")
-    ] = None,
     share: Annotated[
         float, typer.Option(min=0.1, max=1, metavar="S", help="Of the frames that are learned from; the rest tests.")
     ] = 0.5,
@@ -145,7 +198,10 @@ def learn(
     ] = None,
     ablate: Annotated[
         str | None,
-        typer.Option(metavar="PARTS", help="Learn again without each of these: occlusion,angular,density,variance."),
+        typer.Option(
+            metavar="PARTS",
+            help="Learn again without each, commas between: occlusion angular density variance.",
+        ),
     ] = None,
     licence: Annotated[str | None, typer.Option(metavar="TEXT", help="Of the clip, for the brush's papers.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on where an interrupted learning stopped.")] = False,
@@ -157,32 +213,21 @@ def learn(
     The first half of the clip is learned from, the second tests what was learned.
     Ctrl-C keeps the best so far; --resume goes on.
     """
-    looking: dict[str, Any] = {
-        "frames": frames_of(frames),
-        "landmarks": landmarks_of(landmark),
-        "body_colour": colour_of(body_colour),
-        "body_length_px": body_length_px,
-        "grid": grid,
-        "obstacles": obstacles,
-        "regions": regions,
-    }
-    without = parts_of(ablate)
+    how, without = look.read(), parts_of(ablate)
     options = {
-        "--out": out, "--frames": frames, "--landmark": landmark, "--body-length-px": body_length_px,
-        "--body-colour": body_colour if body_colour != "auto" else None,
-        "--body-length-m": body_length_m if body_length_m != 1 else None, "--grid": grid if grid != 30 else None,
-        "--obstacles": obstacles, "--regions": regions, "--share": share if share != 0.5 else None, "--speed": speed,
+        "--out": out, **look.words(), "--body-length-m": body_length_m if body_length_m != 1 else None,
+        "--share": share if share != 0.5 else None, "--speed": speed,
         "--beta": beta if beta != 0.5 else None, "--seed": seed, "--starts": starts if starts != 5 else None,
         "--ablate": ablate, "--licence": licence, "--quick": quick, "--report": report,
     }  # fmt: skip
-    from flockbrush.learn.clips import Looking, needs_torch
+    from flockbrush.learn.clips import needs_torch
 
     needs_torch()
     from flockbrush.learn.learn import Wishes, learn_brushes
 
     learn_brushes(
         Wishes(
-            clips=clips, out=out, looking=Looking(**looking), beta=beta, seed=seed, starts=starts,
+            clips=clips, out=out, looking=how, beta=beta, seed=seed, starts=starts,
             jobs=jobs or os.cpu_count() or 1, share=share, report=report, ablate=without, speed=speed,
             length_m=body_length_m, licence=licence, resume=resume, quick=quick, json=json,
             command=command_line("learn", clips, options),
@@ -193,15 +238,11 @@ def learn(
 # reenact -----------------------------------------------------------------------------------
 
 
+@looking
 def reenact(
     clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A film of a herd from above.")],
     brush: Annotated[str, typer.Option(metavar="NAME", help="A brush, or a .brush.toml file.")],
-    frames: Frames = None,
-    landmark: Landmarks = None,
-    body_colour: BodyColour = "auto",
-    body_length_px: BodyLength = None,
-    grid: Grid = 30,
-    obstacles: Obstacles = None,
+    look: Look = Look(),  # noqa: B008  its fields become the options
     runs: Annotated[int, typer.Option(min=1, max=100, metavar="N", help="Simulations with different chance.")] = 3,
     seed: Annotated[int, typer.Option(min=0, max=2**31, metavar="K", help="Of the first.")] = 0,
     export: Annotated[
@@ -213,39 +254,25 @@ def reenact(
     json: Json = False,
 ):
     """Start animals as a clip begins, let a brush move them, and compare with the clip frame by frame."""
-    from flockbrush.learn.clips import Looking
     from flockbrush.learn.reenact import reenact_clip
 
-    looking = Looking(
-        frames_of(frames), landmarks_of(landmark), colour_of(body_colour),
-        body_length_px, grid, obstacles,
-    )  # fmt: skip
-    reenact_clip(clip, brush, looking, runs, seed, export, video, json)
+    reenact_clip(clip, brush, look.read(), runs, seed, export, video, json)
 
 
 # fields ------------------------------------------------------------------------------------
 
 
-def fields(
+@looking
+def measure(
     clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A film of a herd from above, or a photograph.")],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="F.npz", help="Where the fields go.")],
     preview: Annotated[
         Path | None, typer.Option(metavar="F.mp4", help="A film of what was seen: bodies, motion, density.")
     ] = None,
-    frames: Frames = None,
-    landmark: Landmarks = None,
-    body_colour: BodyColour = "auto",
-    body_length_px: BodyLength = None,
-    grid: Grid = 30,
-    obstacles: Obstacles = None,
-    regions: Annotated[Path | None, typer.Option(metavar="PNG", help="A colour for each region.")] = None,
+    look: LookByRegion = LookByRegion(),  # noqa: B008  its fields become the options
     json: Json = False,
 ):
     """Measure a herd in a film: density, motion and single animals, without learning anything yet."""
     from flockbrush.fields import fields_of_clip
 
-    fields_of_clip(
-        clip, out, preview, json, frames=frames_of(frames),
-        landmarks=landmarks_of(landmark), body_colour=colour_of(body_colour),
-        body_length_px=body_length_px, grid=grid, obstacles=obstacles, regions=regions,
-    )  # fmt: skip
+    fields_of_clip(clip, out, look.read(), preview, json)

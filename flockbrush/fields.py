@@ -10,19 +10,20 @@ import cv2
 import numpy as np
 
 from behaviours.learning.evidence import Evidence
-from behaviours.learning.observe import Glance, Watch, observe
+from behaviours.learning.observe import Glance, Watch
 from behaviours.learning.stabilise import after, back
 from behaviours.problems import ProblemsError
 from flockbrush.draw.files import Video
 from flockbrush.files import output_problems, refused, whole
-from flockbrush.terminal import number, print_json, progress, say, show, table
+from flockbrush.learn.clips import Looking, look_at, tell_notes
+from flockbrush.terminal import number, print_json, say, show, table
 
-WIDE = 640  # px of each half of the preview, at most
+WIDE, LARGER = 640, 2.0  # px of each half of the preview, if a small clip is not made larger than so many times
 FULL = 3.0  # animals a BL² that are drawn in the strongest colour: shoulder to shoulder
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
-def fields_of_clip(clip, out, preview=None, as_json=False, **looking) -> Evidence:
+def fields_of_clip(clip, out, looking: Looking, preview=None, as_json=False) -> Evidence:
     """Look at a clip and write what it tells, and a film of it; print what there is to know.
 
     Parameters
@@ -30,10 +31,9 @@ def fields_of_clip(clip, out, preview=None, as_json=False, **looking) -> Evidenc
     clip : path
     out : path
         An npz, read again by `behaviours.learning.evidence.Evidence.load`.
+    looking : Looking
     preview : path, optional
         An mp4: the clip with outlines and motion of the bodies, beside it density and mean motion.
-    **looking
-        Of `behaviours.learning.observe.observe`.
 
     Raises
     ------
@@ -44,10 +44,7 @@ def fields_of_clip(clip, out, preview=None, as_json=False, **looking) -> Evidenc
     begin = time.perf_counter()
     with ExitStack() as stack:
         drawn = _Preview(preview, stack) if preview else None
-        bar = stack.enter_context(progress("looking at the clip", 100))
-        evidence = observe(
-            clip, say=lambda text, done, total: bar(100 * done / max(total, 1), text), show=drawn, **looking
-        )
+        evidence = look_at(clip, looking, drawn)
         with whole(out) as temporary:
             evidence.save(temporary)
     _tell(out, preview, evidence, time.perf_counter() - begin, as_json)
@@ -55,7 +52,7 @@ def fields_of_clip(clip, out, preview=None, as_json=False, **looking) -> Evidenc
 
 
 def _check(clip, out, preview, looking):
-    inputs = [path for path in (clip, looking.get("obstacles"), looking.get("regions")) if path is not None]
+    inputs = [path for path in (clip, looking.obstacles, looking.regions) if path is not None]
     problems = output_problems([path for path in (out, preview) if path is not None], inputs)
     if problems:
         raise ProblemsError(problems)
@@ -86,8 +83,13 @@ def _tell(out, preview, evidence, seconds, as_json):
     if as_json:
         print_json(facts)
         return
-    rows = [
-        ("frames", facts["frames"]), ("frames a second", facts["fps"]), ("animals in a usual frame", facts["animals"]),
+    rows = (
+        [("frames", facts["frames"])]
+        if evidence.still
+        else [("frames", facts["frames"]), ("frames a second", facts["fps"])]
+    )
+    rows += [
+        ("animals" if evidence.still else "animals in a usual frame", f"{facts['animals']:.1f}"),
         ("one body, pixels", facts["body_length_px"]), ("half its width, body lengths", facts["body_radius_bl"]),
         ("cells across, up", "{} x {}".format(*facts["cells"])), ("a cell, body lengths", facts["cell_bl"]),
     ]  # fmt: skip
@@ -98,8 +100,7 @@ def _tell(out, preview, evidence, seconds, as_json):
     for name, value in [*rows, ("a frame took, ms", 1e3 * facts["seconds_a_frame"])]:
         made.add_row(name, value if isinstance(value, str) else number(value))
     show(made)
-    for note in evidence.notes:
-        say(f"note: {note}")
+    tell_notes(evidence.name, evidence)
     for path in facts["files"]:
         say(f"wrote {path}")
 
@@ -132,10 +133,9 @@ def drawing(glance: Glance, watch: Watch, fields: dict) -> np.ndarray:
     fields : dict
         ``density`` (ny, nx) and ``velocity`` (ny, nx, 2) of this frame.
     """
-    scale = min(1.0, WIDE / watch.clip.size[0])
-    scale = max(scale, min(2.0, 320 / watch.clip.size[0]))
+    scale = min(LARGER, WIDE / watch.clip.size[0])
     size = tuple(2 * max(1, round(side * scale / 2)) for side in watch.clip.size)
-    small = cv2.resize(glance.picture, size, interpolation=cv2.INTER_AREA)
+    small = cv2.resize(glance.picture, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC)
     left = _bodies(small.copy(), glance, watch, scale)
     right = _cells(small, glance, watch, fields, scale)
     cv2.line(right, (0, 0), (0, size[1]), (255, 255, 255), 1)
@@ -190,11 +190,12 @@ def _cells(picture, glance, watch, fields, scale):
     rows, columns = np.nonzero(np.isfinite(velocity[..., 0]) & (density > 0.05))
     v = velocity[rows, columns]
     usual, quick = np.quantile(np.hypot(*v.T), (0.5, 0.9)) if len(v) else (0.0, 0.0)
+    pace = f"   usual speed {usual:.2g} a second" if len(v) else ""
     longest = 1.2 * grid.cell / max(quick, 1e-6)
     middle = grid.origin + grid.cell * (np.column_stack([columns, rows]) + 0.5)
     for a, b in zip(middle - 0.5 * longest * v, middle + 0.5 * longest * v, strict=True):
         _arrow(made, here[:, :2] @ a + here[:, 2], here[:, :2] @ b + here[:, 2], (255, 255, 255))
-    _says(made, f"cells of {grid.cell:.2g} body lengths   half go faster than {usual:.2g} a second", (8, 18))
+    _says(made, f"cells of {grid.cell:.2g} body lengths{pace}", (8, 18))
     _scale_bar(made, scale * watch.length)
     return made
 
@@ -223,9 +224,11 @@ def _scale_bar(picture, length):
 
 
 def _says(picture, text, at):
-    """White on a dark band."""
-    (wide, tall), base = cv2.getTextSize(text, FONT, 0.45, 1)
-    x, y = at
+    """White on a dark band, as large as there is room for."""
+    letters, (x, y) = 0.45, at
+    (wide, tall), base = cv2.getTextSize(text, FONT, letters, 1)
+    letters *= min(1.0, (picture.shape[1] - 2 * x) / wide)
+    (wide, tall), base = cv2.getTextSize(text, FONT, letters, 1)
     band = picture[max(0, y - tall - 3) : y + base + 1, max(0, x - 4) : x + wide + 4]
     band[:] = band // 4
-    cv2.putText(picture, text, at, FONT, 0.45, (255, 255, 255), 1, cv2.LINE_AA)
+    cv2.putText(picture, text, at, FONT, letters, (255, 255, 255), 1, cv2.LINE_AA)

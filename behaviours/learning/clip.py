@@ -179,7 +179,8 @@ class _Film:
         try:
             self._container = av.open(str(path))
         except (av.error.FFmpegError, OSError, ValueError) as error:
-            raise CannotObserve(name, f"{_BAD}: {_said(error)}", _of_file(path)) from None
+            why = f"{_BAD} ({_said(error)}); is it the right file, and all of it?"
+            raise CannotObserve(name, why, _of_file(path)) from None
         if not self._container.streams.video:
             kinds = sorted({stream.type for stream in self._container.streams}) or ["nothing"]
             self._container.close()

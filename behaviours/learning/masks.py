@@ -240,11 +240,11 @@ def colours_of(clip, steady: Steady, colour="auto") -> BodyColours:
         found = found_in_picture(samples, steady)
     else:
         found = found_colours(clip, samples, steady)
-    _check(clip, found, samples)
+    _check(clip, found, samples, colour)
     return found
 
 
-def _check(clip, found, samples):
+def _check(clip, found, samples, colour):
     """Refuse colours that are nobody's or everybody's."""
     share = float(found.table[samples.index[samples.known]].mean())
     seen = {"share of the picture": share, "pictures": {"ground": samples.ground.picture}}
@@ -256,7 +256,11 @@ def _check(clip, found, samples):
             seen,
         )  # fmt: skip
     if share == 0:
-        raise CannotObserve(clip.name, "no animals were found; name their colour with --body-colour R,G,B", seen)
+        told = "; name their colour with --body-colour R,G,B" if isinstance(colour, str) else (
+            f": nothing has a colour near {','.join(map(str, colour))}, as given; take it from the clip, with "
+            "flockbrush play --clip, or leave --body-colour out"
+        )  # fmt: skip
+        raise CannotObserve(clip.name, f"no animals were found{told}", seen)
 
 
 def _given(samples, steady, colour):

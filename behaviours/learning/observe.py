@@ -180,10 +180,11 @@ class Watch:
         """Refuse a clip in which there are no animals to speak of."""
         usual = float(np.median(fields.count))
         if usual < 1:
+            long = f" of {self.length / self.clip.scale:.0f} pixels, as given," if self.given else ""
             raise CannotObserve(
                 self.clip.name,
-                f"no animals were found: what was taken for them covers {usual:.2g} animals in a usual frame; name "
-                "their colour with --body-colour R,G,B, or their length with --body-length-px",
+                f"no animals were found: what was taken for them covers {usual:.2g} animals{long} in a usual frame; "
+                "name their colour with --body-colour R,G,B, or their length with --body-length-px",
                 {"animals": usual, "pictures": example},
             )  # fmt: skip
 

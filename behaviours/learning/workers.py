@@ -17,6 +17,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from behaviours.brush_writer import write_atomically
+from behaviours.problems import Problem, ProblemsError
 
 _given = None  # what all tasks of a process are given
 
@@ -51,6 +52,11 @@ class Workers:
         Where results are kept.
     stop : callable, optional
         Asked between tasks; True ends the work.
+
+    Raises
+    ------
+    ProblemsError
+        When the file keeps the results of other work: they would be lost.
     """
 
     def __init__(self, given, jobs=1, signature="", path=None, stop=None):
@@ -63,9 +69,16 @@ class Workers:
             return {}
         try:
             kept = json.loads(self.path.read_text(encoding="utf-8"))
-            return kept["done"] if kept["signature"] == self.signature else {}
+            signature, done = kept["signature"], dict(kept["done"])
         except (ValueError, KeyError, TypeError):
-            return {}
+            raise self._refused("is damaged: there is nothing in it to go on with") from None
+        if signature != self.signature:
+            raise self._refused("was begun with another clip, other options or another version; give it the same")
+        return done
+
+    def _refused(self, what):
+        """The error that keeps what lies in the file from being written over."""
+        return ProblemsError([Problem(str(self.path), None, None, f"{what}, or begin anew without --resume")])
 
     def __enter__(self):
         return self

@@ -12,7 +12,7 @@ from behaviours.learning.clip import open_clip
 from behaviours.learning.evidence import CannotObserve, Evidence, halves
 from behaviours.learning.observe import observe
 from flockbrush.files import refused
-from flockbrush.terminal import progress
+from flockbrush.terminal import progress, say
 
 FEWEST = 8  # frames of a clip of which a part is held out
 
@@ -36,8 +36,8 @@ def needs_torch():
         raise refused("flockbrush", 'learning needs torch, which is not installed: pip install "flockbrush[learn]"')
 
 
-def look_at(clip, how: Looking) -> Evidence:
-    """What a clip tells, with a bar that moves.
+def look_at(clip, how: Looking, show=None) -> Evidence:
+    """What a clip tells, with a bar that moves; ``show`` is given every frame to be drawn.
 
     Raises
     ------
@@ -60,7 +60,14 @@ def look_at(clip, how: Looking) -> Evidence:
             obstacles=how.obstacles,
             regions=how.regions,
             say=told,
+            **({} if show is None else {"show": show}),
         )
+
+
+def tell_notes(clip, evidence: Evidence):
+    """Tell a person what there is to know of how a clip was seen."""
+    for note in evidence.notes:
+        say(f"{clip}: {note}")
 
 
 def parted(evidence: Evidence, share: float) -> tuple[Evidence, Evidence | None]:
@@ -94,4 +101,4 @@ def facts_of(clip) -> dict[str, object]:
     return facts | {"pictures": {"first frame": next(picture for _, picture in film.read([0]))}}
 
 
-__all__ = ["CannotObserve", "Looking", "facts_of", "look_at", "needs_torch", "parted", "pictures_of"]
+__all__ = ["CannotObserve", "Looking", "facts_of", "look_at", "needs_torch", "parted", "pictures_of", "tell_notes"]

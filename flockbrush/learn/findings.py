@@ -163,10 +163,17 @@ class Findings:
         if count < FEW:
             told.append((None, f"Only about {count:.0f} animals are seen: too few to say much of a herd."))
         sure = int(np.sum(self.learned.identifiable))
-        told.append((None, f"The clip tells {sure} of the 12 numbers of the model; the others are no facts."))
+        told.append((None, f"The clip tells {_of_twelve(sure)}"))
         if self.learned.interrupted:
             told.append((False, "The learning was interrupted: these are the best numbers up to then."))
         return told
+
+
+def _of_twelve(sure) -> str:
+    """How many of the model's numbers are told."""
+    if sure == 0:
+        return "none of the 12 numbers of the model: others describe it as well, and they are no facts."
+    return f"{sure} of the 12 numbers of the model{'; the others are no facts' if sure < 12 else ''}."
 
 
 def _judgement(v: Verdict) -> str:

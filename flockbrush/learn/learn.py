@@ -20,7 +20,7 @@ from behaviours.problems import ProblemsError
 from flockbrush.files import output_problems, refused, write_text
 from flockbrush.learn.ablation import ablated
 from flockbrush.learn.brush import brush_of, name_of
-from flockbrush.learn.clips import Looking, facts_of, look_at, needs_torch, parted, pictures_of
+from flockbrush.learn.clips import Looking, facts_of, look_at, needs_torch, parted, pictures_of, tell_notes
 from flockbrush.learn.comparison import JUDGED, Comparison, compared
 from flockbrush.learn.counts import with_other_numbers
 from flockbrush.learn.findings import Findings, Rival
@@ -180,7 +180,12 @@ def _looked(clip, wishes) -> Evidence:
             page = write_partial(wishes.report, clip, str(error), _all_seen(clip, facts), wishes.command)
             say(f"wrote {page}: what was seen up to there")
         raise
-    return standing(seen, SPEED if wishes.speed is None else wishes.speed) if seen.still else seen
+    tell_notes(clip, seen)
+    if seen.still:
+        return standing(seen, SPEED if wishes.speed is None else wishes.speed)
+    if wishes.speed is not None:
+        say(f"{clip}: --speed was left out: it is for photographs, and a film tells how fast its animals go")
+    return seen
 
 
 def _all_seen(clip, seen):
@@ -221,7 +226,9 @@ def _learned_herd(herd: Herd, wishes: Wishes, interrupts) -> Findings:
     if not interrupts.asked:
         began = time.perf_counter()
         _compare(found, wishes, interrupts, photo)
-        if wishes.ablate and not photo:
+        if wishes.ablate and photo:
+            say("nothing was ablated: one picture tells too little for that")
+        elif wishes.ablate:
             _ablate(found, wishes, interrupts, herd)
         found.seconds["comparing"] = time.perf_counter() - began
         found.brush = _brush(herd, learned, clips, wishes, found.figures(), _counted(found))
@@ -243,7 +250,9 @@ def _is_photo(whole):
 
 def _learned(clips, herd, wishes, interrupts, photo, use=USE, fresh=False) -> Learned:
     """The recipe, with a bar that tells the loss."""
-    if not wishes.resume:
+    if not wishes.resume and not fresh:
+        if herd.state.exists():
+            say(f"begun anew: what was kept of an interrupted learning in {herd.state} is given up")
         herd.state.unlink(missing_ok=True)
     if photo:
         use = use & {"density", "variance"}

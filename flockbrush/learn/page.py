@@ -9,36 +9,44 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 STYLE = """
-:root { color-scheme: only light; }
-body { font: 16px/1.55 Georgia, "Times New Roman", serif; color: #26302c; background: #fff; margin: 0 auto;
+:root { color-scheme: light dark; --paper: #fff; --ink: #26302c; --muted: #5a655f; --quiet: #6d7771; --rule: #d8d4c8;
+        --line: #ebe8de; --shade: #f7f5ef; --link: #075f95; --good: #1d6b49; --bad: #b3361f; }
+@media screen and (prefers-color-scheme: dark) {
+  :root { --paper: #161a18; --ink: #dfe3dd; --muted: #9fa9a2; --quiet: #8b958f; --rule: #3b423e; --line: #2a302d;
+          --shade: #1f2522; --link: #7cc0ee; --good: #6fcf9f; --bad: #f08a72; }
+  img.drawn { filter: invert(1) hue-rotate(180deg) contrast(.87); mix-blend-mode: lighten; }
+  img.filmed { filter: brightness(.86); }
+}
+body { font: 16px/1.55 Georgia, "Times New Roman", serif; color: var(--ink); background: var(--paper); margin: 0 auto;
        max-width: 980px; padding: 2.2rem 1.4rem 4rem; overflow-wrap: break-word; }
 h1 { font-size: 1.9rem; margin: 0 0 .4rem; line-height: 1.2; }
-h2 { font-size: 1.3rem; margin: 2.8rem 0 .7rem; border-bottom: 1px solid #d8d4c8; padding-bottom: .25rem; }
+h2 { font-size: 1.3rem; margin: 2.8rem 0 .7rem; border-bottom: 1px solid var(--rule); padding-bottom: .25rem; }
 p { margin: .5rem 0; max-width: 44rem; }
 .lead { font-size: 1.14rem; }
-.small, figcaption, caption { color: #5a655f; font-size: .9rem; }
+.small, figcaption, caption { color: var(--muted); font-size: .9rem; }
 figcaption { max-width: 48rem; margin-top: .5rem; }
 nav { margin: 1rem 0 0; font-size: .9rem; } nav a { margin-right: 1.1rem; white-space: nowrap; }
-a { color: #075f95; } summary { cursor: pointer; color: #5a655f; font-size: .9rem; }
+a { color: var(--link); } summary { cursor: pointer; color: var(--muted); font-size: .9rem; }
 .wide { overflow-x: auto; margin: .8rem 0 1.2rem; }
 table { border-collapse: collapse; font: 14px/1.45 system-ui, "Segoe UI", Helvetica, sans-serif;
         font-variant-numeric: tabular-nums; }
-th { text-align: left; font-weight: 600; color: #5a655f; border-bottom: 1.5px solid #26302c;
+th { text-align: left; font-weight: 600; color: var(--muted); border-bottom: 1.5px solid var(--ink);
      padding: .25rem 1.1rem .25rem 0; vertical-align: bottom; }
-td { border-bottom: 1px solid #ebe8de; padding: .25rem 1.1rem .25rem 0; vertical-align: top; overflow-wrap: normal; }
+td { border-bottom: 1px solid var(--line); padding: .25rem 1.1rem .25rem 0; vertical-align: top;
+     overflow-wrap: normal; }
 th.number, td.number { text-align: right; } td.number { white-space: nowrap; }
-tr.chief td { font-weight: 600; background: #f7f5ef; }
-.good { color: #1d6b49; } .bad { color: #b3361f; } .quiet { color: #6d7771; }
+tr.chief td { font-weight: 600; background: var(--shade); }
+.good { color: var(--good); } .bad { color: var(--bad); } .quiet { color: var(--quiet); }
 figure { margin: 1.2rem 0 1.6rem; }
 .beside { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 400px), 1fr)); gap: 1rem 1rem; }
 img { max-width: 100%; height: auto; display: block; }
-pre { font: 13px/1.5 ui-monospace, "DejaVu Sans Mono", Menlo, monospace; background: #f7f5ef; padding: .8rem 1rem;
+pre { font: 13px/1.5 ui-monospace, "DejaVu Sans Mono", Menlo, monospace; background: var(--shade); padding: .8rem 1rem;
       overflow-x: auto; white-space: pre-wrap; overflow-wrap: anywhere; border-radius: 4px; }
 ul { max-width: 44rem; padding-left: 1.2rem; } li { margin: .2rem 0; }
 ul.checks { list-style: none; padding: 0; } .checks li { padding-left: 1.5rem; text-indent: -1.5rem; }
 .checks b { display: inline-block; width: 1.5rem; text-indent: 0; }
 dl { display: grid; grid-template-columns: minmax(6rem, max-content) 1fr; gap: .2rem 1.2rem; margin: .6rem 0; }
-dt { color: #5a655f; } dd { margin: 0; overflow-wrap: anywhere; }
+dt { color: var(--muted); } dd { margin: 0; overflow-wrap: anywhere; }
 @media (max-width: 520px) { body { padding: 1.2rem .9rem 3rem; } h1 { font-size: 1.5rem; } dl { display: block; }
                             dd { margin: 0 0 .5rem; } table { font-size: 13px; } th, td { padding-right: .7rem; } }
 @media print { @page { margin: 16mm 15mm; } body { max-width: none; padding: 0; font-size: 10pt; }
@@ -110,7 +118,9 @@ class Page:
         made = f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
         self._parts.append(f'<div class="wide">{made}</div>')
 
-    def pictures(self, images: Sequence[tuple[np.ndarray, str]], caption="", scale: float = 1.0, photograph=False):
+    def pictures(
+        self, images: Sequence[tuple[np.ndarray, str]], caption="", scale: float = 1.0, photograph=False, paper=None
+    ):
         """Pictures (h, w, 3) uint8 RGB beside one another, or below one another where the page is narrow.
 
         Parameters
@@ -123,8 +133,11 @@ class Page:
             Pixels of a picture to one of the page.
         photograph : bool
             Filmed, not drawn.
+        paper : bool
+            Drawn on white paper, which is dark on a dark page; what is no photograph unless told.
         """
-        shown = "".join(_image(image, words, scale, photograph) for image, words in images)
+        paper = not photograph if paper is None else paper
+        shown = "".join(_image(image, words, scale, photograph, paper) for image, words in images)
         below = f"<figcaption>{_safe(caption)}</figcaption>" if caption else ""
         kind = "beside" if len(images) > 1 else "beside one"
         self._parts.append(f'<figure><div class="{kind}">{shown}</div>{below}</figure>')
@@ -169,13 +182,14 @@ def _cell(cell, side):
     return f"<td{_kind(' '.join(filter(None, (side, kind))))}>{_safe(text)}</td>"
 
 
-def _image(image, words, scale, photograph):
+def _image(image, words, scale, photograph, paper):
     """A picture within the page."""
     data, kind = _encoded(image, photograph)
     width, height = round(image.shape[1] / scale), round(image.shape[0] / scale)
     size = f'width="{width}" height="{height}"'
     source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
-    return f'<img {size} alt="{_safe(words)}" src="{source}"/>'
+    made = "drawn" if paper else "filmed"
+    return f'<img class="{made}" {size} alt="{_safe(words)}" src="{source}"/>'
 
 
 def _encoded(image, photograph):

@@ -15,7 +15,7 @@ from behaviours.learning.rollout import Run
 from behaviours.problems import ProblemsError
 from flockbrush.draw import Video
 from flockbrush.files import output_problems, refused, whole, write_text
-from flockbrush.learn.clips import Looking, look_at
+from flockbrush.learn.clips import Looking, look_at, tell_notes
 from flockbrush.learn.comparison import ERRORS, JUDGED, Comparison, compared
 from flockbrush.learn.simulate import longest_way, simulated
 from flockbrush.learn.stage import Stage
@@ -50,6 +50,7 @@ def reenact_clip(clip, brush_name, looking: Looking, runs=3, seed=0, export=None
         evidence = look_at(clip, looking)
         if evidence.still:
             raise refused(clip, "is one picture; there is no motion to compare with")
+        tell_notes(clip, evidence)
         try:
             done = [simulated(evidence, brush, seed + k) for k in range(runs)]
         except ValueError as error:

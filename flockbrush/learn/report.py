@@ -34,13 +34,14 @@ WORDS = {
     "same scale and camera. It is left alone: animals are not the same ones one by one.",
     "photograph": "Left: the photograph. Right: the simulated herd, begun where the animals of the photograph stand, "
     "and what it has become.",
-    "order": "Black: the clip, with the band that counts as the same (two of its own standard deviations, or .05). "
+    "order": "Without colour: the clip, with the band that counts as the same (two of its own standard deviations, or "
+    ".05). "
     "Red: the simulations, their mean drawn strongly. Polarization: 1 when all head one way. Milling: 1 when all go "
     "round.",
     "errors": "How far density and velocity drift away as time goes on, as means over the simulations: quote the "
     "horizon with them. The paper's density error counts only cells the simulation occupies; the share of animals "
     "in the wrong cell is fair to both.",
-    "crowd": "How the animals keep to one another. Black: what was filmed. Red: the simulations.",
+    "crowd": "How the animals keep to one another. Without colour: what was filmed. Red: the simulations.",
     "parameters": "Large discs: the brush. Small discs: other starts of the search, joined where they describe the "
     "clip about as well. Red: told by the clip. Grey: not told, other values describe it as well; do not read them "
     "as facts about the species.",
@@ -469,7 +470,8 @@ def write_partial(folder, clip, message: str, seen: dict, command="") -> Path:
     page.facts((FACTS.get(name, name.replace("_", " ")), _word(value)) for name, value in seen.items())
     for title, image in pictures.items():
         scale = max(1.0, image.shape[1] / 720)
-        page.pictures([(_coloured(image), title)], LOOKED_AT.get(title, title), scale, photograph=image.ndim == 3)
+        words, filmed = LOOKED_AT.get(title, title), image.ndim == 3
+        page.pictures([(_coloured(image), title)], words, scale, photograph=filmed, paper=False)
     page.head("What to try")
     page.notes([sentence(message.split("; ", 1)[1])] if "; " in message else [])
     page.say("See what is taken for animals, without learning anything:")

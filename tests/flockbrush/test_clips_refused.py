@@ -7,6 +7,8 @@ import pytest
 from clip_film import song
 from herd_film import STILL, herd, shoot
 
+from flockbrush.fields import _says
+
 SIZE = (160, 120)
 
 
@@ -46,14 +48,15 @@ def clips(tmp_path_factory):
 
 
 REFUSED = [
-    ("text.mp4", (), "is no film or picture that can be read", True),
+    ("text.mp4", (), "input); is it the right file, and all of it?", True),
     ("empty.mp4", (), "is empty: it has no bytes", True),
     ("song.mp4", (), "has no video stream, only audio", True),
     ("still.mp4", (), "nothing moves in frames 0 to 9", True),
     ("plain.mp4", (), "--body-colour R,G,B", True),
     ("cut.mp4", (), "try --frames 0:8 or --frames 9:17", True),
     ("swarm.mp4", ("--body-colour", "90,120,60"), "of the picture look like animals; name their colour", True),
-    ("swarm.mp4", ("--body-colour", "0,0,255"), "no animals were found", True),
+    ("swarm.mp4", ("--body-colour", "0,0,255"), "no animals were found: nothing has a colour near 0,0,255", True),
+    ("swarm.mp4", ("--body-length-px", "150"), "covers 0 animals of 150 pixels, as given, in a usual frame", True),
     ("swarm.mp4", ("--frames", "90:99"), "has frames 0 to 9, and none of 90:99", False),
     (
         "swarm.mp4",
@@ -96,6 +99,19 @@ def test_a_herd_that_jumps_over_the_same_ground_may_be_a_cut(cli, tmp_path):
     done = cli("fields", tmp_path / "jump.mp4", "--out", tmp_path / "jump.npz")
     assert done.code == 0, done.err
     assert "the herd jumps between frames 11 and 12; if that is a cut, use --frames 0:11 or --frames 12:23" in done.err
+
+
+def test_the_preview_of_a_small_film_has_room_for_its_words(cli, clips, tmp_path):
+    preview = tmp_path / "seen.mp4"
+    done = cli("fields", clips / "swarm.mp4", "--out", tmp_path / "seen.npz", "--preview", preview)
+    assert done.code == 0, done.err
+    assert cv2.VideoCapture(str(preview)).read()[1].shape == (360, 960, 3)  # twice 240 x 180, two beside one another
+
+
+def test_words_that_are_too_long_for_a_picture_are_written_smaller():
+    picture = np.full((40, 120, 3), 200, np.uint8)
+    _says(picture, "cells of 1.2 body lengths   usual speed 1.8 a second", (8, 18))
+    assert (picture[:, 116:] == 200).all() and (picture[:, :100] != 200).any()
 
 
 def test_one_frame_of_a_film_is_a_photograph(cli, clips, tmp_path):

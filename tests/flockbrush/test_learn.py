@@ -5,6 +5,7 @@ import errno
 import importlib.util
 import json
 import os
+from dataclasses import replace
 
 import cv2
 import filmed
@@ -121,6 +122,29 @@ def test_ctrl_c_keeps_the_best_so_far_and_how_to_go_on(cli, films, quick, tmp_pa
     assert cli("learn", films / "one.mp4", "--out", out, "--resume").code == 0
     assert not load_brush(out).provenance.notes.startswith("Interrupted")
     assert not (tmp_path / "lambs.learning").exists()
+
+
+def test_what_an_interrupted_learning_left_is_not_lost_without_a_word(cli, films, quick, tmp_path):
+    out, kept = tmp_path / "x.brush.toml", tmp_path / "x.learning"
+    kept.write_text("what was done")
+    done = cli("learn", films / "one.mp4", "--out", out)
+    assert done.code == 0 and f"begun anew: what was kept of an interrupted learning in {kept} is given up" in done.err
+    again = cli("learn", films / "one.mp4", "--out", out)  # takes the place of the brush, as a run's recording does
+    assert again.code == 0 and "begun anew" not in again.err
+
+
+def test_what_is_said_of_the_clip_and_what_is_left_out_is_told(cli, films, quick, tmp_path, monkeypatch):
+    import flockbrush.learn.clips
+
+    def noted(path, **looking):
+        return replace(filmed.observe(path, **looking), notes=["the herd jumps between frames 3 and 4"])
+
+    monkeypatch.setattr(flockbrush.learn.clips, "observe", noted)
+    clip = films / "one.mp4"
+    done = cli("learn", clip, "--out", tmp_path / "x.brush.toml", "--speed", "2")
+    assert f"{clip}: the herd jumps between frames 3 and 4" in done.err
+    assert f"{clip}: --speed was left out: it is for photographs" in done.err
+    assert f"{clip}: the herd jumps" in cli("reenact", clip, "--brush", "march", "--runs", "1").err
 
 
 # mistakes -------------------------------------------------------------------------------------

@@ -1,6 +1,7 @@
 """The parts of learning that a person sees: comparisons, brushes, pages, photographs, regions."""
 
 import base64
+import re
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
@@ -165,6 +166,28 @@ def test_the_report_is_one_well_formed_page_with_its_pictures_in_it(march, tmp_p
     for words in ("too short to hold a part of it back", "not told", "flockbrush learn x", evidence.sha256):
         assert words in said
     assert {"order.png", "parameters.png", "loss.png", "figures.json"} <= {file.name for file in files}
+
+
+def test_a_page_is_dark_where_its_reader_is_in_the_dark_and_photographs_keep_their_colours():
+    page = Page("lambs")
+    picture = np.full((4, 6, 3), 255, np.uint8)
+    page.pictures([(picture, "a chart")])
+    page.pictures([(picture, "a frame")], photograph=True)
+    page.pictures([(picture, "a mask")], paper=False)
+    tree = parsed(page.text())
+    kinds = {image.get("alt"): image.get("class") for image in tree.iter("img")}
+    assert kinds == {"a chart": "drawn", "a frame": "filmed", "a mask": "filmed"}
+    style = tree.find("head/style").text
+    assert "@media screen and (prefers-color-scheme: dark)" in style  # and never on paper
+    named, used = set(re.findall(r"(--[a-z]+):", style)), set(re.findall(r"var\((--[a-z]+)\)", style))
+    assert used == named and "#" not in style.split("\n}\n", 1)[1]
+
+
+def test_a_clip_that_tells_no_number_says_so(march):
+    _, evidence = march
+    learned = replace(learn([evidence]), identifiable=np.zeros(12, bool))
+    found = Findings(brush_of("lambs", learned, [evidence], seed=0), [evidence], evidence, learned)
+    assert any("tells none of the 12 numbers" in words for _, words in found.checks())
 
 
 def test_what_nobody_measured_is_left_out_of_the_page(march):

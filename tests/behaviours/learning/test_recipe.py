@@ -13,6 +13,7 @@ from behaviours.learning.setting import body_of, speed_of, start_of
 from behaviours.learning.trials import keep, simulate
 from behaviours.learning.workers import Stopped, Workers
 from behaviours.models.herd import Params
+from behaviours.problems import ProblemsError
 from components import Heading, Position
 from levels.build import plane
 from tests.herd_film import Truth, evidence_of_truth, herd
@@ -148,8 +149,8 @@ def test_work_is_done_once_and_kept(tmp_path):
         assert workers.map(doubled, [{"number": 3}, {"number": 4}], done.append) == [6, 8]
     with Workers(100, signature="a", path=path) as workers:  # remembered, though it would be another number now
         assert workers.map(doubled, [{"number": 4}]) == [8]
-    with Workers(100, signature="b", path=path) as workers:
-        assert workers.map(doubled, [{"number": 4}]) == [400]
+    with pytest.raises(ProblemsError, match=r"kept.json: was begun with another clip.*without --resume"):
+        Workers(100, signature="b", path=path)
     with Workers(1, stop=lambda: True) as workers, pytest.raises(Stopped):
         workers.map(doubled, [{"number": 1}])
     assert done == [1, 2]
