@@ -134,15 +134,15 @@ def dashes(points, drawn, left_out) -> np.ndarray:
     if not 0 < along[-1] < 1e5:
         return np.zeros((0, 4))
     starts = np.arange(0, along[-1], drawn + left_out)
-    corners = along[1:-1]
-    parts = []
-    for start in starts:
-        stop = min(start + drawn, along[-1])
-        inner = corners[(corners > start) & (corners < stop)]
-        at = np.concatenate([[start], inner, [stop]])
-        xy = np.stack([np.interp(at, along, points[:, 0]), np.interp(at, along, points[:, 1])], axis=1)
-        parts.append(np.hstack([xy[:-1], xy[1:]]))
-    return np.concatenate(parts)
+    stops, corners = np.minimum(starts + drawn, along[-1]), along[1:-1]
+    dash = np.searchsorted(starts, corners) - 1  # in which a corner may lie
+    within = (dash >= 0) & (corners < stops[dash])
+    whose = np.concatenate([np.arange(len(starts)), dash[within], np.arange(len(starts))])
+    at = np.concatenate([starts, corners[within], stops])
+    order = np.lexsort((at, whose))
+    at, whose = at[order], whose[order]
+    xy = np.stack([np.interp(at, along, points[:, 0]), np.interp(at, along, points[:, 1])], axis=1)
+    return np.hstack([xy[:-1], xy[1:]])[whose[:-1] == whose[1:]]
 
 
 def smooth(points, closed=False, pieces=8) -> np.ndarray:

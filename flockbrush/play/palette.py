@@ -7,11 +7,11 @@ import html
 import numpy as np
 import pygame
 import pygame_gui
-from pygame_gui.elements import UIButton, UIScrollingContainer
+from pygame_gui.elements import UIScrollingContainer
 
 from flockbrush.draw.style import mix
 from flockbrush.play.theme import chrome, px
-from flockbrush.play.widgets import set_pictures
+from flockbrush.play.widgets import PictureButton
 
 CAPS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # m/s
 ACROSS = 2  # pictures side by side
@@ -67,18 +67,17 @@ class Palette:
     def _make(self, entry, place):
         app = self.app
         title, tip = self._words(entry)
-        button = UIButton(
-            place, fitted(title, place.width - px(app.scale, 6), app.scale), app.manager, self.back,
-            tool_tip_text=tip, object_id="@swatch",
-        )  # fmt: skip
-        self.buttons[button] = entry
         if self.layer == "brush":
             picture, ready = app.thumbnails.get(entry, self.picture)
-            if not ready:
-                self._waiting.append(button)
         else:
-            picture = self._swatch(entry)
-        set_pictures(button, picture, at=(0.5, 0.12))
+            picture, ready = self._swatch(entry), True
+        button = PictureButton(
+            place, fitted(title, place.width - px(app.scale, 6), app.scale), app.manager, self.back,
+            tool_tip_text=tip, object_id="@swatch", pictures=[picture], at=(0.5, 0.12),
+        )  # fmt: skip
+        self.buttons[button] = entry
+        if not ready:
+            self._waiting.append(button)
 
     def _words(self, entry):
         """(what is written, tooltip)."""
@@ -126,7 +125,7 @@ class Palette:
             picture, ready = self.app.thumbnails.get(self.buttons[button], self.picture)
             if ready:
                 self._waiting.remove(button)
-                set_pictures(button, picture, at=(0.5, 0.12))
+                button.picture(picture, at=(0.5, 0.12))
 
 
 class Thumbnails:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import zip_longest
+
 import pygame
 from pygame_gui.elements import UIButton, UIHorizontalSlider, UILabel
 
@@ -12,31 +14,44 @@ from flockbrush.play.theme import chrome, px
 NO_MARGINS = {"left": 0, "right": 0, "top": 0, "bottom": 0}
 
 
-def icon_button(app, rect, picture, tip, container, object_id="@tool", size=18) -> UIButton:
+class PictureButton(UIButton):
+    """A button with a picture for each of its states, which are there when it is drawn for the first time."""
+
+    def __init__(self, *arguments, pictures, at=(0.5, 0.5), **more):
+        self._pictures, self._at = pictures, at
+        super().__init__(*arguments, **more)
+
+    def picture(self, *pictures, at=(0.5, 0.5)):
+        """Show other surfaces."""
+        self._pictures, self._at = pictures, at
+        self.rebuild()
+
+    def rebuild(self):
+        normal = self._pictures[0]
+        for state, image in zip_longest(("normal", "hovered", "selected", "disabled"), self._pictures):
+            setattr(self, f"{state}_images", [image or normal])
+            setattr(self, f"{state}_image_positions", [self._at])
+        super().rebuild()
+
+
+def icon_button(app, rect, picture, tip, container, object_id="@tool", size=18) -> PictureButton:
     """A button with one of our icons."""
-    button = UIButton(rect, "", app.manager, container, tool_tip_text=tip, object_id=object_id)
-    set_icon(app, button, picture, size)
-    return button
+    return PictureButton(
+        rect, "", app.manager, container, tool_tip_text=tip, object_id=object_id, pictures=_icons(app, picture, size)
+    )
 
 
 def set_icon(app, button, picture, size=18):
     """Show another icon on a button."""
+    button.picture(*_icons(app, picture, size))
+
+
+def _icons(app, picture, size):
     c, side = chrome(app.theme), px(app.scale, size)
-    set_pictures(button, *(icon(picture, side, colour) for colour in (c.ink, c.ink, c.accent, c.faint)))
+    return [icon(picture, side, colour) for colour in (c.ink, c.ink, c.accent, c.faint)]
 
 
-def set_pictures(button, normal, hovered=None, selected=None, disabled=None, at=(0.5, 0.5)):
-    """Show surfaces on a button, one for each of its states."""
-    for state, image in (
-        ("normal", normal), ("hovered", hovered or normal), ("selected", selected or normal),
-        ("disabled", disabled or normal),
-    ):  # fmt: skip
-        setattr(button, f"{state}_images", [image])
-        setattr(button, f"{state}_image_positions", [at])
-    button.rebuild()
-
-
-def action_button(app, rect, name, container, size=18) -> UIButton:
+def action_button(app, rect, name, container, size=18) -> PictureButton:
     """The button of an action of the table; a press does it."""
     action = BY_NAME[name]
     button = icon_button(app, rect, action.icon, tip_of(action), container, size=size)

@@ -8,7 +8,7 @@ from pygame_gui.elements import UIButton, UIPanel, UITextBox
 from flockbrush.play.help import escaped
 from flockbrush.play.theme import chrome, font, px
 from flockbrush.play.toasts import wrapped
-from flockbrush.play.widgets import NO_MARGINS, Slider, set_pictures, words
+from flockbrush.play.widgets import NO_MARGINS, PictureButton, Slider, words
 
 
 class Column:
@@ -95,11 +95,10 @@ class Column:
         made = []
         for k, colour in enumerate(colours):
             place = pygame.Rect(row.x + k * (wide + gap), row.y, wide, row.height)
-            made.append(UIButton(place, "", self.app.manager, self.back, object_id="@tool"))
             side = max(4, min(wide, row.height) - px(self.app.scale, 8))
             chip = pygame.Surface((side, side), pygame.SRCALPHA)
             pygame.draw.rect(chip, colour, chip.get_rect(), border_radius=px(self.app.scale, 3))
-            set_pictures(made[-1], chip)
+            made.append(PictureButton(place, "", self.app.manager, self.back, object_id="@tool", pictures=[chip]))
             self.buttons[made[-1]] = lambda k=k: do(k + 1)
         return made
 
