@@ -8,12 +8,18 @@ settings.load_profile("house")
 
 
 FIRST = "test_replaying.py"  # the longest: it compiles every kernel twice, once for a plain processor
-WITHOUT_HERDS = ("levels", "components", "engine")  # rooms whose tests need few kernels, or none
+WITHOUT_HERDS = ("levels", "components", "engine")  # rooms whose tests need few kernels, or others
+FILMS = ("test_observe.py", "test_bodies.py", "test_lift.py", "test_v_rules.py", "test_formation_extraction.py")  # too
+WITH_HERDS = ("test_editor.py",)  # in spite of its room
 
 
 def pytest_collection_modifyitems(items):
     """The longest file first, and last those that another process can run while the kernels are being compiled."""
-    items.sort(key=lambda item: (item.path.name != FIRST, item.path.parent.name in WITHOUT_HERDS))
+    items.sort(key=lambda item: (item.path.name != FIRST, _without_herds(item.path)))
+
+
+def _without_herds(path):
+    return path.name in FILMS or (path.parent.name in WITHOUT_HERDS and path.name not in WITH_HERDS)
 
 
 @pytest.hookimpl(optionalhook=True)
