@@ -16,7 +16,7 @@ from behaviours.problems import ProblemsError
 from flockbrush.draw.files import Video
 from flockbrush.files import output_problems, refused, whole
 from flockbrush.learn.clips import Looking, look_at, tell_notes
-from flockbrush.terminal import number, print_json, say, show, table
+from flockbrush.terminal import Interrupts, compiling, number, print_json, say, show, table
 
 WIDE, LARGER = 640, 2.0  # px of each half of the preview, if a small clip is not made larger than so many times
 FULL = 3.0  # animals a BL² that are drawn in the strongest colour: shoulder to shoulder
@@ -42,7 +42,7 @@ def fields_of_clip(clip, out, looking: Looking, preview=None, as_json=False) -> 
     """
     _check(clip, out, preview, looking)
     begin = time.perf_counter()
-    with ExitStack() as stack:
+    with Interrupts(), compiling(), ExitStack() as stack:
         drawn = _Preview(preview, stack) if preview else None
         evidence = look_at(clip, looking, drawn)
         with whole(out) as temporary:

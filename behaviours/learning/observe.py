@@ -39,6 +39,7 @@ PARTLY = 0.6  # a mask may show so much less, or more, of a body's length than a
 FEW = 5  # animals
 JUMP, STEADY = 0.5, 0.4  # overlap of the herd with that of the frame before, over the usual; and the least usual one
 AHEAD = 2  # pictures that a second thread prepares
+ROOMLESS = 0.98  # share of the picture that obstacles cannot cover
 SLOW = 3.0  # deviations of the ground's flow: slower bodies have no direction
 
 
@@ -140,6 +141,8 @@ class Watch:
         size, length, apart, notes = _size(clip, steady, masks, body_length_px)
         cells = grid_over(clip.size, steady.maps, length, grid)
         obstacle = None if painted_on[0] is None else (painted_on[0].max(-1) > 127).astype(np.uint8)
+        if obstacle is not None and obstacle.mean() > ROOMLESS:
+            raise _refused(obstacles, "is white nearly everywhere; white is where nobody can go, black is the ground")
         numbers, kinds = (None, None) if painted_on[1] is None else read_colours(painted_on[1])
         if kinds is not None and len(kinds) > 32:
             raise _refused(regions, f"has {len(kinds)} colours; regions are painted in a few, without soft edges")

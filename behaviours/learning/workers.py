@@ -12,6 +12,7 @@ import json
 import os
 import pickle
 import signal
+import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -19,6 +20,7 @@ from pathlib import Path
 from behaviours.brush_writer import write_atomically
 from behaviours.problems import Problem, ProblemsError
 
+KEEP_EVERY = 5.0  # s of work that a program which is killed, or a machine that goes down, may lose
 _given = None  # what all tasks of a process are given
 
 
@@ -62,7 +64,7 @@ class Workers:
     def __init__(self, given, jobs=1, signature="", path=None, stop=None):
         self.given, self.jobs, self.signature, self.stop = given, jobs, signature, stop
         self.path, self.pool = Path(path) if path else None, None
-        self.known = self._read()
+        self.known, self.kept = self._read(), time.monotonic()
 
     def _read(self):
         if self.path is None or not self.path.is_file():
@@ -111,6 +113,8 @@ class Workers:
             for k, result in results:
                 self.known[keys[k]] = result
                 count += 1
+                if time.monotonic() - self.kept > KEEP_EVERY:
+                    self._keep()
                 if done:
                     done(count)
         finally:
@@ -144,6 +148,7 @@ class Workers:
                     continue
 
     def _keep(self):
+        self.kept = time.monotonic()
         if self.path is not None:
             text = json.dumps({"signature": self.signature, "done": self.known})
             write_atomically(self.path, text.encode(), overwrite=True)

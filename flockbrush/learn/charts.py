@@ -41,7 +41,8 @@ def is_told(comparison, name) -> bool:
 
 def _from_zero(comparison, name):
     """An axis that does not make much of little."""
-    return 0.0, max(float(np.nanmax(comparison.clip[name])), float(np.nanmax(comparison.herd(name), initial=0.0)))
+    values = np.concatenate([[0.0], comparison.clip[name], *(herd[name] for herd in comparison.herds)])
+    return float(np.nanmin(values)), float(np.nanmax(values))
 
 
 def _chart(comparison, name, span=None):

@@ -403,18 +403,8 @@ def _tell(wishes, found: list[Findings], herds):
 
 def _show(findings: Findings):
     """The chief figures as tables."""
-    comparison = findings.comparison
-    if comparison is not None:
-        what = "frames held out" if findings.held is not None else "frames learned from"
-        title = f"{findings.brush.name}: {what}, {comparison.times[-1]:.1f} s"
-        made = table("measure", "clip", "±", "simulated", "off by", "allowed", "", title=title, right=_NUMBERS)
-        for v in comparison.verdicts():
-            judged = v.name in JUDGED
-            met = ("met" if v.met else "MISSED") if judged else ""
-            allowed = measure(v.allowed) if judged else ""
-            cells = [measure(x) for x in (v.clip, v.clip_deviation, v.herd, v.off)]
-            made.add_row(v.name, *cells, allowed, met)
-        show(made)
+    if findings.comparison is not None:
+        show(_against_film(findings) if findings.motion else _against_photograph(findings))
     for title, rows in (
         ("with other numbers of animals", [r | {"not kept": findings.strayed(r) or "-"} for r in findings.counts]),
         ("left out, one at a time: mean errors", findings.ablations),
@@ -427,6 +417,28 @@ def _show(findings: Findings):
             show(made)
 
 
+def _against_film(findings):
+    comparison = findings.comparison
+    what = "frames held out" if findings.held is not None else "frames learned from"
+    title = f"{findings.brush.name}: {what}, {comparison.times[-1]:.1f} s"
+    made = table("measure", "clip", "±", "simulated", "off by", "allowed", "", title=title, right=_NUMBERS)
+    for v in comparison.verdicts():
+        judged = v.name in JUDGED
+        met = ("met" if v.met else "MISSED") if judged else ""
+        allowed = measure(v.allowed) if judged else ""
+        cells = [measure(x) for x in (v.clip, v.clip_deviation, v.herd, v.off)]
+        made.add_row(v.name, *cells, allowed, met)
+    return made
+
+
+def _against_photograph(findings):
+    title = f"{findings.brush.name}: against the photograph, {findings.comparison.times[-1]:.1f} s simulated"
+    made = table("measure", "photograph", "simulated", "off by", title=title, right=_NUMBERS)
+    for v in findings.comparison.verdicts():
+        made.add_row(v.name, *map(measure, (v.clip, v.herd, v.off)))
+    return made
+
+
 def _word(column, value):
     """A cell of a table."""
     if isinstance(value, str):
@@ -434,4 +446,4 @@ def _word(column, value):
     return number(value) if isinstance(value, int) or column == "factor" else measure(value)
 
 
-_NUMBERS = "clip", "±", "simulated", "off by", "allowed"
+_NUMBERS = "clip", "photograph", "±", "simulated", "off by", "allowed"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import re
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -22,7 +23,7 @@ body { font: 16px/1.55 Georgia, "Times New Roman", serif; color: var(--ink); bac
 h1 { font-size: 1.9rem; margin: 0 0 .4rem; line-height: 1.2; }
 h2 { font-size: 1.3rem; margin: 2.8rem 0 .7rem; border-bottom: 1px solid var(--rule); padding-bottom: .25rem; }
 p { margin: .5rem 0; max-width: 44rem; }
-.lead { font-size: 1.14rem; }
+.lead { font-size: 1.14rem; } .option { white-space: nowrap; }
 .small, figcaption, caption { color: var(--muted); font-size: .9rem; }
 figcaption { max-width: 48rem; margin-top: .5rem; }
 nav { margin: 1rem 0 0; font-size: .9rem; } nav a { margin-right: 1.1rem; white-space: nowrap; }
@@ -85,11 +86,11 @@ class Page:
 
     def say(self, text: str, kind: str = ""):
         """A paragraph; ``kind`` is "lead", "small" or nothing."""
-        self._parts.append(f"<p{_kind(kind)}>{_safe(text)}</p>")
+        self._parts.append(f"<p{_kind(kind)}>{_unbroken(text)}</p>")
 
     def notes(self, texts: Iterable[str]):
         """Sentences below one another."""
-        items = "".join(f"<li>{_safe(text)}</li>" for text in texts)
+        items = "".join(f"<li>{_unbroken(text)}</li>" for text in texts)
         if items:
             self._parts.append(f"<ul>{items}</ul>")
 
@@ -171,6 +172,11 @@ class Page:
 
 def _safe(text) -> str:
     return html.escape(str(text), quote=True)
+
+
+def _unbroken(text) -> str:
+    """The text, and no option of a command is parted at the end of a line."""
+    return re.sub(r"--[a-z][a-z-]*", r'<span class="option">\g<0></span>', _safe(text))
 
 
 def _kind(name: str) -> str:

@@ -19,7 +19,7 @@ from flockbrush.learn.clips import Looking, look_at, tell_notes
 from flockbrush.learn.comparison import ERRORS, JUDGED, Comparison, compared
 from flockbrush.learn.simulate import longest_way, simulated
 from flockbrush.learn.stage import Stage
-from flockbrush.terminal import Interrupts, compiling, number, print_json, progress, say, show, table
+from flockbrush.terminal import Interrupts, compiling, measure, print_json, progress, say, show, table
 
 SLOWEST = 10.0  # pictures a second of a video: slower clips are shown in real time by repeating frames
 ROWS = 6  # horizons in the table
@@ -58,15 +58,14 @@ def reenact_clip(clip, brush_name, looking: Looking, runs=3, seed=0, export=None
         comparison = compared(evidence, done)
         if export is not None:
             write_text(export, _csv(evidence, done[0]))
+            say(f"wrote {export}")
         if video is not None:
             _film(clip, evidence, brush, done[0], video, interrupts)
+            say(f"wrote {video}")
     if as_json:
         print_json(_as_json(evidence, brush, comparison))
     else:
         _show(brush, comparison)
-    for path in (export, video):
-        if path is not None:
-            say(f"wrote {path}")
 
 
 def _brush(name):
@@ -167,8 +166,8 @@ def _show(brush, comparison: Comparison):
     columns = ["seconds", "frame", *(f"{name}\nclip / {brush.name}" for name in names), *ERRORS]
     made = table(*columns, title=f"{brush.name} against the clip", right=columns)
     for t in np.unique(np.linspace(0, len(comparison.times) - 1, ROWS).round().astype(int)):
-        pairs = [f"{number(comparison.clip[n][t], 3)} / {number(float(comparison.herd(n)[t]), 3)}" for n in names]
-        errors = [number(float(comparison.herd(error)[t]), 3) for error in ERRORS]
+        pairs = [f"{measure(comparison.clip[n][t])} / {measure(float(comparison.herd(n)[t]))}" for n in names]
+        errors = [measure(float(comparison.herd(error)[t])) for error in ERRORS]
         made.add_row(f"{comparison.times[t]:.2f}", str(comparison.frames[t]), *pairs, *errors)
     show(made)
     for v in comparison.verdicts():

@@ -32,8 +32,8 @@ UNITS = {"radial": "BL", "angular": "°", "weight": "/s"}
 WORDS = {
     "moments": "Left: the clip, stabilised. Right: the simulation with the learned brush, from the same start, at the "
     "same scale and camera. It is left alone: animals are not the same ones one by one.",
-    "photograph": "Left: the photograph. Right: the simulated herd, begun where the animals of the photograph stand, "
-    "and what it has become.",
+    "photograph": "Left: the photograph. Right: the simulated herd, begun with the density of the photograph, cell by "
+    "cell, and what it has become.",
     "order": "Without colour: the clip, with the band that counts as the same (two of its own standard deviations, or "
     ".05). "
     "Red: the simulations, their mean drawn strongly. Polarization: 1 when all head one way. Milling: 1 when all go "
@@ -215,7 +215,7 @@ def _frames_compared(findings):
     runs = len(comparison.herds)
     made = "One simulation" if runs == 1 else f"{runs} simulations with different chance, each"
     if not findings.motion:
-        return f"{made} of {comparison.times[-1]:.1f} s, begun where the animals of the photograph stand."
+        return f"{made} of {comparison.times[-1]:.1f} s, begun with the density of the photograph."
     told = f"Frames {first} to {last}, {comparison.times[-1]:.2f} s. {made} begun as the first of these frames."
     if len(findings.clips) > 1:
         told += f" Of {len(findings.clips)} clips the first is compared with."
@@ -293,7 +293,7 @@ def _parameters(page, findings, panels):
         for name in (n for n in NAMES if n.startswith(force)):
             k = NAMES.index(name)
             told = ("told", "good") if learned.identifiable[k] else ("not told", "quiet")
-            deviation = [_n(learned.deviation[k])] if sure else []
+            deviation = [_n(learned.deviation[k] if learned.deviation[k] < 1 else math.nan)] if sure else []
             rows.append(
                 [
                     plain(name),
@@ -474,10 +474,11 @@ def write_partial(folder, clip, message: str, seen: dict, command="") -> Path:
         page.pictures([(_coloured(image), title)], words, scale, photograph=filmed, paper=False)
     page.head("What to try")
     page.notes([sentence(message.split("; ", 1)[1])] if "; " in message else [])
-    page.say("See what is taken for animals, without learning anything:")
-    page.lines(shlex.join(["flockbrush", "fields", str(clip), "--out", "seen.npz", "--preview", "seen.mp4"]))
-    page.say("Look through the clip; take the colour and the length of an animal; draw what stands still:")
-    page.lines(shlex.join(["flockbrush", "play", "--clip", str(clip)]))
+    if pictures:
+        page.say("Look through the clip; take the colour and the length of an animal; draw what stands still:")
+        page.lines(shlex.join(["flockbrush", "play", "--clip", str(clip)]))
+        page.say("Then, with the options that you try, see what is taken for animals before anything is learned:")
+        page.lines(shlex.join(["flockbrush", "fields", str(clip), "--out", "seen.npz", "--preview", "seen.mp4"]))
     if command:
         page.head("What was asked for")
         page.lines(command)

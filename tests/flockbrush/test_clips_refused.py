@@ -84,7 +84,14 @@ def test_a_clip_that_tells_nothing_is_refused_with_what_was_seen(cli, clips, tmp
     assert (report / "report.html").exists() == page
     assert not (tmp_path / "x.brush.toml").exists()
     if page:
-        assert clip in (report / "report.html").read_text()
+        told = (report / "report.html").read_text()
+        assert clip in told and ("flockbrush play --clip" in told) == ("data:image" in told)
+
+
+def test_a_mask_that_leaves_no_room_is_told(cli, clips, tmp_path):
+    cv2.imwrite(str(tmp_path / "white.png"), np.full((180, 240), 255, np.uint8))
+    done = cli("fields", clips / "swarm.mp4", "--out", tmp_path / "x.npz", "--obstacles", tmp_path / "white.png")
+    assert done.code == 1 and "white.png: is white nearly everywhere" in done.err
 
 
 def test_a_herd_that_jumps_over_the_same_ground_may_be_a_cut(cli, tmp_path):

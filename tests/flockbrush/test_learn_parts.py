@@ -19,6 +19,7 @@ from behaviours.learning.setting import resized
 from behaviours.problems import ProblemsError
 from flockbrush.cli_learning import command_line
 from flockbrush.learn.brush import brush_of, name_of, order_of
+from flockbrush.learn.charts import panels_of
 from flockbrush.learn.comparison import compared
 from flockbrush.learn.counts import with_other_numbers
 from flockbrush.learn.findings import Findings
@@ -168,6 +169,36 @@ def test_the_report_is_one_well_formed_page_with_its_pictures_in_it(march, tmp_p
     assert {"order.png", "parameters.png", "loss.png", "figures.json"} <= {file.name for file in files}
 
 
+def page_saying(text):
+    """A page with one sentence, as a tree."""
+    page = Page("lambs")
+    page.say(text)
+    return parsed(page.text())
+
+
+def test_a_chart_shows_neighbours_who_face_one_another(march):
+    _, evidence = march
+    comparison = compared(evidence, [simulated(evidence, shipped().get("march"))])
+    comparison.clip["order nearby"][:] = -0.3
+    chart = next(c for c in panels_of(found_of(evidence, comparison))["crowd"] if c.title == "Order among neighbours")
+    assert chart.span[0] <= -0.3
+
+
+def found_of(evidence, comparison):
+    """Findings of who knows the answer."""
+    learned = learn([evidence])
+    return Findings(brush_of("lambs", learned, [evidence], seed=0), [evidence], evidence, learned, None, comparison)
+
+
+def test_a_deviation_that_says_nothing_is_no_number(march):
+    _, evidence = march
+    deviation = np.where(np.arange(12) < 9, 0.021, 1e6)
+    found = found_of(evidence, None)
+    found.learned = replace(found.learned, deviation=deviation)
+    text = page_of(found, {}).text()
+    assert "0.021" in text and "1000000" not in text
+
+
 def test_a_page_is_dark_where_its_reader_is_in_the_dark_and_photographs_keep_their_colours():
     page = Page("lambs")
     picture = np.full((4, 6, 3), 255, np.uint8)
@@ -180,6 +211,7 @@ def test_a_page_is_dark_where_its_reader_is_in_the_dark_and_photographs_keep_the
     style = tree.find("head/style").text
     assert "@media screen and (prefers-color-scheme: dark)" in style  # and never on paper
     named, used = set(re.findall(r"(--[a-z]+):", style)), set(re.findall(r"var\((--[a-z]+)\)", style))
+    assert "--resume" in page_saying("go on with --resume").find("body/p/span[@class='option']").text
     assert used == named and "#" not in style.split("\n}\n", 1)[1]
 
 

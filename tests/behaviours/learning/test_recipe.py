@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from behaviours.learning import workers
 from behaviours.learning.evolution import Evolution
 from behaviours.learning.learned import Learned
 from behaviours.learning.recipe import USE, _Code, _setting, learn
@@ -145,15 +146,23 @@ def doubled(given, number):
 
 def test_work_is_done_once_and_kept(tmp_path):
     path, done = tmp_path / "kept.json", []
-    with Workers(2, signature="a", path=path) as workers:
-        assert workers.map(doubled, [{"number": 3}, {"number": 4}], done.append) == [6, 8]
-    with Workers(100, signature="a", path=path) as workers:  # remembered, though it would be another number now
-        assert workers.map(doubled, [{"number": 4}]) == [8]
+    with Workers(2, signature="a", path=path) as working:
+        assert working.map(doubled, [{"number": 3}, {"number": 4}], done.append) == [6, 8]
+    with Workers(100, signature="a", path=path) as working:  # remembered, though it would be another number now
+        assert working.map(doubled, [{"number": 4}]) == [8]
     with pytest.raises(ProblemsError, match=r"kept.json: was begun with another clip.*without --resume"):
         Workers(100, signature="b", path=path)
-    with Workers(1, stop=lambda: True) as workers, pytest.raises(Stopped):
-        workers.map(doubled, [{"number": 1}])
+    with Workers(1, stop=lambda: True) as working, pytest.raises(Stopped):
+        working.map(doubled, [{"number": 1}])
     assert done == [1, 2]
+
+
+def test_a_program_that_is_killed_has_kept_what_was_done_before(tmp_path, monkeypatch):
+    monkeypatch.setattr(workers, "KEEP_EVERY", -1.0)
+    path, kept = tmp_path / "kept.json", []
+    with Workers(2, path=path) as working:
+        working.map(doubled, [{"number": 3}, {"number": 4}], lambda count: kept.append(path.read_text().count(":")))
+    assert kept[1] > kept[0] > 0
 
 
 @pytest.mark.slow
