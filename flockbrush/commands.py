@@ -410,8 +410,14 @@ def show_brush(name, json):
     show(made)
     told = {key: value for key, value in brush.provenance.model_dump().items() if value not in (None, "", {})}
     show("[bold]where the numbers come from[/]")
+    figures = told.pop("report", {})
     for key, value in told.items():
         show(escape(f"  {key}: {_value(value)}"))
+    if figures:
+        made = table("figures of the report", "value", right=("value",))
+        for figure, value in figures.items():
+            made.add_row(escape(figure), number(value))
+        show(made)
     print(f"sha256 {brush.sha256}")
 
 

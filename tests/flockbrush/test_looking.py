@@ -111,6 +111,13 @@ def test_a_brush_shows_every_number_with_its_unit_and_where_it_is_from(cli):
     assert json.loads(cli("brush", "show", "march", "--json").out)["params"] == pytest.approx(brush.parameters)
 
 
+def test_a_learned_brush_shows_each_figure_of_its_report_on_a_line_of_its_own(cli):
+    figures = shipped().get("sheep-drone").provenance.report
+    lines = [line.strip() for line in cli("brush", "show", "sheep-drone").out.splitlines()]
+    for figure in figures:
+        assert sum(re.fullmatch(rf"{re.escape(figure)} +[-\d.e,]+", line) is not None for line in lines) == 1
+
+
 def test_all_shipped_brushes_are_in_order(cli):
     assert cli("brush", "check", *sorted(BRUSHES.glob("*.toml")), "march").code == 0
 
