@@ -56,7 +56,7 @@ from behaviours.learning.trials import (
 from behaviours.learning.workers import Stopped, Workers
 
 HELD = 0.3  # of the frames, at the end, are shown to nobody before the choice
-RATE = 200_000  # animal ticks that count as a second
+RATE = 280_000  # animal ticks that count as a second
 ALWAYS = 100  # animals whose work a tick costs besides
 WEAK = 0.15  # weights below it are made larger, and Ω smaller: only their product tells, and weights end at 1e-3
 GENERATION = 8  # candidates

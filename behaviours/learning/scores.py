@@ -40,6 +40,7 @@ MEASURES = SHARES + LENGTHS
 LYING = 270.0  # degrees², of the directions of a photograph: a tenth of chance
 COUNTS = {"directions": 3.0, "polarization": 3.0, "milling": 3.0, "nearest neighbour": 2.0}  # weights; 1 for the others
 CHANCE = {"polarization": 1.0, "milling": 0.5}  # mean square of n strangers, times n
+KNOWN = 0.5  # of its moments a measure must be told in to count
 LASTING = ("polarization", "milling", "order nearby", "nearest neighbour", "density", "spread")  # what should last
 
 
@@ -402,6 +403,8 @@ class Target:
     map: np.ndarray
     every: int  # frames from look to look
     single: bool
+    end: dict[str, float]  # what should last; where a measure still changes, what it comes to
+    end_scale: dict[str, float]  # and how far from there it may well go
     directions: float = np.nan  # degrees², of a photograph, where order is not to be seen by motion
 
     @classmethod
@@ -412,13 +415,33 @@ class Target:
         view = view_of(evidence, single)
         over_time = measures_of(view, every)
         mean = {name: _mean(values) for name, values in over_time.items()}
+        for name, values in over_time.items():
+            if np.isfinite(values).mean() < KNOWN:  # of a few moments that happen to be told nothing follows
+                mean[name] = np.nan
         scale = {name: max(_deviation(values), _floor(name, mean[name])) for name, values in over_time.items()}
         if evidence.fields.holds_all:
             mean["milling in the picture"] = np.nan
         else:  # the herd's own outline is not to be seen
             for name in ("aspect", "spread"):
                 mean[name] = np.nan
-        return cls(over_time, mean, scale, neighbour_map(view), every, single, _directions(evidence.fields))
+        ends = {name: _in_the_end(over_time[name], mean[name], scale[name]) for name in LASTING}
+        end, end_scale = ({name: pair[k] for name, pair in ends.items()} for k in (0, 1))
+        around = neighbour_map(view)
+        return cls(over_time, mean, scale, around, every, single, end, end_scale, _directions(evidence.fields))
+
+
+def _in_the_end(values, mean, scale):
+    """What a measure of a clip comes to, and how sure that is: its mean, unless it rises or falls all the while.
+
+    A herd that is still coming into order will hardly keep the order it had on the way.
+    """
+    third = max(1, len(values) // 3)
+    first, last = _mean(values[:third]), _mean(values[-third:])
+    change = last - first
+    if not np.isfinite(change):
+        return mean, scale
+    share = change**2 / (change**2 + scale**2)
+    return mean + share * (last - mean), float(np.hypot(scale, share * change))
 
 
 def _directions(fields):
@@ -447,7 +470,7 @@ def distance(run: Run, evidence: Evidence, target: Target, lasting=False) -> dic
     ----------
     lasting : bool
         The run is longer than the clip: compare means over its last two thirds, of what should stay as it is, with
-        the clip's.
+        what the clip comes to.
     """
     view = view_of_run(run, evidence, target.single)
     every = max(1, len(run) // LOOKS) if lasting else target.every
@@ -472,12 +495,12 @@ def order_off(run: Run, evidence: Evidence, target: Target) -> dict[str, float]:
     """
     seen, out = measures_of(view_of_run(run, evidence, target.single)), {}
     for name, of_one in CHANCE.items():
-        mine, theirs, animals = _mean(seen[name][len(run) // 3 :]), target.mean[name], len(run.xy) / len(run)
+        mine, theirs, animals = _mean(seen[name][len(run) // 3 :]), target.end[name], len(run.xy) / len(run)
         if np.isfinite(theirs):
             mine = beyond_chance(mine, animals, of_one)
             theirs = beyond_chance(theirs, float(np.nanmean(evidence.fields.count)), of_one)
             by_chance = 0.5 * np.sqrt(of_one / max(animals, 1.0))
-            out[name] = min(abs(mine - theirs) / max(target.scale[name], by_chance), FARTHEST)
+            out[name] = min(abs(mine - theirs) / max(target.end_scale[name], by_chance), FARTHEST)
     return out
 
 
@@ -493,15 +516,15 @@ def _off(mine, target, name):
     k = min(len(mine), len(theirs))
     both = np.isfinite(mine[:k]) & np.isfinite(theirs[:k])
     each = np.abs(mine[:k] - theirs[:k])[both].mean() if both.any() else np.inf
-    return _in_deviations(0.5 * each + 0.5 * abs(_mean(mine[:k]) - _mean(theirs[:k])), target, name)
+    return _in_deviations(0.5 * each + 0.5 * abs(_mean(mine[:k]) - _mean(theirs[:k])), target.scale[name])
 
 
 def _off_in_the_end(mine, target, name):
-    return _in_deviations(abs(_mean(mine[len(mine) // 3 :]) - target.mean[name]), target, name)
+    return _in_deviations(abs(_mean(mine[len(mine) // 3 :]) - target.end[name]), target.end_scale[name])
 
 
-def _in_deviations(gap, target, name):
-    return float(np.nan_to_num(min(gap / target.scale[name], FARTHEST), nan=FARTHEST))
+def _in_deviations(gap, scale):
+    return float(np.nan_to_num(min(gap / scale, FARTHEST), nan=FARTHEST))
 
 
 def total(parts: dict[str, float]) -> float:

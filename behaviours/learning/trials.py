@@ -27,6 +27,7 @@ SPANS = 0.1, 0.2  # s over which a turn is taken: short is sharp, long is less d
 COARSE_DT = 1 / 16  # s to a tick in the search; the choice is made with that of a level
 STAY = 20.0  # s
 OTHER_NUMBERS = 0.25, 4.0  # times as many animals
+LOST = 4.0  # deviations from what it was, from which on a herd is just another one
 TOO_MANY = 1000  # animals: larger herds are not tried
 SIGHTS = 4.0, 8.0  # BL
 
@@ -180,7 +181,7 @@ def keep(given: Setting, theta, extras, seed):
             continue
         last, target = len(clip.fields) - 1, _from(clip)[1]
         parts = _compared(given, clip, target, theta, extras, [seed, k, 2], last, STAY, True, DT)
-        measured.setdefault("as many", []).append(total(parts))
+        measured.setdefault("as many", []).append(_strayed(parts))
         begun = start_of(clip, last, seed, given.body)
         for factor in OTHER_NUMBERS:
             herd = resized(begun, factor, seed)
@@ -192,11 +193,16 @@ def keep(given: Setting, theta, extras, seed):
             )  # fmt: skip
             parts = _not_ignored(given, order_off(run, clip, target))
             if parts:  # a photograph tells neither order nor turning
-                measured.setdefault(f"{factor:g} times as many", []).append(total(parts))
+                measured.setdefault(f"{factor:g} times as many", []).append(_strayed(parts))
     figures = {name: float(np.mean(values)) for name, values in measured.items()}
     others = [value for name, value in figures.items() if name != "as many"]
     halves = [figures["as many"], float(np.mean(others)) if others else figures["as many"]] if figures else [0.0]
     return {"score": float(np.sqrt(np.mean(np.square(halves)))), "figures": figures}
+
+
+def _strayed(parts):
+    """One number of the parts of a distance; all that are lost are equally lost, and chance decides nothing there."""
+    return total({name: min(value, LOST) for name, value in parts.items()})
 
 
 def simulate(clip: Evidence, theta, extras, speed, body, vision, seed=0, frame=0, seconds=None, dt=DT, looks=None):
@@ -206,14 +212,23 @@ def simulate(clip: Evidence, theta, extras, speed, body, vision, seed=0, frame=0
     """
     entropy = np.random.SeedSequence(seed).generate_state(2)
     seconds = (len(clip.fields) - 1 - frame) / clip.fps if seconds is None else seconds
-    gates = Gates.of(clip.fields)
+    walls, gates, guide = _around(clip)
     fps = clip.fps if looks is None or gates is not None else looks / seconds
-    guide = Guide.of(clip.fields) if gates is not None else None  # leaders walk into a picture that sees a part
     start = start_of(clip, frame, int(entropy[0]), body)
     return rollout(
         start, params_of(theta, extras), speed, body, vision, seconds=seconds, fps=fps, seed=int(entropy[1]),
-        dt=dt, walls=Walls.of(clip.fields), guide=guide, gates=gates,
+        dt=dt, walls=walls, guide=guide, gates=gates,
     )  # fmt: skip
+
+
+def _around(clip):
+    """What is around the animals of a clip: obstacles, the borders of the picture, and who leads through these."""
+    key = "around", id(clip)
+    if key not in _known:
+        gates = Gates.of(clip.fields)
+        guide = Guide.of(clip.fields) if gates is not None else None  # leaders walk into a picture that sees a part
+        _known[key] = clip, (Walls.of(clip.fields), gates, guide)
+    return _known[key][1]
 
 
 def forget():

@@ -86,6 +86,39 @@ def test_what_should_last_is_compared_over_a_longer_run():
     assert distance(run_of(apart, march(60)[1]), clip, Target.of(clip), lasting=True)["spread"] > 5.0
 
 
+def gathering(share, frames=60):
+    """A herd on the spot whose animals turn to the right one after the other; so many do by the end."""
+    n, rng = 100, np.random.default_rng(2)
+    angle, turned = rng.uniform(-np.pi, np.pi, n), np.zeros((frames, n), bool)
+    for t in range(frames):
+        turned[t, : round(share * n * t / (frames - 1))] = True
+    angle = np.where(turned, 0.0, angle)
+    xy = np.broadcast_to(lattice(n), (frames, n, 2)).copy()
+    return xy, np.stack([np.cos(angle), np.sin(angle)], -1)
+
+
+def test_of_a_herd_that_comes_into_order_the_order_it_comes_to_should_last():
+    clip = clip_of(*gathering(0.8), cell=1.5)
+    target = Target.of(clip)
+    xy, forward = gathering(0.8)
+    in_order, on_the_way = np.repeat(forward[-1:], 60, 0), np.repeat(forward[20:21], 60, 0)
+    stays = distance(run_of(xy, in_order), clip, target, lasting=True)["polarization"]
+    stops = distance(run_of(xy, on_the_way), clip, target, lasting=True)["polarization"]
+    assert stays < 0.6 and stops > 1.5 * stays
+    xy, forward = march()
+    steady = Target.of(clip_of(xy, forward, cell=1.0))
+    assert steady.end == pytest.approx({name: steady.mean[name] for name in steady.end}, rel=0.01, nan_ok=True)
+
+
+def test_of_a_measure_that_is_told_in_a_few_moments_nothing_follows():
+    """Disordered animals have no front but in the moment in which chance polarizes them."""
+    xy, forward = gathering(0.0, frames=20)
+    forward[3] = [1.0, 0.0]
+    clip = clip_of(xy, forward, cell=1.5)
+    assert np.isfinite(Target.of(clip).over_time["aspect"]).sum() == 1
+    assert "aspect" not in distance(run_of(*gathering(0.0, frames=20)), clip, Target.of(clip))
+
+
 def test_a_run_is_put_on_the_grid_of_the_clip_and_nobody_is_lost():
     clip = clip_of(*march(), cell=0.9)
     fields = fields_of(run_of(*march(60)), clip.fields)  # farther than the clip's picture
