@@ -10,6 +10,7 @@ from __future__ import annotations
 import posixpath
 import struct
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from levels.schema import CLASSES, BrushLayer, Level, Terrain, TerrainKind
 from levels.tile_data import decode
 
 _FAR = 10_000_000  # px or tiles; nothing real is farther out
+_parsed_once = lru_cache(maxsize=8)(parse)  # levels of a folder share their tilesets; nobody changes what was parsed
 
 
 def read_level(path, library=None, commands=None) -> Level:
@@ -203,7 +205,7 @@ class LevelReader:
     def parsed(self, data, place, kind):
         """The JSON object in these bytes, if it is a `kind`."""
         try:
-            doc = parse(data, schema.MAX_DEPTH)
+            doc = (parse if kind == "map" else _parsed_once)(data, schema.MAX_DEPTH)
         except JsonError as error:
             place.say(str(error), error.line)
             return None

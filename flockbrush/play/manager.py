@@ -9,6 +9,7 @@ from collections import OrderedDict, deque
 import i18n
 import pygame_gui
 from pygame_gui.core.ui_appearance_theme import UIAppearanceTheme
+from pygame_gui.core.utility import get_default_manager, set_default_manager
 
 LOOKS = 8  # themes that are kept, of the last windows
 PIXELS = 4_000_000  # of the shapes that a theme keeps: 16 MB
@@ -25,6 +26,8 @@ class Manager(pygame_gui.UIManager):
             warnings.simplefilter("ignore")  # it warns of fonts that it then finds
             super().__init__(size, look, enable_live_theme_updates=False)
             self._load_bold(int(look["@page"]["font"]["size"]))
+        if get_default_manager() is self:
+            set_default_manager(None)  # all controls are told theirs, and it would keep the first window for ever
         i18n.load_path[:] = dict.fromkeys(i18n.load_path)  # each manager adds the same, and each word is sought in all
 
     def _load_bold(self, size):

@@ -7,11 +7,10 @@ import html
 import numpy as np
 import pygame
 import pygame_gui
-from pygame_gui.elements import UIScrollingContainer
 
 from flockbrush.draw.style import mix
 from flockbrush.play.theme import chrome, px
-from flockbrush.play.widgets import PictureButton
+from flockbrush.play.widgets import PictureButton, Shelf
 
 CAPS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # m/s
 ACROSS = 2  # pictures side by side
@@ -35,9 +34,7 @@ class Palette:
 
     def __init__(self, app, rect, container, layer):
         self.app, self.layer = app, layer
-        self.back = UIScrollingContainer(
-            rect, app.manager, container=container, allow_scroll_x=False, object_id="@clear"
-        )
+        self.back = Shelf(rect, app.manager, container=container, object_id="@clear")
         self.entries = {"brush": app.brush_names, "cap": lambda: list(CAPS), "surface": app.surface_names}[layer]()
         bar = 24  # pixels of pygame_gui's scroll bar, whatever the scale
         gap = px(app.scale, 4)
@@ -47,12 +44,14 @@ class Palette:
         tall = self.picture[1] + px(app.scale, 28)
         rows = -(-len(self.entries) // ACROSS)
         self.back.set_scrollable_area_dimensions((rect.width - bar, max(1, rows * (tall + gap))))
-        self.buttons, self._waiting = {}, []
-        for k, entry in enumerate(self.entries):
-            place = pygame.Rect(k % ACROSS * (wide + gap), k // ACROSS * (tall + gap), wide, tall)
-            self._make(entry, place)
-        self._marked = None
-        self.update()
+        self._made, self._waiting = {}, []
+        self._places = {
+            entry: pygame.Rect(k % ACROSS * (wide + gap), k // ACROSS * (tall + gap), wide, tall)
+            for k, entry in enumerate(self.entries)
+        }
+        for entry, place in self._places.items():
+            self.back.hold(place.top, place.bottom, lambda entry=entry: self._make(entry))
+        self._marked = self.app.paint[self.layer]
         self._scroll_to_chosen(tall + gap, rows, rect.height)
 
     def _scroll_to_chosen(self, row, rows, height):
@@ -64,8 +63,16 @@ class Palette:
         if (at + 1) * row > height:
             bar.set_scroll_from_start_percentage(min(max(at - 0.4, 0) * row, rows * row - height) / (rows * row))
 
-    def _make(self, entry, place):
-        app = self.app
+    @property
+    def buttons(self):
+        """{button: what it stands for} of all, whether they have been looked at or not."""
+        return {self._make(entry): entry for entry in self.entries}
+
+    def _make(self, entry):
+        """The button of an entry, made if it is not there yet."""
+        if entry in self._made:
+            return self._made[entry]
+        app, place = self.app, self._places[entry]
         title, tip = self._words(entry)
         if self.layer == "brush":
             picture, ready = app.thumbnails.get(entry, self.picture)
@@ -75,9 +82,12 @@ class Palette:
             place, fitted(title, place.width - px(app.scale, 6), app.scale), app.manager, self.back,
             tool_tip_text=tip, object_id="@swatch", pictures=[picture], at=(0.5, 0.12),
         )  # fmt: skip
-        self.buttons[button] = entry
+        self._made[entry] = button
         if not ready:
-            self._waiting.append(button)
+            self._waiting.append(entry)
+        if entry == self._marked:
+            button.select()
+        return button
 
     def _words(self, entry):
         """(what is written, tooltip)."""
@@ -109,9 +119,11 @@ class Palette:
 
     def handle(self, event) -> bool:
         """Take what was pressed into the hand."""
-        if event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.buttons:
-            self.app.choose(self.layer, self.buttons[event.ui_element])
-            return True
+        if event.type == pygame_gui.UI_BUTTON_PRESSED:
+            for entry, button in self._made.items():
+                if event.ui_element is button:
+                    self.app.choose(self.layer, entry)
+                    return True
         return False
 
     def update(self):
@@ -119,13 +131,13 @@ class Palette:
         chosen = self.app.paint[self.layer]
         if chosen != self._marked:
             self._marked = chosen
-            for button, entry in self.buttons.items():
+            for entry, button in self._made.items():
                 (button.select if entry == chosen else button.unselect)()
-        for button in self._waiting[:]:
-            picture, ready = self.app.thumbnails.get(self.buttons[button], self.picture)
+        for entry in self._waiting[:]:
+            picture, ready = self.app.thumbnails.get(entry, self.picture)
             if ready:
-                self._waiting.remove(button)
-                button.picture(picture, at=(0.5, 0.12))
+                self._waiting.remove(entry)
+                self._made[entry].picture(picture, at=(0.5, 0.12))
 
 
 class Thumbnails:

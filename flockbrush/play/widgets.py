@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import zip_longest
 
 import pygame
-from pygame_gui.elements import UIButton, UIHorizontalSlider, UILabel
+from pygame_gui.elements import UIButton, UIHorizontalSlider, UILabel, UIScrollingContainer
 
 from flockbrush.play.icons import icon
 from flockbrush.play.keys import BY_NAME, tip_of
@@ -57,6 +57,29 @@ def action_button(app, rect, name, container, size=18) -> PictureButton:
     button = icon_button(app, rect, action.icon, tip_of(action), container, size=size)
     app.buttons[button] = action
     return button
+
+
+class Shelf(UIScrollingContainer):
+    """A column to scroll through whose parts are made when they come into view: most are never looked at."""
+
+    def __init__(self, *arguments, **more):
+        self._coming: list = []  # (top, bottom, make) of the parts, pixels from the top of the whole column
+        super().__init__(*arguments, allow_scroll_x=False, **more)
+
+    def hold(self, top, bottom, make):
+        """Have something made as soon as what lies there comes into view."""
+        self._coming.append((top, bottom, make))
+
+    def update(self, time_delta):
+        super().update(time_delta)
+        if self._coming and self.visible:
+            low = -self.scrollable_container.relative_rect.top
+            high = low + self.rect.height
+            seen = [part for part in self._coming if part[1] > low and part[0] < high]
+            if seen:
+                self._coming = [part for part in self._coming if part not in seen]
+                for _, _, make in seen:
+                    make()
 
 
 class Words(UILabel):

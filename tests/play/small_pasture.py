@@ -1,17 +1,27 @@
 """A pasture to play in: a few sheep, a stone, a guide and a timed command; and runs of it without a session."""
 
+from functools import lru_cache
+
 from behaviours.brush import shipped
 from engine.recording import first_difference, open_recording, resume
 from engine.state import state_hash
 from flockbrush.run import rebuild, start
 from levels.sketch import Sketch
-from levels.tiled import write_project
+from levels.tiled import project_files
 from systems.edits import Paint
+
+
+@lru_cache(maxsize=1)
+def tiles():
+    """What `write_project` writes: the same for every pasture, so that it is drawn once."""
+    return project_files(shipped())
 
 
 def pasture(folder, name="pasture", sheep=9, script=True, boundary="wall"):
     """The path of a new level, 24 x 16 m: sheep march past a stone; after a quarter second they swarm."""
-    write_project(folder, shipped())
+    (folder / "tilesets").mkdir(parents=True, exist_ok=True)
+    for file, content in tiles().items():
+        (folder / file).write_bytes(content)
     sketch = Sketch(24, 16, 1.0, "tilesets", shipped().names(), boundary, 3)
     sketch.ground("grass")
     sketch.box("Obstacle", 16, 8, 2, 2, "stone")

@@ -2,6 +2,7 @@
 
 import gc
 import os
+import weakref
 
 os.environ["SDL_VIDEODRIVER"] = "dummy"
 os.environ["SDL_AUDIODRIVER"] = "dummy"
@@ -17,22 +18,26 @@ from systems.landscape import Landscape
 from systems.palette import Palette
 
 MODS = {"ctrl": pygame.KMOD_LCTRL, "shift": pygame.KMOD_LSHIFT}
-gc.freeze()  # modules stay: only what windows leave is looked through when they are closed
-
 NAMES = {"pageup": "page up", "pagedown": "page down"}
 
 
 class Window(App):
     """The app, with hands.  Places are metres on the ground unless they are said to be pixels."""
 
+    _before = staticmethod(lambda: None)  # the last one opened, while it is there
+
+    def __new__(cls, *arguments, **options):
+        gc.collect()  # the window before: it was full of circles
+        if cls._before() is None:
+            gc.freeze()  # what there is stays, and need not be looked through again for the next window
+        window = super().__new__(cls)
+        cls._before = weakref.ref(window)
+        return window
+
     def __init__(self, level, size=(1000, 640), **options):
         super().__init__(Session.open(level), size, options.pop("theme", "light"), **options)
         pygame.event.get()
         self.frames(2)
-
-    def close(self):
-        super().close()
-        gc.collect()  # a window is full of circles
 
     def frames(self, count=1, dt=1 / 32):
         """So many frames, each as long as a tick."""

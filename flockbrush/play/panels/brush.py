@@ -9,7 +9,7 @@ import re
 import pygame
 from pygame_gui import UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED
 from pygame_gui.core import ObjectID
-from pygame_gui.elements import UIButton, UIDropDownMenu, UIScrollingContainer
+from pygame_gui.elements import UIButton, UIDropDownMenu
 
 from behaviours.brush import Brush
 from behaviours.problems import ProblemsError
@@ -18,6 +18,7 @@ from flockbrush.play.panels.knobs import TABLES, Knob, knobs_of
 from flockbrush.play.panels.panel import Panel, Picture, blank, palette_of, write
 from flockbrush.play.panels.rows import Row, row_of
 from flockbrush.play.panels.tuning import as_new, changes, command_of, turned, use
+from flockbrush.play.widgets import Shelf
 
 
 class BrushPanel(Panel):
@@ -29,7 +30,7 @@ class BrushPanel(Panel):
     rows: list[Row]
     heads: list[Picture]
     menu: UIDropDownMenu | None
-    scroll: UIScrollingContainer | None
+    scroll: Shelf | None
 
     def make(self):
         self.name = None
@@ -164,12 +165,8 @@ class BrushPanel(Panel):
         top, bottom = px(66), area.height - px(30) - 2 * pad
         if self.scroll is not None:
             self.scroll.kill()
-        self.scroll = UIScrollingContainer(
-            pygame.Rect(pad, top, area.width - pad, max(px(40), bottom - top)),
-            self.manager,
-            container=self.container,
-            allow_scroll_x=False,
-        )
+        place = pygame.Rect(pad, top, area.width - pad, max(px(40), bottom - top))
+        self.scroll = Shelf(place, self.manager, container=self.container)
         width, y, table = self.inner, 0, None
         for knob in knobs_of(brush):
             if knob.table != table:
@@ -196,18 +193,10 @@ class BrushPanel(Panel):
 
     def _clear_rows(self):
         for row in self.rows:
-            self._kill_row(row)
+            row.kill()
         for head in self.heads:
             head.kill()
         self.rows, self.heads, self.known = [], [], ""
-
-    @staticmethod
-    def _kill_row(row):
-        row.picture.kill()
-        for name in ("slider", "entry", "box", "menu", "reset"):
-            widget = getattr(row, name, None)
-            if widget is not None:
-                widget.kill()
 
     def update(self, dt):
         held = any(getattr(row, "held", False) for row in self.rows)

@@ -23,7 +23,7 @@ from flockbrush.play.panels.panel import Picture, blank, picture_on, write
 
 
 class Row:
-    """One knob on the panel.
+    """One knob on the panel.  Its widgets are made when it comes into view, or when somebody asks for one of them.
 
     `turn(knob, value, done)` is called when the designer has turned it; `done` is False while the mouse still drags.
     """
@@ -34,13 +34,38 @@ class Row:
     def __init__(self, panel, knob: Knob, container, top: int, width: int, turn):
         self.panel, self.knob, self.container, self.turn = panel, knob, container, turn
         self.top, self.width = top, width
-        px = panel.px
-        self.line = px(20)
-        self.picture = Picture(
-            pygame.Rect(0, top, width, self.height), panel.manager, container, f"<b>{knob.words}</b><br>{knob.help}"
-        )
+        self.line = panel.px(20)
         self.reset = None
         self.shown = None
+        self.made = False
+        container.hold(top, top + self.height, self.make)
+
+    def __getattr__(self, name):
+        if name not in WIDGETS or self.made:
+            raise AttributeError(f"{type(self).__name__} has no {name!r}")
+        self.make()
+        return getattr(self, name)
+
+    def make(self):
+        """Make the widgets, if they are not there yet."""
+        if not self.made:
+            self.made = True
+            self._make()
+            if self.shown is not None:
+                self._bring(*self.shown)
+
+    def _make(self):
+        place = pygame.Rect(0, self.top, self.width, self.height)
+        tip = f"<b>{self.knob.words}</b><br>{self.knob.help}"
+        self.picture = Picture(place, self.panel.manager, self.container, tip)
+
+    def kill(self):
+        """Take the widgets away."""
+        for name in (*WIDGETS, "reset") if self.made else ():
+            widget = getattr(self, name, None)
+            if widget is not None:
+                widget.kill()
+        self.made = True  # and nobody makes them again
 
     @property
     def height(self) -> int:
@@ -52,6 +77,10 @@ class Row:
         if self.shown == (value, asset):
             return
         self.shown = value, asset
+        if self.made:
+            self._bring(value, asset)
+
+    def _bring(self, value, asset):
         self.picture.show(self.drawn(value, asset))
         self._offer_reset(value != asset)
         self.place(value)
@@ -114,14 +143,20 @@ class NumberRow(Row):
 
     def __init__(self, panel, knob, container, top, width, turn):
         super().__init__(panel, knob, container, top, width, turn)
-        px, box, y = panel.px, panel.px(58), top + self.line
         self.scale = None
         self.typing = False  # something was typed, and not yet taken
-        self.track = pygame.Rect(0, y + px(2), width - box - px(22) - px(10), px(16))
-        common = dict(manager=panel.manager, container=container)
+        px = panel.px
+        self.track = pygame.Rect(0, top + self.line + px(2), width - px(58) - px(22) - px(10), px(16))
+
+    def _make(self):
+        super()._make()
+        px, knob = self.panel.px, self.knob
+        common = dict(manager=self.panel.manager, container=self.container)
         self.slider = UIHorizontalSlider(self.track, 0.0, (0.0, 1.0), object_id="@slider", **common)
         self.entry = UITextEntryLine(
-            pygame.Rect(self.track.right + px(6), y, box, px(22)), object_id="@panel_entry", **common
+            pygame.Rect(self.track.right + px(6), self.top + self.line, px(58), px(22)),
+            object_id="@panel_entry",
+            **common,
         )
         self.entry.set_text_length_limit(16)
         self.entry.set_tooltip(f"Type a value{f' in {knob.unit}' if knob.unit else ''} and press Enter")
@@ -140,7 +175,7 @@ class NumberRow(Row):
     @property
     def held(self) -> bool:
         """Whether the mouse holds the slider now."""
-        return bool(self.slider.sliding_button is not None and self.slider.sliding_button.held)
+        return self.made and bool(self.slider.sliding_button is not None and self.slider.sliding_button.held)
 
     def drawn(self, value, asset):
         surface, panel = super().drawn(value, asset), self.panel
@@ -158,6 +193,8 @@ class NumberRow(Row):
         return self.track.x + (self.track.width - slider.scrollable_width - slider.sliding_button_width) / 2 + inside
 
     def handle(self, event):
+        if not self.made:
+            return False
         if event.type == UI_HORIZONTAL_SLIDER_MOVED and event.ui_element is self.slider:
             self.turn(self.knob, self.scale.value(self.slider.current_value), not self.held)
             return True
@@ -190,11 +227,11 @@ class NumberRow(Row):
 class SwitchRow(Row):
     """A check box."""
 
-    def __init__(self, panel, knob, container, top, width, turn):
-        super().__init__(panel, knob, container, top, width, turn)
-        side = panel.px(20)
+    def _make(self):
+        super()._make()
+        side = self.panel.px(20)
         self.box = UICheckBox(
-            pygame.Rect(0, top + self.line, side, side), "yes", panel.manager, container=container,
+            pygame.Rect(0, self.top + self.line, side, side), "yes", self.panel.manager, container=self.container,
             object_id="@check",
         )  # fmt: skip
 
@@ -202,6 +239,8 @@ class SwitchRow(Row):
         self.box.set_state(bool(value))
 
     def handle(self, event):
+        if not self.made:
+            return False
         if event.type in (UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED) and event.ui_element is self.box:
             if self.box.is_checked != self.shown[0]:
                 self.turn(self.knob, self.box.is_checked, True)
@@ -214,8 +253,8 @@ class ChoiceRow(Row):
 
     menu: UIDropDownMenu | None
 
-    def __init__(self, panel, knob, container, top, width, turn):
-        super().__init__(panel, knob, container, top, width, turn)
+    def _make(self):
+        super()._make()
         self.menu = None
 
     def place(self, value):
@@ -230,6 +269,8 @@ class ChoiceRow(Row):
         )
 
     def handle(self, event):
+        if not self.made:
+            return False
         if event.type == UI_DROP_DOWN_MENU_CHANGED and event.ui_element is self.menu:
             if event.text != self.shown[0]:
                 self.turn(self.knob, event.text, True)
@@ -237,6 +278,7 @@ class ChoiceRow(Row):
         return super().handle(event)
 
 
+WIDGETS = ("picture", "slider", "entry", "box", "menu")  # of rows of any kind
 ROWS = {NUMBER: NumberRow, WHOLE: NumberRow, SWITCH: SwitchRow, CHOICE: ChoiceRow}
 
 
