@@ -21,6 +21,7 @@ import hashlib
 import itertools
 import os
 import re
+import unicodedata
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -35,6 +36,12 @@ from behaviours.validation import shown, validated
 SCHEMA = "flockbrush.brush/1"
 SUFFIX = ".brush.toml"
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+
+
+def name_like(text: str) -> str:
+    """The name that a brush can have and that is nearest to a text: of "Mähende Schafe 1" "Mahende-Schafe-1"."""
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    return re.sub(r"[^A-Za-z0-9_]+", "-", plain).strip("-_")[:64].rstrip("-_") or "learned"
 
 
 def _printable(text: str) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
+from behaviours.brush import SUFFIX, name_like
 from behaviours.learning.tracks import read_marks, read_tracks
 from behaviours.problems import ProblemsError
 from behaviours.tomlfile import parse_toml, read_bytes
@@ -134,11 +135,11 @@ class Book(Steps):
     def learn_line(self) -> str:
         """The command that learns from this film with all that was marked."""
         marks, words = self.state.marks, ["flockbrush", "learn", str(self.film.path or self.film.name)]
-        words += ["--out", f"{self.stem}.brush.toml"]
+        words += ["--out", name_like(self.stem) + SUFFIX]
         if marks.first is not None or marks.last is not None:
             last = len(self.film) - 1 if marks.last is None else marks.last
             words += ["--frames", f"{marks.first or 0}:{last}"]
-        for landmark in marks.landmarks:
+        for landmark in marks.landmarks if len(marks.landmarks) > 1 else ():  # one alone holds nothing still
             words += ["--landmark", landmark.told]
         if marks.body_colour is not None:
             words += ["--body-colour", ",".join(map(str, marks.body_colour))]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import flockbrush
-from behaviours.brush import NAME, SUFFIX, BodySpec, Brush, Provenance
+from behaviours.brush import NAME, SUFFIX, BodySpec, Brush, Provenance, name_like
 from behaviours.learning.evidence import Evidence
 from behaviours.learning.learned import Learned
 from behaviours.learning.rollout import NAMES
@@ -39,7 +39,8 @@ def name_of(path) -> str:
         raise refused(path, f"a brush is a file NAME{SUFFIX}")
     name = base.removesuffix(SUFFIX)
     if not NAME.fullmatch(name):
-        raise refused(path, f"{name!r} is no name of a brush: letters, digits, - and _, at most 64, a letter first")
+        told = "letters without accents, digits, - and _, at most 64, a letter or digit first"
+        raise refused(path, f"{name!r} is no name of a brush: {told}; try {name_like(name)}{SUFFIX}")
     return name
 
 

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from behaviours.brush import name_like
 from behaviours.learning.camera import Camera
 from behaviours.learning.lift import lift
 from behaviours.learning.tracks import read_marks, read_tracks
@@ -279,6 +280,14 @@ def test_the_line_to_learn_by_says_all_that_was_marked(book):
                  "--body-length-px 14.2", "--obstacles", "--regions"):  # fmt: skip
         assert part in line
     assert line.startswith("flockbrush learn ") and "birds.brush.toml" in line
+
+
+def test_the_line_to_learn_by_is_one_that_learn_takes(book):
+    book.stem = "Mähende Schafe (Übung) 1"
+    book.mark("landmark", "landmarks", 3, landmarks=(Landmark(3, 10, 20, 30, 40),))
+    line = book.learn_line()
+    assert "--out Mahende-Schafe-Ubung-1.brush.toml" in line and "--landmark" not in line  # which takes two
+    assert [name_like(text) for text in ("a", "--x--", "Ω", "a" * 70)] == ["a", "x", "learned", "a" * 64]
 
 
 def test_a_file_that_is_not_ours_is_kept_beside(book, followed_birds):

@@ -173,9 +173,10 @@ def test_a_wrong_option_is_told_before_anything_is_done(cli, films, tmp_path, ar
 
 def test_places_where_nothing_can_be_written_are_told_before_anything_is_done(cli, films, quick, tmp_path):
     clip = films / "one.mp4"
-    for out, words in (("x.toml", ".brush.toml"), ("none/x.brush.toml", "no folder"), ("a b.brush.toml", "no name")):
+    for out, words in (("x.toml", ".brush.toml"), ("none/x.brush.toml", "no folder"), ("a ü.brush.toml", "no name")):
         done = cli("learn", clip, "--out", tmp_path / out)
         assert done.code == 1 and words in done.err, done.err
+    assert "try a-u.brush.toml" in done.err
     (tmp_path / "file").write_text("")
     for report, words in (("file", "needs a folder"), ("none/report", "to make it in")):
         done = cli("learn", clip, "--out", tmp_path / "x.brush.toml", "--report", tmp_path / report)
