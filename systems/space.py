@@ -23,7 +23,7 @@ from engine.parallel import over_rows
 from engine.scratch import Scratch
 from engine.solids import blocks_, no_solids
 from systems.sightline import kernel, step
-from systems.visibility import Lists, _crowded, nobody
+from systems.visibility import Lists, _crowded, by_row, nobody
 
 CHUNK = 1024  # observers to a piece of work
 
@@ -209,7 +209,8 @@ def visible_in_space(space, view_range, cos_half_view, through, radius, solids=N
     first = np.zeros(n + 1, np.int64)
     np.cumsum(count, out=first[1:])
     near, offset = scratch.take("near", (first[-1],), np.int32), scratch.take("offset", (first[-1], 3))
-    over_rows(_by_row, m, space, seen, begin, first, near, offset, chunk=CHUNK)
+    axes = space.x, space.y, space.z
+    over_rows(by_row, m, axes, space.row, space.ghost, seen, begin, first, near, offset, chunk=CHUNK)
     return Lists(first, near, offset)
 
 
@@ -351,18 +352,3 @@ def _hidden(k, nearest, who, ox, oy, oz, d2, rows, radius):
         if along > 0.0 and d2[q] > r2 and d2[q] - along * along / d2[k] < r2:
             return True
     return False
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _by_row(lo, hi, space, seen, begin, first, near, offset):
-    """From lists of slots, by slot, to lists of rows, by row."""
-    for i in range(lo, hi):
-        if space.ghost[i]:
-            continue
-        at, to = begin[i], first[space.row[i]]
-        for k in range(first[space.row[i] + 1] - to):
-            j = seen[at + k]
-            near[to + k] = space.row[j]
-            offset[to + k, 0] = space.x[j] - space.x[i]
-            offset[to + k, 1] = space.y[j] - space.y[i]
-            offset[to + k, 2] = space.z[j] - space.z[i]

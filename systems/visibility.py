@@ -127,7 +127,8 @@ def visible_neighbours(cells, view_range, cos_half_view, edges=None, occlusion=T
     first = np.zeros(n + 1, np.int64)
     np.cumsum(count, out=first[1:])
     near, offset = np.empty(first[-1], np.int32), np.empty((first[-1], 2))
-    over_rows(_by_row, m, cells, seen, begin, first, near, offset, chunk=CHUNK)
+    axes = cells.x, cells.y
+    over_rows(by_row, m, axes, cells.row, cells.ghost, seen, begin, first, near, offset, chunk=CHUNK)
     return Lists(first, near, offset)
 
 
@@ -156,14 +157,14 @@ def _crowded(begin, ghost):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _by_row(lo, hi, cells, seen, begin, first, near, offset):
-    """From lists of slots, by slot, to lists of rows, by row."""
+def by_row(lo, hi, axes, row, ghost, seen, begin, first, near, offset):
+    """From lists of slots, by slot, to lists of rows, by row; ``axes``: places of the slots, two or three (m,)."""
     for i in range(lo, hi):
-        if cells.ghost[i]:
+        if ghost[i]:
             continue
-        at, to = begin[i], first[cells.row[i]]
-        for k in range(first[cells.row[i] + 1] - to):
+        at, to = begin[i], first[row[i]]
+        for k in range(first[row[i] + 1] - to):
             j = seen[at + k]
-            near[to + k] = cells.row[j]
-            offset[to + k, 0] = cells.x[j] - cells.x[i]
-            offset[to + k, 1] = cells.y[j] - cells.y[i]
+            near[to + k] = row[j]
+            for a in range(len(axes)):
+                offset[to + k, a] = axes[a][j] - axes[a][i]

@@ -9,3 +9,21 @@ def at_home(tmp_path, monkeypatch):
     for name in ("FLOCKBRUSH_CONFIG", "FLOCKBRUSH_STATE", "FLOCKBRUSH_CACHE", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
         monkeypatch.setenv(name, str(tmp_path / "user" / name.lower()))
     monkeypatch.delenv("FLOCKBRUSH_SCALE", raising=False)
+
+
+@pytest.fixture
+def shown():
+    """``shown(window)``: the window with its first frame drawn, closed when the test is over."""
+    import pygame
+
+    windows = []
+
+    def show(window):
+        windows.append(window)
+        pygame.event.get()
+        window.frame(1 / 30)
+        return window
+
+    yield show
+    for window in windows:
+        window.close()

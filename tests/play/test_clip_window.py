@@ -78,22 +78,14 @@ def sky_clip(tmp_path_factory):
 
 
 @pytest.fixture
-def open_window(tmp_path):
-    opened = []
-
+def open_window(tmp_path, shown):
     def open_(film, mode="look", load=False, **options):
         book = Book(film, tmp_path / "out")
         if load:
             book.load()
-        window = Hands(book, (900, 640), "light", mode=mode, **options)
-        opened.append(window)
-        pygame.event.get()
-        window.frame(1 / 30)
-        return window
+        return shown(Hands(book, (900, 640), "light", mode=mode, **options))
 
-    yield open_
-    for window in opened:
-        window.close()
+    return open_
 
 
 def true(k):

@@ -46,19 +46,11 @@ class Hands(Marking):
 
 
 @pytest.fixture
-def open_window(tmp_path):
-    opened = []
-
+def open_window(tmp_path, shown):
     def open_(paths, **options):
-        window = Hands(Album(read_frames(paths)), tmp_path / "marks.csv", (900, 640), "light", **options)
-        opened.append(window)
-        pygame.event.get()
-        window.frame(1 / 30)
-        return window
+        return shown(Hands(Album(read_frames(paths)), tmp_path / "marks.csv", (900, 640), "light", **options))
 
-    yield open_
-    for window in opened:
-        window.close()
+    return open_
 
 
 def places(window, k):
