@@ -60,7 +60,7 @@ class Hands(ClipWindow):
             self.post(kind, pos=button.rect.center, button=1)
         self.frame(1 / 30)
 
-    def wait(self, seconds=10):
+    def wait(self, seconds=60):  # by the clock, which others use up too: who hangs is caught all the same
         """Until no work goes on beside the window."""
         end = time.monotonic() + seconds
         while self.jobs and time.monotonic() < end:
