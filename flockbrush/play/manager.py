@@ -59,7 +59,7 @@ class Manager(pygame_gui.UIManager):
 class _Names(list):
     """Names by which an element is looked up; known by which list it is, not by what is in it."""
 
-    __hash__ = object.__hash__
+    __hash__ = object.__hash__  # type: ignore[assignment]
 
 
 class _Theme(UIAppearanceTheme):

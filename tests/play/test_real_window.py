@@ -12,6 +12,10 @@ from pathlib import Path
 import pytest
 from small_pasture import pasture
 
+from behaviours.brush import shipped
+from flockbrush.play import thumbnails
+from flockbrush.play.palette import Thumbnails
+
 HOUSE = Path(__file__).parents[2]
 TILED = shutil.which("tiled")
 MISSING = [tool for tool in ("Xvfb", "xdotool") if shutil.which(tool) is None]
@@ -44,8 +48,12 @@ def display():
 
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory):
-    """Where the playground keeps the pictures of brushes, so that not every window has them made."""
-    return tmp_path_factory.mktemp("pictures")
+    """Where the playground keeps the pictures of brushes; there are some, so that no window has them made."""
+    folder, library = tmp_path_factory.mktemp("pictures"), shipped()
+    for brush in map(library.get, library.names()):
+        path = folder / f"{thumbnails._key(brush, Thumbnails.SIDE, 'light')}.png"
+        thumbnails._keep(path, thumbnails.placeholder(brush, Thumbnails.SIDE))
+    return folder
 
 
 @pytest.fixture
@@ -105,7 +113,7 @@ class Desk:
         while not (found := answer()):
             assert self.child.poll() is None, self.child.communicate()
             assert time.monotonic() < end, why
-            time.sleep(0.05)
+            time.sleep(0.2)  # to ask costs processor time, which the window needs
         return found
 
     def key(self, name):
