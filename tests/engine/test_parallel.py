@@ -72,7 +72,7 @@ def test_quick_work_stays_in_its_thread(monkeypatch):
 
 
 def test_slow_work_is_shared():
-    seen, both = set(), threading.Barrier(2, timeout=20)
+    seen, both = set(), threading.Barrier(2, timeout=120)
 
     def meet(lo, hi):
         if lo and threading.get_ident() not in seen:
@@ -163,7 +163,7 @@ def test_several_herds_at_once_do_not_wait_for_each_other_forever():
         set_threads(3)
         set_threads(2)
     for herd in herds:
-        herd.join(timeout=30)
+        herd.join(timeout=120)
     assert not any(herd.is_alive() for herd in herds)
     assert (outs == outs[0]).all()
 
@@ -198,6 +198,6 @@ if child == 0:
 os._exit(os.waitpid(child, 0)[1])
 """
     done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", program], cwd=Path(__file__).parents[2], timeout=60, check=False
+        [sys.executable, "-W", "ignore", "-c", program], cwd=Path(__file__).parents[2], timeout=240, check=False
     )
     assert done.returncode == 0

@@ -40,7 +40,7 @@ class Hands(LiftWindow):
         self.post(pygame_gui.UI_HORIZONTAL_SLIDER_MOVED, value=way, ui_element=widget)
 
     def until_solved(self):
-        end = time.perf_counter() + 20
+        end = time.perf_counter() + 120
         while (self.solver.busy or self._due < np.inf) and time.perf_counter() < end:
             self.frame(0.05)
 
