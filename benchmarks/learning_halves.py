@@ -20,11 +20,11 @@ from pathlib import Path
 
 import numpy as np
 
-TRIED = "band", "mill", "swarm", "torus", "drifting mill", "topological"  # looked at while the recipe was made
-KEPT = "school", "graze"  # not looked at while it was made; school was, once it had been missed
+CLIPS = "band", "mill", "swarm", "torus", "drifting mill", "topological", "school", "graze"  # all looked at by now
 SHEEP = Path(__file__).resolve().parents[2] / "shared" / "data" / "aerial_sheep" / "sheep_0043.mp4"
 RESULTS = Path(__file__).resolve().parent / "learning_halves.json"
 RUNS, RANDOM = 5, 7
+SEED = 11
 COUNTED = {
     "Within the limits": "within",
     "Nearer to the clip than the median of random numbers": "better than random",
@@ -37,12 +37,12 @@ COUNTED = {
 def add(commands):
     """The command's options."""
     parser = commands.add_parser("halves", help="learn from the first half of clips, and foretell the second")
-    parser.add_argument("--clips", nargs="*", default=[*TRIED, *KEPT, "sheep"], help="models of herd_film, or sheep")
+    parser.add_argument("--clips", nargs="*", default=[*CLIPS, "sheep"], help="models of herd_film, or sheep")
     parser.add_argument("--animals", type=int, default=70)
     parser.add_argument("--seconds", type=float, default=6.0)
     parser.add_argument("--budget", type=float, default=90.0, help="seconds of trials and evolution, as learn counts")
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--seed", type=int, default=11, help="of the herds that are filmed")
+    parser.add_argument("--seed", type=int, default=SEED, help="of the herds that are filmed")
     parser.add_argument("--perfect", action="store_true", help="a perfect observer instead of a film")
     parser.add_argument("--write", action="store_true", help=f"store the results in {RESULTS.name}")
     parser.set_defaults(run=run)
@@ -56,8 +56,9 @@ def run(options):
         if name == "sheep" and not SHEEP.exists():
             print("sheep: no ../shared/data here")
             continue
-        rows[name] = halves_of(name, options)
-        print(f"{name}: {json.dumps(rows[name])}", flush=True)
+        title = name if options.seed == SEED or name == "sheep" else f"{name}, seed {options.seed}"
+        rows[title] = halves_of(name, options)
+        print(f"{title}: {json.dumps(rows[title])}", flush=True)
         if options.write:
             RESULTS.write_text(json.dumps(results | rows, indent=1) + "\n")
     print(table(results | rows if options.write else rows))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from behaviours.brush import shipped
 from flockbrush.draw.style import palette as fallback_colours
 from flockbrush.play.tools import TOOLS
 from flockbrush.play.tools import world as lookup
@@ -150,8 +151,6 @@ class Hand:
     @property
     def library(self):
         """The brushes there are, in the world or on disk."""
-        from behaviours.brush import shipped
-
         return getattr(self.session, "library", None) or shipped()
 
     def world_palette(self):
@@ -159,9 +158,10 @@ class Hand:
         return self.session.simulation.world.resource(Palette)
 
     def brush_names(self):
-        """Names of all brushes one can paint with; those of the level first."""
-        names = [*self.world_palette().names, *self.library.names()]
-        return list(dict.fromkeys(names))
+        """Names of all brushes one can paint with: the designer's own, those of the level, the other shipped ones."""
+        names = list(dict.fromkeys([*self.world_palette().names, *self.library.names()]))
+        usual = set(shipped().names())
+        return sorted(names, key=lambda name: name in usual)
 
     def find_brush(self, name):
         """The brush of this name, or None."""

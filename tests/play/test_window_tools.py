@@ -6,6 +6,7 @@ from small_pasture import pasture
 from window import Window
 
 from behaviours.behaviour import behaviours
+from behaviours.brush import shipped
 from flockbrush.play.tools import TOOLS
 
 
@@ -51,6 +52,13 @@ def test_a_brush_that_the_level_does_not_know_is_brought_along(window):
     window.choose("brush", "lanes")
     window.drag((12, 3), (14, 3))
     assert window.painted((13, 3)) == "lanes"
+
+
+def test_brushes_of_ones_own_come_before_those_that_are_shipped(window):
+    assert window.brush_names()[0] != "zigzag"
+    window.session.save_brush(shipped().get("march").model_copy(update={"name": "zigzag"}))
+    assert window.brush_names() == ["zigzag", *(name for name in window.brush_names() if name != "zigzag")]
+    assert set(shipped().names()) < set(window.brush_names())
 
 
 def test_a_stroke_is_one_step_of_undo(window):
