@@ -26,8 +26,11 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
 
 import numpy as np
+from numba import __version__ as numba_version
 
 from behaviours.brush import BodySpec, SpeedSpec, shipped
 from behaviours.learning.evidence import Evidence
@@ -152,9 +155,19 @@ def _setting(clips, use, beta, speed, body):
     return Setting(clips, seen, held, speed, body, "occlusion" in use, "angular" in use, float(beta), ignore)
 
 
+@cache
+def _version():
+    """What the results of trials hang on besides: the code that herds are run and compared by."""
+    house, digest = Path(__file__).resolve().parents[2], hashlib.sha256(f"{np.__version__} {numba_version}".encode())
+    for room in ("engine", "components", "behaviours", "systems"):
+        for path in sorted((house / room).rglob("*.py")):
+            digest.update(path.read_bytes())
+    return digest.digest()
+
+
 def _signature(clips, given, seed):
     digest = hashlib.sha256(json.dumps([seed, given.speed.model_dump(), given.body.model_dump()]).encode())
-    digest.update(repr((given.occlusion, given.angular, given.beta, given.ignore)).encode())
+    digest.update(repr((given.occlusion, given.angular, given.beta, given.ignore)).encode() + _version())
     for clip in clips:
         for array in (clip.fields.density, clip.fields.velocity, clip.fields.angular_variance):
             digest.update(np.ascontiguousarray(array).tobytes())

@@ -80,6 +80,17 @@ def test_the_same_seed_learns_the_same_and_work_that_was_kept_is_not_done_again(
     assert not again.interrupted and told[-1][0] == told[-1][1]
 
 
+def test_work_of_another_version_is_not_gone_on_with(clip, tmp_path, monkeypatch):
+    """Its trials were judged in another way, and a choice among both would be none."""
+    kept = tmp_path / "work.json"
+    assert learn(clip, seed=1, resume=kept, stop=lambda: kept.exists(), **FEW).interrupted
+    before = kept.read_bytes()
+    monkeypatch.setattr("behaviours.learning.recipe._version", lambda: b"another")
+    with pytest.raises(ProblemsError, match="another version"):
+        learn(clip, seed=1, resume=kept, **FEW)
+    assert kept.read_bytes() == before
+
+
 def test_nothing_to_learn_from_is_said():
     with pytest.raises(ValueError, match="no clip"):
         learn([])
