@@ -19,10 +19,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
+
+Guided = Literal["front", "everyone", "share", "appointed"]  # who follows a guide (`flockbrush.systems.leaders`)
+GUIDED = get_args(Guided)
 
 
 class Parameters(BaseModel):
@@ -31,9 +34,21 @@ class Parameters(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-def quantity(default: float, unit: str, meaning: str, low: float | None = None, high: float | None = None, **more):
-    """A parameter with a unit, bounds and one line of meaning: sliders, brush files and docs come from it."""
-    return Field(default, ge=low, le=high, description=meaning, json_schema_extra={"unit": unit}, **more)
+def quantity(
+    default: float,
+    unit: str,
+    meaning: str,
+    low: float | None = None,
+    high: float | None = None,
+    chance: bool = False,
+    **more,
+):
+    """A parameter with a unit, bounds and one line of meaning: sliders, brush files and docs come from it.
+
+    With ``chance`` it is the strength of noise, and 0 is none: tests of symmetry set it to 0.
+    """
+    extra: dict[str, Any] = {"unit": unit} | ({"chance": True} if chance else {})
+    return Field(default, ge=low, le=high, description=meaning, json_schema_extra=extra, **more)
 
 
 class Scene(NamedTuple):
@@ -68,6 +83,66 @@ class Scene(NamedTuple):
     hidden_points: Any = None  # lists (first, near, offset) by hidden-point removal, if a model present asks for them
     air: Air | None = None  # what flyers perceive; None in a world without any
     formation: Any = None  # what birds in line formation know (`behaviours.models.line_formation.InFormation`)
+    relations: Kinds | None = None  # who fears and hunts whom, by kind of animal
+    noticed: Any = None  # dangers, prey and leaders that animals notice (`flockbrush.systems.noticing.NoticedLists`)
+    bodies: Bodies | None = None  # what drives know of bodies; None where no drive could act
+    by_slot: BySlot | None = None  # the same neighbours for models that say so (`Behaviour.by_slot`)
+
+
+class BySlot(NamedTuple):
+    """Visible neighbours in the order of the cells: whoever is near in the field is near in memory.
+
+    Row i sees ``seen[begin[slot[i]]:][:count[i]]``, slots; their offset is ``(x[j] - x[slot[i]], y[j] - y[slot[i]])``.
+    """
+
+    slot: np.ndarray  # (n,) int32; -1 for who is in the air, and sees nobody here
+    begin: np.ndarray  # (slots,) int64
+    count: np.ndarray  # type: ignore[assignment]  # (n,) int64, by row
+    seen: np.ndarray  # int32 slots
+    x: np.ndarray  # (slots,) m
+    y: np.ndarray
+    fx: np.ndarray  # (slots,) heading
+    fy: np.ndarray
+    species: np.ndarray  # (slots,) int32
+
+
+class Kinds(NamedTuple):
+    """Who fears and hunts whom: ``fears[kind[i], kind[j]]``."""
+
+    kind: np.ndarray  # (n,) int32
+    fears: np.ndarray  # (c, c) bool
+    prey: np.ndarray  # (c, c) bool
+
+
+class Bodies(NamedTuple):
+    """What drives know of the bodies they move, by row."""
+
+    aloft: np.ndarray  # (n,) bool
+    height: np.ndarray  # (n,) m above the ground
+    top: np.ndarray  # (n,) m/s, the fastest the species moves in this medium
+    flee: np.ndarray  # (n,) m/s in full fear
+    acceleration: np.ndarray  # (n,) m/s^2
+    slowest: np.ndarray  # (n,) m/s in the air; 0 on the ground
+    alarm: np.ndarray  # (n,) 0 to 1, what is left of a fright
+    place: np.ndarray  # (n, 3) m, where the danger was last seen
+    cruise: np.ndarray  # (n,) m above the ground where the species flies
+    climb: np.ndarray  # (n,) m/s, the fastest it rises
+    sink: np.ndarray  # (n,) m/s, its top sink rate when it lands
+    walls: np.ndarray  # (k, 4) m, edges of what keeps bodies on the ground out
+    relief: np.ndarray  # (my, mx, 3) heights and slopes (`systems.terrain.relief_of`)
+    relief_cell: float  # m
+    transit: np.ndarray  # (n,) uint8, 1 lands, 2 takes off (`components.agent.Transit`)
+
+
+def kinds_in(scene: Scene) -> Kinds:
+    """Who fears and hunts whom in a scene; without a species table those of another species that are dangerous."""
+    if scene.relations is not None:
+        return scene.relations
+    both = scene.species.astype(np.int64) * 2 + scene.danger
+    names, kind = np.unique(both, return_inverse=True)
+    species, danger = names // 2, (names % 2).astype(bool)
+    fears = danger[None, :] & (species[:, None] != species[None, :])
+    return frozen(Kinds(kind.ravel().astype(np.int32), fears, np.repeat(~danger[None, :], len(names), axis=0)))
 
 
 class Air(NamedTuple):
@@ -88,7 +163,8 @@ class Air(NamedTuple):
     height: np.ndarray  # (n,) m above the ground
     bound: np.ndarray  # (n,) migration: 0 nowhere, 1 a direction, 2 a point
     target: np.ndarray  # (n, 3) the direction, or the offset to the point, m
-    dangers: np.ndarray  # (k,) rows of the animals that others flee from
+    danger_first: np.ndarray  # (n + 1,) dangers that row i notices are danger_offset[first[i]:first[i + 1]]
+    danger_offset: np.ndarray  # (k, 3) m, from the observer
 
 
 def air_of(scene: Scene) -> Air:
@@ -101,9 +177,19 @@ def air_of(scene: Scene) -> Air:
     air = Air(
         scene.first, scene.near, np.column_stack([scene.offset, rise]), up, np.full(n, np.inf), scene.forward,
         np.full(n, np.inf), up, np.full(n, np.inf), np.zeros(n, np.uint8), np.zeros((n, 3)),
-        np.flatnonzero(scene.danger),
+        *_all_dangers(scene),
     )  # fmt: skip
     return frozen(air)
+
+
+def _all_dangers(scene: Scene):
+    """(first, offset) of all that each animal fears, wherever they are."""
+    kinds = kinds_in(scene)
+    feared = kinds.fears[kinds.kind[:, None], kinds.kind[None, :]]
+    observer, who = np.nonzero(feared & ~np.eye(len(scene.ids), dtype=bool))
+    first = np.zeros(len(scene.ids) + 1, np.int64)
+    np.cumsum(np.bincount(observer, minlength=len(scene.ids)), out=first[1:])
+    return first, scene.xyz[who] - scene.xyz[observer]
 
 
 def frozen(columns):
@@ -133,13 +219,13 @@ class Wishes(NamedTuple):
 class Flight(NamedTuple):
     """What air and muscles allow a body; lengths in its own body lengths.  As it stands, everything.
 
-    The geometric flight of Reynolds 1987: see `systems.flight`.
+    The geometric flight of Reynolds 1987: see `flockbrush.systems.flight`.
     """
 
     min_speed: float = 0.0  # BL/s
     max_speed: float = np.inf  # BL/s
     max_acceleration: float = np.inf  # BL/s^2, of what a model wishes
-    damping: float = 0.0  # 1/s, how soon the speed comes back to the bird's own (`Speed.target`)
+    damping: float = 0.0  # 1/s, how soon the speed returns to the bird's own (`Speed.target`)
     weight: float = 0.0  # share of gravity that pulls
     buoyancy: float = 0.0  # share of the weight that the air bears by itself
     lift: float = 0.0  # share of the weight that the wings bear at the bird's own speed; grows with its square
@@ -163,6 +249,8 @@ class Behaviour:
     flight: Callable[[Any], Flight] | None = None  # of its parameters: then its animals move in the air
     formation: bool = False  # its animals have places in a line formation
     explain: Callable[[Scene, int, Any], dict[str, np.ndarray]] | None = None  # the reasons of one animal
+    has: tuple[str, ...] = ()  # names of the drives that the model does by itself
+    by_slot: bool = False  # takes its neighbours from `Scene.by_slot`; then nobody has to make the lists by row
 
 
 _registry: dict[str, Behaviour] = {}
@@ -176,6 +264,8 @@ def behaviour(
     flight: Callable[[Any], Flight] | None = None,
     formation: bool = False,
     explain=None,
+    has: tuple[str, ...] = (),
+    by_slot: bool = False,
 ):
     """Register ``steer(scene, rows, params) -> Wishes`` under a name.
 
@@ -190,20 +280,29 @@ def behaviour(
     formation : bool
         Animals of this model are given places in a line formation (``scene.formation``).
     explain : callable, optional
-        ``explain(scene, row, params) -> {reason: (2,) vector}`` for one animal, for designers who ask why it turned.
-        The vectors add up to one that points where the animal wishes to face; plain numpy is quick enough.
+        ``explain(scene, row, params) -> {reason: vector}`` for one animal, for designers who ask why it turned.
+        The vectors, (2,) or (3,), add up to one that points where the animal wishes to face, or to the velocity that
+        the model says; plain numpy is quick enough.  Without it the reasons are its heading and its model.
+    has : tuple of str
+        Names of the drives (`flockbrush.behaviours.drive`) that the model does itself: act only where a brush asks.
+    by_slot : bool
+        The model takes its neighbours from ``scene.by_slot`` where that is not None.  In a world in which all models
+        do, and no drive could act, ``scene.near``, ``first`` and ``offset`` are not made: they are None then.
 
     Raises
     ------
     ValueError
-        When the name is taken.
+        When the name is taken.  In a notebook or a terminal (module ``__main__``) the new model replaces the old.
     """
 
     def register(steer):
-        if name in _registry:
+        again = steer.__module__ == "__main__"  # a cell of a notebook is run again: its model replaces the old one
+        if name in _registry and not (again and _registry[name].steer.__module__ == "__main__"):
             raise ValueError(f"behaviour {name!r} is already in {_registry[name].steer.__module__}")
         doc = importlib.import_module(steer.__module__).__doc__ or ""
-        _registry[name] = Behaviour(name, steer, Params, doc, danger, hidden_points, flight, formation, explain)
+        _registry[name] = Behaviour(
+            name, steer, Params, doc, danger, hidden_points, flight, formation, explain, has, by_slot
+        )
         return steer
 
     return register
@@ -211,10 +310,10 @@ def behaviour(
 
 @cache
 def _scan() -> None:
-    import behaviours.models as package
+    import flockbrush.behaviours.models as package
 
     for module in sorted(pkgutil.iter_modules(package.__path__), key=lambda m: m.name):
-        importlib.import_module(f"behaviours.models.{module.name}")
+        importlib.import_module(f"flockbrush.behaviours.models.{module.name}")
     for point in sorted(entry_points(group="flockbrush.behaviours"), key=lambda p: p.name):
         point.load()
 

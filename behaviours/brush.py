@@ -15,23 +15,24 @@ Parameters are written flat, under the names the model gives them::
 
 from __future__ import annotations
 
-import datetime
 import functools
 import hashlib
-import itertools
 import os
 import re
 import unicodedata
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, SerializeAsAny, model_validator
-
-from behaviours.brush_writer import brush_to_toml, write_atomically
-from behaviours.problems import Problem, ProblemsError, did_you_mean
-from behaviours.tomlfile import Key, TomlFile, parse_toml, read_bytes
-from behaviours.validation import shown, validated
+from flockbrush.behaviours.brush_tables import Provenance, SpeedSpec, VisionSpec
+from flockbrush.behaviours.brush_writer import brush_to_toml
+from flockbrush.behaviours.spec import Line, Spec, Text, spec_field
+from flockbrush.behaviours.species import BodySpec, SpeciesLibrary, shipped_species
+from flockbrush.behaviours.tomlfile import Key, TomlFile, parse_toml, read_bytes
+from flockbrush.behaviours.validation import shown, validated
+from flockbrush.engine.files import write_bytes
+from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
+from pydantic import BaseModel, Field, PrivateAttr, SerializeAsAny, model_validator
 
 SCHEMA = "flockbrush.brush/1"
 SUFFIX = ".brush.toml"
@@ -44,106 +45,11 @@ def name_like(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]+", "-", plain).strip("-_")[:64].rstrip("-_") or "learned"
 
 
-def _printable(text: str) -> str:
-    if any(not character.isprintable() and character not in "\n\t" for character in text):
-        raise ValueError("must not have control characters")
-    return text
-
-
-def _one_line(text: str) -> str:
-    if "\n" in text or "\t" in text:
-        raise ValueError("must be one line")
-    return _printable(text)
-
-
-Line = Annotated[str, AfterValidator(_one_line), Field(max_length=200)]
-Text = Annotated[str, AfterValidator(_printable), Field(max_length=20_000)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-
-
-class _Spec(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
-
-def _field(default, text: str, unit: str = "", **bounds):
-    return Field(default, description=text, json_schema_extra={"unit": unit} if unit else None, **bounds)
-
-
 class _NoParams(BaseModel):
     """Stands for parameters that could not be read while the rest of the file is checked."""
 
 
-class SpeedSpec(_Spec):
-    """How fast the animals go: an Ornstein-Uhlenbeck process (Gong et al. 2025, eq. 6).
-
-    In body lengths (BL), so that a brush fits animals of all sizes.
-    """
-
-    mean: float = _field(..., "the speed they come back to", "BL/s", ge=0, le=100)
-    deviation: float = _field(
-        0.0,
-        "noise of the speed (v_sigma of eq. 6); speeds spread by deviation / sqrt(2 reversion)",
-        "BL/s",
-        ge=0,
-        le=50,
-    )
-    reversion: float = _field(1.0, "how soon they come back to the mean (theta of eq. 6)", "1/s", gt=0, le=100)
-    by_density: tuple[tuple[Annotated[Finite, Field(ge=0, le=100)], Annotated[Finite, Field(ge=0, le=10)]], ...] = (
-        _field((), "pairs of animals per BL² and the factor of the speed there, linear between", max_length=64)
-    )
-
-    @model_validator(mode="after")
-    def _densities_rise(self):
-        densities = [density for density, _ in self.by_density]
-        if any(after <= before for before, after in itertools.pairwise(densities)):
-            raise ValueError("the densities of by_density must rise from pair to pair")
-        return self
-
-
-class BodySpec(_Spec):
-    """The body of the animals the brush was made for."""
-
-    length: float = _field(1.0, "nose to tail; one body length (BL)", "m", gt=0, le=50)
-    radius: float = _field(0.2, "half the width", "m", gt=0, le=25)
-    contact: Literal["capsule", "disc"] = _field(
-        "capsule", "shape that never overlaps others: the whole body, or a disc of the radius at its centre"
-    )
-
-    @model_validator(mode="after")
-    def _slender(self):
-        if self.radius > self.length / 2:
-            raise ValueError(f"radius must be at most half the length ({self.length / 2:g} m), got {self.radius:g}")
-        return self
-
-
-class VisionSpec(_Spec):
-    """What the animals see."""
-
-    range: float = _field(4.0, "how far they see", "BL", gt=0, le=100)
-    field_of_view: float = _field(360.0, "full angle of view, centred ahead", "degrees", gt=0, le=360)
-    occlusion: bool = _field(True, "whether nearer bodies and obstacles hide those behind")
-
-
-class Provenance(_Spec):
-    """Where the numbers come from, what is known of them and what is not."""
-
-    kind: Literal["published", "hand-set", "searched", "learned"] = _field(..., "how the numbers were found")
-    source: Line = _field(..., "the paper, clip or map of parameters", min_length=1)
-    date: datetime.date = _field(..., "when the brush was made")
-    by: Line = _field(..., "who or what tool made it", min_length=1)
-    notes: Text = _field("", "how the numbers were found, and what is not known")
-    seed: int | None = _field(None, "seed of the search or the learning", ge=0, le=2**63 - 1)
-    clip: Line | None = _field(None, "the clip learned from")
-    frames: tuple[int, int] | None = _field(None, "first and last frame learned from")
-    clip_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = _field(
-        None, "SHA-256 of the clip", examples=["64 of 0-9 and a-f"]
-    )
-    licence: Line | None = _field(None, "licence of the clip or the numbers")
-    versions: dict[Line, Line] = _field({}, "versions of the tools", max_length=100)
-    report: dict[Line, Finite] = _field({}, "measured figures: losses, held-out errors, bands", max_length=1000)
-
-
-class Brush(_Spec):
+class Brush(Spec):
     """A model of behaviour with its parameters, ready to paint with.
 
     Two brushes are equal when they say the same, however their files are laid out.
@@ -159,29 +65,52 @@ class Brush(_Spec):
     >>> slower = march.model_copy(update={"speed": SpeedSpec(mean=2)})
     """
 
-    name: Annotated[str, Field(pattern=f"^{NAME.pattern}$")] = _field(..., "the file's name without .brush.toml")
-    title: Line = _field("", "the name for people")
-    description: Text = _field("", "what the animals do")
-    model: Line = _field(..., "the model of behaviour")
-    colour: Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$")] = _field(
+    name: Annotated[str, Field(pattern=f"^{NAME.pattern}$")] = spec_field(..., "the file's name without .brush.toml")
+    title: Line = spec_field("", "the name for people")
+    description: Text = spec_field("", "what the animals do")
+    model: Line = spec_field(..., "the model of behaviour")
+    colour: Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$")] = spec_field(
         "#808080", "colour of the painted ground, #rrggbb", examples=["#c9a24b"]
     )
-    transition: float = _field(0.5, "time in which an animal blends into this brush", "s", ge=0, le=60)
-    params: SerializeAsAny[BaseModel] = _field(..., "the parameters of the model")
-    speed: SpeedSpec = _field(..., "how fast")
-    body: BodySpec = _field(BodySpec(), "the animals it was made for")
-    vision: VisionSpec = _field(VisionSpec(), "what they see")
-    provenance: Provenance = _field(..., "where the numbers come from")
+    transition: float = spec_field(0.5, "time in which an animal blends into this brush", "s", ge=0, le=60)
+    params: SerializeAsAny[BaseModel] = spec_field(..., "the parameters of the model")
+    speed: SpeedSpec = spec_field(..., "how fast")
+    made_for: tuple[Annotated[str, Field(pattern=f"^{NAME.pattern}$")], ...] = spec_field(
+        (), "species or tags that paint of it binds; the first species lends its body; empty: all", max_length=64
+    )
+    body: BodySpec = spec_field(BodySpec(), "a body of its own, instead of the species'")
+    vision: VisionSpec = spec_field(VisionSpec(), "what they see")
+    drives: dict[str, SerializeAsAny[BaseModel]] = spec_field({}, "what acts on top, in order of priority")
+    provenance: Provenance = spec_field(..., "where the numbers come from")
     _source: bytes | None = PrivateAttr(None)
 
     @model_validator(mode="before")
     @classmethod
     def _from_parameters(cls, data: Any):
-        if not isinstance(data, dict) or "parameters" not in data:
+        if not isinstance(data, dict):
             return data
         data = dict(data)
-        parameters = data.pop("parameters")
-        return {**data, "params": _params_of(str(data.get("model"))).model_validate(parameters, strict=True)}
+        if "parameters" in data:
+            params = _params_of(str(data.get("model")))
+            data["params"] = params.model_validate(data.pop("parameters"), strict=True)
+        if "body" not in data:
+            data["body"] = usual_body(data.get("made_for") or ())
+        told = data.get("drives") or {}
+        if isinstance(told, dict):
+            known = _drives()
+            data["drives"] = {name: known[name].Params.model_validate(table, strict=True)
+                              if isinstance(table, dict) and name in known else table
+                              for name, table in told.items()}  # fmt: skip
+        return data
+
+    @property
+    def has_own_body(self) -> bool:
+        """Whether its body is its own, and stands for that of the species it moves."""
+        return self.body != usual_body(self.made_for)
+
+    def is_made_for(self, species: str, tags: Iterable[str] = ()) -> bool:
+        """Whether paint of it binds a species."""
+        return not self.made_for or not {species, *tags}.isdisjoint(self.made_for)
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -224,6 +153,10 @@ class Brush(_Spec):
             copy._source = None  # the file says something else
         return copy
 
+    def __repr__(self):
+        title = f' "{self.title}"' if self.title else ""
+        return f"<Brush {self.name}{title}: {self.model}, {self.speed.mean:g} BL/s, {self.provenance.kind}>"
+
     def __eq__(self, other):
         return isinstance(other, Brush) and self.__dict__ == other.__dict__
 
@@ -231,8 +164,36 @@ class Brush(_Spec):
         return hash((self.name, self.model, self.colour))
 
 
+def usual_body(made_for: Iterable[str]) -> BodySpec:
+    """The body of the first shipped species that is named, or one metre of anything."""
+    for name in made_for if isinstance(made_for, (list, tuple)) else ():
+        species = shipped_species().find(name) if isinstance(name, str) else None
+        if species is not None:
+            return species.body
+    return BodySpec()
+
+
+def flies_free(brush: Brush) -> bool:
+    """Whether a brush moves its animals through the air, and not along the ground."""
+    model = _models()[brush.model]
+    return model.flight is not None and not model.flight(brush.params).grounded
+
+
+def can_move(species: Any, brush: Brush) -> bool:
+    """Whether a species can move as a brush does; None, a mere name, can do anything."""
+    if species is None:
+        return True
+    return species.can("fly") if flies_free(brush) else species.can("walk") or species.can("swim")
+
+
+def _drives() -> Mapping[str, Any]:
+    from flockbrush.behaviours.drive import drives  # here: finding the drives imports them all
+
+    return drives()
+
+
 def _models() -> Mapping[str, Any]:
-    from behaviours.behaviour import behaviours  # here: finding the models imports them all
+    from flockbrush.behaviours.behaviour import behaviours  # here: finding the models imports them all
 
     return behaviours()
 
@@ -283,7 +244,11 @@ def _read(toml: TomlFile, models: Mapping[str, Any]) -> Brush:
     document["params"], mistakes = _read_parameters(document, models)
     if "params" in toml.data:
         mistakes.append((("params",), "unknown name"))
+    document["drives"], more = _read_drives(document.get("drives", {}))
+    mistakes += more
+    made = document.pop("drives")  # objects already, which `validated` would take for tables
     brush, more = validated(Brush, document)
+    brush = brush.model_copy(update={"drives": made}) if brush is not None else None
     for path, message in mistakes + more:
         problems.append(toml.problem(path, _belongs(path, message, models, document)))
     if brush is None or problems:
@@ -327,6 +292,23 @@ def _read_parameters(document: dict, models: Mapping[str, Any]) -> tuple[BaseMod
     return params or _NoParams(), [
         (path, _grouped(path, message, models[model], written)) for path, message in mistakes
     ]
+
+
+def _read_drives(written: Any) -> tuple[dict[str, BaseModel], list[tuple[Key, str]]]:
+    """The parameters of each drive, in the order of the file, and what is wrong with them."""
+    if not isinstance(written, dict):
+        return {}, [(("drives",), f"must be tables, [drives.NAME], got {shown(written)}")]
+    known, made = _drives(), {}
+    mistakes: list[tuple[Key, str]] = []
+    for name, table in written.items():
+        if name not in known:
+            mistakes.append((("drives", name), f"there is no drive {shown(name)}{did_you_mean(name, known)}"))
+        elif not isinstance(table, dict):
+            mistakes.append((("drives", name), f"must be a table, got {shown(table)}"))
+        else:
+            made[name], more = validated(known[name].Params, table, ("drives", name))
+            mistakes += more
+    return {name: params for name, params in made.items() if params is not None}, mistakes
 
 
 def _grouped(path: Key, message: str, model: Any, written: dict) -> str:
@@ -373,6 +355,8 @@ class BrushLibrary:
         Brush files by name or path, before all folders: those a recording has embedded.
     models : mapping of str to Behaviour, optional
         The models there are; by default those installed.
+    species : SpeciesLibrary, optional
+        Where the species of a level with these brushes are; by default the shipped ones.
 
     Raises
     ------
@@ -385,7 +369,9 @@ class BrushLibrary:
         folders: Iterable[str | os.PathLike] = (),
         files: Mapping[str, bytes] | None = None,
         models: Mapping[str, Any] | None = None,
+        species: SpeciesLibrary | None = None,
     ):
+        self.species = species
         self.folders = [Path(folder) for folder in folders]
         missing = [Problem(str(folder), None, None, "there is no such folder") for folder in self.folders]
         missing = [problem for problem, folder in zip(missing, self.folders, strict=True) if not folder.is_dir()]
@@ -462,7 +448,7 @@ def _safe(name: str) -> str:
     if isinstance(name, str) and NAME.fullmatch(name):
         return name
     hint = "; leave out '.brush.toml'" if isinstance(name, str) and NAME.fullmatch(name.removesuffix(SUFFIX)) else ""
-    message = f"{shown(name)} is no name of a brush: letters, digits, - and _, at most 64{hint}"
+    message = f"invalid brush name {shown(name)}: letters, digits, - and _, at most 64{hint}"
     raise ProblemsError([Problem("brush", None, None, message)])
 
 
@@ -493,4 +479,4 @@ def save_brush(brush: Brush, folder: str | os.PathLike, overwrite: bool = False)
     ProblemsError
         When the file is there already, or cannot be written.
     """
-    return write_atomically(Path(folder) / (_safe(brush.name) + SUFFIX), brush_to_toml(brush).encode(), overwrite)
+    return write_bytes(Path(folder) / (_safe(brush.name) + SUFFIX), brush_to_toml(brush).encode(), overwrite)

@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import collections
-import contextlib
 import datetime
-import os
 import re
-import tempfile
 import textwrap
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flockbrush.behaviours.validation import meaning
 from pydantic import BaseModel
 
-from behaviours.problems import Problem, ProblemsError
-from behaviours.validation import meaning
-
 if TYPE_CHECKING:
-    from behaviours.brush import Brush
+    from flockbrush.behaviours.brush import Brush
 
 WIDTH = 100  # characters a line of text
 
@@ -39,14 +33,17 @@ def brush_to_toml(brush: Brush) -> str:
         TOML; `load_brush` makes an equal brush of it.
     """
     top = {name: getattr(brush, name) for name in ("title", "description", "model", "colour", "transition")}
+    if brush.made_for:
+        top["made_for"] = brush.made_for
     parts = [
         "# BL: body lengths.  Numbers may be changed; the comments say what each does.",
         'schema = "flockbrush.brush/1"',
         *_lines(type(brush), top),
         *_table("parameters", brush.params),
         *_table("speed", brush.speed),
-        *_table("body", brush.body),
+        *(_table("body", brush.body) if brush.has_own_body or not brush.made_for else ()),
         *_table("vision", brush.vision),
+        *(line for name, params in brush.drives.items() for line in _table(f"drives.{name}", params)),
         *_table("provenance", brush.provenance),
     ]
     return "\n".join(parts) + "\n"
@@ -126,70 +123,3 @@ def _escaped(text: str, quote: bool = False) -> str:
 def _code(character: str) -> str:
     code = ord(character)
     return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
-
-
-def write_atomically(path: str | os.PathLike, data: bytes, overwrite: bool = False) -> Path:
-    """Write a whole file or nothing: to a file beside it, to the disk, then under its name.
-
-    Parameters
-    ----------
-    path : path
-        In a folder that is there.
-    data : bytes
-    overwrite : bool
-        Replace a file that is there.
-
-    Raises
-    ------
-    ProblemsError
-        When the file is there already, or cannot be written.
-    """
-    path = Path(path)
-    try:
-        _write(path, data, overwrite)
-    except FileExistsError:
-        message = "is there already; choose another name, or ask for it to be overwritten"
-        raise ProblemsError([Problem(str(path), None, None, message)]) from None
-    except OSError as error:
-        raise ProblemsError([Problem(str(path), None, None, f"cannot be written: {error.strerror}")]) from None
-    return path
-
-
-def _write(path: Path, data: bytes, overwrite: bool):
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)
-        if overwrite:
-            os.replace(temporary, path)
-        else:
-            _claim(temporary, path)
-    finally:
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(temporary)
-    _sync_folder(path.parent)
-
-
-def _claim(temporary: str, path: Path):
-    """Put a file under a name that must be free."""
-    try:
-        os.link(temporary, path)  # fails when the name is taken, also by somebody just now
-    except FileExistsError:
-        raise
-    except OSError:  # a disk without hard links
-        if path.exists():
-            raise FileExistsError(str(path)) from None
-        os.replace(temporary, path)
-
-
-def _sync_folder(folder: Path):
-    """The new name, too, is on the disk (folders cannot be opened everywhere)."""
-    with contextlib.suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)

@@ -10,10 +10,8 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from behaviours.problems import Problem, ProblemsError
-
-LIMIT = 1 << 20  # bytes: a brush is a page of text
-DEPTH = 32  # parts of a key's path; far deeper, tomllib takes quadratic time and runs out of stack
+from flockbrush.engine import limits
+from flockbrush.engine.problems import Problem, ProblemsError
 
 Key = tuple[str | int, ...]
 
@@ -62,7 +60,7 @@ def _shortened(text: str, most: int = 60) -> str:
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
-def read_bytes(path: str | os.PathLike, limit: int = LIMIT) -> bytes:
+def read_bytes(path: str | os.PathLike, limit: int = limits.TOML_BYTES) -> bytes:
     """The bytes of a plain file of at most ``limit`` bytes.
 
     Raises
@@ -70,29 +68,44 @@ def read_bytes(path: str | os.PathLike, limit: int = LIMIT) -> bytes:
     ProblemsError
         When there is no such file, or it is a directory, a device, too large or may not be read.
     """
-    path = Path(path)
+    check_plain(path, limit)
     try:
-        refusal = _refusal(path)
-        if refusal is None:
-            with open(path, "rb") as file:
-                data = file.read(limit + 1)
-            if len(data) <= limit:
-                return data
-            refusal = f"is larger than {limit:,} bytes; this is no file of ours"
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        refusal = f"cannot be read: {getattr(error, 'strerror', None) or error}"
+        with open(path, "rb") as file:
+            data = file.read(limit + 1)
+    except OSError as error:
+        refusal = f"cannot be read: {error.strerror or error}"
+    else:
+        if len(data) <= limit:
+            return data
+        refusal = _too_large(limit)
     raise ProblemsError([Problem(str(path), None, None, refusal)])
 
 
-def _refusal(path: Path) -> str | None:
+def check_plain(path: str | os.PathLike, limit: int):
+    """ProblemsError unless this is a plain file of at most ``limit`` bytes."""
+    try:
+        refusal = _refusal(Path(path), limit)
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        refusal = f"cannot be read: {getattr(error, 'strerror', None) or error}"
+    if refusal:
+        raise ProblemsError([Problem(str(path), None, None, refusal)])
+
+
+def _refusal(path: Path, limit: int) -> str | None:
     if not path.exists():
         return "there is no such file"
     if path.is_dir():
         return "is a folder, not a file"
-    return None if path.is_file() else "is not a plain file"  # a pipe would wait for ever
+    if not path.is_file():
+        return "is not a plain file"  # a pipe would wait for ever
+    return _too_large(limit) if path.stat().st_size > limit else None
 
 
-def parse_toml(data: bytes, name: str) -> TomlFile:
+def _too_large(limit):
+    return f"is larger than {limit:,} bytes; this is no file of ours"
+
+
+def parse_toml(data: bytes, name: str, limit: int = limits.TOML_BYTES) -> TomlFile:
     """Read TOML 1.0.
 
     A byte-order mark before UTF-8 is forgiven (Windows editors write one).
@@ -100,7 +113,7 @@ def parse_toml(data: bytes, name: str) -> TomlFile:
     Parameters
     ----------
     data : bytes
-        At most `LIMIT` bytes.
+        At most ``limit`` bytes.
     name : str
         The file's name for messages.
 
@@ -109,8 +122,8 @@ def parse_toml(data: bytes, name: str) -> TomlFile:
     ProblemsError
         With the line of the mistake.
     """
-    if len(data) > LIMIT:
-        raise ProblemsError([Problem(name, None, None, f"is larger than {LIMIT:,} bytes; this is no file of ours")])
+    if len(data) > limit:
+        raise ProblemsError([Problem(name, None, None, _too_large(limit))])
     text = _text(data, name)
     lines = _Scanner(text, name).lines()
     try:
@@ -218,7 +231,7 @@ class _Scanner:
         parts: list[str] = []
         while True:
             self.skip(_SPACE)
-            if len(parts) >= DEPTH:
+            if len(parts) >= limits.TOML_DEPTH:
                 self.too_deep()
             parts.append(_unquoted(self.take(_KEY)))
             self.skip(_SPACE)
@@ -227,7 +240,7 @@ class _Scanner:
             self.at += 1
 
     def value(self, key: Key, depth: int):
-        if depth > DEPTH:
+        if depth > limits.TOML_DEPTH:
             self.too_deep()
         first = self.text[self.at : self.at + 1]
         if first == "[":
@@ -255,7 +268,7 @@ class _Scanner:
         self.value(key, depth)
 
     def note(self, key: Key, position: int):
-        if len(key) > DEPTH:
+        if len(key) > limits.TOML_DEPTH:
             self.too_deep()
         self.found.setdefault(key, bisect.bisect_left(self.ends, position) + 1)
 
@@ -278,7 +291,7 @@ class _Scanner:
 
     def too_deep(self):
         line = bisect.bisect_left(self.ends, self.at) + 1
-        raise ProblemsError([Problem(self.name, line, None, f"is nested more than {DEPTH} deep")])
+        raise ProblemsError([Problem(self.name, line, None, f"is nested more than {limits.TOML_DEPTH} deep")])
 
 
 def _unquoted(key: str) -> str:

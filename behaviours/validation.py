@@ -5,13 +5,12 @@ from __future__ import annotations
 import datetime
 import math
 import re
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, get_origin
 
+from flockbrush.engine.problems import did_you_mean
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
-
-from behaviours.problems import did_you_mean
 
 LARGEST = 2**63 - 1  # TOML promises no larger whole number
 
@@ -116,6 +115,12 @@ def _known(model: type[BaseModel], data: dict, where: Key) -> tuple[dict, list[M
         inner = _table_of(field)
         if field is None:
             mistakes.append((where + (name,), f"unknown name{did_you_mean(name, model.model_fields)}"))
+        elif inner and isinstance(value, dict) and _is_open(field):
+            kept[name] = dict(value)
+            for key, table in value.items():
+                if isinstance(table, dict):
+                    kept[name][key], more = _known(inner, table, where + (name, key))
+                    mistakes += more
         elif inner and isinstance(value, dict):
             kept[name], more = _known(inner, value, where + (name,))
             mistakes += more
@@ -132,6 +137,11 @@ def _table_of(field: FieldInfo | None) -> type[BaseModel] | None:
         if isinstance(kind, type) and issubclass(kind, BaseModel):
             return kind
     return None
+
+
+def _is_open(field: FieldInfo) -> bool:
+    """Whether a field holds tables under names of the writer's own."""
+    return get_origin(field.annotation) is dict
 
 
 def _unfit(value: Any, where: Key) -> list[Mistake]:
@@ -153,11 +163,15 @@ def _tuples(value: Any) -> Any:
 def _field_at(model: type[BaseModel], path: Key) -> FieldInfo | None:
     field: FieldInfo | None = None
     table: type[BaseModel] | None = model
+    named = False  # the part is a name of the writer's own
     for part in path:
+        if named:
+            named = False
+            continue
         if table is None or part not in table.model_fields:
             return None
         field = table.model_fields[str(part)]
-        table = _table_of(field)
+        table, named = _table_of(field), _is_open(field)
     return field
 
 

@@ -30,14 +30,13 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
+from flockbrush.components import Heading, Position
+from flockbrush.engine import parallel
+from flockbrush.systems.commands import Migrate
+from flockbrush.systems.measures import compute_largest_part, compute_polarization
+from flockbrush.systems.senses import SightInSpace
 from perception import machine
 from small_herd import boids, box, brush, meadow, obstacle, put_aloft, room_in_the_air
-
-from components import Heading, Position
-from engine import parallel
-from systems.commands import Migrate
-from systems.measures import compute_largest_part, compute_polarization
-from systems.senses import SightInSpace
 
 HERE = Path(__file__).resolve().parent
 FLAGS = ("-O3", "-march=native", "-ffast-math", "-fopenmp", "-std=c++17")

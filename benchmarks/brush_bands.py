@@ -28,12 +28,11 @@ import time
 from pathlib import Path
 
 import numpy as np
-
-from behaviours import brush as brushes
-from behaviours.brush import shipped
-from components import Body, BrushBinding, Heading, Position, Speed, Velocity
-from levels.build import plane
-from systems.measures import (
+from flockbrush.behaviours import brush as brushes
+from flockbrush.behaviours.brush import shipped
+from flockbrush.components import Body, BrushBinding, Heading, Position, Speed, Velocity
+from flockbrush.levels.build import plane
+from flockbrush.systems.measures import (
     compute_aspect_ratio,
     compute_largest_part,
     compute_milling,
@@ -43,7 +42,7 @@ from systems.measures import (
     compute_speed,
     compute_turning_angle,
 )
-from systems.palette import Palette
+from flockbrush.systems.palette import Palette
 
 BANDS = Path(brushes.__file__).parent / "brushes" / "bands.json"
 RATE = 32  # ticks a second

@@ -21,8 +21,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from flockbrush.draw.herd import Herd
-from flockbrush.draw.painter import Painter
+from flockbrush.render.drawn_herd import DrawnHerd
+from flockbrush.render.painter import Painter
 
 SIZE = (1280, 720)
 AREA = 4.0  # square metres per animal
@@ -34,7 +34,7 @@ def scene(count, rng):
     height = np.sqrt(count * AREA * SIZE[1] / SIZE[0])
     level = SimpleNamespace(name="bench", width=height * SIZE[0] / SIZE[1], height=height)
     turn = rng.uniform(0, 2 * np.pi, count)
-    herd = Herd(
+    herd = DrawnHerd(
         xy=rng.uniform(0, 1, (count, 2)) * (level.width, level.height),
         forward=np.stack([np.cos(turn), np.sin(turn)], axis=1),
         length=LENGTH,
@@ -70,7 +70,7 @@ def ours(level, herd, frames):
     out = painter.ground.copy()
 
     def animals(k):
-        from flockbrush.draw.herd import checked
+        from flockbrush.render.drawn_herd import checked
 
         ready = checked(moved(herd, k))
         stamps = painter._stamps_of(ready)
@@ -128,10 +128,10 @@ def lines(level, herd, frames):
 
 def window(count, frames, name="gorge"):
     """{what: (median, least)} in milliseconds of what a window draws besides the animals."""
-    from flockbrush.draw import Scenery
-    from flockbrush.draw.overlays import OVERLAYS, Overlays
-    from flockbrush.moments import moment_of
-    from flockbrush.run import start
+    from flockbrush.render import Scenery
+    from flockbrush.render.overlays import OVERLAYS, Overlays
+    from flockbrush.runs.run import start
+    from flockbrush.runs.snapshots import moment_of
 
     simulation = start(name, agents=count)
     simulation.run(32)

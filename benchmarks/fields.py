@@ -24,8 +24,9 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 import cv2  # noqa: E402
 from herd_film import Camera, herd, shoot  # noqa: E402
 
-from behaviours.learning import clip, flow, masks, observe, sightings, stabilise  # noqa: E402
-from behaviours.learning import fields as cells  # noqa: E402
+from flockbrush.film import clip_fields as cells  # noqa: E402
+from flockbrush.film import clip_reader as clip  # noqa: E402
+from flockbrush.film import flow, masks, observe, sightings, stabilise  # noqa: E402
 
 PARTS = {  # name: where the work is done
     "decode": [(clip, "_look_through")],

@@ -15,10 +15,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from example_formations import movie, places
-
-from behaviours.formation.extraction import extract_frame
-from behaviours.formation.flight import SteadyFlight
-from behaviours.formation.keys import NoShape, solve_levenberg_marquardt
+from flockbrush.behaviours.formation.extraction import extract_frame
+from flockbrush.behaviours.formation.key_shapes import NoShape, solve_levenberg_marquardt
+from flockbrush.behaviours.formation.steady_flight import SteadyFlight
 
 KINDS = "V", "U", "J", "line"
 

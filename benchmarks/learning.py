@@ -3,6 +3,8 @@
     python benchmarks/learning.py step [--animals 500 1000 1500] [--rounds 20]
     python benchmarks/learning.py truth [--quick] [--write]     known truths (learning_truth.py)
     python benchmarks/learning.py halves [--clips ...] [--write]  held-out halves of clips (learning_halves.py)
+    python benchmarks/learning.py calibration [--count 60] [--write]  is the verdict right? (learning_calibration.py)
+    python benchmarks/learning.py tracks --data DIR [--write]   tracks of real animals (learning_tracks.py)
     python benchmarks/learning.py positions [--animals 200] [--starts 5] [--noise DEGREES BODYLENGTHS]
 
 ``step``: one step of optimisation, that is who sees whom, the turns of all animals and their slopes, in milliseconds:
@@ -28,10 +30,11 @@ import numpy as np
 
 sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parent.parent)]
 
+import learning_calibration  # noqa: E402
 import learning_halves  # noqa: E402
+import learning_tracks  # noqa: E402
 import learning_truth  # noqa: E402
-
-from behaviours.brush import BodySpec, SpeedSpec, VisionSpec  # noqa: E402
+from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec  # noqa: E402
 
 TRUTHS = {  # weight, radial, angular of avoidance, cohesion, alignment; speed and its deviation, BL/s
     "march": ((0.742, 0.526, 1, 0.505, 1, 0.965, 0.499, 1, 1), 4.0, 0.2),
@@ -52,7 +55,7 @@ def step(args):
     """Rows of animals, neighbours, and milliseconds by each way."""
     import torch
 
-    from behaviours.learning.torch_herd import threads
+    from flockbrush.learning.torch_herd import threads
 
     with threads(args.threads):
         rows = [_step_of(count, args.rounds) for count in args.animals]
@@ -61,10 +64,10 @@ def step(args):
 
 
 def _step_of(count, rounds, density=0.7):
-    from behaviours.learning.perceive import perceive
-    from behaviours.learning.torch_herd import headings, sight_of, theta_tensor
-    from behaviours.learning.torch_losses import aims, error_mean, error_var
-    from behaviours.learning.turns import Turns, predicted
+    from flockbrush.learning.perceive import perceive
+    from flockbrush.learning.torch_herd import headings, sight_of, theta_tensor
+    from flockbrush.learning.torch_losses import aims, error_mean, error_var
+    from flockbrush.learning.turns import Turns, predicted
 
     xy, forward, fields = _herd(count, density)
     theta, body, vision = np.full(12, 0.5), BodySpec(), VisionSpec()
@@ -94,7 +97,7 @@ def _step_of(count, rounds, density=0.7):
 
 def _herd(count, density):
     """Animals on a jittered lattice, each its own way; and the fields of one frame of them."""
-    from behaviours.learning.evidence import Fields
+    from flockbrush.film.observations import Fields
 
     rng = np.random.default_rng(count)
     side = int(np.ceil(count**0.5))
@@ -135,8 +138,8 @@ def positions(args):
 
 
 def _found(name, args):
-    from behaviours.learning.rollout import BODY, DT
-    from behaviours.learning.turns import best_fit, turns_of
+    from flockbrush.learning.rollout import BODY, DT
+    from flockbrush.learning.turns import best_fit, turns_of
 
     evidence, truth = _evidence(name, args)
     turns = turns_of(evidence, BODIES.get(name, BODY), span=args.span or DT)
@@ -154,7 +157,7 @@ def _found(name, args):
 
 def _evidence(name, args):
     """What a perfect observer sees of a truth, or one who errs; and its twelve numbers."""
-    from behaviours.learning.rollout import BODY, Start, params_of, rollout
+    from flockbrush.learning.rollout import BODY, HerdStart, params_of, rollout
     from tests.herd_film import Truth, evidence_of_truth
 
     nine, mean, deviation = TRUTHS[name]
@@ -163,7 +166,7 @@ def _evidence(name, args):
     spacing = (1 / 0.15) ** 0.5 if name == "graze" else (1 / 0.7) ** 0.5
     xy = np.argwhere(np.ones((side, side)))[: args.animals] * spacing + rng.uniform(-0.3, 0.3, (args.animals, 2))
     angle = rng.uniform(-np.pi, np.pi, args.animals) * (0.1 if name == "column" else 1.0)
-    start = Start(xy, np.column_stack([np.cos(angle), np.sin(angle)]))
+    start = HerdStart(xy, np.column_stack([np.cos(angle), np.sin(angle)]))
     whole = rollout(
         start,
         params_of(truth),
@@ -216,6 +219,8 @@ def main(argv=None):
     two.set_defaults(run=positions)
     learning_truth.add(parts)
     learning_halves.add(parts)
+    learning_calibration.add(parts)
+    learning_tracks.add(parts)
     args = parser.parse_args(argv)
     rows = args.run(args)
     if args.json:

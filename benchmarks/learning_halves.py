@@ -6,7 +6,7 @@ Clips: herds by models of the literature that are not ours (``tests/herd_film.py
 turns and zooms, and seen by ``observe``; and the real sheep where ``../shared/data`` is.  A herd with what was learned
 begins as the second half does.  Its polarization and milling (means over the half and five runs) are to be the clip's
 within two of the clip's own standard deviations or .05, whichever is larger; and its distance to the clip over all
-measures (``behaviours.learning.scores``), a mean over as many runs for all, is set beside those of random parameters
+measures (``flockbrush.learning.scores``), a mean over as many runs for all, is set beside those of random parameters
 and of every shipped brush chosen blindly: as it is shipped, and, harder to beat, with the speeds and bodies that were
 learned from the clip, so that only the way of turning differs.
 """
@@ -67,7 +67,7 @@ def run(options):
 
 def evidence_of_clip(name, options, folder):
     """What is seen of a clip."""
-    from behaviours.learning.observe import observe
+    from flockbrush.film.observe import observe
     from tests.herd_film import Camera, evidence_of_truth, herd, shoot
 
     if name == "sheep":
@@ -85,10 +85,11 @@ def evidence_of_clip(name, options, folder):
 
 def halves_of(name, options):
     """The figures of one clip."""
-    from behaviours.brush import shipped
-    from behaviours.learning.evidence import halves
-    from behaviours.learning.recipe import learn
-    from behaviours.learning.rollout import params_of
+    from flockbrush.behaviours.brush import shipped
+
+    from flockbrush.film.observations import halves
+    from flockbrush.learning.recipe import learn
+    from flockbrush.learning.rollout import params_of
 
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
@@ -122,13 +123,14 @@ def halves_of(name, options):
 
 def judged(clip, params, speed, body, vision, runs=RUNS):
     """How near herds with these numbers come to a clip, begun as it begins."""
-    from behaviours.brush import VisionSpec
-    from behaviours.learning.rollout import theta_of
-    from behaviours.learning.scores import Target, distance, measures_of, total, view_of_run
-    from behaviours.learning.trials import simulate
+    from flockbrush.behaviours.brush import VisionSpec
+
+    from flockbrush.learning.rollout import theta_of
+    from flockbrush.learning.scores import ClipTarget, distance, measures_of, total, view_of_run
+    from flockbrush.learning.trials import simulate
 
     extras = {k: v for k, v in params.model_dump().items() if not k.endswith(("_weight", "_radial", "_angular"))}
-    target = Target.of(clip)
+    target = ClipTarget.of(clip)
     vision = VisionSpec() if vision is None else vision
     seen, parts = [], []
     for seed in range(runs):

@@ -71,16 +71,19 @@ class Case:
 
 def case_of(name, animals, seed=1):
     """A herd that has lived for some seconds, filmed, and then lives on."""
-    from behaviours.brush import shipped
-    from behaviours.learning.rollout import Start, rollout
-    from components import Heading, Position, Speed
-    from levels.build import plane
+    from flockbrush.behaviours.brush import shipped
+    from flockbrush.components import Heading, Position, Speed
+    from flockbrush.levels.build import plane
+
+    from flockbrush.learning.rollout import HerdStart, rollout
 
     brush, (start, heading, warm) = shipped().get(name), TRUTHS[name]
     simulation = plane(brush, animals, 0.6, start, seed, heading)
     simulation.run(round(warm * 32))
     agents = simulation.agents
-    begin = Start(agents[Position.xyz][:, :2].copy(), agents[Heading.forward][:, :2].copy(), agents[Speed.drawn].copy())
+    begin = HerdStart(
+        agents[Position.xyz][:, :2].copy(), agents[Heading.forward][:, :2].copy(), agents[Speed.drawn].copy()
+    )
     told = brush.params, brush.speed, brush.body, brush.vision
     film = rollout(begin, *told, seconds=SECONDS, fps=FPS, seed=seed + 7)
     clip = evidence_of(film, name, brush.body.radius)
@@ -104,9 +107,9 @@ def evidence_of(run, name, radius):
 
 def _as_blobs(clip, rng):
     """The clip with blobs for animals: places and axes with noise, followed by `sightings_of`, nobody named."""
-    from behaviours.learning.bodies import Bodies
-    from behaviours.learning.sightings import sightings_of
-    from behaviours.learning.speeds import speed_evidence
+    from flockbrush.film.body_outlines import Outlines
+    from flockbrush.film.sightings import sightings_of
+    from flockbrush.film.speeds import speed_evidence
 
     seen, frames = clip.sightings, []
     for t in range(len(seen)):
@@ -116,15 +119,16 @@ def _as_blobs(clip, rng):
         xy = seen.xy[rows][order] + rng.normal(0.0, NOISE_XY, (n, 2))
         angle = np.arctan2(*seen.forward[rows][order].T[::-1]) + rng.normal(0.0, NOISE_AXIS, n)
         axis = np.column_stack([np.cos(angle), np.sin(angle)]) * rng.choice([-1.0, 1.0], n)[:, None]
-        frames.append(Bodies(xy, axis, np.ones(n), np.full(n, 0.4), np.full(n, 0.37), np.ones(n, bool)))
-    sightings, _ = sightings_of(frames, clip.fps, np.eye(2, 3))
+        frames.append(Outlines(xy, axis, np.ones(n), np.full(n, 0.4), np.full(n, 0.37), np.ones(n, bool)))
+    sightings, noise = sightings_of(frames, clip.fps, np.eye(2, 3))
     known = speed_evidence(clip.fields, sightings, 1.0)
-    return dataclasses.replace(clip, sightings=sightings, speed=known)
+    noises = {"place_noise": noise.place, "heading_noise": noise.heading}
+    return dataclasses.replace(clip, sightings=sightings, speed=known, **noises)
 
 
 def measures_of_run(run):
     """Polarization, milling and distance to the nearest neighbour, means from `SINCE` on."""
-    from systems.measures import compute_milling, compute_nnd, compute_polarization
+    from flockbrush.systems.measures import compute_milling, compute_nnd, compute_polarization
 
     rows = [run.of(t) for t in range(round(SINCE * FPS), len(run), 5)]
     return {
@@ -136,8 +140,8 @@ def measures_of_run(run):
 
 def fresh(case, clip, params, speed, body, vision, seed):
     """Measures of a herd begun as the clip's last frame is seen."""
-    from behaviours.learning.rollout import rollout
-    from behaviours.learning.setting import start_of
+    from flockbrush.learning.initial_conditions import start_of
+    from flockbrush.learning.rollout import rollout
 
     begin = start_of(clip, len(clip.fields) - 1, seed, body)
     return measures_of_run(rollout(begin, params, speed, body, vision, seconds=FRESH, fps=FPS, seed=seed))
@@ -168,8 +172,8 @@ def fields(case, seed, options):
 
 
 def _recipe(case, clip, seed, options):
-    from behaviours.learning.recipe import forces_of, learn
-    from behaviours.learning.rollout import theta_of
+    from flockbrush.learning.recipe import forces_of, learn
+    from flockbrush.learning.rollout import theta_of
 
     begun = time.perf_counter()
     found = learn(clip, seed=seed, starts=5, jobs=options.jobs, budget_s=options.budget, brushes=False)

@@ -21,16 +21,17 @@ from scipy.optimize import least_squares
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from behaviours.brush import BrushLibrary, shipped
-from behaviours.learning.camera import Camera
-from behaviours.learning.lift import LiftError, lift
-from behaviours.learning.lift_thesis import lift_by_thesis
-from behaviours.learning.tracking import Tracker
-from behaviours.learning.tracks import Tracks
+from flockbrush.behaviours.brush import BrushLibrary, shipped
+from flockbrush.components import Position
+from flockbrush.levels.build import build
+from flockbrush.levels.schema import Level, Spawn
+
 from benchmarks.sky_film import compute_tracking, film
-from components import Position
-from levels.build import build
-from levels.schema import Level, Spawn
+from flockbrush.film.tracking import Tracker
+from flockbrush.film.tracks import Tracks
+from flockbrush.lifting.lens import Camera
+from flockbrush.lifting.lift_solver import LiftError, lift
+from flockbrush.lifting.lift_thesis import lift_by_thesis
 
 FRAMES, FPS, WARM = 200, 32, 256  # frames, frames a second (every tick), ticks before the film begins
 MARGIN = 1.05  # of the picture's half width and height

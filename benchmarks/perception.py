@@ -26,9 +26,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from engine import parallel
-from systems.grid import sort_into_cells
-from systems.visibility import visible_neighbours
+from flockbrush.engine import parallel
+from flockbrush.systems.grid import sort_into_cells
+from flockbrush.systems.visibility import visible_neighbours
 
 DENSITIES = (0.05, 0.25, 1.0)  # discs per m^2
 HERDS = (1_000, 10_000, 100_000)

@@ -47,8 +47,8 @@ class Playground:
     """The playground with a running herd."""
 
     def __init__(self, level, count, folder, space=False):
-        import flockbrush.play.app as window
-        from flockbrush.play.app import App, open_session
+        import flockbrush.studio.app as window
+        from flockbrush.studio.app import App, open_session
 
         window.time = WATCH
         self.session = open_session(level, agents=count, state_folder=folder)
@@ -73,7 +73,7 @@ class Headless:
     """The same level, nothing drawn."""
 
     def __init__(self, level, count):
-        from flockbrush.run import start
+        from flockbrush.runs.run import start
 
         self.simulation = start(level, agents=count)
 
@@ -171,7 +171,7 @@ def main():
 
 def show(table, options):
     """The table, with the goal beside the mean of all frames."""
-    from engine.parallel import threads
+    from flockbrush.engine.parallel import threads
 
     load = f"load {os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "load unknown"
     level = options.level + " in space" * options.space

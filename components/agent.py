@@ -1,12 +1,13 @@
 """What every animal has: one column per field."""
 
 import numpy as np
-
-from components.formation import FormationPlace
-from engine.columns import Component, Field
+from flockbrush.components.formation import FormationPlace
+from flockbrush.components.program_state import ProgramState
+from flockbrush.engine.columns import Component, Field
 
 FOLLOWER, LEADER = 0, 1
 BY_HEADING, BY_ACCELERATION, BY_VELOCITY = 0, 1, 2  # what moves a body in the air
+SETTLED, LANDING, TAKING_OFF = 0, 1, 2  # between media
 NOWHERE, DIRECTION, POINT = 0, 1, 2  # where a migrating animal is bound
 
 
@@ -46,6 +47,15 @@ class Role(Component):
     """LEADER (1) sees at most two neighbours and follows the navigation field; FOLLOWER (0) obeys the herd."""
 
     leader = Field(FOLLOWER, np.uint8)
+
+
+class Leading(Component):
+    """An animal that was appointed to lead, and where it is steered."""
+
+    optional = True
+    appointed = Field(0, np.uint8)
+    kind = Field(NOWHERE, np.uint8)  # how it is steered: NOWHERE follows the guides
+    target = Field((0.0, 0.0))  # m for POINT; a vector of length at most 1 for DIRECTION
 
 
 class ReferenceBird(Component):
@@ -103,11 +113,43 @@ class Memory(Component):
     known = Field(0, np.uint8)
 
 
+class Individual(Component):
+    """How this animal differs from others of its species; its size is in `Body`."""
+
+    optional = True
+    pace = Field(1.0)  # times the speed that its brush wants
+    boldness = Field(1.0)  # times as near a danger may come before it is noticed
+
+
+class Alarm(Component):
+    """What is left of a fright: it goes on for a while after the danger is out of sight."""
+
+    optional = True
+    level = Field(0.0)  # 0 calm, 1 full fear
+    place = Field((0.0, 0.0, 0.0))  # m, where the danger was last seen
+
+
 class Wish(Component):
     """What the models want in this tick.  Rewritten every tick."""
 
     direction = Field((1.0, 0.0, 0.0))  # unit vector
     pace = Field(1.0)  # multiplies the speed (a sprint, a halt)
+
+
+class Urge(Component):
+    """What drives took of the body in this tick, and how fast it goes for their sake."""
+
+    optional = True
+    share = Field(0.0)  # 0: the model alone
+    speed = Field(0.0)  # m/s that are wished while drives act
+    driven = Field(0, np.uint8)  # 1 until the speed is again what the brush says
+
+
+class Transit(Component):
+    """On the way from one medium to another: a bird that lands or takes off."""
+
+    optional = True
+    kind = Field(SETTLED, np.uint8)
 
 
 class Airborne(Component):
@@ -155,4 +197,10 @@ AGENT = (
     Thrust,
     Migration,
     FormationPlace,
+    Individual,
+    Alarm,
+    Urge,
+    ProgramState,
+    Transit,
+    Leading,
 )

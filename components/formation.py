@@ -1,8 +1,7 @@
 """What a bird in a line formation knows of its place."""
 
 import numpy as np
-
-from engine.columns import Component, Field
+from flockbrush.engine.columns import Component, Field
 
 
 class FormationPlace(Component):

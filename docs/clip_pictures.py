@@ -15,14 +15,14 @@ import pygame
 
 from benchmarks.lift import crossing
 from benchmarks.sky_film import film
-from flockbrush.clip.book import Book
-from flockbrush.clip.film import Film, Sky
-from flockbrush.clip.landmarks import Landmark
-from flockbrush.draw import Video, contact_sheet, write_png
-from flockbrush.export import herd_of, painter_of
-from flockbrush.moments import moment_of
-from flockbrush.play.clip.window import ClipWindow
-from flockbrush.run import start
+from flockbrush.film.clip_document import Book
+from flockbrush.film.clip_frames import Film, Sky
+from flockbrush.film.landmarks import Landmark
+from flockbrush.output.pictures import herd_of, painter_of
+from flockbrush.render import Video, contact_sheet, write_png
+from flockbrush.runs.run import start
+from flockbrush.runs.snapshots import moment_of
+from flockbrush.studio.film.clip_window import ClipWindow
 
 HERE = Path(__file__).parent
 SIZE = (960, 600)

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from behaviours.learning.observe import observe
-from flockbrush.draw import write_png
-from flockbrush.fields import drawing
+from flockbrush.cli.field_commands import drawing
+from flockbrush.film.observe import observe
+from flockbrush.render import write_png
 from tests.herd_film import Camera, herd, shoot
 
 HERE = Path(__file__).parent

@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from flockbrush.draw import write_png
+from flockbrush.render import write_png
 from tests.herd_film import Camera, herd, shoot
 
 HERE = Path(__file__).parent

@@ -11,9 +11,9 @@ import numpy as np
 import pygame
 
 from benchmarks.lift import filmed, flight, seen, turned
-from flockbrush.draw import write_png
-from flockbrush.flight_show import Show
-from flockbrush.play.lift_window import LiftWindow
+from flockbrush.lifting.flight_show import Show
+from flockbrush.render import write_png
+from flockbrush.studio.lift_window import LiftWindow
 
 HERE = Path(__file__).parent
 

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from flockbrush.draw import contact_sheet, write_png
-from flockbrush.export import herd_of, painter_of
-from flockbrush.moments import moment_of
-from flockbrush.run import start
+from flockbrush.output.pictures import herd_of, painter_of
+from flockbrush.render import contact_sheet, write_png
+from flockbrush.runs.run import start
+from flockbrush.runs.snapshots import moment_of
 
 HERE = Path(__file__).parent
 TRAIL = 2  # s

@@ -11,11 +11,11 @@ os.environ["XDG_CONFIG_HOME"] = os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(
 import cv2
 import numpy as np
 import pygame
+from flockbrush.components import BrushBinding, Position
 
-from components import BrushBinding, Position
-from flockbrush.draw import contact_sheet, write_png
-from flockbrush.play.app import App
-from flockbrush.play.session import Session
+from flockbrush.render import contact_sheet, write_png
+from flockbrush.studio.app import App
+from flockbrush.studio.session import Session
 
 HERE = Path(__file__).parent
 PANELS = {"brush": 0, "animal": 1, "view": 2, "charts": 3, "profile": 4}

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.engine.maths import kernel_function
 from numba import njit
-
-from engine.maths import kernel_function
 
 
 @kernel_function

@@ -19,7 +19,7 @@ class Clock:
         return self.tick * self.dt
 
     def state(self):
-        """The clock as bytes (see `engine.state`)."""
+        """The clock as bytes (see `flockbrush.engine.state`)."""
         return _STATE.pack(self.dt, self.tick)
 
     def set_state(self, data):

@@ -137,6 +137,7 @@ class Table:
             for kind in self.kinds
             for f in kind.fields.values()
         }
+        self.fields = {repr(f): f for f in sorted(self.arrays, key=repr)}  # in order of name
 
     @property
     def ids(self):

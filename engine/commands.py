@@ -12,9 +12,11 @@ import typing
 from dataclasses import MISSING, dataclass, fields
 from difflib import get_close_matches
 
-from engine.clock import Clock
+from flockbrush.engine import limits
+from flockbrush.engine.clock import Clock
 
 COMMANDS: dict[str, type] = {}
+_FARTHEST = {int: 2**63 - 1, float: limits.COMMAND_SIZE}  # from 0; whole numbers are ids and seeds too
 _WORDS = {
     float: "a number",
     int: "a whole number",
@@ -26,11 +28,15 @@ _WORDS = {
 
 
 class CommandError(ValueError):
-    """A command could not be done; ``str()`` says when, which, and why.  The world is as it was before it."""
+    """A command could not be done; ``str()`` says when, which, and why.  The world is as it was before it.
 
-    def __init__(self, tick, cmd, reason):
+    ``source`` is the recording that it is from, if it is from one.
+    """
+
+    def __init__(self, tick, cmd, reason, source=""):
         shown = repr(cmd)
-        super().__init__(f"tick {tick}: {shown if len(shown) < 200 else shown[:190] + '...'}: {reason}")
+        place = f"{source}: tick {tick}" if source else f"tick {tick}"
+        super().__init__(f"{place}: {shown if len(shown) < 200 else shown[:190] + '...'}: {reason}")
         self.tick, self.command, self.reason = tick, cmd, str(reason)
 
 
@@ -66,12 +72,12 @@ def from_record(name, values):
         For an unknown name or field, a missing one, or a value of the wrong type, with what there is.
     """
     if name not in COMMANDS:
-        raise ValueError(f"unknown command {name!r}{_instead(name, COMMANDS)}")
+        raise ValueError(f"unknown command {_short(name)!r}{_instead(name, COMMANDS)}")
     cls = COMMANDS[name]
     known = {f.name: f for f in fields(cls)}
     for field in values:
         if field not in known:
-            raise ValueError(f"{name} has no field {field!r}{_instead(field, known)}")
+            raise ValueError(f"{name} has no field {_short(field)!r}{_instead(field, known)}")
     missing = [f for f in known if f not in values and known[f].default is known[f].default_factory is MISSING]
     if missing:
         raise ValueError(f"{name} needs {', '.join(missing)}")
@@ -85,6 +91,51 @@ def to_json(cmd):
         return json.dumps(to_record(cmd), allow_nan=False, separators=(",", ":"))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{type(cmd).__name__} cannot be recorded: {error}") from None
+
+
+def from_json(text):
+    """The command that `to_json` wrote, from outside: nothing in it is taken on trust.
+
+    Raises
+    ------
+    ValueError
+        When it is no such text, or a value in it is of the wrong type, not finite or out of all bounds.
+    """
+    try:
+        pair = json.loads(text, parse_constant=_not_a_number)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"it is not readable JSON: {error}") from None
+    if not (isinstance(pair, list) and len(pair) == 2 and isinstance(pair[0], str) and isinstance(pair[1], dict)):
+        raise ValueError("it must be [name, {field: value, ...}]")
+    name, values = pair
+    for field, value in values.items():
+        _check_sound(f"{_short(name)}.{_short(field)}", value, limits.COMMAND_DEPTH)
+    return from_record(name, values)
+
+
+def _not_a_number(word):
+    raise ValueError(f"{word} is not a number that a command can hold")
+
+
+def _check_sound(where, value, depth):
+    """ValueError unless every number in a value is within `limits.COMMAND_SIZE`, and every text is one."""
+    if isinstance(value, (list, dict)):
+        if not depth:
+            raise ValueError(f"{where} has lists within lists, more than {limits.COMMAND_DEPTH}")
+        parts = [*value, *value.values()] if isinstance(value, dict) else value
+        if set(map(type, parts)) <= {int, float}:
+            parts = (min(parts), max(parts)) if parts else ()
+        for part in parts:
+            _check_sound(where, part, depth - 1)
+    elif isinstance(value, str):
+        if any("\ud800" <= letter <= "\udfff" for letter in value):
+            raise ValueError(f"{where} has half a character (a lone surrogate)")
+    elif abs(value or 0) > _FARTHEST.get(type(value), 1):
+        raise ValueError(f"{where} must be at most {_FARTHEST[type(value)]:g} away from 0, got {_short(repr(value))}")
+
+
+def _short(text):
+    return text if len(text) <= 60 else text[:57] + "..."
 
 
 def _as_replayed(cmd):
@@ -112,11 +163,11 @@ def _fitting(where, hint, value):
         return value
     wanted = " or ".join(_WORDS[k] for k in kinds if k in _WORDS)
     finite = "finite " if isinstance(value, float) and not math.isfinite(value) else ""
-    raise ValueError(f"{where} must be {wanted.replace('a number', f'a {finite}number')}, got {value!r}")
+    raise ValueError(f"{where} must be {wanted.replace('a number', f'a {finite}number')}, got {_short(repr(value))}")
 
 
 def _instead(word, known):
-    close = get_close_matches(str(word), list(known), 1)
+    close = get_close_matches(_short(word), list(known), 1)
     return f"; did you mean {close[0]!r}?" if close else f"; there are {', '.join(sorted(known)) or 'none'}"
 
 
@@ -129,6 +180,7 @@ class Commands:
         self._order = itertools.count()
         self._pending: list[tuple[int, int, object]] = []
         self.log: list[tuple[int, object]] = []  # (tick, command), as applied
+        self.source = ""  # the recording that is lived again, for messages
 
     def submit(self, cmd, tick=0):
         """Apply a command at the start of the given tick, or of the next one if that has begun.
@@ -150,10 +202,9 @@ class Commands:
         return [(tick, cmd) for tick, _, cmd in sorted(self._pending, key=lambda entry: entry[:2])]
 
     def replace(self, pairs):
-        """Have exactly these (tick, command) waiting, as a replay does."""
-        self._pending.clear()
-        for tick, cmd in pairs:
-            self.submit(cmd, tick)
+        """Have exactly these (tick, command) waiting, as a replay does: from a queue, a log or a recording."""
+        self._pending = [(int(tick), next(self._order), cmd) for tick, cmd in pairs]
+        heapq.heapify(self._pending)
 
     def apply(self, world):
         """Apply all that is due, in order of tick, then of submission.
@@ -170,7 +221,7 @@ class Commands:
             try:
                 cmd.apply(world)
             except (ValueError, LookupError) as error:
-                raise CommandError(now, cmd, error.args[0] if error.args else error) from error
+                raise CommandError(now, cmd, error.args[0] if error.args else error, self.source) from error
             self.log.append((now, cmd))
 
     def perform(self, world, commands):
@@ -217,7 +268,7 @@ class Commands:
         return undo
 
     def state(self):
-        """What waits, as bytes (see `engine.state`)."""
+        """What waits, as bytes (see `flockbrush.engine.state`)."""
         return json.dumps([[tick, *to_record(cmd)] for tick, cmd in self.pending], allow_nan=False).encode()
 
     def set_state(self, data):

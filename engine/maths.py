@@ -12,9 +12,12 @@ them to 4e-16.  The trailing underscore says: for use inside a kernel (they also
 
 from __future__ import annotations
 
+from flockbrush.engine.interpreted import intrinsic
+from flockbrush.engine.kernel_cache import forget_stale_kernels
 from llvmlite import ir
 from numba import njit, types
-from numba.extending import intrinsic
+
+forget_stale_kernels()
 
 # one line in a kernel's loop; a function for C callers would be compiled for nobody
 kernel_function = njit(cache=True, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)
@@ -29,6 +32,16 @@ HALF_PI_LOW = 2.0222662487959506e-21
 QUARTER_PI = 0.7853981633974483
 HALF_PI = 1.5707963267948966
 PI = 3.141592653589793
+EXP = (  # (e^r - 1 - r) / r^2 by powers of r, for |r| <= ln 2 / 2
+    0.5000000000000001, 0.16666666666666669, 0.04166666666662404, 0.008333333333330055, 0.0013888888917258759,
+    0.00019841269863088255, 2.4801521225986432e-05, 2.7557268406190795e-06, 2.7620121717381933e-07,
+    2.51004110820149e-08,
+)  # fmt: skip
+ATAN = (  # (atan q - q) / q^3 by powers of q^2, for |q| <= tan(pi / 8)
+    -0.3333333333333333, 0.19999999999995519, -0.14285714284666184, 0.11111111015227572, -0.09090904576954117,
+    0.07692183163650894, -0.06664511064599371, 0.05858145587628202, -0.050854323376990765, 0.0392311556198723,
+    -0.01917627151752634,
+)  # fmt: skip
 TAN_EIGHTH = 0.4142135623730951  # tan(pi / 8)
 
 
@@ -68,11 +81,9 @@ def exp_(x):
     r = inside - n * LN2_HIGH - n * LN2_LOW
     r2 = r * r
     r4 = r2 * r2
-    low = (0.5000000000000001 + r * 0.16666666666666669) + r2 * (0.04166666666662404 + r * 0.008333333333330055)
-    middle = (0.0013888888917258759 + r * 0.00019841269863088255) + r2 * (
-        2.4801521225986432e-05 + r * 2.7557268406190795e-06
-    )
-    high = 2.7620121717381933e-07 + r * 2.51004110820149e-08
+    low = (EXP[0] + r * EXP[1]) + r2 * (EXP[2] + r * EXP[3])
+    middle = (EXP[4] + r * EXP[5]) + r2 * (EXP[6] + r * EXP[7])
+    high = EXP[8] + r * EXP[9]
     power = 1.0 + (r + r2 * (low + r4 * (middle + r4 * high)))
     # 2**(n - 1), then twice: n may be 1024, whose power of two is no float
     scale = float_of_((bits_of_(shifted) - ROUNDER_BITS + 1022) << 52)
@@ -133,9 +144,9 @@ def _angle(y, x):
     z = q * q
     z2 = z * z
     z4 = z2 * z2
-    low = (-0.3333333333333333 + z * 0.19999999999995519) + z2 * (-0.14285714284666184 + z * 0.11111111015227572)
-    middle = (-0.09090904576954117 + z * 0.07692183163650894) + z2 * (-0.06664511064599371 + z * 0.05858145587628202)
-    high = (-0.050854323376990765 + z * 0.0392311556198723) + z2 * -0.01917627151752634
+    low = (ATAN[0] + z * ATAN[1]) + z2 * (ATAN[2] + z * ATAN[3])
+    middle = (ATAN[4] + z * ATAN[5]) + z2 * (ATAN[6] + z * ATAN[7])
+    high = (ATAN[8] + z * ATAN[9]) + z2 * ATAN[10]
     angle = base + (q + q * z * (low + z4 * (middle + z4 * high)))
     if y > x:
         angle = HALF_PI - angle

@@ -18,9 +18,8 @@ import zlib
 from functools import lru_cache
 
 import numpy as np
+from flockbrush.engine.maths import float_of_, kernel_function, log_
 from numba import njit
-
-from engine.maths import float_of_, kernel_function, log_
 
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # 2**64 over the golden ratio: far apart for neighbouring counts
 _FIRST, _SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
@@ -143,6 +142,13 @@ def _fill_normal(key, ids, out):
             out[i, k] = normal_(key, ids[i], k)
 
 
+def normals(key, ids):
+    """Standard normal numbers (n,) of entities, for models in plain numpy; ``key`` is what `Scene.key` gives."""
+    out = np.empty((len(ids), 1))
+    _fill_normal(key, np.asarray(ids, np.int64), out)
+    return out[:, 0]
+
+
 class Noise:
     """The chance of one world, from its seed.
 
@@ -159,7 +165,7 @@ class Noise:
         return f"Noise(seed={self.seed})"
 
     def state(self):
-        """The seed as bytes (see `engine.state`)."""
+        """The seed as bytes (see `flockbrush.engine.state`)."""
         return struct.pack("<Q", self.seed & _MASK)
 
     def set_state(self, data):

@@ -15,9 +15,12 @@ import warnings
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor, wait
 
-SMALL = 2048  # rows; below this a second thread costs more than it brings
-PROBE = 256  # rows done alone, to see how long the rest would take
-WORTH = 500_000  # ns of work left; waking a thread takes 100, on a loaded machine more
+from flockbrush.engine.locks import Advice
+
+SMALL = 512  # rows; below this a second thread costs more than it brings
+PROBE = 128  # rows done alone, to see how long the rest would take
+WORTH = 400_000  # ns of work left; waking a thread takes 100,000, on a loaded machine more
+PIECES = 2  # at least, for each thread: who is late leaves more to the others
 
 
 def _cores():
@@ -33,7 +36,8 @@ def _threads_at_start():
         return _cores()
     if wanted.isdecimal() and int(wanted):
         return int(wanted)
-    warnings.warn(f"FLOCKBRUSH_THREADS must be a whole number from 1, got {wanted!r}; using all cores", stacklevel=2)
+    message = f"FLOCKBRUSH_THREADS must be a whole number from 1, got {wanted!r}; using all cores"
+    warnings.warn(Advice(message), stacklevel=2)
     return _cores()
 
 
@@ -81,6 +85,7 @@ def over_rows(kernel, count, *args, chunk=1024):
 
 def _share(kernel, count, args, chunk):
     """All rows behind the probe, by this thread and helpers."""
+    chunk = min(chunk, -(-(count - PROBE) // (PIECES * _threads)))
     chunks = deque(range(PROBE, count, chunk))
     errors: list[tuple[int, BaseException]] = []
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import random
 import time
+from contextlib import contextmanager
 
 import esper
 import numpy as np
@@ -59,6 +60,8 @@ class Schedule:
     ----------
     nanoseconds : dict of str to int
         Time spent since the start, by name of system; "flush" is the end of the tick.
+    watch : callable or None
+        Called with the name of each system when it has run, and with "flush".
 
     Raises
     ------
@@ -75,6 +78,7 @@ class Schedule:
             random.Random(shuffle_seed).shuffle(systems)
         self.systems = sorted(systems, key=lambda s: s.stage)
         self.nanoseconds = {type(s).__name__: 0 for s in self.systems} | {"flush": 0}
+        self.watch = None
         clashes = self.ambiguities()
         if clashes:
             raise Ambiguity("\n".join(_in_words(*clash) for clash in clashes))
@@ -85,9 +89,22 @@ class Schedule:
             begin = time.perf_counter_ns()
             system.process(world)
             self.nanoseconds[type(system).__name__] += time.perf_counter_ns() - begin
+            if self.watch is not None:
+                self.watch(type(system).__name__)
         begin = time.perf_counter_ns()
         world.flush()
         self.nanoseconds["flush"] += time.perf_counter_ns() - begin
+        if self.watch is not None:
+            self.watch("flush")
+
+    @contextmanager
+    def watched(self, watch):
+        """Ticks in this context call ``watch`` with the name of each system when it has run."""
+        self.watch = watch
+        try:
+            yield
+        finally:
+            self.watch = None
 
     def ambiguities(self):
         """(name, name, shared) of systems of one stage of which one writes what the other touches."""

@@ -19,22 +19,26 @@ import json
 import struct
 
 import numpy as np
+from flockbrush.engine import limits
 from numba import njit
 
 MAGIC = b"FBSTATE1"
 _LENGTH = struct.Struct("<Q")
+_LARGE = 1 << 14  # bytes; from there on it is quicker to boil them down first
 
 
 class StateError(ValueError):
     """A snapshot that this world cannot take: damaged, or of another kind of world."""
 
 
-def state_hash(world):
+def state_hash(world, marks=None):
     """16 hexadecimal digits that are the same for the same state.
 
     Parameters
     ----------
     world : World
+    marks : dict, optional
+        Is filled with a digest of each part of the state, by name.
 
     Returns
     -------
@@ -44,14 +48,29 @@ def state_hash(world):
     """
     digest = hashlib.blake2b(digest_size=8)
     for name, data in _parts(world, hashed=True):
-        array = np.frombuffer(data, np.uint8)
-        array.flags.writeable = False  # as those of bytes are: one kernel for all
-        whole = len(array) & ~7
+        mark = _mark(data)
         digest.update(name.encode())
-        digest.update(_LENGTH.pack(len(array)))
-        digest.update(_boiled_down(array[:whole].view(np.uint64)))
-        digest.update(array[whole:])
+        digest.update(mark)
+        if marks is not None:
+            marks[name] = mark
     return digest.hexdigest()
+
+
+def digest_of(arrays):
+    """8 bytes for the values of some arrays."""
+    digest = hashlib.blake2b(digest_size=8)
+    for array in arrays:
+        data = _bytes(array)
+        digest.update(data if len(data) < _LARGE else _mark(data))
+    return digest.digest()
+
+
+def _mark(data):
+    """The length of bytes, four words of them, and what is left over behind the last whole word."""
+    array = np.frombuffer(data, np.uint8)
+    array.flags.writeable = False  # as those of bytes are: one kernel for all
+    whole = len(array) & ~7
+    return _LENGTH.pack(len(array)) + _boiled_down(array[:whole].view(np.uint64)).tobytes() + array[whole:].tobytes()
 
 
 @njit(cache=True, nogil=True)
@@ -84,6 +103,11 @@ def snapshot(world):
 
     Taken between two ticks.  Animals marked for deletion are still in it; call ``flush`` first.
     """
+    return b"".join(snapshot_parts(world))
+
+
+def snapshot_parts(world):
+    """The pieces of a `snapshot`, [bytes-like, ...]; columns are not copied, so use them before the next tick."""
     world.flush()
     parts = list(_parts(world, hashed=False))
     head = {
@@ -91,7 +115,7 @@ def snapshot(world):
         "parts": [[name, memoryview(data).nbytes] for name, data in parts],
     }
     encoded = json.dumps(head, separators=(",", ":")).encode()
-    return b"".join([MAGIC, _LENGTH.pack(len(encoded)), encoded, *(bytes(data) for _, data in parts)])
+    return [MAGIC, _LENGTH.pack(len(encoded)), encoded, *(data for _, data in parts)]
 
 
 def pieces(data):
@@ -123,10 +147,10 @@ def restore(world, data):
     StateError
         When the bytes are no snapshot or do not fit this world, which then is as it was.
     """
-    parts = _read(world, data)
+    parts = parts_of(world, data)
     next_entity, plain = _plain_of(world, parts.pop("entities"))
     ids = np.frombuffer(parts.pop("ids"), np.int64)
-    columns = {f: _column(f, parts.pop(repr(f)), len(ids)) for f in _fields(world)}
+    columns = {f: column_of(f, parts.pop(repr(f)), len(ids)) for f in _fields(world)}
     if len(ids) and ((np.diff(ids) <= 0).any() or ids[0] < 1 or ids[-1] >= next_entity):
         raise StateError("the snapshot is damaged: its agents are out of order")
     owners = dict(_owners(world))
@@ -146,7 +170,7 @@ def restore(world, data):
 
 def _fields(world):
     """The columns of a world in order of name."""
-    return sorted(world.agents.arrays, key=repr)
+    return world.agents.fields.values()
 
 
 def _owners(world, plain=None):
@@ -166,9 +190,9 @@ def _parts(world, hashed):
     kinds = {e: sorted(kind.__name__ for kind in world.components_of(e)) for e in world.plain_entities()}
     yield "entities", json.dumps([world.next_entity, list(kinds.items())], separators=(",", ":")).encode()
     yield "ids", _bytes(agents.ids)
-    for field in _fields(world):
+    for name, field in agents.fields.items():
         if not (hashed and field.owner.optional and (agents[field] == field.default).all()):
-            yield repr(field), _bytes(agents[field])
+            yield name, _bytes(agents[field])
     for name, owner in _owners(world):
         if not hashed or getattr(owner, "hashed", True):
             yield name, (getattr(owner, "hashed_state", owner.state) if hashed else owner.state)()
@@ -178,30 +202,59 @@ def _bytes(array):
     return np.ascontiguousarray(array).reshape(-1).view(np.uint8)
 
 
-def _read(world, data):
-    """{name: bytes} of a snapshot whose columns are this world's."""
-    data = memoryview(data)
-    if bytes(data[: len(MAGIC)]) != MAGIC or len(data) < len(MAGIC) + _LENGTH.size:
-        raise StateError("this is no snapshot of a world")
-    start = len(MAGIC) + _LENGTH.size
-    end = start + _LENGTH.unpack(data[len(MAGIC) : start])[0]
-    try:
-        head = json.loads(bytes(data[start:end]))
-        columns, sizes = dict(head["columns"]), [(str(name), int(size)) for name, size in head["parts"]]
-    except (ValueError, KeyError, TypeError, RecursionError):
-        raise StateError("the snapshot is damaged: its table of contents cannot be read") from None
+def check_beginning(world, beginning, size):
+    """Make sure, before all of it is in memory, that a snapshot is one of a world like this.
+
+    Parameters
+    ----------
+    world : World
+    beginning : bytes-like
+        Its first bytes, with the table of contents.
+    size : int
+        How many bytes it has.
+
+    Raises
+    ------
+    StateError
+    """
+    columns, sizes, end = _contents(beginning)
     mine = {repr(f): [f.default.dtype.str, list(f.default.shape)] for f in _fields(world)}
     if columns != mine:
         odd = sorted(name for name in {**columns, **mine} if columns.get(name) != mine.get(name))
         raise StateError(f"the snapshot is of another kind of world: column {odd[0]} differs")
-    if min((size for _, size in sizes), default=0) < 0 or end + sum(size for _, size in sizes) != len(data):
+    if min(sizes.values(), default=0) < 0 or end + sum(sizes.values()) != size:
         raise StateError("the snapshot is damaged: it is not as long as it says")
-    parts, at = {}, end
-    for name, size in sizes:
-        parts[name], at = bytes(data[at : at + size]), at + size
-    missing = {"entities", "ids", *mine} - set(parts)
-    if missing or len(parts["ids"]) % 8:
+    if {"entities", "ids", *mine} - set(sizes) or sizes["ids"] % 8:
         raise StateError("the snapshot is damaged: something is missing in it")
+    others = sum(sizes.values()) - sum(sizes[name] for name in ("ids", *mine))
+    if sizes["ids"] > 8 * limits.ANIMALS or others > limits.SNAPSHOT_OTHERS_BYTES:
+        raise StateError(f"the snapshot is damaged: it has more than {limits.ANIMALS.told}, or too much beside them")
+    for field in _fields(world):
+        if sizes[repr(field)] != sizes["ids"] // 8 * field.default.nbytes:
+            raise StateError(f"the snapshot is damaged: column {field!r} has not one row for each agent")
+
+
+def _contents(data):
+    """(columns, {part: bytes}, where the parts begin) of what a snapshot begins with."""
+    data, start = memoryview(data), len(MAGIC) + _LENGTH.size
+    if bytes(data[: len(MAGIC)]) != MAGIC or len(data) < start:
+        raise StateError("this is no snapshot of a world")
+    end = start + _LENGTH.unpack(data[len(MAGIC) : start])[0]
+    try:
+        head = json.loads(bytes(data[start:end]))
+        return dict(head["columns"]), {str(name): int(size) for name, size in head["parts"]}, end
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
+        raise StateError("the snapshot is damaged: its table of contents cannot be read") from None
+
+
+def parts_of(world, data):
+    """{name: bytes-like} of a snapshot whose columns are this world's; StateError."""
+    check_beginning(world, data, len(data))
+    _, sizes, at = _contents(data)
+    data, columns, parts = memoryview(data).toreadonly(), {repr(f) for f in _fields(world)}, {}
+    for name, size in sizes.items():
+        part = data[at : at + size]
+        parts[name], at = part if name in columns else bytes(part), at + size
     return parts
 
 
@@ -221,8 +274,6 @@ def _plain_of(world, encoded):
     return next_entity, set(plain)
 
 
-def _column(field, data, count):
-    try:
-        return np.frombuffer(data, field.default.dtype).reshape(count, *field.default.shape)
-    except ValueError:
-        raise StateError(f"the snapshot is damaged: column {field!r} has not one row for each agent") from None
+def column_of(field, data, count):
+    """The rows of a column from the bytes of a snapshot."""
+    return np.frombuffer(data, field.default.dtype).reshape(count, *field.default.shape)

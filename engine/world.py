@@ -9,8 +9,7 @@ from typing import Any, TypeVar
 
 import esper
 import numpy as np
-
-from engine.columns import Component, Table
+from flockbrush.engine.columns import Component, Table
 
 T = TypeVar("T")
 _names = (f"world-{n}" for n in itertools.count(1))

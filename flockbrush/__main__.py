@@ -1,6 +1,6 @@
 """``python -m flockbrush`` is the command ``flockbrush``."""
 
-from flockbrush.cli import main
+from flockbrush.cli.main import main
 
 if __name__ == "__main__":
     main()

@@ -6,31 +6,38 @@ import dataclasses
 import math
 
 import numpy as np
-
-from behaviours.brush import BrushLibrary, shipped
-from behaviours.problems import Problem, ProblemsError
-from components import AGENT, Body, Heading, Position, Velocity
-from engine.clock import Clock
-from engine.commands import Commands, from_record
-from engine.fields import Raster
-from engine.noise import Noise
-from engine.schedule import Schedule
-from engine.world import World
-from levels.schema import Level, Spawn, TerrainKind
-from levels.tilesets_data import TERRAINS
-from systems import edits as _edits  # noqa: F401  a designer's commands are known wherever a level is
-from systems.commands import ApplyCommands
-from systems.decide import Roles
-from systems.foresight import Ahead, Migrate, SeeAhead
-from systems.ground import Underfoot
-from systems.landscape import BARE, NATIVE, Above, Barrier, Exit, Goal, Guide, Landscape, Native, Painted
-from systems.life import Live, Nursery, SpawnArea, bear, births_due
-from systems.measures import herd_measures
-from systems.motion import Move
-from systems.pace import Pace
-from systems.palette import Palette
-from systems.population import NoRoom, SpeciesList
-from systems.senses import (
+from flockbrush.behaviours.brush import Brush, BrushLibrary, shipped
+from flockbrush.behaviours.program import known_brushes
+from flockbrush.behaviours.species import shipped_species
+from flockbrush.components import AGENT
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.commands import Commands, from_record
+from flockbrush.engine.noise import Noise
+from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.engine.raster import Raster
+from flockbrush.engine.schedule import Schedule
+from flockbrush.engine.world import World
+from flockbrush.levels.schema import Level, PaintBounds, Spawn, TerrainKind
+from flockbrush.levels.tilesets_data import TERRAINS
+from flockbrush.systems import edits as _edits  # noqa: F401  a designer's commands are known wherever a level is
+from flockbrush.systems import program_commands as _program_commands
+from flockbrush.systems.binding import sheets_of
+from flockbrush.systems.commands import ApplyCommands
+from flockbrush.systems.decide import Roles
+from flockbrush.systems.foresight import Ahead, Migrate, SeeAhead
+from flockbrush.systems.ground import Underfoot
+from flockbrush.systems.groups import measures_of, summary
+from flockbrush.systems.landscape import BARE, NATIVE, Above, Barrier, Exit, Goal, Guide, Landscape, Native, Painted
+from flockbrush.systems.life import Live, Nursery, SpawnArea, bear, births_due
+from flockbrush.systems.motion import Move
+from flockbrush.systems.named_regions import Regions, ZoneEvent
+from flockbrush.systems.noticing import BeAlarmed, Notice, Noticed
+from flockbrush.systems.pace import Pace
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.population import NoRoom, SpeciesList
+from flockbrush.systems.program_reports import counts, transitions
+from flockbrush.systems.programs import Programs, RunPrograms
+from flockbrush.systems.senses import (
     FindNeighbours,
     Near,
     ObstaclesInSight,
@@ -42,8 +49,9 @@ from systems.senses import (
     SightByHiddenPoints,
     SightInSpace,
 )
-from systems.steer import Steer
-from systems.terrain import compose_brushes, compose_caps, rasterise_polygon, relief_of
+from flockbrush.systems.spawning import INNER
+from flockbrush.systems.steer import Steer
+from flockbrush.systems.terrain import compose_brushes, compose_caps, rasterise_polygon, relief_of
 
 DT = 1 / 32  # s; a power of two: tick * dt is exact
 
@@ -51,12 +59,16 @@ DT = 1 / 32  # s; a power of two: tick * dt is exact
 class Simulation:
     """A world with its level and its schedule: what is run, drawn, recorded and measured."""
 
-    def __init__(self, world, level, shuffle_seed=None):
+    def __init__(self, world: World, level: Level, shuffle_seed: int | None = None):
         self.world, self.level = world, level
         self.schedule = Schedule(systems(), shuffle_seed)
 
+    def __repr__(self):
+        clock = self.clock
+        return f"<Simulation {self.level.name}: {len(self.agents)} animals, tick {clock.tick} ({clock.now:g} s)>"
+
     @property
-    def clock(self):
+    def clock(self) -> Clock:
         return self.world.resource(Clock)
 
     @property
@@ -64,32 +76,50 @@ class Simulation:
         """The columns of all animals."""
         return self.world.agents
 
-    def tick(self):
+    def tick(self) -> None:
         """One step of the world."""
         self.schedule.run(self.world)
         self.clock.tick += 1
 
-    def run(self, ticks):
+    def run(self, ticks: int) -> None:
         """So many steps."""
         for _ in range(ticks):
             self.tick()
 
-    def submit(self, command, tick=0):
+    def submit(self, command, tick: int = 0) -> None:
         """Hand in a command; it is applied at the start of that tick, or of the next."""
         self.world.resource(Commands).submit(command, tick)
 
-    def measures(self):
-        """Measures of this moment by name (`systems.measures`)."""
-        agents, land = self.agents, self.world.resource(Landscape)
-        length = float(agents[Body.length].mean()) if len(agents) else 1.0
-        return herd_measures(agents[Position.xyz], agents[Velocity.xyz], agents[Heading.forward], length, land.wrap)
+    def measures(self) -> dict[str, float]:
+        """Measures of this moment by name (`flockbrush.systems.measures`)."""
+        return measures_of(self.world)
 
-    def assets(self):
+    def parts(self):
+        """Counts and measures of this moment by species, brush and group (`flockbrush.systems.groups`)."""
+        return summary(self.world)
+
+    def assets(self) -> dict[str, bytes]:
         """Every file this world was made from, by name, as bytes: what a recording embeds."""
         palette = self.world.resource(Palette)
-        return self.level.files | {f"brushes/{b.name}.brush.toml": b.source for b in palette.brushes}
+        species = [one for one in self.world.resource(SpeciesList).assets if one is not None]
+        named = {f"brushes/{b.name}.brush.toml": b.source for b in palette.brushes}
+        named |= {f"species/{one.name}.species.toml": one.source for one in species}
+        programs = self.world.resource(Programs).programs
+        return self.level.files | named | {f"programs/{p.name}.program.toml": p.source for p in programs}
 
-    def close(self):
+    def event(self, name, x=0.0, y=0.0, radius=0.0):
+        """Have the animals hear a named event in the next tick: all, or those within a radius (m) of a place."""
+        self.submit(_program_commands.Event(name, x, y, radius), self.clock.tick)
+
+    def states(self):
+        """{program: {state: how many animals are in it}}."""
+        return counts(self.world)
+
+    def transitions(self):
+        """{program: {from: {to: how often animals went so}}}, since the start."""
+        return transitions(self.world)
+
+    def close(self) -> None:
         """Forget the world."""
         self.world.close()
 
@@ -105,8 +135,11 @@ def systems():
         SeeObstacles(),
         SeeInSpace(),
         SeeAhead(),
+        Notice(),
         Roles(),
+        BeAlarmed(),
         Migrate(),
+        RunPrograms(),
         Steer(),
         Pace(),
         Move(),
@@ -114,7 +147,13 @@ def systems():
     ]
 
 
-def build(level: Level, seed=None, agents=None, library: BrushLibrary | None = None, shuffle_seed=None) -> Simulation:
+def build(
+    level: Level,
+    seed: int | None = None,
+    agents: int | None = None,
+    library: BrushLibrary | None = None,
+    shuffle_seed: int | None = None,
+) -> Simulation:
     """Make the world of a level.
 
     Parameters
@@ -145,7 +184,7 @@ def build(level: Level, seed=None, agents=None, library: BrushLibrary | None = N
         Clock(DT),
         Noise(level.seed if seed is None else seed),
         Commands(),
-        SpeciesList(species),
+        SpeciesList(species, getattr(library, "species", None) or shipped_species()),
         palette,
         Near(),
         Sight(),
@@ -153,6 +192,9 @@ def build(level: Level, seed=None, agents=None, library: BrushLibrary | None = N
         ObstaclesInSight(),
         SightInSpace(),
         Ahead(),
+        Noticed(),
+        programs_of(level, palette),
+        regions_of(level),
     ):
         world.insert(resource)
     world.insert(landscape_of(level, palette))
@@ -168,7 +210,28 @@ def brushes_used(level):
     names |= {name for layer in level.brush_layers for name in layer.assets}
     names |= {zone.brush for zone in level.zones if zone.brush}
     names |= {key.args["brush"] for key in level.script if key.args.get("brush")}
+    names |= {brush for program in level.programs.values() for brush in program.brushes}
     return sorted(names)
+
+
+def programs_of(level, palette):
+    """The programs of a level, in order of name; ProblemsError for brushes that there are not."""
+    programs, problems = Programs(), []
+    for name in sorted(level.programs):
+        problems += known_brushes(level.programs[name], palette.names, f"{name}.program.toml")
+        programs.put(level.programs[name])
+    if problems:
+        raise ProblemsError(problems)
+    return programs
+
+
+def regions_of(level):
+    """What programs can ask about: zones and areas by name, and the events of zones."""
+    polygons: dict[str, list] = {}
+    for thing in (*level.zones, *level.areas):
+        if thing.name:
+            polygons.setdefault(thing.name, []).append(thing.polygon)
+    return Regions(polygons, [ZoneEvent(z.event, z.polygon, z.event_reach) for z in level.zones if z.event])
 
 
 def landscape_of(level, palette):
@@ -183,7 +246,9 @@ def landscape_of(level, palette):
     )
     cap = np.full(shape, np.inf) if level.cap is None else level.cap.values.copy()
     painted = Painted(
-        compose_brushes(level.brush_layers, [], shape, level.cell, palette.names),
+        compose_brushes(
+            [b for b in level.brush_layers if b.bounds == PaintBounds()], [], shape, level.cell, palette.names
+        ),
         cap,
         np.full(shape, NATIVE, np.int16),
     )
@@ -218,6 +283,7 @@ def landscape_of(level, palette):
         above=above,
         native=native,
         overhead=[_barrier(o) for o in level.obstacles if o.z_min > 0.0],
+        sheets=sheets_of(level, palette.names),
     )
     for zone in level.zones:
         if zone.brush:
@@ -396,7 +462,15 @@ def _pad(raster, pad, cell, mode):
 # without a level file --------------------------------------------------------------
 
 
-def plane(brush, count, density=0.7, start="scatter", seed=0, heading=None, body_length=None):
+def plane(
+    brush: Brush,
+    count: int,
+    density: float = 0.7,
+    start: str = "scatter",
+    seed: int = 0,
+    heading: float | None = None,
+    body_length: float | None = None,
+) -> Simulation:
     """One herd on an endless plane: what brush previews, searches and many tests run.
 
     Parameters
@@ -405,8 +479,8 @@ def plane(brush, count, density=0.7, start="scatter", seed=0, heading=None, body
     count : int
     density : float
         Animals per square body length at the start.
-    start : {"scatter", "grid", "ring", "line"}
-        As `systems.spawning.place`.
+    start : {"scatter", "grid", "ring", "mill", "line"}
+        As `flockbrush.systems.spawning.place`.
     heading : float, optional
         Radians; None: each its own.
     """
@@ -414,14 +488,14 @@ def plane(brush, count, density=0.7, start="scatter", seed=0, heading=None, body
     side = math.sqrt(count / density) * length
     size = 3 * side + 20 * length
     low, high = 0.5 * (size - side), 0.5 * (size + side)
-    if start == "ring":  # the ring leaves the middle free, and a disc leaves the corners
-        grow = 0.5 * side * (math.sqrt(4 / math.pi / 0.84) - 1)
+    if start in INNER:  # the ring leaves the middle free, and a disc leaves the corners
+        grow = 0.5 * side * (math.sqrt(4 / math.pi / (1 - INNER[start] ** 2)) - 1)
         low, high = low - grow, high + grow
     polygon = np.array([(low, low), (high, low), (high, high), (low, high)])
     spawn = Spawn(1, "herd", polygon, "animal", brush.name, count, heading, None, 0.0, 0.0, 0.0, start, body_length)
     cell = max(size / 64, length)
-    level = Level("plane", None, size, size, cell, "open", seed, spawns=[spawn])
-    return build(level, library=_One(brush))
+    level = Level("plane", None, size, size, cell, "open", seed, spawns=[spawn])  # type: ignore[arg-type]
+    return build(level, library=_One(brush))  # type: ignore[arg-type]
 
 
 class _One:

@@ -7,11 +7,13 @@ from collections import defaultdict
 from dataclasses import MISSING, fields
 
 import numpy as np
-
-from behaviours.problems import ProblemsError, did_you_mean
-from levels import geometry
-from levels.properties import is_number, shown
-from levels.schema import MAX_AGENTS
+from flockbrush.behaviours.brush import can_move, flies_free
+from flockbrush.behaviours.species import shipped_species
+from flockbrush.engine import limits
+from flockbrush.engine.problems import ProblemsError, did_you_mean
+from flockbrush.levels import geometry
+from flockbrush.levels.properties import is_number, shown
+from flockbrush.systems.population import body_of
 
 _PACKED = 0.6  # share of the ground that bodies may cover at the start
 
@@ -34,8 +36,8 @@ def check_level(level, objects, library, commands=None):
 
 def registered():
     """The commands there are, by name."""
-    import systems.commands  # noqa: F401  (registers them)
-    from engine.commands import COMMANDS
+    import flockbrush.systems.commands  # noqa: F401  (registers them)
+    from flockbrush.engine.commands import COMMANDS
 
     return COMMANDS
 
@@ -43,6 +45,7 @@ def registered():
 class _Checks:
     def __init__(self, level, objects, library, commands):
         self.level, self.objects, self.library = level, objects, library
+        self.fauna = getattr(library, "species", None) or shipped_species()
         self.commands = registered() if commands is None and level.script else commands
 
     def place(self, thing):
@@ -53,6 +56,7 @@ class _Checks:
         self.names()
         self.goals()
         self.spawns()
+        self.bounds()
         for key in self.level.script:
             self.key(key)
 
@@ -121,15 +125,50 @@ class _Checks:
         if not self.level.spawns and not self.objects.reader.report.problems:
             self.objects.reader.place.say("no animals: draw an area on an object layer 'spawns', of class Spawn")
         for spawn in self.level.spawns:
+            self.can_do(spawn)
             free = self.free(spawn)
             if free == 0:
-                self.place(spawn).say("lies wholly inside obstacles or on ground nobody can walk; move it")
+                self.place(spawn).say("lies wholly inside obstacles or on ground that cannot be walked on; move it")
             else:
                 self.room(spawn, free * geometry.signed_area(spawn.polygon))
-        if self.level.agents > MAX_AGENTS and all(s.count <= MAX_AGENTS for s in self.level.spawns):
+        if self.level.agents > limits.ANIMALS and all(s.count <= limits.ANIMALS for s in self.level.spawns):
             self.place(self.level.spawns[-1]).say(
-                f"the spawns together ask for {self.level.agents} animals; there may be at most {MAX_AGENTS}"
+                f"the spawns together ask for {self.level.agents} animals; there may be at most {limits.ANIMALS}"
             )
+
+    def can_do(self, spawn):
+        """A species moves as its brush does, and nobody who walks is born in the air."""
+        try:
+            brush, species = self.library.get(spawn.brush), self.fauna.find(spawn.species)
+        except ProblemsError as error:
+            if any(str(problem.file).endswith(".species.toml") for problem in error.problems):
+                self.objects.reader.report.problems.extend(error.problems)
+            return
+        if species is None:
+            return
+        if not can_move(species, brush):
+            needs = "flies" if flies_free(brush) else "walks or swims"
+            media = ", ".join(species.media)
+            self.place(spawn).say(
+                f"species {spawn.species!r} cannot do brush {spawn.brush!r}, which {needs}: its media are {media}"
+            )
+        elif not flies_free(brush) and not species.can("fly") and (spawn.altitude or spawn.depth):
+            self.place(spawn).say(f"species {spawn.species!r} does not fly; altitude and depth must be 0")
+
+    def bounds(self):
+        """Whom zones and layers bind must be a species or a tag of one."""
+        known = set(self.fauna.names()) | {spawn.species for spawn in self.level.spawns}
+        known |= {tag for name in self.fauna.names() for tag in self.fauna.get(name).tags}
+        report = self.objects.reader
+        for thing in [*self.level.zones, *self.level.brush_layers]:
+            place = self.place(thing) if thing in self.level.zones else report.place
+            for name in thing.bounds.species:
+                if name not in known:
+                    place.say(
+                        f"{thing.name!r}: species: there is no species or tag {name!r}{did_you_mean(name, known)}"
+                    )
+            if thing.bounds.z_min >= thing.bounds.z_max:
+                place.say(f"{thing.name!r}: z_min must be below z_max")
 
     def free(self, spawn):
         """Share of the spawn's area where an animal can stand."""
@@ -164,7 +203,7 @@ class _Checks:
     def body(self, spawn):
         """(length, radius) m, if the brush says so."""
         try:
-            body = self.library.get(spawn.brush).body
+            body = body_of(self.library.get(spawn.brush), self.fauna.find(spawn.species))
         except ProblemsError:  # an unknown brush is told already, a broken one is the brush check's business
             return None
         scale = (spawn.body_length or body.length) / body.length

@@ -1,7 +1,8 @@
 """An editor of a level: the document, what was done to it and when, and a journal that a crash cannot take away.
 
 A step is what one undo takes back: a stroke of many pieces, or one arrow.  Each has two sides: ``commands`` for the
-living world, with ``back`` for the way back (`engine.commands.Commands.perform` gives both), and the changes of the
+living world, with ``back`` for the way back (`flockbrush.engine.commands.Commands.perform` gives both), and the
+changes of the
 document, which undo to the byte.
 """
 
@@ -10,22 +11,23 @@ from __future__ import annotations
 import copy
 import json
 import os
-import shutil
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from behaviours.problems import Problem, ProblemsError
-from engine.commands import from_record, to_record
-from levels.edits import EditError, Sheet
-from levels.files import MemoryFiles, project_folder
-from levels.reader import brush_library
-from levels.steps import Steps
-from levels.writer import Document, dump, write_file
+from flockbrush.engine.commands import from_record, to_record
+from flockbrush.engine.files import write_bytes
+from flockbrush.engine.plain_json import json_lines
+from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.levels.files import MemoryFiles, project_folder
+from flockbrush.levels.map_edits import EditedMap, EditError
+from flockbrush.levels.reader import brush_library
+from flockbrush.levels.steps import Steps
+from flockbrush.levels.writer import Document, dump
 
 FORMAT = 1  # of the journal
 
-__all__ = ["EditError", "Editor", "JournalError", "Step"]
+__all__ = ["EditError", "Editor", "JournalError", "EditStep"]
 
 
 class JournalError(ValueError):
@@ -33,7 +35,7 @@ class JournalError(ValueError):
 
 
 @dataclass
-class Step:
+class EditStep:
     """What one undo takes back."""
 
     label: str
@@ -72,7 +74,7 @@ class Editor(Steps):
         super().__init__()
         self._document = document
         self.library = brush_library(document.path) if library is None else library
-        self.sheet = Sheet(document, self.library, files)
+        self.sheet = EditedMap(document, self.library, files)
         self._base, self._base_path = dump(document.data), str(document.path)
         self._events: list[dict] = []
         self._serial = self._saved = self._highest = 0
@@ -158,7 +160,7 @@ class Editor(Steps):
             When the file cannot take it.  Nothing has changed then.
         """
         joined = join is not None and self._joinable and self._done and self._done[-1].join == join
-        step = self._done[-1] if joined else Step(label, [], [], tick, join, changes=[])
+        step = self._done[-1] if joined else EditStep(label, [], [], tick, join, changes=[])
         step.changes += self._change(commands)  # type: ignore[operator]
         step.commands += commands
         step.back = [*back, *step.back]
@@ -242,7 +244,7 @@ class Editor(Steps):
         later = self._done[len(known) :] if mine[: len(known)] == known else []
         if later:  # built on what is there; after an undo it would be built on something else
             other._undone = [
-                Step(step.label, list(step.commands), list(step.back), step.tick, step.join, step.serial)
+                EditStep(step.label, list(step.commands), list(step.back), step.tick, step.join, step.serial)
                 for step in reversed(later)
             ]
         other._serial, other._saved, other._highest = self._serial, self._saved, self._highest
@@ -293,7 +295,7 @@ class Editor(Steps):
             self._moved(event["path"], event["moved"])
             self._note("save", tick, path=event["path"], moved=event["moved"])
         else:
-            raise JournalError(f"the journal tells of {kind!r}, which this version does not know")
+            raise JournalError(f"the journal contains {kind!r}, which this version does not know")
 
     # ------------------------------------------------------------ saving
 
@@ -312,7 +314,7 @@ class Editor(Steps):
         self._moved(str(to), moved)
         try:
             for entry, meanings in self.sheet.playgrounds():
-                write_file(to.parent / entry["image"], _picture(meanings, entry, self.library))
+                write_bytes(to.parent / entry["image"], _picture(meanings, entry, self.library))
             self.document.save(to, backup)
         except BaseException:
             self._moved(str(before), {new: old for old, new in moved.items()})
@@ -409,8 +411,8 @@ class Editor(Steps):
             When the file is no journal.
         """
         try:
-            lines = Path(journal).read_text(encoding="utf-8").split("\n")
-            head = json.loads(lines[0])
+            events = json_lines(journal)
+            head = next(events, None) or {}
             if head["event"] != "open" or head["format"] != FORMAT:
                 raise ValueError
             path, text = head["path"], head["document"]
@@ -418,13 +420,15 @@ class Editor(Steps):
             editor = cls(_document(text, path), library, files)
         except OSError as error:
             raise JournalError(f"{journal}: cannot be read: {error.strerror or error}") from None
-        except (ValueError, LookupError, TypeError):
+        except (ValueError, LookupError, TypeError, AttributeError):
             raise JournalError(f"{journal}: this is not the journal of an editor") from None
-        for line in lines[1:-1]:  # what follows the last line's end was cut off
-            try:
-                editor._live(json.loads(line))
-            except (ValueError, LookupError, TypeError) as error:
-                raise JournalError(f"{journal}: cannot be followed: {error}") from None
+        try:
+            for event in events:  # what follows the last line's end was cut off
+                editor._live(event)
+        except OSError as error:
+            raise JournalError(f"{journal}: cannot be read: {error.strerror or error}") from None
+        except (ValueError, LookupError, TypeError) as error:
+            raise JournalError(f"{journal}: cannot be followed: {error}") from None
         return editor
 
 
@@ -452,7 +456,7 @@ def _step_told(step):
 
 def _step_of(told):
     sides = _commands(told["commands"]), _commands(told["back"])
-    return Step(told["label"], *sides, told["tick"], told["join"], told["serial"])
+    return EditStep(told["label"], *sides, told["tick"], told["join"], told["serial"])
 
 
 def _copy_beside(source, target):
@@ -461,7 +465,9 @@ def _copy_beside(source, target):
         target.parent.mkdir(parents=True, exist_ok=True)
         for old, new in ((source, target), (source.with_suffix(".png"), target.with_suffix(".png"))):
             if old.is_file() and not new.exists():
-                shutil.copyfile(old, new)
+                write_bytes(new, old.read_bytes())
+    except ProblemsError:  # it names the file
+        raise
     except OSError as error:
         raise ProblemsError(
             [Problem(str(target), None, None, f"cannot be written: {error.strerror or error}")]
@@ -470,6 +476,6 @@ def _copy_beside(source, target):
 
 def _picture(meanings, entry, library):
     """The picture of a tileset "playground", as a PNG file."""
-    from levels.tiled import tile_sheet
+    from flockbrush.levels.tiled import tile_sheet
 
     return tile_sheet(meanings, entry["tilewidth"], library)

@@ -6,7 +6,8 @@ import os
 import posixpath
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from levels.schema import MAX_FILE_BYTES, PROJECT_FILE
+from flockbrush.engine import limits
+from flockbrush.levels.schema import PROJECT_FILE
 
 
 class FileRefused(Exception):
@@ -50,8 +51,13 @@ class DiskFiles:
                 f"{relative!r} is outside of the project folder; copy it beside the level"
                 f" (the project is the folder with {PROJECT_FILE}, else the level's own)"
             )
-        self.got[key] = self._read(real)
-        return self.got[key]
+        return self._keep(key, self._read(real))
+
+    def _keep(self, key, data):
+        self.got[key] = data
+        if sum(map(len, self.got.values())) > limits.LEVEL_BYTES:
+            raise FileRefused(f"makes the files of this level larger than {limits.LEVEL_BYTES.told}")
+        return data
 
     def _read(self, path: Path) -> bytes:
         try:
@@ -60,12 +66,9 @@ class DiskFiles:
             if not path.is_file():
                 raise FileRefused("there is no such file" if not path.exists() else "is not an ordinary file")
             with open(path, "rb") as file:
-                data = file.read(MAX_FILE_BYTES + 1)
+                return checked_size(file.read(limits.LEVEL_FILE_BYTES + 1))
         except (OSError, ValueError) as error:
             raise FileRefused(f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
-        if len(data) > MAX_FILE_BYTES:
-            raise FileRefused(f"is larger than {MAX_FILE_BYTES // 2**20} MiB")
-        return data
 
 
 class UnsavedFiles(DiskFiles):
@@ -105,7 +108,7 @@ class MemoryFiles:
     def first(self) -> bytes:
         """The level itself."""
         name = next(iter(self.files))
-        self.got[name] = self.files[name]
+        self.got[name] = checked_size(self.files[name])
         return self.files[name]
 
     def shown(self, relative: str) -> str:
@@ -117,8 +120,15 @@ class MemoryFiles:
         key = plain(relative)
         if key not in self.files:
             raise FileRefused(f"{relative!r} is not among the recorded files")
-        self.got[key] = self.files[key]
+        self.got[key] = checked_size(self.files[key])
         return self.got[key]
+
+
+def checked_size(data: bytes) -> bytes:
+    """The content of one file of a level; FileRefused when it is too large."""
+    if len(data) > limits.LEVEL_FILE_BYTES:
+        raise FileRefused(f"is larger than {limits.LEVEL_FILE_BYTES.told}")
+    return data
 
 
 def plain(relative: str) -> str:

@@ -6,8 +6,7 @@ import math
 from functools import cache
 
 import numpy as np
-
-from engine.maths import sincos_
+from flockbrush.engine.maths import sincos_
 
 ROUND = 32  # corners of an ellipse
 

@@ -1,20 +1,21 @@
-"""JSON that remembers where everything was: each object is a dict with the line it began on."""
+"""JSON that remembers where everything was: each object is a dict with the line it began on.
+
+The standard library's decoder reads; it is handed scanners for objects and arrays that note lines and keep limits.
+"""
 
 from __future__ import annotations
 
 import json
 import math
 import re
-from bisect import bisect_right
-from json.decoder import scanstring  # type: ignore[attr-defined]
+from json.decoder import JSONArray, JSONObject  # type: ignore[attr-defined]
+from json.scanner import py_make_scanner  # type: ignore[attr-defined]
 
-_SPACE = re.compile(r"[ \t\n\r]*")
-_NUMBER = re.compile(r"-?(?:0|[1-9]\d*)(\.\d+)?([eE][-+]?\d+)?")
-_NUMBERS = re.compile(r"\[[\d\s,]*\]")  # tile data: let the C decoder have it
+from flockbrush.engine import limits
+
+_NUMBERS = re.compile(r"[\d\s,]*\]")  # the rest of tile data: let the C decoder have it
 _HUGE = re.compile(r"\d{40}")
-_WORDS = {"true": True, "false": False, "null": None}
-_MAX_DIGITS = 40
-_MAX_VALUES = 1_000_000  # outside of tile data; a level with all it may have stays below
+_SHARED = tuple(range(limits.TILES + 1))  # tile ids: one object each, however often they are painted
 
 
 class Node(dict):
@@ -31,7 +32,7 @@ class JsonError(ValueError):
         self.line = line
 
 
-def parse(data: bytes, max_depth=64) -> object:
+def parse(data: bytes, max_depth=limits.JSON_DEPTH) -> object:
     """The document with every object a `Node`.
 
     Raises
@@ -43,125 +44,99 @@ def parse(data: bytes, max_depth=64) -> object:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise JsonError("this is not UTF-8 text", data.count(b"\n", 0, error.start) + 1) from None
-    return _Parser(text, max_depth).document()
+    try:
+        return _Decoder(max_depth).decode(text)
+    except json.JSONDecodeError as error:
+        found = repr(text[error.pos]) if error.pos < len(text) else "the end of the file"
+        said = error.msg[0].lower() + error.msg[1:].removesuffix(" at")
+        raise JsonError(f"not valid JSON: {said}, found {found}", error.lineno) from None
+    except _Refused as error:
+        raise JsonError(error.message, text.count("\n", 0, error.at) + 1) from None
 
 
-class _Parser:
-    def __init__(self, text, max_depth):
-        self.text = text
-        self.max_depth = max_depth
-        self.values = 0
-        self.starts = [m.end() for m in re.finditer("\n", text)]
+class _Refused(Exception):
+    """JSON that we do not take, with its position."""
 
-    def fail(self, at, message):
-        raise JsonError(message, self.line(at))
+    def __init__(self, message, at=0):
+        self.message, self.at = message, at
 
-    def line(self, at):
-        return bisect_right(self.starts, at) + 1
 
-    def skip(self, at):
-        return _SPACE.match(self.text, at).end()
+class _Decoder(json.JSONDecoder):
+    """Counts values and depth on the way through a document."""
 
-    def document(self):
-        value, at = self.value(self.skip(0), 0)
-        at = self.skip(at)
-        if at != len(self.text):
-            self.fail(at, f"not valid JSON: {self.text[at]!r} after the end of the document")
-        return value
+    def __init__(self, max_depth):
+        super().__init__(parse_float=_number, parse_int=_number, parse_constant=_constant)
+        self.parse_object, self.parse_array = self._object, self._array
+        self._scan = py_make_scanner(self)
+        self.scan_once = self._value
+        self.max_depth, self.depth, self.values = max_depth, 0, 0
+        self._counted = 0, 1  # line 1 begins at position 0
 
-    def value(self, at, depth):
-        c = self.text[at : at + 1]
+    def _value(self, text, at):
         self.values += 1
-        if self.values > _MAX_VALUES:
-            self.fail(at, f"there are more than {_MAX_VALUES} values in this file")
-        if depth > self.max_depth:
-            self.fail(at, f"nested deeper than {self.max_depth} levels")
-        if c == "{":
-            return self.object(at, depth)
-        if c == "[":
-            return self.array(at, depth)
-        if c == '"':
-            return self.string(at)
-        return self.scalar(at)
-
-    def scalar(self, at):
-        m = _NUMBER.match(self.text, at)
-        if m:
-            return self.number(m, at), m.end()
-        for word, value in _WORDS.items():
-            if self.text.startswith(word, at):
-                return value, at + len(word)
-        for word in ("NaN", "Infinity", "-Infinity", "nan", "inf"):
-            if self.text.startswith(word, at):
-                self.fail(at, f"{word} is not a number here; write a finite one")
-        found = repr(self.text[at]) if at < len(self.text) else "the end of the file"
-        self.fail(at, f"not valid JSON: expected a value, found {found}")
-
-    def number(self, m, at):
-        if len(m[0]) > _MAX_DIGITS:
-            self.fail(at, f"the number {m[0][:12]}... has too many digits")
-        value = float(m[0]) if m[1] or m[2] else int(m[0])
-        if not math.isfinite(value):
-            self.fail(at, f"the number {m[0]} is too large")
-        return value
-
-    def string(self, at):
+        if self.values > limits.JSON_VALUES:
+            raise _Refused(f"there are more than {limits.JSON_VALUES.told} in this file", at)
+        if self.depth > self.max_depth:
+            raise _Refused(f"nested deeper than {self.max_depth} levels", at)
+        self.depth += 1
         try:
-            value, end = scanstring(self.text, at + 1, True)
-            value.isascii() or value.encode()
-        except json.JSONDecodeError as error:
-            self.fail(error.pos, f"not valid JSON: {error.msg[0].lower()}{error.msg[1:]}")
-        except UnicodeEncodeError:
-            self.fail(at, "half a character (a lone surrogate) in a text")
+            value, end = self._scan(text, at)
+        except _Refused as error:
+            raise _Refused(error.message, error.at or at) from None
+        self.depth -= 1
+        if isinstance(value, str):
+            _encodable(value, at)
         return value, end
 
-    def array(self, at, depth):
-        m = _NUMBERS.match(self.text, at)
-        if m and not _HUGE.search(m[0]):
+    def _object(self, text_and_at, strict, _scan, hook, pairs_hook, memo):
+        text, at = text_and_at
+        line = self._line(text, at)
+        pairs, end = JSONObject(text_and_at, strict, self._value, None, list, memo)
+        node = Node(pairs)
+        node.line = line
+        for name in node:
+            _encodable(name, at)
+        if len(node) < len(pairs):
+            names = [name for name, _ in pairs]
+            first = {name: k for k, name in reversed(list(enumerate(names)))}
+            name = next(name for k, name in enumerate(names) if first[name] < k)
+            written = [m.start() for m in re.compile(re.escape(json.dumps(name)) + r"\s*:").finditer(text, at, end)]
+            raise _Refused(f"{name!r} is given twice in one object", written[-1] if written else at)
+        return node, end
+
+    def _array(self, text_and_at, _scan):
+        text, at = text_and_at
+        rest = _NUMBERS.match(text, at)
+        if rest and not _HUGE.search(rest[0]):
+            if rest[0].count(",") >= limits.LAYER_CELLS:
+                raise _Refused(f"a list of more than {limits.LAYER_CELLS:,} numbers", at)
             try:
-                return json.loads(m[0]), m.end()
+                return [_SHARED[v] if v < len(_SHARED) else v for v in json.loads("[" + rest[0])], rest.end()
             except ValueError:
                 pass  # the slow way says where and why
-        values = []
-        at = self.skip(at + 1)
-        if self.text.startswith("]", at):
-            return values, at + 1
-        while True:
-            value, at = self.value(at, depth + 1)
-            values.append(value)
-            at, more = self.comma(at, "]")
-            if not more:
-                return values, at
+        return JSONArray(text_and_at, self._value)
 
-    def object(self, at, depth):
-        node = Node()
-        node.line = self.line(at)
-        at = self.skip(at + 1)
-        if self.text.startswith("}", at):
-            return node, at + 1
-        while True:
-            at = self.member(node, at, depth)
-            at, more = self.comma(at, "}")
-            if not more:
-                return node, at
+    def _line(self, text, at):
+        before, line = self._counted
+        self._counted = at, line + text.count("\n", before, at)
+        return self._counted[1]
 
-    def member(self, node, at, depth):
-        if not self.text.startswith('"', at):
-            self.fail(at, "not valid JSON: expected a name in double quotes")
-        name, end = self.string(at)
-        if name in node:
-            self.fail(at, f"{name!r} is given twice in one object")
-        end = self.skip(end)
-        if not self.text.startswith(":", end):
-            self.fail(end, f"not valid JSON: expected ':' after {name!r}")
-        node[name], end = self.value(self.skip(end + 1), depth + 1)
-        return end
 
-    def comma(self, at, close):
-        at = self.skip(at)
-        c = self.text[at : at + 1]
-        if c == close:
-            return at + 1, False
-        if c != ",":
-            self.fail(at, f"not valid JSON: expected ',' or '{close}'" + ("" if c else ", found the end of the file"))
-        return self.skip(at + 1), True
+def _number(digits):
+    if len(digits) > limits.JSON_DIGITS:
+        raise _Refused(f"the number {digits[:12]}... has too many digits")
+    value = int(digits) if digits.lstrip("-").isdigit() else float(digits)
+    if not math.isfinite(value):
+        raise _Refused(f"the number {digits} is too large")
+    return value
+
+
+def _constant(word):
+    raise _Refused(f"{word} is not a number here; write a finite one")
+
+
+def _encodable(text, at):
+    try:
+        text.isascii() or text.encode()
+    except UnicodeEncodeError:
+        raise _Refused("half a character (a lone surrogate) in a text", at) from None

@@ -1,4 +1,4 @@
-"""Draws the shipped levels: ``python -m levels.make_levels [NAME ...]``.
+"""Draws the shipped levels: ``python -m flockbrush.levels.make_levels [NAME ...]``.
 
 Some of them were afterwards opened, changed and saved in Tiled (``shipped/README.md`` says which); those are left
 alone unless named.
@@ -6,61 +6,17 @@ alone unless named.
 
 from __future__ import annotations
 
-import itertools
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-
-from behaviours.brush import shipped
-from levels.sketch import Sketch
-from levels.tiled import BRUSHES_FILE, known_brushes, png, write_project
+from flockbrush.behaviours.brush import shipped
+from flockbrush.levels import living_levels
+from flockbrush.levels.drawing import LEVELS, level, near_line, new, polygon_about, rolling
+from flockbrush.levels.tiled import png, write_project
 
 HERE = Path(__file__).parent
-LEVELS: dict[str, Callable[[], Sketch]] = {}
 SAVED_BY_TILED = ("gorge", "meadow")  # changed by hand since
-
-
-def level(draw):
-    """Register a drawing under its name, dashes for underscores."""
-    LEVELS[draw.__name__.replace("_", "-")] = draw
-    return draw
-
-
-def new(nx, ny, metres, **options) -> Sketch:
-    """A sketch that knows the shipped tilesets."""
-    return Sketch(nx, ny, metres, "../tilesets", known_brushes(HERE / BRUSHES_FILE), **options)
-
-
-# ---------------------------------------------------------------- helpers for good-looking ground
-
-
-def rolling(x, y, seed, length, count=7):
-    """A smooth random landscape about -1..1 with hills this long: a sum of waves."""
-    state = np.random.default_rng(seed)
-    total = np.zeros_like(x)
-    for a, p, k in zip(*state.uniform(0, 2 * np.pi, (2, count)), state.uniform(0.6, 1.8, count), strict=True):
-        total += np.sin(2 * np.pi * k / length * (x * np.cos(a) + y * np.sin(a)) + p)
-    return total / np.sqrt(count / 2)
-
-
-def polygon_about(x, y, radius, corners, seed, rough=0.25, flat=1.0):
-    """A rock: corners about a centre, (corners, 2) m."""
-    state = np.random.default_rng(seed)
-    a = (np.arange(corners) + state.uniform(-0.25, 0.25, corners)) * 2 * np.pi / corners
-    r = radius * (1 + state.uniform(-rough, rough, corners))
-    return np.column_stack([x + r * np.cos(a), y + flat * r * np.sin(a)])
-
-
-def near_line(x, y, points):
-    """Distance of every cell from a polyline, m."""
-    best = np.full(x.shape, np.inf)
-    for (ax, ay), (bx, by) in itertools.pairwise(points):
-        dx, dy = bx - ax, by - ay
-        t = np.clip(((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy), 0, 1)
-        best = np.minimum(best, np.hypot(x - ax - t * dx, y - ay - t * dy))
-    return best
 
 
 # ---------------------------------------------------------------- the levels
@@ -90,6 +46,9 @@ def meadow():
     s.brush("graze", (s.x > 60) & (s.y > 44) & (wood <= 0.2))
     s.box("Spawn", 82, 58, 22, 16, "grazing", species="sheep", brush="graze", count=60, body_length=1.2)
     s.box("Spawn", 15, 23, 20, 10, "walking", species="sheep", brush="march", count=80, heading="east", body_length=1.2)
+    s.box("Spawn", 3.5, 23, 5, 12, "following", species="sheep", brush="march", rate=2, start=10.5, heading="east",
+          body_length=1.2)  # fmt: skip
+    s.box("Exit", 116, 19, 8, 18, "down the road")
     s.draw("Line", [(60, 8), (60, 30)], "half way", closed=False)
     s.box("Area", 82, 58, 30, 24, "pasture")
     return s
@@ -164,10 +123,10 @@ def anthill():
     c, d = np.cos(a), np.sin(a)
     ring = np.column_stack([7 + 5.8 * np.sign(c) * np.sqrt(np.abs(c)), 9 + 6.8 * np.sign(d) * np.sqrt(np.abs(d))])
     s.draw("Guide", ring, "round the hill", closed=False, strength=1, radius=1.2, decay=1.0, loop=True)
-    s.brush("swarm", s.y >= 9)
-    s.brush("mill-filled", s.y < 9)
-    s.box("Spawn", 7, 16, 10, 2.4, "upper ants", species="ant", brush="swarm", count=180, body_length=0.2)
-    s.box("Spawn", 7, 2, 10, 2.4, "lower ants", species="ant", brush="mill-filled", count=180, body_length=0.2)
+    s.brush("ants-swarm", s.y >= 9)
+    s.brush("ants-mill", s.y < 9)
+    s.box("Spawn", 7, 16, 10, 2.4, "upper ants", species="ant", brush="ants-swarm", count=180, body_length=0.2)
+    s.box("Spawn", 7, 2, 10, 2.4, "lower ants", species="ant", brush="ants-mill", count=180, body_length=0.2)
     s.draw("Line", [(0, 9), (2.5, 9)], "west lane", closed=False)
     s.draw("Line", [(11.5, 9), (14, 9)], "east lane", closed=False)
     return s
@@ -194,7 +153,18 @@ def river():
     s.draw("Obstacle", polygon_about(35, 63, 2.2, 9, 43), "islet", blocks_view=False)
     s.brush("mill-filled", inside > 0.2)
     s.box(
-        "Spawn", 28, 34, 14, 14, "flock", round_=True, species="duck", brush="mill-filled", count=160, body_length=0.5
+        "Spawn",
+        28,
+        34,
+        8.4,
+        8.4,
+        "flock",
+        round_=True,
+        species="duck",
+        brush="mill-filled",
+        count=160,
+        body_length=0.5,
+        formation="mill",
     )
     s.box("Area", 28, 34, 26, 40, "river")
     return s
@@ -318,6 +288,10 @@ def pillars():
     s.draw("Key", [(70, 50)], "lure", at=0, command="Migrate", x=75, y=50, z=19, species="starling")
     s.draw("Key", [(330, 50)], "lure goes east", at=0.1, command="Migrate", x=400, y=50, z=19, seconds=34,
            species="starling")  # fmt: skip
+    for k in range(16):  # back and forth for ten minutes
+        x = 40 if k % 2 == 0 else 310
+        s.draw("Key", [(x, 50)], f"lure {k + 3}", at=26.0 + 38 * k, command="Migrate", x=x, y=50, z=19, seconds=30,
+               species="starling")  # fmt: skip
     s.draw("Line", [(232, 36), (232, 64)], "gate", closed=False)
     return s
 
@@ -397,6 +371,7 @@ def main(names):
     """Draw the project, the tilesets and the levels named, or all that Tiled has not changed since."""
     write_project(HERE, shipped())
     (HERE / "shipped" / "predators-valley-height.png").write_bytes(png(valley_heights()))
+    (HERE / "shipped" / "ridge-height.png").write_bytes(png(living_levels.ridge_picture()))
     for name in names or (n for n in LEVELS if n not in SAVED_BY_TILED):
         LEVELS[name]().save(HERE / "shipped" / f"{name}.tmj")
         print(f"drew {name}")

@@ -5,13 +5,26 @@ from __future__ import annotations
 import math
 
 import numpy as np
-
-from behaviours.problems import did_you_mean
-from engine.solids import polyhedron
-from levels import geometry, schema
-from levels.properties import read_properties
-from levels.schema import CLASSES, HOMES, Area, Exit, Goal, Guide, Key, Line, Obstacle, Spawn, Zone
-from systems.commands import MOST_CORNERS
+from flockbrush.engine import limits
+from flockbrush.engine.problems import did_you_mean
+from flockbrush.engine.solids import polyhedron
+from flockbrush.levels import geometry, schema
+from flockbrush.levels.properties import read_properties
+from flockbrush.levels.schema import (
+    CLASSES,
+    HOMES,
+    Area,
+    Exit,
+    Goal,
+    Guide,
+    Key,
+    Line,
+    Obstacle,
+    PaintBounds,
+    Spawn,
+    Zone,
+)
+from flockbrush.systems.commands import MOST_CORNERS
 
 OBJECT_CLASSES = [c.name for c in CLASSES.values() if c.use == "object"]
 A_PYRAMID = "-2 -2 0; 2 -2 0; 2 2 0; -2 2 0; 0 0 5"
@@ -39,8 +52,8 @@ class ObjectReader:
         for node in nodes:
             if not isinstance(node, dict):
                 layer.place.say("each of the 'objects' must be an object")
-            elif len(self.ids) >= schema.MAX_OBJECTS:
-                layer.place.say(f"there are more than {schema.MAX_OBJECTS} objects")
+            elif len(self.ids) >= limits.OBJECTS:
+                layer.place.say(f"there are more than {limits.OBJECTS} objects")
                 return
             else:
                 self.object(node, layer, kind)
@@ -126,8 +139,8 @@ class ObjectReader:
             return None
         kind, points = drawn
         self.vertices += len(points)
-        if self.vertices > schema.MAX_ALL_VERTICES:
-            place.say(f"all outlines together have more than {schema.MAX_ALL_VERTICES} corners")
+        if self.vertices > limits.LEVEL_CORNERS:
+            place.say(f"all outlines together have more than {limits.LEVEL_CORNERS} corners")
             return None
         points = geometry.turn(points, angle) + (x + layer.dx, y + layer.dy)
         points = geometry.without_repeats(self.frame.to_metres(points), kind == "area")
@@ -156,7 +169,7 @@ class ObjectReader:
         gid = self.reader.whole(node, "gid", place, 1, 2**32 - 1)
         gid = (gid or 0) & 0x0FFFFFFF
         tileset = self.reader.tileset_of(gid)
-        if tileset is None:
+        if tileset is None and not self.reader.lost_tilesets:
             place.say(f"no tileset has tile id {gid}")
         fx, fy = geometry.ALIGNMENTS[tileset.alignment if tileset else "unspecified"]
         return np.array([fx * w, fy * h])
@@ -165,8 +178,8 @@ class ObjectReader:
         if not isinstance(entries, list) or not all(isinstance(p, dict) for p in entries):
             place.say(f"'{key}' must be a list of points")
             return None
-        if len(entries) > schema.MAX_VERTICES:
-            place.say(f"the outline has {len(entries)} corners; there may be at most {schema.MAX_VERTICES}")
+        if len(entries) > limits.CORNERS:
+            place.say(f"the outline has {len(entries)} corners; there may be at most {limits.CORNERS}")
             return None
         return np.array([[self.reader.real(p, k, place) for k in "xy"] for p in entries], float).reshape(-1, 2)
 
@@ -207,11 +220,14 @@ class ObjectReader:
         self.level.goals.append(Goal(number, name, xy, **v, polygon=points if kind == "area" else None))
 
     def zone(self, number, name, shape, v, place):
-        if not (v["brush"] or v["max_speed"] or v["factor"] != 1):
-            place.say("does nothing; give it a brush, a max_speed or a factor")
+        if not (v["brush"] or v["max_speed"] or v["factor"] != 1 or v["event"]):
+            place.say("does nothing; give it a brush, a max_speed, a factor or an event")
         brush = self.brush(v, place) if v["brush"] else None
         cap = v["max_speed"] or math.inf
-        self.level.zones.append(Zone(number, name, shape[1], brush, cap, v["factor"], v["blend"]))
+        event = v["event"], v["event_reach"]
+        self.level.zones.append(
+            Zone(number, name, shape[1], brush, cap, v["factor"], v["blend"], *event, bounds=bounds_of(v))
+        )
 
     def spawn(self, number, name, shape, v, place):
         brush = self.brush(v, place) if "brush" in v.given else ""
@@ -232,6 +248,7 @@ class ObjectReader:
                 v["formation"],
                 v["body_length"] or None,
                 v["depth"],
+                self.reader.program(v["program"], place, v.lines.get("program")),
             )
         )
 
@@ -250,8 +267,8 @@ class ObjectReader:
                 )
         elif count < 1 and not v["rate"] and not {"count", "density", "rate"} & v.wrong:
             place.say("count must be at least 1, got 0", v.lines.get("count"))
-        if count > schema.MAX_AGENTS:
-            place.say(f"{count} animals are too many; there may be at most {schema.MAX_AGENTS}")
+        if count > limits.ANIMALS:
+            place.say(f"{count} animals are too many; there may be at most {limits.ANIMALS}")
         return count
 
     def exit(self, number, name, shape, v, place):
@@ -260,6 +277,8 @@ class ObjectReader:
     def key(self, number, name, shape, v, place):
         kind, points = shape
         xy = geometry.centroid(points) if kind == "area" else points[0]
+        if isinstance(v.others.get("program"), str):
+            self.reader.program(v.others["program"], place, v.lines.get("program"))
         self.level.script.append(Key(number, name, v["at"], v["command"], dict(v.others), xy, place.line))
         self.key_lines[number] = v.lines
         self.key_shapes[number] = shape
@@ -283,6 +302,14 @@ class ObjectReader:
                 if value and value not in self.goal_ids:
                     self.places[thing.id].say(f"{key}: object {value} is no Goal")
                 setattr(thing, key, self.goal_ids.get(value, ""))
+
+
+def bounds_of(v):
+    """Whom paint binds, by its properties."""
+    species = tuple(word.strip() for word in v["species"].split(",") if word.strip())
+    low = -math.inf if v["z_min"] <= -schema.FAR else v["z_min"]
+    high = math.inf if v["z_max"] >= schema.FAR else v["z_max"]
+    return PaintBounds(species, v["medium"], low, high)
 
 
 def article(name):

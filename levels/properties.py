@@ -6,11 +6,10 @@ import math
 import re
 
 import numpy as np
+from flockbrush.engine import limits
+from flockbrush.engine.problems import Problem, did_you_mean
+from flockbrush.levels.schema import CLASSES, COMPASS, ObjectClass, Property
 
-from behaviours.problems import Problem, did_you_mean
-from levels.schema import CLASSES, COMPASS, ObjectClass, Property
-
-MAX_TEXT = 1000  # characters
 _MAX_PROBLEMS = 1000
 _COLOUR = re.compile(r"#(?:[0-9a-fA-F]{2})?([0-9a-fA-F]{6})")
 _TRUE_FALSE = {True: "true", False: "false"}
@@ -21,14 +20,20 @@ class Report:
 
     def __init__(self):
         self.problems: list[Problem] = []
+        self.warnings: list[Problem] = []  # what may be and is rarely meant
 
     def say(self, file, line, where, message):
         """Add one, unless there are far too many already."""
         if len(self.problems) < _MAX_PROBLEMS:
             self.problems.append(Problem(file, line, where, message))
 
+    def warn(self, file, line, where, message):
+        """Add a warning, unless there are far too many already."""
+        if len(self.warnings) < _MAX_PROBLEMS:
+            self.warnings.append(Problem(file, line, where, f"warning: {message}"))
 
-class Place:
+
+class FilePlace:
     """Where in which file we are, for problems: a layer, an object, a tile."""
 
     def __init__(self, report: Report, file: str, line: int | None, where: str = ""):
@@ -38,9 +43,13 @@ class Place:
         """A problem here."""
         self.report.say(self.file, line or self.line, self.where, message)
 
+    def warn(self, message, line=None):
+        """A warning here."""
+        self.report.warn(self.file, line or self.line, self.where, message)
+
     def at(self, node, where):
         """The same file, at another node."""
-        return Place(self.report, self.file, getattr(node, "line", self.line), where)
+        return FilePlace(self.report, self.file, getattr(node, "line", self.line), where)
 
 
 class Refused(ValueError):
@@ -76,7 +85,7 @@ class Values(dict):
         self.lines: dict[str, int] = {}
 
 
-def read_properties(node, cls: ObjectClass, place: Place) -> Values:
+def read_properties(node, cls: ObjectClass, place: FilePlace) -> Values:
     """The properties of `node` as class `cls`; problems are told to `place`, wrong values left at the default."""
     values = Values(cls)
     for entry, name, value in _flat(node, cls, place):
@@ -104,7 +113,8 @@ def read_properties(node, cls: ObjectClass, place: Place) -> Values:
 def _hint(p):
     if p.kind == "brush":
         return "; name a brush asset"
-    return f"; a Flockbrush level says '{p.default}'" if p.name == "schema" else ""
+    other = "; to make a level of another map: flockbrush level adopt FILE"
+    return f"; a Flockbrush level says '{p.default}'{other}" if p.name == "schema" else ""
 
 
 def _other(values, cls, name, value, place, line):
@@ -179,8 +189,8 @@ def _bool(p, value):
 def _text(p, value):
     if not isinstance(value, str):
         raise Refused(f"must be a text, got {shown(value)}")
-    if len(value) > MAX_TEXT:
-        raise Refused(f"must have at most {MAX_TEXT} characters, got {len(value)}")
+    if len(value) > limits.PROPERTY_TEXT:
+        raise Refused(f"must have at most {limits.PROPERTY_TEXT} characters, got {len(value)}")
     return value
 
 
@@ -238,6 +248,7 @@ _KINDS = {
     "enum": _enum,
     "heading": _heading,
     "brush": _text,
+    "program": _text,
     "goal": _goal,
 }
 

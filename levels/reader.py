@@ -14,20 +14,35 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from flockbrush.behaviours.program import Program, ProgramLibrary, shipped_programs
+from flockbrush.engine import limits, pictures
+from flockbrush.engine.problems import ProblemsError, did_you_mean
+from flockbrush.engine.raster import Raster
+from flockbrush.levels import geometry, schema
+from flockbrush.levels.art_reader import ArtReader
+from flockbrush.levels.checks import check_level
+from flockbrush.levels.files import DiskFiles, FileRefused, MemoryFiles, UnsavedFiles, project_folder
+from flockbrush.levels.ground_arrays import bare_ground, put_ground
+from flockbrush.levels.hints import layer_hints, level_hints
+from flockbrush.levels.json_lines import JsonError, Node, parse
+from flockbrush.levels.objects import ObjectReader, bounds_of
+from flockbrush.levels.properties import FilePlace, Report, Values, is_number, read_properties, shown
+from flockbrush.levels.schema import CLASSES, BrushLayer, Level, TerrainKind
+from flockbrush.levels.tile_data import decode, unpack
+from flockbrush.levels.tmx import count_tiles, is_xml, read_xml
 
-from behaviours.problems import ProblemsError, did_you_mean
-from engine.fields import Raster
-from levels import geometry, schema
-from levels.checks import check_level
-from levels.files import DiskFiles, FileRefused, MemoryFiles, UnsavedFiles, project_folder
-from levels.json_lines import JsonError, Node, parse
-from levels.objects import ObjectReader
-from levels.properties import Place, Report, Values, is_number, read_properties, shown
-from levels.schema import CLASSES, BrushLayer, Level, Terrain, TerrainKind
-from levels.tile_data import decode
-
+AS_STORED = -1  # cv2.IMREAD_UNCHANGED
 _FAR = 10_000_000  # px or tiles; nothing real is farther out
-_parsed_once = lru_cache(maxsize=8)(parse)  # levels of a folder share their tilesets; nobody changes what was parsed
+
+
+def parsed_document(data):
+    """The document in a file of Tiled's, JSON or XML; JsonError."""
+    return read_xml(data) if is_xml(data) else parse(data, limits.JSON_DEPTH)
+
+
+_parsed_once = lru_cache(maxsize=8)(
+    parsed_document
+)  # levels of a folder share their tilesets; nobody changes what was parsed
 
 
 def read_level(path, library=None, commands=None) -> Level:
@@ -41,7 +56,8 @@ def read_level(path, library=None, commands=None) -> Level:
         Which brushes there are; the shipped ones, and those in a folder ``brushes`` beside the level or the project,
         when left out.
     commands : dict of str to dataclass, optional
-        Which commands a script may give; `engine.commands.COMMANDS` when left out, unchecked when that is empty.
+        Which commands a script may give; `flockbrush.engine.commands.COMMANDS` when left out, unchecked when that is
+        empty.
 
     Raises
     ------
@@ -86,7 +102,7 @@ def read_level_text(text: bytes, path, library=None, kept=None) -> Level:
 
 def _read(files, library, commands):
     report = Report()
-    level = LevelReader(files, report, library, commands).level()
+    level = LevelReader(files, report, library, commands, program_library(files)).level()
     if report.problems or level is None:
         raise ProblemsError(sorted(report.problems, key=lambda p: (p.file, p.line or 0)))
     return level
@@ -99,7 +115,7 @@ class Tile:
     cls: str
     values: Values | None
     label: str  # "tile 3 of tileset 'terrain'"
-    place: Place
+    place: FilePlace
 
 
 @dataclass
@@ -111,10 +127,12 @@ class Tileset:
     name: str
     alignment: str
     tiles: dict[int, Tile]
+    node: Node
+    folder: str
 
 
 @dataclass
-class Layer:
+class ReadLayer:
     """A layer out of its groups, with what they add up to."""
 
     node: Node
@@ -123,12 +141,14 @@ class Layer:
     dx: float  # px
     dy: float
     opacity: float
-    place: Place
+    place: FilePlace
+    hidden: bool = False  # it or a group around it
     pieces: list | None = None  # its unpacked tile data
+    flags: bool = False  # whether flip flags of tiles are kept
 
 
 @dataclass
-class Frame:
+class MapFrame:
     """From pixels to metres, and the other way round for cells."""
 
     tile: int  # px
@@ -149,12 +169,15 @@ class Frame:
 class LevelReader:
     """Walks through one document; tells every problem to the report and goes on as long as it makes sense."""
 
-    def __init__(self, files, report, library, commands=None):
+    def __init__(self, files, report, library, commands=None, programs=None):
         self.files, self.report = files, report
         self.library = library
+        self.programs = programs or shipped_programs()
+        self.named_programs: dict[str, Program] = {}
         self.commands = commands
         self._names: list[str] | None = None
         self.tilesets: list[Tileset] = []  # by firstgid
+        self.lost_tilesets = False  # one could not be read: tiles without a tileset are its
         self.cells = 0  # tiles decoded so far, against the cap
         self.layers = 0
 
@@ -169,7 +192,7 @@ class LevelReader:
         values = read_properties(doc, CLASSES["FlockbrushLevel"], place)
         self.check_map(doc, values, place)
         self.read_tilesets(doc)
-        layers = list(self.walk(doc.get("layers"), place))
+        layers, others = split(list(self.walk(doc.get("layers"), place)))
         frame = self.frame(doc, layers, values["metres_per_tile"], place)
         if frame is None:
             return None
@@ -182,35 +205,43 @@ class LevelReader:
             boundary=values["boundary"],
             seed=values["seed"],
         )
+        artist = ArtReader(self, frame, values["ground_rules"], place)
+        artist.read(level, others)
         self.fill(level, layers, frame)
-        level.kinds = list(self.kinds().values())
+        artist.finish(level)
+        level.kinds = list({**self.kinds(), **artist.kinds}.values())
         level.files = self.files.got
+        level.programs = self.named_programs
         check_level(level, self.objects, self.library, self.commands)
+        if not self.report.problems:
+            layer_hints(layer for layer in layers if not plain_name(layer.name).startswith(schema.IGNORED))
+            level_hints(level, self.objects.places)
+        level.warnings = sorted(self.report.warnings, key=lambda p: (p.file, p.line or 0))
         return level
 
     def document(self):
         """The parsed map; None when it is none."""
         self.file = str(self.files.level)
-        self.place = Place(self.report, self.file, None)
+        self.place = FilePlace(self.report, self.file, None)
         try:
             data = self.files.first()
         except FileRefused as error:
             self.place.say(str(error))
-            return None
-        if self.files.level.suffix.lower() == ".tmx" or data.lstrip()[:5].lower() in (b"<?xml", b"<map "):
-            self.place.say("TMX is not read; save as .tmj (in Tiled: File > Save As, type 'JSON map files')")
             return None
         return self.parsed(data, self.place, "map")
 
     def parsed(self, data, place, kind):
         """The JSON object in these bytes, if it is a `kind`."""
         try:
-            doc = (parse if kind == "map" else _parsed_once)(data, schema.MAX_DEPTH)
+            doc = (parsed_document if kind == "map" else _parsed_once)(data)
         except JsonError as error:
             place.say(str(error), error.line)
             return None
         if not isinstance(doc, Node):
             place.say(f"this is not a Tiled {kind}: expected an object, got {shown(doc)}", 1)
+            return None
+        if doc.get("type") == "world":
+            place.say(f"a world is several maps, which are opened one by one{_maps_of(doc)}", doc.line)
             return None
         if doc.get("type", kind) != kind:
             place.say(f"this is not a Tiled {kind}: its type is {shown(doc.get('type'))}", doc.line)
@@ -221,7 +252,10 @@ class LevelReader:
         if "schema" in values.given and values["schema"] != schema.SCHEMA:
             place.say(f"schema must be '{schema.SCHEMA}', got {values['schema']!r}", values.lines["schema"])
         if doc.get("orientation", "orthogonal") != "orthogonal":
-            place.say(f"the orientation must be orthogonal, got {shown(doc['orientation'])}")
+            place.say(
+                f"the orientation must be orthogonal, got {shown(doc['orientation'])}: tiles are squares of the ground,"
+                " seen from above, on which animals walk in metres"
+            )
 
     # ------------------------------------------------------------ structure, checked
 
@@ -275,9 +309,12 @@ class LevelReader:
             source = self.text(entry, "source", place)
             entry, place = self.external(source, place)
             if entry is None:
+                self.lost_tilesets = True
                 return
             folder = posixpath.dirname(source.replace("\\", "/"))
-        count = self.whole(entry, "tilecount", place, 0, schema.MAX_TILES)
+        if "tilecount" not in entry and entry.get("image"):
+            self.measure_image(entry, folder, place)
+        count = self.whole(entry, "tilecount", place, 0, limits.TILES)
         if count is None:
             return
         name = self.text(entry, "name", place) or "tileset"
@@ -288,8 +325,22 @@ class LevelReader:
         if any(t.firstgid == firstgid for t in self.tilesets):
             place.say(f"two tilesets begin at tile id {firstgid}")
         tiles = self.read_tiles(entry, count, name, folder, place)
-        self.tilesets.append(Tileset(firstgid, count, name, alignment, tiles))
+        self.tilesets.append(Tileset(firstgid, count, name, alignment, tiles, entry, folder))
         self.tilesets.sort(key=lambda t: t.firstgid)
+
+    def measure_image(self, entry, folder, place):
+        """Count the tiles of a tileset's image in old files, which leave that out."""
+        name = self.text(entry, "image", place)
+        try:
+            size = pictures.picture_size(self.files.read(posixpath.join(folder, name)))
+        except FileRefused as error:
+            place.say(f"picture {name[:200]!r}: {error}")
+            size = 1, 1
+        if size is None:
+            place.say(f"picture {name[:200]!r} is no PNG, JPEG, WebP or BMP")
+            size = 1, 1
+        entry["imagewidth"], entry["imageheight"] = size
+        count_tiles(entry)
 
     def kinds(self):
         """{name: TerrainKind} of all terrain tiles; of two with one name the first."""
@@ -308,15 +359,12 @@ class LevelReader:
 
     def external(self, source, place):
         """(document, place) of a tileset in a file of its own."""
-        if source.lower().endswith((".tsx", ".xml")):
-            place.say(f"tileset {source!r} is TSX, which is not read; save it as .tsj and point the map to that")
-            return None, place
         try:
             data = self.files.read(source)
         except FileRefused as error:
             place.say(f"tileset {source[:200]!r}: {error}")
             return None, place
-        there = Place(self.report, self.files.shown(source), 1)
+        there = FilePlace(self.report, self.files.shown(source), 1)
         return self.parsed(data, there, "tileset"), there
 
     def read_tiles(self, entry, count, name, folder, place):
@@ -347,7 +395,7 @@ class LevelReader:
 
     # ------------------------------------------------------------ layers
 
-    def walk(self, nodes, place, dx=0.0, dy=0.0, opacity=1.0, prefix="", depth=0):
+    def walk(self, nodes, place, dx=0.0, dy=0.0, opacity=1.0, prefix="", hidden=False):
         """Every layer, out of its groups, offsets and opacities added up."""
         if not isinstance(nodes, list):
             place.say("'layers' must be a list")
@@ -361,15 +409,16 @@ class LevelReader:
             x, y = dx + self.real(node, "offsetx", here), dy + self.real(node, "offsety", here)
             strength = opacity * min(max(self.real(node, "opacity", here, 1.0), 0.0), 1.0)
             kind = self.text(node, "type", here)
+            unseen = hidden or node.get("visible") is False
             if kind == "group":
-                yield from self.walk(node.get("layers"), here, x, y, strength, name + "/", depth + 1)
+                yield from self.walk(node.get("layers"), here, x, y, strength, name + "/", unseen)
             elif kind in ("tilelayer", "objectgroup", "imagelayer"):
                 self.layers += 1
-                if self.layers > schema.MAX_LAYERS:
-                    if self.layers == schema.MAX_LAYERS + 1:
-                        here.say(f"there are more than {schema.MAX_LAYERS} layers")
+                if self.layers > limits.LAYERS:
+                    if self.layers == limits.LAYERS + 1:
+                        here.say(f"there are more than {limits.LAYERS} layers")
                     return
-                yield Layer(node, kind, name, x, y, strength, here)
+                yield ReadLayer(node, kind, name, x, y, strength, here, unseen)
             else:
                 here.say(f"the layer's type is {shown(kind)}; there are tilelayer, objectgroup, imagelayer, group")
 
@@ -391,12 +440,12 @@ class LevelReader:
         nx, ny = self.whole(doc, "width", place, 1, 1_000_000), self.whole(doc, "height", place, 1, 1_000_000)
         if nx is None or ny is None or not self.fits(nx, ny, place):
             return None
-        return Frame(tile, metres, 0, 0, nx, ny)
+        return MapFrame(tile, metres, 0, 0, nx, ny)
 
     def fits(self, nx, ny, place):
-        if nx * ny <= schema.MAX_CELLS:
+        if nx * ny <= limits.LAYER_CELLS:
             return True
-        place.say(f"the map has {nx} x {ny} tiles; there may be at most {schema.MAX_CELLS}")
+        place.say(f"the map has {nx} x {ny} tiles; there may be at most {limits.LAYER_CELLS}")
         return False
 
     def infinite_frame(self, layers, tile, metres, place):
@@ -414,7 +463,7 @@ class LevelReader:
         x0, y0, x1, y1 = int(left.min()), int(top.min()), int(right.max()), int(bottom.max())
         if not self.fits(x1 - x0, y1 - y0, place):
             return None
-        return Frame(tile, metres, x0, y0, x1 - x0, y1 - y0)
+        return MapFrame(tile, metres, x0, y0, x1 - x0, y1 - y0)
 
     def painted(self, layer, tile):
         """(left, top, right, bottom) of the painted part of each chunk, in tiles."""
@@ -452,19 +501,20 @@ class LevelReader:
             return
         encoding, compression = self.text(node, "encoding", place), self.text(node, "compression", place)
         for chunk in chunks:
-            width, height = (self.whole(chunk, k, place, 1, schema.MAX_CELLS) for k in ("width", "height"))
+            width, height = (self.whole(chunk, k, place, 1, limits.LAYER_CELLS) for k in ("width", "height"))
             x, y = (self.whole(chunk, k, place, -_FAR, _FAR, 0) for k in "xy")
             if None in (width, height, x, y):
                 continue
             self.cells += width * height
-            if width * height > schema.MAX_CELLS or self.cells > schema.MAX_ALL_CELLS:
+            if width * height > limits.LAYER_CELLS or self.cells > limits.LEVEL_CELLS:
                 place.say(
-                    f"{width} x {height} tiles are too many; a layer may have {schema.MAX_CELLS}, "
+                    f"{width} x {height} tiles are too many; a layer may have {limits.LAYER_CELLS}, "
                     "all together four times that"
                 )
                 return
             try:
-                yield x, y, decode(chunk.get("data"), encoding, compression, width, height)
+                read = unpack if layer.flags else decode
+                yield x, y, read(chunk.get("data"), encoding, compression, width, height)
             except ValueError as error:
                 place.say(str(error))
 
@@ -474,14 +524,14 @@ class LevelReader:
         """Read every layer into the level."""
         objects = self.objects = ObjectReader(self, frame, level)
         self.known = {}  # terrain kinds by tile id
+        self.painted = None  # cells of terrain layers
         for layer in layers:
             kind = kind_of(layer.name)
             if kind is None and layer.kind != "objectgroup":
-                if not plain_name(layer.name).startswith(schema.IGNORED):
-                    layer.place.say(
-                        f"no such layer{did_you_mean(plain_name(layer.name), schema.LAYER_NAMES)}"
-                        f" (a layer of your own begins with {' or '.join(schema.IGNORED)})"
-                    )
+                layer.place.say(
+                    f"no such layer{did_you_mean(plain_name(layer.name), schema.LAYER_NAMES)}"
+                    f" (a layer of your own begins with {' or '.join(schema.IGNORED)})"
+                )
             elif layer.kind == "tilelayer":
                 self.tile_layer(level, layer, kind, frame)
             elif layer.kind == "imagelayer":
@@ -531,6 +581,8 @@ class LevelReader:
             if tile is not None and tile.cls == cls:
                 used[gid] = tile
                 continue
+            if tileset is None and self.lost_tilesets:
+                continue
             iy, ix = (int(k[0]) for k in np.nonzero(gids == gid))
             found = (
                 f"it is a {tile.cls} tile"
@@ -545,26 +597,11 @@ class LevelReader:
 
     def paint_terrain(self, level, gids, used, layer):
         if level.terrain is None:
-            shape = gids.shape
-            level.terrain = Terrain(
-                np.ones(shape, bool),
-                np.ones(shape),
-                np.ones(shape),
-                np.zeros(shape, bool),
-                np.full(shape, -1, np.int16),
-                [],
-                [],
-            )
-        ground = level.terrain
+            level.terrain = bare_ground(gids.shape)
+        self.painted = gids > 0 if self.painted is None else self.painted | (gids > 0)
         for gid, tile in used.items():
-            here = gids == gid
-            for name in ("walkable", "speed_factor", "cost", "blocks_view"):
-                getattr(ground, name)[here] = tile.values[name]
-            if gid not in self.known:
-                self.known[gid] = len(ground.names)
-                ground.names.append(tile.values["name"] or tile.label)
-                ground.colours.append(tile.values["colour"])
-            ground.index[here] = self.known[gid]
+            values = {**tile.values, "name": tile.values["name"] or tile.label}
+            self.known[gid] = put_ground(level.terrain, gids == gid, values, self.known.get(gid))
 
     def brush_layer(self, gids, used, layer):
         names = {gid: self.tile_brush(tile) for gid, tile in used.items()}
@@ -572,7 +609,8 @@ class LevelReader:
         index = np.full(gids.shape, -1, np.int16)
         for gid, name in names.items():
             index[gids == gid] = assets.index(name)
-        return BrushLayer(layer.name, layer.opacity, assets, index)
+        values = read_properties(layer.node, CLASSES["BrushLayer"], layer.place)
+        return BrushLayer(layer.name, layer.opacity, assets, index, bounds_of(values))
 
     def tile_brush(self, tile):
         """The brush of a painted tile; looked up only now, since a tileset may know brushes that are gone."""
@@ -636,13 +674,25 @@ class LevelReader:
             place.say(f"{key}: there is no brush {name[:60]!r}{did_you_mean(name, self.brush_names())}", line)
         return name
 
+    def program(self, name, place, line):
+        """The name of a program, which is read; one that is wrong is told with its own lines."""
+        if name and name not in self.named_programs:
+            try:
+                self.named_programs[name] = self.programs.get(name)
+            except ProblemsError as error:
+                if name in self.programs.names():
+                    self.report.problems.extend(error.problems)
+                else:
+                    place.say(f"program: {error.problems[0].message}", line)
+        return name
+
     def brush_names(self):
         if self._names is None:
             self._names = self.library.names()
         return self._names
 
     def brush_file(self, name, folder, place, line, key):
-        from behaviours.brush import load_brush
+        from flockbrush.behaviours.brush import load_brush
 
         try:
             data = self.files.read(posixpath.join(folder, name))
@@ -658,7 +708,7 @@ class LevelReader:
 
 
 def brush_library(path, files=None):
-    """Every brush a level can name: files of its own, folders ``brushes`` beside it and in its project, the shipped.
+    """Every brush and species a level can name: its own files, ``brushes`` and ``species`` beside it, the shipped.
 
     Parameters
     ----------
@@ -667,19 +717,67 @@ def brush_library(path, files=None):
     files : dict of str to bytes, optional
         `Level.files`, for brushes the level names as files.
     """
-    from behaviours.brush import SUFFIX, BrushLibrary, shipped
+    from flockbrush.behaviours.brush import SUFFIX, BrushLibrary, shipped
+    from flockbrush.behaviours.species import SpeciesLibrary, shipped_species
 
     path = Path(path)
-    own = [folder / "brushes" for folder in dict.fromkeys((path.parent.resolve(), project_folder(path)))]
+    around = list(dict.fromkeys((path.parent.resolve(), project_folder(path))))
+    own = [folder / "brushes" for folder in around]
     embedded = {name: data for name, data in (files or {}).items() if name.endswith(SUFFIX)}
-    return BrushLibrary([*(f for f in own if f.is_dir()), *shipped().folders], embedded)
+    species = SpeciesLibrary([*(folder / "species" for folder in around), *shipped_species().folders])
+    return BrushLibrary([*(f for f in own if f.is_dir()), *shipped().folders], embedded, species=species)
+
+
+def program_library(files):
+    """The programs a level can name: of its own folders ``programs`` and the shipped, or those of a recording."""
+    embedded = {name: data for name, data in getattr(files, "files", {}).items() if name.endswith(".program.toml")}
+    folders = [] if isinstance(files, MemoryFiles) else program_folders(files.level)
+    return ProgramLibrary([*folders, *shipped_programs().folders], embedded)
+
+
+def program_folders(path):
+    """Folders ``programs`` beside a level and in its project."""
+    path = Path(path)
+    own = [folder / "programs" for folder in dict.fromkeys((path.parent.resolve(), project_folder(path)))]
+    return [folder for folder in own if folder.is_dir()]
 
 
 def recorded_library(files):
     """The brushes a recording has embedded, and the shipped for what it has not."""
-    from behaviours.brush import SUFFIX, BrushLibrary, shipped
+    from flockbrush.behaviours.brush import SUFFIX, BrushLibrary, shipped
+    from flockbrush.behaviours.species import SpeciesLibrary, shipped_species
 
-    return BrushLibrary(shipped().folders, {name: data for name, data in files.items() if name.endswith(SUFFIX)})
+    species = SpeciesLibrary(shipped_species().folders, files)
+    brushes = {name: data for name, data in files.items() if name.endswith(SUFFIX)}
+    return BrushLibrary(shipped().folders, brushes, species=species)
+
+
+def split(layers):
+    """(layers that are ours, the others).
+
+    Where there is a group `schema.GROUP`, ours are those in it.  Otherwise those with our names are, and every object
+    layer; a tile or image layer with another name is artwork, unless it has a name like ours.
+    """
+    if any(layer.name.startswith(schema.GROUP + "/") for layer in layers):
+        return _parted(layers, lambda layer: layer.name.startswith(schema.GROUP + "/"))
+    return _parted(layers, lambda layer: layer.kind == "objectgroup" or _is_ours(layer.name))
+
+
+def _parted(layers, ours):
+    return [layer for layer in layers if ours(layer)], [layer for layer in layers if not ours(layer)]
+
+
+def _is_ours(name):
+    """Whether a layer has one of our names, or one so near that it must be meant."""
+    if plain_name(name).startswith(schema.IGNORED):
+        return False
+    return kind_of(name) is not None or "did you mean" in did_you_mean(plain_name(name), schema.LAYER_NAMES)
+
+
+def _maps_of(doc):
+    maps = doc.get("maps")
+    names = [one.get("fileName") for one in maps if isinstance(one, dict)] if isinstance(maps, list) else []
+    return ": " + ", ".join(str(name)[:60] for name in names[:6]) if names else ""
 
 
 def plain_name(name):
@@ -699,11 +797,9 @@ def read_grey(data: bytes) -> np.ndarray:
     width, height, depth, colour = struct.unpack(">IIBB", data[16:26])
     if colour != 0 or depth not in (8, 16):
         raise ValueError("the picture must be grey, 8 or 16 bit, without colour or transparency")
-    if not 0 < width * height <= schema.MAX_IMAGE_PIXELS:
-        raise ValueError(f"the picture has {width} x {height} pixels; there may be at most {schema.MAX_IMAGE_PIXELS}")
-    import cv2
-
-    grey = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if not 0 < width * height <= limits.HEIGHT_PIXELS:
+        raise ValueError(f"the picture has {width} x {height} pixels; there may be at most {limits.HEIGHT_PIXELS}")
+    grey = pictures.decoded(data, AS_STORED)
     if grey is None or grey.ndim != 2:
         raise ValueError("the picture is damaged")
     return grey

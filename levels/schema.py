@@ -12,24 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from engine.fields import Raster
+from flockbrush.engine import limits
+from flockbrush.engine.problems import Problem
+from flockbrush.engine.raster import Raster
 
 SCHEMA = "flockbrush-level/1"
 PROJECT_FILE = "flockbrush.tiled-project"
-
-# Caps, checked before memory is taken.
-MAX_FILE_BYTES = 64 * 2**20
-MAX_CELLS = 2048 * 2048  # tiles of one layer
-MAX_ALL_CELLS = 4 * MAX_CELLS  # tiles of all layers together
-MAX_LAYERS = 256
-MAX_OBJECTS = 20_000
-MAX_VERTICES = 2_000  # of one polygon or polyline
-MAX_ALL_VERTICES = 200_000
-MAX_AGENTS = 1_000_000
-MAX_IMAGE_PIXELS = 4096 * 4096
-MAX_TILES = 65_536  # of one tileset
-MAX_DEPTH = 64  # of the JSON, and so of nested groups
 
 COMPASS = {
     "east": 0.0,
@@ -71,6 +59,16 @@ class TerrainKind:
     blocks_view: bool = False
 
 
+@dataclass(frozen=True)
+class PaintBounds:
+    """Whom paint binds: those its brush is made for, in the medium of its brush, unless it says otherwise."""
+
+    species: tuple[str, ...] = ()  # names and tags; empty: those the brush is made for
+    medium: str = "brush"  # brush | ground | air | any
+    z_min: float = -np.inf  # m above the ground
+    z_max: float = np.inf  # m above the ground
+
+
 @dataclass
 class BrushLayer:
     """Behaviour painted on the ground: ``assets[index]`` where index >= 0."""
@@ -79,6 +77,7 @@ class BrushLayer:
     weight: float  # the layer's opacity, 0..1
     assets: list[str]
     index: np.ndarray  # int16
+    bounds: PaintBounds = PaintBounds()  # whom it binds
 
 
 @dataclass
@@ -113,7 +112,7 @@ class Guide:
 
 @dataclass
 class Goal:
-    """Where the way leads, and what becomes of those who arrive."""
+    """Where the way leads, and what happens to animals that arrive."""
 
     id: int
     name: str
@@ -135,6 +134,9 @@ class Zone:
     max_speed: float  # m/s, inf for none
     factor: float  # multiplies speed
     blend: float  # s
+    event: str = ""  # raised when somebody comes in
+    event_reach: float = 0.0  # m from there; 0: it alone hears it; below 0: all do
+    bounds: PaintBounds = PaintBounds()  # whom its brush binds
 
 
 @dataclass
@@ -152,9 +154,10 @@ class Spawn:
     altitude: float  # m above ground
     start: float  # s
     rate: float  # animals per second; 0: all at once
-    formation: str  # scatter | grid | ring | line
+    formation: str  # scatter | grid | ring | mill | line
     body_length: float | None = None  # m; None: the brush's
     depth: float = 0.0  # m, from the lowest to the highest of those in the air
+    program: str = ""  # that they follow; "": none
 
 
 @dataclass
@@ -223,7 +226,10 @@ class Level:
     lines: list[Line] = field(default_factory=list)
     areas: list[Area] = field(default_factory=list)
     kinds: list[TerrainKind] = field(default_factory=list)  # of ground, in all tilesets, painted or not
+    programs: dict[str, Any] = field(default_factory=dict)  # {name: Program}, all that the level names
     files: dict[str, bytes] = field(default_factory=dict, repr=False)  # all that was read; the level itself first
+    warnings: list[Problem] = field(default_factory=list)  # what may be and is rarely meant
+    art: Any = None  # `flockbrush.levels.art.Art` of layers that are not ours
 
     @property
     def shape(self):
@@ -245,9 +251,9 @@ class Property:
 
     Parameters
     ----------
-    kind : {"number", "int", "bool", "text", "colour", "enum", "heading", "brush", "goal"}
-        ``heading`` is "random", a compass point or degrees counter-clockwise from east; ``brush`` and ``goal`` are
-        names that must exist.
+    kind : {"number", "int", "bool", "text", "colour", "enum", "heading", "brush", "program", "goal"}
+        ``heading`` is "random", a compass point or degrees counter-clockwise from east; ``brush``, ``program`` and
+        ``goal`` are names that must exist.
     default
         What an absent property means.  Tiled does not write defaults, so this is the only place they are.
     low, high : float
@@ -295,11 +301,23 @@ ENUMS: dict[str, tuple[str, ...]] = {
     "Boundary": ("wall", "wrap", "open", "despawn"),
     "ObstacleShape": ("box", "cylinder", "sphere", "plane", "hull"),
     "OnArrive": ("stay", "despawn", "next", "disperse"),
-    "Formation": ("scatter", "grid", "ring", "line"),
+    "Medium": ("brush", "ground", "air", "any"),
+    "Formation": ("scatter", "grid", "ring", "mill", "line"),
 }
 
 FAR = 1e6  # m; no level is larger
 _BRUSH = "a brush asset, by name, or a .brush.toml file relative to the level"
+_BOUNDS = (
+    Property(
+        "species",
+        "text",
+        "",
+        "species that its brush binds, names or tags separated by commas; empty: those it is made for",
+    ),
+    Property("medium", "enum", "brush", "where they must be; brush: where the brush moves", enum="Medium"),
+    Property("z_min", "number", -FAR, "it binds from so high above the ground", "m", low=-FAR, high=FAR),
+    Property("z_max", "number", FAR, "it binds up to so high above the ground", "m", low=-FAR, high=FAR),
+)
 
 CLASSES: dict[str, ObjectClass] = {
     c.name: c
@@ -315,6 +333,9 @@ CLASSES: dict[str, ObjectClass] = {
                 Property("metres_per_tile", "number", 1.0, "size of a tile", "m", above=0, high=1000),
                 Property("boundary", "enum", "wall", "what the edge of the map is", enum="Boundary"),
                 Property("seed", "int", 1, "another number, another run", low=0, high=2**31 - 1),
+                Property(
+                    "ground_rules", "text", "", "what tiles of layers that are not ours mean, a rule in each line"
+                ),
             ),
         ),
         ObjectClass(
@@ -326,12 +347,12 @@ CLASSES: dict[str, ObjectClass] = {
             (
                 Property("name", "text", "", "what it is called"),
                 Property("colour", "colour", "#b8c49a", "how it is drawn"),
-                Property("walkable", "bool", True, "false: nobody steps on it"),
+                Property("walkable", "bool", True, "false: no animal steps on it"),
                 Property("speed_factor", "number", 1.0, "multiplies speed; less is slower", low=0.01, high=10),
                 Property(
                     "cost", "number", 1.0, "of a metre on the way to a goal; more is avoided", low=0.01, high=1000
                 ),
-                Property("blocks_view", "bool", False, "true: hides who is behind it"),
+                Property("blocks_view", "bool", False, "true: hides animals behind it"),
             ),
         ),
         ObjectClass(
@@ -349,7 +370,7 @@ CLASSES: dict[str, ObjectClass] = {
             "#d08a2a",
             "a speed painted on the ground",
             (
-                Property("max_speed", "number", 0.0, "nobody is faster here; 0: no cap", "m/s", low=0, high=1000),
+                Property("max_speed", "number", 0.0, "top speed here; 0: no cap", "m/s", low=0, high=1000),
                 Property("factor", "number", 1.0, "multiplies speed", low=0.01, high=10),
             ),
         ),
@@ -361,6 +382,7 @@ CLASSES: dict[str, ObjectClass] = {
             "a grey picture stretched over the map: slope slows and steers",
             (Property("metres_per_level", "number", 0.1, "height of one grey level", "m", above=0, high=1000),),
         ),
+        ObjectClass("BrushLayer", "layer", "brush", "#c05a7a", "species that a painted layer binds", _BOUNDS),
         ObjectClass(
             "Obstacle",
             "object",
@@ -369,7 +391,7 @@ CLASSES: dict[str, ObjectClass] = {
             "what animals walk around",
             (
                 Property("solid", "bool", True, "keeps bodies out"),
-                Property("blocks_view", "bool", True, "hides who is behind it"),
+                Property("blocks_view", "bool", True, "hides animals behind it"),
                 Property("margin", "number", 0.0, "room kept free around it", "m", low=0, high=1000),
                 Property("z_min", "number", 0.0, "where it begins above the ground", "m", low=-FAR, high=FAR),
                 Property("z_max", "number", 1000.0, "where it ends above the ground", "m", low=-FAR, high=FAR),
@@ -408,7 +430,7 @@ CLASSES: dict[str, ObjectClass] = {
             "where the way leads",
             (
                 Property("radius", "number", 5.0, "closer than this is there", "m", above=0, high=FAR),
-                Property("on_arrive", "enum", "stay", "what becomes of those who arrive", enum="OnArrive"),
+                Property("on_arrive", "enum", "stay", "what happens to animals that arrive", enum="OnArrive"),
                 Property("next", "goal", "", "name of the goal after this one"),
             ),
             shapes=("point", "area"),
@@ -418,12 +440,23 @@ CLASSES: dict[str, ObjectClass] = {
             "object",
             "zones",
             "#8a5ab8",
-            "applies only while inside; give a brush, a max_speed, a factor, or several",
+            "applies only while inside; give a brush, a max_speed, a factor, an event, or several",
             (
                 Property("brush", "brush", "", _BRUSH),
-                Property("max_speed", "number", 0.0, "nobody is faster here; 0: no cap", "m/s", low=0, high=1000),
+                Property("max_speed", "number", 0.0, "top speed here; 0: no cap", "m/s", low=0, high=1000),
                 Property("factor", "number", 1.0, "multiplies speed", low=0.01, high=10),
                 Property("blend", "number", 0.5, "time to take the brush up", "s", low=0, high=3600),
+                Property("event", "text", "", "raised when an animal enters: programs listen for it"),
+                Property(
+                    "event_reach",
+                    "number",
+                    0.0,
+                    "who hears it: 0 the animal that entered, -1 all, else all within this radius",
+                    "m",
+                    low=-1,
+                    high=FAR,
+                ),
+                *_BOUNDS,
             ),
             shapes=("area",),
         ),
@@ -436,7 +469,7 @@ CLASSES: dict[str, ObjectClass] = {
             (
                 Property("species", "text", "animal", "what they are, for statistics and export"),
                 Property("brush", "brush", "", _BRUSH, required=True),
-                Property("count", "int", 0, "how many; or give density", low=0, high=MAX_AGENTS),
+                Property("count", "int", 0, "how many; or give density", low=0, high=int(limits.ANIMALS)),
                 Property(
                     "density", "number", 0.0, "how many per square metre; or give count", "1/m^2", low=0, high=1000
                 ),
@@ -448,6 +481,7 @@ CLASSES: dict[str, ObjectClass] = {
                 Property("rate", "number", 0.0, "how many a second; 0: all at once", "1/s", low=0, high=1e5),
                 Property("formation", "enum", "scatter", "how they stand at first", enum="Formation"),
                 Property("body_length", "number", 0.0, "nose to tail; 0: the brush's", "m", low=0, high=100),
+                Property("program", "program", "", "a program, by name: states and triggers"),
             ),
             shapes=("area",),
         ),
@@ -478,6 +512,7 @@ CLASSES: dict[str, ObjectClass] = {
 HOMES = {c.home: c.name for c in CLASSES.values() if c.use == "object" and c.home != "measure"}
 LAYER_NAMES = ("terrain", "brush", "speed", "height", *HOMES, "measure")
 IGNORED = ("notes", "decor")  # layers whose names begin so are the designer's own
+GROUP = "flockbrush"  # where a map has a group of this name, our layers are those in it
 
 
 def tables() -> str:

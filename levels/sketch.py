@@ -5,10 +5,10 @@ from __future__ import annotations
 import posixpath
 
 import numpy as np
-
-from levels.schema import CLASSES, SCHEMA
-from levels.tilesets_data import COLUMNS, SPEEDS, TERRAINS, TILE
-from levels.writer import Document, dump
+from flockbrush.engine.files import write_bytes
+from flockbrush.levels.schema import CLASSES, IGNORED, SCHEMA
+from flockbrush.levels.tilesets_data import COLUMNS, SPEEDS, TERRAINS, TILE
+from flockbrush.levels.writer import Document, dump
 
 
 def _rows(tiles):
@@ -20,7 +20,7 @@ SPEED_GID = TERRAIN_GID + _rows(TERRAINS)
 BRUSH_GID = SPEED_GID + _rows(SPEEDS)
 
 
-class Sketch:
+class LevelSketch:
     """A new level.
 
     Parameters
@@ -110,14 +110,14 @@ class Sketch:
 
     # ------------------------------------------------------------ objects
 
-    def draw(self, cls, points, name="", closed=True, **properties) -> int:
+    def draw(self, cls, points, title="", /, closed=True, **properties) -> int:
         """A polygon, polyline or point of a class, on the layer where that class is at home."""
         properties = {k: _as_kind(cls, k, v) for k, v in properties.items()}
-        return self.document.add_object(self._home(cls), cls, points, name, closed, **properties)
+        return self.document.add_object(self._home(cls), cls, points, title, closed=closed, **properties)
 
-    def box(self, cls, x, y, width, height, name="", turned=0.0, round_=False, **properties) -> int:
+    def box(self, cls, x, y, width, height, title="", /, turned=0.0, round_=False, **properties) -> int:
         """A rectangle or an ellipse by its centre, in metres, turned counter-clockwise by degrees."""
-        number = self.draw(cls, [(x, y)], name, **properties)
+        number = self.draw(cls, [(x, y)], title, **properties)
         thing = self.document.object(number)[0]
         del thing["point"]
         a = np.deg2rad(turned)
@@ -137,6 +137,20 @@ class Sketch:
         told = [{"name": k, "type": "float", "value": v} for k, v in sorted(properties.items())]
         self._add({"image": image, "name": name, "opacity": 0.3, "properties": told, "type": "imagelayer"})
 
+    def note(self, x, y, text, width=20.0, height=5.0):
+        """A text for people, on the layer "notes", by its north-west corner, in metres."""
+        data, scale = self.document.data, self.document.scale
+        layer = next((node for node in data["layers"] if node["name"] == IGNORED[0]), None)
+        if layer is None:
+            self._add({"draworder": "topdown", "name": IGNORED[0], "objects": [], "opacity": 1, "type": "objectgroup"})
+            layer = data["layers"][-1]
+        number, data["nextobjectid"] = data["nextobjectid"], data["nextobjectid"] + 1
+        layer["objects"].append({
+            "height": height * scale, "id": number, "name": "", "rotation": 0,
+            "text": {"text": text, "wrap": True}, "type": "", "visible": True, "width": width * scale,
+            "x": x * scale, "y": (self.height - y) * scale,
+        })  # fmt: skip
+
     def _home(self, cls):
         home = CLASSES[cls].home
         if all(node["name"] != home for node, _, _ in self.document.layers()):
@@ -148,8 +162,7 @@ class Sketch:
         """Write the level; the same bytes every time."""
         for node, gids in self.tiles:
             node["data"] = gids[::-1].ravel().tolist()
-        path.write_text(dump(self.document.data), encoding="utf-8")
-        return path
+        return write_bytes(path, dump(self.document.data).encode())
 
 
 def _terrain(kind):

@@ -96,7 +96,7 @@ def pack(gids, encoding, compression):
     return base64.b64encode(packed).decode()
 
 
-class Grid:
+class TileGrid:
     """The tiles of one layer, unpacked; `settle` packs them again, the way the layer had them.
 
     Attributes

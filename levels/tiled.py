@@ -10,11 +10,12 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-
-from behaviours.problems import Problem, ProblemsError
-from levels.schema import CLASSES, ENUMS, PROJECT_FILE, ObjectClass, Property
-from levels.sketch import Sketch
-from levels.tilesets_data import COLUMNS, SPEEDS, TERRAINS, TILE
+from flockbrush.behaviours.program import ProgramLibrary, shipped_programs
+from flockbrush.engine.files import write_bytes
+from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.levels.schema import CLASSES, ENUMS, PROJECT_FILE, ObjectClass, Property
+from flockbrush.levels.sketch import LevelSketch
+from flockbrush.levels.tilesets_data import COLUMNS, SPEEDS, TERRAINS, TILE
 
 SESSION_FILE = PROJECT_FILE.replace("project", "session")
 BRUSHES_FILE = "tilesets/brushes.tsj"
@@ -50,6 +51,8 @@ def init(folder, library) -> list[Path]:
         first = folder / "first.tmj"
         if not any(folder.glob("*.tmj")):
             written.append(_first_level(first, library))
+    except ProblemsError:  # it names the file
+        raise
     except OSError as error:
         raise ProblemsError(
             [Problem(str(folder), None, None, f"cannot be written: {error.strerror or error}")]
@@ -58,15 +61,30 @@ def init(folder, library) -> list[Path]:
 
 
 def _first_level(path, library):
+    """A herd on its way round a rock to a goal, an exit there, and others that come after: it never stops."""
     names = known_brushes(path.parent / BRUSHES_FILE)
-    sketch = Sketch(40, 30, 1.0, "tilesets", names)
+    sketch = LevelSketch(40, 30, 1.0, "tilesets", names)
     sketch.ground("grass")
     sketch.ground("meadow", (np.sin(sketch.x / 4) + np.cos(sketch.y / 3)) > 0.6)
-    sketch.box("Obstacle", 20, 15, 6, 6, "rock", round_=True)
-    sketch.draw("Guide", [(5, 6), (20, 4), (34, 12), (34, 25)], "way", closed=False, radius=5)
+    sketch.ground("dirt", np.abs(sketch.y - 5) < 1.5)
+    sketch.box("Obstacle", 20, 15, 9, 7, "rock", round_=True)
+    way = [(3, 6), (20, 5), (32, 9), (35, 18), (35, 25)]
+    sketch.draw("Guide", way, "way to the gate", closed=False, radius=4, goal="gate")
+    sketch.draw("Goal", [(34, 27)], "gate", radius=5, on_arrive="despawn")
+    sketch.box("Exit", 34, 27.5, 12, 5, "gate")
     brush = "march" if "march" in names else names[0]
-    sketch.box("Spawn", 7, 12, 10, 10, "herd", species="sheep", brush=brush, count=60, heading="east")
+    told = {"species": "sheep", "brush": brush, "heading": "east"}
+    sketch.box("Spawn", 8, 8, 12, 10, "herd", count=60, **told)
+    sketch.box("Spawn", 3, 8, 4, 8, "latecomers", rate=5, start=8, **told)
+    _notes(sketch)
     return sketch.save(path)
+
+
+def _notes(sketch):
+    """Write beside the things of a level, in Tiled, which of their fields have which units."""
+    for k, cls in enumerate(("Spawn", "Goal", "Guide", "Obstacle", "Zone")):
+        fields = [f"{p.name} ({p.unit})" if p.unit else p.name for p in CLASSES[cls].properties]
+        sketch.note(sketch.width + 1, sketch.height - 6 * k, f"{cls}: {', '.join(fields)}")
 
 
 def write_project(folder, library) -> list[Path]:
@@ -74,11 +92,34 @@ def write_project(folder, library) -> list[Path]:
     folder = Path(folder)
     (folder / "tilesets").mkdir(parents=True, exist_ok=True)
     written = []
-    for name, content in project_files(library, known_brushes(folder / BRUSHES_FILE)).items():
-        path = folder / name
-        path.write_bytes(content)
-        written.append(path)
+    own = ProgramLibrary([folder / "programs", *shipped_programs().folders])
+    for name, content in project_files(library, known_brushes(folder / BRUSHES_FILE), own.names()).items():
+        written.append(write_bytes(folder / name, content))
     return written
+
+
+def renew_brushes(folder, library) -> bool:
+    """Bring new brushes into the Tiled project of a folder: their tiles, and their names in its lists.
+
+    Whatever else a designer has set in the project stays.  Returns whether there is a project.
+    """
+    folder = Path(folder)
+    file = folder / PROJECT_FILE
+    if not file.exists():
+        return False
+    try:
+        kept = json.loads(file.read_bytes())
+        types = [t for t in kept["propertyTypes"] if t["name"] == "BrushAsset"]
+        for known in types:
+            known["values"] = ["", *library.names()]
+    except (ValueError, LookupError, TypeError):
+        raise ProblemsError([Problem(str(file), None, None, "is damaged: level init makes it anew")]) from None
+    made = project_files(library, known_brushes(folder / BRUSHES_FILE))
+    tiles = {name: data for name, data in made.items() if Path(name).stem == Path(BRUSHES_FILE).stem}
+    for name, data in {PROJECT_FILE: _json(kept), **tiles}.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        write_bytes(folder / name, data)
+    return True
 
 
 def tile_order(library, known=()) -> list[str]:
@@ -94,16 +135,17 @@ def known_brushes(tileset_file) -> list[str]:
     except FileNotFoundError:
         return []
     except (ValueError, LookupError, TypeError):
-        problem = Problem(str(tileset_file), None, None, "is damaged; delete it to have it made anew")
+        problem = Problem(str(tileset_file), None, None, "is damaged; delete it, and it is made again")
         raise ProblemsError([problem]) from None
 
 
-def project_files(library, known=()) -> dict[str, bytes]:
+def project_files(library, known=(), programs=None) -> dict[str, bytes]:
     """Name and content of every generated file; `known` are the brushes that have their tile already."""
+    programs = shipped_programs().names() if programs is None else programs
     names = tile_order(library, known)
     brushes = [(name, library.get(name).colour if name in library.names() else "#808080") for name in names]
     files = {
-        PROJECT_FILE: _json(project(library.names())),
+        PROJECT_FILE: _json(project(library.names(), programs)),
         SESSION_FILE: _json(session()),
         "objecttypes.json": _json(object_types()),
     }
@@ -125,9 +167,9 @@ def _json(content):
 # ---------------------------------------------------------------- project
 
 
-def project(brushes) -> dict:
+def project(brushes, programs=()) -> dict:
     """The ``.tiled-project``: what 1.9 and later take classes from, and 1.8 the enums and commands."""
-    enums = {**ENUMS, "BrushAsset": ("", *brushes)}
+    enums = {**ENUMS, "BrushAsset": ("", *brushes), "ProgramAsset": ("", *programs)}
     types = [
         {"id": i, "name": name, "storageType": "string", "type": "enum", "values": list(values), "valuesAsFlags": False}
         for i, (name, values) in enumerate(enums.items(), 1)
@@ -146,8 +188,8 @@ def project(brushes) -> dict:
     return {
         "automappingRulesFile": "",
         "commands": [
-            _command("Play level", "F5", 'run "%mapfile" --seconds 30 --export "%mapfile.mp4"'),
-            _command("Check level", "F6", 'level check "%mapfile"'),
+            _command("Play level", "F5", "play %mapfile"),  # Tiled puts the quotes around names of files itself
+            _command("Check level", "F6", "level check --window %mapfile"),
         ],
         "compatibilityVersion": 1100,
         "extensionsPath": "extensions",
@@ -185,8 +227,8 @@ def _member(p: Property, enum_key) -> dict:
     member = {"name": p.name, "type": _TYPES.get(p.kind, "string"), "value": p.default}
     if p.kind == "colour":
         member["value"] = _argb(p.default)
-    if p.kind in ("enum", "brush"):
-        member[enum_key] = p.enum or "BrushAsset"
+    if p.kind in ("enum", "brush", "program"):
+        member[enum_key] = p.enum or f"{p.kind.capitalize()}Asset"
     return member
 
 
@@ -410,7 +452,7 @@ def _words(cv2, canvas, words, scale):
 def brush_picture(name, colour) -> np.ndarray:
     """One tile of a brush, (32, 32, 4): its colour and, in white, how its animals move.
 
-    Those of the shipped brushes are pictures of running herds (``python -m flockbrush.play.thumbnails --tiles
+    Those of the shipped brushes are pictures of running herds (``python -m flockbrush.studio.thumbnails --tiles
     levels``); for other brushes a sign that goes by the name has to do.
     """
     import cv2

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import copy
 import json
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
-
-from behaviours.problems import Problem, ProblemsError, did_you_mean
-from levels.json_lines import JsonError, parse
-from levels.schema import CLASSES, MAX_DEPTH
-from levels.tile_data import decode
+from flockbrush.engine import limits
+from flockbrush.engine.files import refused, write_bytes
+from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
+from flockbrush.levels.json_lines import JsonError, parse
+from flockbrush.levels.schema import CLASSES
+from flockbrush.levels.tile_data import decode
+from flockbrush.levels.tmx import is_xml
 
 _TYPES = {bool: "bool", int: "int", float: "float", str: "string"}
 
@@ -98,59 +98,9 @@ def write_level(document: dict, path, backup=True) -> Path:
         try:
             before = path.read_bytes()
         except OSError as error:
-            raise _unwritten(path, error) from None
-        write_file(path.with_name(path.name + ".bak"), before)
-    return write_file(path, data)
-
-
-def write_file(path, data) -> Path:
-    """Write a file, all of it or nothing; ProblemsError when it cannot be."""
-    path = Path(path)
-    try:
-        _replace(path, data)
-    except OSError as error:
-        raise _unwritten(path, error) from None
-    return path
-
-
-def _unwritten(path, error):
-    return ProblemsError([Problem(str(path), None, None, f"cannot be written: {error.strerror or error}")])
-
-
-def _replace(path, data):
-    """To a temporary file beside it, onto the disk, then under its name in one step."""
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask())
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
-    _sync_folder(path.parent)
-
-
-def _umask():
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
-def _sync_folder(folder):
-    """So that the new name survives a power cut too, where the system can do that."""
-    try:
-        handle = os.open(folder, os.O_RDONLY)
-    except OSError:
-        return
-    try:
-        os.fsync(handle)
-    except OSError:
-        pass
-    finally:
-        os.close(handle)
+            raise refused(path, f"cannot be read: {error.strerror or error}") from None
+        write_bytes(path.with_name(path.name + ".bak"), before)
+    return write_bytes(path, data)
 
 
 # ---------------------------------------------------------------- the document
@@ -185,7 +135,13 @@ class Document:
             When it cannot be read.  Whether it makes a level is `read_level`'s business: call that first.
         """
         try:
-            data = parse(Path(path).read_bytes(), MAX_DEPTH)
+            written = Path(path).read_bytes()
+            if is_xml(written):
+                message = (
+                    f"TMX is read, not written; make a .tmj of it to edit: flockbrush level adopt {Path(path).name}"
+                )
+                raise ProblemsError([Problem(str(path), 1, None, message)])
+            data = parse(written, limits.JSON_DEPTH)
         except OSError as error:
             raise ProblemsError(
                 [Problem(str(path), None, None, f"cannot be read: {error.strerror or error}")]
@@ -249,7 +205,7 @@ class Document:
             if "objects" in node:
                 node["objects"] = [thing for thing in node["objects"] if thing["id"] != number]
 
-    def add_object(self, layer, cls, points, name="", closed=True, **properties) -> int:
+    def add_object(self, layer, cls, points, title="", /, closed=True, **properties) -> int:
         """Draw a polygon, a polyline (``closed=False``) or a point on an object layer.
 
         Parameters
@@ -259,6 +215,8 @@ class Document:
             One of the schema's object classes.
         points : array_like, (k, 2)
             Metres; one point makes a point object.
+        title : str
+            The object's name; by place, since a script command may have a property ``name``.
 
         Returns
         -------
@@ -272,7 +230,7 @@ class Document:
         number = self.data["nextobjectid"]
         self.data["nextobjectid"] = number + 1
         x, y = _plain(px[0])
-        thing = {"id": number, "name": name, "type": cls, "x": x, "y": y, "width": 0, "height": 0, "rotation": 0}
+        thing = {"id": number, "name": title, "type": cls, "x": x, "y": y, "width": 0, "height": 0, "rotation": 0}
         thing["visible"] = True
         if len(px) == 1:
             thing["point"] = True

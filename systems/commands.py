@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
-
-from behaviours.problems import ProblemsError, did_you_mean
-from components import Body, BrushBinding, Destination, Heading, Migration, Position, Species
-from components.agent import DIRECTION, NOWHERE, POINT
-from engine.clock import Clock
-from engine.columns import Component
-from engine.commands import Commands, command
-from engine.maths import sincos_
-from engine.schedule import Stage, System
-from engine.solids import polyhedron
-from systems.landscape import BARE, NATIVE, SHAPES, Barrier, Glide, Landscape
-from systems.painting import cells_of, check_runs, runs_of
-from systems.palette import Palette
-from systems.population import SpeciesList, give_birth
-from systems.spawning import inside_polygon, touching
-from systems.taking_back import (
+from flockbrush.components import Body, BrushBinding, Destination, Heading, Migration, Position, Species
+from flockbrush.components.agent import DIRECTION, NOWHERE, POINT
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.columns import Component
+from flockbrush.engine.commands import Commands, command
+from flockbrush.engine.maths import sincos_
+from flockbrush.engine.problems import ProblemsError, did_you_mean
+from flockbrush.engine.schedule import Stage, System
+from flockbrush.engine.solids import polyhedron
+from flockbrush.systems.binding import can_do, cannot
+from flockbrush.systems.landscape import BARE, NATIVE, SHAPES, Barrier, Glide, Landscape
+from flockbrush.systems.painting import cells_of, check_runs, runs_of
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.population import SpeciesList, give_birth
+from flockbrush.systems.programs import Programs, born_into
+from flockbrush.systems.spawning import inside_polygon, touching
+from flockbrush.systems.terrain import NO_BRUSH
+from flockbrush.systems.undo import (
     RemoveEntities,
     UseBrush,
     bring_back,
@@ -32,7 +34,6 @@ from systems.taking_back import (
     on_map,
     place_of,
 )
-from systems.terrain import NO_BRUSH
 
 
 class ApplyCommands(System):
@@ -72,6 +73,23 @@ def _check_species(world, name):
 
 def _check_brush(world, name):
     world.resource(Palette).named(name)
+
+
+def _check_can(world, brush, species):
+    """ValueError when a species is named that cannot move as a brush does."""
+    why = cannot(world.resource(Palette), world.resource(SpeciesList), brush, species)
+    need(not why, why)
+
+
+def species_of(world, row):
+    """Name of the species of one animal."""
+    return world.resource(SpeciesList).names[int(world.agents[Species.index][row])]
+
+
+def able(world, brush):
+    """(n,) bool: the animals that can move as a brush does."""
+    palette, fauna = world.resource(Palette), world.resource(SpeciesList)
+    return can_do(palette, fauna.table)[palette.named(brush)][world.agents[Species.index]]
 
 
 def _cells_within(land, x, y, radius):
@@ -238,6 +256,7 @@ class SwitchBrush:
 
     def check(self, world):
         _check_brush(world, self.brush)
+        _check_can(world, self.brush, self.species)
         _check_circle(self)
 
     def inverse(self, world):
@@ -247,6 +266,10 @@ class SwitchBrush:
     def apply(self, world):
         self.check(world)
         chosen = _selected(world, self.x, self.y, self.radius, self.species)
+        can = able(world, self.brush)
+        if chosen.any() and not (chosen & can).any():
+            _check_can(world, self.brush, species_of(world, int(np.flatnonzero(chosen)[0])))
+        chosen &= can
         world.agents[BrushBinding.home][chosen] = world.resource(Palette).named(self.brush)
 
 
@@ -723,9 +746,16 @@ class AddAnimals:
     count: int = 1
     species: str = "animal"
     heading: float | None = None  # rad; None: each its own
+    program: str = ""  # that they follow; "": none
 
     def check(self, world):
         _check_brush(world, self.brush)
+        if self.program:
+            world.resource(Programs).named(self.program)
+        fauna = world.resource(SpeciesList)
+        named = SpeciesList([self.species], fauna.library)  # it may be new to this world
+        why = cannot(world.resource(Palette), named, self.brush, self.species)
+        need(not why, why)
         need(self.radius > 0, f"radius must be above 0 m, got {self.radius:g}")
         need(1 <= self.count <= MOST, f"count must be 1 to {MOST}, got {self.count}")
 
@@ -737,10 +767,11 @@ class AddAnimals:
         self.check(world)
         total = len(world.agents) + self.count
         need(total <= MOST, f"there may be at most {MOST} animals, and this would make {total}")
-        give_birth(
+        born = give_birth(
             world, disc(self.x, self.y, self.radius), self.count, self.brush, self.species, self.heading,
             stream=f"add {world.next_entity}",  # two strokes in one tick are two
         )  # fmt: skip
+        born_into(world, born, self.program)
 
 
 @command

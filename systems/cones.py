@@ -2,7 +2,7 @@
 
 Seen from the observer a body is a cone, an axis and the cosine of half its angle, in float32.  ``shut`` is minus that
 cosine, so that a direction lies ``direction . axis + shut`` deep in the cone.  Numba's cache does not see a change in
-this file: after one, touch `systems.sight`.
+this file: after one, touch `flockbrush.systems.sight`.
 """
 
 from __future__ import annotations
@@ -11,8 +11,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-
-from engine.lanes import (
+from flockbrush.engine.lanes import (
     LANES,
     count,
     fused,
@@ -27,7 +26,7 @@ from engine.lanes import (
     store,
     where,
 )
-from systems.sightline import step
+from flockbrush.systems.sightline import step
 
 NEVER = np.float32(-4.0)  # the ``shut`` of a cone that covers nothing
 COVERED = np.float32(1e-5)  # a rim this deep in a cone is covered; rounding stays below half of it
@@ -35,7 +34,7 @@ SLOT = np.int32(0x7FFFFFFF)  # the bits of ``slot`` that are a slot
 _F0, _F1 = np.float32(0.0), np.float32(1.0)
 
 
-class Near(NamedTuple):
+class RingNear(NamedTuple):
     """Whoever is in range of one observer, in the order of the cells."""
 
     x: Any  # float32, unit vector to his centre
@@ -49,7 +48,7 @@ class Near(NamedTuple):
     sine: Any  # float32, of half the cone's angle; in a dense herd only
 
 
-class Bodies(NamedTuple):
+class RingBodies(NamedTuple):
     """Bodies by ring, as in `Near`; each ring's part is a multiple of four long."""
 
     x: Any

@@ -21,10 +21,9 @@ unit vector n is ``h |f·n| + r``.
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.engine.maths import sincos_
+from flockbrush.engine.parallel import over_rows
 from numba import njit
-
-from engine.maths import sincos_
-from engine.parallel import over_rows
 
 SLACK = 1e-9  # m, of room kept free against rounding
 SKIN = 0.25  # of the radii: bodies push and turn aside this much before they touch.  By trial: .1 jams, .5 is loose
@@ -34,7 +33,7 @@ ROUNDS = 8  # of looking again before all stand firm
 SWEEPS = 6  # projections onto the half-planes before the step is shortened
 
 
-def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf):
+def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=None):
     """Turn and step a whole herd.
 
     Parameters
@@ -53,6 +52,8 @@ def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf):
         Seconds.
     ghosts : float
         How far across the seam of a wrapped map ``cells`` has copies, metres: who is faster than they allow is slowed.
+    top : ndarray (n,), optional
+        Metres per second that nobody exceeds, not even when others push.
 
     Returns
     -------
@@ -61,25 +62,34 @@ def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf):
     heading : ndarray (n, 2)
         The new unit heading.
     """
-    n = len(forward)
+    n, m = len(forward), len(cells.row)
     body, far = _bounds(cells)
     speed = np.minimum(speed, max(ghosts - 2.0 * (body + far + SLACK), 0.0) / (4.0 * dt))
     far += 2.0 * dt * float(speed.max(initial=0.0))
     reach = 2.0 * (body + far + SLACK)  # whoever is farther away cannot be met, for nobody goes farther than ``far``
-    order = cells.row[~cells.ghost]  # by place, so that neighbours in turn are neighbours in memory
+    # all by slot, so that neighbours in turn are neighbours in memory
+    order = np.flatnonzero(~cells.ghost).astype(np.int32)
+    itself = cells.slot[cells.row]  # of a ghost the slot of the animal that it copies
     near, count = _contacts(cells, reach, order)
-    step, heading = np.zeros((n, 2)), np.zeros((n, 2))
+    step, heading = np.zeros((m, 2)), np.zeros((m, 2))
     over_rows(
-        _turn, len(order), order, cells.slot, near, count, *_bodies(cells), forward, wish, speed, max_turn, *edges, dt,
+        _turn, len(order), order, cells.row, near, count, *_bodies(cells), wish, speed, max_turn, *edges, dt,
         step, heading,
     )  # fmt: skip
     for _ in range(PUSHES):
-        pushed = np.empty_like(step)
-        over_rows(
-            _push, len(order), order, *_bodies(cells), cells.row, cells.slot, near, count, step, heading, far, pushed
-        )
+        pushed = np.zeros_like(step)
+        over_rows(_push, len(order), order, *_bodies(cells), cells.row, itself, near, count, step, heading, far, pushed)
         step = pushed
-    return _agree(order, cells, near, count, edges, step, heading, far)
+    if top is not None:
+        size, most = np.sqrt((step * step).sum(axis=1)), top[cells.row] * dt
+        over = size > most
+        step[over] *= (most[over] / size[over])[:, None]
+    step, heading = _agree(order, itself, cells, near, count, edges, step, heading, far)
+    if len(order) == n:  # everybody has a slot
+        return step[cells.slot], heading[cells.slot]
+    rows, steps, headings = cells.row[order], np.zeros((n, 2)), np.zeros((n, 2))
+    steps[rows], headings[rows] = step[order], heading[order]
+    return steps, headings
 
 
 def _bounds(cells):
@@ -90,22 +100,22 @@ def _bounds(cells):
     return body, min(SKIN * body, radius)
 
 
-def _agree(order, cells, near, count, edges, step, heading, far):
+def _agree(order, itself, cells, near, count, edges, step, heading, far):
     """Steps that keep everybody on his side of lines which every two agree upon.
 
     At first the line between two bodies moves along with both of them, so that a crowd can stream and be pushed.
     Who cannot keep to all his lines stands firm: his lines stay where they are, and his neighbours look again.
     """
-    n = len(step)
+    m = len(step)
     safe, turned = np.empty_like(step), np.empty_like(heading)
-    firm, fresh = np.zeros(n, np.uint8), np.ones(n, np.uint8)
+    firm, fresh = np.zeros(m, np.uint8), np.ones(m, np.uint8)
     for again in range(ROUNDS + 1):
         if again == ROUNDS:
             fresh = 1 - firm
             firm[:] = 1
-        stuck = np.zeros(n, np.uint8)
+        stuck = np.zeros(m, np.uint8)
         over_rows(
-            _keep_to_own_side, len(order), order, *_bodies(cells), cells.row, cells.slot, near, count, *edges, step,
+            _keep_to_own_side, len(order), order, *_bodies(cells), itself, near, count, *edges, step,
             heading, firm, fresh, stuck, far, safe, turned,
         )  # fmt: skip
         if not stuck.any():
@@ -120,25 +130,24 @@ def _bodies(cells):
 
 
 def _contacts(cells, reach, order, width=16):
-    """Slots of the bodies that could be met in this tick, by row."""
-    n = len(cells.slot)
-    count = np.zeros(n, np.int32)
+    """Slots of the bodies that could be met in this tick, by slot."""
+    m = len(cells.row)
+    count = np.zeros(m, np.int32)
     while True:
-        near = np.empty((n, width), np.int32)
+        near = np.empty((m, width), np.int32)
         grid = cells.start, cells.nx, cells.ny, cells.cell, cells.west, cells.south
-        over_rows(_find_contacts, len(order), order, cells.x, cells.y, cells.slot, *grid, reach, near, count)
-        most = int(count.max()) if n else 0
+        over_rows(_find_contacts, len(order), order, cells.x, cells.y, *grid, reach, near, count)
+        most = int(count.max()) if m else 0
         if most <= width:
             return near, count
         width = 1 << most.bit_length()
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _find_contacts(lo, hi, order, x, y, slot, start, nx, ny, cell, west, south, reach, near, count):
+def _find_contacts(lo, hi, order, x, y, start, nx, ny, cell, west, south, reach, near, count):
     width, reach2 = near.shape[1], reach * reach
     for o in range(lo, hi):
-        i = order[o]
-        s = slot[i]
+        s = order[o]
         xi, yi = x[s], y[s]
         r0, r1 = max(0, int((yi - reach - south) / cell)), min(ny - 1, int((yi + reach - south) / cell))
         c0, c1 = max(0, int((xi - reach - west) / cell)), min(nx - 1, int((xi + reach - west) / cell))
@@ -148,9 +157,9 @@ def _find_contacts(lo, hi, order, x, y, slot, start, nx, ny, cell, west, south, 
                 dx, dy = x[j] - xi, y[j] - yi
                 if dx * dx + dy * dy < reach2 and j != s:
                     if found < width:
-                        near[i, found] = j
+                        near[s, found] = j
                     found += 1
-        count[i] = found
+        count[s] = found
 
 
 @njit(inline="always")
@@ -191,18 +200,18 @@ def _edges_near(x, y, start, nx, ny, cell, west, south):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _turn(
-    lo, hi, order, slot, near, count, x, y, fx, fy, half, radius, forward, wish, speed, max_turn,
+    lo, hi, order, row, near, count, x, y, fx, fy, half, radius, wish, speed, max_turn,
     ends, estart, eitem, enx, eny, ecell, ewest, esouth,
     dt, step, heading,
 ):  # fmt: skip
     """The heading within the limit of turning, along a wall that stands in the way, and the step wished for."""
     for o in range(lo, hi):
-        i = order[o]
-        s = slot[i]
+        s = order[o]
+        i = row[s]
         gx, gy = wish[i, 0], wish[i, 1]
         ahead = speed[i] * dt
-        for k in range(count[i]):
-            t = near[i, k]
+        for k in range(count[s]):
+            t = near[s, k]
             touch = radius[s] + radius[t]
             far = (1.0 + SKIN) * touch + half[s] + half[t]
             if (x[t] - x[s]) ** 2 + (y[t] - y[s]) ** 2 >= far * far:
@@ -241,38 +250,37 @@ def _turn(
                 gx, gy = fx[s] * cosine - fy[s] * sine, fx[s] * sine + fy[s] * cosine
                 size = np.sqrt(gx * gx + gy * gy)
                 gx, gy = gx / size, gy / size
-        heading[i, 0], heading[i, 1] = gx, gy
-        step[i, 0], step[i, 1] = ahead * gx, ahead * gy
+        heading[s, 0], heading[s, 1] = gx, gy
+        step[s, 0], step[s, 1] = ahead * gx, ahead * gy
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _push(lo, hi, order, x, y, fx, fy, half, radius, row, slot, near, count, step, heading, far, pushed):
+def _push(lo, hi, order, x, y, fx, fy, half, radius, row, itself, near, count, step, heading, far, pushed):
     """Half of every overlap that the wished poses would have."""
     for o in range(lo, hi):
-        i = order[o]
-        s = slot[i]
-        xi, yi = x[s] + step[i, 0], y[s] + step[i, 1]
+        s = order[o]
+        xi, yi = x[s] + step[s, 0], y[s] + step[s, 1]
         px = py = 0.0
-        for k in range(count[i]):
-            t = near[i, k]
-            j = row[t]
+        for k in range(count[s]):
+            t = near[s, k]
+            j = itself[t]
             touch = (1.0 + SKIN) * (radius[s] + radius[t])
             dx, dy = x[t] + step[j, 0] - xi, y[t] + step[j, 1] - yi
             apart = touch + half[s] + half[t]  # bounding discs
             if dx * dx + dy * dy >= apart * apart:
                 continue
             nx, ny = _nearest(
-                0.0, 0.0, heading[i, 0], heading[i, 1], half[s], dx, dy, heading[j, 0], heading[j, 1], half[t]
+                0.0, 0.0, heading[s, 0], heading[s, 1], half[s], dx, dy, heading[j, 0], heading[j, 1], half[t]
             )
             d2 = nx * nx + ny * ny
             if d2 >= touch * touch:
                 continue
             d = np.sqrt(d2)
-            if d < 1e-9:  # axes cross: apart along the line of centres, or by slot when that has no direction
+            if d < 1e-9:  # axes cross: apart along the line of centres, or by row when that has no direction
                 nx, ny = dx, dy
                 d = np.sqrt(nx * nx + ny * ny)
                 if d < 1e-9:
-                    nx, ny, d = (1.0, 0.0, 1.0) if i < j else (-1.0, 0.0, 1.0)
+                    nx, ny, d = (1.0, 0.0, 1.0) if row[s] < row[j] else (-1.0, 0.0, 1.0)
                 px -= 0.5 * touch * nx / d
                 py -= 0.5 * touch * ny / d
             else:
@@ -282,16 +290,16 @@ def _push(lo, hi, order, x, y, fx, fy, half, radius, row, slot, near, count, ste
         shove, most = np.sqrt(px * px + py * py), 0.5 * radius[s]
         if shove > most:
             px, py = px * most / shove, py * most / shove
-        px, py = step[i, 0] + px, step[i, 1] + py
+        px, py = step[s, 0] + px, step[s, 1] + py
         size = np.sqrt(px * px + py * py)
         if size > far:
             px, py = px * far / size, py * far / size
-        pushed[i, 0], pushed[i, 1] = px, py
+        pushed[s, 0], pushed[s, 1] = px, py
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _keep_to_own_side(
-    lo, hi, order, x, y, fx, fy, half, radius, row, slot, near, count,
+    lo, hi, order, x, y, fx, fy, half, radius, itself, near, count,
     ends, estart, eitem, enx, eny, ecell, ewest, esouth,
     step, heading, firm, fresh, stuck, far, safe, turned,
 ):  # fmt: skip
@@ -299,29 +307,28 @@ def _keep_to_own_side(
     room = 64
     nx, ny, free = np.empty(room), np.empty(room), np.empty(room)
     for o in range(lo, hi):
-        i = order[o]
-        anew = fresh[i]
-        for k in range(count[i]):
-            anew |= fresh[row[near[i, k]]]
+        s = order[o]
+        anew = fresh[s]
+        for k in range(count[s]):
+            anew |= fresh[itself[near[s, k]]]
         if not anew:
             continue
-        s = slot[i]
         e0, e1 = _edges_near(x[s], y[s], estart, enx, eny, ecell, ewest, esouth)
-        if count[i] + e1 - e0 > room:
-            room = 2 * (count[i] + e1 - e0)
+        if count[s] + e1 - e0 > room:
+            room = 2 * (count[s] + e1 - e0)
             nx, ny, free = np.empty(room), np.empty(room), np.empty(room)
         h = half[s]
         n = 0
-        for k in range(count[i]):
-            t = near[i, k]
+        for k in range(count[s]):
+            t = near[s, k]
             ox, oy = _nearest(x[s], y[s], fx[s], fy[s], h, x[t], y[t], fx[t], fy[t], half[t])
             d = np.sqrt(ox * ox + oy * oy)
             if d > 1e-12:
                 nx[n], ny[n] = ox / d, oy / d
                 gap = max(d - radius[s] - radius[t] - 2 * SLACK, 0.0)
-                j = row[t]
-                both = 0.5 * ((step[i, 0] + step[j, 0]) * nx[n] + (step[i, 1] + step[j, 1]) * ny[n])
-                if firm[i] or firm[j]:
+                j = itself[t]
+                both = 0.5 * ((step[s, 0] + step[j, 0]) * nx[n] + (step[s, 1] + step[j, 1]) * ny[n])
+                if firm[s] or firm[j]:
                     both = min(max(both, -0.5 * gap), 0.5 * gap)
                 free[n] = 0.5 * gap + both
                 n += 1
@@ -333,8 +340,8 @@ def _keep_to_own_side(
                 nx[n], ny[n] = ox / d, oy / d
                 free[n] = max(d - radius[s] - SLACK, 0.0)
                 n += 1
-        gx, gy = heading[i, 0], heading[i, 1]
-        sx, sy = step[i, 0], step[i, 1]
+        gx, gy = heading[s, 0], heading[s, 1]
+        sx, sy = step[s, 0], step[s, 1]
         done = False
         for attempt in range(3):
             if attempt == 1:  # half the turn
@@ -345,7 +352,7 @@ def _keep_to_own_side(
                 gx, gy = gx / size, gy / size
             elif attempt == 2:
                 gx, gy = fx[s], fy[s]
-            sx, sy = step[i, 0], step[i, 1]
+            sx, sy = step[s, 0], step[s, 1]
             for _ in range(SWEEPS):
                 done = True
                 for k in range(n):
@@ -360,8 +367,8 @@ def _keep_to_own_side(
             done = done and sx * sx + sy * sy <= far * far * (1.0 + 1e-12)
             if done:
                 break
-        if not done and not firm[i]:
-            stuck[i] = 1
+        if not done and not firm[s]:
+            stuck[s] = 1
         elif not done:
             share = 1.0
             for k in range(n):
@@ -372,5 +379,5 @@ def _keep_to_own_side(
             if share * size > far:
                 share = far / size
             sx, sy = share * sx, share * sy
-        safe[i, 0], safe[i, 1] = sx, sy
-        turned[i, 0], turned[i, 1] = gx, gy
+        safe[s, 0], safe[s, 1] = sx, sy
+        turned[s, 0], turned[s, 1] = gx, gy

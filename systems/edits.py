@@ -1,6 +1,7 @@
 """What a designer does to a level while it lives: strokes, arrows, goals, exits, spawns.
 
-Each command also changes the level's document (`levels.edits`); ``id`` is the object's id in the level file, and a
+Each command also changes the level's document (`flockbrush.levels.map_edits`); ``id`` is the object's id in the level
+file, and a
 command with the id of something that is there puts the new one in its place.
 """
 
@@ -9,12 +10,11 @@ from __future__ import annotations
 from dataclasses import field
 
 import numpy as np
-
-from behaviours.problems import did_you_mean
-from components import Destination
-from engine.clock import Clock
-from engine.commands import command
-from systems.commands import (
+from flockbrush.components import Destination
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.commands import command
+from flockbrush.engine.problems import did_you_mean
+from flockbrush.systems.commands import (
     LAYERS,
     MOST,
     AddObstacle,
@@ -33,11 +33,12 @@ from systems.commands import (
     polygon_of,
     value_of,
 )
-from systems.landscape import Exit, Goal, Guide, Landscape
-from systems.life import Nursery, SpawnArea, bear
-from systems.painting import blended, connected, runs_of, stroke_cells, taken
-from systems.palette import Palette
-from systems.taking_back import RemoveEntities, UseBrush, goal_index, goals_of, need
+from flockbrush.systems.landscape import Exit, Goal, Guide, Landscape
+from flockbrush.systems.life import Nursery, SpawnArea, bear
+from flockbrush.systems.painting import blended, connected, runs_of, stroke_cells, taken
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.programs import Programs
+from flockbrush.systems.undo import RemoveEntities, UseBrush, goal_index, goals_of, need
 
 __all__ = [
     "KINDS", "LAYERS", "AddObstacle", "DrawGuide", "MarkSpawn", "Paint", "PaintCells", "PlaceExit", "PlaceGoal",
@@ -46,7 +47,7 @@ __all__ = [
 
 FAR = 1e6  # m; no level is larger
 ON_ARRIVE = ("stay", "despawn", "next", "disperse")
-FORMATIONS = ("scatter", "grid", "ring", "line")
+FORMATIONS = ("scatter", "grid", "ring", "mill", "line")
 
 
 # strokes ----------------------------------------------------------------------------
@@ -310,11 +311,14 @@ class MarkSpawn:
     since: float | None = None  # s, when it was drawn; None: now
     born: int = -1  # how many it has brought already; -1: as it is
     at: int = -1
+    program: str = ""  # that they follow; "": none
 
     def check(self, world):
         land = world.resource(Landscape)
         _check_id(self)
         world.resource(Palette).named(self.brush)
+        if self.program:
+            world.resource(Programs).named(self.program)
         need(0 <= self.count <= MOST, f"count must be 0 to {MOST}, got {self.count}")
         need(self.count or self.rate, "count must be at least 1, got 0")
         need(self.species, "a species needs a name")
@@ -376,7 +380,7 @@ class MarkSpawn:
         return SpawnArea(
             self.id, self.name, polygon_of(self.points, "a spawn"), self.species, self.brush, self.count, self.heading,
             self.speed, self.altitude, self.start, self.rate, self.formation, self.body_length,
-            self.depth, since,
+            self.depth, since, self.program,
         )  # fmt: skip
 
 

@@ -6,20 +6,39 @@ up to the models; nothing of the running world changes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-
-from components import Body, BrushBinding, Heading, Position, ReferenceBird, Role, Speed, Velocity, Vision, Wish
-from engine.clock import Clock
-from engine.noise import Noise
-from engine.world import World
-from systems.decide import Roles
-from systems.foresight import Ahead, SeeAhead
-from systems.ground import Underfoot
-from systems.landscape import Landscape
-from systems.palette import Palette
-from systems.senses import (
+from flockbrush.behaviours.drive import TAKES_UP
+from flockbrush.components import (
+    Body,
+    BrushBinding,
+    Heading,
+    Position,
+    ReferenceBird,
+    Role,
+    Species,
+    Speed,
+    Thrust,
+    Velocity,
+    Vision,
+    Wish,
+)
+from flockbrush.components.agent import BY_VELOCITY
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.noise import Noise
+from flockbrush.engine.world import World
+from flockbrush.systems.allocation import asked
+from flockbrush.systems.decide import Roles
+from flockbrush.systems.fauna import SpeciesList, kinds_of
+from flockbrush.systems.foresight import Ahead, SeeAhead
+from flockbrush.systems.ground import Underfoot
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.noticing import BeAlarmed, Notice, Noticed
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.program_reports import reason
+from flockbrush.systems.programs import Programs
+from flockbrush.systems.senses import (
     FindNeighbours,
     Near,
     ObstaclesInSight,
@@ -31,9 +50,9 @@ from systems.senses import (
     SightByHiddenPoints,
     SightInSpace,
 )
-from systems.steer import Steer, scene_of
+from flockbrush.systems.steer import Steer, scene_of
 
-SHARED = (Clock, Noise, Landscape, Palette)
+SHARED = (Clock, Noise, Landscape, Palette, SpeciesList)
 
 
 @dataclass(frozen=True)
@@ -43,9 +62,13 @@ class Explanation:
     Attributes
     ----------
     entity : int
-    terms : list of (str, ndarray (2,))
-        What each reason adds; together they point along `result`.  "heading" is that it goes on as it does; the
-        others are what turns it.  Empty when the model does not explain itself.
+    reasons : list of (str, ndarray (3,))
+        What each term of its model and each drive adds; together they point along `wish`.  "heading" is that it goes
+        on as it does; the others are what turns it.
+    wish : ndarray (3,)
+        The way it wishes to move: a unit vector.
+    shares : dict of str to float
+        What part of the body each drive takes, 0 to 1; the model has the rest.
     result : ndarray (2,)
         Unit vector: the way it wants to face.
     pace : float
@@ -59,12 +82,16 @@ class Explanation:
     leader : bool
     numbers : dict of str to (float, str)
         What else there is to know, with units.
+    program, state, why : str
+        The program it follows, its state there, and what led to it since when; "" where it follows none.
     """
 
     entity: int
     xy: np.ndarray  # (2,) m
     forward: np.ndarray  # (2,)
-    terms: list
+    reasons: list
+    wish: np.ndarray  # (3,)
+    shares: dict
     result: np.ndarray
     pace: float
     sees: list
@@ -77,6 +104,14 @@ class Explanation:
     field_of_view: float  # rad
     obstacles: np.ndarray  # (m, 2) m, from it to the nearest point of each obstacle in reach
     numbers: dict = field(default_factory=dict)
+    program: str = ""
+    state: str = ""
+    why: str = ""
+
+    @property
+    def terms(self):
+        """The reasons in plan, [(str, (2,))]."""
+        return [(name, vector[:2]) for name, vector in self.reasons]
 
     @property
     def turn(self):
@@ -94,11 +129,13 @@ def explain(world, entity) -> Explanation:
         When it is not alive.
     """
     row = world.agents.row(entity)
+    told = reason(world, row) if world.has(Programs) else None
     small = _surroundings(world, row)
     try:
-        return _explained(small, entity)
+        found = _explained(small, entity)
     finally:
         small.close()
+    return found if told is None else replace(found, program=told[0], state=told[1], why=told[2])
 
 
 def _surroundings(world, row):
@@ -113,25 +150,36 @@ def _surroundings(world, row):
     size = float((agents[Body.axis] + agents[Body.radius]).max())
     sight = max(sight, float(agents[Vision.range].max()), 3.0 * size)
     near = np.hypot(*away.T) <= 2.0 * (sight + size)
-    if len(palette):  # those in the air know of predators wherever they are
-        near |= palette.danger.astype(bool)[agents[BrushBinding.brush]]
+    if len(palette):  # whom it notices for what they are
+        kind = kinds_of(agents[Species.index], palette.danger[agents[BrushBinding.brush]])
+        near |= world.resource(SpeciesList).relations.verb[kind[row], kind] > 0
+    brush = agents[BrushBinding.brush]
+    if palette.exact[brush[row]]:  # its flock is more than those it sees
+        near |= (brush == brush[row]) | (agents[Species.index] == agents[Species.index][row])
     rows = np.flatnonzero(near)
     small = World(agents.kinds, max(len(rows), 1))
     columns = {column: values[: len(agents)][rows] for column, values in agents.arrays.items()}
     small.become(agents.ids[rows], columns, (), int(agents.ids[-1]) + 1)
     for kind in SHARED:
         small.insert(world.resource(kind))
-    for resource in (Near(), Sight(), SightByHiddenPoints(), ObstaclesInSight(), SightInSpace(), Ahead()):
+    for resource in (Near(), Sight(), SightByHiddenPoints(), ObstaclesInSight(), SightInSpace(), Ahead(), Noticed()):
         small.insert(resource)
-    perceive = (See(), SeeByHiddenPoints(), SeeObstacles(), SeeInSpace(), SeeAhead())
-    for system in (Underfoot(), FindNeighbours(), *perceive, Roles(), Steer()):
+    perceive = (See(), SeeByHiddenPoints(), SeeObstacles(), SeeInSpace(), SeeAhead(), Notice())
+    for system in (Underfoot(), FindNeighbours(), *perceive, Roles(), BeAlarmed()):
         system.process(small)
     return small
 
 
 def _explained(small, entity):
     agents, palette = small.agents, small.resource(Palette)
-    row, scene = agents.row(entity), scene_of(small)
+    row, scene, steer = agents.row(entity), scene_of(small), Steer()
+    steer.ask_models(small, scene)
+    aloft = small.resource(Near).aloft
+    aloft = np.zeros(len(agents), bool) if aloft is None else aloft
+    own = _own_wish(agents, aloft, scene, row)
+    reasons = _reasons(palette, agents, scene, row, own)
+    steer.ask_drives(small, scene)
+    reasons, shares = _with_drives(palette, agents, aloft, scene, row, own, reasons)
     brush, previous, blend = (
         agents[column][row] for column in (BrushBinding.brush, BrushBinding.previous, BrushBinding.blend)
     )
@@ -143,7 +191,9 @@ def _explained(small, entity):
         entity=int(entity),
         xy=agents[Position.xyz][row, :2].copy(),
         forward=agents[Heading.forward][row, :2].copy(),
-        terms=list(_blended(palette, scene, row, brush, previous, blend).items()),
+        reasons=[(name, vector) for name, vector in reasons.items() if name == "heading" or np.abs(vector).max() > 0.0],
+        wish=_unit(_own_wish(agents, aloft, scene, row)),
+        shares=shares,
         result=agents[Wish.direction][row, :2].copy(),
         pace=float(agents[Wish.pace][row]),
         sees=agents.ids[lists.near[seen]].tolist(),
@@ -159,21 +209,68 @@ def _explained(small, entity):
     )
 
 
+def _own_wish(agents, aloft, scene, row):
+    """(3,) what is wished now: a velocity in m/s, or a unit vector where there is no speed."""
+    if aloft[row] and agents[Thrust.kind][row] == BY_VELOCITY:
+        return agents[Thrust.velocity][row].copy()
+    size = float(agents[Wish.pace][row] * scene.speed[row])
+    return (size if size > 1e-9 else 1.0) * agents[Wish.direction][row]
+
+
+def _reasons(palette, agents, scene, row, own):
+    """{reason: (3,)} of the model, which add up to its wish: its own ones, or its heading and what it makes of it."""
+    brush, previous, blend = (
+        agents[column][row] for column in (BrushBinding.brush, BrushBinding.previous, BrushBinding.blend)
+    )
+    says = palette.exact[brush]  # its velocity is not mixed with another's
+    told = _blended(palette, scene, row, brush, previous, 1.0 if says else blend)
+    if told:
+        return told
+    heading = scene.velocity[row].copy() if scene.velocity[row].any() else scene.forward[row].copy()
+    return {"heading": heading, palette.brushes[brush].model: own - heading}
+
+
+def _with_drives(palette, agents, aloft, scene, row, own, reasons):
+    """The reasons of model and drives together, and the shares of the drives."""
+    brush = agents[BrushBinding.brush][row]
+    taken = None if scene.bodies is None else asked(scene, np.array([row], np.int32), palette.drives[brush])
+    total = 0.0 if taken is None else float(taken.share.sum())
+    if taken is None or total <= 0.0:
+        return reasons, {}
+    velocity, shares = scene.velocity[row], taken.share[:, 0]
+    size = np.sqrt((sum(reasons.values()) ** 2).sum())  # models tell directions; drives ask for velocities
+    scale = (1.0 - total) * np.sqrt((own**2).sum()) / max(size, 1e-12)
+    told = {name: scale * vector for name, vector in reasons.items()}
+    for name, share, wish in zip(taken.names, shares.tolist(), taken.acceleration[:, 0], strict=True):
+        told[name] = told.get(name, 0.0) + share * (velocity + TAKES_UP * wish)
+    wanted, now = sum(told.values()), _own_wish(agents, aloft, scene, row)
+    if aloft[row] and agents[Thrust.kind][row] == BY_VELOCITY:  # only so far towards it in one tick
+        far = np.sqrt(((wanted - velocity) ** 2).sum())
+        part = min(np.sqrt(((now - velocity) ** 2).sum()) / max(far, 1e-12), 1.0)
+        told = {name: part * vector for name, vector in told.items()}
+        told["heading"] = told.get("heading", 0.0) + (1.0 - part) * velocity
+    return told, dict(zip(taken.names, shares.tolist(), strict=True))
+
+
+def _unit(vector):
+    return vector / max(float(np.sqrt((vector**2).sum())), 1e-12)
+
+
 def _blended(palette, scene, row, brush, previous, blend):
     """The reasons of the brush, mixed with those of the one before while two blend; {} where one has none to give."""
-    asked = [brush] if blend >= 1.0 else [previous, brush]
     answers = []
-    for index in asked:
+    for index in [brush] if blend >= 1.0 else [previous, brush]:
         model = palette.models[index]
         if model.explain is None:
             return {}
-        answers.append(model.explain(scene, row, palette.brushes[index].params))
+        told = model.explain(scene, row, palette.brushes[index].params)
+        answers.append({name: np.append(vector, [0.0] * (3 - len(vector))) for name, vector in told.items()})
     if len(answers) == 1:
         return answers[0]
-    weight = blend * blend * (3.0 - 2.0 * blend)  # as `systems.steer` mixes
+    weight = blend * blend * (3.0 - 2.0 * blend)  # as `flockbrush.systems.steer` mixes
     mixed: dict = {}
     for reasons, share in zip(answers, (1.0 - weight, weight), strict=True):
-        size = max(float(np.hypot(*sum(reasons.values()))), 1e-12)
+        size = max(float(np.sqrt((sum(reasons.values()) ** 2).sum())), 1e-12)
         for name, vector in reasons.items():
             mixed[name] = mixed.get(name, 0.0) + share / size * vector
     return mixed

@@ -8,7 +8,7 @@ turns towards the acceleration that the bird feels, lateral acceleration and
 what bears its weight together.
 
 Then it goes that far, along what it meets: nobody is inside a solid or under
-the ground after a step, whatever the model wished (`engine.solids.slide_`).
+the ground after a step, whatever the model wished (`flockbrush.engine.solids.slide_`).
 Solids that move push whom they meet.
 
 Damping towards one's own speed (`components.Speed.target`) instead of towards
@@ -22,13 +22,12 @@ the air as well.
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.behaviours.behaviour import Flight
+from flockbrush.components.agent import BY_ACCELERATION, BY_VELOCITY
+from flockbrush.engine.maths import atan2_, kernel_function, sincos_
+from flockbrush.engine.solid_queries import out_of_, slide_
+from flockbrush.systems.ground_height import height_of_ground
 from numba import njit
-
-from behaviours.behaviour import Flight
-from components.agent import BY_ACCELERATION, BY_VELOCITY
-from engine.maths import atan2_, kernel_function, sincos_
-from engine.solids import out_of_, slide_
-from systems.ground_height import height_of_ground
 
 GRAVITY = 9.81  # m/s^2
 CLEAR = 1e-5  # m kept free between bodies and solids, more than rounding ever takes in a corner
@@ -100,7 +99,7 @@ def limited_turn(fx, fy, fz, gx, gy, gz, limit):
 @njit(cache=True, nogil=True, error_model="numpy")
 def fly(
     lo, hi, order, dt, brush, flight, max_turn, length, radius, target, cap, kind, wished, wished_velocity, direction,
-    solids, relief_cell, relief, width, depth, xyz, velocity, forward, up,
+    transit, solids, relief_cell, relief, width, depth, xyz, velocity, forward, up,
 ):  # fmt: skip
     """One tick of flight for the rows of ``order[lo:hi]``: writes position, velocity, heading and up."""
     for o in range(lo, hi):
@@ -113,7 +112,9 @@ def fly(
         w = radius[i]
         if flight[b, EXACT] and kind[i] == BY_VELOCITY:
             nx, ny, nz = wished_velocity[i, 0], wished_velocity[i, 1], wished_velocity[i, 2]
+            nx, ny, nz = _cut(nx, ny, nz, cap[i])
             gx, gy, gz = _unit(direction[i, 0], direction[i, 1], direction[i, 2], fx, fy, fz)
+            gx, gy, gz = limited_turn(fx, fy, fz, gx, gy, gz, max_turn[i] * dt)
             w = 0.0
         else:
             if kind[i] == BY_ACCELERATION:
@@ -137,12 +138,14 @@ def fly(
                 nz = 0.0
             gx, gy, gz = _unit(nx, ny, nz, fx, fy, fz)
             if max_turn[i] * dt < np.pi:
-                gx, gy, gz = limited_turn(fx, fy, fz, gx, gy, gz, max_turn[i] * dt)
-                gx, gy, gz = _unit(gx, gy, gz, fx, fy, fz)
+                hx, hy, hz = limited_turn(fx, fy, fz, gx, gy, gz, max_turn[i] * dt)
+                if hx != gx or hy != gy or hz != gz:
+                    gx, gy, gz = _unit(hx, hy, hz, fx, fy, fz)
             if flight[b, GROUNDED]:
                 gx, gy, gz = _unit(gx, gy, 0.0, 1.0, 0.0, 0.0)
             speed = np.sqrt(nx * nx + ny * ny + nz * nz)
-            speed = min(max(speed, flight[b, MIN_SPEED] * own), flight[b, MAX_SPEED] * own, cap[i])
+            least = flight[b, MIN_SPEED] * own if transit[i] == 0 else 0.0
+            speed = min(max(speed, least), flight[b, MAX_SPEED] * own, cap[i])
             nx, ny, nz = speed * gx, speed * gy, speed * gz
         # what the bird feels: the change of its velocity across its way, and what bears its weight
         lx, ly, lz = (nx - vx) / dt, (ny - vy) / dt, (nz - vz) / dt
@@ -165,6 +168,9 @@ def fly(
             pz = low - w
         elif pz < low:
             touched = True
+            most = np.sqrt(nx * nx + ny * ny + nz * nz) * dt
+            if low - z > most + CLEAR:  # a cliff: up along it, no faster than it flies
+                px, py, low = x, y, max(z + most, height_of_ground(relief, relief_cell, x, y) + w)
             pz = low
             if len(solids.kind):  # lifted by the ground into something that hangs over it
                 free, qx, qy, qz = out_of_(solids, px, py, pz, w + CLEAR)
@@ -172,8 +178,12 @@ def fly(
                     px, py, pz = x, y, max(z, height_of_ground(relief, relief_cell, x, y) + w)
         if touched:  # it is where it came to that counts
             nx, ny, nz = (px - x) / dt, (py - y) / dt, (pz - z) / dt
+            nx, ny, nz = _cut(nx, ny, nz, cap[i])  # put out of what was set down on it, it is not thrown
             if not flight[b, GROUNDED]:
-                hx, hy, hz = _unit(nx, ny, nz, gx, gy, gz)
+                wx, wy, wz = _unit(nx, ny, nz, gx, gy, gz)
+                hx, hy, hz = limited_turn(fx, fy, fz, wx, wy, wz, max_turn[i] * dt)
+                if hx != wx or hy != wy or hz != wz:
+                    hx, hy, hz = _unit(hx, hy, hz, gx, gy, gz)
                 ux, uy, uz = turned_without_roll(ux, uy, uz, gx, gy, gz, hx, hy, hz)
                 gx, gy, gz = hx, hy, hz
         if width > 0.0:

@@ -11,30 +11,34 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from flockbrush.components import Airborne, Body, BrushBinding, Heading, Migration, Position, Velocity
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.parallel import over_rows
+from flockbrush.engine.schedule import Stage, System
+from flockbrush.engine.solid_queries import ahead_, far_, past_, surface_
+from flockbrush.engine.solids import with_cylinders
+from flockbrush.systems.ground_height import height_of_ground
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.senses import Near
 from numba import njit
-
-from components import Airborne, Body, BrushBinding, Heading, Migration, Position, Velocity
-from engine.clock import Clock
-from engine.parallel import over_rows
-from engine.schedule import Stage, System
-from engine.solids import ahead_, far_, past_, surface_, with_cylinders
-from systems.ground_height import height_of_ground
-from systems.landscape import Landscape
-from systems.palette import Palette
-from systems.senses import Near
 
 ROOM = 0.5  # body lengths beside the body that count as in the way
 
 
 @dataclass
 class Ahead:
-    """What lies ahead of those in the air, by row (see `behaviours.behaviour.Air`)."""
+    """What lies ahead of those in the air, by row (see `flockbrush.behaviours.behaviour.Air`)."""
 
     hit: np.ndarray = field(default_factory=lambda: np.zeros(0))
     aim: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     gap: np.ndarray = field(default_factory=lambda: np.zeros(0))
     normal: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     height: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    def trace(self):
+        """Arrays by which replays are compared (`flockbrush.engine.trail`)."""
+        return self.hit, self.aim, self.gap, self.normal, self.height
 
 
 class SeeAhead(System):
@@ -48,6 +52,7 @@ class SeeAhead(System):
         agents, land, palette = world.agents, world.resource(Landscape), world.resource(Palette)
         near, ahead = world.resource(Near), world.resource(Ahead)
         if near.aloft is None:
+            world.insert(Ahead())
             return
         n = len(agents)
         ahead.hit, ahead.gap, ahead.height = np.full(n, np.inf), np.full(n, np.inf), np.zeros(n)

@@ -8,18 +8,18 @@ brush, which goes on by itself: initiation and steady flight are one, and a bird
 from __future__ import annotations
 
 import numpy as np
-
-from behaviours.formation.reaching import Rules, part_in_height
-from behaviours.models.line_formation import frame_of, places, rules_of
-from components import Body, BrushBinding, Heading, Position, ReferenceBird, Role, Species, Speed, Velocity
-from components.formation import FormationPlace
-from engine.clock import Clock
-from engine.maths import atan2_
-from engine.noise import Noise
-from systems.gusts import blow
-from systems.initiation import decide, fitting, target_of, usual
-from systems.landscape import Landscape
-from systems.palette import Palette
+from flockbrush.behaviours.formation.reaching import FormingRules, part_in_height
+from flockbrush.behaviours.models.line_formation import frame_of, places, rules_of
+from flockbrush.components import Body, BrushBinding, Heading, Position, ReferenceBird, Role, Species, Speed, Velocity
+from flockbrush.components.formation import FormationPlace
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.maths import atan2_
+from flockbrush.engine.noise import Noise
+from flockbrush.systems.gusts import blow
+from flockbrush.systems.initiation import decide, fitting, target_of, usual
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.senses import SightInSpace
 
 
 def keep_formations(world):
@@ -70,7 +70,7 @@ def _keep(world, rows, p):
     if n > 1:
         rules = fitting(rules, target)
         now = np.full(n, -1), np.zeros(n, np.int64), np.full(n, -1)
-        decide(x, y, heading, leader, reference, arm, place, target.length, rules, *now)
+        decide(x, y, heading, leader, reference, arm, place, target.length, rules, _perceived(world, rows), *now)
         reference, arm, place = now
     frame = frame_of(wing, agents[Speed.drawn][rows[leader]])
     agents[FormationPlace.climb][rows] = _climb(agents, rows, leader, x, y, heading, rules, wing, frame)
@@ -84,6 +84,19 @@ def _keep(world, rows, p):
     agents[Role.leader][rows] = (place == 0) | second
     led = np.where(np.arange(n) == leader, led + clock.dt, 0.0)
     agents[FormationPlace.led][rows] = led
+
+
+def _perceived(world, rows):
+    """(n, n) bool: whom each bird of the flock perceives, as its brush's ``[vision]`` has it."""
+    lists, n = world.resource(SightInSpace).lists, len(rows)
+    index = np.full(len(world.agents), -1)
+    index[rows] = np.arange(n)
+    observer = index[np.repeat(np.arange(len(index)), np.diff(lists.first))]
+    observed = index[lists.near]
+    both = (observer >= 0) & (observed >= 0)
+    perceived = np.zeros((n, n), np.bool_)
+    perceived[observer[both], observed[both]] = True
+    return perceived
 
 
 def _rows_of(ids, rows, entities):
@@ -130,7 +143,7 @@ def _in_frame(xy, origin, ahead, wrap):
     )
 
 
-def _climb(agents, rows, leader, x, y, heading, rules: Rules, wing, frame):
+def _climb(agents, rows, leader, x, y, heading, rules: FormingRules, wing, frame):
     """m/s up, for each bird."""
     n = len(rows)
     climb = np.zeros(n)

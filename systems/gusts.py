@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-
-from components.formation import FormationPlace
-from engine.clock import Clock
-from engine.commands import command
-from engine.noise import Noise
-from systems.commands import _check_circle, _check_species, _selected
-from systems.taking_back import columns_now, need
+from flockbrush.components.formation import FormationPlace
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.commands import command
+from flockbrush.engine.noise import Noise
+from flockbrush.systems.commands import _check_circle, _check_species, _selected
+from flockbrush.systems.undo import columns_now, need
 
 ONSET = 0.5  # s in which a gust is felt.  By eye
 

@@ -13,12 +13,11 @@ points are visible.
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.engine.arrays import order_, write_
+from flockbrush.engine.parallel import over_rows
+from flockbrush.systems.visibility import Lists, visible_neighbours
 from numba import njit
 from scipy.spatial import ConvexHull, QhullError
-
-from engine.arrays import order_, write_
-from engine.parallel import over_rows
-from systems.visibility import Lists, visible_neighbours
 
 RADIUS_FACTOR = 100.0  # by eye; larger sees more
 STRAIGHT = 1e-12  # sine of a turn that counts as none
@@ -145,7 +144,7 @@ def visible_by_hpr(cells, view_range, cos_half_view, radius_factor=RADIUS_FACTOR
     Parameters
     ----------
     cells : Cells
-        From `systems.grid.sort_into_cells`, with a reach of at least the largest range.
+        From `flockbrush.systems.grid.sort_into_cells`, with a reach of at least the largest range.
     view_range : ndarray (n,)
         Metres on the plane, by row.
     cos_half_view : ndarray (n,)
@@ -158,7 +157,7 @@ def visible_by_hpr(cells, view_range, cos_half_view, radius_factor=RADIUS_FACTOR
     Returns
     -------
     Lists
-        As from `systems.visibility.visible_neighbours`.
+        As from `flockbrush.systems.visibility.visible_neighbours`.
     """
     if not radius_factor >= 1:
         raise ValueError(f"radius_factor must be at least 1, got {radius_factor}")

@@ -4,7 +4,8 @@ Every bird looks at the others (visual volume, hidden-point removal), takes one 
 the side and the place, and flies to the place that is so far from the reference as in the target shape.  Two with one
 reference on one side part: the rear one takes another, farther down the arm.
 
-The paper's rules alone do not converge; the additions have a switch each in `behaviours.formation.reaching.Rules`.
+The paper's rules alone do not converge; the additions have a switch each in
+`flockbrush.behaviours.formation.reaching.FormingRules`.
 Arrays are of one flock, in wingspans and frames, x to the right of the track and y along it.
 
 .. [1] Klotsman, M. & Tal, A. (2012). Animation of flocks flying in line formations. Artificial Life 18(1), 91-105.
@@ -15,13 +16,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from flockbrush.behaviours.formation.reaching import FormingRules, home_, part_in_height, reach_, wrap_
+from flockbrush.engine.arrays import write_
+from flockbrush.engine.maths import atan2_, sincos_
+from flockbrush.engine.noise import Noise
+from flockbrush.systems.hidden_points import _corners
 from numba import njit
-
-from behaviours.formation.reaching import Rules, home_, part_in_height, reach_, wrap_
-from engine.arrays import write_
-from engine.maths import atan2_, sincos_
-from engine.noise import Noise
-from systems.hidden_points import _corners
 
 FLIP = 10.0**0.5  # radius of the flipping sphere, in distances of the farthest bird
 
@@ -50,8 +50,8 @@ def target_of(x, y) -> Target:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _look(i, x, y, heading, rules, angle, seen):
-    """Mark whom bird i sees: within the visual volume, and not hidden.  ``angle`` becomes the bearings."""
+def _look(i, x, y, heading, rules, perceived, angle, seen):
+    """Mark whom bird i sees: perceived, within the visual volume, and not hidden.  ``angle`` becomes the bearings."""
     n = len(x)
     px, py = np.empty(n), np.empty(n)
     far = 0.0
@@ -70,7 +70,7 @@ def _look(i, x, y, heading, rules, angle, seen):
         for j in _corners(px, py):
             seen[j] = j != i
     for j in range(n):
-        seen[j] &= angle[j] <= rules.volume
+        seen[j] &= angle[j] <= rules.volume and perceived[i, j]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -108,7 +108,9 @@ def _nearest(i, x, y, reference, side, slot, seen, angle, rules, arm, beyond):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def decide(x, y, heading, leader, reference, side, slot, count, rules, new_reference, new_side, new_slot):
+def decide(
+    x, y, heading, leader, reference, side, slot, count, rules, perceived, new_reference, new_side, new_slot,
+):  # fmt: skip
     """Whom each bird follows next, on which side (-1 left, 1 right, 0 open) and as which of the arm (-1 open)."""
     n = len(x)
     angle, seen = np.empty(n), np.empty(n, np.bool_)
@@ -122,8 +124,10 @@ def decide(x, y, heading, leader, reference, side, slot, count, rules, new_refer
             j >= 0 and reference[j] >= 0 and _follows(reference[j], j, reference)
         ):  # a ring of birds that follow one another
             j = -1
+        if j >= 0 and not perceived[i, j]:  # lost
+            j = -1
         if j < 0 or not rules.loyal:
-            _look(i, x, y, heading, rules, angle, seen)
+            _look(i, x, y, heading, rules, perceived, angle, seen)
             looked = True
             j = _nearest(i, x, y, reference, side, slot, seen, angle, rules, either, anywhere)
             if j != reference[i]:
@@ -139,7 +143,7 @@ def decide(x, y, heading, leader, reference, side, slot, count, rules, new_refer
         if rules.capacity and place > count[(s + 1) // 2]:
             s = -s
             if not looked:
-                _look(i, x, y, heading, rules, angle, seen)
+                _look(i, x, y, heading, rules, perceived, angle, seen)
                 looked = True
             j = _nearest(i, x, y, reference, side, slot, seen, angle, rules, s, behind)
             if j < 0 or slot[j] >= count[(s + 1) // 2]:
@@ -147,9 +151,9 @@ def decide(x, y, heading, leader, reference, side, slot, count, rules, new_refer
             place = slot[j] + 1
         if rules.separation:
             rival = _rival(i, j, s, leader, x, y, reference, side, rules)
-            if rival >= 0:
+            if rival >= 0 and perceived[i, rival]:
                 if not looked:
-                    _look(i, x, y, heading, rules, angle, seen)
+                    _look(i, x, y, heading, rules, perceived, angle, seen)
                 other = _nearest(i, x, y, reference, side, slot, seen, angle, rules, s, place) if place >= 0 else -1
                 if other < 0 or slot[other] == 0:
                     other = rival
@@ -196,7 +200,7 @@ def move(x, y, z, heading, speed, leader, reference, side, slot, dx, dy, usual, 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fly(x, y, heading, speed, leader, count, dx, dy, usual, rules, most, hold, tolerance, track, step, said):
+def _fly(x, y, heading, speed, leader, count, dx, dy, usual, rules, most, hold, tolerance, track, step, said, reach):
     """Fly until everybody has kept its place for ``hold`` frames: (frames or -1, least distance, length of flock)."""
     n = len(x)
     z, climb = np.zeros(n), np.zeros(n)
@@ -211,8 +215,13 @@ def _fly(x, y, heading, speed, leader, count, dx, dy, usual, rules, most, hold, 
             place_y[arm, k] = place_y[arm, k - 1] - dy[arm, k]
     taken = np.zeros((2, dx.shape[1]), np.int64)
     least, longest, since = np.inf, 0.0, -1
+    perceived = np.ones((n, n), np.bool_)
     for frame in range(most):
-        decide(x, y, heading, leader, reference, side, slot, count, rules, reference2, side2, slot2)
+        if reach < np.inf:
+            for i in range(n):
+                for j in range(n):
+                    perceived[i, j] = (x[i] - x[j]) ** 2 + (y[i] - y[j]) ** 2 <= reach * reach
+        decide(x, y, heading, leader, reference, side, slot, count, rules, perceived, reference2, side2, slot2)
         write_(reference, reference2)
         write_(side, side2)
         write_(slot, slot2)
@@ -259,7 +268,9 @@ class Initiation(NamedTuple):
     track: np.ndarray  # (k, n, 3) positions, every ``step`` frames
 
 
-def initiate(x, y, heading, target, rules=None, speed=None, most=6000, hold=60, tolerance=0.5, step=0) -> Initiation:
+def initiate(
+    x, y, heading, target, rules=None, speed=None, most=6000, hold=60, tolerance=0.5, step=0, reach=np.inf
+) -> Initiation:
     """Let birds find into a formation.
 
     Parameters
@@ -278,6 +289,8 @@ def initiate(x, y, heading, target, rules=None, speed=None, most=6000, hold=60, 
         Everybody is in place when nobody is farther than ``tolerance`` from its place for ``hold`` frames.
     step : int
         Keep positions every so many frames; 0 keeps none.
+    reach : float
+        Wingspans: nobody perceives anybody farther away.
 
     Returns
     -------
@@ -287,13 +300,14 @@ def initiate(x, y, heading, target, rules=None, speed=None, most=6000, hold=60, 
     ----------
     .. [1] Klotsman, M. & Tal, A. (2012). Animation of flocks flying in line formations. Artificial Life 18(1), 91-105.
     """
-    rules = fitting(rules or Rules(), target)
+    rules = fitting(rules or FormingRules(), target)
     x, y, heading = (np.array(a, float) for a in (x, y, heading))
     speed = np.full(len(x), rules.cruise) if speed is None else np.array(speed, float)
     track, said = np.zeros((most // step + 1 if step else 0, len(x), 3)), np.zeros(1, np.int64)
     frames, least, longest = _fly(
-        x, y, heading, speed, int(np.argmax(y)), *target, usual(target), rules, most, hold, tolerance, track, step, said
-    )
+        x, y, heading, speed, int(np.argmax(y)), *target, usual(target), rules, most, hold, tolerance, track, step,
+        said, float(reach),
+    )  # fmt: skip
     return Initiation(int(frames), float(least), float(longest), track[: said[0]])
 
 

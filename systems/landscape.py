@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
-
-from engine.fields import bilinear_
-from engine.solids import Solids, convex_parts, cylinder, half_space, packed, polyhedron, prism, sphere
-from systems.navigation import Navigation, navigation_of
-from systems.terrain import NO_BRUSH, compose_blocked, relief_of
-from systems.visibility import Edges, edges_by_cell, no_edges
+from flockbrush.engine.raster import bilinear_
+from flockbrush.engine.solids import Solids, convex_parts, cylinder, half_space, packed, polyhedron, prism, sphere
+from flockbrush.systems.binding import Sheets
+from flockbrush.systems.navigation import Navigation, navigation_of
+from flockbrush.systems.terrain import NO_BRUSH, compose_blocked, relief_of
+from flockbrush.systems.visibility import Edges, edges_by_cell, no_edges
 
 BRUSHES_OWN = -1.0  # of `Landscape.transition`: the brush's own time
 NATIVE, BARE = -2, -1  # of `Painted.ground`: as the level was read; nothing painted
@@ -61,7 +61,7 @@ class Guide:
 
 @dataclass
 class Goal:
-    """Where the way leads, and what becomes of those who arrive."""
+    """Where the way leads, and what happens to animals that arrive."""
 
     name: str
     xy: np.ndarray  # (2,) m
@@ -141,7 +141,7 @@ class Landscape:
     cost : ndarray (ny, nx)
         Of a metre on the way to a goal.
     relief : ndarray (my, mx, 3)
-        See `systems.terrain.relief_of`.
+        See `flockbrush.systems.terrain.relief_of`.
     kinds : list
         Kinds of ground one can paint: ``name``, ``walkable``, ``speed_factor``, ``cost``, ``blocks_view``.
     painted, above, native
@@ -179,6 +179,7 @@ class Landscape:
     painted: Painted | None = None
     above: Above | None = None
     native: Native | None = None
+    sheets: Sheets = field(default_factory=Sheets)  # zones and layers by whom they bind
     stale: int | None = None
     _known: tuple | None = None  # what the navigation field was made of
     overhead: list[Barrier] = field(default_factory=list)  # what begins above the ground
@@ -427,7 +428,8 @@ class Landscape:
     # state ----------------------------------------------------------------------
 
     def state(self):
-        """What may change while a world runs: paint, obstacles, guides, goals and exits (see `engine.state`)."""
+        """What may change while a world runs: paint, obstacles, guides, goals and exits (see
+        `flockbrush.engine.state`)."""
         if self._head is None:
             self._head = self._things()
         text = self._head

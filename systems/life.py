@@ -6,13 +6,16 @@ import json
 from dataclasses import dataclass, field, fields
 
 import numpy as np
-
-from components import Destination, Position
-from engine.clock import Clock
-from engine.schedule import Stage, System
-from systems.landscape import Landscape
-from systems.population import NoRoom, give_birth
-from systems.spawning import inside_polygon
+from flockbrush.components import Body, Destination, Position, Species
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.schedule import Stage, System
+from flockbrush.systems.fauna import HUNT, SpeciesList
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.named_regions import in_goal
+from flockbrush.systems.noticing import Noticed
+from flockbrush.systems.population import NoRoom, give_birth
+from flockbrush.systems.programs import born_into
+from flockbrush.systems.spawning import inside_polygon
 
 
 @dataclass
@@ -34,6 +37,7 @@ class SpawnArea:
     body_length: float | None = None  # m; None: the brush's
     depth: float = 0.0  # m above `altitude` up to which they are born
     since: float = 0.0  # s, when it was drawn: its start counts from there
+    program: str = ""  # that they follow; "": none
 
     @classmethod
     def of(cls, spawn):
@@ -60,10 +64,10 @@ class Nursery:
         return next((k for k, spawn in enumerate(self.spawns) if spawn.id == number), None)
 
     def state(self):
-        """What of it belongs to the state of the world (see `engine.state.state_hash`)."""
+        """What of it belongs to the state of the world (see `flockbrush.engine.state.state_hash`)."""
         known = self._told[0]
         if len(known) != len(self.spawns) or any(a is not b for a, b in zip(known, self.spawns, strict=True)):
-            plain = [{**vars(spawn), "polygon": spawn.polygon.tolist()} for spawn in self.spawns]
+            plain = [_plain(spawn) for spawn in self.spawns]
             self._told = list(self.spawns), json.dumps(plain).encode()
         return np.array([len(self.born), *self.born], np.int64).tobytes() + self._told[1]
 
@@ -78,17 +82,45 @@ class Nursery:
             self.spawns = [SpawnArea(**spawn) for spawn in told]
 
 
+def _plain(spawn):
+    """A spawn as JSON has it; one without a program as it was before there were any."""
+    told = {**vars(spawn), "polygon": spawn.polygon.tolist()}
+    return told if spawn.program else {name: value for name, value in told.items() if name != "program"}
+
+
+REACH = 0.25  # body lengths from body to body: so near a hunter catches its prey
+
+
+def caught(world):
+    """(n,) bool, who is caught by a hunter whose species takes its prey out of the world."""
+    agents, lists = world.agents, world.resource(Noticed).lists if world.has(Noticed) else None
+    gone = np.zeros(len(agents), bool)
+    if lists is None:
+        return gone
+    removes = world.resource(SpeciesList).relations.removes
+    hunts = np.flatnonzero(lists.verb == HUNT)
+    if not len(hunts) or not removes.any():
+        return gone
+    hunter, prey = np.searchsorted(lists.first, hunts, side="right") - 1, lists.near[hunts]
+    species, size = agents[Species.index], agents[Body.axis] + agents[Body.radius]
+    near = np.sqrt((lists.offset[hunts] ** 2).sum(axis=1)) - size[hunter] - size[prey]
+    fatal = removes[species[hunter], species[prey]] & (near <= REACH * agents[Body.length][hunter])
+    gone[prey[fatal]] = True
+    return gone
+
+
 class Live(System):
     """What happens at goals, exits, the edge of the map and spawns."""
 
     stage = Stage.LIVE
-    reads = (Position, Landscape, Clock)
+    reads = (Position, Body, Species, Noticed, SpeciesList, Landscape, Clock)
     writes = (Destination, Nursery)
 
     def process(self, world):
         gone = np.zeros(len(world.agents), bool)
         self._arrive(world, gone)
         self._leave(world, gone)
+        gone |= caught(world)
         for entity in world.agents.ids[gone].tolist():
             world.delete_entity(entity)
         self._bear(world)
@@ -101,7 +133,7 @@ class Live(System):
         for k, goal in enumerate(land.goals):
             if goal.on_arrive == "stay":
                 continue
-            here = (was == k) & inside_goal(goal, xyz)
+            here = (was == k) & in_goal(goal, xyz)
             if goal.on_arrive == "despawn":
                 gone |= here
             elif goal.on_arrive == "next":
@@ -145,15 +177,9 @@ def births_due(spawn, now):
 
 def bear(world, spawn, count, stream):
     """Births as one spawn of the level has them."""
-    return give_birth(
+    born = give_birth(
         world, spawn.polygon, count, spawn.brush, spawn.species, spawn.heading, spawn.speed, spawn.altitude,
         spawn.formation, spawn.body_length, stream, spawn.depth,
     )  # fmt: skip
-
-
-def inside_goal(goal, xyz):
-    """(n,) bool, who stands in a goal."""
-    if goal.polygon is not None:
-        return inside_polygon(xyz, goal.polygon)
-    off = xyz[:, :2] - goal.xy
-    return off[:, 0] ** 2 + off[:, 1] ** 2 <= goal.radius**2
+    born_into(world, born, spawn.program)
+    return born

@@ -12,6 +12,12 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
+from typing import NamedTuple
+
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
@@ -180,7 +186,88 @@ def compute_crossings(before, after, points):
     return left, right
 
 
-def herd_measures(xyz, velocity, forward, body_length, wrap=None):
+# measures by name ------------------------------------------------------------------
+
+
+class HerdMoment(NamedTuple):
+    """A herd at one moment: what a measure is told."""
+
+    xyz: np.ndarray  # (n, 3) m
+    xy: np.ndarray  # (n, 2) m, of a herd across the edge of a wrapped map in one piece
+    velocity: np.ndarray  # (n, 3) m/s
+    forward: np.ndarray  # (n, 3) unit headings
+    body_length: float  # m, mean
+    wrap: tuple[float, float] | None  # m, width and height of a wrapped map
+    flies: bool = False  # somebody is in the air: distances are three-dimensional
+
+    @property
+    def places(self):
+        """(n, 2) or, of what flies, (n, 3) m, in one piece on a wrapped map."""
+        return np.column_stack([self.xy, self.xyz[:, 2]]) if self.flies else self.xy
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A number that says something of a herd, and what people must know of it."""
+
+    name: str
+    compute: Callable[[HerdMoment], float]
+    meaning: str
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    plotted: bool = False
+
+
+_registry: dict[str, Measure] = {}
+
+
+def measure(name, unit="", meaning="", low=None, high=None, plotted=False):
+    """Register ``function(herd: HerdMoment) -> float`` as a measure.
+
+    The command line, `Simulation.measures`, sweeps, plots and the documentation know it from then on.
+
+    Parameters
+    ----------
+    unit : str
+        Such as "m/s"; empty for pure numbers.
+    meaning : str
+        A few words; those of the function's docstring when left out.
+    low, high : float, optional
+        Bounds that hold for every herd: the axis of plots.
+    plotted : bool
+        Whether `flockbrush measure --plot` draws it.
+
+    Raises
+    ------
+    ValueError
+        When another module has a measure of this name.
+    """
+
+    def register(function):
+        known = _registry.get(name)
+        if known is not None and known.compute.__module__ != function.__module__:
+            raise ValueError(f"measure {name!r} is already in {known.compute.__module__}")
+        words = meaning or (function.__doc__ or "").strip().split("\n")[0].rstrip(".")
+        _registry[name] = Measure(name, function, words, unit, low, high, plotted)
+        return function
+
+    return register
+
+
+@cache
+def _load_measures_of_others():
+    for point in sorted(entry_points(group="flockbrush.measures"), key=lambda p: p.name):
+        point.load()
+
+
+def measures() -> dict[str, Measure]:
+    """All measures by name, ours first; modules under the entry point group ``flockbrush.measures`` add theirs."""
+    _load_measures_of_others()
+    return dict(_registry)
+
+
+def herd_measures(xyz, velocity, forward, body_length, wrap=None, flies=False):
     """The measures of one moment by name; what `flockbrush measure` prints.
 
     Parameters
@@ -190,29 +277,79 @@ def herd_measures(xyz, velocity, forward, body_length, wrap=None):
         Metres; parts hang together by links of four body lengths.
     wrap : (float, float), optional
         Width and height of a wrapped map, metres.
+    flies : bool
+        Somebody is in the air: distances are measured in space, not in plan.
     """
-    xy = compute_unwrapped(xyz, wrap)
-    speed = compute_speed(velocity)
-    n = len(xy)
-    return {
-        "animals": n,
-        "polarization": compute_polarization(forward),
-        "milling": compute_milling(xy, forward),
-        "rotation": compute_rotation(xy, forward),
-        "speed_mean": float(speed.mean()) if n else np.nan,
-        "speed_std": float(speed.std()) if n else np.nan,
-        "nnd": float(np.mean(compute_nnd(xy, wrap))) if n > 1 else np.nan,
-        "group_spread": compute_group_spread(xy),
-        "elongation": compute_elongation(xy),
-        "aspect_ratio": compute_aspect_ratio(xy, forward),
-        "largest_part": compute_largest_part(xy, 4 * body_length, wrap),
-        "density": compute_density(xy),
-    }
+    herd = HerdMoment(xyz, compute_unwrapped(xyz, wrap), velocity, forward, body_length, wrap, flies)
+    return {name: found.compute(herd) for name, found in measures().items()}
 
 
-def _folded(xy, wrap):
-    return xy if wrap is None else np.mod(xy[:, :2], wrap)
+@measure("animals", meaning="how many there are", low=0)
+def _animals(herd):
+    return len(herd.xyz)
+
+
+@measure("polarization", meaning="0: headings in all directions, 1: all the same", low=0, high=1, plotted=True)
+def _polarization(herd):
+    return compute_polarization(herd.forward)
+
+
+@measure("milling", meaning="0 none, 1 all turn about the centre", low=0, high=1, plotted=True)
+def _milling(herd):
+    return compute_milling(herd.xy, herd.forward)
+
+
+@measure("rotation", meaning="milling with a sign, counter-clockwise positive", low=-1, high=1)
+def _rotation(herd):
+    return compute_rotation(herd.xy, herd.forward)
+
+
+@measure("speed_mean", "m/s", "mean speed", low=0, plotted=True)
+def _speed_mean(herd):
+    return float(compute_speed(herd.velocity).mean()) if len(herd.xyz) else np.nan
+
+
+@measure("speed_std", "m/s", "standard deviation of the speeds", low=0)
+def _speed_std(herd):
+    return float(compute_speed(herd.velocity).std()) if len(herd.xyz) else np.nan
+
+
+@measure("nnd", "m", "distance to the nearest neighbour, mean", low=0, plotted=True)
+def _nnd(herd):
+    return float(np.mean(compute_nnd(herd.places, herd.wrap))) if len(herd.xyz) > 1 else np.nan
+
+
+@measure("group_spread", "m", "distance from the centroid, root mean square", low=0, plotted=True)
+def _group_spread(herd):
+    return compute_group_spread(herd.places)
+
+
+@measure("elongation", meaning="0 round, 1 a line", low=0, high=1)
+def _elongation(herd):
+    return compute_elongation(herd.xy)
+
+
+@measure("aspect_ratio", meaning="extent across the way the herd goes / along it", low=0)
+def _aspect_ratio(herd):
+    return compute_aspect_ratio(herd.xy, herd.forward)
+
+
+@measure("largest_part", meaning="share of animals in the largest group", low=0, high=1, plotted=True)
+def _largest_part(herd):
+    return compute_largest_part(herd.places, 4 * herd.body_length, herd.wrap)
+
+
+@measure("density", "1/m²", "animals per area of their convex hull", low=0)
+def _density(herd):
+    return compute_density(herd.xy)
+
+
+def _folded(places, wrap):
+    if wrap is None:
+        return places
+    return np.column_stack([np.mod(places[:, :2], wrap), places[:, 2:]])
 
 
 def _tree(xy, wrap):
-    return cKDTree(_folded(xy, wrap), boxsize=wrap)
+    box = None if wrap is None else (*wrap, *(0.0,) * (np.shape(xy)[1] - 2))  # height has no seam
+    return cKDTree(_folded(xy, wrap), boxsize=box)

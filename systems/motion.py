@@ -3,40 +3,61 @@
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.components import (
+    Airborne,
+    Body,
+    BrushBinding,
+    Ground,
+    Heading,
+    Position,
+    Species,
+    Speed,
+    Thrust,
+    Transit,
+    Velocity,
+    Wish,
+)
+from flockbrush.components.agent import LANDING
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.parallel import over_rows
+from flockbrush.engine.schedule import Stage, System
+from flockbrush.systems.contact import move
+from flockbrush.systems.fauna import AIR, PLANE, WATER, SpeciesList
+from flockbrush.systems.flight import fly
+from flockbrush.systems.foresight import in_the_way
+from flockbrush.systems.ground_height import height_of_ground
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.senses import Near
 from numba import njit
 
-from components import Airborne, Body, BrushBinding, Ground, Heading, Position, Speed, Thrust, Velocity, Wish
-from engine.clock import Clock
-from engine.parallel import over_rows
-from engine.schedule import Stage, System
-from systems.contact import move
-from systems.flight import fly
-from systems.foresight import in_the_way
-from systems.ground_height import height_of_ground
-from systems.landscape import Landscape
-from systems.palette import Palette
-from systems.senses import Near
+STANDING = 1e-6  # m: more than rounding adds up to
+STEEP = 0.2  # length of the level part of a heading below which a landing bird is held level
+FALL, SETTLE = 4.0, 0.3  # m/s at which those who walk come down to the ground, from high up and at last
 
 
 class Move(System):
     """Those on the ground: turn within the limit, step without touching anybody or anything.  Then those in the air."""
 
     stage = Stage.MOVE
-    reads = (Body, BrushBinding, Speed, Ground, Wish, Thrust, Near, Palette, Landscape, Clock)
+    reads = (Body, BrushBinding, Speed, Ground, Wish, Thrust, Transit, Near, Palette, Landscape, Clock, Species,
+             SpeciesList)  # fmt: skip
     writes = (Position, Velocity, Heading, Airborne)
 
     def process(self, world):
         agents, near = world.agents, world.resource(Near)
         if not len(agents):
             return
-        max_turn = _max_turn(agents, world.resource(Palette))
+        palette = world.resource(Palette)
+        top, turn = _limits(agents, palette, world.resource(SpeciesList).table, near.aloft)
+        max_turn = np.minimum(_max_turn(agents, palette), turn)
         if near.aloft is None:
-            _walk(world, slice(None), max_turn)
+            _walk(world, slice(None), max_turn, top)
             return
         walkers = np.flatnonzero(~near.aloft)
         if len(walkers):
-            _walk(world, walkers, max_turn)
-        _fly(world, near, max_turn)
+            _walk(world, walkers, max_turn, top)
+        _fly(world, near, max_turn, top)
 
 
 def _max_turn(agents, palette):
@@ -49,7 +70,16 @@ def _max_turn(agents, palette):
     )
 
 
-def _walk(world, rows, max_turn):
+def _limits(agents, palette, table, aloft):
+    """((n,) m/s, (n,) rad/s) that each animal's species can do where it is."""
+    species = agents[Species.index]
+    medium = np.where(table.media[species, WATER] & ~table.media[species, PLANE], WATER, PLANE)
+    if aloft is not None:
+        medium = np.where(aloft & ~palette.grounded[agents[BrushBinding.brush]], AIR, medium)
+    return table.speed[species, medium], table.turn[species, medium]
+
+
+def _walk(world, rows, max_turn, top):
     agents, land, near = world.agents, world.resource(Landscape), world.resource(Near)
     dt = world.resource(Clock).dt
     body, radius, speed = agents[Body.axis] + agents[Body.radius], agents[Body.radius], agents[Speed.target]
@@ -58,7 +88,7 @@ def _walk(world, rows, max_turn):
         speed = np.where(near.aloft, 0.0, speed)
     step, heading = move(
         near.cells, agents[Heading.forward], agents[Wish.direction], speed, max_turn, land.walls_within(reach), dt,
-        near.ghosts,
+        near.ghosts, top,
     )  # fmt: skip
     wrap = land.wrap or (0.0, 0.0)
     aloft = np.zeros(len(agents), np.bool_) if near.aloft is None else near.aloft
@@ -68,16 +98,33 @@ def _walk(world, rows, max_turn):
     )  # fmt: skip
 
 
-def _fly(world, near, max_turn):
+def _fly(world, near, max_turn, top):
     agents, land, palette = world.agents, world.resource(Landscape), world.resource(Palette)
     wrap, order = land.wrap or (0.0, 0.0), np.flatnonzero(near.aloft)
     over_rows(
         fly, len(order), order, world.resource(Clock).dt, agents[BrushBinding.brush], palette.flight, max_turn,
-        agents[Body.length], agents[Body.radius], agents[Speed.target], agents[Ground.cap], agents[Thrust.kind],
-        agents[Thrust.acceleration], agents[Thrust.velocity], agents[Wish.direction],
+        agents[Body.length], agents[Body.radius], agents[Speed.target],
+        np.minimum(agents[Ground.cap], top), agents[Thrust.kind],
+        agents[Thrust.acceleration], agents[Thrust.velocity], agents[Wish.direction], agents[Transit.kind],
         in_the_way(agents, land.sky, near.aloft), land.relief_cell, land.relief, wrap[0], wrap[1],
         agents[Position.xyz], agents[Velocity.xyz], agents[Heading.forward], agents[Airborne.up],
     )  # fmt: skip
+    _level_at_landing(agents, order)
+
+
+def _level_at_landing(agents, flyers):
+    """Birds that come down steeply keep their bodies level, so that they have a heading when they stand."""
+    landing = flyers[agents[Transit.kind][flyers] == LANDING]
+    forward = agents[Heading.forward][landing]
+    rows = landing[np.hypot(forward[:, 0], forward[:, 1]) < STEEP]
+    if not len(rows):
+        return
+    # of a nose that points down the back points ahead, of one that points up it points backwards
+    ahead = -np.sign(agents[Heading.forward][rows, 2])[:, None] * agents[Airborne.up][rows, :2]
+    size = np.sqrt((ahead * ahead).sum(axis=1))[:, None]
+    agents[Heading.forward][rows, :2] = np.where(size > 1e-6, ahead / np.maximum(size, 1e-6), (1.0, 0.0))
+    agents[Heading.forward][rows, 2] = 0.0
+    agents[Airborne.up][rows] = (0.0, 0.0, 1.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -92,7 +139,10 @@ def _go(lo, hi, aloft, step, heading, dt, relief_cell, relief, width, height, xy
         if width > 0.0:
             x, y = x - width * np.floor(x / width), y - height * np.floor(y / height)
         rise = 0.0 if flat else height_of_ground(relief, relief_cell, x, y) - below
+        above = xyz[i, 2] - below
+        if abs(above) > STANDING:  # nobody stands in the air, nor in the ground
+            rise -= min(above, max(SETTLE, min(FALL, 1.5 * above)) * dt)
         velocity[i, 2] = rise / dt
         xyz[i, 0], xyz[i, 1] = x, y
-        xyz[i, 2] += rise  # whoever flies keeps his altitude above ground
+        xyz[i, 2] += rise
         forward[i, 0], forward[i, 1], forward[i, 2] = heading[i, 0], heading[i, 1], 0.0

@@ -14,8 +14,8 @@ beyond; near obstacles a cancelling field (eq. 14) takes away what would lead
 into the wall.  What the paper leaves open is settled in the functions below.
 
 Goals, guides' distances and ways round obstacles all come from one fast
-marching sweep (`systems.sweep`).  Everything here is ``+ - * / sqrt`` and
-`engine.maths.exp_`.
+marching sweep (`flockbrush.systems.fast_marching`).  Everything here is ``+ - * / sqrt`` and
+`flockbrush.engine.maths.exp_`.
 
 Arrays are ``[iy, ix]``, row 0 in the south; cell ``(iy, ix)`` has its centre at
 ``((ix + .5) * cell, (iy + .5) * cell)``.
@@ -31,13 +31,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from flockbrush.engine.maths import exp_
+from flockbrush.engine.parallel import over_rows
+from flockbrush.systems.fast_marching import EVERYWHERE, arrive_, march_, rimmed_, spread_
+from flockbrush.systems.terrain import rasterise_polygon
+from flockbrush.systems.walls import around_obstacles, keep_out_, point_out_
 from numba import njit
-
-from engine.maths import exp_
-from engine.parallel import over_rows
-from systems.sweep import EVERYWHERE, arrive_, march_, rimmed_, spread_
-from systems.terrain import rasterise_polygon
-from systems.walls import around_obstacles, keep_out_, point_out_
 
 FADED = 5.0  # decay lengths after which a guide is forgotten: exp(-5) is less than 1/100
 

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.components import Body, BrushBinding, Ground, Heading, Individual, Species, Speed, Urge, Wish
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.noise import Noise, normal_, uniform_
+from flockbrush.engine.parallel import over_rows
+from flockbrush.engine.schedule import Stage, System
+from flockbrush.systems.fauna import AIR, PLANE, WATER, SpeciesList
+from flockbrush.systems.grid import Cells
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.senses import Near
+from flockbrush.systems.terrain import slope_factor_
 from numba import njit
 
-from components import Body, BrushBinding, Ground, Heading, Speed, Wish
-from engine.clock import Clock
-from engine.noise import Noise, normal_
-from engine.parallel import over_rows
-from engine.schedule import Stage, System
-from systems.grid import Cells
-from systems.palette import Palette
-from systems.senses import Near
-from systems.terrain import slope_factor_
-
+COMPANY = 4.0  # body lengths within which neighbours are imitated
+CRAWL = 0.02  # of the mean: who walks is never slower, since 0 is to stand
 GATHER = 0.4  # s in which an animal takes up a new effort.  By eye
 
 
@@ -22,8 +24,10 @@ class Pace(System):
     """The Ornstein-Uhlenbeck speed of each animal (Gong et al. 2025, eq. 6), then density, ground, slope and caps."""
 
     stage = Stage.SPEED
-    reads = (Body, BrushBinding, Ground, Heading, Wish, Near, Palette, Clock, Noise)
-    writes = (Speed,)
+    reads = (
+        Body, BrushBinding, Ground, Heading, Wish, Near, Palette, Clock, Noise, Individual, Species, SpeciesList,
+    )  # fmt: skip
+    writes = (Speed, Urge)
 
     def process(self, world):
         agents, palette, clock = world.agents, world.resource(Palette), world.resource(Clock)
@@ -33,14 +37,34 @@ class Pace(System):
         density = np.zeros(n)
         if palette.uses_density:
             over_rows(crowding, n, *_grid(world.resource(Near).cells), agents[Body.length], density)
+        was = agents[Speed.drawn].copy() if palette.pauses else None
         over_rows(
             _pace, n, free, agents.ids, agents[Body.length], agents[BrushBinding.brush], density,
             agents[Ground.factor], agents[Ground.cap], agents[Ground.slope], agents[Heading.forward],
             agents[Wish.pace], palette.mean, palette.deviation, palette.reversion,
             palette.density_first, palette.density_table,
-            world.resource(Noise).key("speed", clock.tick), clock.dt,
+            world.resource(Noise).key("speed", clock.tick), clock.dt, agents[Individual.pace],
+            *_limits(world.resource(SpeciesList).table, agents[Species.index], aloft),
+            agents[Urge.share], agents[Urge.speed], agents[Urge.driven],
             agents[Speed.drawn], agents[Speed.effort], agents[Speed.target],
         )  # fmt: skip
+        if was is None:
+            return
+        walking = np.full(n, -1.0)
+        over_rows(company, n, *_grid(world.resource(Near).cells), world.resource(Near).cells.row,
+                  agents[Body.length], was, walking)  # fmt: skip
+        over_rows(
+            pause, n, agents.ids, agents[Body.length], agents[BrushBinding.brush], was, agents[Urge.driven], walking,
+            palette.mean, palette.deviation, palette.reversion, palette.stops, palette.starts, palette.imitation,
+            world.resource(Noise).key("pause", clock.tick), clock.dt, agents[Speed.drawn], agents[Speed.target],
+        )  # fmt: skip
+
+
+def _limits(table, species, aloft):
+    """(n,) m/s and m/s² that the species can do where each of them is."""
+    swims = table.media[species, WATER] & ~table.media[species, PLANE]
+    medium = np.where(swims, WATER, PLANE) if aloft is None else np.where(aloft, AIR, np.where(swims, WATER, PLANE))
+    return table.speed[species, medium], table.acceleration[species, medium]
 
 
 def _grid(cells: Cells):
@@ -70,23 +94,82 @@ def crowding(lo, hi, x, y, slot, start, nx, ny, cell, west, south, length, densi
 @njit(cache=True, nogil=True, error_model="numpy")
 def _pace(
     lo, hi, free, ids, length, brush, density, factor, cap, slope, forward, wanted,
-    mean, deviation, reversion, table_first, table, key, dt, drawn, effort, target,
+    mean, deviation, reversion, table_first, table, key, dt, own, top, most, share, wished, driven,
+    drawn, effort, target,
 ):  # fmt: skip
     root = np.sqrt(dt)
     for i in range(lo, hi):
         b = brush[i]
         v = drawn[i]
-        v += -reversion[b] * (v - mean[b] * length[i]) * dt + deviation[b] * length[i] * root * normal_(key, ids[i], 0)
+        v += -reversion[b] * (v - own[i] * mean[b] * length[i]) * dt + deviation[b] * length[i] * root * normal_(
+            key, ids[i], 0
+        )
         drawn[i] = max(v, 0.0)  # eq. 6, no walking backwards
-        share = _look_up(table, table_first[b], table_first[b + 1], density[i])
+        ease = _look_up(table, table_first[b], table_first[b + 1], density[i])
         rise = slope[i, 0] * forward[i, 0] + slope[i, 1] * forward[i, 1]
         if rise != 0.0:
-            share *= slope_factor_(rise)
-        effort[i] += (wanted[i] - effort[i]) * min(dt / GATHER, 1.0)
+            ease *= slope_factor_(rise)
+        mud = factor[i]
         if free[i]:  # in the air there is neither mud nor slope
-            target[i] = min(drawn[i] * effort[i], cap[i])
+            ease = mud = 1.0
+        if driven[i]:  # up to what drives wish, and back again, as fast as the body can
+            was, goes = target[i], drawn[i] * ease * mud
+            if share[i] > 0.0:
+                goes = wished[i] * ease * mud
+            step = most[i] * dt
+            target[i] = min(was + min(max(goes - was, -step), step), top[i], cap[i])
+            effort[i] = min(target[i] / max(drawn[i] * ease * mud, 1e-6), 1.0)
+            driven[i] = share[i] > 0.0 or abs(target[i] - goes) > step
             continue
-        target[i] = min(drawn[i] * share * factor[i] * effort[i], cap[i])
+        effort[i] += (wanted[i] - effort[i]) * min(dt / GATHER, 1.0)
+        target[i] = min(drawn[i] * ease * mud * effort[i], top[i], cap[i])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def company(lo, hi, x, y, slot, start, nx, ny, cell, west, south, row, length, speed, walking):
+    """Share of the others within four body lengths that walk; -1 where nobody is."""
+    for i in range(lo, hi):
+        s = slot[i]
+        if s < 0:
+            continue
+        reach = COMPANY * length[i]
+        r0, r1 = max(0, int((y[s] - reach - south) / cell)), min(ny - 1, int((y[s] + reach - south) / cell))
+        c0, c1 = max(0, int((x[s] - reach - west) / cell)), min(nx - 1, int((x[s] + reach - west) / cell))
+        count, walk = 0, 0
+        for r in range(r0, r1 + 1):
+            for j in range(start[r * nx + c0], start[r * nx + c1 + 1]):
+                dx, dy = x[j] - x[s], y[j] - y[s]
+                if row[j] != i and dx * dx + dy * dy < reach * reach:
+                    count += 1
+                    walk += speed[row[j]] > 0.0
+        if count > 0:
+            walking[i] = walk / count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def pause(
+    lo, hi, ids, length, brush, was, driven, walking, mean, deviation, reversion, stops, starts, imitation, key, dt,
+    drawn, target,
+):  # fmt: skip
+    """Stop, stand, and begin to walk again: by chance, and as neighbours do.  Whose drawn speed is 0 stands."""
+    for i in range(lo, hi):
+        b = brush[i]
+        if stops[b] <= 0.0:
+            continue
+        usual = mean[b] * length[i]
+        if driven[i]:  # drives are stronger
+            drawn[i] = max(drawn[i], CRAWL * usual)
+            continue
+        alike = walking[i] if was[i] <= 0.0 else 1.0 - walking[i]
+        rate = (starts[b] if was[i] <= 0.0 else stops[b]) * (1.0 + imitation[b] * (alike if walking[i] >= 0.0 else 0.0))
+        changes = uniform_(key, ids[i], 0) < rate * dt / (1.0 + 0.5 * rate * dt)
+        if changes and was[i] <= 0.0:
+            spread = deviation[b] / np.sqrt(2.0 * reversion[b]) * length[i]
+            drawn[i] = max(usual + spread * normal_(key, ids[i], 1), CRAWL * usual)
+        elif changes or was[i] <= 0.0:
+            drawn[i] = target[i] = 0.0
+        else:
+            drawn[i] = max(drawn[i], CRAWL * usual)
 
 
 @njit(inline="always")

@@ -5,8 +5,7 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-
-from engine.noise import Noise
+from flockbrush.engine.noise import Noise
 
 THIN = 0.71  # cells: a stroke is never thinner than the half diagonal of a cell, so that it always paints something
 _GRAIN = Noise(0)  # the same in every world, for the level file is painted without one

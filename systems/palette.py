@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 
 import numpy as np
-
-from behaviours.behaviour import Flight, behaviours
-from behaviours.brush import load_brush
-from engine.maths import sincos_
+from flockbrush.behaviours.behaviour import GUIDED, Flight, behaviours
+from flockbrush.behaviours.brush import load_brush
+from flockbrush.behaviours.brush_tables import SIGHTS
+from flockbrush.behaviours.drive import drives_of
+from flockbrush.engine.maths import sincos_
 
 
 class Palette:
@@ -17,7 +18,7 @@ class Palette:
     Parameters
     ----------
     brushes : iterable of Brush
-        `behaviours.brush.Brush` assets.
+        `flockbrush.behaviours.brush.Brush` assets.
     """
 
     def __init__(self, brushes=()):
@@ -49,7 +50,7 @@ class Palette:
         self._tabulate()
 
     def state(self):
-        """The brushes as they are now (see `engine.state`)."""
+        """The brushes as they are now (see `flockbrush.engine.state`)."""
         return json.dumps([[b.name, b.source.decode()] for b in self.brushes]).encode()
 
     def set_state(self, data):
@@ -85,15 +86,22 @@ class Palette:
 
         models = behaviours()
         self.models = [models[b.model] for b in self.brushes]
+        self.by_slot = np.array([m.by_slot for m in self.models], bool)
         self.mean = column(lambda b: b.speed.mean)  # body lengths / s
         self.deviation = column(lambda b: b.speed.deviation)  # body lengths / s
         self.reversion = column(lambda b: b.speed.reversion)  # 1/s
+        self.stops = column(lambda b: b.speed.stops)  # 1/s
+        self.starts = column(lambda b: b.speed.starts)  # 1/s
+        self.imitation = column(lambda b: b.speed.imitation)
+        self.pauses = any(b.speed.stops > 0.0 for b in self.brushes)
         self.view_range = column(lambda b: b.vision.range)  # body lengths
         self.field_of_view = np.radians(column(lambda b: b.vision.field_of_view))
         self.max_turn = column(lambda b: getattr(b.params, "max_turn", np.inf))  # rad/s
         self.transition = column(lambda b: b.transition)  # s
         self.leader_neighbours = column(lambda b: getattr(b.params, "leader_neighbours", -1))
         self.leader_cone = column(lambda b: _cosine_of_half(getattr(b.params, "leader_cone", 360.0)))
+        self.guided = column(lambda b: GUIDED.index(getattr(b.params, "guided", "front"))).astype(np.int64)
+        self.guided_share = column(lambda b: getattr(b.params, "guided_share", 0.0))
         self.neighbour_range = column(lambda b: getattr(b.params, "neighbour_range", np.inf))  # body lengths
         self.hidden_points = any(model.hidden_points for model in self.models)
         self.danger = column(lambda b: models[b.model].danger).astype(np.uint8)
@@ -103,9 +111,24 @@ class Palette:
         ]
         self.flies = column(lambda b: models[b.model].flight is not None).astype(bool)
         self.flight = np.array(flights, float).reshape(len(flights), len(Flight._fields))  # rows of `Flight`
-        self.foresight = np.array([flight.foresight for flight in flights])
+        looks = [b.drives["avoid_obstacles"].foresight if "avoid_obstacles" in b.drives else 0.0 for b in self.brushes]
+        self.foresight = np.array([max(f.foresight, look) for f, look in zip(flights, looks, strict=True)])
         self.grounded = np.array([flight.grounded for flight in flights], bool)
+        self.drives = [drives_of(b, models[b.model]) for b in self.brushes]  # in order of priority
+        self.drives_asked = column(lambda b: any(params.strength > 0.0 for params in b.drives.values())).astype(bool)
+        asked = {verb for row in self.drives for one, _ in row for verb in one.notices}
+        self.hunting = "hunt" in asked
+        self.hunting |= any("hunt" in model.has for model in self.models)  # whose catch may be fatal
+        self.following = "follow" in asked
+        self.exact = np.array([flight.exact for flight in flights], bool)  # the model says the velocity
+        self.flies_free = self.flies & ~self.grounded  # through the air, and not held to the ground
+        self.least_speed = self.flight[:, 0] if len(flights) else np.zeros(0)  # body lengths / s
+        self.sight = column(lambda b: SIGHTS.index(b.vision.sight)).astype(np.int64)
+        self.neighbours = column(lambda b: b.vision.neighbours).astype(np.int64)
+        self.chooses = bool((self.sight > SIGHTS.index("metric")).any())
+        self.bodiless = np.isin(self.sight, [SIGHTS.index("metric"), SIGHTS.index("hidden_points")])  # hide nobody
         self.sees_through = column(lambda b: not b.vision.occlusion).astype(np.uint8)
+        self.sees_through |= self.bodiless.astype(np.uint8)
         # by_density as one table: rows of (density per square body length, factor), closed on both sides
         rows = [np.array(b.speed.by_density or [(0.0, 1.0)], float) for b in self.brushes]
         self.density_first = np.cumsum([0] + [len(r) for r in rows])

@@ -2,51 +2,30 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import dataclass, field
-
 import numpy as np
-from numba import njit
-
-from components import (
+from flockbrush.components import (
     Body,
     BrushBinding,
     Destination,
     Heading,
+    Individual,
     Position,
     Species,
     Speed,
+    Transit,
     Velocity,
     Vision,
 )
-from engine.clock import Clock
-from engine.noise import Noise
-from engine.solids import out_of_
-from systems.ground_height import height_of_ground
-from systems.landscape import Landscape
-from systems.palette import Palette
-from systems.spawning import NoRoom, outlines, place
-
-
-@dataclass
-class SpeciesList:
-    """Names of species by index."""
-
-    names: list[str] = field(default_factory=list)
-
-    def state(self):
-        """The names (see `engine.state`)."""
-        return json.dumps(self.names).encode()
-
-    def set_state(self, data):
-        """Take back what `state` gave."""
-        self.names = json.loads(data)
-
-    def index(self, name):
-        """Index of this species, new or known."""
-        if name not in self.names:
-            self.names.append(name)
-        return self.names.index(name)
+from flockbrush.components.agent import SETTLED, TAKING_OFF
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.noise import Noise
+from flockbrush.engine.solid_queries import out_of_
+from flockbrush.systems.fauna import SpeciesList
+from flockbrush.systems.ground_height import height_of_ground
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.spawning import NoRoom, outlines, place
+from numba import njit
 
 
 def give_birth(
@@ -86,19 +65,23 @@ def give_birth(
     agents = world.agents
     index = palette.named(brush)
     asset = palette.brushes[index]
-    length = asset.body.length if body_length is None else body_length
-    radius = asset.body.radius * length / asset.body.length
-    axis = 0.0 if asset.body.contact == "disc" else max(0.5 * length - radius, 0.0)
+    fauna, number = world.resource(SpeciesList), np.arange(count)
+    known = fauna.library.find(species)
+    body = body_of(asset, known)
+    size, pace, boldness = _individuals(known, noise, stream, clock.tick, number)
+    length = size * (body.length if body_length is None else body_length)
+    radius = body.radius * length / body.length
+    axis = np.zeros(count) if body.contact == "disc" else np.maximum(0.5 * length - radius, 0.0)
+    reach = float((axis + radius).max(initial=0.0))
     xy, forward = place(
         polygon, count, 2 * (axis + radius), radius, heading, formation, noise.key(stream, clock.tick),
-        land.walls_within(2 * (axis + radius)), land.blocked, land.cell, _bodies(agents, land.wrap, length),
-        outlines(land.solids), _inset(land, axis + radius),
+        land.walls_within(2 * reach), land.blocked, land.cell,
+        _bodies(agents, land.wrap, float(length.max(initial=0.0))), outlines(land.solids), _inset(land, reach),
     )  # fmt: skip
-    land.see_to(float(length * palette.view_range.max()))
-    number = np.arange(count)
+    land.see_to(float(length.max(initial=0.0) * palette.view_range.max()))
     spread = asset.speed.deviation / np.sqrt(2 * asset.speed.reversion)
     chance = noise.normal(stream + " speed", clock.tick, number)[:, 0]
-    drawn = np.maximum(asset.speed.mean + spread * chance, 0.0) * length
+    drawn = np.maximum(pace * asset.speed.mean + spread * chance, 0.0) * length
     if speed is not None:
         drawn[:] = speed
     flat = land.relief.shape[:2] == (1, 1)
@@ -107,18 +90,22 @@ def give_birth(
         z += depth * noise.uniform(stream + " height", clock.tick, number)[:, 0]
     xyz = np.column_stack([xy, z])
     if palette.flies[index]:
-        _clear_of_solids(xyz, radius, land.sky)
+        _clear_of_solids(xyz, float(radius.max(initial=0.0)), land.sky)
+    stands = palette.flies_free[index] and known is not None and known.fly.slowest > 0.0 and altitude == 0.0 == depth
     forward = np.column_stack([forward, np.zeros(count)])
     return world.create_agents(
         count,
         {
             Position.xyz: xyz,
-            Velocity.xyz: forward * drawn[:, None],
+            Velocity.xyz: np.zeros((count, 3)) if stands else forward * drawn[:, None],
             Heading.forward: forward,
             Body.length: length,
             Body.radius: radius,
             Body.axis: axis,
-            Species.index: world.resource(SpeciesList).index(species),
+            Species.index: fauna.index(species),
+            Individual.pace: pace,
+            Individual.boldness: boldness,
+            Transit.kind: TAKING_OFF if stands else SETTLED,
             Vision.range: asset.vision.range * length,
             Vision.field_of_view: np.radians(asset.vision.field_of_view),
             BrushBinding.brush: index,
@@ -129,6 +116,27 @@ def give_birth(
             Destination.goal: 0 if land.goals else -1,
         },
     )
+
+
+def body_of(brush, species):
+    """The body that an animal is born with: the brush's where it has one of its own, else that of the species."""
+    return brush.body if brush.has_own_body or species is None else species.body
+
+
+CUT = 2.0  # standard deviations: no individual differs more
+
+
+def _individuals(species, noise, stream, tick, number):
+    """(size, pace, boldness) of newborns, (n,) each: factors, drawn from the spread of their species.
+
+    What differs in size goes no faster for that: paces are in body lengths, and are divided by it.
+    """
+    if species is None:
+        return (np.ones(len(number)),) * 3
+    told = species.spread
+    chance = np.clip(noise.normal(stream + " individual", tick, number, 3), -CUT, CUT)
+    size, pace, boldness = 1.0 + chance.T * np.array([[told.size], [told.speed], [told.boldness]])
+    return size, pace / size, boldness
 
 
 def _bodies(agents, wrap, length):

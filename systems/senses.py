@@ -5,21 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from flockbrush.components import Body, BrushBinding, Heading, Position, Species, Speed, Vision
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.maths import sincos_
+from flockbrush.engine.parallel import over_rows
+from flockbrush.engine.schedule import Stage, System
+from flockbrush.engine.scratch import Scratch
+from flockbrush.systems.contact import _edge, _edges_near
+from flockbrush.systems.fauna import SpeciesList
+from flockbrush.systems.grid import Cells, sort_into_cells
+from flockbrush.systems.hidden_points import visible_by_hpr
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.perception import chooses, chosen, chosen_by_slot, each_its_own
+from flockbrush.systems.space import Space, sort_in_space, visible_in_space
+from flockbrush.systems.visibility import Found, Lists, lists_of, look_around
 from numba import njit
-
-from components import Body, BrushBinding, Heading, Position, Speed, Vision
-from engine.clock import Clock
-from engine.maths import sincos_
-from engine.parallel import over_rows
-from engine.schedule import Stage, System
-from engine.scratch import Scratch
-from systems.contact import _edge, _edges_near
-from systems.grid import Cells, sort_into_cells
-from systems.hidden_points import visible_by_hpr
-from systems.landscape import Landscape
-from systems.palette import Palette
-from systems.space import Space, sort_in_space, visible_in_space
-from systems.visibility import Lists, nobody, visible_neighbours
 
 
 @dataclass
@@ -31,12 +32,33 @@ class Near:
     aloft: np.ndarray | None = None  # (n,) bool; None when all are on the ground
     space: Space | None = None  # of those in the air
 
+    def trace(self):
+        """Arrays by which replays are compared (`flockbrush.engine.trail`)."""
+        sorted_herds = (*(self.cells or ()), *((self.space or ()) if self.aloft is not None else ()))
+        return [array for array in sorted_herds if isinstance(array, np.ndarray)]
+
 
 @dataclass
 class Sight:
     """Visible neighbours of every animal: what any model can use."""
 
-    lists: Lists | None = None
+    found: Found | None = None
+    _lists: Lists | None = field(default=None, repr=False)
+
+    @property
+    def lists(self) -> Lists | None:
+        """By row; made when somebody asks, for herds alone do without."""
+        if self._lists is None and self.found is not None:
+            self._lists = lists_of(self.found)
+        return self._lists
+
+    def show(self, found):
+        """Take what has been seen in this tick."""
+        self.found, self._lists = found, None
+
+    def trace(self):
+        """Arrays by which replays are compared (`flockbrush.engine.trail`)."""
+        return self.lists or ()
 
 
 @dataclass
@@ -46,12 +68,20 @@ class SightInSpace:
     lists: Lists | None = None
     scratch: Scratch = field(default_factory=Scratch)
 
+    def trace(self):
+        """Arrays by which replays are compared (`flockbrush.engine.trail`)."""
+        return self.lists or ()
+
 
 @dataclass
 class SightByHiddenPoints:
     """Who is visible by hidden-point removal; None while no model present asks for it."""
 
     lists: Lists | None = None
+
+    def trace(self):
+        """Arrays by which replays are compared (`flockbrush.engine.trail`)."""
+        return self.lists or ()
 
 
 @dataclass
@@ -60,6 +90,10 @@ class ObstaclesInSight:
 
     first: np.ndarray = field(default_factory=lambda: np.zeros(1, np.int64))
     offset: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))  # m, from the observer
+
+    def trace(self):
+        """Arrays by which replays are compared (`flockbrush.engine.trail`)."""
+        return self.first, self.offset
 
 
 class FindNeighbours(System):
@@ -93,8 +127,9 @@ class See(System):
     """Field of view, range and line of sight."""
 
     stage = Stage.SENSE
-    reads = (Near, Vision, BrushBinding, Palette, Landscape)
+    reads = (Near, Vision, BrushBinding, Palette, Landscape, Species, SpeciesList)
     writes = (Sight,)
+    width = 64  # room for each list: of memory, not of the state
 
     def process(self, world):
         agents, land, palette = world.agents, world.resource(Landscape), world.resource(Palette)
@@ -103,21 +138,26 @@ class See(System):
         if near.aloft is not None:
             binding = binding[~near.aloft]
             if not len(binding):
-                world.resource(Sight).lists = nobody(n, 2)
+                none = np.zeros(0, np.int64)
+                world.resource(Sight).show(Found(near.cells, none.astype(np.int32), none, np.zeros(n, np.int64)))
                 return
         cosine = np.empty(n)
         over_rows(_cosine_of_half, n, agents[Vision.field_of_view], cosine)
-        through = bool(n) and bool(palette.sees_through[binding].all())
-        world.resource(Sight).lists = visible_neighbours(
-            near.cells, agents[Vision.range], cosine, land.opaque, not through
-        )
+        through = palette.sees_through[binding]
+        look = near.cells, agents[Vision.range], cosine, land.opaque
+        found = look_around(*look, not (n and through.all()), self.width)
+        self.width = max(32, 16 + 3 * int(found.count.sum()) // max(2 * len(near.cells.x), 1))
+        if palette.bodiless[binding].any() and not through.all():  # each as its own brush says
+            everybody = look_around(*look, False, self.width)
+            found = each_its_own(palette.bodiless[agents[BrushBinding.brush]], everybody, found)
+        world.resource(Sight).show(chosen_by_slot(world, found) if chooses(world) else found)
 
 
 class SeeInSpace(System):
     """Range, field of view and line of sight for those in the air, in three dimensions."""
 
     stage = Stage.SENSE
-    reads = (Near, Body, Vision, BrushBinding, Palette, Landscape)
+    reads = (Near, Body, Vision, BrushBinding, Palette, Landscape, Species, SpeciesList)
     writes = (SightInSpace,)
     width = 32  # room for each list: of memory, not of the state
 
@@ -141,6 +181,8 @@ class SeeInSpace(System):
             sight.scratch,
         )
         self.width = max(32, 16 + 3 * len(sight.lists.near) // max(2 * len(near.space.x), 1))
+        if chooses(world):
+            sight.lists = chosen(world, sight.lists)
 
 
 class SeeByHiddenPoints(System):

@@ -1,4 +1,4 @@
-"""The kernel of `systems.visibility`: rings outwards, bodies as cones, sixteen animals at a time.
+"""The kernel of `flockbrush.systems.visibility`: rings outwards, bodies as cones, sixteen animals at a time.
 
 For one observer:
 
@@ -23,8 +23,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-
-from engine.lanes import (
+from flockbrush.engine.lanes import (
     LANES,
     bits,
     count,
@@ -40,12 +39,12 @@ from engine.lanes import (
     store,
     where,
 )  # fmt: skip
-from systems.cones import (
+from flockbrush.systems.cones import (
     NEVER,
     SLOT,
-    Bodies,
-    Near,
     Rims,
+    RingBodies,
+    RingNear,
     cones_of_capsules,
     cones_of_discs,
     depth_in_cones,
@@ -54,7 +53,7 @@ from systems.cones import (
     rim_of_view,
     uncovered,
 )  # fmt: skip
-from systems.sightline import crosses, kernel, meets_capsule, step
+from flockbrush.systems.sightline import crosses, kernel, meets_capsule, step
 
 DOUBT = np.float32(2e-6)  # cosines nearer than this to an edge are decided in float64; rounding stays below 1.5e-6
 
@@ -68,7 +67,7 @@ RINGS = 8  # at most, in one look
 _BEHIND = np.int32(-0x80000000)  # added to the slot of an animal outside the field of view
 
 
-class Herd(NamedTuple):
+class CellPointers(NamedTuple):
     """`Cells`, by pointers: arrays would be counted at every call, which costs more than the work."""
 
     x: Any
@@ -369,11 +368,11 @@ def look(lo, hi, cells, view_range, cos_half_view, edges, occlusion, width, wide
     ax, ay, far2 = np.empty(own, f4), np.empty(own, f4), np.empty(own, f8)
     if own == 0:
         ax, ay = x, y
-    near = Near(x, y, np.empty(n, f8), np.empty(n, np.int32), ax, ay, np.empty(n, f4), far2, np.empty(n, f4))
+    near = RingNear(x, y, np.empty(n, f8), np.empty(n, np.int32), ax, ay, np.empty(n, f4), far2, np.empty(n, f4))
     k = 4 * n  # a part of a ring is padded to a multiple of four
     own = k if own else 0
     shut, far2 = np.empty(k, f4), np.empty(own, f8)
-    bodies = Bodies(
+    bodies = RingBodies(
         np.empty(k, f4), np.empty(k, f4), shut, np.empty(k, f8), far2, np.empty(k, np.int32), np.empty(k, f4)
     )
     rims = Rims(np.empty(k, f4), np.empty(k, f4))
@@ -389,15 +388,15 @@ def _look(
     lo, hi, cells, view_range, cos_half_view, edges, occlusion, width, widest, room, seen, begin, count_of,
     near, bodies, rims, rings, outers2, mine,
 ):  # fmt: skip
-    herd = Herd(
+    herd = CellPointers(
         pointer(cells.x), pointer(cells.y), pointer(cells.fx), pointer(cells.fy), pointer(cells.half),
         pointer(cells.radius), pointer(cells.start), cells.nx, cells.ny, cells.cell, cells.west, cells.south,
     )  # fmt: skip
-    near = Near(
+    near = RingNear(
         pointer(near.x), pointer(near.y), pointer(near.d2), pointer(near.slot), pointer(near.axis_x),
         pointer(near.axis_y), pointer(near.shut), pointer(near.far2), pointer(near.sine),
     )  # fmt: skip
-    bodies = Bodies(
+    bodies = RingBodies(
         pointer(bodies.x), pointer(bodies.y), pointer(bodies.shut), pointer(bodies.d2),
         pointer(bodies.far2), pointer(bodies.slot), pointer(bodies.sine),
     )  # fmt: skip

@@ -4,9 +4,9 @@
 view, and, unless the brush sees through bodies, the segment from centre to
 centre meets no ball (`components.Body.radius`) of a nearer animal and no solid
 that blocks the view.  A ball that contains the observer's own centre blocks
-nothing, as on the ground (`systems.visibility`).
+nothing, as on the ground (`flockbrush.systems.visibility`).
 
-Across the seam of a wrapped map stand ghosts, as in `systems.grid`.
+Across the seam of a wrapped map stand ghosts, as in `flockbrush.systems.grid`.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from flockbrush.engine.arrays import order_
+from flockbrush.engine.lanes import LANES, load, pack, pointer
+from flockbrush.engine.lanes import count as count_lanes
+from flockbrush.engine.parallel import over_rows
+from flockbrush.engine.scratch import Scratch
+from flockbrush.engine.solid_queries import blocks_
+from flockbrush.engine.solids import no_solids
+from flockbrush.systems.sightline import kernel, step
+from flockbrush.systems.visibility import Lists, _crowded, by_row, nobody
 from numba import njit
-
-from engine.arrays import order_
-from engine.lanes import LANES, load, pack, pointer
-from engine.lanes import count as count_lanes
-from engine.parallel import over_rows
-from engine.scratch import Scratch
-from engine.solids import blocks_, no_solids
-from systems.sightline import kernel, step
-from systems.visibility import Lists, _crowded, by_row, nobody
 
 CHUNK = 1024  # observers to a piece of work
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.engine.maths import sincos_
+from flockbrush.engine.noise import uniform_
+from flockbrush.systems.contact import _edge, _edges_near, _nearest
+from flockbrush.systems.terrain import point_in_polygon
 from numba import njit
-
-from engine.maths import sincos_
-from engine.noise import uniform_
-from systems.contact import _edge, _edges_near, _nearest
-from systems.terrain import point_in_polygon
 
 TRIES = 400  # places looked at for each animal before giving up
 RINGS = 400  # of a radius each, looked through for a place nearby
@@ -30,6 +29,7 @@ def outlines(polygons):
 
 
 NOTHING = outlines([])
+INNER = {"ring": 0.4, "mill": 0.0}  # radius of the hole over that of the disc, of those who turn about a middle
 EVERYWHERE = (-np.inf, -np.inf, np.inf, np.inf)
 
 
@@ -44,12 +44,12 @@ def place(
     polygon : ndarray (k, 2)
         Their area, metres.
     count : int
-    length, radius : float
+    length, radius : float or ndarray (count,)
         Their bodies, metres.
     heading : float or None
         Radians counter-clockwise from east; None: each its own.
-    formation : {"scatter", "grid", "ring", "line"}
-        At random; on a square lattice; at random on a ring, turning counter-clockwise; abreast.
+    formation : {"scatter", "grid", "ring", "mill", "line"}
+        At random; on a square lattice; at random on a ring or on a disc, turning counter-clockwise; abreast.
     key : uint64
         Noise key; animal k draws with number k.
     solid : Edges
@@ -77,13 +77,16 @@ def place(
     low, high = polygon.min(0), polygon.max(0)
     aim = np.nan if heading is None else float(heading)
     spots = np.zeros((0, 2))
+    length, radius = (np.broadcast_to(np.asarray(size, float), count) for size in (length, radius))
+    longest = float(np.maximum(length, 2 * radius).max(initial=0.0)) or 1.0
     if formation in ("grid", "line"):
-        spots = _lattice(polygon, count, max(length, 2 * radius) * 1.001, 0.0 if heading is None else aim, formation)
+        spots = _lattice(polygon, count, longest * 1.001, 0.0 if heading is None else aim, formation)
     xy, forward = np.empty((count, 2)), np.empty((count, 2))
-    side = max(length, 2 * radius, float(max(np.max(others[4], initial=0), 2 * np.max(others[5], initial=0))))
+    side = max(longest, float(max(np.max(others[4], initial=0), 2 * np.max(others[5], initial=0))))
     fitted = _fill(
-        polygon, low, high, count, max(0.5 * length - radius, 0.0), radius, aim, formation == "ring", spots, key,
-        *solid, blocked, cell, side, *others, *obstacles, *bounds, xy, forward,
+        polygon, low, high, count, np.maximum(0.5 * length - radius, 0.0), radius + 0.0, aim,
+        INNER.get(formation, np.nan), spots, key, *solid, blocked, cell, side, *others, *obstacles, *bounds, xy,
+        forward,
     )  # fmt: skip
     if fitted < count:
         raise NoRoom(fitted, count)
@@ -125,7 +128,7 @@ def _lattice(polygon, count, body, heading, formation):
 
 @njit(cache=True, error_model="numpy")
 def _fill(
-    polygon, low, high, count, half, radius, aim, ring, spots, key,
+    polygon, low, high, count, half, radius, aim, inner, spots, key,
     ends, start, item, nx, ny, ecell, west, south, blocked, cell, side,
     ox, oy, ofx, ofy, olength, oradius, points, first, least_x, least_y, most_x, most_y, xy, forward,
 ):  # fmt: skip
@@ -165,9 +168,10 @@ def _fill(
                 continue
             dx, dy = px - middle_x, py - middle_y
             d = np.sqrt(dx * dx + dy * dy)
-            if ring and (d < 0.4 * outer or d > outer):
+            turning = not np.isnan(inner)
+            if turning and (d < inner * outer or d > outer):
                 continue
-            if ring:
+            if turning and d > 0.0:
                 ux, uy = -dy / d, dx / d
             else:
                 a = aim
@@ -177,14 +181,14 @@ def _fill(
             ix, iy = int(np.floor(px / cell)), int(np.floor(py / cell))
             if 0 <= ix < blocked.shape[1] and 0 <= iy < blocked.shape[0] and blocked[iy, ix]:
                 continue
-            if _is_free(px, py, ux, uy, half, radius, x, y, fx, fy, h, r, head, link, side, size) and _off_edges(
-                px, py, ux, uy, half, radius, ends, start, item, nx, ny, ecell, west, south
+            if _is_free(px, py, ux, uy, half[k], radius[k], x, y, fx, fy, h, r, head, link, side, size) and _off_edges(
+                px, py, ux, uy, half[k], radius[k], ends, start, item, nx, ny, ecell, west, south
             ):
                 found = True
                 break
         if not found:
             break
-        x[n], y[n], fx[n], fy[n], h[n], r[n] = px, py, ux, uy, half, radius
+        x[n], y[n], fx[n], fy[n], h[n], r[n] = px, py, ux, uy, half[k], radius[k]
         b = _bucket(int(np.floor(px / side)), int(np.floor(py / side)), size)
         link[n], head[b] = head[b], n
         n += 1

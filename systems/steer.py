@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
-
-from behaviours.behaviour import Air, Scene, frozen
-from behaviours.models.line_formation import InFormation
-from components import (
+from flockbrush.behaviours.behaviour import Air, BySlot, Scene, frozen
+from flockbrush.behaviours.models.line_formation import InFormation
+from flockbrush.components import (
     Airborne,
+    Alarm,
     Body,
     BrushBinding,
     Destination,
@@ -22,18 +21,23 @@ from components import (
     Species,
     Speed,
     Thrust,
+    Urge,
     Velocity,
     Wish,
 )
-from components.agent import BY_ACCELERATION, BY_HEADING, BY_VELOCITY, NOWHERE, POINT
-from engine.clock import Clock
-from engine.noise import Noise
-from engine.parallel import over_rows
-from engine.schedule import Stage, System
-from systems.foresight import Ahead
-from systems.landscape import Landscape
-from systems.palette import Palette
-from systems.senses import Near, ObstaclesInSight, Sight, SightByHiddenPoints, SightInSpace
+from flockbrush.components.agent import BY_ACCELERATION, BY_HEADING, BY_VELOCITY, NOWHERE, POINT
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.noise import Noise
+from flockbrush.engine.parallel import over_rows
+from flockbrush.engine.schedule import Stage, System
+from flockbrush.systems.allocation import allocate, asked, bodies_of, dangers_of, kin, relations_of
+from flockbrush.systems.fauna import SpeciesList
+from flockbrush.systems.foresight import Ahead
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.noticing import Noticed
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.senses import Near, ObstaclesInSight, Sight, SightByHiddenPoints, SightInSpace
+from numba import njit
 
 
 class NotFinite(ArithmeticError):
@@ -47,15 +51,20 @@ class Steer(System):
     reads = (
         Position, Velocity, Heading, Body, Species, Role, BrushBinding, Speed, Ground, Memory, Airborne, Migration,
         Destination, FormationPlace, Near, Sight, SightByHiddenPoints, SightInSpace, ObstaclesInSight, Ahead,
-        Landscape, Palette, Clock, Noise,
+        Landscape, Palette, Clock, Noise, Noticed, SpeciesList, Alarm,
     )  # fmt: skip
-    writes = (Wish, Thrust)
+    writes = (Wish, Thrust, Urge)
 
     def process(self, world):
-        agents, palette = world.agents, world.resource(Palette)
-        if not len(agents):
+        if not len(world.agents):
             return
-        scene = scene_of(world)
+        scene = scene_of(world, lists=not _all_by_slot(world))
+        self.ask_models(world, scene)
+        self.ask_drives(world, scene)
+
+    def ask_models(self, world, scene):
+        """What the models wish, into the columns."""
+        agents, palette = world.agents, world.resource(Palette)
         binding = agents[BrushBinding.brush]
         blend = agents[BrushBinding.blend]
         direction, pace = agents[Wish.direction], agents[Wish.pace]
@@ -72,6 +81,20 @@ class Steer(System):
                 over_rows(_mix, len(rows), rows, blend, was.direction, was.pace, direction, pace)
                 if was.acceleration is not None:
                     over_rows(_mix_thrust, len(rows), rows, blend, was.acceleration, *_thrust(agents))
+
+    @staticmethod
+    def ask_drives(world, scene):
+        """Drives on top of what the models wish."""
+        palette, binding = world.resource(Palette), world.agents[BrushBinding.brush]
+        share = world.agents[Urge.share]
+        if share.any():
+            share[:] = 0.0
+        if scene.bodies is None:
+            return
+        for index, rows in _by_brush(binding[scene.order], scene.order):
+            taken = asked(scene, rows, palette.drives[index])
+            if taken is not None:
+                allocate(world, scene, taken)
 
     @staticmethod
     def _ask(world, scene, palette, index, rows):
@@ -121,11 +144,28 @@ def _by_brush(brush, rows):
     return [(int(index), rows[brush == index]) for index in np.unique(brush)]
 
 
-def scene_of(world):
-    """What models see now: read-only views of the columns."""
+def _all_by_slot(world):
+    """Whether every model in this world takes its neighbours by slot."""
+    agents, palette = world.agents, world.resource(Palette)
+    if palette.by_slot.all():
+        return True
+    brush, before, blend = (
+        agents[column] for column in (BrushBinding.brush, BrushBinding.previous, BrushBinding.blend)
+    )
+    return bool(palette.by_slot[brush].all() and (palette.by_slot[before] | (blend >= 1.0)).all())
+
+
+def scene_of(world, lists=True):
+    """What models see now: read-only views of the columns.
+
+    Without ``lists`` those of neighbours by row are left out, unless drives may ask for them.
+    """
     agents, clock = world.agents, world.resource(Clock)
     noise, palette = world.resource(Noise), world.resource(Palette)
-    lists, obstacles, cells = world.resource(Sight).lists, world.resource(ObstaclesInSight), world.resource(Near).cells
+    obstacles, sight = world.resource(ObstaclesInSight), world.resource(Sight)
+    cells, species = sight.found.cells, kin(world)
+    bodies = bodies_of(world, agents[Speed.drawn])
+    first, others, offset = sight.lists if lists or bodies is not None else (None, None, None)
     xyz = agents[Position.xyz]
     order, air = cells.row[~cells.ghost], None
     near = world.resource(Near)
@@ -143,11 +183,11 @@ def scene_of(world):
         agents[Speed.drawn],
         agents[Body.length],
         agents[Role.leader],
-        agents[Species.index],
+        species,
         palette.danger[agents[BrushBinding.brush]],
-        lists.first,
-        lists.near,
-        lists.offset,
+        first,
+        others,
+        offset,
         obstacles.first,
         obstacles.offset,
         agents[Ground.guidance],
@@ -158,8 +198,24 @@ def scene_of(world):
         world.resource(SightByHiddenPoints).lists,
         air,
         _formation_of(agents, palette),
+        relations_of(world),
+        _noticed(world),
+        bodies,
+        _by_slot(sight.found, species),
     )
     return frozen(scene)
+
+
+def _by_slot(found, species):
+    cells = found.cells
+    return frozen(BySlot(
+        cells.slot, found.begin, found.count, found.seen, cells.x, cells.y, cells.fx, cells.fy, species[cells.row]
+    ))  # fmt: skip
+
+
+def _noticed(world):
+    lists = world.resource(Noticed).lists
+    return None if lists is None else frozen(lists)
 
 
 def _formation_of(agents, palette):
@@ -179,7 +235,7 @@ def _formation_of(agents, palette):
 def _air_of(world, xyz, near):
     """The columns of `Air`."""
     agents, lists, ahead = world.agents, world.resource(SightInSpace).lists, world.resource(Ahead)
-    palette, land = world.resource(Palette), world.resource(Landscape)
+    land = world.resource(Landscape)
     bound, target = agents[Migration.kind], agents[Migration.target]
     if (bound == POINT).any() or land.goals:
         target, bound = target.copy(), bound.copy()
@@ -192,10 +248,9 @@ def _air_of(world, xyz, near):
         points = bound == POINT
         target[points] -= xyz[points]
         target[points, :2] = _nearest_image(target[points, :2], land.wrap)
-    dangers = np.flatnonzero(palette.danger[agents[BrushBinding.brush]])
     return (
         lists.first, lists.near, lists.offset, agents[Airborne.up], ahead.hit, ahead.aim, ahead.gap, ahead.normal,
-        ahead.height, bound, target, dangers,
+        ahead.height, bound, target, *dangers_of(world),
     )  # fmt: skip
 
 

@@ -11,9 +11,8 @@ Arrays are ``[iy, ix]``, row 0 in the south; cell ``(iy, ix)`` has its centre at
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.engine.maths import exp_
 from numba import njit
-
-from engine.maths import exp_
 
 NO_BRUSH = -1
 

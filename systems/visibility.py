@@ -5,7 +5,7 @@ segment from centre to centre meets no body of an animal nearer than *j* and no
 edge that blocks the view (Gong et al. 2025 [1]_, section 5.3).  A body that
 contains the observer's own centre blocks nothing.
 
-How it is found quickly: see `systems.sight`.  In a dense herd the cost follows
+How it is found quickly: see `flockbrush.systems.sight`.  In a dense herd the cost follows
 the number of visible neighbours, not of those in range.
 
 .. [1] Gong, X. et al. (2025). Herds from video: learning a microscopic herd model from macroscopic motion data.
@@ -14,14 +14,13 @@ the number of visible neighbours, not of those in range.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from flockbrush.engine.lanes import LANES
+from flockbrush.engine.parallel import over_rows
+from flockbrush.systems.sight import look
 from numba import njit
-
-from engine.lanes import LANES
-from engine.parallel import over_rows
-from systems.sight import look
 
 CHUNK = 2048  # observers to a piece of work
 
@@ -41,6 +40,15 @@ class Lists(NamedTuple):
 def nobody(n, dimensions):
     """The lists of n animals who see nobody."""
     return Lists(np.zeros(n + 1, np.int64), np.zeros(0, np.int32), np.zeros((0, dimensions)))
+
+
+class Found(NamedTuple):
+    """Who is seen, as it was found: by slot, so that neighbours in turn are neighbours in memory."""
+
+    cells: Any  # the herd as it was
+    seen: np.ndarray  # int32 slots; those that row i sees are ``seen[begin[slot[i]]:][:count[i]]``
+    begin: np.ndarray  # (slots,) int64
+    count: np.ndarray  # type: ignore[assignment]  # (n,) int64, by row; 0 for who is in no cell
 
 
 class Edges(NamedTuple):
@@ -112,6 +120,11 @@ def visible_neighbours(cells, view_range, cos_half_view, edges=None, occlusion=T
     -------
     Lists
     """
+    return lists_of(look_around(cells, view_range, cos_half_view, edges, occlusion, width))
+
+
+def look_around(cells, view_range, cos_half_view, edges=None, occlusion=True, width=64) -> Found:
+    """What `visible_neighbours` makes its lists of, with the same parameters."""
     n, m = len(view_range), len(cells.x)
     edges = no_edges() if edges is None else edges
     view_range, cos_half_view = _plain(view_range), _plain(cos_half_view)
@@ -122,13 +135,18 @@ def visible_neighbours(cells, view_range, cos_half_view, edges=None, occlusion=T
         given = (cells, view_range, cos_half_view, edges, occlusion, *sizes, width, seen, begin, count)
         over_rows(look, m, *given, chunk=CHUNK)
         if not _crowded(begin, cells.ghost):
-            break
+            return Found(cells, seen, begin, count)
         width = 2 * max(width, -(-int(count.sum()) // max(m, 1)))
-    first = np.zeros(n + 1, np.int64)
+
+
+def lists_of(found: Found) -> Lists:
+    """The same by row."""
+    cells, seen, begin, count = found
+    first = np.zeros(len(count) + 1, np.int64)
     np.cumsum(count, out=first[1:])
     near, offset = np.empty(first[-1], np.int32), np.empty((first[-1], 2))
     axes = cells.x, cells.y
-    over_rows(by_row, m, axes, cells.row, cells.ghost, seen, begin, first, near, offset, chunk=CHUNK)
+    over_rows(by_row, len(cells.x), axes, cells.row, cells.ghost, seen, begin, first, near, offset, chunk=CHUNK)
     return Lists(first, near, offset)
 
 

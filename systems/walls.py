@@ -7,9 +7,8 @@ settled in the functions below.
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.systems.fast_marching import AROUND, EVERYWHERE, arrive_, march_, rimmed_, spread_
 from numba import njit
-
-from systems.sweep import AROUND, EVERYWHERE, arrive_, march_, rimmed_, spread_
 
 FULL = 4.0  # a field turned aside by a wall keeps its length unless less than 1/4 of it is left
 

@@ -38,6 +38,16 @@ def bird_film(path, frames=40, size=(320, 180)):
     return path
 
 
+def film(path, pictures, fps=10):
+    """An mp4 of these pictures, (h, w, 3) uint8 BGR."""
+    with av.open(str(path), "w") as out:
+        stream = out.add_stream("libx264", rate=fps, options={"crf": "10", "preset": "ultrafast", "bf": "0"})
+        stream.height, stream.width, stream.pix_fmt = *pictures[0].shape[:2], "yuv420p"
+        for picture in pictures:
+            out.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="bgr24")))
+        out.mux(stream.encode(None))
+
+
 def song(path):
     """A film that is sound alone."""
     with av.open(str(path), "w") as out:

@@ -1,9 +1,8 @@
 """Movies of formations that never flew: birds on a curve with deviations, outliers and names."""
 
 import numpy as np
-
-from behaviours.formation.shapes import Curve, Formation, FrameShape
-from engine.noise import Noise
+from flockbrush.behaviours.formation.formation_shapes import Curve, Formation, FrameShape
+from flockbrush.engine.noise import Noise
 
 CURVES = {
     "V": Curve("v", (0.0, 0.8, 0.8)),

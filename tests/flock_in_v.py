@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from behaviours.learning.camera import Camera
-from behaviours.learning.tracks import Tracks
+from flockbrush.film.tracks import Tracks
+from flockbrush.lifting.lens import Camera
 
 CAMERA = Camera(width=1280, height=720, horizontal_fov_deg=50, fps=25, mean_speed=12, near=10, far=300)
 SPAN = 1.5  # m, from wing tip to wing tip

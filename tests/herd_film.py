@@ -296,9 +296,9 @@ def herd(name, count=80, seconds=4.0, fps=25.0, seed=0, warmup=None, **changes) 
 
 def _own(name, count, seconds, fps, seed, warmup):
     """Our own model, a frame to the nearest tick (1/32 s: fps 32, 16 or 8 are exact)."""
-    from behaviours.brush import Brush, shipped
-    from components import Heading, Position
-    from levels.build import plane
+    from flockbrush.behaviours.brush import Brush, shipped
+    from flockbrush.components import Heading, Position
+    from flockbrush.levels.build import plane
 
     brush = name if isinstance(name, Brush) else shipped().get(name.removeprefix("own:"))
     start = "ring" if "hollow" in brush.name else "scatter"
@@ -639,7 +639,7 @@ def evidence_of_truth(truth: Truth, grid=30, cell=None, name=None, window=None, 
     sight : bool
         False leaves the sightings out, as where bodies do not separate.
     """
-    from behaviours.learning.evidence import Evidence, Fields, Sightings, SpeedEvidence
+    from flockbrush.film.observations import Evidence, Fields, Sightings, SpeedEvidence
 
     low, high = truth.xy.min((0, 1)) - 1.0, truth.xy.max((0, 1)) + 1.0
     if window is not None:

@@ -2,17 +2,27 @@
 
 import datetime
 
+import flockbrush.systems.commands  # noqa: F401  the commands a level's script may give
 import numpy as np
-
-import systems.commands  # noqa: F401  the commands a level's script may give
-from behaviours.brush import BodySpec, Brush, Provenance, SpeedSpec, VisionSpec
-from components import Airborne, Body, BrushBinding, Destination, Heading, Position, Species, Speed, Velocity, Vision
-from engine.solids import CYLINDER, SPHERE
-from levels.build import build
-from levels.schema import Level, Obstacle, Spawn
-from systems.landscape import Landscape
-from systems.palette import Palette
-from systems.population import SpeciesList
+from flockbrush.behaviours.brush import BodySpec, Brush, Provenance, SpeedSpec, VisionSpec
+from flockbrush.components import (
+    Airborne,
+    Body,
+    BrushBinding,
+    Destination,
+    Heading,
+    Position,
+    Species,
+    Speed,
+    Velocity,
+    Vision,
+)
+from flockbrush.engine.solids import CYLINDER, SPHERE
+from flockbrush.levels.build import build
+from flockbrush.levels.schema import Level, Obstacle, Spawn
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.population import SpeciesList
 
 PROVENANCE = Provenance(kind="hand-set", source="a test", date=datetime.date(2026, 1, 1), by="a test")
 NOBODY_LEADS = {"leader_neighbours": -1}

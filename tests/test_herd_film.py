@@ -3,9 +3,8 @@
 import herd_film
 import numpy as np
 import pytest
+from flockbrush.systems.measures import compute_milling, compute_nnd, compute_polarization
 from small_herd import gaps
-
-from systems.measures import compute_milling, compute_nnd, compute_polarization
 
 cv2 = pytest.importorskip("cv2")
 

@@ -13,10 +13,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from flockbrush.behaviours.formation.formation_shapes import MODELS, Curve, basis, slopes
+from flockbrush.engine.noise import Noise
 from numba import njit
-
-from behaviours.formation.shapes import MODELS, Curve, basis, slopes
-from engine.noise import Noise
 
 TOLERANCE = 0.5  # wingspans from the curve: farther is out of line
 PER_NUMBER = 0.5  # what each number of a curve beyond two costs, in birds
@@ -25,7 +24,7 @@ SAMPLES = 300  # of RANSAC
 LINE, V, PARABOLA = 0, 1, 2
 
 
-class Fit(NamedTuple):
+class CurveFit(NamedTuple):
     """A curve, what it costs, and who is near it."""
 
     curve: Curve
@@ -76,7 +75,7 @@ def fit(model, x, y, tolerance=TOLERANCE, samples=None, seed=0, upside_down=Fals
         if not less < cost or not _lawful(better, code, sign):
             break
         numbers, cost = better, less
-    return Fit(
+    return CurveFit(
         Curve(model, tuple(map(float, numbers))), float(cost) + PER_NUMBER * (p - 2),
         _distance(columns, tilts, y, numbers) <= tolerance,
     )  # fmt: skip

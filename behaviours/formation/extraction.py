@@ -4,7 +4,8 @@ What the paper leaves open and what is settled here:
 
 * A V has its apex at the leader and a slope for each side; U and J are one parabola, a J when the shorter side has less
   than 30 % of the birds, and a linear shape with less than 15 % on one side is a line.
-* The curve is the cheapest of the three (see `behaviours.formation.curves`); μ_y and σ_y are those of the *residuals*
+* The curve is the cheapest of the three (see `flockbrush.behaviours.formation.curves`); μ_y and σ_y are those of the
+*residuals*
   of the birds near it.
 * Some flocks are none of these, and are said to be none: a row abreast, a cluster, too few birds.
 
@@ -16,9 +17,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-
-from behaviours.formation.curves import TOLERANCE, fit
-from behaviours.formation.shapes import Formation, FrameShape
+from flockbrush.behaviours.formation.curves import TOLERANCE, fit
+from flockbrush.behaviours.formation.formation_shapes import Formation, FrameShape
 
 SHORT_SIDE_OF_LINE = 0.15  # of the birds besides the leader; below: a line
 SHORT_SIDE_OF_J = 0.3  # below: a J, from here on a U

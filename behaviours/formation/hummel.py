@@ -20,9 +20,8 @@ such formula.
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.engine.maths import log_
 from numba import njit
-
-from engine.maths import log_
 
 REACH = np.pi / 4  # a, wingspans: half the distance between the two vortices of a wing
 SCALE = 2.0 / np.pi**2  # the formula gives (π²/2) g

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import os
-from pathlib import Path
 
 import numpy as np
-
-from behaviours.formation.curves import fit
-from behaviours.formation.extraction import Marks
-from behaviours.problems import Problem, ProblemsError, did_you_mean
+from flockbrush.behaviours.formation.curves import fit
+from flockbrush.behaviours.formation.extraction import Marks
+from flockbrush.behaviours.tables import read_table
+from flockbrush.engine import limits
+from flockbrush.engine.problems import SHOWN, Problem, ProblemsError, did_you_mean
 
 HEADINGS = {"right": 0.0, "up": 90.0, "left": 180.0, "down": 270.0}  # degrees counter-clockwise from the right
 FRAME, BIRD = ("frame", "photo", "image"), ("bird", "id", "track")
 PIXELS, WINGSPANS = (("x_px", "y_px"), ("x", "y")), (("x_b", "y_b"),)
-LIMIT = 1 << 26  # bytes
 
 
 def read_marks(path: str | os.PathLike, heading: str = "up", wingspan: float | None = None) -> tuple[Marks, dict]:
@@ -80,31 +77,12 @@ def read_marks(path: str | os.PathLike, heading: str = "up", wingspan: float | N
 
 
 def _table(path, name):
-    try:
-        data = Path(path).read_bytes()
-        if len(data) > LIMIT:
-            raise ProblemsError([Problem(name, None, None, f"is larger than {LIMIT:,} bytes; these are no marks")])
-        text = data.decode("utf-8-sig")
-    except OSError as error:
-        raise ProblemsError([Problem(name, None, None, f"cannot be read: {error.strerror or error}")]) from None
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise ProblemsError([Problem(name, line, None, "is not UTF-8 text")]) from None
-    try:
-        table = [(number, row) for number, row in _rows(text) if any(cell.strip() for cell in row)]
-    except csv.Error as error:
-        raise ProblemsError([Problem(name, None, None, f"is no table: {error}")]) from None
+    table = list(read_table(path, limits.MARKS_BYTES, limits.MARKS_ROWS))
     if not table:
         raise ProblemsError([Problem(name, None, None, "is empty; a header and a row for each bird are needed")])
     if len(table) < 2:
         raise ProblemsError([Problem(name, 1, None, "has a header and no birds")])
     return [cell.strip() for cell in table[0][1]], table[1:]
-
-
-def _rows(text):
-    reader = csv.reader(io.StringIO(text))
-    for row in reader:
-        yield reader.line_num, row
 
 
 def _columns(header, name):
@@ -175,9 +153,17 @@ def _gaps(frames, birds, rows, name):
         of.setdefault(frame, []).append(bird)
         last[frame] = line
     first = next(iter(of))
-    problems = []
+    known = set(of[first])
+    most = limits.FORMATION_BIRDS
+    problems = [
+        Problem(name, last[frame], "bird", f"frame {frame!r} has {len(here):,} birds; there can be {most:,}")
+        for frame, here in of.items()
+        if len(here) > most
+    ]
     for frame, here in of.items():
-        missing, more = sorted(set(of[first]) - set(here)), sorted(set(here) - set(of[first]))
+        if len(problems) >= SHOWN:
+            break
+        missing, more = sorted(known - set(here)), sorted(set(here) - known)
         if missing or more:
             said = [f"lacks {', '.join(missing[:5])}"] * bool(missing) + [f"has also {', '.join(more[:5])}"] * bool(
                 more
@@ -226,5 +212,5 @@ def guess_heading(points, name="marks", step=5):
             continue
         best = min(best, (found.cost + 4.0 * abs(tilts[0] - tilts[1]), float(turn)))
     if not math.isfinite(best[0]):
-        raise ProblemsError([Problem(name, None, "heading", "cannot be told from a flock without two arms; give it")])
+        raise ProblemsError([Problem(name, None, "heading", "cannot be found for a flock without two arms; give it")])
     return best[1]

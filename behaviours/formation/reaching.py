@@ -12,14 +12,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from flockbrush.engine.maths import atan2_, sincos_
 from numba import njit
-
-from engine.maths import atan2_, sincos_
 
 PI = np.pi
 
 
-class Rules(NamedTuple):
+class FormingRules(NamedTuple):
     """The rules of initiation with their numbers; the booleans are what can be left out."""
 
     cruise: float = 1.0 / 3.0  # v0, wingspans per frame

@@ -6,7 +6,7 @@ flee, match the neighbours' velocity, stay near their middle, migrate, keep its
 height.  The acceleration there is, is handed out in that order until it is
 used up ("prioritised acceleration allocation"); weighted averaging is the
 paper's other way, with its indecision.  What the urges leave is geometric
-flight (`systems.flight`).
+flight (`flockbrush.systems.flight`).
 
 Neighbours weigh by the inverse square of distance, or another exponent, and
 more ahead than behind as the bird flies faster.  Obstacles are steered past
@@ -25,13 +25,12 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+from flockbrush.behaviours.behaviour import Flight, Parameters, Wishes, air_of, behaviour, quantity
+from flockbrush.engine.arrays import write_
+from flockbrush.engine.maths import exp_, kernel_function, log_
+from flockbrush.engine.parallel import over_rows
 from numba import njit
 from pydantic import Field
-
-from behaviours.behaviour import Flight, Parameters, Wishes, air_of, behaviour, quantity
-from engine.arrays import write_
-from engine.maths import exp_, kernel_function, log_
-from engine.parallel import over_rows
 
 DIRECTION, POINT = 1, 2  # what `Air.bound` may be
 URGES = ("obstacle", "separation", "fear", "matching", "centring", "migration", "height")  # in order of priority
@@ -80,7 +79,7 @@ class Params(Parameters):
     max_acceleration: float = quantity(
         2.0, "1/s", "the most it can give to all urges together, times the maximum speed", 0.01, 100
     )
-    damping: float = quantity(1.0, "1/s", "how soon the speed comes back to the bird's own", 0, 30)
+    damping: float = quantity(1.0, "1/s", "how soon the speed returns to the bird's own", 0, 30)
     weight: float = quantity(0.0, "1", "share of gravity that pulls it down", 0, 1)
     buoyancy: float = quantity(0.0, "1", "share of that weight which the medium bears", 0, 1)
     lift: float = quantity(
@@ -114,7 +113,7 @@ def flight(p):
 
 
 def explain(scene, row, p):
-    """Why a boid turns: its velocity, and what each urge was given of the acceleration in this tick, {reason: (2,)}."""
+    """Why a boid turns: its velocity, and what each urge was given of the acceleration in this tick, {reason: (3,)}."""
     asked = np.zeros((1, len(URGES), 3))
     _wishes(scene, np.array([row], np.int32), p, asked)
     ask, own = asked[0], scene.length[row]
@@ -124,7 +123,7 @@ def explain(scene, row, p):
         velocity = scene.forward[row].copy()  # nothing is asked for: it goes on
     reasons = {REASONS[urge]: given[k] * ask[k] for k, urge in enumerate(URGES)}
     size = scene.dt * p.max_acceleration * p.max_speed * own
-    return {"heading": velocity[:2]} | {name: size * wish[:2] for name, wish in reasons.items() if wish[:2].any()}
+    return {"heading": velocity} | {name: size * wish for name, wish in reasons.items() if wish.any()}
 
 
 def _shares(ask, strength, average):
@@ -137,7 +136,7 @@ def _shares(ask, strength, average):
     return np.minimum(left / np.maximum(size, 1e-300), 1.0)
 
 
-@behaviour("boids", Params, flight=flight, explain=explain)
+@behaviour("boids", Params, flight=flight, explain=explain, has=("flee",))
 def steer(scene, rows, p):
     """The acceleration that the urges agree on."""
     return _wishes(scene, rows, p, np.zeros((0, len(URGES), 3)))
@@ -149,17 +148,17 @@ def _wishes(scene, rows, p, asked):
     direction, pace, acceleration = np.empty((n, 3)), np.ones(n), np.empty((n, 3))
     strength = np.array([getattr(p, f"{urge}_strength") for urge in URGES])
     over_rows(
-        _steer, n, rows, scene.dt, scene.xyz, scene.velocity, scene.forward, scene.length, scene.species,
+        _steer, n, rows, scene.dt, scene.velocity, scene.forward, scene.length, scene.species,
         air.first, air.near, air.offset, air.hit, air.aim, air.gap, air.normal, air.height, air.bound, air.target,
-        air.dangers, strength, p.arbitration == "average", p.avoid == "field", p.neighbour_range, p.exponent,
-        p.forward_weight, p.separation, p.matching_time, p.field_range, p.flight_distance, p.panic_pace, p.height,
-        p.clearance, p.foresight, p.max_acceleration * p.max_speed, p.max_speed, p.grounded,
-        direction, pace, acceleration, asked,
+        air.danger_first, air.danger_offset, strength, p.arbitration == "average", p.avoid == "field",
+        p.neighbour_range, p.exponent, p.forward_weight, p.separation, p.matching_time, p.field_range,
+        p.flight_distance, p.panic_pace, p.height, p.clearance, p.foresight,
+        p.max_acceleration * p.max_speed, p.max_speed, p.grounded, direction, pace, acceleration, asked,
     )  # fmt: skip
     return Wishes(direction, pace, acceleration)
 
 
-@behaviour("raptor", Params, danger=True, flight=flight, explain=explain)
+@behaviour("raptor", Params, danger=True, flight=flight, explain=explain, has=("flee",))
 def stoop(scene, rows, p):
     """A boid that others flee from; the script sends it."""
     return steer(scene, rows, p)
@@ -204,8 +203,8 @@ def averaged(ask, strength):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _steer(
-    lo, hi, rows, dt, xyz, velocity, forward, length, species,
-    first, near, offset, hit, aim, gap, normal, height, bound, target, dangers,
+    lo, hi, rows, dt, velocity, forward, length, species,
+    first, near, offset, hit, aim, gap, normal, height, bound, target, danger_first, danger_offset,
     strength, average, field, neighbour_range, exponent, forward_weight, separation, matching_time, field_range,
     flight_distance, panic_pace, wanted_height, clearance, foresight, most, top, grounded,
     direction, pace, acceleration, asked,
@@ -258,11 +257,8 @@ def _steer(
         _request(ask[0], x, y, z, strength[0])
         worst = 0.0
         x = y = z = 0.0
-        for at in range(len(dangers)):
-            j = dangers[at]
-            if species[j] == species[i]:
-                continue
-            dx, dy, dz = (xyz[i, 0] - xyz[j, 0]) * per, (xyz[i, 1] - xyz[j, 1]) * per, (xyz[i, 2] - xyz[j, 2]) * per
+        for at in range(danger_first[i], danger_first[i + 1]):
+            dx, dy, dz = -danger_offset[at, 0] * per, -danger_offset[at, 1] * per, -danger_offset[at, 2] * per
             d = np.sqrt(dx * dx + dy * dy + dz * dz)
             if 0.0 < d < flight_distance:
                 fear = 1.0 - d / flight_distance

@@ -14,11 +14,10 @@ neighbour, and the vulnerable are the near ones with few others about them.
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.behaviours.behaviour import behaviour, kinds_in, quantity
+from flockbrush.behaviours.models import herd
+from flockbrush.engine.parallel import over_rows
 from numba import njit
-
-from behaviours.behaviour import behaviour, quantity
-from behaviours.models import herd
-from engine.parallel import over_rows
 
 
 class FleeParams(herd.Params):
@@ -53,7 +52,8 @@ def explain_flight(scene, row, p):
     who, offset = _in_view(scene, i)
     far = np.hypot(*offset.T)
     flight = p.flight_distance * scene.length[i]
-    near = scene.danger[who].astype(bool) & (scene.species[who] != scene.species[i]) & (far > 0) & (far < flight)
+    kinds = kinds_in(scene)
+    near = kinds.fears[kinds.kind[i], kinds.kind[who]] & (far > 0) & (far < flight)
     fear = (1.0 - far[near] / flight) / np.maximum(far[near], 1e-300)
     push = -scene.dt * p.sensitivity * p.fear_weight * (fear @ offset[near])
     return herd.unit(herd.explain(scene, row, p)) | {"fear": push}
@@ -78,7 +78,8 @@ def _chosen(scene, i, p):
     """(row, offset in m, distance in body lengths) of the prey that costs least, or None."""
     who, offset = _in_view(scene, i)
     far = np.hypot(*offset.T) / scene.length[i]
-    fair = ~scene.danger[who].astype(bool) & (far < p.chase_distance) & (far > 0)
+    kinds = kinds_in(scene)
+    fair = kinds.prey[kinds.kind[i], kinds.kind[who]] & (far < p.chase_distance) & (far > 0)
     if not fair.any():
         return None
     who, offset, far = who[fair], offset[fair], far[fair]
@@ -94,33 +95,33 @@ def _in_view(scene, i):
     return scene.near[seen], scene.offset[seen]
 
 
-@behaviour("flee", FleeParams, explain=explain_flight)
+@behaviour("flee", FleeParams, explain=explain_flight, has=("flee",))
 def flee(scene, rows, p):
     """The herd's wish, turned away from every predator in view, and hurried."""
-    wishes = herd.steer(scene, rows, p)
+    wishes, kinds = herd.steer(scene, rows, p), kinds_in(scene)
     over_rows(
-        _flee, len(rows), rows, scene.dt, scene.length, scene.velocity, scene.speed, scene.species, scene.danger,
-        scene.first, scene.near, scene.offset,
+        _flee, len(rows), rows, scene.dt, scene.length, scene.velocity, scene.speed, scene.species, kinds.kind,
+        kinds.fears, scene.first, scene.near, scene.offset,
         p.sensitivity, p.flight_distance, p.fear_weight, p.panic_pace, p.contagion, wishes.direction, wishes.pace,
     )  # fmt: skip
     return wishes
 
 
-@behaviour("hunt", HuntParams, danger=True, explain=explain_hunt)
+@behaviour("hunt", HuntParams, danger=True, explain=explain_hunt, has=("hunt",))
 def hunt(scene, rows, p):
     """The pack's wish until prey is seen; then towards the most vulnerable one."""
-    wishes = herd.steer(scene, rows, p)
+    wishes, kinds = herd.steer(scene, rows, p), kinds_in(scene)
     over_rows(
-        _hunt, len(rows), rows, scene.dt, scene.length, scene.forward, scene.velocity, scene.speed, scene.danger,
-        scene.first, scene.near, scene.offset, p.sensitivity, p.chase_distance, p.charge_distance, p.chase_weight,
-        p.chase_pace, p.charge_pace, p.crowd_penalty, wishes.direction, wishes.pace,
+        _hunt, len(rows), rows, scene.dt, scene.length, scene.forward, scene.velocity, scene.speed, kinds.kind,
+        kinds.prey, scene.first, scene.near, scene.offset, p.sensitivity, p.chase_distance,
+        p.charge_distance, p.chase_weight, p.chase_pace, p.charge_pace, p.crowd_penalty, wishes.direction, wishes.pace,
     )  # fmt: skip
     return wishes
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _flee(
-    lo, hi, rows, dt, length, velocity, speed, species, danger, first, near, offset,
+    lo, hi, rows, dt, length, velocity, speed, species, kind, fears, first, near, offset,
     sensitivity, flight_distance, fear_weight, panic_pace, contagion, direction, pace,
 ):  # fmt: skip
     for k in range(lo, hi):
@@ -132,7 +133,7 @@ def _flee(
             j = near[at]
             x, y = offset[at, 0], offset[at, 1]
             d = np.sqrt(x * x + y * y)
-            if danger[j] and species[j] != species[i]:
+            if fears[kind[i], kind[j]]:
                 if 0.0 < d < flight:
                     fear = 1.0 - d / flight
                     ax -= fear * x / d
@@ -151,7 +152,7 @@ def _flee(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _hunt(
-    lo, hi, rows, dt, length, forward, velocity, speed, danger, first, near, offset,
+    lo, hi, rows, dt, length, forward, velocity, speed, kind, prey, first, near, offset,
     sensitivity, chase_distance, charge_distance, chase_weight, chase_pace, charge_pace, crowd_penalty, direction, pace,
 ):  # fmt: skip
     for k in range(lo, hi):
@@ -160,7 +161,7 @@ def _hunt(
         best, chosen, distance = np.inf, -1, 0.0
         for at in range(first[i], first[i + 1]):
             j = near[at]
-            if danger[j]:
+            if not prey[kind[i], kind[j]]:
                 continue
             x, y = offset[at, 0] / unit, offset[at, 1] / unit
             d = np.sqrt(x * x + y * y)

@@ -25,16 +25,18 @@ ignored.
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import numpy as np
+from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity
+from flockbrush.engine.lane_maths import exponential, lane_function, square_of_angle
+from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, splat8, store, total
+from flockbrush.engine.maths import sincos_
+from flockbrush.engine.noise import normal_
+from flockbrush.engine.parallel import over_rows
 from numba import njit
 from pydantic import Field
-
-from behaviours.behaviour import Parameters, Wishes, behaviour, quantity
-from engine.maths import angle2_, exp_, sincos_
-from engine.noise import normal_
-from engine.parallel import over_rows
 
 
 class Params(Parameters):
@@ -61,13 +63,19 @@ class Params(Parameters):
         default=2,
         ge=-1,
         le=100,
-        description="who sees at most this many others leads; -1: nobody leads",
+        description="an animal that sees at most this many others leads; -1: none leads",
         json_schema_extra={"unit": "animals"},
     )
     leader_cone: float = quantity(
         360.0, "degrees", "the angle, centred ahead, in which those others count; less lets the front row lead", 1, 360
     )
     leader_blend: float = quantity(0.0, "1", "how much a leader still listens to its neighbours", 0, 1)
+    guided: Guided = Field(
+        default="front",
+        description="which animals follow a guide: leaders by the parameters above, all, a share, or appointed ones",
+        json_schema_extra={"unit": "-"},
+    )
+    guided_share: float = quantity(0.1, "1", "the share of animals that follow a guide where `guided` is share", 0, 1)
     unled: Literal["return", "keep"] = Field(
         default="return",
         description="what a leader does where no guide reaches: return to the others, or keep its way (the paper)",
@@ -82,7 +90,12 @@ class Params(Parameters):
     )
     slope_aversion: float = quantity(2.0, "1/s", "larger turns sooner downhill on steep ground", 0, 100)
     wander: float = quantity(
-        0.0, "rad/√s", "random turning: headings drift by so much in a second (the paper has none); loosens jams", 0, 10
+        0.0,
+        "rad/√s",
+        "random turning: headings drift by so much in a second (the paper has none); loosens jams",
+        0,
+        10,
+        chance=True,
     )
 
 
@@ -162,27 +175,32 @@ def scaled(reasons, by):
     return {name: by * vector for name, vector in reasons.items()}
 
 
-@behaviour("herd", Params, explain=explain)
+@behaviour("herd", Params, explain=explain, by_slot=True)
 def steer(scene, rows, p):
     """Turn by social forces; leaders by the navigation field."""
     direction, pace = np.zeros((len(rows), 3)), np.ones(len(rows))
-    over_rows(herd_kernel, len(rows), rows, *kernel_scene(scene), *kernel_params(p), direction)
+    seen = scene.by_slot
+    if seen is None:
+        kernel, seen = herd_kernel, (scene.first, scene.near, scene.offset)
+    else:
+        kernel = herd_kernel_by_slot
+    over_rows(kernel, len(rows), rows, *_columns(scene, seen), *kernel_params(p), direction)
     if p.wander > 0.0:
         drift = p.wander * np.sqrt(scene.dt)
         over_rows(wander_kernel, len(rows), rows, scene.ids, scene.key("wander"), drift, direction)
     return Wishes(direction, pace)
 
 
-def kernel_scene(s):
-    """The columns that `herd_kernel` reads, in its order."""
+def _columns(s, seen):
+    """What the kernels read, in their order."""
     return (
-        s.dt, s.forward, s.length, s.species, s.leader, s.first, s.near, s.offset, s.obstacle_first, s.obstacle_offset,
+        s.dt, s.forward, s.length, s.species, s.leader, *seen, s.obstacle_first, s.obstacle_offset,
         s.guidance, s.slope, s.memory, s.known,
     )  # fmt: skip
 
 
 def kernel_params(p):
-    """The parameters in the order of `herd_kernel`; ranges become body lengths and radians."""
+    """The parameters in the order of the kernels; ranges become body lengths and radians."""
     names = "avoidance", "cohesion", "alignment", "obstacle"
     weight = np.array([getattr(p, f"{name}_weight") for name in names])
     radial = np.array([4.0 * getattr(p, f"{name}_radial") for name in names])
@@ -201,84 +219,200 @@ def herd_kernel(
     weight, radial, angular, sensitivity, neighbour_range, leader_blend, unled_returns, slope_aversion,
     direction,
 ):  # fmt: skip
-    """The next heading of each row asked (eqs. 2-5)."""
-    cut = neighbour_range * neighbour_range
+    """The next heading of each row asked (eqs. 2-5); neighbours by row."""
     most = 1
     for k in range(lo, hi):
         most = max(most, first[rows[k] + 1] - first[rows[k]])
-    # one animal's neighbours in rows of their own, so that the weights are computed several at a time
-    x, y, d2, bearing2, w = np.empty(most), np.empty(most), np.empty(most), np.empty(most), np.empty(most)
-    who = np.empty(most, np.int32)
+    heeded = np.empty((5, _room(lo, hi, rows, most, obstacle_first)))
+    _by_row(
+        lo, hi, rows, dt, forward, length, species, leader, first, near, offset, obstacle_first, obstacle_offset,
+        guidance, slope, memory, known, weight, radial, angular, sensitivity, neighbour_range, leader_blend,
+        unled_returns, slope_aversion, direction, heeded,
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def herd_kernel_by_slot(
+    lo, hi, rows,
+    dt, forward, length, species, leader, slot, begin, count, seen, x, y, fx, fy, kind, obstacle_first,
+    obstacle_offset, guidance, slope, memory, known,
+    weight, radial, angular, sensitivity, neighbour_range, leader_blend, unled_returns, slope_aversion,
+    direction,
+):  # fmt: skip
+    """The same, with the same bits; neighbours by slot (`flockbrush.behaviours.behaviour.BySlot`)."""
+    most = 1
+    for k in range(lo, hi):
+        most = max(most, count[rows[k]])
+    heeded = np.empty((5, _room(lo, hi, rows, most, obstacle_first)))
+    _by_slot(
+        lo, hi, rows, dt, forward, length, species, leader, slot, begin, count, seen, x, y, fx, fy, kind,
+        obstacle_first, obstacle_offset, guidance, slope, memory, known, weight, radial, angular, sensitivity,
+        neighbour_range, leader_blend, unled_returns, slope_aversion, direction, heeded,
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+def _room(lo, hi, rows, most, obstacle_first):
+    """How many numbers a column needs that holds one animal's neighbours, or its obstacles, and no more behind them.
+
+    Not a multiple of a power of two, at which columns would push one another out of the cache.
+    """
+    for k in range(lo, hi):
+        most = max(most, obstacle_first[rows[k] + 1] - obstacle_first[rows[k]])
+    return (most + 3 * EIGHT) // EIGHT * EIGHT | EIGHT
+
+
+@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+def _by_row(
+    lo, hi, rows,
+    dt, forward, length, species, leader, first, near, offset, obstacle_first, obstacle_offset,
+    guidance, slope, memory, known,
+    weight, radial, angular, sensitivity, neighbour_range, leader_blend, unled_returns, slope_aversion,
+    direction, heeded,
+):  # fmt: skip
+    column, step, cut = pointer(heeded), heeded.shape[1], neighbour_range * neighbour_range
+    own = pointer(length), pointer(forward), pointer(leader), pointer(known)
+    land = pointer(guidance), pointer(slope), pointer(memory), pointer(obstacle_offset)
+    rule = pointer(weight), pointer(radial), pointer(angular), dt * sensitivity, dt * slope_aversion
     for k in range(lo, hi):
         i = rows[k]
-        fx, fy = forward[i, 0], forward[i, 1]
-        per_length = 1.0 / length[i]
-        vx = vy = cx = cy = ax = ay = ox = oy = 0.0
-        n = 0
+        per_length, n = 1.0 / length[i], 0
         for at in range(first[i], first[i + 1]):
-            x[n], y[n], who[n] = offset[at, 0] * per_length, offset[at, 1] * per_length, near[at]
-            n += x[n] * x[n] + y[n] * y[n] <= cut
-        for q in range(n):
-            d2[q] = x[q] * x[q] + y[q] * y[q]
-            bearing2[q] = angle2_(fx * y[q] - fy * x[q], fx * x[q] + fy * y[q])
-        # eqs. 4 and 5; d u is the offset itself
-        for q in range(n):
-            w[q] = exp_(-(d2[q] * radial[0] + bearing2[q] * angular[0]))
-        for q in range(n):
-            vx -= w[q] * x[q]
-            vy -= w[q] * y[q]
-        # one gives way to other kinds, and does not join them
-        kin = 0
-        for q in range(n):
-            x[kin], y[kin], d2[kin], bearing2[kin], who[kin] = x[q], y[q], d2[q], bearing2[q], who[q]
-            kin += species[who[q]] == species[i]
-        for q in range(kin):
-            w[q] = exp_(-(d2[q] * radial[1] + bearing2[q] * angular[1]))
-        for q in range(kin):
-            cx += w[q] * x[q]
-            cy += w[q] * y[q]
-        for q in range(kin):
-            w[q] = exp_(-(d2[q] * radial[2] + bearing2[q] * angular[2]))
-        for q in range(kin):
-            ax += w[q] * forward[who[q], 0]
-            ay += w[q] * forward[who[q], 1]
-        for at in range(obstacle_first[i], obstacle_first[i + 1]):
-            px, py = obstacle_offset[at, 0] * per_length, obstacle_offset[at, 1] * per_length
-            bearing = angle2_(fx * py - fy * px, fx * px + fy * py)
-            weigh = exp_(-((px * px + py * py) * radial[3] + bearing * angular[3]))
-            ox -= weigh * px
-            oy -= weigh * py
-        # eq. 3
-        sx = weight[0] * vx + weight[1] * cx + weight[2] * ax + weight[3] * ox
-        sy = weight[0] * vy + weight[1] * cy + weight[2] * ay + weight[3] * oy
-        turn = dt * sensitivity
-        hx = fx + turn * sx - dt * slope_aversion * slope[i, 0]  # eq. 2
-        hy = fy + turn * sy - dt * slope_aversion * slope[i, 1]
-        if leader[i]:
-            gx, gy = guidance[i, 0], guidance[i, 1]
-            g = np.sqrt(gx * gx + gy * gy)
-            if g > 1e-6:
-                size = np.sqrt(hx * hx + hy * hy)
-                if size > 0.0:
-                    hx, hy = hx / size, hy / size
-                # where the field fades, the herd's own forces take over
-                lead = (1.0 - leader_blend) * min(1.0, 4.0 * g)
-                hx = lead * gx / g + (1.0 - lead) * hx
-                hy = lead * gy / g + (1.0 - lead) * hy
-            elif not unled_returns:
-                hx, hy = fx, fy
-            elif known[i]:
-                # a stray turns back to where it last saw the others
-                mx, my = memory[i, 0] * per_length, memory[i, 1] * per_length
-                m = np.sqrt(mx * mx + my * my)
-                if m > 1.0:
-                    hx += turn * 0.3 * mx / m
-                    hy += turn * 0.3 * my / m
-        size = np.sqrt(hx * hx + hy * hy)
-        if size > 1e-12:
-            direction[k, 0], direction[k, 1] = hx / size, hy / size
-        else:
-            direction[k, 0], direction[k, 1] = fx, fy
+            j, dx, dy = near[at], offset[at, 0] * per_length, offset[at, 1] * per_length
+            kin = 1.0 if species[j] == species[i] else 0.0
+            n += _heed(n, dx, dy, forward[j, 0], forward[j, 1], kin, cut, column, step)
+        hx, hy = _heading(
+            i, n, obstacle_first[i], obstacle_first[i + 1], own, land, rule, leader_blend, unled_returns, column, step
+        )
+        direction[k, 0], direction[k, 1] = hx, hy
+
+
+@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+def _by_slot(
+    lo, hi, rows,
+    dt, forward, length, species, leader, slot, begin, count, seen, x, y, fx, fy, kind, obstacle_first,
+    obstacle_offset, guidance, slope, memory, known,
+    weight, radial, angular, sensitivity, neighbour_range, leader_blend, unled_returns, slope_aversion,
+    direction, heeded,
+):  # fmt: skip
+    column, step, cut = pointer(heeded), heeded.shape[1], neighbour_range * neighbour_range
+    own = pointer(length), pointer(forward), pointer(leader), pointer(known)
+    land = pointer(guidance), pointer(slope), pointer(memory), pointer(obstacle_offset)
+    rule = pointer(weight), pointer(radial), pointer(angular), dt * sensitivity, dt * slope_aversion
+    herd = pointer(x), pointer(y), pointer(fx), pointer(fy), pointer(kind), pointer(seen)
+    for k in range(lo, hi):
+        i = rows[k]
+        n, s, per_length = 0, slot[i], 1.0 / length[i]
+        if count[i] > 0:
+            px, py, pu, pv, pk, who = herd
+            for at in range(begin[s], begin[s] + count[i]):
+                j = who[at]
+                dx, dy = (px[j] - px[s]) * per_length, (py[j] - py[s]) * per_length
+                n += _heed(n, dx, dy, pu[j], pv[j], 1.0 if pk[j] == species[i] else 0.0, cut, column, step)
+        hx, hy = _heading(
+            i, n, obstacle_first[i], obstacle_first[i + 1], own, land, rule, leader_blend, unled_returns, column, step
+        )
+        direction[k, 0], direction[k, 1] = hx, hy
+
+
+@lane_function
+def _heed(n, x, y, u, v, kin, cut, column, step):
+    """Write down a neighbour, in body lengths, behind n others; 1 where he is near enough to stay, else 0."""
+    column[n], column[step + n], column[2 * step + n], column[3 * step + n] = x, y, u, v
+    column[4 * step + n] = kin
+    return 1 if x * x + y * y <= cut else 0
+
+
+@lane_function
+def _heading(i, n, wall, last_wall, own, land, rule, leader_blend, unled_returns, column, step):
+    """The next heading of an animal who heeds n others and these obstacles (eqs. 2 and 3)."""
+    length, forward, leader, known = own
+    guidance, slope, memory, walls = land
+    weight, radial, angular, turn, downhill = rule
+    fx, fy, per_length = forward[3 * i], forward[3 * i + 1], 1.0 / length[i]
+    sx, sy = _social_forces(n, fx, fy, weight, radial, angular, column, step)
+    if last_wall > wall:
+        ox, oy = _drawn_to_walls(wall, last_wall, per_length, fx, fy, radial[3], angular[3], walls, column, step)
+        sx, sy = sx - weight[3] * ox, sy - weight[3] * oy
+    hx = fx + turn * sx - downhill * slope[2 * i]
+    hy = fy + turn * sy - downhill * slope[2 * i + 1]
+    if leader[i]:
+        gx, gy = guidance[2 * i], guidance[2 * i + 1]
+        g = math.sqrt(gx * gx + gy * gy)
+        if g > 1e-6:
+            size = math.sqrt(hx * hx + hy * hy)
+            if size > 0.0:
+                hx, hy = hx / size, hy / size
+            # where the field fades, the herd's own forces take over
+            lead = (1.0 - leader_blend) * min(1.0, 4.0 * g)
+            hx = lead * gx / g + (1.0 - lead) * hx
+            hy = lead * gy / g + (1.0 - lead) * hy
+        elif not unled_returns:
+            hx, hy = fx, fy
+        elif known[i]:
+            # a stray turns back to where it last saw the others
+            mx, my = memory[2 * i] * per_length, memory[2 * i + 1] * per_length
+            m = math.sqrt(mx * mx + my * my)
+            if m > 1.0:
+                hx += turn * 0.3 * mx / m
+                hy += turn * 0.3 * my / m
+    size = math.sqrt(hx * hx + hy * hy)
+    if size > 1e-12:
+        return hx / size, hy / size
+    return fx, fy
+
+
+@lane_function
+def _social_forces(n, fx, fy, weight, radial, angular, column, step):
+    """The weighted sum of avoidance, cohesion and alignment (eq. 3), eight neighbours at a time.
+
+    One gives way to other kinds, and does not join them; d u of eqs. 4 and 5 is the offset itself.
+    """
+    for c in range(5):  # behind the last stands nobody
+        store(column, c * step + n, splat8(0.0))
+    vx = vy = cx = cy = ax = ay = splat8(0.0)
+    for q in range(0, n, EIGHT):
+        x, y, kin = load8(column, q), load8(column, step + q), load8(column, 4 * step + q)
+        d2, bearing2 = _from_here(x, y, fx, fy)
+        w = _gaussian(d2, bearing2, radial[0], angular[0])
+        vx, vy = fused(w, x, vx), fused(w, y, vy)
+        w = kin * _gaussian(d2, bearing2, radial[1], angular[1])
+        cx, cy = fused(w, x, cx), fused(w, y, cy)
+        w = kin * _gaussian(d2, bearing2, radial[2], angular[2])
+        ax, ay = fused(w, load8(column, 2 * step + q), ax), fused(w, load8(column, 3 * step + q), ay)
+    sx = weight[1] * total(cx) - weight[0] * total(vx) + weight[2] * total(ax)
+    sy = weight[1] * total(cy) - weight[0] * total(vy) + weight[2] * total(ay)
+    return sx, sy
+
+
+@lane_function
+def _drawn_to_walls(wall, last_wall, per_length, fx, fy, radial, angular, walls, column, step):
+    """The sum for obstacles, as if they drew it."""
+    n = last_wall - wall
+    for q in range(n):
+        at = 2 * (wall + q)
+        column[q], column[step + q] = walls[at] * per_length, walls[at + 1] * per_length
+    store(column, n, splat8(0.0))
+    store(column, step + n, splat8(0.0))
+    ox = oy = splat8(0.0)
+    for q in range(0, n, EIGHT):
+        x, y = load8(column, q), load8(column, step + q)
+        d2, bearing2 = _from_here(x, y, fx, fy)
+        w = _gaussian(d2, bearing2, radial, angular)
+        ox, oy = fused(w, x, ox), fused(w, y, oy)
+    return total(ox), total(oy)
+
+
+@lane_function
+def _from_here(x, y, fx, fy):
+    """Squares of distance and bearing."""
+    return fused(x, x, y * y), square_of_angle(y * fx - x * fy, fused(x, splat8(fx), y * fy))
+
+
+@lane_function
+def _gaussian(d2, bearing2, radial, angular):
+    """Weights in distance and bearing (eqs. 4 and 5)."""
+    return exponential(splat8(0.0) - fused(d2, splat8(radial), bearing2 * angular))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

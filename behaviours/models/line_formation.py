@@ -1,13 +1,15 @@
 """Line formations: birds that fly as a V, a U, a J or a line, from wherever they start.
 
 Klotsman and Tal 2012 [1]_.  Each bird keeps its place from a reference bird (section 6: perception, side, separation
-are in `systems.formations` and `systems.initiation`); its speed and direction are eqs. 5 and 6.  The place comes from
+are in `flockbrush.systems.formations` and `flockbrush.systems.initiation`); its speed and direction are eqs. 5 and 6.
+ The place comes from
 the flock's steady flight (section 5): key shapes in which every bird saves as large a share of power as in the
 example, drawn as the flight goes on.
 
 The paper counts in wingspans and frames and flies a third of a wingspan a frame; here a frame lasts as long as the
 bird's own speed takes for that, and a tick goes its part of a frame.  What is added to the paper's rules stands in
-`behaviours.formation.reaching`.  Ours are, too: flocks that turn (their frame is the leader's heading), leaders that
+`flockbrush.behaviours.formation.reaching`.  Ours are, too: flocks that turn (their frame is the leader's heading),
+leaders that
 take turns, inverted shapes (one tip leads, the other flies level with it), heights, and gusts.
 
 .. [1] Klotsman, M. & Tal, A. (2012). Animation of flocks flying in line formations. Artificial Life 18(1), 91-105.
@@ -19,15 +21,14 @@ from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
+from flockbrush.behaviours.behaviour import Flight, Parameters, Wishes, air_of, behaviour, frozen, quantity
+from flockbrush.behaviours.formation.formation_shapes import Curve, Formation, FrameShape
+from flockbrush.behaviours.formation.reaching import FormingRules, limited_speed_, limited_turn_, reach_, wrap_
+from flockbrush.behaviours.formation.steady_flight import Drawing, SteadyFlight
+from flockbrush.engine.maths import atan2_, sincos_
+from flockbrush.engine.parallel import over_rows
 from numba import njit
 from pydantic import Field
-
-from behaviours.behaviour import Flight, Parameters, Wishes, air_of, behaviour, frozen, quantity
-from behaviours.formation.flight import Drawing, SteadyFlight
-from behaviours.formation.reaching import Rules, limited_speed_, limited_turn_, reach_, wrap_
-from behaviours.formation.shapes import Curve, Formation, FrameShape
-from engine.maths import atan2_, sincos_
-from engine.parallel import over_rows
 
 EXAMPLE_FRAMES = 6  # of the movie that a brush stands for
 Shape = Literal["V", "U", "J", "line", "inverted V", "inverted U"]
@@ -66,7 +67,7 @@ def flight_of(p):
 
 
 class InFormation(NamedTuple):
-    """What birds in formation know, by row (`components.formation.FormationPlace`)."""
+    """What birds in formation know, by row (`flockbrush.components.formation.FormationPlace`)."""
 
     reference: np.ndarray  # (n,) row of the reference bird, -1 for none
     place: np.ndarray  # (n,) 0 leads, -1 open
@@ -77,7 +78,32 @@ class InFormation(NamedTuple):
     felt: np.ndarray  # (n, 3) m/s of its velocity that was wind
 
 
-@behaviour("line_formation", Params, flight=flight_of, formation=True)
+def explain(scene, row, p):
+    """Why a bird in formation flies as it does: its velocity, its place, what stands ahead, its height, the wind.
+
+    {reason: (3,)} in m/s; they add up to the velocity it wishes.
+    """
+    rows, air = np.array([row], np.int32), air_of(scene)
+    wish = steer(scene, rows, p).velocity[0]
+    clear = scene._replace(air=air._replace(hit=np.full(len(scene.ids), np.inf)))
+    without = steer(clear, rows, p).velocity[0]
+    known = scene.formation
+    wind = known.wind[row] if known is not None else np.zeros(3)
+    felt = known.felt[row] if known is not None else np.zeros(3)
+    now = scene.velocity[row]
+    leads = known is None or known.place[row] == 0 or not known.track[row].any()
+    change = without - wind - (now - felt)
+    reasons = {
+        "heading": now.copy(),
+        "way" if leads else "place": change * (1.0, 1.0, 0.0),
+        "height": change * (0.0, 0.0, 1.0),
+        "wind": wind - felt,
+        "obstacles": wish - without,
+    }
+    return {name: vector for name, vector in reasons.items() if name == "heading" or np.abs(vector).max() > 1e-12}
+
+
+@behaviour("line_formation", Params, flight=flight_of, formation=True, explain=explain)
 def steer(scene, rows, p):
     """Reach one's place by eqs. 5 and 6; who leads flies where the flock is bound."""
     k, n = len(rows), len(scene.ids)
@@ -103,9 +129,9 @@ def steer(scene, rows, p):
     return Wishes(direction, np.ones(k), velocity=velocity)
 
 
-def rules_of(p) -> Rules:
+def rules_of(p) -> FormingRules:
     """The rules of initiation with a brush's numbers."""
-    return Rules(
+    return FormingRules(
         gain=p.gain, turning=p.turning, slowest=p.slowest, fastest=p.fastest,
         separation_distance=p.separation_distance, margin=p.margin,
     )  # fmt: skip

@@ -2,7 +2,8 @@
 
 Nathan & Barbosa 2008 [1]_.  Three rules, and V-like formations come of themselves: J, W, echelons and V.  A bird flies
 with the flock's velocity and shifts its place in the flock by small steps, to the side or forward, without turning;
-which step, `behaviours.v_rules.rules` says, and the experiments with thousands of flocks call the same function.
+which step, `flockbrush.behaviours.v_rules.rules` says, and the experiments with thousands of flocks call the same
+function.
 
 Beyond the paper: the flock's way follows guides, goals and the migratory urge, and birds follow those ahead into a
 turn; with ``turn`` a bird must turn to get sideways; with ``layer`` height counts; with ``perturbation`` nothing ever
@@ -15,15 +16,14 @@ settles.
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.behaviours.behaviour import Flight, Wishes, air_of, behaviour, quantity
+from flockbrush.behaviours.v_rules.flights import STREAM, shift
+from flockbrush.behaviours.v_rules.rules import VRuleSettings, kernel, law_of, sort_by
+from flockbrush.engine.arrays import write_
+from flockbrush.engine.maths import atan2_, sincos_
 
-from behaviours.behaviour import Flight, Wishes, air_of, behaviour, quantity
-from behaviours.v_rules.flights import STREAM, shift
-from behaviours.v_rules.rules import Rules, kernel, law_of, sort_by
-from engine.arrays import write_
-from engine.maths import atan2_, sincos_
 
-
-class Params(Rules):
+class Params(VRuleSettings):
     """The rules in wingspans, and how they become metres and seconds."""
 
     wingspan: float = quantity(1.8, "body lengths", "from wingtip to wingtip (w)", 0.1, 10)
@@ -33,7 +33,17 @@ class Params(Rules):
     )
 
 
-@behaviour("v_rules", Params, flight=lambda params: Flight(exact=True))
+def explain(scene, row, p):
+    """Why a bird flies as it does: its velocity, the flock's way and its step by the rules, {reason: (3,)} in m/s."""
+    rows = np.flatnonzero(scene.species == scene.species[row]).astype(np.int32)
+    wishes, at = steer(scene, rows, p), int(np.searchsorted(rows, row))
+    wish, now = wishes.velocity[at], scene.velocity[row].copy()
+    flock = scene.speed[row] * wishes.direction[at] if p.turn == 0.0 else wish
+    reasons = {"flock": flock - now, "rules": wish - flock}
+    return {"heading": now} | {name: vector for name, vector in reasons.items() if np.abs(vector).max() > 1e-12}
+
+
+@behaviour("v_rules", Params, flight=lambda params: Flight(exact=True), explain=explain)
 def steer(scene, rows, p):
     """Fly on with the flock, one step nearer to one's place in it.
 

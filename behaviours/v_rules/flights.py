@@ -1,6 +1,7 @@
 """Flocks by the thousand: the rules run for many flocks at once, without a world.
 
-Each flock has a seed of its own, and its chance is hashed from seed, step and bird (`engine.noise`), so a flock flies
+Each flock has a seed of its own, and its chance is hashed from seed, step and bird (`flockbrush.engine.noise`), so a
+flock flies
 the same way alone, in any batch and on any number of threads; and in a world of the same seed.
 """
 
@@ -9,11 +10,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-
-from behaviours.v_rules.rules import Rules, barred, dodge, kernel, law_of, sort_by, turned, wish
-from engine.arrays import write_
-from engine.noise import Noise, key_, normal_, uniform_
-from engine.parallel import over_rows
+from flockbrush.behaviours.v_rules.rules import VRuleSettings, barred, dodge, kernel, law_of, sort_by, turned, wish
+from flockbrush.engine.arrays import write_
+from flockbrush.engine.noise import Noise, key_, normal_, uniform_
+from flockbrush.engine.parallel import over_rows
 
 SIDE = 768 / 50  # wingspans: the unit square of the paper
 STREAM = "v_rules"
@@ -28,7 +28,7 @@ class Flights(NamedTuple):
     series: np.ndarray  # (flocks, moments, birds, 3) on the way, if asked for
 
 
-def starts(seeds, birds, rules: Rules = Rules(), side=SIDE, apart=True):  # noqa: B008  frozen
+def starts(seeds, birds, rules: VRuleSettings = VRuleSettings(), side=SIDE, apart=True):  # noqa: B008  frozen
     """Birds at random in a square, drawn again where they would be too near one another.
 
     Parameters
@@ -69,7 +69,7 @@ def _scatter(law, keys, side, apart, xyz):
                     break
 
 
-def fly(xyz, seeds, rules: Rules = Rules(), steps=2000, every=0, ids=None, frame="flock") -> Flights:  # noqa: B008
+def fly(xyz, seeds, rules: VRuleSettings = VRuleSettings(), steps=2000, every=0, ids=None, frame="flock") -> Flights:  # noqa: B008
     """Let flocks fly until they settle, or for so many steps.
 
     Parameters

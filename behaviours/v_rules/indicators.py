@@ -8,9 +8,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-
-from behaviours.v_rules.rules import Rules, kernel, law_of
-from engine.parallel import over_rows
+from flockbrush.behaviours.v_rules.rules import VRuleSettings, kernel, law_of
+from flockbrush.engine.parallel import over_rows
 
 SHAPES = ("V", "J", "W", "echelon", "inverted V", "several groups", "cluttered", "other")
 V, J, W, ECHELON, INVERTED_V, GROUPS, CLUTTERED, OTHER = range(len(SHAPES))
@@ -29,7 +28,7 @@ class Indicators(NamedTuple):
     shape: np.ndarray  # index into SHAPES
 
 
-def indicators(xyz, rules: Rules = Rules(), margin=None) -> Indicators:  # noqa: B008  frozen
+def indicators(xyz, rules: VRuleSettings = VRuleSettings(), margin=None) -> Indicators:  # noqa: B008  frozen
     """The indicators of flocks.
 
     Parameters
@@ -48,7 +47,7 @@ def indicators(xyz, rules: Rules = Rules(), margin=None) -> Indicators:  # noqa:
     return Indicators(counts[:, 0], counts[:, 1], counts[:, 2], distances[:, 0], distances[:, 1], counts[:, 3])
 
 
-def lines_of(xyz, rules: Rules = Rules()):  # noqa: B008  frozen
+def lines_of(xyz, rules: VRuleSettings = VRuleSettings()):  # noqa: B008  frozen
     """The straight lines of one flock, to draw them: (k, 2) indices of birds, from the last one to the one in front."""
     xyz = np.ascontiguousarray(xyz, np.float64)
     n = len(xyz)
@@ -57,7 +56,7 @@ def lines_of(xyz, rules: Rules = Rules()):  # noqa: B008  frozen
     return lines[: _lines(follows, np.zeros((2, n), np.int64), lines)]
 
 
-def leads_of(xyz, rules: Rules = Rules()):  # noqa: B008  frozen
+def leads_of(xyz, rules: VRuleSettings = VRuleSettings()):  # noqa: B008  frozen
     """(n,) bool: who of one flock is in nobody's upwash."""
     xyz = np.ascontiguousarray(xyz, np.float64)
     follows = np.zeros((len(xyz), len(xyz)), np.bool_)

@@ -1,8 +1,8 @@
 """Where one bird goes next: the three rules of Nathan & Barbosa 2008 [1]_, from one bird's view of the flock.
 
 The kernels know arrays of positions in the frame that flies with the flock: ``x`` to the right, ``y`` along the way,
-``z`` up.  Both the world model (`behaviours.models.v_rules`) and the experiments with thousands of flocks
-(`behaviours.v_rules.flights`) call them, so the two cannot drift apart.
+``z`` up.  Both the world model (`flockbrush.behaviours.models.v_rules`) and the experiments with thousands of flocks
+(`flockbrush.behaviours.v_rules.flights`) call them, so the two cannot drift apart.
 
 .. [1] Nathan, A. & Barbosa, V. C. (2008). V-like formations in flocks of artificial birds. Artificial Life 14(2),
    179-188.
@@ -14,11 +14,10 @@ import math
 from typing import Literal, NamedTuple
 
 import numpy as np
+from flockbrush.behaviours.behaviour import Parameters, quantity
+from flockbrush.engine.maths import atan2_, sincos_
 from numba import njit
 from pydantic import Field
-
-from behaviours.behaviour import Parameters, quantity
-from engine.maths import atan2_, sincos_
 
 OVERLAP = (math.pi / 4 - 1) / 2  # wingspans: most upwash is where wings overlap by so much (λ is negative)
 kernel = njit(cache=True, nogil=True, error_model="numpy")
@@ -29,7 +28,7 @@ def _choice(default, meaning):
     return Field(default, description=meaning, json_schema_extra={"unit": "-"})
 
 
-class Rules(Parameters):
+class VRuleSettings(Parameters):
     """Table 1 of the paper in wingspans, and every detail it leaves open with the choice that was settled on."""
 
     angle: float = quantity(180.0, "degrees", "the angle ahead in which the nearest bird is sought (α)", 1, 180)
@@ -65,9 +64,7 @@ class Rules(Parameters):
     shift: Literal["clipped", "fixed"] = _choice(
         "clipped", "the last lateral step ends at the place sought, or is a whole step"
     )
-    blocked: Literal["coin", "stay"] = _choice(
-        "coin", "a bird in whose way another is moves forward or back by chance, or stays"
-    )
+    blocked: Literal["coin", "stay"] = _choice("coin", "a blocked bird moves forward or back at random, or stays")
     wake_begins: Literal["wake", "wingtip"] = _choice(
         "wake", "whether upwash begins at the edge of the downwash (½ w + λ), or at the wingtip"
     )
@@ -113,7 +110,7 @@ class Law(NamedTuple):
     in_turn: bool
 
 
-def law_of(rules: Rules, wingspan: float = 1.0, steps: float = 1.0) -> Law:
+def law_of(rules: VRuleSettings, wingspan: float = 1.0, steps: float = 1.0) -> Law:
     """The law for a wingspan in the caller's unit and for so many of the paper's time steps at once."""
     half = math.radians(0.5 * rules.angle)
     w = wingspan

@@ -2,6 +2,17 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.behaviour import behaviours
+from flockbrush.behaviours.models.boids import URGES, Params, allocated, averaged
+from flockbrush.components import Body, Heading, Position, Velocity
+from flockbrush.engine import parallel
+from flockbrush.engine.parallel import set_threads
+from flockbrush.engine.raster import Raster
+from flockbrush.engine.state import restore, snapshot, state_hash
+from flockbrush.systems.commands import Migrate, MoveObstacle
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.measures import compute_largest_part, compute_polarization
+from flockbrush.systems.steer import scene_of
 from hypothesis import given
 from hypothesis import strategies as st
 from small_herd import (
@@ -16,18 +27,6 @@ from small_herd import (
     room_in_the_air,
     spawn,
 )
-
-from behaviours.behaviour import behaviours
-from behaviours.models.boids import URGES, Params, allocated, averaged
-from components import Body, Heading, Position, Velocity
-from engine import parallel
-from engine.fields import Raster
-from engine.parallel import set_threads
-from engine.state import restore, snapshot, state_hash
-from systems.commands import Migrate, MoveObstacle
-from systems.landscape import Landscape
-from systems.measures import compute_largest_part, compute_polarization
-from systems.steer import scene_of
 
 BOIDS = behaviours()["boids"]
 LENGTH = 0.2

@@ -9,15 +9,15 @@ import time
 from types import SimpleNamespace
 
 import pytest
+from flockbrush.behaviours.behaviour import behaviours
+from flockbrush.behaviours.brush import SUFFIX, Brush, BrushLibrary, SpeedSpec, load_brush, save_brush, shipped
+from flockbrush.behaviours.brush_writer import brush_to_toml
+from flockbrush.behaviours.validation import bounds
+from flockbrush.engine.files import write_bytes
+from flockbrush.engine.problems import ProblemsError
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
-
-from behaviours.behaviour import behaviours
-from behaviours.brush import SUFFIX, Brush, BrushLibrary, SpeedSpec, load_brush, save_brush, shipped
-from behaviours.brush_writer import brush_to_toml, write_atomically
-from behaviours.problems import ProblemsError
-from behaviours.validation import bounds
 
 HERD = behaviours()["herd"].Params
 
@@ -404,9 +404,9 @@ def test_a_brush_that_is_there_is_not_overwritten_unasked(tmp_path):
 def test_a_disk_without_hard_links_overwrites_nothing_either(tmp_path, monkeypatch, links):
     if not links:
         monkeypatch.setattr("os.link", lambda *_: (_ for _ in ()).throw(PermissionError(1, "no links")))
-    write_atomically(tmp_path / "a", b"first")
+    write_bytes(tmp_path / "a", b"first", overwrite=False)
     with pytest.raises(ProblemsError, match="is there already"):
-        write_atomically(tmp_path / "a", b"second")
+        write_bytes(tmp_path / "a", b"second", overwrite=False)
     assert (tmp_path / "a").read_bytes() == b"first"
 
 
@@ -470,7 +470,7 @@ def test_an_unknown_brush_is_answered_with_the_nearest(folders):
     ["../mine/march", "..", "/etc/passwd", "a/b", "a\\b", "C:x", "", "nul\0", "a" * 65, "é", "march\n", ".x", None],
 )
 def test_no_name_leads_out_of_the_folder(folders, name):
-    with pytest.raises(ProblemsError, match="is no name of a brush"):
+    with pytest.raises(ProblemsError, match="invalid brush name"):
         BrushLibrary(folders[1:]).get(name)
 
 
@@ -693,8 +693,8 @@ KEYS = ["model", "colour", "parameters", "speed", "body", "vision", "provenance"
     st.sampled_from(KEYS), plain, st.sampled_from(["mean", "by_density", "kind", "frames", "report", "versions", "x"])
 )
 def test_values_of_any_type_anywhere_give_a_brush_or_problems(key, value, inner):
-    from behaviours.brush import _read
-    from behaviours.tomlfile import TomlFile, parse_toml
+    from flockbrush.behaviours.brush import _read
+    from flockbrush.behaviours.tomlfile import TomlFile, parse_toml
 
     good = parse_toml(GOOD.encode(), "f.brush.toml").data
     for data in ({**good, key: value}, {**good, key: {inner: value}}):

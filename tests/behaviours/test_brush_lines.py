@@ -3,9 +3,9 @@
 import time
 
 import pytest
-
-from behaviours.problems import ProblemsError
-from behaviours.tomlfile import LIMIT, parse_toml, read_bytes, spelled
+from flockbrush.behaviours.tomlfile import parse_toml, read_bytes, spelled
+from flockbrush.engine import limits
+from flockbrush.engine.problems import ProblemsError
 
 MEADOW = '''# line 1
 title = "a # b"  # 2
@@ -118,7 +118,7 @@ def test_lines_count_the_same_with_the_line_ends_of_windows_and_a_byte_order_mar
         (b"[" + b"a." * 100 + b"a]", "f:1: is nested more than 32 deep"),
         (b"a = " + b"{a = " * 100 + b"1" + b"}" * 100, "f:1: is nested more than 32 deep"),
         (b"[" + b"a." * 20 + b"a]\nb = " + b"{b = " * 20 + b"1" + b"}" * 20, "f:2: is nested more than 32 deep"),
-        (b" " * (LIMIT + 1), "f: is larger than 1,048,576 bytes"),
+        (b" " * (limits.TOML_BYTES + 1), "f: is larger than 1,048,576 bytes"),
     ],
 )
 def test_what_is_not_toml_is_refused_with_its_line(data, said):
@@ -133,7 +133,7 @@ def test_what_is_not_toml_is_refused_with_its_line(data, said):
 )
 def test_the_worst_file_allowed_is_read_in_seconds(piece):
     """Without a limit on depth the first kind takes hours."""
-    pieces = [piece.format(i=i) for i in range(LIMIT // 4 // len(piece))]
+    pieces = [piece.format(i=i) for i in range(limits.TOML_BYTES // 4 // len(piece))]
     start = time.perf_counter()
     try:
         parse_toml("".join(pieces).encode(), "f")
@@ -144,7 +144,7 @@ def test_the_worst_file_allowed_is_read_in_seconds(piece):
 
 def test_files_that_are_none_are_refused(tmp_path):
     large = tmp_path / "large"
-    large.write_bytes(bytes(LIMIT + 1))
+    large.write_bytes(bytes(limits.TOML_BYTES + 1))
     for path, said in [
         (tmp_path, "is a folder, not a file"),
         (tmp_path / "none", "there is no such file"),

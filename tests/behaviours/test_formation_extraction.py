@@ -7,13 +7,13 @@ import cv2
 import numpy as np
 import pytest
 from example_formations import left_of_leader, places
+from flockbrush.behaviours.formation.curves import fit
+from flockbrush.behaviours.formation.extraction import Marks, extract, extract_frame
+from flockbrush.behaviours.formation.formation_shapes import load_formation, read_formation, to_json
+from flockbrush.behaviours.formation.marks import guess_heading, read_marks
+from flockbrush.engine.problems import ProblemsError
 
-from behaviours.formation.curves import fit
-from behaviours.formation.extraction import Marks, extract, extract_frame
-from behaviours.formation.marks import guess_heading, read_marks
-from behaviours.formation.shapes import load_formation, read_formation, to_json
-from behaviours.learning.birds_in_sky import carry, find_birds, mark
-from behaviours.problems import ProblemsError
+from flockbrush.film.birds_in_sky import carry, find_birds, mark
 
 
 @pytest.mark.parametrize("kind", ["V", "U", "J", "line"])
@@ -117,8 +117,9 @@ def test_a_formation_survives_its_file(tmp_path):
 
 
 def test_a_broken_formation_file_says_where():
-    good = {"schema": "flockbrush.formation/1", "frames": [{"birds": ["a"], "x": [0], "y": []}]}
-    with pytest.raises(ProblemsError, match=r"frames\[0\].*one number for each"):
+    frame = {"birds": ["a"], "x": [0], "y": [], "leader": 0, "outliers": []}
+    good = {"schema": "flockbrush.formation/1", "frames": [frame]}
+    with pytest.raises(ProblemsError, match=r"frames\[0\]: y must be 1 numbers"):
         read_formation(good, "x.json")
     with pytest.raises(ProblemsError, match="schema"):
         read_formation([], "x.json")
@@ -213,7 +214,7 @@ def test_files_without_birds_are_refused(tmp_path):
     with pytest.raises(ProblemsError, match="no such file"):
         mark([tmp_path / "none.png"])
     (tmp_path / "text.png").write_text("no picture")
-    with pytest.raises(ProblemsError, match="neither a picture"):
+    with pytest.raises(ProblemsError, match="no picture that can be read"):
         mark([tmp_path / "text.png"])
     cv2.imwrite(str(tmp_path / "sky.png"), sky([]))
     with pytest.raises(ProblemsError, match="no birds"):

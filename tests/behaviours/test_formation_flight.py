@@ -1,15 +1,18 @@
 """Flocks in steady flight: key shapes, and what lies between them."""
 
+import json
+
 import numpy as np
 import pytest
 from example_formations import movie
+from flockbrush.behaviours.formation.extraction import Marks, extract
+from flockbrush.behaviours.formation.formation_shapes import read_formation, textbook, to_json
+from flockbrush.behaviours.formation.hummel import power, relative_power, total_power
+from flockbrush.behaviours.formation.key_shapes import NoShape, project, solve_levenberg_marquardt, solve_proximal
+from flockbrush.behaviours.formation.steady_flight import Drawing, SteadyFlight, correspond
+from flockbrush.engine.problems import ProblemsError
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from behaviours.formation.flight import Drawing, SteadyFlight, correspond
-from behaviours.formation.hummel import power, relative_power, total_power
-from behaviours.formation.keys import NoShape, project, solve_levenberg_marquardt, solve_proximal
-from behaviours.problems import ProblemsError
 
 # nine birds 1.25 wingspans apart, their shares changed, and where they fly then: an independent solver's answer
 Y1 = np.array([-2.9, -2.1, -0.8, 0.0, -1.1, -1.9, -3.2, -3.9, -5.2])
@@ -175,3 +178,53 @@ def test_the_papers_solver_flies_too_and_where_it_finds_nothing_the_other_does()
     said = flight.report(flight.frames(60, fps=2.0), fps=2.0)
     assert said["outside"] < 0.05
     assert said["leader_in_front"] == 1.0
+
+
+def odd_formation(**changes):
+    """A V of seven in one frame, with some of it changed."""
+    x, y = textbook("V", 7)
+    formation = extract(Marks(("0",), tuple("abcdefg"), x[None], y[None]), "odd")
+    document = json.loads(to_json(formation))
+    document["frames"][0] |= changes
+    return document
+
+
+@pytest.mark.parametrize("spacing", [[1.3, 0.0], [1e4, 0.0], [0.0, 1e4]])
+@pytest.mark.parametrize("deviation", [[0.0, 0.0], [0.0, 1e4], [-1e4, 1e4]])
+@pytest.mark.parametrize("numbers", [[0.0, 0.8, 0.8], [0.0, 1e4, -1e4], [1e4, 0.0, 0.0]])
+@pytest.mark.parametrize("birds", [2, 9])
+def test_odd_shapes_are_flown_or_refused_in_a_sentence(spacing, deviation, numbers, birds):
+    curve = {"model": "v", "numbers": numbers}
+    formation = read_formation(odd_formation(spacing=spacing, deviation=deviation, curve=curve), "odd.json")
+    try:
+        places = SteadyFlight(formation, birds).frames(12, 1.0)
+    except ProblemsError as error:
+        assert "no shape saves the shares of power that this one does" in str(error)
+    else:
+        assert np.isfinite(places).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"birds": "abcdefg"}, "birds must be 1 to 2,000 different names"),
+        ({"birds": ["a"] * 7}, "birds must be 1 to 2,000 different names"),
+        ({"x": [0, 1, 2, 3, 4, 5]}, "x must be 7 numbers"),
+        ({"x": [3, 2, 1, 0, -1, -2, -3]}, "birds stand from left to right"),
+        ({"y": [0, 1, 2, 3, 4, 5, float("nan")]}, "y must be 7 numbers, at most 10000 away from 0"),
+        ({"y": [0, 1, 2, 3, 4, 5, 1e300]}, "y must be 7 numbers, at most 10000 away from 0"),
+        ({"leader": 7}, "leader and outliers are places from 0 to 6"),
+        ({"leader": True}, "leader and outliers are places from 0 to 6"),
+        ({"outliers": [1.5]}, "leader and outliers are places from 0 to 6"),
+        ({"outliers": 3}, "outliers must be a list, got int"),
+        ({"spacing": [-1, 0]}, "spacing must be [mean, deviation]"),
+        ({"deviation": [0, -1]}, "deviation must be [mean, deviation]"),
+        ({"curve": {"model": "v", "numbers": [0, 1e99, 0]}}, "numbers of a v must be 3 numbers"),
+        ({"curve": {"model": "spiral", "numbers": []}}, "curve.model must be one of"),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_a_formation_file_is_refused_by_what_is_wrong_with_it(changes, words):
+    with pytest.raises(ProblemsError) as caught:
+        read_formation(odd_formation(**changes), "odd.json")
+    assert str(caught.value).startswith("odd.json: frames[0]: ") and words in str(caught.value)

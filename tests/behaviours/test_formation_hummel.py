@@ -2,10 +2,17 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.formation.hummel import (
+    REACH,
+    g,
+    power,
+    power_and_jacobian,
+    relative_power,
+    slope_,
+    total_power,
+)
 from hypothesis import given
 from hypothesis import strategies as st
-
-from behaviours.formation.hummel import REACH, g, power, power_and_jacobian, relative_power, slope_, total_power
 
 # 40-digit values of Hummel's function: x, y, g
 REFERENCE = [

@@ -4,14 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.behaviour import Scene, behaviours
+from flockbrush.behaviours.models.herd import Params
+from flockbrush.engine.noise import Noise
+from flockbrush.systems.senses import FindNeighbours, See
+from flockbrush.systems.steer import scene_of
 from hypothesis import given
 from hypothesis import strategies as st
 from small_herd import NO_FORCES, NOBODY_LEADS, brush, forward_of, meadow, put, xy_of
-
-from behaviours.behaviour import Scene, behaviours
-from behaviours.models.herd import Params
-from engine.noise import Noise
-from systems.steer import scene_of
 
 MODELS = sorted(behaviours().values(), key=lambda model: model.name)
 
@@ -92,6 +92,16 @@ def steer(model, scene, rows=None, **parameters):
     return model.steer(scene, rows_(range(len(scene.ids)) if rows is None else rows), model.Params(**parameters))
 
 
+def quiet(model):
+    """Parameters without chance."""
+    fields = model.Params.model_fields.items()
+    return {name: 0.0 for name, field in fields if (field.json_schema_extra or {}).get("chance")}
+
+
+NOISE = "noise breaks the symmetry? declare its strength with quantity(..., chance=True), and let 0 be none"
+ROWS = "answer for `rows` only, from what each of them perceives: index columns with rows, and use scene.first[i]"
+
+
 def rows_(numbers):
     """Rows as the systems give them to a model."""
     return np.array(numbers, np.int32)
@@ -104,19 +114,21 @@ def rows_(numbers):
 class TestEveryModel:
     def test_gives_one_unit_direction_and_one_pace_for_each_animal_asked(self, model):
         wishes = steer(model, lively())
-        assert wishes.direction.shape == (14, 3)
-        assert wishes.pace.shape == (14,)
-        assert np.linalg.norm(wishes.direction, axis=1) == pytest.approx(1.0, abs=1e-12)
-        assert (wishes.pace >= 0).all()
+        assert wishes.direction.shape == (14, 3), "direction has a row of three for each of `rows`"
+        assert wishes.pace.shape == (14,), "pace has a number for each of `rows`; np.ones(len(rows)) leaves speed alone"
+        assert np.linalg.norm(wishes.direction, axis=1) == pytest.approx(1.0, abs=1e-12), "divide it by its length"
+        assert (wishes.pace >= 0).all(), "pace multiplies the speed; nobody walks backwards"
 
     @pytest.mark.parametrize("turn", [0.4, np.pi / 2, 2.5, -3.0])
     def test_turns_with_the_scene(self, model, turn):
-        straight, turned = steer(model, lively()), steer(model, lively(turn=turn))
+        """Headings and offsets must be used as vectors: no direction of the map is special."""
+        straight, turned = (steer(model, lively(turn=angle), **quiet(model)) for angle in (0.0, turn))
         c, s = np.cos(turn), np.sin(turn)
         assert turned.direction[:, :2] == pytest.approx(straight.direction[:, :2] @ [(c, s), (-s, c)], abs=1e-10)
         assert turned.pace == pytest.approx(straight.pace, abs=1e-10)
 
     def test_forgets_the_origin(self, model):
+        """Use scene.offset, not scene.xyz, for neighbours: where the origin is means nothing to an animal."""
         here, there = steer(model, lively()), steer(model, lively(shift=(300.0, -200.0)))
         assert there.direction == pytest.approx(here.direction, abs=1e-9)
         assert there.pace == pytest.approx(here.pace, abs=1e-9)
@@ -129,13 +141,14 @@ class TestEveryModel:
             offset=s.offset * mirror, obstacle_offset=s.obstacle_offset * mirror, guidance=s.guidance * mirror,
             slope=s.slope * mirror, memory=s.memory * mirror,
         )  # fmt: skip
-        assert steer(model, flipped).direction == pytest.approx(steer(model, s).direction * (1, -1, 1), abs=1e-12)
+        flat, mirrored = (steer(model, seen, **quiet(model)).direction for seen in (s, flipped))
+        assert mirrored == pytest.approx(flat * (1, -1, 1), abs=1e-12), NOISE
 
     def test_answers_only_for_the_rows_asked_and_the_same_as_for_all(self, model):
         whole = steer(model, lively())
         rows = np.array([9, 2, 5])
         some = steer(model, lively(), rows)
-        assert some.direction.tolist() == whole.direction[rows].tolist()
+        assert some.direction.tolist() == whole.direction[rows].tolist(), ROWS
         assert some.pace.tolist() == whole.pace[rows].tolist()
         none = steer(model, lively(), [])
         assert none.direction.shape == (0, 3)
@@ -166,8 +179,8 @@ class TestEveryModel:
             assert np.linalg.norm(wishes.direction, axis=1) == pytest.approx(1.0, abs=1e-12)
 
     def test_alone_on_a_plain_it_goes_on_as_it_was(self, model):
-        wishes = steer(model, scene([(3.0, 3.0)], 1.1))
-        assert wishes.direction[0] == pytest.approx((np.cos(1.1), np.sin(1.1), 0), abs=1e-12)
+        wishes = steer(model, scene([(3.0, 3.0)], 1.1), **quiet(model))
+        assert wishes.direction[0] == pytest.approx((np.cos(1.1), np.sin(1.1), 0), abs=1e-12), NOISE
         assert wishes.pace[0] == 1.0
 
     def test_the_smallest_and_the_largest_parameters_work(self, model):
@@ -180,9 +193,9 @@ class TestEveryModel:
 
     def test_every_parameter_has_a_unit_bounds_and_a_meaning(self, model):
         for name, p in model.Params.model_json_schema()["properties"].items():
-            assert p.get("unit"), name
-            assert len(p.get("description", "")) > 10, name
-            assert "enum" in p or {"minimum", "maximum"} <= set(p), name
+            assert p.get("unit"), f"{name}: use quantity(default, unit, meaning, low, high); '1' for pure numbers"
+            assert len(p.get("description", "")) > 10, f"{name}: say what a larger value does"
+            assert "enum" in p or {"minimum", "maximum"} <= set(p), f"{name}: give low and high"
             assert "default" in p, name
 
     def test_refuses_what_is_out_of_bounds_not_finite_unknown_or_changed_later(self, model):
@@ -197,7 +210,7 @@ class TestEveryModel:
         assert model.Params(**json.loads(params.model_dump_json())) == params
 
     def test_cites_its_source(self, model):
-        assert ".. [1]" in model.doc
+        assert ".. [1]" in model.doc, "the module's docstring ends with References and `.. [1] Author Year, Title.`"
         assert any(year in model.doc for year in map(str, range(1980, 2031)))
 
     def test_a_whole_herd_of_it_runs(self, model):
@@ -576,7 +589,7 @@ def rows_of(simulation, entities):
 
 
 def speed_of(simulation, entities):
-    from components import Velocity
+    from flockbrush.components import Velocity
 
     return np.linalg.norm(simulation.agents[Velocity.xyz][rows_of(simulation, entities)], axis=1).mean()
 
@@ -587,6 +600,22 @@ def distance_to_herd(simulation, entity, herd):
 
 
 # the scene ------------------------------------------------------------------------------
+
+
+def test_a_herd_that_takes_its_neighbours_by_slot_turns_to_the_bit_as_one_that_takes_them_by_row():
+    rng = np.random.default_rng(5)
+    simulation = meadow(brush(), width=30.0, height=30.0, boundary="wrap")
+    put(simulation, rng.uniform(0, 30, (150, 2)))
+    simulation.run(3)
+    for system in (FindNeighbours(), See()):
+        system.process(simulation.world)
+    whole = scene_of(simulation.world)
+    lean = scene_of(simulation.world, lists=False)
+    rows, p = rows_(range(150)), Params(wander=0.1)
+    by_row = HERD.steer(whole._replace(by_slot=None), rows, p).direction
+    assert lean.near is None and whole.by_slot is not None and np.abs(by_row[:, :2]).max() > 0.1
+    assert HERD.steer(lean, rows, p).direction.tobytes() == by_row.tobytes()
+    assert len(whole.near) > 500
 
 
 def test_models_get_views_that_cannot_be_written():

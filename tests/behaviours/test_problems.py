@@ -1,6 +1,6 @@
 """Problems are lines that people can act on."""
 
-from behaviours.problems import SHOWN, Problem, ProblemsError, did_you_mean
+from flockbrush.engine.problems import SHOWN, Problem, ProblemsError, did_you_mean
 
 
 def test_a_problem_says_file_line_key_and_what_would_be_right():

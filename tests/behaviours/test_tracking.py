@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from behaviours.learning.camera import Camera
-from behaviours.learning.tracking import Tracker, blobs_of
 from benchmarks.sky_film import compute_tracking, film
+from flockbrush.film.tracking import Tracker, blobs_of
+from flockbrush.lifting.lens import Camera
 
 CAMERA = Camera(width=480, height=270, horizontal_fov_deg=60, fps=30, mean_speed=9, near=5, far=200)
 

@@ -2,15 +2,14 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.v_rules.flights import SIDE, fly, starts
+from flockbrush.behaviours.v_rules.indicators import SHAPES, indicators, leads_of, lines_of
+from flockbrush.behaviours.v_rules.rules import OVERLAP, VRuleSettings, law_of, wish
+from flockbrush.components import Position, Velocity
+from flockbrush.engine.noise import Noise, key_
 from hypothesis import given
 from hypothesis import strategies as st
 from small_herd import brush, forward_of, meadow, point_to_segment, put
-
-from behaviours.v_rules.flights import SIDE, fly, starts
-from behaviours.v_rules.indicators import SHAPES, indicators, leads_of, lines_of
-from behaviours.v_rules.rules import OVERLAP, Rules, law_of, wish
-from components import Position, Velocity
-from engine.noise import Noise, key_
 
 BEST = 1 + OVERLAP  # wingspans from body to body where upwash is best
 STEP = 0.06
@@ -19,7 +18,7 @@ STEP = 0.06
 def wished(*others, chance=0.0, **rules):
     """What a bird at the origin would do (to the side, forward) when others are at these places."""
     x, y = np.array([(0.0, 0.0), *others], float).T.copy()
-    law = law_of(Rules(**rules))
+    law = law_of(VRuleSettings(**rules))
     side, forward, _ = wish(law, 0, len(x), x, y, np.zeros(len(x)), np.argsort(x), chance)
     return pytest.approx((side, forward), abs=1e-12)
 
@@ -102,7 +101,7 @@ def test_noise_keys_inside_a_kernel_are_those_of_the_world():
 
 @given(st.integers(0, 10**6), st.sampled_from([5, 9]), st.sampled_from([180.0, 150.0]))
 def test_birds_never_come_too_near_one_another(seed, birds, angle):
-    rules = Rules(angle=angle)
+    rules = VRuleSettings(angle=angle)
     series = fly(starts([seed], birds, rules), [seed], rules, 120, every=10).series[0]
     for xyz in series:
         dx, dy = (np.abs(xyz[:, None, k] - xyz[None, :, k])[np.triu_indices(birds, 1)] for k in (0, 1))
@@ -110,7 +109,7 @@ def test_birds_never_come_too_near_one_another(seed, birds, angle):
 
 
 def test_a_flock_flies_the_same_alone_in_a_batch_and_on_more_threads():
-    from engine.parallel import set_threads
+    from flockbrush.engine.parallel import set_threads
 
     seeds = range(3000)
     begin = starts(seeds, 4)
@@ -134,7 +133,7 @@ def test_a_settled_flock_stays_as_it_is():
 def test_the_ground_sees_the_same_flock_fly_on():
     begin = starts([3], 6)
     flock, world = (fly(begin, [3], steps=60, frame=frame, every=20) for frame in ("flock", "world"))
-    way = Rules().cruise * np.arange(4) * 20
+    way = VRuleSettings().cruise * np.arange(4) * 20
     assert world.series[0, :, :, 1] == pytest.approx(flock.series[0, :, :, 1] + way[:, None])
     assert world.series[0, :, :, 0].tolist() == flock.series[0, :, :, 0].tolist()
 
@@ -157,7 +156,7 @@ def test_birds_begin_apart_unless_told():
 def paper():
     seeds = range(60)
     return {
-        angle: (flights := fly(starts(seeds, 15), seeds, Rules(angle=angle)), indicators(flights.xyz))
+        angle: (flights := fly(starts(seeds, 15), seeds, VRuleSettings(angle=angle)), indicators(flights.xyz))
         for angle in (180.0, 170.0)
     }
 
@@ -195,13 +194,13 @@ OTHERWISE = {
 @pytest.mark.parametrize(("detail", "choice"), OTHERWISE.items())
 def test_every_open_detail_can_be_settled_otherwise(detail, choice):
     begin = starts(range(6), 15)
-    usual, other = (fly(begin, range(6), rules, 400) for rules in (Rules(), Rules(**{detail: choice})))
+    usual, other = (fly(begin, range(6), rules, 400) for rules in (VRuleSettings(), VRuleSettings(**{detail: choice})))
     assert not np.array_equal(usual.xyz, other.xyz)
 
 
 def test_without_the_coin_birds_block_one_another_for_ever():
     seeds = range(20)
-    assert fly(starts(seeds, 15), seeds, Rules(blocked="stay")).settled.mean() < 0.2
+    assert fly(starts(seeds, 15), seeds, VRuleSettings(blocked="stay")).settled.mean() < 0.2
 
 
 # beyond the paper
@@ -209,14 +208,14 @@ def test_without_the_coin_birds_block_one_another_for_ever():
 
 def test_birds_that_must_turn_to_get_sideways_settle_too():
     seeds = range(20)
-    rules = Rules(turn=0.06)
+    rules = VRuleSettings(turn=0.06)
     flights = fly(starts(seeds, 15), seeds, rules)
     assert flights.settled.mean() >= 0.9
     assert indicators(flights.xyz).leads.mean() == pytest.approx(1.0, abs=0.05)
 
 
 def test_a_flock_that_is_blown_about_never_settles_and_still_has_one_lead():
-    rules = Rules(perturbation=0.01)
+    rules = VRuleSettings(perturbation=0.01)
     flights = fly(starts([1, 2], 9), [1, 2], rules, 1500, every=50)
     assert not flights.settled.any()
     for series in flights.series:
@@ -227,7 +226,7 @@ def test_a_flock_that_is_blown_about_never_settles_and_still_has_one_lead():
 
 def test_in_three_dimensions_a_flock_comes_together_at_one_height():
     seeds = range(8)
-    rules = Rules(layer=1.0)
+    rules = VRuleSettings(layer=1.0)
     flights = fly(starts(seeds, 9, rules), seeds, rules)
     before, after = starts(seeds, 9, rules)[:, :, 2].std(1), flights.xyz[:, :, 2].std(1)
     assert (before > 2.0).all()
@@ -307,7 +306,7 @@ def geese(seed=3, birds=9, heading=np.pi / 2, guides=(), **rules):
     """A world with birds at the places of `starts`, flying at 8 m/s."""
     asset = brush("geese", model="v_rules", mean=8.0, vision={"range": 100.0, "occlusion": False}, wingspan=W, **rules)
     simulation = meadow(asset, seed=seed, width=2000, height=2000, guides=list(guides))
-    begin = starts([seed], birds, Rules(**{k: v for k, v in rules.items() if k in Rules.model_fields}))
+    begin = starts([seed], birds, VRuleSettings(**{k: v for k, v in rules.items() if k in VRuleSettings.model_fields}))
     along = np.array([np.cos(heading), np.sin(heading)])
     right = np.array([along[1], -along[0]])
     put(simulation, begin[0, :, :1] * W * right + begin[0, :, 1:2] * W * along + 900, heading, brush="geese")
@@ -330,7 +329,7 @@ def geese(seed=3, birds=9, heading=np.pi / 2, guides=(), **rules):
 )
 def test_a_flock_in_a_world_flies_as_the_experiment_does(rules):
     simulation, begin, _, _ = geese(**rules)
-    series = fly(begin, [3], Rules(**rules), 150, every=1).series[0] * W
+    series = fly(begin, [3], VRuleSettings(**rules), 150, every=1).series[0] * W
     for expected in series:
         xyz = simulation.agents[Position.xyz]
         assert xyz - xyz[0] == pytest.approx(expected - expected[0], abs=1e-8)
@@ -354,8 +353,8 @@ def test_a_settled_flock_flies_straight_on_at_the_speed_of_its_brush():
 
 
 def test_a_flock_in_formation_follows_its_guide_through_a_bend():
-    from flockbrush.run import start
-    from flockbrush.v_measures import v_indicators
+    from flockbrush.runs.run import start
+    from flockbrush.runs.v_measures import v_indicators
 
     skein = start("skein", seed=3)
     skein.run(32 * 20)

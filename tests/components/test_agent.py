@@ -3,12 +3,11 @@
 import ast
 from pathlib import Path
 
+import flockbrush.components.agent
 import numpy as np
 import pytest
-
-import components.agent
-from components.agent import AGENT, Heading, Position
-from engine.world import World
+from flockbrush.components.agent import AGENT, Heading, Position
+from flockbrush.engine.world import World
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +39,7 @@ def test_names_are_given_once():
 
 
 def test_all_kinds_of_the_room_belong_to_an_animal():
-    files = Path(components.agent.__file__).parent.glob("*.py")
+    files = Path(flockbrush.components.agent.__file__).parent.glob("*.py")
     trees = [ast.parse(path.read_text(encoding="utf-8")) for path in files]
     kinds = {
         n.name

@@ -1,13 +1,12 @@
 """The smallest world that has everything the engine knows: a few animals, noise, births, deaths, commands."""
 
 import numpy as np
-
-from components.agent import AGENT, Heading, Position, Velocity
-from engine.clock import Clock
-from engine.commands import Commands, command
-from engine.noise import Noise
-from engine.schedule import Schedule, Stage, System
-from engine.world import World
+from flockbrush.components.agent import AGENT, Heading, Position, Velocity
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.commands import Commands, command
+from flockbrush.engine.noise import Noise
+from flockbrush.engine.schedule import Schedule, Stage, System
+from flockbrush.engine.world import World
 
 
 class Births:

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from engine.arrays import order_, write_
+from flockbrush.engine.arrays import order_, write_
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 3, 7, 8, 9, 64, 1000])

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-
-from engine.clock import Clock
-from engine.commands import COMMANDS, Commands, command, from_record, to_json, to_record
-from engine.world import World
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.commands import COMMANDS, Commands, command, from_record, to_json, to_record
+from flockbrush.engine.world import World
 
 
 @command

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
+from flockbrush.engine.raster import Raster, bilinear_, nearest_
 from numba import njit
-
-from engine.fields import Raster, bilinear_, nearest_
 
 MEADOW = Raster(2.0, np.array([[1.0, 2.0, 3.0], [10.0, 20.0, 30.0]]))  # the first row is the south
 

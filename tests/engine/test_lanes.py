@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flockbrush.engine import lanes
 from numba import njit
-
-from engine import lanes
 
 
 @njit
@@ -82,8 +81,8 @@ def test_arithmetic_is_numpys_bit_for_bit():
 def test_a_herd_sees_the_same_on_the_plainest_processor():
     program = """
 import numpy as np, zlib
-from systems.grid import sort_into_cells
-from systems.visibility import visible_neighbours
+from flockbrush.systems.grid import sort_into_cells
+from flockbrush.systems.visibility import visible_neighbours
 rng = np.random.default_rng(0)
 xyz, angle = np.c_[rng.uniform(0, 20, (600, 2)), np.zeros(600)], rng.uniform(0, 7, 600).round(2)
 forward = np.c_[1 - angle, angle, 0 * angle] / np.hypot(1 - angle, angle)[:, None]

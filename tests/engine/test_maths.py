@@ -9,17 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flockbrush.engine.maths import angle2_, atan2_, exp_, log_, sincos_
 from numba import njit
-
-from engine.maths import angle2_, atan2_, exp_, log_, sincos_
 
 CHANCE = np.random.default_rng(1)
 GOOD = 2e-15  # relative
 BITS = """
 import hashlib
 import numpy as np
-from engine.maths import angle2_, atan2_, exp_, log_, sincos_
-from engine.noise import Noise
+from flockbrush.engine.maths import angle2_, atan2_, exp_, log_, sincos_
+from flockbrush.engine.noise import Noise
 x = np.random.default_rng(5).normal(size=(3000, 2)) * 10
 rows = [(exp_(a), log_(abs(a)), atan2_(a, b), angle2_(a, b), *sincos_(a)) for a, b in x]
 noise = Noise(4)

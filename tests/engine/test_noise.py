@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from flockbrush.engine.noise import Noise, normal_, quantile_, uniform_
 from numba import njit
 from scipy.special import ndtri
 from scipy.stats import kstest
-
-from engine.noise import Noise, normal_, quantile_, uniform_
 
 HERD = np.arange(1, 50_001)
 KEY = 5232861162808690300

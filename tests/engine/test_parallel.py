@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flockbrush.engine import parallel
+from flockbrush.engine.maths import exp_
+from flockbrush.engine.parallel import over_rows, set_threads, threads
 from numba import njit
-
-from engine import parallel
-from engine.maths import exp_
-from engine.parallel import over_rows, set_threads, threads
 
 
 @pytest.fixture(autouse=True)
@@ -54,7 +53,7 @@ def test_every_row_is_done_once(count):
 
 def test_a_small_herd_stays_in_its_thread():
     seen = set()
-    over_rows(lambda lo, hi: seen.add(threading.get_ident()), 2000)
+    over_rows(lambda lo, hi: seen.add(threading.get_ident()), parallel.SMALL)
     assert seen == {threading.get_ident()}
 
 
@@ -71,7 +70,8 @@ def test_quick_work_stays_in_its_thread(monkeypatch):
     assert (done == 1).all()
 
 
-def test_slow_work_is_shared():
+@pytest.mark.parametrize("count", [1_000, 50_000])
+def test_slow_work_is_shared(count):
     seen, both = set(), threading.Barrier(2, timeout=120)
 
     def meet(lo, hi):
@@ -79,7 +79,7 @@ def test_slow_work_is_shared():
             seen.add(threading.get_ident())
             both.wait()  # nobody gets past here alone
 
-    over_rows(meet, 50_000)
+    over_rows(meet, count)
     assert len(seen) == 2
 
 
@@ -184,8 +184,8 @@ def test_the_environment_may_say_how_many(monkeypatch, recwarn, wanted, count):
 def test_a_forked_process_makes_its_own_threads():
     program = """
 import os, numpy as np
-from engine import parallel
-from engine.parallel import over_rows, set_threads
+from flockbrush.engine import parallel
+from flockbrush.engine.parallel import over_rows, set_threads
 set_threads(2)
 parallel.WORTH = 0
 done = np.zeros(9000, int)

@@ -1,13 +1,12 @@
 """Schedules: stages in order, no quarrel inside a stage, honest declarations."""
 
 import pytest
+from flockbrush.components.agent import Position, Velocity
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.columns import Component
+from flockbrush.engine.recording import state_hash
+from flockbrush.engine.schedule import Ambiguity, Schedule, Stage, System
 from small_meadow import Births, Multiply, Obey, Wander, meadow
-
-from components.agent import Position, Velocity
-from engine.clock import Clock
-from engine.columns import Component
-from engine.recording import state_hash
-from engine.schedule import Ambiguity, Schedule, Stage, System
 
 
 class Push(System):

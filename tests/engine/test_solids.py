@@ -2,28 +2,21 @@
 
 import numpy as np
 import pytest
+from flockbrush.engine.solid_queries import ahead_, blocks_, entry_, out_of_, past_, slide_, surface_
+from flockbrush.engine.solids import (
+    convex_parts,
+    cylinder,
+    half_space,
+    no_solids,
+    packed,
+    polyhedron,
+    prism,
+    sphere,
+    with_cylinders,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 from small_herd import gaps_to_solid
-
-from engine.solids import (
-    ahead_,
-    blocks_,
-    convex_parts,
-    cylinder,
-    entry_,
-    half_space,
-    no_solids,
-    out_of_,
-    packed,
-    past_,
-    polyhedron,
-    prism,
-    slide_,
-    sphere,
-    surface_,
-    with_cylinders,
-)
 
 SQUARE = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
 CUBE = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)

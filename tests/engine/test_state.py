@@ -2,17 +2,16 @@
 
 import numpy as np
 import pytest
+from flockbrush.components.agent import Body, Position, Role
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.commands import Commands
+from flockbrush.engine.noise import Noise
+from flockbrush.engine.recording import StateError, restore, snapshot, state_hash
+from flockbrush.engine.state import pieces
+from flockbrush.engine.world import World
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from small_meadow import Births, Whistle, meadow, submit
-
-from components.agent import Body, Position, Role
-from engine.clock import Clock
-from engine.commands import Commands
-from engine.noise import Noise
-from engine.recording import StateError, restore, snapshot, state_hash
-from engine.state import pieces
-from engine.world import World
 
 
 class Well:

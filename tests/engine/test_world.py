@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import esper
 import numpy as np
 import pytest
-
-from components.agent import AGENT, Body, Position, Role, Velocity
-from engine.columns import Component, Field
-from engine.world import World
+from flockbrush.components.agent import AGENT, Body, Position, Role, Velocity
+from flockbrush.engine.columns import Component, Field
+from flockbrush.engine.world import World
 
 
 @dataclass

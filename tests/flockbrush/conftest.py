@@ -10,8 +10,9 @@ from processes import other_process
 @pytest.fixture
 def cli(capfd, monkeypatch):
     """``cli("run", "meadow")`` in this process: code, out and err."""
-    from engine.parallel import set_threads, threads
-    from flockbrush.cli import called
+    from flockbrush.engine.parallel import set_threads, threads
+
+    from flockbrush.cli.main import called
 
     monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "200")

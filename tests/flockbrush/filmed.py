@@ -6,12 +6,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from flockbrush.behaviours.brush import VisionSpec, shipped
 from herd_film import Camera, evidence_of_truth, herd, shoot
 
-from behaviours.brush import VisionSpec, shipped
-from behaviours.learning.learned import Attempt, Learned
-from behaviours.learning.rollout import theta_of
-from behaviours.learning.setting import body_of, speed_of
+from flockbrush.learning.initial_conditions import body_of, speed_of
+from flockbrush.learning.learned_parameters import Attempt, Learned
+from flockbrush.learning.rollout import theta_of
 
 FILMS = {}  # by path
 

@@ -1,15 +1,15 @@
 """Small levels to run: a pen with a few sheep, a stone, a guide and a timed command."""
 
-from behaviours.brush import shipped
-from levels.sketch import Sketch
-from levels.tiled import write_project
+from flockbrush.behaviours.brush import shipped
+from flockbrush.levels.sketch import LevelSketch
+from flockbrush.levels.tiled import write_project
 
 
 def pen(folder, name="pen", sheep=24, seed=3, script=True, boundary="wall", size=(40, 30)):
     """The path of a new level: sheep march east along a guide, past a stone; after a quarter second they swarm."""
     write_project(folder, shipped())
     nx, ny = size
-    sketch = Sketch(nx, ny, 1.0, "tilesets", shipped().names(), boundary, seed)
+    sketch = LevelSketch(nx, ny, 1.0, "tilesets", shipped().names(), boundary, seed)
     sketch.ground("grass")
     sketch.box("Obstacle", 24, 15, 4, 4, "stone")
     sketch.draw("Guide", [(4, 15), (20, 10), (36, 15)], "way", closed=False, radius=4)

@@ -1,11 +1,11 @@
 """A run that cannot go on says why in one line, and never shows a traceback."""
 
 import pytest
+from flockbrush.engine.commands import CommandError
+from flockbrush.systems.commands import SwitchBrush
+from flockbrush.systems.steer import NotFinite
 
-from engine.commands import CommandError
-from flockbrush.terminal import exit_code_of
-from systems.commands import SwitchBrush
-from systems.steer import NotFinite
+from flockbrush.runs.terminal import exit_code_of
 
 
 @pytest.mark.parametrize(

@@ -3,20 +3,20 @@
 import cv2
 import numpy as np
 import pytest
+from flockbrush.behaviours.brush import name_like
+from flockbrush.engine.problems import ProblemsError
 
-from behaviours.brush import name_like
-from behaviours.learning.camera import Camera
-from behaviours.learning.lift import lift
-from behaviours.learning.tracks import read_marks, read_tracks
-from behaviours.problems import ProblemsError
-from flockbrush.clip import layers
-from flockbrush.clip.birds import Birds, Follower
-from flockbrush.clip.bodies import body_mask, colour_at
-from flockbrush.clip.book import Book
-from flockbrush.clip.film import Film, Sky
-from flockbrush.clip.jobs import Job
-from flockbrush.clip.landmarks import Landmark, back, between, followed, motion, moved
-from flockbrush.clip.sketch import Sketch
+from flockbrush.film import clip_layers as layers
+from flockbrush.film.bird_marks import Birds, Follower
+from flockbrush.film.body_marks import body_mask, colour_at
+from flockbrush.film.clip_document import Book
+from flockbrush.film.clip_frames import Film, Sky
+from flockbrush.film.clip_jobs import ClipJob
+from flockbrush.film.flight_sketch import FlightSketch
+from flockbrush.film.landmarks import Landmark, back, between, followed, motion, moved
+from flockbrush.film.tracks import read_marks, read_tracks
+from flockbrush.lifting.lens import Camera
+from flockbrush.lifting.lift_solver import lift
 from tests.clip_film import PLACES, STARTS, STEPS, bird_film, numbered_film
 
 # frames ---------------------------------------------------------------------------------
@@ -37,7 +37,9 @@ def test_frames_are_the_same_whichever_way_they_are_had(tmp_path, ending):
     assert (len(film), film.fps, film.time(30)) == (120, 30, pytest.approx(1.0))
 
 
-@pytest.mark.parametrize(("name", "said"), [("none.mp4", "no such file"), ("", "folder"), ("notes.txt", "no picture")])
+@pytest.mark.parametrize(
+    ("name", "said"), [("none.mp4", "no such file"), ("", "folder"), ("notes.txt", "no film that can be read")]
+)
 def test_what_is_no_film_is_refused_in_plain_words(tmp_path, name, said):
     (tmp_path / "notes.txt").write_text("no film")
     with pytest.raises(ProblemsError, match=said):
@@ -179,10 +181,10 @@ def test_strokes_and_fills_paint_masks_that_files_bring_back(tmp_path):
     assert array[30, 40] == 2 and array[25, 40] == 0 and abs((array[:, 40] > 0).sum() - 6) <= 1
     layers.fill(array, (40, 5), 5)
     assert array[5, 40] == 5 and array[55, 40] == 5  # round the ends of the stroke
-    layer = layers.Layer.of(array)
+    layer = layers.MaskLayer.of(array)
     layers.write_regions(tmp_path / "r.png", layer)
     assert np.array_equal(layers.read_regions(tmp_path / "r.png", (80, 60)).array, array)
-    layers.write_obstacles(tmp_path / "o.png", layers.Layer.of(array == 2))
+    layers.write_obstacles(tmp_path / "o.png", layers.MaskLayer.of(array == 2))
     assert np.array_equal(layers.read_obstacles(tmp_path / "o.png", (80, 60)).array, array == 2)
     with pytest.raises(ProblemsError, match="as large as the film"):
         layers.read_obstacles(tmp_path / "o.png", (81, 60))
@@ -196,10 +198,10 @@ def test_strokes_and_fills_paint_masks_that_files_bring_back(tmp_path):
 
 def test_sketched_paths_become_tracks_over_the_same_frames():
     slow_end = [(10 + 2 * k, 50, 0.01 * k**2) for k in range(60)]
-    sketch = Sketch(frames=40, smooth=0).with_path(slow_end).with_path([(5, 5, 0), (100, 80, 0.2)])
+    sketch = FlightSketch(frames=40, smooth=0).with_path(slow_end).with_path([(5, 5, 0), (100, 80, 0.2)])
     steps = np.hypot(*np.diff(sketch.tracks.px, axis=0).transpose(2, 0, 1))
     assert sketch.tracks.px.shape == (40, 2, 2) and np.ptp(steps, axis=0).max() < 1e-9
-    drawn = Sketch(sketch.paths, 40, even=False, smooth=0).tracks.px
+    drawn = FlightSketch(sketch.paths, 40, even=False, smooth=0).tracks.px
     assert drawn[1, 0, 0] - drawn[0, 0, 0] > 3 * (drawn[-1, 0, 0] - drawn[-2, 0, 0])
     assert np.allclose(drawn[[0, -1], 0], [(10, 50), (128, 50)])
 
@@ -207,17 +209,18 @@ def test_sketched_paths_become_tracks_over_the_same_frames():
 def test_a_shaky_hand_is_smoothed():
     shaky = [(3 * k, 60 + 4 * (k % 2), 0.02 * k) for k in range(80)]
     bent = [
-        np.abs(np.diff(Sketch(frames=100, smooth=s).with_path(shaky).tracks.px[:, 0, 1], 2)).max() for s in (0, 0.6)
+        np.abs(np.diff(FlightSketch(frames=100, smooth=s).with_path(shaky).tracks.px[:, 0, 1], 2)).max()
+        for s in (0, 0.6)
     ]
     assert bent[1] < 0.1 * bent[0]
 
 
 def test_a_click_is_no_path():
-    assert Sketch().with_path([(5, 5, 0), (6, 6, 0.1)]) is None
+    assert FlightSketch().with_path([(5, 5, 0), (6, 6, 0.1)]) is None
 
 
 def test_a_sketch_is_lifted_as_it_is(tmp_path):
-    sketch = Sketch(frames=60)
+    sketch = FlightSketch(frames=60)
     for n in range(4):
         sketch = sketch.with_path([(40 + 8 * k, 100 + 30 * n + 10 * np.sin(k / 5), 0.03 * k) for k in range(30)])
     book = Book(Sky((320, 240), 60), tmp_path)
@@ -241,7 +244,7 @@ def marked(book):
     book.mark("colour", "body", 3, body_colour=(1, 2, 3), body_length=14.25, first=2, last=30)
     array = np.zeros((180, 320), np.uint8)
     array[:20] = 1
-    book.do("wall", "paint", 0, obstacles=layers.Layer.of(array), regions=layers.Layer.of(3 * array))
+    book.do("wall", "paint", 0, obstacles=layers.MaskLayer.of(array), regions=layers.MaskLayer.of(3 * array))
     book.do("paths", "sketch", 0, sketch=book.state.sketch.with_path([(0, 0, 0), (50, 50, 1)]))
 
 
@@ -307,7 +310,7 @@ def test_marks_of_another_film_are_refused(book, sky_film):
     with pytest.raises(ProblemsError, match="speaks of frame 900"):
         book.load()
     book.place("marks.toml").write_text("[[landmark]]\nframe = 'x'\n")
-    with pytest.raises(ProblemsError, match="cannot be taken up again"):
+    with pytest.raises(ProblemsError, match="cannot be loaded"):
         book.load()
 
 
@@ -327,8 +330,8 @@ def waited(job):
 
 def test_work_beside_the_window_hands_on_what_it_found_or_what_went_wrong():
     got = []
-    assert waited(Job("sum", lambda say: say(0.5) or 42, got.append)) and got == [42]
-    job = Job("fail", lambda say: 1 / 0, got.append)
+    assert waited(ClipJob("sum", lambda say: say(0.5) or 42, got.append)) and got == [42]
+    job = ClipJob("fail", lambda say: 1 / 0, got.append)
     with pytest.raises(ZeroDivisionError):
         waited(job)
     assert job.look() and got == [42]
@@ -339,7 +342,7 @@ def test_work_that_nobody_wants_stops():
         while True:
             say(0)
 
-    job = Job("endless", endless, lambda result: pytest.fail("nobody wants it"))
+    job = ClipJob("endless", endless, lambda result: pytest.fail("nobody wants it"))
     job.stop(wait=True)
     assert job.look()
 

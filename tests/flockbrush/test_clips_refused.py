@@ -1,25 +1,14 @@
 """Clips that tell nothing of a herd, through the command line: what was seen, what to try, and a page of it."""
 
-import av
 import cv2
 import numpy as np
 import pytest
-from clip_film import song
+from clip_film import film, song
 from herd_film import STILL, herd, shoot
 
-from flockbrush.fields import _says
+from flockbrush.cli.field_commands import _says
 
 SIZE = (160, 120)
-
-
-def film(path, pictures, fps=10):
-    """Write an mp4."""
-    with av.open(str(path), "w") as out:
-        stream = out.add_stream("libx264", rate=fps, options={"crf": "10", "preset": "ultrafast", "bf": "0"})
-        stream.width, stream.height, stream.pix_fmt = *SIZE, "yuv420p"
-        for picture in pictures:
-            out.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="bgr24")))
-        out.mux(stream.encode(None))
 
 
 def grass(seed=0, tint=(60, 110, 80)):

@@ -15,7 +15,7 @@ HEAVY = ("numba", "numpy", "scipy", "pygame", "cv2", "av", "esper", "pyarrow", "
 def test_help_waits_for_nothing_heavy():
     program = f"""
 import sys
-from flockbrush.cli import called
+from flockbrush.cli.main import called
 codes = [called([*words, "--help"]) for words in ([], ["run"], ["level"], ["brush", "preview"])]
 print([m for m in {HEAVY!r} if m in sys.modules], codes)
 """
@@ -75,7 +75,7 @@ def test_a_wrong_call_is_explained_with_code_2(cli, words):
         (["run", "nowhere.tmj"], "nowhere.tmj: there is no such file"),
         (["run", "."], ".: is a folder, not a file"),
         (["run", "meadow", "--agents", "9999999"], "there can be 1 to 1000000 animals"),
-        (["run", "meadow", "--ticks", "1", "--export", "herd.avi"], "one of .mp4, .png, .csv, .parquet, .usdc"),
+        (["run", "meadow", "--ticks", "1", "--export", "herd.avi"], ".mp4, .nc, .parquet, .png"),
         (["run", "meadow", "--ticks", "1", "--export", "no/such/herd.csv"], "there is no folder 'no/such'"),
         (["run", "meadow", "--ticks", "1", "--record", "no/such/herd"], "there is no folder 'no/such'"),
         (["run", "meadow", "--ticks", "1", "--export", "a.csv", "--export", "a.csv"], "named twice"),
@@ -132,7 +132,7 @@ def test_a_bug_is_said_to_be_one_with_the_way_to_see_more(cli, monkeypatch):
     def broken(*_):
         raise KeyError("weights")
 
-    monkeypatch.setattr("flockbrush.commands.list_levels", broken)
+    monkeypatch.setattr("flockbrush.cli.commands.list_levels", broken)
     done = cli("level", "list")
     assert done.code == 1
     assert "this is a bug in flockbrush, not your mistake: KeyError: 'weights'" in done.err

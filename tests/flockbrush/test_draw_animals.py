@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flockbrush.draw.animals import LARGEST, Stamps, figure
-from flockbrush.draw.camera import Camera
-from flockbrush.draw.herd import Herd
-from flockbrush.draw.painter import Painter
-from flockbrush.draw.style import DARK, LIGHT, palette
-from flockbrush.draw.trails import Trails
+from flockbrush.render.drawn_herd import DrawnHerd
+from flockbrush.render.painter import Painter
+from flockbrush.render.sprites import LARGEST, Stamps, figure
+from flockbrush.render.style import DARK, LIGHT, palette
+from flockbrush.render.trails import Trails
+from flockbrush.render.view_camera import ViewCamera
 
 BLUE, RED = (40, 90, 200), (200, 60, 60)
 
@@ -31,7 +31,7 @@ def herd(*xy, heading=0.0, length=2.0, radius=0.5, colours=(BLUE, RED), **more):
     turn = np.broadcast_to(np.asarray(heading, float), len(xy))
     forward = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     more.setdefault("brush", np.zeros(len(xy), int))
-    return Herd(xy, forward, length, radius, brush_colours=np.array(colours, np.uint8), **more)
+    return DrawnHerd(xy, forward, length, radius, brush_colours=np.array(colours, np.uint8), **more)
 
 
 def changed(frame, ground):
@@ -79,7 +79,7 @@ def test_a_turned_herd_makes_a_turned_picture(length):
     xy = rng.integers(-40, 40, (30, 2)) / 4
     heading = rng.integers(0, 96, 30) * 2 * np.pi / 96
     stamps = Stamps(palette(2), LIGHT)
-    camera = Camera((0.0, 0.0), 8.0, (240, 240), (0, 0, 240, 240))
+    camera = ViewCamera((0.0, 0.0), 8.0, (240, 240), (0, 0, 240, 240))
 
     def drawn(xy, heading):
         frame = np.full((240, 240, 3), 128, np.uint8)
@@ -213,7 +213,7 @@ def test_sizes_nobody_can_have_are_refused(size):
 
 def test_more_sheets_than_there_is_room_for(monkeypatch):
     """Older sheets give way, and the picture is the same."""
-    import flockbrush.draw.animals as module
+    import flockbrush.render.sprites as module
 
     rng = np.random.default_rng(2)
     crowd = herd(*rng.uniform(0, 30, (60, 2)), length=rng.uniform(0.3, 3, 60), radius=rng.uniform(0.1, 0.7, 60))
@@ -309,13 +309,13 @@ def test_drawing_into_a_frame_of_ones_own():
 
 
 def test_the_camera_goes_there_and_back():
-    camera = Camera.fit(40, 30, (320, 240)).zoomed(2.5, about=(100, 50)).moved(7, -3)
+    camera = ViewCamera.fit(40, 30, (320, 240)).zoomed(2.5, about=(100, 50)).moved(7, -3)
     xy = np.random.default_rng(0).uniform(0, 30, (20, 2))
     assert camera.metres(camera.pixels(xy)) == pytest.approx(xy)
     assert camera.pixels((1, 2))[1] < camera.pixels((1, 1))[1]  # north is up
 
 
 def test_zooming_leaves_the_ground_under_the_pointer():
-    camera = Camera.fit(40, 30, (320, 240))
+    camera = ViewCamera.fit(40, 30, (320, 240))
     there = camera.metres((100, 50))
     assert camera.zoomed(3, about=(100, 50)).pixels(there) == pytest.approx((100, 50))

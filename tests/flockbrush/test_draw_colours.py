@@ -5,8 +5,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from flockbrush.draw.forces import REASONS, reason_colour
-from flockbrush.draw.style import PALETTE, THEMES, palette, rgb, scale_colours
+from flockbrush.render.forces import REASONS, reason_colour
+from flockbrush.render.style import PALETTE, THEMES, palette, rgb, scale_colours
 
 # what eyes without one kind of cones see, in linear light: Machado, Oliveira and Fernandes 2009, severity 1
 EYES = {

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from flockbrush.draw.files import Video, write_png
+from flockbrush.render.picture_files import Video, write_png
 
 
 def scene(count=12, size=(96, 64)):
@@ -124,9 +124,9 @@ def test_rates_nobody_can_show_are_refused(tmp_path, fps):
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(FileNotFoundError, match="there is no folder"):
+    with pytest.raises(OSError, match="there is no folder"):
         written(tmp_path / "nowhere" / "herd.mp4", scene())
-    with pytest.raises(FileNotFoundError, match="there is no folder"):
+    with pytest.raises(OSError, match="there is no folder"):
         write_png(tmp_path / "nowhere" / "herd.png", next(scene()))
 
 
@@ -143,7 +143,7 @@ def test_a_picture_comes_back_exactly(tmp_path):
 
 
 def test_importing_the_painter_does_not_load_pygame_or_video():
-    code = "import sys, flockbrush.draw; print([m for m in ('pygame', 'av', 'torch') if m in sys.modules])"
+    code = "import sys, flockbrush.render; print([m for m in ('pygame', 'av', 'torch') if m in sys.modules])"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=_root())
     assert said.stdout.strip() == "[]"
 

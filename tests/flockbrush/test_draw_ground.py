@@ -4,18 +4,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from flockbrush.engine.raster import Raster
 
-from engine.fields import Raster
-from flockbrush.draw.canvas import Canvas, dashes, smooth
-from flockbrush.draw.ground import brush_key, nice
-from flockbrush.draw.herd import Herd
-from flockbrush.draw.hud import GLYPHS, Layout, clock, say, things_of
-from flockbrush.draw.painter import Painter
-from flockbrush.draw.shapes import cover_polygon, cover_segments
-from flockbrush.draw.sheet import contact_sheet, level_sheet, preview
-from flockbrush.draw.style import DARK, LIGHT, PALETTE, rgb, theme_of
-from flockbrush.draw.text import shortened, width_of, words
-from flockbrush.draw.tiles import paint_ground
+from flockbrush.render.canvas import Canvas, dashes, smooth
+from flockbrush.render.drawn_ground import brush_key
+from flockbrush.render.drawn_herd import DrawnHerd
+from flockbrush.render.drawn_terrain import nice
+from flockbrush.render.hud import GLYPHS, Layout, clock, say, things_of
+from flockbrush.render.painter import Painter
+from flockbrush.render.shapes import cover_polygon, cover_segments
+from flockbrush.render.sheet import contact_sheet, level_sheet, preview
+from flockbrush.render.style import DARK, LIGHT, PALETTE, rgb, theme_of
+from flockbrush.render.text import shortened, width_of, words
+from flockbrush.render.tiles import paint_ground
 
 
 def box(left, low, right, high):
@@ -119,7 +120,9 @@ def test_painted_brushes_have_the_colour_they_are_told():
 def test_a_herd_teaches_the_colours_of_its_brushes():
     p = Painter(level(**THINGS["brush"]), (320, 240), brushes={"march": "#ff0000"}, words=False)
     before = p.ground.copy()
-    animals = Herd(np.array([[30.0, 25.0]]), np.array([[1.0, 0.0]]), brush_colours=("#0000ff",), brush_names=("march",))
+    animals = DrawnHerd(
+        np.array([[30.0, 25.0]]), np.array([[1.0, 0.0]]), brush_colours=("#0000ff",), brush_names=("march",)
+    )
     p.frame(animals)
     ground = p.ground
     assert not np.array_equal(ground, before)
@@ -156,7 +159,7 @@ def test_a_level_fits_with_its_proportions():
 
 def test_the_legend_stays_off_the_scale_bar():
     names = tuple(f"a brush with a long name {k}" for k in range(12))
-    many = Herd(
+    many = DrawnHerd(
         np.full((12, 2), 15.0), np.tile([1.0, 0.0], (12, 1)), brush=np.arange(12), brush_names=names,
         brush_colours=tuple(PALETTE[k % 8] for k in range(12)),
     )  # fmt: skip
@@ -280,7 +283,7 @@ def test_a_contact_sheet_shows_every_picture():
 
 
 def test_a_sheet_of_levels_with_and_without_animals():
-    animals = Herd(np.array([[20.0, 15.0]]), np.array([[1.0, 0.0]]))
+    animals = DrawnHerd(np.array([[20.0, 15.0]]), np.array([[1.0, 0.0]]))
     sheet = level_sheet([level(), level(**THINGS["goal"])], [None, animals], thumbnail=(120, 90))
     assert sheet.ndim == 3 and sheet.std() > 3
 
@@ -289,7 +292,9 @@ def test_a_preview_follows_the_herd_and_shows_three_looks():
     rng = np.random.default_rng(0)
     start = rng.uniform(0, 8, (40, 2))
     east = np.tile([1.0, 0.0], (40, 1))
-    herds = [Herd(start + (k * 2.0, 0), east, brush_colours=("#2040ff",), brush=np.zeros(40, int)) for k in range(30)]
+    herds = [
+        DrawnHerd(start + (k * 2.0, 0), east, brush_colours=("#2040ff",), brush=np.zeros(40, int)) for k in range(30)
+    ]
     picture = preview(herds, np.arange(30) / 4, (600, 240), title="march", measures=[{"polarization": 1.0}] * 3)
     assert picture.shape == (240, 600, 3)
     blue = (picture[:, :, 2].astype(int) - picture[:, :, 0] > 60).sum(axis=0)

@@ -2,21 +2,21 @@
 
 import numpy as np
 import pytest
+from flockbrush.components import Body, FormationPlace, Position
+from flockbrush.engine.commands import Commands
+from flockbrush.levels.schema import Guide
+from flockbrush.systems.edits import Paint, PlaceGoal
+from flockbrush.systems.explain import explain
+from flockbrush.systems.senses import Sight
 from small_herd import box, brush, meadow, obstacle, put, spawn
 
-from components import Body, FormationPlace, Position
-from engine.commands import Commands
-from flockbrush.draw import Painter, Scenery
-from flockbrush.draw.forces import arrows_of, place_names
-from flockbrush.draw.overlays import OVERLAYS, Overlays
-from flockbrush.draw.strokes import RAYS, count_in_cells, draw_arrow, draw_lines, how_far, links_of
-from flockbrush.moments import moment_of
-from flockbrush.run import start
-from flockbrush.savings import savings_of
-from levels.schema import Guide
-from systems.edits import Paint, PlaceGoal
-from systems.explain import explain
-from systems.senses import Sight
+from flockbrush.render import Painter, Scenery
+from flockbrush.render.forces import arrows_of, place_names
+from flockbrush.render.overlays import OVERLAYS, Overlays
+from flockbrush.render.strokes import RAYS, count_in_cells, draw_arrow, draw_lines, how_far, links_of
+from flockbrush.runs.power_savings import savings_of
+from flockbrush.runs.run import start
+from flockbrush.runs.snapshots import moment_of
 
 SIZE = (480, 360)
 ALL = set(OVERLAYS)
@@ -288,7 +288,7 @@ def test_a_layer_is_drawn_once_until_something_is_painted():
 
 def test_caps_say_how_fast(look, monkeypatch):
     said = []
-    monkeypatch.setattr("flockbrush.draw.canvas.Canvas.words", lambda self, text, *a, **k: said.append(text) or 0)
+    monkeypatch.setattr("flockbrush.render.canvas.Canvas.words", lambda self, text, *a, **k: said.append(text) or 0)
     other = Look(small_world())
     Paint("cap", 0.5, 10.0, 30.0, 20.0, 32.0, 3.0).apply(other.simulation.world)
     other.frame({"caps"})
@@ -330,3 +330,29 @@ def test_geese_in_a_v_are_told_what_they_save_and_a_herd_is_not(look):
     frame = painter.ground.copy()
     Overlays(scenery, "light").over(frame, painter.camera, {"saved"}, moment, None)
     assert (frame != painter.ground).any(axis=2).sum() > 500
+
+
+def test_an_overlay_of_a_user_is_one_class(look, monkeypatch):
+    from flockbrush.render import overlay_registry
+    from flockbrush.studio.panels.view import overlays
+
+    monkeypatch.setattr(overlay_registry, "OVERLAYS", OVERLAYS)
+    monkeypatch.setitem(OVERLAYS, "halo", OVERLAYS["links"])  # restored, and so forgotten, afterwards
+    del OVERLAYS["halo"]
+
+    @overlay_registry.overlay
+    class Halo:
+        name, title, tip = "halo", "Halo", "A ring around every animal"
+        in_space = True
+
+        def draw(self, view):
+            for x, y in view.camera.pixels(view.moment.xyz):
+                view.canvas.ring((x, y), 12, 2, (255, 0, 0))
+
+    drawn = look.changed({"halo"})
+    columns, rows = look.of(look.moment.xyz[:, :2]).T
+    ring = drawn[np.clip(rows - 12, 0, SIZE[1] - 1), np.clip(columns, 0, SIZE[0] - 1)]
+    assert ring.mean() > 0.9 and not look.changed(set()).any()
+    assert overlays()["Herd"]["halo"] == ("Halo", "A ring around every animal")
+    with pytest.raises(ValueError, match="'links' is registered already"):
+        overlay_registry.overlay(type("Links", (), {"name": "links", "title": "", "tip": "", "draw": None}))

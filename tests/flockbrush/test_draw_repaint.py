@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.brush import shipped
+from flockbrush.levels.build import build
+from flockbrush.levels.reader import read_level
+from flockbrush.systems.commands import AddObstacle, PaintBrush, PaintCap
+from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit
 
-from behaviours.brush import shipped
-from flockbrush.draw import Painter, Scenery
-from flockbrush.draw.camera import Camera
-from flockbrush.run import open_level
-from levels.build import build
-from levels.reader import read_level
-from systems.commands import AddObstacle, PaintBrush, PaintCap
-from systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit
+from flockbrush.render import Painter, Scenery
+from flockbrush.render.view_camera import ViewCamera
+from flockbrush.runs.run import open_level
 from tests.flockbrush.pens import pen
 
 SIZE = (480, 360)
@@ -172,7 +172,7 @@ def test_a_scenery_tells_what_has_changed(world):
 
 def test_a_camera_far_away_shows_paper(world):
     p = painter(world, live=True)
-    p.look(Camera((1e5, -1e5), 3.0, SIZE, (0, 0, *SIZE)))
+    p.look(ViewCamera((1e5, -1e5), 3.0, SIZE, (0, 0, *SIZE)))
     assert p.refine(1.0) and (p.ground == p.theme.paper).all()
     p.repaint((0, 0, 40, 30))
     assert (p.ground == p.theme.paper).all()
@@ -181,8 +181,8 @@ def test_a_camera_far_away_shows_paper(world):
 def test_a_video_shows_what_the_script_paints(tmp_path):
     import cv2
 
-    from flockbrush.export import Exports
-    from flockbrush.run import start
+    from flockbrush.output.export import Exports
+    from flockbrush.runs.run import start
 
     simulation = start(pen(tmp_path, sheep=2, script=False))
     simulation.submit(PaintBrush("march", 30.0, 8.0, 5.0), 4)

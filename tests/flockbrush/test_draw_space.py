@@ -7,18 +7,18 @@ import cv2
 import numpy as np
 import pytest
 
-from flockbrush.draw import Herd, Painter, Scenery
-from flockbrush.draw.bodies import attitude_of, standing
-from flockbrush.draw.orbit import OrbitCamera
-from flockbrush.draw.solids import block, hull, stood_up
-from flockbrush.draw.space import SpacePainter, sky_of
-from flockbrush.draw.ways import Ways
-from flockbrush.export import herd_of
-from flockbrush.moments import moment_of
-from flockbrush.run import start
+from flockbrush.output.pictures import herd_of
+from flockbrush.render import DrawnHerd, Painter, Scenery
+from flockbrush.render.body_meshes import attitude_of, standing
+from flockbrush.render.orbit import OrbitCamera
+from flockbrush.render.solid_meshes import block, hull, stood_up
+from flockbrush.render.space_view import SpacePainter, sky_of
+from flockbrush.render.ways import Ways
+from flockbrush.runs.run import start
+from flockbrush.runs.snapshots import moment_of
 
 SIZE = (320, 240)
-NOBODY = Herd(np.zeros((0, 3)), np.zeros((0, 3)))
+NOBODY = DrawnHerd(np.zeros((0, 3)), np.zeros((0, 3)))
 
 
 def camera(azimuth=90.0, elevation=30.0, distance=20.0, target=(0, 0, 0), size=SIZE, **more):
@@ -38,7 +38,7 @@ def birds(xyz, heading=90.0, pitch=0.0, bank=0.0, **more):
     forward, up = attitude_of(*angles)
     told = {"wings": np.zeros(len(xyz)), "brush": np.arange(len(xyz)), "ids": 10 + np.arange(len(xyz))}
     told["brush_colours"] = ("#c02020", "#2040d0", "#208030", "#905010")[: len(xyz)]
-    return Herd(xyz, forward, up=up, **told | more)
+    return DrawnHerd(xyz, forward, up=up, **told | more)
 
 
 def inked(frame, empty):
@@ -358,7 +358,9 @@ def test_the_bird_under_the_mouse_is_picked_the_nearer_one_first():
 
 def test_beasts_on_the_ground_stand_on_it_with_legs():
     look = camera(elevation=2.0, distance=6.0, target=(0, 0, 0.5))
-    herd = Herd(np.array([[0.0, 0, 0]]), np.array([[1.0, 0, 0]]), brush=np.zeros(1, int), brush_colours=("#c02020",))
+    herd = DrawnHerd(
+        np.array([[0.0, 0, 0]]), np.array([[1.0, 0, 0]]), brush=np.zeros(1, int), brush_colours=("#c02020",)
+    )
     _, ink = drawn(look, herd)
     rows = np.nonzero(ink.any(axis=1))[0]
     assert abs(rows.max() - look.pixels((0.0, 0.0, 0.0))[1]) < 4
@@ -409,7 +411,7 @@ def test_an_animal_that_is_nowhere_is_named():
 
 
 def test_herds_of_the_plan_are_drawn_too_and_nobody_at_all():
-    flat = Herd(np.array([[3.0, 4]]), np.array([[0.0, 1]]))
+    flat = DrawnHerd(np.array([[3.0, 4]]), np.array([[0.0, 1]]))
     assert painter(field()).frame(flat).shape == (240, 320, 3)
     assert painter(field()).frame().shape == (240, 320, 3)
 

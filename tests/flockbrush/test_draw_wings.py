@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flockbrush.draw.animals import NO_WINGS, Stamps, figure
-from flockbrush.draw.style import DARK, palette
-from flockbrush.export import herd_of
-from flockbrush.moments import moment_of
-from flockbrush.run import start
+from flockbrush.output.pictures import herd_of
+from flockbrush.render.sprites import NO_WINGS, Stamps, figure
+from flockbrush.render.style import DARK, palette
+from flockbrush.runs.run import start
+from flockbrush.runs.snapshots import moment_of
 from tests.flockbrush.test_draw_animals import changed, herd, painter
 
 

@@ -8,14 +8,18 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from flockbrush.components import BrushBinding, Heading, Position, Role, Velocity
+from flockbrush.engine.recording import open_recording, resume
+from flockbrush.systems.groups import groups_of
 from pens import pen
 from processes import other_process
 
-from components import BrushBinding, Heading, Position, Role, Velocity
-from engine.recording import open_recording, resume
-from flockbrush.export import COLUMNS, Exporter, Exports, picture_size
-from flockbrush.moments import Moment, Sampler, between
-from flockbrush.run import rebuild, start
+from flockbrush.output.export import Exports
+from flockbrush.output.exporter import Exporter, exporters
+from flockbrush.output.pictures import picture_size
+from flockbrush.output.trajectory_table import COLUMNS
+from flockbrush.runs.run import rebuild, start
+from flockbrush.runs.snapshots import Moment, Sampler, between
 
 
 def rows_of(path):
@@ -44,12 +48,75 @@ def lived(recording):
     return simulation
 
 
+# all kinds -----------------------------------------------------------------------------
+
+
+def test_the_help_says_who_opens_every_kind_of_file(cli):
+    from flockbrush.output.exporter import exporters
+
+    done = cli("export", "--help")
+    assert done.code == 0
+    for ending, kind in exporters().items():
+        assert kind.contents and kind.opens_in
+        assert ending in done.out
+        assert kind.opens_in.split(",")[0] in done.out
+
+
+def test_a_new_exporter_brings_its_options_and_its_line_in_the_help(cli, level, tmp_path, monkeypatch):
+    from flockbrush.cli import main
+    from flockbrush.output import exporter as room
+
+    class Counted(Exporter):
+        endings, contents, opens_in = (".count",), "how many animals there are", "eyes"
+        choices = (room.Option("shout", False, "In capitals."), room.Option("times", 1, "Over again.", low=1, high=3))
+
+        def take(self, moment):
+            word = f"{len(moment)} sheep " * self.options["times"]
+            self.temporary.write_text(word.upper() if self.options["shout"] else word)
+
+    monkeypatch.setitem(exporters(), ".count", Counted)
+    for command in main.app.registered_commands:
+        monkeypatch.delattr(command.cls, "export_parameters", raising=False)
+    assert "how many animals" in cli("export", "--help").out
+    out = tmp_path / "a.count"
+    assert cli("run", level, "--ticks", 1, "--export", out, "--shout", "--times", 2).code == 0
+    assert out.read_text() == "24 SHEEP 24 SHEEP "
+    done = cli("run", level, "--ticks", 1, "--export", out, "--times", 4)
+    assert done.code == 2
+    assert "--times" in done.err
+
+
+def test_an_option_for_a_file_that_is_not_written_is_refused(cli, level, tmp_path):
+    done = cli("run", level, "--ticks", 1, "--export", tmp_path / "a.csv", "--usd-mode", "xforms")
+    assert done.code == 2
+    assert "--usd-mode" in done.err and ".usda, .usdc" in done.err
+    assert list(tmp_path.glob("a.*")) == []
+
+
+def test_tables_carry_the_labels_that_a_world_has(level, tmp_path, monkeypatch):
+    from flockbrush.runs import snapshots
+
+    codes = snapshots.Label(lambda simulation: ["calm", "alert, up"], lambda simulation: simulation.agents.ids % 2)
+    monkeypatch.setitem(snapshots.LABELS, "state", codes)
+    paths = [tmp_path / "a.csv", tmp_path / "a.parquet"]
+    with Exports(paths, start(level)) as exports:
+        exports.take()
+    rows = rows_of(paths[0])
+    assert [row["state"] for row in rows] == [("calm", "alert, up")[int(row["id"]) % 2] for row in rows]
+    pq = pytest.importorskip("pyarrow.parquet")
+    assert pq.read_table(paths[1])["state"].to_pylist() == [row["state"] for row in rows]
+
+
 # tables ------------------------------------------------------------------------------
 
 
 def test_a_csv_has_the_columns_that_were_promised(exported):
     head = (exported / "pen.csv").read_text().splitlines()[0]
-    assert head == "frame,time,id,x,y,z,vx,vy,vz,heading,speed,species,brush,role,reference" == ",".join(COLUMNS)
+    assert (
+        head
+        == "frame,time,id,x,y,z,vx,vy,vz,heading,speed,species,brush,role,reference,group"
+        == ",".join([*COLUMNS, "group"])
+    )
 
 
 def test_a_csv_tells_where_everybody_was(exported, lived):
@@ -86,13 +153,14 @@ def test_the_metadata_of_a_csv_lie_beside_it(exported, level):
 def test_parquet_says_the_same_as_csv_but_exactly(exported, lived):
     pq = pytest.importorskip("pyarrow.parquet")
     table = pq.read_table(exported / "pen.parquet")
-    assert table.column_names == list(COLUMNS)
+    assert table.column_names == [*COLUMNS, "group"]
     assert str(table.schema.field("frame").type) == "int32"
     rows = rows_of(exported / "pen.csv")
-    for name in ("species", "brush", "role"):
+    for name in ("species", "brush", "role", "group"):
         assert table[name].to_pylist() == [row[name] for row in rows]
     assert np.allclose(table["x"].to_numpy(), [float(row["x"]) for row in rows], atol=1e-6)
     last = table.slice(20 * 24)
+    assert last["group"].to_pylist() == [str(number) for number in groups_of(lived.world)]
     assert np.array_equal(np.column_stack([last[n].to_numpy() for n in "xyz"]), lived.agents[Position.xyz])
     about = {key.decode(): value.decode() for key, value in table.schema.metadata.items()}
     assert (about["schema"], about["unit"], about["seed"]) == ("flockbrush.trajectory/1", "m", "3")
@@ -175,136 +243,6 @@ def test_pictures_have_even_sides_and_are_never_huge(size):
     assert 200 <= height <= 1080
 
 
-# USD -------------------------------------------------------------------------------------
-
-
-def herd_at(stage, frame):
-    from pxr import UsdGeom
-
-    herd = UsdGeom.PointInstancer(stage.GetPrimAtPath("/World/Herd"))
-    primvars = UsdGeom.PrimvarsAPI(herd)
-    got = {name: np.array(getattr(herd, f"Get{name}Attr")().Get(frame)) for name in ("Ids", "Positions", "Velocities")}
-    got["ProtoIndices"] = np.array(herd.GetProtoIndicesAttr().Get(frame))
-    got["Orientations"] = herd.GetOrientationsAttr().Get(frame)
-    return got | {name: np.array(primvars.GetPrimvar(name).Get(frame)) for name in ("speed", "phase", "brush")}
-
-
-def complaints(path):
-    from pxr import Usd, UsdValidation
-
-    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
-    return UsdValidation.ValidationContext(validators).Validate(Usd.Stage.Open(str(path)))
-
-
-def test_a_usd_scene_has_everybody_where_they_were_with_y_up(exported, lived):
-    Usd = pytest.importorskip("pxr.Usd")
-    from pxr import UsdGeom
-
-    stage = Usd.Stage.Open(str(exported / "pen.usdc"))
-    assert UsdGeom.GetStageUpAxis(stage) == "Y"
-    assert UsdGeom.GetStageMetersPerUnit(stage) == 1.0
-    assert (stage.GetTimeCodesPerSecond(), stage.GetEndTimeCode()) == (16, 20)
-    got, agents = herd_at(stage, 20), lived.agents
-    x, y, z = agents[Position.xyz].T
-    assert np.allclose(got["Positions"], np.column_stack([x, z, -y]), atol=1e-4)
-    assert got["Ids"].tolist() == agents.ids.tolist()
-    assert {len(values) for values in got.values()} == {24}
-    assert set(got["ProtoIndices"].tolist()) == {0}
-    assert np.allclose(got["speed"], np.linalg.norm(got["Velocities"], axis=1), atol=1e-4)
-    assert ((got["phase"] >= 0) & (got["phase"] <= 1)).all()
-
-
-def test_an_animal_in_usd_faces_the_way_it_did(exported, lived):
-    Usd = pytest.importorskip("pxr.Usd")
-    from pxr import Gf
-
-    got = herd_at(Usd.Stage.Open(str(exported / "pen.usdc")), 20)
-    faces = np.array([Gf.Quatd(q).GetNormalized().Transform(Gf.Vec3d(1, 0, 0)) for q in got["Orientations"]])
-    x, y, z = lived.agents[Heading.forward].T
-    assert np.allclose(faces, np.column_stack([x, z, -y]), atol=3e-3)  # half floats
-
-
-def test_quaternions_turn_x_to_any_direction_and_keep_the_feet_below():
-    pytest.importorskip("pxr")
-    from pxr import Gf
-
-    from flockbrush.export_usd import orientations, y_up
-
-    forward = np.random.default_rng(1).normal(size=(50, 3))
-    forward /= np.linalg.norm(forward, axis=1, keepdims=True)
-    for quaternion, wanted in zip(orientations(forward), y_up(forward), strict=True):
-        turn = Gf.Rotation(Gf.Quatd(*quaternion))
-        assert np.allclose(turn.TransformDir(Gf.Vec3d(1, 0, 0)), wanted, atol=1e-9)
-        assert abs(turn.TransformDir(Gf.Vec3d(0, 0, 1))[1]) < 1e-9  # no bank
-
-
-def test_usd_validators_are_silent(exported, cli, recording, tmp_path):
-    pytest.importorskip("pxr")
-    cli("export", recording, "--to", tmp_path / "a.usda", "--usd-mode", "xforms", "--fps", 4)
-    assert complaints(exported / "pen.usdc") == []
-    assert complaints(tmp_path / "a.usda") == []
-
-
-def turning(n=3, frames=40):
-    """Moments of animals that turn round and round; one more is born half-way, the first dies at three quarters."""
-    moments = []
-    for k in range(frames):
-        ids = np.arange(1 + (k >= 30), n + 1 + (k >= 20))
-        a = ids + 0.5 * k
-        forward = np.column_stack([np.cos(a), np.sin(a), 0 * a])
-        one = np.ones(len(ids))
-        moments.append(
-            Moment(
-                k / 24, ids, forward * 3, forward * 1.5, forward, one, 0.2 * one,
-                *(np.zeros(len(ids), kind) for kind in (np.int32, np.int32, bool, np.int64)),
-            )
-        )  # fmt: skip
-    return moments
-
-
-def written(tmp_path, simulation, name, **options):
-    from flockbrush.export_usd import UsdScene
-
-    scene = UsdScene(tmp_path / name, simulation, 24, **options)
-    scene.open()
-    for moment in turning():
-        scene.take(moment)
-    scene.close()
-    from pxr import Usd
-
-    return Usd.Stage.Open(str(tmp_path / name))
-
-
-def test_quaternions_keep_their_hemisphere_and_the_gait_goes_on_through_births_and_deaths(tmp_path, lived):
-    pytest.importorskip("pxr")
-    stage = written(tmp_path, lived, "turning.usdc")
-    before, phases = {}, {}
-    for frame in range(40):
-        got = herd_at(stage, frame)
-        assert {len(values) for values in got.values()} == {len(turning()[frame])}
-        for animal, q, phase in zip(got["Ids"].tolist(), got["Orientations"], got["phase"].tolist(), strict=True):
-            now = np.array([q.GetReal(), *q.GetImaginary()])
-            if animal in before:
-                assert now @ before[animal] > 0
-                assert (phase - phases[animal]) % 1 == pytest.approx(1.5 / 24, abs=1e-3)
-            before[animal], phases[animal] = now, phase
-    assert sorted(before) == [1, 2, 3, 4]
-
-
-def test_xforms_hide_who_is_not_born_yet_and_who_is_dead(tmp_path, lived):
-    pytest.importorskip("pxr")
-    from pxr import UsdGeom
-
-    stage = written(tmp_path, lived, "turning.usda", usd_mode="xforms")
-
-    def seen(animal, frame):
-        prim = UsdGeom.Imageable(stage.GetPrimAtPath(f"/World/Herd/animal_{animal}"))
-        return prim.ComputeVisibility(frame) != "invisible"
-
-    assert [seen(1, frame) for frame in (0, 29, 30, 39)] == [True, True, False, False]
-    assert [seen(4, frame) for frame in (0, 19, 20, 39)] == [False, False, True, True]
-
-
 # moments between ticks -----------------------------------------------------------------------
 
 
@@ -365,7 +303,7 @@ def test_moments_that_fall_on_ticks_are_the_very_states(level):
 
 @pytest.mark.parametrize("name", ["a.csv", "a.parquet"])
 def test_a_long_export_takes_no_more_memory_than_a_short_one(level, tmp_path, monkeypatch, name):
-    monkeypatch.setattr("flockbrush.export.Parquet._ROWS", 1 << 12)
+    monkeypatch.setattr("flockbrush.output.formats.parquet_table.Parquet._ROWS", 1 << 12)
     simulation = start(level, agents=60)
 
     def peak(ticks):
@@ -387,7 +325,7 @@ def test_exports_that_cannot_all_be_opened_leave_nothing(level, tmp_path, monkey
         def open(self):
             raise OSError(13, "Permission denied", str(self.path))
 
-    monkeypatch.setitem(Exports.__init__.__globals__["EXPORTERS"], ".parquet", Broken)
+    monkeypatch.setitem(exporters(), ".parquet", Broken)
     with pytest.raises(OSError, match="Permission denied"):
         Exports([tmp_path / "a.csv", tmp_path / "a.parquet"], start(level))
     assert list(tmp_path.iterdir()) == []

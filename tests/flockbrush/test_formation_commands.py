@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import pytest
 from example_formations import places
+from flockbrush.behaviours.brush import load_brush
 
-from behaviours.brush import load_brush
-from flockbrush.cli import called
-from flockbrush.savings import savings
+from flockbrush.cli.main import called
+from flockbrush.runs.power_savings import savings
 
 
 @pytest.fixture
@@ -85,8 +85,8 @@ def test_a_film_of_geese(tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["extract", "nothing.csv"], "No such file"),
-        (["fly", "nothing.json"], "No such file"),
+        (["extract", "nothing.csv"], "no such file"),
+        (["fly", "nothing.json"], "no such file"),
         (["film", "geese", "-o", "geese.gif"], "ends in .mp4"),
         (["detect", "nothing.png", "-o", "marks.csv"], "no such file"),
     ],

@@ -12,9 +12,9 @@ import filmed
 import numpy as np
 import pytest
 from filmed import film_of
+from flockbrush.behaviours.brush import load_brush
 
-from behaviours.brush import load_brush
-from behaviours.learning.evidence import CannotObserve
+from flockbrush.film.observations import CannotObserve
 
 
 @pytest.fixture(scope="module")
@@ -29,13 +29,17 @@ def films(tmp_path_factory):
 @pytest.fixture
 def quick(monkeypatch):
     """A perfect observer and a learner who knows: the rest is as it is."""
-    import flockbrush.learn.clips
-    import flockbrush.learn.learn
+    import flockbrush.film.open_clip
+    import flockbrush.learning.learn
+    import flockbrush.learning.verdict
 
-    monkeypatch.setattr(flockbrush.learn.clips, "observe", filmed.observe)
-    monkeypatch.setattr(flockbrush.learn.learn, "learn", filmed.learn)
-    monkeypatch.setattr(flockbrush.learn.learn, "with_other_numbers", lambda *_: [])
-    monkeypatch.setattr(flockbrush.learn.learn, "shipped", _Few)
+    monkeypatch.setattr(flockbrush.film.open_clip, "observe", filmed.observe)
+    monkeypatch.setattr(flockbrush.learning.learn, "learn", filmed.learn)
+    monkeypatch.setattr(flockbrush.learning.learn, "with_other_numbers", lambda *_: [])
+    monkeypatch.setattr(flockbrush.learning.learn, "shipped", _Few)
+    monkeypatch.setattr(flockbrush.learning.learn, "JUDGED_RUNS", 2)
+    for name, value in {"LONG_RUNS": 1, "RIVAL_RUNS": 1, "ALONE": 4.0, "MEASURED": 2.0}.items():
+        monkeypatch.setattr(flockbrush.learning.verdict, name, value)
 
 
 class _Few:
@@ -45,7 +49,7 @@ class _Few:
         return ["graze"]
 
     def get(self, name):
-        from behaviours.brush import shipped
+        from flockbrush.behaviours.brush import shipped
 
         return shipped().get(name)
 
@@ -63,10 +67,11 @@ def test_a_clip_becomes_a_brush_with_figures_of_what_was_held_out(cli, films, qu
     assert "frames held out" in done.out and "wrote" in done.err
     brush = load_brush(tmp_path / "lambs.brush.toml")
     told = brush.provenance
-    assert (told.kind, told.seed, told.frames, told.licence) == ("learned", 3, (0, 9), "mine")
+    assert (told.kind, told.seed, told.frames, told.licence) == ("learned", 3, (0, 19), "mine")
     assert told.report["held-out polarization, simulated"] > 0.9
+    assert "parts of the clip, held out in turn" in told.notes and "moves like the film" in done.err
     assert cli("brush", "check", tmp_path / "lambs.brush.toml").code == 0
-    assert not (tmp_path / "lambs.learning").exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["lambs.brush.toml"]
 
 
 def test_the_report_tells_how_to_do_it_again(cli, films, quick, tmp_path):
@@ -75,7 +80,8 @@ def test_the_report_tells_how_to_do_it_again(cli, films, quick, tmp_path):
     assert done.code == 0, done.err
     told = json.loads(done.out)["brushes"][0]
     assert [row["method"] for row in told["ablations"]] == ["all of it", "without occlusion", "without density"]
-    assert {row["name"] for row in told["rivals"]} == {"lambs", "graze", "random numbers"}
+    names = {row["name"] for row in told["judgement"]["rivals"]}
+    assert names == {"graze", "random numbers", "nobody moves", "all animals keep their velocity"}
     assert told["command"].startswith("flockbrush learn") and "--seed 0" in told["command"]
     assert told["file"] == str(out)
     assert {"report.html", "moment-1.png", "order.png", "parameters.png"} <= {p.name for p in report.iterdir()}
@@ -104,7 +110,7 @@ def test_a_mask_with_two_colours_makes_two_brushes(cli, films, quick, tmp_path):
 
 
 def test_ctrl_c_keeps_the_best_so_far_and_how_to_go_on(cli, films, quick, tmp_path, monkeypatch):
-    import flockbrush.learn.learn as learning
+    import flockbrush.learning.learn as learning
 
     def stopped(clips, *, stop, **rest):
         os.kill(os.getpid(), 2)
@@ -128,18 +134,41 @@ def test_what_an_interrupted_learning_left_is_not_lost_without_a_word(cli, films
     out, kept = tmp_path / "x.brush.toml", tmp_path / "x.learning"
     kept.write_text("what was done")
     done = cli("learn", films / "one.mp4", "--out", out)
-    assert done.code == 0 and f"begun anew: what was kept of an interrupted learning in {kept} is given up" in done.err
+    assert done.code == 0 and f"started again: the state of an interrupted learning in {kept} is given up" in done.err
     again = cli("learn", films / "one.mp4", "--out", out)  # takes the place of the brush, as a run's recording does
-    assert again.code == 0 and "begun anew" not in again.err
+    assert again.code == 0 and "started again" not in again.err
+
+
+def test_a_brush_that_another_program_is_learning_is_left_to_it(cli, films, quick, tmp_path, monkeypatch):
+    from flockbrush.engine.files import held, holder
+
+    import flockbrush.learning.learn as learning
+
+    out, report = tmp_path / "lambs.brush.toml", tmp_path / "report"
+    meanwhile = []
+
+    def watched(clips, **rest):
+        meanwhile.append((holder(out), holder(report)))
+        return filmed.learn(clips, **rest)
+
+    monkeypatch.setattr(learning, "learn", watched)
+    for path in (out, report):
+        with held(path):
+            done = cli("learn", films / "one.mp4", "--out", out, "--report", report)
+        assert done.code == 1 and f"{path}: this program is writing it already" in done.err
+        assert nothing_in(tmp_path) and not meanwhile
+    assert cli("learn", films / "one.mp4", "--out", out, "--report", report).code == 0
+    assert meanwhile == [("this program is writing it already",) * 2] * 3  # each half, and all frames
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["lambs.brush.toml", "report"]
 
 
 def test_what_is_said_of_the_clip_and_what_is_left_out_is_told(cli, films, quick, tmp_path, monkeypatch):
-    import flockbrush.learn.clips
+    import flockbrush.film.open_clip
 
     def noted(path, **looking):
         return replace(filmed.observe(path, **looking), notes=["the herd jumps between frames 3 and 4"])
 
-    monkeypatch.setattr(flockbrush.learn.clips, "observe", noted)
+    monkeypatch.setattr(flockbrush.film.open_clip, "observe", noted)
     clip = films / "one.mp4"
     done = cli("learn", clip, "--out", tmp_path / "x.brush.toml", "--speed", "2")
     assert f"{clip}: the herd jumps between frames 3 and 4" in done.err
@@ -161,6 +190,7 @@ def test_what_is_said_of_the_clip_and_what_is_left_out_is_told(cli, films, quick
         (("--body-colour", "1,2,300"), "255"),
         (("--ablate", "oclusion"), "did you mean"),
         (("--beta", "2"), "--beta"),
+        (("--device", "gpu"), "cuda:0"),
         (("--colour", "1"), "--colour"),
     ],
 )
@@ -173,7 +203,11 @@ def test_a_wrong_option_is_told_before_anything_is_done(cli, films, tmp_path, ar
 
 def test_places_where_nothing_can_be_written_are_told_before_anything_is_done(cli, films, quick, tmp_path):
     clip = films / "one.mp4"
-    for out, words in (("x.toml", ".brush.toml"), ("none/x.brush.toml", "no folder"), ("a ü.brush.toml", "no name")):
+    for out, words in (
+        ("x.toml", ".brush.toml"),
+        ("none/x.brush.toml", "no folder"),
+        ("a ü.brush.toml", "invalid brush name"),
+    ):
         done = cli("learn", clip, "--out", tmp_path / out)
         assert done.code == 1 and words in done.err, done.err
     assert "try a-u.brush.toml" in done.err
@@ -186,23 +220,32 @@ def test_places_where_nothing_can_be_written_are_told_before_anything_is_done(cl
     assert not (tmp_path / "x.brush.toml").exists()
 
 
-def test_without_torch_the_extra_is_named(cli, films, tmp_path, monkeypatch):
+def test_torch_is_needed_only_where_animals_cannot_be_told_apart(cli, films, quick, tmp_path, monkeypatch):
+    import flockbrush.film.open_clip
+
     found = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: None if name == "torch" else found(name, *a))
-    done = cli("learn", films / "one.mp4", "--out", tmp_path / "x.brush.toml")
-    assert done.code == 1
+    assert cli("learn", films / "one.mp4", "--out", tmp_path / "x.brush.toml", "--quick").code == 0
+    monkeypatch.setattr(
+        flockbrush.film.open_clip, "observe", lambda path, **how: replace(filmed.observe(path, **how), sightings=None)
+    )
+    done = cli("learn", films / "one.mp4", "--out", tmp_path / "y.brush.toml")
+    assert done.code == 1 and not (tmp_path / "y.brush.toml").exists()
     assert 'pip install "flockbrush[learn]"' in done.err
+    monkeypatch.setattr(importlib.util, "find_spec", found)
+    done = cli("learn", films / "one.mp4", "--out", tmp_path / "y.brush.toml", "--device", "cuda:7")
+    assert done.code == 1 and "use --device auto or cpu" in done.err
 
 
 def test_a_clip_that_tells_nothing_leaves_a_page_of_what_was_seen(cli, films, quick, tmp_path, monkeypatch):
-    import flockbrush.learn.clips
+    import flockbrush.film.open_clip
 
     def nobody(path, **looking):
         error = CannotObserve(path, "no animals are to be seen; give their colour with --body-colour")
         error.seen = {"first frame": 0, "pictures": {"first frame": np.zeros((20, 30, 3), np.uint8)}}
         raise error
 
-    monkeypatch.setattr(flockbrush.learn.clips, "observe", nobody)
+    monkeypatch.setattr(flockbrush.film.open_clip, "observe", nobody)
     done = cli("learn", films / "one.mp4", "--out", tmp_path / "x.brush.toml", "--report", tmp_path / "r")
     assert done.code == 1
     assert "no animals are to be seen" in done.err and "report.html" in done.err
@@ -211,12 +254,12 @@ def test_a_clip_that_tells_nothing_leaves_a_page_of_what_was_seen(cli, films, qu
 
 
 def test_a_full_disk_is_told_and_what_was_learned_can_be_taken_up(cli, films, quick, tmp_path, monkeypatch):
-    import flockbrush.learn.learn
+    import flockbrush.learning.learn
 
     def full(path, text):
         raise OSError(errno.ENOSPC, "No space left on device", str(path))
 
-    monkeypatch.setattr(flockbrush.learn.learn, "write_text", full)
+    monkeypatch.setattr(flockbrush.learning.learn, "write_text", full)
     done = cli("learn", films / "one.mp4", "--out", tmp_path / "x.brush.toml")
     assert done.code == 1
     assert "No space left on device" in done.err
@@ -264,10 +307,10 @@ def test_a_brush_of_birds_cannot_do_a_clip_again(cli, films, quick):
 
 @pytest.mark.slow
 def test_a_small_film_is_looked_at_learned_and_done_again(cli, films, tmp_path, monkeypatch):
-    import flockbrush.learn.learn
+    import flockbrush.learning.learn
 
-    monkeypatch.setattr(flockbrush.learn.learn, "QUICK_BUDGET", 1.0)
-    monkeypatch.setattr(flockbrush.learn.learn, "with_other_numbers", lambda *_: [])
+    monkeypatch.setattr(flockbrush.learning.learn, "QUICK_BUDGET", 1.0)
+    monkeypatch.setattr(flockbrush.learning.learn, "with_other_numbers", lambda *_: [])
     out = tmp_path / "lambs.brush.toml"
     done = cli("learn", films / "one.mp4", "--out", out, "--quick", "--jobs", 1, "--json")
     assert done.code == 0, done.err

@@ -9,28 +9,29 @@ import cv2
 import numpy as np
 import pytest
 from filmed import film_of, learn, observe
+from flockbrush.behaviours.brush import load_brush, shipped
+from flockbrush.behaviours.brush_writer import brush_to_toml
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.systems.measures import compute_nnd
 from herd_film import Camera, evidence_of_truth, herd
 
-from behaviours.brush import load_brush, shipped
-from behaviours.brush_writer import brush_to_toml
-from behaviours.learning.lying import RANDOM, variance_told
-from behaviours.learning.rollout import NAMES, Start
-from behaviours.learning.setting import resized
-from behaviours.problems import ProblemsError
-from flockbrush.cli_learning import command_line
-from flockbrush.learn.brush import brush_of, name_of, order_of
-from flockbrush.learn.charts import panels_of
-from flockbrush.learn.comparison import compared
-from flockbrush.learn.counts import with_other_numbers
-from flockbrush.learn.findings import Findings
-from flockbrush.learn.page import Page
-from flockbrush.learn.panels import SCALE, Chart, Line, Row, Rows, sheet
-from flockbrush.learn.photo import angular_variance, standing
-from flockbrush.learn.regions import regions_of, within
-from flockbrush.learn.report import as_json, page_of, write_partial, write_report
-from flockbrush.learn.simulate import simulated
-from flockbrush.learn.stage import Stage
-from systems.measures import compute_nnd
+from flockbrush.cli.learning_commands import command_line
+from flockbrush.learning.axis_variance import RANDOM, variance_told
+from flockbrush.learning.comparison import compared
+from flockbrush.learning.group_size_test import with_other_numbers
+from flockbrush.learning.initial_conditions import resized
+from flockbrush.learning.learned_brush import brush_of, name_of, order_of
+from flockbrush.learning.learning_charts import panels_of
+from flockbrush.learning.page import ReportPage
+from flockbrush.learning.panels import SCALE, ChartLine, CurveChart, ParamRow, Rows, sheet
+from flockbrush.learning.photo import angular_variance, standing
+from flockbrush.learning.regions import regions_of, within
+from flockbrush.learning.report import as_json, page_of, write_partial, write_report
+from flockbrush.learning.result import Findings
+from flockbrush.learning.rollout import NAMES, HerdStart
+from flockbrush.learning.side_by_side import ComparisonGround
+from flockbrush.learning.simulate import simulated
+from flockbrush.learning.verdict import judge
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +63,7 @@ def test_a_herd_under_its_own_brush_is_like_the_clip_and_a_grazing_one_is_not(ma
 def test_a_herd_four_times_as_large_is_as_dense_and_heads_as_before():
     rng = np.random.default_rng(0)
     xy = np.stack(np.meshgrid(np.arange(8.0), np.arange(8.0)), -1).reshape(-1, 2)
-    start = Start(xy + rng.normal(0, 0.05, xy.shape), np.where(xy[:, :1] > 3.5, (1.0, 0.0), (0.0, 1.0)))
+    start = HerdStart(xy + rng.normal(0, 0.05, xy.shape), np.where(xy[:, :1] > 3.5, (1.0, 0.0), (0.0, 1.0)))
     large, small = resized(start, 4), resized(start, 0.25)
     assert (len(large), len(small)) == (256, 16)
     assert np.median(compute_nnd(large.xy)) == pytest.approx(1, abs=0.25)
@@ -74,7 +75,9 @@ def test_a_herd_four_times_as_large_is_as_dense_and_heads_as_before():
 
 def test_other_numbers_of_animals_are_measured(march):
     _, evidence = march
-    start = Start(evidence.sightings.xy[evidence.sightings.of(0)], evidence.sightings.forward[evidence.sightings.of(0)])
+    start = HerdStart(
+        evidence.sightings.xy[evidence.sightings.of(0)], evidence.sightings.forward[evidence.sightings.of(0)]
+    )
     rows = with_other_numbers(shipped().get("march"), start, factors=(0.5, 2.0), seconds=2.0)
     assert [row["animals"] for row in rows] == [15, 60]
     assert all(row["polarization"] > 0.9 and 0.3 < row["spacing"] < 3 for row in rows)
@@ -124,7 +127,7 @@ def test_a_mill_is_said_to_go_round():
 
 def test_an_animal_of_the_clip_and_its_double_stand_at_the_same_pixel(march):
     path, evidence = march
-    stage = Stage(evidence, shipped().get("march"))
+    stage = ComparisonGround(evidence, shipped().get("march"))
     film = cv2.VideoCapture(str(path))
     frame = [film.read()[1] for _ in range(8)][7]
     rows = evidence.sightings.of(7)
@@ -139,7 +142,7 @@ def test_an_animal_of_the_clip_and_its_double_stand_at_the_same_pixel(march):
 
 
 def test_a_page_escapes_what_it_is_told():
-    page = Page('<sheep> & "goats"')
+    page = ReportPage('<sheep> & "goats"')
     page.say("<script>alert(1)</script>")
     page.table(["a<b", "n"], [[("x&y", "good"), 1]])
     text = page.text()
@@ -153,7 +156,8 @@ def test_the_report_is_one_well_formed_page_with_its_pictures_in_it(march, tmp_p
     brush = brush_of("lambs", learned, [evidence], seed=0)
     made = compared(evidence, [simulated(evidence, brush)])
     counts = [{"factor": 1, "animals": 30, "polarization": 1.0, "milling": 0.0, "spacing": 0.8, "together": 1.0}]
-    found = Findings(brush, [evidence], evidence, learned, None, made, [], counts, command="flockbrush learn x")
+    judgement = judge(evidence, brush, {}, runs=2)
+    found = Findings(brush, [evidence], evidence, learned, None, made, judgement, counts, command="flockbrush learn x")
     files = write_report(found, tmp_path)
     text = files[0].read_text(encoding="utf-8")
     tree = parsed(text)
@@ -164,14 +168,20 @@ def test_the_report_is_one_well_formed_page_with_its_pictures_in_it(march, tmp_p
         data = np.frombuffer(base64.b64decode(image.split(",", 1)[1]), np.uint8)
         assert cv2.imdecode(data, cv2.IMREAD_COLOR) is not None
     said = " ".join(tree.itertext())
-    for words in ("too short to hold a part of it back", "not told", "flockbrush learn x", evidence.sha256):
+    for words in (
+        "too short to hold a part of it back",
+        "not told",
+        "all animals keep their velocity",
+        "flockbrush learn x",
+        evidence.sha256,
+    ):
         assert words in said
     assert {"order.png", "parameters.png", "loss.png", "figures.json"} <= {file.name for file in files}
 
 
 def page_saying(text):
     """A page with one sentence, as a tree."""
-    page = Page("lambs")
+    page = ReportPage("lambs")
     page.say(text)
     return parsed(page.text())
 
@@ -200,7 +210,7 @@ def test_a_deviation_that_says_nothing_is_no_number(march):
 
 
 def test_a_page_is_dark_where_its_reader_is_in_the_dark_and_photographs_keep_their_colours():
-    page = Page("lambs")
+    page = ReportPage("lambs")
     picture = np.full((4, 6, 3), 255, np.uint8)
     page.pictures([(picture, "a chart")])
     page.pictures([(picture, "a frame")], photograph=True)
@@ -211,7 +221,7 @@ def test_a_page_is_dark_where_its_reader_is_in_the_dark_and_photographs_keep_the
     style = tree.find("head/style").text
     assert "@media screen and (prefers-color-scheme: dark)" in style  # and never on paper
     named, used = set(re.findall(r"(--[a-z]+):", style)), set(re.findall(r"var\((--[a-z]+)\)", style))
-    assert "--resume" in page_saying("go on with --resume").find("body/p/span[@class='option']").text
+    assert "--resume" in page_saying("continue with --resume").find("body/p/span[@class='option']").text
     assert used == named and "#" not in style.split("\n}\n", 1)[1]
 
 
@@ -219,7 +229,7 @@ def test_a_clip_that_tells_no_number_says_so(march):
     _, evidence = march
     learned = replace(learn([evidence]), identifiable=np.zeros(12, bool))
     found = Findings(brush_of("lambs", learned, [evidence], seed=0), [evidence], evidence, learned)
-    assert any("tells none of the 12 numbers" in words for _, words in found.checks())
+    assert any("constrains none of the 12 parameters" in words for _, words in found.checks())
 
 
 def test_what_nobody_measured_is_left_out_of_the_page(march):
@@ -243,9 +253,9 @@ def test_of_a_clip_that_cannot_be_learned_from_the_page_shows_what_was_seen(tmp_
 
 
 def test_a_chart_without_numbers_is_drawn_empty():
-    nothing = Line("clip", np.arange(3), np.full(3, np.nan), (0, 0, 0))
-    rows = Rows("p", [Row(name, 0.5, np.array([0.4]), k % 2 == 0) for k, name in enumerate(NAMES)])
-    image = sheet([Chart("none", "s", [nothing]), rows])
+    nothing = ChartLine("clip", np.arange(3), np.full(3, np.nan), (0, 0, 0))
+    rows = Rows("p", [ParamRow(name, 0.5, np.array([0.4]), k % 2 == 0) for k, name in enumerate(NAMES)])
+    image = sheet([CurveChart("none", "s", [nothing]), rows])
     assert image.shape[1] % SCALE == 0 and image.min() < 100
 
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.brush import BrushLibrary, shipped
+from flockbrush.behaviours.brush_writer import brush_to_toml
 
-from behaviours.brush import BrushLibrary, shipped
-from behaviours.brush_writer import brush_to_toml
-from flockbrush.run import begin, open_level, shipped_levels
+from flockbrush.runs.run import begin, open_level, shipped_levels
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from flockbrush.cli import called
-from flockbrush.lift import GRAVITY, attitude
+from flockbrush.cli.main import called
+from flockbrush.lifting.flight_files import GRAVITY, attitude
 
 CAMERA = "width = 1280\nheight = 720\nhorizontal_fov_deg = 60\nfps = 30\nmean_speed = 9\nnear = 5\nfar = 200\n"
 
@@ -207,7 +207,7 @@ def test_weights_of_nonsense_are_refused(film, capsys, name, value):
         (["play", "{film}/none.csv"], "there is no such file"),
         (["play", "{film}/tracks.csv", "--camera", "{film}/none.toml"], "there is no such file"),
         (["play", "--clip", "{film}/none.mp4"], "there is no such file"),
-        (["play", "--clip", "{film}/cam.toml"], "is it a film?"),
+        (["play", "--clip", "{film}/cam.toml"], "is no film that can be read"),
         (["play", "--clip", "{film}"], "is a folder, not a film"),
         (["play", "--clip", "sky", "--mode", "nonsense"], "a mode is one of"),
     ],

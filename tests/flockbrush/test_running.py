@@ -9,13 +9,13 @@ import time
 
 import numpy as np
 import pytest
+from flockbrush.engine.recording import open_recording
 from pens import pen
 from processes import environment, other_process
 
 import flockbrush
-from engine.recording import open_recording
-from flockbrush import run as running
-from flockbrush import terminal
+from flockbrush.runs import run as running
+from flockbrush.runs import terminal
 
 
 def test_a_run_tells_everything_in_one_object(cli, level, tmp_path):
@@ -94,7 +94,7 @@ def test_shipped_levels_go_by_name_even_beside_a_folder_of_that_name(cli, tmp_pa
 def test_the_first_run_says_that_it_compiles_before_it_waits(tmp_path):
     program = """
 import numpy, numba
-from flockbrush import terminal
+from flockbrush.runs import terminal
 with terminal.compiling():
     numba.njit(lambda x: x + 1)(1)
     print("done", file=__import__("sys").stderr)
@@ -168,6 +168,33 @@ def test_a_recording_outlives_a_kill_that_asks_nobody(cli, level, tmp_path):
     assert "the same, bit for bit" in done.out
 
 
+def test_a_second_run_into_the_same_files_is_refused_and_the_first_goes_on(cli, level, tmp_path):
+    recording, table = tmp_path / "a.flock", tmp_path / "a.csv"
+    process = started("run", level, "--seconds", 9000, "--record", recording, "--export", table)
+    for option, path in (("--record", recording), ("--export", table)):
+        second = cli("run", level, "--ticks", 3, option, path)
+        assert second.code == 1
+        assert second.err.startswith(f"{path}: process {process.pid} on ")
+        assert f"run {level} --seconds 9000" in second.err
+        assert "has been writing it since" in second.err and "name another file" in second.err
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=240)
+    assert cli("replay", recording, "--verify").code == 0
+    assert table.read_text().splitlines()[-1].startswith(f"{open_recording(recording).last_tick},")
+    assert cli("run", level, "--ticks", 3, "--record", recording, "--export", table).code == 0
+
+
+def test_what_a_kill_left_half_written_is_gone_after_the_next_run(cli, level, tmp_path):
+    names = ("a.mp4", "a.csv", "a.parquet", "a.usdc")
+    exports = [part for name in names for part in ("--export", tmp_path / name)]
+    process = started("run", level, "--seconds", 9000, "--record", tmp_path / "a.flock", *exports)
+    process.kill()
+    process.communicate(timeout=240)
+    assert len(list(tmp_path.iterdir())) == 1 + 5  # the recording, and five hidden folders
+    assert cli("run", level, "--ticks", 3, "--export", tmp_path / "b.csv").code == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.flock", "b.csv", "b.csv.json"]
+
+
 def test_the_first_signal_waits_for_the_end_of_a_tick_and_the_second_does_not():
     with terminal.Interrupts() as interrupts:
         interrupts.gently()
@@ -184,7 +211,7 @@ def test_before_the_first_tick_a_signal_stops_at_once():
 
 
 def test_a_disk_that_is_full_stops_the_run_in_plain_words(cli, level, tmp_path, monkeypatch):
-    from flockbrush.export import Csv
+    from flockbrush.output.formats.csv_table import Csv
 
     taken = []
 

@@ -4,24 +4,27 @@ import csv
 import importlib.util
 import json
 import os
-import socket
 import subprocess
 import sys
 import time
+import tracemalloc
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 
 import cv2
 import numpy as np
 import pytest
+from clusters import dask_cluster
+from flockbrush.engine import limits
+from flockbrush.engine.files import held
+from flockbrush.engine.problems import ProblemsError
 from pens import pen
 from processes import environment
 from workers import doublings
 
-from behaviours.problems import ProblemsError
-from flockbrush.experiments import experiments, lasting, perform
-from flockbrush.sweep import Journal, jobs_of, processes, run_jobs, sweep_to
-from flockbrush.sweep_file import parse_sweep, read_sweep
+from flockbrush.studies.experiments import experiments, lasting, perform
+from flockbrush.studies.sweep import Journal, jobs_of, processes, run_jobs, runs_done, sweep_to
+from flockbrush.studies.sweep_file import parse_sweep, read_sweep
 
 FLOCKS = """
 schema = "flockbrush.sweep/1"
@@ -217,13 +220,13 @@ def test_a_sweep_that_was_stopped_goes_on_where_it_was(tmp_path):
     assert {key: row["measures"] for key, row in journal.rows.items()} == {
         key: row["measures"] for key, row in whole.rows.items()
     }
-    assert jobs_of(sweep, journal) == []
+    assert list(jobs_of(sweep, journal)) == []
 
 
 def test_a_journal_is_not_begun_twice_by_mistake(tmp_path):
     sweep = read_sweep(sweep_file(tmp_path))
     sweep_to(sweep, tmp_path / "out", here, 2)
-    with pytest.raises(ProblemsError, match="there are 24 runs already; go on with --resume"):
+    with pytest.raises(ProblemsError, match="there are 24 runs already; continue with --resume"):
         sweep_to(sweep, tmp_path / "out", here, 2)
 
 
@@ -236,13 +239,45 @@ def test_a_line_cut_off_in_the_journal_is_done_again(tmp_path):
     assert sum(len(job.seeds) for job in jobs_of(sweep, Journal(path))) == 1
     after = sweep_to(sweep, tmp_path / "out", here, 2, resume=True).rows
     assert {key: row["measures"] for key, row in after.items()} == {key: row["measures"] for key, row in before.items()}
-    assert path.read_bytes().count(b"\n") == 24
+    assert path.read_bytes().count(b"\n") == 1 + 24  # the build, and a line for each run
 
 
-def test_other_files_are_not_taken_for_a_journal(tmp_path):
-    (tmp_path / "runs.jsonl").write_text('{"scenario": "a", "seed": 1}\nhello\n')
+GOOD_ROW = '{"scenario": "a", "seed": 1, "status": "ok", "seconds": 0.5, "measures": {}}\n'
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "hello",
+        '{"scenario": "a", "seed": 1}',
+        GOOD_ROW.replace('"a"', "[]").strip(),
+        GOOD_ROW.replace('"ok"', '"failed"').strip(),
+        "[" * 5000,
+        '"' + "x" * limits.JOURNAL_LINE + '"',
+    ],
+    ids=lambda line: line[:40],
+)
+def test_other_files_are_not_taken_for_a_journal(tmp_path, line):
+    (tmp_path / "runs.jsonl").write_text(GOOD_ROW + line + "\n")
     with pytest.raises(ProblemsError, match=r"runs.jsonl:2: is no row of a sweep"):
         Journal(tmp_path / "runs.jsonl")
+
+
+def test_a_hundred_million_seeds_are_never_listed(tmp_path):
+    """Neither reading such a sweep, nor asking what is left of it, makes a list of them."""
+    sweep = read_sweep(sweep_file(tmp_path, FLOCKS.replace("count = 6", "count = 100000000")))
+    journal = Journal(tmp_path / "runs.jsonl")
+    journal.rows[sweep.scenarios[0].hash, 0] = json.loads(GOOD_ROW) | {
+        "measures": dict.fromkeys(sweep.scenarios[0].measures)
+    }
+    tracemalloc.start()
+    try:
+        left = jobs_of(sweep, journal)
+        assert next(left).seeds[0] == 1
+        assert runs_done(sweep, journal) == 1
+        assert tracemalloc.get_traced_memory()[1] < 10 << 20
+    finally:
+        tracemalloc.stop()
 
 
 def test_only_what_changed_in_the_file_is_run_anew(tmp_path):
@@ -253,8 +288,8 @@ def test_only_what_changed_in_the_file_is_run_anew(tmp_path):
 
 
 def rows_in(journal):
-    """How many whole lines there are."""
-    return journal.read_bytes().count(b"\n") if journal.exists() else 0
+    """How many rows are whole; the first line is the build."""
+    return max(0, journal.read_bytes().count(b"\n") - 1) if journal.exists() else 0
 
 
 def test_a_program_that_is_killed_leaves_no_workers_and_loses_no_row(cli, tmp_path):
@@ -267,6 +302,8 @@ def test_a_program_that_is_killed_leaves_no_workers_and_loses_no_row(cli, tmp_pa
     journal, end = tmp_path / "out" / "runs.jsonl", time.monotonic() + 240
     while rows_in(journal) < 50 and time.monotonic() < end and run.poll() is None:
         time.sleep(0.02)
+    second = cli("sweep", long, "--out", tmp_path / "out", "--resume")
+    assert second.code == 1 and f"runs.jsonl: process {run.pid} on " in second.err
     written = rows_in(journal)
     workers = psutil.Process(run.pid).children(recursive=True)
     run.kill()
@@ -276,6 +313,8 @@ def test_a_program_that_is_killed_leaves_no_workers_and_loses_no_row(cli, tmp_pa
     done = Journal(journal).rows
     assert len(done) >= written >= 50
     assert all(row["status"] == "ok" for row in done.values())
+    with held(journal):
+        assert sorted(path.name for path in journal.parent.iterdir()) == [".runs.jsonl.flockbrush", "runs.jsonl"]
 
 
 # the command -------------------------------------------------------------------------------------
@@ -352,7 +391,7 @@ def test_any_level_is_swept_over_its_brushes_and_animals(tmp_path):
 
 
 def test_a_run_of_a_sweep_is_the_run_of_the_level(tmp_path):
-    from flockbrush.run import start
+    from flockbrush.runs.run import start
 
     pen(tmp_path)
     sweep = read_sweep(sweep_file(tmp_path, LEVEL.replace("brush.march.sensitivity = [5, 20]\n", "")))
@@ -385,13 +424,53 @@ def test_mistakes_about_levels_are_told_with_their_line(tmp_path, old, new, said
     assert f"f.sweep.toml:{said}" in str(found.value)
 
 
+PLANE = """
+schema = "flockbrush.sweep/1"
+measures = ["polarization"]
+[seeds]
+count = 2
+[grid]
+brush.march.wander = [0.0, 3.0]
+[fixed]
+plane = "march"
+agents = 12
+seconds = 2.0
+"""
+
+
+def test_a_herd_on_a_plane_is_swept_over_its_brush(tmp_path):
+    from flockbrush.behaviours.brush import shipped
+    from flockbrush.levels.build import plane
+
+    sweep = read_sweep(sweep_file(tmp_path, PLANE))
+    rows = sweep_to(sweep, tmp_path / "out", here, 2).rows
+    wandering = sweep.scenarios[1]
+    simulation = plane(shipped().get("march").with_parameters(wander=3.0), 12, seed=1)
+    simulation.run(64)
+    assert rows[wandering.hash, 1]["measures"]["polarization"] == simulation.measures()["polarization"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('plane = "march"', 'plane = "marsh"', "there is no brush 'marsh'; did you mean 'march'?"),
+        ('plane = "march"', 'plane = "march"\nlevel = "meadow"', "takes level, or plane"),
+        ('plane = "march"\n', "", "takes level, or plane"),
+    ],
+)
+def test_mistakes_about_planes_are_told(tmp_path, old, new, said):
+    with pytest.raises(ProblemsError) as found:
+        parse_sweep(PLANE.replace(old, new, 1).encode(), "f.sweep.toml", tmp_path)
+    assert said in str(found.value)
+
+
 def test_what_lasts_in_a_flock_that_never_settles_is_measured():
-    from behaviours.v_rules.rules import OVERLAP, Rules
+    from flockbrush.behaviours.v_rules.rules import OVERLAP, VRuleSettings
 
     best = 1 + OVERLAP
     v = np.array([(0, 0, 0), (best, -0.4, 0), (-best, -0.4, 0), (2 * best, -0.8, 0)])
     apart = v + [(0, 0, 0), (9, 0, 0), (0, 0, 0), (9, 0, 0)]
-    found = lasting(np.array([v] * 8 + [v, v, apart, apart, v, v, v, v]), Rules(), every=10)
+    found = lasting(np.array([v] * 8 + [v, v, apart, apart, v, v, v, v]), VRuleSettings(), every=10)
     assert found["v_like"] == pytest.approx(6 / 8)
     assert found["persistence"] == pytest.approx(80 / 3)  # V, several groups, V
     assert found["mean_groups"] == pytest.approx((6 * 1 + 2 * 2) / 8)
@@ -401,49 +480,13 @@ def test_what_lasts_in_a_flock_that_never_settles_is_measured():
 
 
 @pytest.fixture
-def dask_cluster():
-    """A Dask scheduler on this machine and its two workers, each a process of its own."""
-    pytest.importorskip("distributed", reason="dask is not installed: pip install 'flockbrush[cluster]'")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
-    begun = []
-
-    def dask(*arguments):
-        begun.append(
-            subprocess.Popen(
-                [sys.executable, "-m", "dask", *arguments, "--no-dashboard"],
-                env=environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-            )
-        )  # fmt: skip
-        return begun[-1]
-
-    dask("scheduler", "--host", "127.0.0.1", "--port", address.rsplit(":", 1)[1])
-    workers = [dask("worker", address, "--nthreads", "1", "--no-nanny") for _ in range(2)]
-    _wait_for(address, 2)
-    yield address, workers
-    for process in begun:
-        process.kill()
-        process.wait()
+def cluster():
+    with dask_cluster() as found:
+        yield found
 
 
-def _wait_for(address, workers):
-    from distributed import Client
-
-    end = time.monotonic() + 240
-    while True:
-        try:
-            with Client(address, timeout="5s", set_as_default=False) as client:
-                client.wait_for_workers(workers, timeout=240)
-            return
-        except (OSError, TimeoutError):
-            if time.monotonic() > end:
-                raise
-            time.sleep(0.2)
-
-
-def test_a_cluster_does_what_processes_do_even_when_a_worker_is_killed(cli, tmp_path, dask_cluster):
-    address, workers = dask_cluster
+def test_a_cluster_does_what_processes_do_even_when_a_worker_is_killed(cli, tmp_path, cluster):
+    address, workers = cluster
     many = FLOCKS.replace("count = 6", "count = 150").replace("[3, 5]", "[5, 7]")
     (tmp_path / "out").mkdir()
     run = subprocess.Popen(
@@ -452,7 +495,7 @@ def test_a_cluster_does_what_processes_do_even_when_a_worker_is_killed(cli, tmp_
         env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     )  # fmt: skip
     journal, end = tmp_path / "out" / "runs.jsonl", time.monotonic() + 240
-    while not (journal.exists() and journal.stat().st_size) and time.monotonic() < end and run.poll() is None:
+    while not rows_in(journal) and time.monotonic() < end and run.poll() is None:
         time.sleep(0.05)
     os.kill(workers[0].pid, 9)
     told = run.communicate(timeout=240)[0]
@@ -470,9 +513,26 @@ def test_a_cluster_does_what_processes_do_even_when_a_worker_is_killed(cli, tmp_
     assert [row for row in rows if int(row["seed"]) < 3] == few
 
 
+def test_a_scheduler_that_dies_is_told_in_one_line(tmp_path):
+    many, begun = FLOCKS.replace("count = 6", "count = 2000"), []
+    with dask_cluster(1, begun=begun) as (address, _):
+        run = subprocess.Popen(
+            [sys.executable, "-m", "flockbrush", "sweep", str(sweep_file(tmp_path, many)), "--out",
+             str(tmp_path / "out"), "--cluster", address],
+            env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        )  # fmt: skip
+        journal, end = tmp_path / "out" / "runs.jsonl", time.monotonic() + 240
+        while rows_in(journal) < 5 and time.monotonic() < end and run.poll() is None:
+            time.sleep(0.05)
+        begun[0].kill()
+        told = run.communicate(timeout=240)[0]
+    assert run.returncode == 1
+    assert told == f"{address}: is gone; finished work is in {tmp_path / 'out'}; continue with --resume\n"
+
+
 def test_a_cluster_that_is_not_there_is_told(cli, tmp_path, monkeypatch):
     pytest.importorskip("distributed", reason="dask is not installed: pip install 'flockbrush[cluster]'")
-    monkeypatch.setattr("flockbrush.sweep.ANSWERS", "1s")
+    monkeypatch.setattr("flockbrush.studies.sweep.ANSWERS", "1s")
     told = cli("sweep", sweep_file(tmp_path), "--out", tmp_path / "out", "--cluster", "localhost:1")
     assert told.code == 1
     assert "no Dask scheduler answers there" in told.err

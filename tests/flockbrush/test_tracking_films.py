@@ -6,9 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from behaviours.learning.camera import Camera
 from benchmarks.sky_film import film
-from flockbrush.cli import called
+from flockbrush.cli.main import called
+from flockbrush.lifting.lens import Camera
 
 CAMERA = Camera(width=320, height=180, horizontal_fov_deg=60, fps=30, mean_speed=5, near=5, far=100)
 
@@ -16,7 +16,7 @@ CAMERA = Camera(width=320, height=180, horizontal_fov_deg=60, fps=30, mean_speed
 @pytest.fixture(scope="module")
 def clip(tmp_path_factory):
     """Four birds that fly through the picture, one second."""
-    from flockbrush.draw import Video
+    from flockbrush.render import Video
 
     path = tmp_path_factory.mktemp("sky") / "birds.mp4"
     t = np.arange(30)[:, None] / 30
@@ -65,7 +65,7 @@ def test_marks_that_the_film_has_no_place_for_are_told(clip, tmp_path, capsys):
 
 
 def test_what_was_followed_before_somebody_stops_it_is_kept(clip, tmp_path, capsys, monkeypatch):
-    from behaviours.learning.tracking import Tracker
+    from flockbrush.film.tracking import Tracker
 
     step = Tracker.step
 

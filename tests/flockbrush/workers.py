@@ -5,7 +5,7 @@ import signal
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from flockbrush.sweep_file import Scenario
+from flockbrush.studies.sweep_file import Scenario
 
 SCENARIO = Scenario("0" * 16, {}, {}, {}, ("twice",))
 
@@ -22,7 +22,7 @@ def double(seeds, deadly, note):
 
 @dataclass(frozen=True)
 class Doubling:
-    """A job of `flockbrush.sweep` that needs no experiment."""
+    """A job of `flockbrush.studies.sweep` that needs no experiment."""
 
     seeds: tuple
     deadly: int = -1

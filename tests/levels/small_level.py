@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 
 import pytest
-
-from behaviours.problems import ProblemsError
-from levels.reader import read_level_files
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.levels.reader import read_level_files
 
 GRASS, WALL, MARCH, SLOW, PLAIN = 1, 2, 3, 4, 5
 
@@ -24,7 +23,8 @@ class Shelf:
     def get(self, name):
         if name not in self.brushes:
             raise ProblemsError([])
-        return SimpleNamespace(name=name, body=SimpleNamespace(length=1.0, radius=0.2))
+        body = SimpleNamespace(length=1.0, radius=0.2)
+        return SimpleNamespace(name=name, model="herd", body=body, has_own_body=True)
 
 
 @dataclass(frozen=True)

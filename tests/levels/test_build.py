@@ -5,21 +5,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.species import shipped_species
+from flockbrush.components import Body, BrushBinding, Destination, Ground, Heading, Position, Species, Speed, Velocity
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.commands import Commands
+from flockbrush.engine.noise import Noise
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.raster import Raster
+from flockbrush.engine.state import state_hash
+from flockbrush.levels.build import DT, brushes_used, build, plane, scaled, systems
+from flockbrush.levels.reader import read_level
+from flockbrush.levels.schema import Area, BrushLayer, Exit, Goal, Guide, Key, Line, Terrain, Zone
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
 from small_herd import Shelf, box, brush, level, obstacle, spawn, straight, xy_of
 
-import levels
-from behaviours.problems import ProblemsError
-from components import Body, BrushBinding, Destination, Ground, Heading, Position, Species, Speed, Velocity
-from engine.clock import Clock
-from engine.commands import Commands
-from engine.fields import Raster
-from engine.noise import Noise
-from engine.state import state_hash
-from levels.build import DT, brushes_used, build, plane, scaled, systems
-from levels.reader import read_level
-from levels.schema import Area, BrushLayer, Exit, Goal, Guide, Key, Line, Terrain, Zone
-from systems.landscape import Landscape
-from systems.palette import Palette
+from flockbrush import levels
 
 WALK, RUN = straight("walk", mean=2.0), brush("run", mean=3.0, speed={"deviation": 0.3})
 SHELF = Shelf(WALK, RUN)
@@ -44,8 +45,11 @@ def test_animals_are_born_as_their_spawn_says():
     agents = simulation.agents
     assert agents[Species.index].tolist() == [0] * 5 + [1] * 7
     assert agents[BrushBinding.home].tolist() == [1] * 5 + [0] * 7  # brushes in order of name
-    assert agents[Body.length].tolist() == [0.5] * 5 + [1.0] * 7
-    assert agents[Body.radius] == pytest.approx([0.1] * 5 + [0.2] * 7)
+    lengths = agents[Body.length]
+    spread = np.repeat([shipped_species().get(name).spread.size for name in ("sheep", "dog")], [5, 7])
+    assert (np.abs(np.log(lengths / ([0.5] * 5 + [1.0] * 7))) <= 3.0 * spread).all()  # each its own size
+    assert len(set(lengths[:5])) == 5
+    assert agents[Body.radius] / lengths == pytest.approx([0.2] * 5 + [0.18] * 7)  # a sheep, a dog
     assert agents[Heading.forward][:5, 1] == pytest.approx(np.ones(5))
     assert agents[Speed.drawn][:5] == pytest.approx(np.full(5, 1.5))
     assert agents[Position.xyz][:, 2].tolist() == [3.0] * 5 + [0.0] * 7

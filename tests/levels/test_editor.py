@@ -11,21 +11,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from small_level import GRASS, MARCH, SLOW, herd, level, objects, polygon, polyline, properties, thing, tiles
-
-import levels
-from behaviours.brush import BrushLibrary, load_brush, save_brush, shipped
-from behaviours.problems import ProblemsError
-from components import Position
-from engine.commands import CommandError, Commands
-from levels.build import build
-from levels.editor import EditError, Editor, JournalError
-from levels.reader import brush_library, read_level, read_level_text
-from levels.writer import Document, dump
-from systems.commands import AddAnimals, AddObstacle, MoveGoal, PaintBrush, PaintCells, RemoveObstacle, SetParameter
-from systems.edits import (
+from flockbrush.behaviours.brush import BrushLibrary, load_brush, save_brush, shipped
+from flockbrush.components import Position
+from flockbrush.engine.commands import CommandError, Commands
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.levels.build import build
+from flockbrush.levels.editor import EditError, Editor, JournalError
+from flockbrush.levels.reader import brush_library, read_level, read_level_text
+from flockbrush.levels.writer import Document, dump
+from flockbrush.systems.commands import (
+    AddAnimals,
+    AddObstacle,
+    MoveGoal,
+    PaintBrush,
+    PaintCells,
+    RemoveObstacle,
+    SetParameter,
+)
+from flockbrush.systems.edits import (
     DrawGuide,
     MarkSpawn,
     Paint,
@@ -35,9 +38,14 @@ from systems.edits import (
     UseBrush,
     fill,
 )
-from systems.landscape import Landscape
-from systems.life import Nursery
-from systems.palette import Palette
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.life import Nursery
+from flockbrush.systems.palette import Palette
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from small_level import GRASS, MARCH, SLOW, herd, level, objects, polygon, polyline, properties, thing, tiles
+
+from flockbrush import levels
 
 HERE = Path(levels.__file__).parent
 TILED = shutil.which("tiled")
@@ -194,6 +202,7 @@ def without_project(node):
     return node
 
 
+@pytest.mark.tools
 @pytest.mark.skipif(TILED is None, reason="Tiled is not installed")
 def test_tiled_opens_and_saves_an_edited_level_and_loses_nothing(meadow, tmp_path):
     living = Living(meadow)

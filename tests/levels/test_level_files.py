@@ -5,11 +5,11 @@ import os
 import time
 
 import pytest
+from flockbrush.engine import limits
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.levels.reader import read_level, read_level_files
+from flockbrush.levels.schema import PROJECT_FILE
 from small_level import Gust, Shelf, herd, level, objects, tiles, tileset
-
-from behaviours.problems import ProblemsError
-from levels.reader import read_level, read_level_files
-from levels.schema import PROJECT_FILE
 
 
 def save(folder, source="kinds.tsj"):
@@ -96,7 +96,7 @@ def test_a_level_that_is_not_there_says_so(tmp_path):
 
 
 def test_too_large_a_file_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("levels.files.MAX_FILE_BYTES", 2**20)
+    monkeypatch.setattr("flockbrush.engine.limits.LEVEL_FILE_BYTES", limits.Limit(2**20, "bytes", "a file"))
     (tmp_path / "big.tmj").write_bytes(b" " * (2**20 + 1))
     assert "is larger than 1 MiB" in refused(tmp_path / "big.tmj")
 
@@ -119,7 +119,7 @@ def test_what_was_read_reads_again_from_memory(project):
 
 
 def test_a_brush_may_be_a_file_beside_the_level(project, monkeypatch):
-    from behaviours.brush import shipped
+    from flockbrush.behaviours.brush import shipped
 
     source = shipped().path("march").read_text().replace('name = "march"', 'name = "mine"')
     (project / "brushes").mkdir()

@@ -6,6 +6,9 @@ import math
 import time
 
 import pytest
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.levels.reader import read_level_files
+from flockbrush.levels.schema import Level
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from small_level import (
@@ -22,10 +25,6 @@ from small_level import (
     tiles,
     tileset,
 )
-
-from behaviours.problems import ProblemsError
-from levels.reader import read_level_files
-from levels.schema import Level
 
 SOON = 60.0  # s, on a busy machine; a hang takes longer
 

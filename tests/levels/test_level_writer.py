@@ -5,11 +5,10 @@ import json
 import os
 
 import pytest
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.levels.reader import read_level
+from flockbrush.levels.writer import Document, dump, write_level
 from small_level import Gust, Shelf, herd, level, objects, polyline, thing, tiles
-
-from behaviours.problems import ProblemsError
-from levels.reader import read_level
-from levels.writer import Document, dump, write_level
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import shutil
 import subprocess
 from dataclasses import fields, is_dataclass
@@ -11,23 +12,27 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
-
-import levels
-from behaviours.brush import shipped
-from levels.reader import read_level
-from levels.schema import CLASSES, ENUMS, tables
-from levels.tiled import (
+from flockbrush.behaviours.brush import shipped
+from flockbrush.components import Velocity
+from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.levels.reader import read_level
+from flockbrush.levels.schema import CLASSES, ENUMS, tables
+from flockbrush.levels.tiled import (
     BRUSHES_FILE,
     init,
     known_brushes,
     object_types,
     project,
     project_files,
+    renew_brushes,
     tile_order,
     write_project,
 )
-from levels.tilesets_data import TERRAINS
-from levels.writer import dump
+from flockbrush.levels.tilesets_data import TERRAINS
+from flockbrush.levels.writer import dump
+
+from flockbrush import levels
+from flockbrush.runs.run import start
 
 HERE = Path(levels.__file__).parent
 SHIPPED = sorted((HERE / "shipped").glob("*.tmj"))
@@ -45,6 +50,11 @@ class Shelf:
         return SimpleNamespace(colour="#3366aa")
 
 
+def started(command, level):
+    """What a command of Tiled starts for a level: Tiled quotes names of files, and splits at unquoted spaces."""
+    return shlex.split(f"{command['command']} {command['arguments']}".replace("%mapfile", f'"{level}"'))
+
+
 class TestProject:
     def test_the_shipped_files_are_the_generated_ones(self):
         for name, content in project_files(shipped(), known_brushes(HERE / BRUSHES_FILE)).items():
@@ -52,13 +62,13 @@ class TestProject:
             if name.endswith(".png"):  # another version of the library may pack or smooth differently
                 ours, theirs = (cv2.imdecode(np.frombuffer(b, np.uint8), -1).astype(int) for b in (content, kept))
                 assert ours.shape == theirs.shape, name
-                assert np.abs(ours - theirs).max() <= 12, f"{name}: run python -m levels.make_levels"
+                assert np.abs(ours - theirs).max() <= 12, f"{name}: run python -m flockbrush.levels.make_levels"
             else:
-                assert kept == content, f"{name}: run python -m levels.make_levels"
+                assert kept == content, f"{name}: run python -m flockbrush.levels.make_levels"
 
     def test_every_class_and_enum_of_the_schema_is_in_it(self):
         types = {t["name"]: t for t in project(["march"])["propertyTypes"]}
-        assert set(types) == {*ENUMS, "BrushAsset", *CLASSES}
+        assert set(types) == {*ENUMS, "BrushAsset", "ProgramAsset", *CLASSES}
         for cls in CLASSES.values():
             assert {m["name"] for m in types[cls.name]["members"]} == {p.name for p in cls.properties}
         assert types["BrushAsset"]["values"] == ["", "march"]
@@ -71,8 +81,14 @@ class TestProject:
 
     def test_f5_plays_and_f6_checks(self):
         commands = {c["shortcut"]: c for c in project([])["commands"]}
-        assert commands["F5"]["arguments"].startswith('run "%mapfile"')
-        assert commands["F6"]["arguments"] == 'level check "%mapfile"'
+        assert started(commands["F5"], "/herds/first.tmj") == ["flockbrush", "play", "/herds/first.tmj"]
+        assert started(commands["F6"], "/herds/first.tmj")[1:] == ["level", "check", "--window", "/herds/first.tmj"]
+
+    @pytest.mark.parametrize("key", ["F5", "F6"])
+    def test_commands_reach_levels_in_folders_with_spaces(self, key):
+        command = next(c for c in project([])["commands"] if c["shortcut"] == key)
+        level = "/home/a designer/my herds/first level.tmj"
+        assert started(command, level)[-1] == level
 
     def test_a_brush_keeps_its_tile_when_others_come_and_go(self, tmp_path):
         write_project(tmp_path, Shelf("march", "swarm"))
@@ -92,11 +108,55 @@ class TestProject:
         assert "| `on_arrive` | stay \\| despawn \\| next \\| disperse | stay |" in text
 
 
+class TestRenewedBrushes:
+    def test_new_brushes_come_into_the_project_and_what_a_designer_set_stays(self, tmp_path):
+        write_project(tmp_path, Shelf("march", "swarm"))
+        file = tmp_path / "flockbrush.tiled-project"
+        own = json.loads(file.read_bytes())
+        own["commands"].append({"name": "mine", "command": "true"})
+        own["propertyTypes"].append({"name": "Mine", "type": "enum", "values": ["a"], "id": 99})
+        file.write_text(json.dumps(own))
+        assert renew_brushes(tmp_path, Shelf("march", "rush", "swarm"))
+        now = json.loads(file.read_bytes())
+        assert now["commands"] == own["commands"]
+        assert {t["name"] for t in now["propertyTypes"]} == {t["name"] for t in own["propertyTypes"]}
+        listed = next(t for t in now["propertyTypes"] if t["name"] == "BrushAsset")
+        assert listed["values"] == ["", "march", "rush", "swarm"]
+        assert known_brushes(tmp_path / BRUSHES_FILE) == ["march", "swarm", "rush"]
+        assert cv2.imread(str(tmp_path / "tilesets" / "brushes.png"), -1)[:32, 64:96, 3].any()
+
+    def test_a_folder_without_a_project_is_left_alone(self, tmp_path):
+        assert not renew_brushes(tmp_path, Shelf("march"))
+        assert list(tmp_path.iterdir()) == []
+
+    def test_a_damaged_project_is_named(self, tmp_path):
+        (tmp_path / "flockbrush.tiled-project").write_text("[")
+        with pytest.raises(ProblemsError, match="flockbrush.tiled-project"):
+            renew_brushes(tmp_path, Shelf("march"))
+
+
 class TestInit:
     def test_a_new_project_has_a_level_that_reads(self, tmp_path):
         written = init(tmp_path / "herds", shipped())
         assert tmp_path / "herds" / "first.tmj" in written
         assert read_level(tmp_path / "herds" / "first.tmj").agents == 60
+
+    def test_the_first_level_has_goals_and_an_exit_and_its_fields_and_units_beside_it(self, tmp_path):
+        init(tmp_path, shipped())
+        level = read_level(tmp_path / "first.tmj")
+        assert [goal.name for goal in level.goals] == ["gate"] and level.exits and level.warnings == []
+        data = json.loads((tmp_path / "first.tmj").read_bytes())
+        notes = next(layer for layer in data["layers"] if layer["name"] == "notes")["objects"]
+        spawn = next(note["text"]["text"] for note in notes if note["text"]["text"].startswith("Spawn"))
+        assert "rate (1/s)" in spawn and "body_length (m)" in spawn
+
+    def test_the_herd_of_the_first_level_neither_jams_nor_ends(self, tmp_path):
+        init(tmp_path, shipped())
+        simulation = start(tmp_path / "first.tmj")
+        while simulation.clock.now < 60:
+            simulation.tick()
+        speed = np.hypot(*simulation.agents[Velocity.xyz][:, :2].T)
+        assert 20 <= len(speed) <= 80 and speed.mean() > 3 and (speed < 0.5).mean() < 0.1
 
     def test_running_it_again_leaves_the_designers_levels_alone(self, tmp_path):
         init(tmp_path, shipped())
@@ -107,8 +167,10 @@ class TestInit:
 
 
 def same(a, b, where=""):
-    """Two levels, thing by thing: where they differ."""
-    if is_dataclass(a):
+    """Two levels, thing by thing: where they differ.  A warning is of its own file and line."""
+    if isinstance(a, Problem):
+        assert (a.where, a.message) == (b.where, b.message), where
+    elif is_dataclass(a):
         assert type(a) is type(b), where
         for f in fields(a):
             if f.name not in ("files", "path", "name") or where:
@@ -136,6 +198,7 @@ class TestShipped:
         text = path.read_text(encoding="utf-8")
         assert dump(json.loads(text)) == text
 
+    @pytest.mark.tools
     @pytest.mark.skipif(TILED is None, reason="Tiled is not installed")
     def test_tiled_reads_and_writes_the_same_level(self, path, tmp_path):
         shutil.copytree(HERE / "tilesets", tmp_path / "tilesets")

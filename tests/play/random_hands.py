@@ -4,17 +4,17 @@ import random
 import traceback
 
 import pygame
+from flockbrush.engine.commands import CommandError
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.recording import RecordingError
 from pygame_gui.core.interfaces import IContainerLikeInterface
 from window import Window
 
-from behaviours.problems import ProblemsError
-from engine.commands import CommandError
-from engine.recording import RecordingError
-from flockbrush.draw.overlays import OVERLAYS
-from flockbrush.play.app import said
-from flockbrush.play.history import History
-from flockbrush.play.keys import ACTIONS
-from flockbrush.play.tools import TOOLS
+from flockbrush.render.overlays import OVERLAYS
+from flockbrush.studio.app import said
+from flockbrush.studio.history import History
+from flockbrush.studio.shortcuts import ACTIONS
+from flockbrush.studio.tools import TOOLS
 
 KEYS = [key for action in ACTIONS for key in action.keys if action.name not in ("quit", "fullscreen", "video")]
 MISTAKES = (ProblemsError, CommandError, RecordingError, OSError)  # of people and disks, not of ours

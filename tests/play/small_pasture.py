@@ -2,13 +2,14 @@
 
 from functools import lru_cache
 
-from behaviours.brush import shipped
-from engine.recording import first_difference, open_recording, resume
-from engine.state import state_hash
-from flockbrush.run import rebuild, start
-from levels.sketch import Sketch
-from levels.tiled import project_files
-from systems.edits import Paint
+from flockbrush.behaviours.brush import shipped
+from flockbrush.engine.recording import first_difference, open_recording, resume
+from flockbrush.engine.state import state_hash
+from flockbrush.levels.sketch import LevelSketch
+from flockbrush.levels.tiled import project_files
+from flockbrush.systems.edits import Paint
+
+from flockbrush.runs.run import rebuild, start
 
 
 @lru_cache(maxsize=1)
@@ -22,7 +23,7 @@ def pasture(folder, name="pasture", sheep=9, script=True, boundary="wall"):
     (folder / "tilesets").mkdir(parents=True, exist_ok=True)
     for file, content in tiles().items():
         (folder / file).write_bytes(content)
-    sketch = Sketch(24, 16, 1.0, "tilesets", shipped().names(), boundary, 3)
+    sketch = LevelSketch(24, 16, 1.0, "tilesets", shipped().names(), boundary, 3)
     sketch.ground("grass")
     sketch.box("Obstacle", 16, 8, 2, 2, "stone")
     sketch.draw("Guide", [(3, 8), (21, 8)], "way", closed=False, radius=4)

@@ -11,11 +11,11 @@ from types import SimpleNamespace
 import pygame
 from pygame_gui.elements import UIPanel
 
-from flockbrush.draw.style import theme_of
-from flockbrush.play.manager import Manager
-from flockbrush.play.session import Session
-from flockbrush.play.settings import Settings
-from flockbrush.play.theme import chrome, look
+from flockbrush.render.style import theme_of
+from flockbrush.studio.manager import Manager
+from flockbrush.studio.session import Session
+from flockbrush.studio.settings import Settings
+from flockbrush.studio.theme import chrome, look
 
 FLAT = {"left": 0, "right": 0, "top": 0, "bottom": 0}
 

@@ -7,18 +7,18 @@ import time
 import numpy as np
 import pygame
 import pytest
+from flockbrush.engine.problems import ProblemsError
 from typer.testing import CliRunner
 
-from behaviours.learning.tracks import read_tracks
-from behaviours.problems import ProblemsError
-from flockbrush.cli import app as commands
-from flockbrush.clip.birds import Birds
-from flockbrush.clip.book import Book
-from flockbrush.clip.film import Film, Sky
+from flockbrush.cli.main import app as commands
+from flockbrush.film.bird_marks import Birds
+from flockbrush.film.clip_document import Book
+from flockbrush.film.clip_frames import Film, Sky
+from flockbrush.film.tracks import read_tracks
 from tests.clip_film import STARTS, STEPS, bird_film, numbered_film
 from tests.play.window import MODS, NAMES
 
-from flockbrush.play.clip.window import ClipWindow  # isort: skip  # the window of the tests has no screen
+from flockbrush.studio.film.clip_window import ClipWindow  # isort: skip  # the window of the tests has no screen
 
 
 class Hands(ClipWindow):
@@ -379,7 +379,7 @@ def test_the_command_opens_a_window_and_says_what_is_wrong(tmp_path, monkeypatch
     (tmp_path / "notes.mp4").write_text("no film")
     (tmp_path / "cam.toml").write_text("width = 3\n")
     for words, said in (
-        (["--clip", str(tmp_path / "notes.mp4")], "is it a film"),
+        (["--clip", str(tmp_path / "notes.mp4")], "is no film that can be read"),
         (["--clip", str(tmp_path)], "is a folder"),
         (["--clip", str(sky_clip), "--tracks", str(tmp_path / "no.csv")], "no.csv"),
         (["--clip", str(sky_clip), "--camera", str(tmp_path / "cam.toml")], "height is missing"),
@@ -387,14 +387,14 @@ def test_the_command_opens_a_window_and_says_what_is_wrong(tmp_path, monkeypatch
     ):
         done = runner.invoke(commands, ["play", *words])
         assert isinstance(done.exception, ProblemsError) and said in str(done.exception)
-    monkeypatch.setattr("flockbrush.play.start_clip.missing_display", lambda: "none")
+    monkeypatch.setattr("flockbrush.studio.start_clip.missing_display", lambda: "none")
     done = runner.invoke(commands, ["play", "--clip", str(sky_clip), *out], standalone_mode=False)
     assert done.return_value == 2
 
 
 def test_who_is_interrupted_loses_nothing(sky_clip, tmp_path, monkeypatch):
-    from flockbrush.play import start_clip
-    from flockbrush.terminal import Stopped
+    from flockbrush.runs.terminal import Stopped
+    from flockbrush.studio import start_clip
 
     def interrupted(window, frames, stop):
         window.book.mark("length", "body", 0, body_length=12.0)

@@ -6,12 +6,12 @@ import numpy as np
 import pygame
 import pytest
 
-from flockbrush.cli import called
-from flockbrush.flight_show import Show
+from flockbrush.cli.main import called
+from flockbrush.lifting.flight_show import Show
 from tests.flock_in_v import SPAN, geese, seen, written
 from tests.play.window import MODS
 
-from flockbrush.play.lift_window import SETTLE, LiftWindow  # isort: skip  # the window of the tests has no screen
+from flockbrush.studio.lift_window import SETTLE, LiftWindow  # isort: skip  # the window of the tests has no screen
 
 
 class Hands(LiftWindow):
@@ -196,7 +196,7 @@ def test_play_tells_what_is_missing(tmp_path, capsys):
 
 
 def test_without_a_display_play_says_what_to_do(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("flockbrush.play.start_lift.missing_display", lambda: "none")
+    monkeypatch.setattr("flockbrush.studio.start_lift.missing_display", lambda: "none")
     tracks, camera = written(tmp_path, seen(geese(4, 20)))
     assert called(["play", str(tracks), "--camera", str(camera)]) == 2
     assert "flockbrush lift TRACKS" in capsys.readouterr().err
@@ -209,7 +209,7 @@ def test_the_letter_that_opens_a_dialog_is_not_typed_into_it(window):
     assert window.dialog.entry.get_text().endswith("tracks-v.brush.toml")
     window.post(pygame.KEYUP, key=pygame.K_b, mod=0, unicode="b")
     window.post(pygame.TEXTINPUT, text="b")
-    assert window.dialog.entry.get_text().endswith(".tomlb")
+    assert window.dialog.entry.get_text() == "b"  # the proposed path was selected, and makes way
 
 
 def test_the_window_closes_though_a_dialog_asks_something(window):

@@ -3,15 +3,15 @@
 import numpy as np
 import pygame
 import pytest
+from flockbrush.engine.problems import ProblemsError
 from typer.testing import CliRunner
 
-from behaviours.problems import ProblemsError
-from flockbrush.cli import app as commands
-from flockbrush.marking import Album, read_frames
+from flockbrush.cli.main import app as commands
+from flockbrush.film.bird_marking import Album, read_frames
 from tests.flock_film import V, film
 from tests.play.window import MODS
 
-from flockbrush.play.marking import Marking  # isort: skip  # the window of the tests has no screen
+from flockbrush.studio.bird_marking_window import Marking  # isort: skip  # the window of the tests has no screen
 
 
 class Hands(Marking):
@@ -169,6 +169,6 @@ def test_the_command_opens_a_window_and_says_what_is_wrong(tmp_path, monkeypatch
     assert runner.invoke(commands, ["formation", "mark", *paths, *out, "--frames", "2"]).exit_code == 0
     (tmp_path / "no.png").write_text("no picture")
     done = runner.invoke(commands, ["formation", "mark", str(tmp_path / "no.png"), *out])
-    assert isinstance(done.exception, ProblemsError) and "neither a picture" in str(done.exception)
-    monkeypatch.setattr("flockbrush.play.start_marking.missing_display", lambda: "none")
+    assert isinstance(done.exception, ProblemsError) and "is no picture that can be read" in str(done.exception)
+    monkeypatch.setattr("flockbrush.studio.start_marking.missing_display", lambda: "none")
     assert runner.invoke(commands, ["formation", "mark", *paths, *out], standalone_mode=False).return_value == 2

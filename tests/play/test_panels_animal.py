@@ -2,17 +2,17 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.behaviour import behaviours
+from flockbrush.components import Heading, Role, Velocity
+from flockbrush.systems.commands import RemoveAnimals, SwitchBrush
+from flockbrush.systems.explain import explain
+from flockbrush.systems.senses import SightInSpace
 from small_pasture import pasture
 from small_window import SmallWindow
 
-from behaviours.behaviour import behaviours
-from components import Heading, Role, Velocity
-from flockbrush.draw.bodies import attitude_of
-from flockbrush.play.panels.animal import AnimalPanel, attitude, compass, facts_of, pulls_of, row_of, turning
-from flockbrush.play.session import Session
-from systems.commands import RemoveAnimals, SwitchBrush
-from systems.explain import explain
-from systems.senses import SightInSpace
+from flockbrush.render.body_meshes import attitude_of
+from flockbrush.studio.panels.animal import AnimalPanel, attitude, compass, facts_of, pulls_of, row_of, turning
+from flockbrush.studio.session import Session
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +104,7 @@ def test_an_animal_that_is_gone_is_said_to_be_gone(window):
 
 
 def test_the_buttons_lead_to_the_reference_bird_and_to_nobody(window):
-    from components import ReferenceBird
+    from flockbrush.components import ReferenceBird
 
     agents = window.session.simulation.agents
     row = int(np.flatnonzero(agents[ReferenceBird.entity] > 0)[0])

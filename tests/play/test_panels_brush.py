@@ -3,17 +3,17 @@
 import datetime
 
 import pytest
+from flockbrush.behaviours.behaviour import behaviours
+from flockbrush.behaviours.brush import load_brush, shipped
+from flockbrush.systems.commands import SetParameter
+from flockbrush.systems.edits import UseBrush
 from small_pasture import by_hand, pasture
 from small_window import SmallWindow
 
-from behaviours.behaviour import behaviours
-from behaviours.brush import load_brush, shipped
-from flockbrush.play.panels.brush import BrushPanel
-from flockbrush.play.panels.knobs import CHOICE, NUMBER, SWITCH, WHOLE, knobs_of
-from flockbrush.play.panels.panel import palette_of
-from flockbrush.play.panels.tuning import as_new, changes, command_of, turned, use
-from systems.commands import SetParameter
-from systems.edits import UseBrush
+from flockbrush.studio.panels.brush_panel import BrushPanel
+from flockbrush.studio.panels.knobs import CHOICE, NUMBER, SWITCH, WHOLE, knobs_of
+from flockbrush.studio.panels.panel import palette_of
+from flockbrush.studio.panels.tuning import as_new, changes, command_of, turned, use
 
 
 @pytest.fixture(scope="module")
@@ -243,7 +243,7 @@ def test_a_level_that_comes_with_flockbrush_keeps_its_folder_and_says_why():
     window = SmallWindow("meadow", BrushPanel, brush="march")
     window.panel.save_as("shy-march")
     window.frames(2)
-    assert "comes with Flockbrush; save it elsewhere first" in window.said[-1][1]
+    assert "part of Flockbrush or of a recording; save it elsewhere first" in window.said[-1][1]
     assert window.brush == "march"
     window.close()
 
@@ -287,8 +287,9 @@ def test_what_was_tuned_lasts_into_a_run_that_begins_anew_and_is_still_told_from
 
 
 def test_a_learned_brush_says_from_which_clip_it_is_and_how_well_it_kept_to_it():
-    from behaviours.brush import shipped
-    from flockbrush.play.palette import whence
+    from flockbrush.behaviours.brush import shipped
+
+    from flockbrush.studio.brush_palette import whence
 
     march = shipped().get("march")
     report = {"held-out milling, clip": 0.9, "held-out milling, simulated": 0.85}

@@ -5,9 +5,9 @@ import pytest
 from small_pasture import pasture
 from small_window import SmallWindow
 
-from flockbrush.play.panels.charts import DRAWN, ChartsPanel
-from flockbrush.play.panels.strip import Strip, end_of, strip_picture, top_of, value_at
-from flockbrush.play.theme import chrome
+from flockbrush.studio.panels.chart_panel import DRAWN, ChartsPanel
+from flockbrush.studio.panels.panel_strip import Strip, end_of, strip_picture, top_of, value_at
+from flockbrush.studio.theme import chrome
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def strip(now, values=None, time=None, **more):
 def pixels(strip, theme="light"):
     import pygame
 
-    from flockbrush.draw.style import theme_of
+    from flockbrush.render.style import theme_of
 
     pygame.display.init()
     pygame.font.init()

@@ -3,12 +3,12 @@
 from typing import Literal
 
 import pytest
+from flockbrush.behaviours.behaviour import Parameters, behaviours, quantity
+from flockbrush.behaviours.brush import shipped
+from flockbrush.behaviours.validation import bounds
 from pydantic import Field
 
-from behaviours.behaviour import Parameters, behaviours, quantity
-from behaviours.brush import shipped
-from behaviours.validation import bounds
-from flockbrush.play.panels.knobs import CHOICE, NUMBER, SWITCH, WHOLE, Scale, knob_of, knobs_of, written
+from flockbrush.studio.panels.knobs import CHOICE, NUMBER, SWITCH, WHOLE, Scale, knob_of, knobs_of, written
 
 BRUSHES = shipped().names()
 

@@ -4,11 +4,11 @@ import pytest
 from small_pasture import pasture
 from small_window import SmallWindow
 
-from flockbrush.draw.overlays import OVERLAYS
-from flockbrush.play.panels import PANELS
-from flockbrush.play.panels.profile import FRAME, ProfilePanel, words_of
-from flockbrush.play.panels.view import SCALES, ViewPanel, overlays, said
-from flockbrush.play.settings import Settings
+from flockbrush.render.overlays import OVERLAYS
+from flockbrush.studio.panels import PANELS
+from flockbrush.studio.panels.profile import FRAME, ProfilePanel, words_of
+from flockbrush.studio.panels.view import SCALES, ViewPanel, overlays, said
+from flockbrush.studio.settings import Settings
 
 
 @pytest.fixture(scope="module")

@@ -2,13 +2,13 @@
 
 import pygame
 import pytest
+from flockbrush.behaviours.brush import load_brush
+from flockbrush.components import Position
 from small_pasture import pasture
 from window import Window
 
-from behaviours.brush import load_brush
-from components import Position
-from flockbrush.play.panels import PANELS
-from flockbrush.play.panels.panel import palette_of
+from flockbrush.studio.panels import PANELS
+from flockbrush.studio.panels.panel import palette_of
 
 TITLES = [kind.title for kind in PANELS]
 

@@ -6,7 +6,7 @@ from random_hands import RandomHands
 from small_pasture import pasture, verified
 from window import Window
 
-from flockbrush.play.tools import TOOLS
+from flockbrush.studio.tools import TOOLS
 
 TROUBLES = ("right button", "delete", "escape", "ctrl+z", "another tool", "dialog")
 

@@ -10,11 +10,11 @@ import time
 from pathlib import Path
 
 import pytest
+from flockbrush.behaviours.brush import shipped
 from small_pasture import pasture
 
-from behaviours.brush import shipped
-from flockbrush.play import thumbnails
-from flockbrush.play.palette import Thumbnails
+from flockbrush.studio import thumbnails
+from flockbrush.studio.brush_palette import Thumbnails
 
 HOUSE = Path(__file__).parents[2]
 TILED = shutil.which("tiled")
@@ -23,6 +23,7 @@ PATIENCE = 240  # s for anything; kernels may have to be compiled
 SIZE = 800, 600
 
 pytestmark = [
+    pytest.mark.tools,
     pytest.mark.skipif(bool(MISSING), reason=f"a real window needs {' and '.join(MISSING)}, not installed here"),
     pytest.mark.skipif(os.name != "posix", reason="Xvfb is of Unix"),
 ]
@@ -130,7 +131,7 @@ class Desk:
 
     def middle(self):
         """Where the middle of the map is in the window, pixels."""
-        from flockbrush.play.layout import places
+        from flockbrush.studio.layout import places
 
         return places(SIZE, 1.0, True).canvas.center
 
@@ -209,12 +210,12 @@ def test_killed_while_painting_the_work_is_offered_and_taken_up(desk):
     desk.saved(True)
     assert (12, 8) in desk.painted() or (10, 8) in desk.painted()
     desk.key("ctrl+q")
-    assert desk.end() == (0, "") and list((desk.folder / "STATE").iterdir()) == []
+    assert desk.end() == (0, "") and not journal(desk)
 
 
 def journal(desk):
     """What the session that runs has written down of its edits."""
-    files = (desk.folder / "STATE").glob("*/*.journal")
+    files = (desk.folder / "STATE").glob("flockbrush/sessions/*/*.journal")
     return "".join(file.read_text() for file in files)
 
 

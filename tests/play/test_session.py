@@ -2,19 +2,19 @@
 
 import numpy as np
 import pytest
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.state import state_hash
+from flockbrush.systems.commands import AddAnimals, AddObstacle, RemoveAnimals, SetParameter, SwitchBrush
+from flockbrush.systems.edits import DrawGuide
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.steer import NotFinite, Steer
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from small_pasture import by_hand, pasture, straight_run, stroke, verified
 
-from behaviours.problems import ProblemsError
-from engine.state import state_hash
-from flockbrush.play.session import Session
-from flockbrush.run import begin
-from systems.commands import AddAnimals, AddObstacle, RemoveAnimals, SetParameter, SwitchBrush
-from systems.edits import DrawGuide
-from systems.landscape import Landscape
-from systems.palette import Palette
-from systems.steer import NotFinite, Steer
+from flockbrush.runs.run import begin
+from flockbrush.studio.session import Session
 
 FRAME = 1 / 60  # s
 PLENTY = 10.0  # s of budget
@@ -64,7 +64,7 @@ def test_a_second_is_as_long_as_the_rate_says(session, rate, ticks):
 
 def test_a_slow_machine_plays_slower_and_never_falls_behind(session, monkeypatch):
     now = [0.0]
-    monkeypatch.setattr("flockbrush.play.session.time.perf_counter", lambda: now[0])
+    monkeypatch.setattr("flockbrush.studio.session.time.perf_counter", lambda: now[0])
     step = session.timeline.step
 
     def slow():
@@ -82,7 +82,7 @@ def test_a_slow_machine_plays_slower_and_never_falls_behind(session, monkeypatch
 
 def test_one_frame_never_takes_longer_than_its_budget(session, monkeypatch):
     now = [0.0]
-    monkeypatch.setattr("flockbrush.play.session.time.perf_counter", lambda: now[0])
+    monkeypatch.setattr("flockbrush.studio.session.time.perf_counter", lambda: now[0])
     step = session.timeline.step
 
     def steady():
@@ -239,7 +239,7 @@ def test_the_chart_knows_the_whole_branch(session):
 
 
 def test_a_long_chart_is_thinned(session, monkeypatch):
-    monkeypatch.setattr("flockbrush.play.gauges.CHART_POINTS", 10)
+    monkeypatch.setattr("flockbrush.studio.gauges.CHART_POINTS", 10)
     session.step(160)
     assert 8 <= len(session.chart.time) <= 11 and session.chart.time[-1] == 5.0
 

@@ -6,20 +6,20 @@ import shutil
 import subprocess
 
 import pytest
+from flockbrush.behaviours.brush import shipped
+from flockbrush.components import BrushBinding
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.state import state_hash
+from flockbrush.levels.reader import read_level
+from flockbrush.levels.writer import Document
+from flockbrush.systems.commands import AddAnimals, AddObstacle, RemoveAnimals, SetParameter
+from flockbrush.systems.edits import DrawGuide, MarkSpawn
+from flockbrush.systems.palette import Palette
 from small_pasture import by_hand, pasture, straight_run, stroke, verified
 
-from behaviours.brush import shipped
-from behaviours.problems import ProblemsError
-from components import BrushBinding
-from engine.state import state_hash
-from flockbrush.cli import called
-from flockbrush.play.history import History
-from flockbrush.play.session import Session
-from levels.reader import read_level
-from levels.writer import Document
-from systems.commands import AddAnimals, AddObstacle, RemoveAnimals, SetParameter
-from systems.edits import DrawGuide, MarkSpawn
-from systems.palette import Palette
+from flockbrush.cli.main import called
+from flockbrush.studio.history import History
+from flockbrush.studio.session import Session
 
 
 @pytest.fixture
@@ -255,7 +255,7 @@ def test_a_level_saved_in_another_folder_has_all_it_needs(session, tmp_path):
     mine = shipped().get("march").model_copy(update={"name": "mine"})
     assert session.save_brush(mine) == session.path.parent / "brushes" / "mine.brush.toml"
     assert "mine" in session.library.names()
-    from systems.taking_back import UseBrush
+    from flockbrush.systems.undo import UseBrush
 
     session.do("use", [UseBrush("mine", mine.source.decode())])
     session.do("paint", [stroke("mine", 8, 8, 2)])
@@ -270,13 +270,14 @@ def test_a_level_saved_in_another_folder_has_all_it_needs(session, tmp_path):
 def test_a_brush_is_not_replaced_unasked(session):
     mine = shipped().get("march").model_copy(update={"name": "mine"})
     assert session.save_brush(mine) and session.save_brush(mine) is None
-    assert "is there already" in texts(session)[0]
+    told, refused = texts(session)
+    assert "Tiled finds the brush" in told and "is there already" in refused
     assert session.save_brush(mine, overwrite=True)
 
 
 def test_a_shipped_level_stays_as_it_is(tmp_path):
     session = Session.open("meadow", agents=20, state_folder=tmp_path / "state")
-    assert session.save() is False and "comes with Flockbrush" in texts(session)[0]
+    assert session.save() is False and "is part of Flockbrush" in texts(session)[0]
     with pytest.raises(ProblemsError, match="save it elsewhere first"):
         session.brush_folder()
     session.close()
@@ -414,5 +415,5 @@ def test_a_run_and_its_branches_are_recorded_where_one_says(level, tmp_path):
 def test_a_recording_that_cannot_be_written_is_said(session, tmp_path):
     session.step(2)
     assert not session.export_recording(tmp_path / "nowhere" / "walk.flock")
-    assert "No such file" in texts(session)[0]
+    assert "there is no folder" in texts(session)[0]
     assert session.export_recording(tmp_path / "walk.flock") and "wrote" in texts(session)[0]

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from flockbrush.play.settings import Settings, config_folder, load_settings, save_settings
+from flockbrush.studio.settings import Settings, config_folder, load_settings, save_settings
 
 
 @pytest.fixture

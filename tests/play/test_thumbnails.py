@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.brush import shipped
+from flockbrush.levels.tiled import brush_picture
 
-from behaviours.brush import shipped
-from flockbrush.draw.style import rgb
-from flockbrush.play import thumbnails
-from flockbrush.play.thumbnails import cached, draw_tile, placeholder, thumbnail
-from levels.tiled import brush_picture
+from flockbrush.render.style import rgb
+from flockbrush.studio import thumbnails
+from flockbrush.studio.thumbnails import cached, draw_tile, placeholder, thumbnail
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def test_a_picture_is_made_once(cache, march, monkeypatch):
 
 
 def test_a_changed_brush_has_another_picture(cache, march):
-    from behaviours.brush import SpeedSpec
+    from flockbrush.behaviours.brush import SpeedSpec
 
     thumbnail(march, 32)
     assert cached(march.model_copy(update={"speed": SpeedSpec(mean=1.0)}), 32) is None
@@ -68,7 +68,7 @@ def test_a_placeholder_is_there_at_once(march):
 
 @pytest.mark.parametrize(("name", "mills"), [("mill-filled", True), ("march", False)])
 def test_one_sees_whether_a_herd_mills(name, mills):
-    from systems.measures import compute_milling
+    from flockbrush.systems.measures import compute_milling
 
     simulation = thumbnails._settled(shipped().get(name))
     xy, forward = thumbnails._moment(simulation)
@@ -80,7 +80,7 @@ def test_the_shipped_tiles_are_pictures_of_the_shipped_brushes(name):
     brush = shipped().get(name)
     told = brush_picture(name, brush.colour).astype(int)
     made = draw_tile(brush, 32)[..., [2, 1, 0, 3]].astype(int)
-    assert np.abs(told - made).mean() < 2, "run python -m flockbrush.play.thumbnails --tiles levels"
+    assert np.abs(told - made).mean() < 2, "run python -m flockbrush.studio.thumbnails --tiles levels"
 
 
 def test_a_brush_of_ones_own_that_has_a_shipped_name_keeps_its_colour():

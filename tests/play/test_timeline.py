@@ -2,18 +2,18 @@
 
 import numpy as np
 import pytest
+from flockbrush.components import Position
+from flockbrush.engine.commands import CommandError
+from flockbrush.engine.recording import open_recording
+from flockbrush.engine.state import pieces, snapshot, state_hash
+from flockbrush.systems.commands import AddAnimals, AddObstacle, PaintBrush, RemoveAnimals, SetParameter, SwitchBrush
+from flockbrush.systems.steer import Steer
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from small_pasture import pasture, straight_run, verified
 
-from components import Position
-from engine.commands import CommandError
-from engine.recording import open_recording
-from engine.state import pieces, snapshot, state_hash
-from flockbrush.play.timeline import Beginning, Keyframes, Timeline, WentWrong
-from flockbrush.run import open_level
-from systems.commands import AddAnimals, AddObstacle, PaintBrush, RemoveAnimals, SetParameter, SwitchBrush
-from systems.steer import Steer
+from flockbrush.runs.run import open_level
+from flockbrush.studio.timeline import Beginning, Keyframes, Timeline, WentWrong
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def timeline(level, monkeypatch):
 
 
 def new_timeline(level, monkeypatch, **options):
-    monkeypatch.setattr("flockbrush.play.timeline.KEYFRAME_SECONDS", 0.25)
+    monkeypatch.setattr("flockbrush.studio.timeline.KEYFRAME_SECONDS", 0.25)
     return Timeline(Beginning(*open_level(level)), "pasture", **options)
 
 
@@ -251,7 +251,7 @@ def test_kept_moments_stay_within_their_budget(level, monkeypatch):
 
 
 def test_large_states_are_hashed_less_often(level, monkeypatch):
-    monkeypatch.setattr("flockbrush.play.timeline.HASH_BYTES", 0)
+    monkeypatch.setattr("flockbrush.studio.timeline.HASH_BYTES", 0)
     timeline = new_timeline(level, monkeypatch)
     assert list(lived(timeline, 17).current.hashes) == [0, 8, 16]
     timeline.close()
@@ -283,7 +283,7 @@ def test_every_branch_is_a_recording_beside_the_first(level, monkeypatch, tmp_pa
 
 
 def test_a_recording_has_moments_to_start_from(level, monkeypatch, tmp_path):
-    monkeypatch.setattr("flockbrush.play.timeline.FILED_SECONDS", 0.5)
+    monkeypatch.setattr("flockbrush.studio.timeline.FILED_SECONDS", 0.5)
     timeline = new_timeline(level, monkeypatch, folder=tmp_path)
     lived(timeline, 70)
     timeline.close()
@@ -309,7 +309,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(level, monkeypatch, tmp_
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("engine.recording.Recording._append", full)
+    monkeypatch.setattr("flockbrush.engine.recording.Recording._append", full)
     lived(timeline, 5)
     monkeypatch.undo()
     assert len(told) == 1 and "no longer recorded" in told[0] and "No space left" in told[0]
@@ -375,7 +375,7 @@ def walk(timeline, kind, number):
 
 
 def test_one_step_back_is_short_once_one_looks_there(timeline, monkeypatch):
-    monkeypatch.setattr("flockbrush.play.timeline.NEAR_TICKS", 2)
+    monkeypatch.setattr("flockbrush.studio.timeline.NEAR_TICKS", 2)
     lived(timeline, 8)
     ticks = []
     tick = timeline.simulation.tick

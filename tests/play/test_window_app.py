@@ -14,11 +14,11 @@ import pytest
 from small_pasture import pasture
 from window import Window
 
-from flockbrush.cli import called
-from flockbrush.play.dialogs import Dialog
-from flockbrush.play.keys import ACTIONS, BY_KEY, key_of, shown
-from flockbrush.play.session import Session
-from flockbrush.play.tools import TOOLS
+from flockbrush.cli.main import called
+from flockbrush.studio.dialogs import Dialog
+from flockbrush.studio.session import Session
+from flockbrush.studio.shortcuts import ACTIONS, BY_KEY, key_of, shown
+from flockbrush.studio.tools import TOOLS
 
 HOUSE = Path(__file__).parents[2]
 
@@ -80,7 +80,7 @@ def test_what_is_painted_is_saved_and_found_again(window, tmp_path):
     assert window.said("error") == [] and not window.session.dirty
     painted = window.land.brush.copy()
     again = Session.open(tmp_path / "pasture.tmj")
-    from systems.landscape import Landscape
+    from flockbrush.systems.landscape import Landscape
 
     assert np.array_equal(again.simulation.world.resource(Landscape).brush >= 0, painted >= 0)
     again.close()
@@ -153,12 +153,17 @@ def test_quitting_without_changes_just_quits(window):
 
 def test_a_level_that_changes_on_disk_may_be_read_again(window):
     path = Path("pasture.tmj")
+    window.drag((12, 3), (14, 3))  # unsaved: it is asked for
     path.write_text(path.read_text().replace('"stone"', '"menhir"'))
     window.frames(40)
     assert window.dialog is not None
     window.key("return")
     window.frames(2)
     assert [barrier.name for barrier in window.land.barriers] == ["menhir"]
+    path.write_text(path.read_text().replace('"menhir"', '"boulder"'))  # nothing unsaved: it is read at once
+    window.frames(40)
+    assert window.dialog is None
+    assert [barrier.name for barrier in window.land.barriers] == ["boulder"]
 
 
 def test_a_level_that_is_broken_on_disk_is_offered_again_when_it_is_mended(window):
@@ -316,7 +321,7 @@ def test_every_button_says_what_it_does(window):
 
 
 def test_the_help_page_has_every_key(window):
-    from flockbrush.play.help import columns, escaped
+    from flockbrush.studio.help import columns, escaped
 
     page = " ".join(columns(window.theme, 2))
     for key, title in [(action.keys[0], action.title) for action in ACTIONS] + [(t.key, t.title) for t in TOOLS]:
@@ -388,12 +393,12 @@ def test_a_video_is_recorded_while_one_plays(window):
 
 
 def test_a_disk_that_refuses_the_video_is_told(window, monkeypatch):
-    import flockbrush.draw
+    import flockbrush.render
 
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(flockbrush.draw.Video, "write", full)
+    monkeypatch.setattr(flockbrush.render.Video, "write", full)
     window.key("f9")
     window.frames(30)
     window.key("f9")
@@ -417,7 +422,7 @@ def test_a_window_of_any_size_is_drawn(tmp_path, size, theme):
 
 
 def test_parts_stand_beside_each_other():
-    from flockbrush.play.layout import places
+    from flockbrush.studio.layout import places
 
     for size in [(200, 120), (320, 200), (640, 480), (900, 600), (1280, 720), (1920, 1080), (3840, 2160)]:
         for scale in (0.8, 1.0, 1.5, 3.0):
@@ -466,8 +471,8 @@ def test_columns_can_be_hidden(window):
 
 
 def test_words_can_be_read_on_what_they_stand():
-    from flockbrush.draw.style import THEMES
-    from flockbrush.play.theme import chrome
+    from flockbrush.render.style import THEMES
+    from flockbrush.studio.theme import chrome
 
     def light(colour):
         parts = [(c / 255 / 12.92 if c < 10 else ((c / 255 + 0.055) / 1.055) ** 2.4) for c in colour]
@@ -531,8 +536,8 @@ def test_ctrl_c_closes_the_window_in_good_order(tmp_path):
 
 
 def test_while_the_level_is_opened_the_window_says_so_and_can_be_closed():
-    from flockbrush.draw.style import LIGHT
-    from flockbrush.play.opening import Opening
+    from flockbrush.render.style import LIGHT
+    from flockbrush.studio.opening import Opening
 
     opening = Opening("pasture", (400, 300), LIGHT, lambda: time.sleep(0.2) or "ready")
     before = pygame.surfarray.array3d(opening.screen)

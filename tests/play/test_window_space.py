@@ -6,8 +6,8 @@ import pytest
 from small_pasture import pasture
 from window import Window
 
-from flockbrush.draw.camera import Camera
-from flockbrush.draw.orbit import OrbitCamera
+from flockbrush.render.orbit import OrbitCamera
+from flockbrush.render.view_camera import ViewCamera
 
 
 @pytest.fixture
@@ -26,8 +26,9 @@ def flock(tmp_path, monkeypatch):
     window.session.play()
     window.frames(8)
     window.session.pause()
-    window.key("3")
+    window.key("t")  # it opens in space and goes with the flock; here it stays
     window.frames(2)
+    assert window.canvas.in_space and not window.canvas.follows
     yield window
     window.close()
 
@@ -158,7 +159,7 @@ def test_the_mouse_over_a_bird_says_who_it_is_and_how_high(flock):
 def test_the_view_follows_the_herd_in_space_and_on_the_plan(flock):
     flock.key("t")
     flock.session.play()
-    for kind in (OrbitCamera, Camera):
+    for kind in (OrbitCamera, ViewCamera):
         flock.frames(4)
         assert isinstance(flock.canvas.camera, kind)
         place, camera = np.median(flock.canvas.herd.xy, axis=0), flock.canvas.camera
@@ -227,7 +228,7 @@ def test_a_film_and_a_picture_are_made_of_what_is_seen(window, tmp_path):
 
 
 def test_drawing_in_space_does_not_touch_the_world(tmp_path, monkeypatch):
-    from engine.state import state_hash
+    from flockbrush.engine.state import state_hash
 
     hashes = []
     for space in (False, True):

@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.behaviour import behaviours
+from flockbrush.behaviours.brush import shipped
+from flockbrush.components.agent import Alarm, Species
+from flockbrush.levels.reader import read_level
+from flockbrush.systems.population import SpeciesList
 from small_pasture import pasture
 from window import Window
 
-from behaviours.behaviour import behaviours
-from behaviours.brush import shipped
-from flockbrush.play.tools import TOOLS
+from flockbrush.studio.tools import TOOLS
 
 
 @pytest.fixture
@@ -313,12 +316,76 @@ def test_animals_are_added_and_taken_away(window):
     assert len(window.agents) == 13
 
 
+def species_of(window):
+    """Species of every animal, in the order of their birth."""
+    known = window.session.simulation.world.resource(SpeciesList).names
+    return [known[k] for k in window.agents[Species.index]]
+
+
 def test_a_predator_is_put_down_once_a_click(window):
     window.key("w")
     window.drag((18, 13), (20, 13))
     assert len(window.agents) == 10
     model = window.find_brush(window.behaviour()[-1]).model
     assert behaviours()[model].danger
+
+
+def test_the_predator_of_sheep_is_no_falcon_and_another_one_can_be_chosen(window):
+    window.key("w")
+    names = list(window.choices("hunter"))
+    assert {"wolf", "lion", "falcon"} <= set(names)
+    assert names[0] in ("wolf", "lion") and names[-1] == "falcon"
+    assert list(window.toolbox.menus.values()) == ["hunter"]
+    window.set_option("hunter", "wolf")
+    window.click((20, 12))
+    window.set_option("hunter", "falcon")
+    window.click((4, 12))
+    assert species_of(window)[-2:] == ["wolf", "falcon"]
+    assert window.behaviour()[-2:] == ["wolf-hunt", "falcon"]
+
+
+def test_a_predator_is_in_the_level_and_hunts_on_painted_ground(window):
+    window.key("b")
+    window.choose("brush", "swarm")
+    window.drag((18, 13), (20, 13))
+    assert window.painted((19, 13)) == "swarm"
+    window.key("w")
+    window.set_option("hunter", "wolf")
+    window.click((19, 13))
+    window.session.play()
+    window.frames(8)
+    assert (window.behaviour()[-1], species_of(window)[-1]) == ("wolf-hunt", "wolf")
+    assert window.session.save()
+    spawn = read_level(window.session.path).spawns[-1]
+    assert (spawn.species, spawn.brush, spawn.count, spawn.name) == ("wolf", "wolf-hunt", 1, "wolf 1")
+    window.key("ctrl+z")
+    assert len(window.agents) == 9
+
+
+def test_sheep_run_from_a_wolf_that_was_put_down(window):
+    window.session.play()
+    window.frames(4)
+    window.key("w")
+    window.set_option("hunter", "wolf")
+    x, y = window.standing().mean(axis=0)
+    window.click((x + 5.5, y))
+    window.frames(30)
+    agents = window.agents
+    sheep = np.array(species_of(window)) == "sheep"
+    assert (agents[Alarm.level][sheep] > 0).sum() >= 5
+
+
+def test_added_animals_say_when_the_ground_gives_them_another_brush(window):
+    window.key("b")
+    window.choose("brush", "swarm")
+    window.drag((18, 13), (20, 13))
+    window.key("n")
+    window.choose("brush", "graze")
+    window.options["count"] = 3
+    window.click((8, 3))
+    assert not any("painted" in text for text in window.said())
+    window.click((19, 13))
+    assert [text for text in window.said() if "the ground here is painted swarm" in text]
 
 
 def test_an_animal_is_selected_and_let_go(window):

@@ -10,12 +10,12 @@ os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
 
 import numpy as np
 import pygame
+from flockbrush.components import BrushBinding, Position
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
 
-from components import BrushBinding, Position
-from flockbrush.play.app import App
-from flockbrush.play.session import Session
-from systems.landscape import Landscape
-from systems.palette import Palette
+from flockbrush.studio.app import App
+from flockbrush.studio.session import Session
 
 MODS = {"ctrl": pygame.KMOD_LCTRL, "shift": pygame.KMOD_LSHIFT}
 NAMES = {"pageup": "page up", "pagedown": "page down"}

@@ -4,16 +4,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from flockbrush.components import Heading, Position
+from flockbrush.engine import parallel
+from flockbrush.engine.parallel import set_threads
+from flockbrush.systems.contact import move
+from flockbrush.systems.grid import sort_into_cells
+from flockbrush.systems.visibility import edges_by_cell, no_edges
 from hypothesis import given
 from hypothesis import strategies as st
 from small_herd import box, gaps, gaps_of, meadow, obstacle, put, straight, wall_gaps, xy_of
-
-from components import Heading, Position
-from engine import parallel
-from engine.parallel import set_threads
-from systems.contact import move
-from systems.grid import sort_into_cells
-from systems.visibility import edges_by_cell, no_edges
 
 DT = 1 / 32
 ROUNDING = 1e-6  # m

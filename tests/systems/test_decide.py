@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
+from flockbrush.components import Heading, Memory, ReferenceBird, Role
+from flockbrush.levels.schema import Goal, Guide
 from small_herd import box, brush, meadow, obstacle, put, straight, xy_of
-
-from components import Heading, Memory, ReferenceBird, Role
-from levels.schema import Goal, Guide
 
 CALM = brush("calm", mean=0.0, body={"radius": 0.1})
 

@@ -5,16 +5,12 @@ import typing
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from small_herd import box, brush, gaps_of, meadow, obstacle, put, straight, wall_gaps, xy_of
-
-from behaviours.problems import ProblemsError
-from components import Body, BrushBinding, Destination, Heading, Position, Species, Vision
-from engine.commands import COMMANDS, CommandError, Commands, from_record, to_json
-from engine.state import state_hash
-from levels.schema import Goal, Key
-from systems.commands import (
+from flockbrush.components import Body, BrushBinding, Destination, Heading, Position, Species, Vision
+from flockbrush.engine.commands import COMMANDS, CommandError, Commands, from_record, to_json
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.state import state_hash
+from flockbrush.levels.schema import Goal, Key
+from flockbrush.systems.commands import (
     AddAnimals,
     AddObstacle,
     MoveGoal,
@@ -27,9 +23,12 @@ from systems.commands import (
     SwitchBrush,
     disc,
 )
-from systems.landscape import Landscape
-from systems.life import inside_polygon
-from systems.palette import Palette
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.life import inside_polygon
+from flockbrush.systems.palette import Palette
+from hypothesis import given
+from hypothesis import strategies as st
+from small_herd import box, brush, gaps_of, meadow, obstacle, put, straight, wall_gaps, xy_of
 
 CALM = straight("calm", mean=0.0)
 RUN = brush("run", mean=3.0, cohesion_weight=0.2)
@@ -283,7 +282,9 @@ number = st.one_of(st.floats(-60, 60), st.sampled_from([0.0, -1.0, 1e9]))
 
 
 @given(
-    st.sampled_from(sorted(name for name, kind in COMMANDS.items() if kind.__module__ == "systems.commands")),
+    st.sampled_from(
+        sorted(name for name, kind in COMMANDS.items() if kind.__module__ == "flockbrush.systems.commands")
+    ),
     st.data(),
 )
 def test_whatever_is_asked_is_done_or_refused_and_nothing_else_happens(name, data):

@@ -4,18 +4,14 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from small_herd import Shelf, box, brush, gaps_of, level, meadow, obstacle, put, spawn, straight, xy_of
-
-from behaviours.brush_writer import brush_to_toml
-from components import Body, BrushBinding, Destination, Position
-from engine.clock import Clock
-from engine.commands import CommandError, Commands, to_json
-from engine.state import restore, snapshot, state_hash
-from levels.build import build
-from levels.schema import Goal, Zone
-from systems.commands import (
+from flockbrush.behaviours.brush_writer import brush_to_toml
+from flockbrush.components import Body, BrushBinding, Destination, Position
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.commands import CommandError, Commands, to_json
+from flockbrush.engine.state import restore, snapshot, state_hash
+from flockbrush.levels.build import build
+from flockbrush.levels.schema import Goal, Zone
+from flockbrush.systems.commands import (
     AddAnimals,
     AddObstacle,
     MoveGoal,
@@ -28,7 +24,7 @@ from systems.commands import (
     SetParameter,
     SwitchBrush,
 )
-from systems.edits import (
+from flockbrush.systems.edits import (
     DrawGuide,
     MarkSpawn,
     Paint,
@@ -40,11 +36,14 @@ from systems.edits import (
     pick,
     region,
 )
-from systems.landscape import NATIVE, PATIENCE, Landscape
-from systems.life import Nursery, inside_polygon
-from systems.painting import blended, cells_of, runs_of, stroke_cells
-from systems.palette import Palette
-from systems.spawning import touching
+from flockbrush.systems.landscape import NATIVE, PATIENCE, Landscape
+from flockbrush.systems.life import Nursery, inside_polygon
+from flockbrush.systems.painting import blended, cells_of, runs_of, stroke_cells
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.spawning import touching
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from small_herd import Shelf, box, brush, gaps_of, level, meadow, obstacle, put, spawn, straight, xy_of
 
 CALM, RUN = straight("calm", mean=0.0), brush("run", mean=2.0)
 NEW = brush_to_toml(brush("new", vision={"range": 9.0}))
@@ -205,7 +204,7 @@ def nobody_in_walls(simulation):
 
 
 def forward(agents):
-    from components import Heading
+    from flockbrush.components import Heading
 
     return agents[Heading.forward]
 

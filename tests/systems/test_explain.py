@@ -1,24 +1,30 @@
 """Why an animal turns: the reasons given are those it acts on, and asking changes nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from small_herd import box, brush, meadow, obstacle, put, spawn
+from flockbrush.behaviours import behaviour as behaviour_module
+from flockbrush.behaviours.behaviour import Wishes, behaviours
+from flockbrush.behaviours.drive import drives
+from flockbrush.components import Role, Thrust, Wish
+from flockbrush.components.agent import BY_VELOCITY
+from flockbrush.engine.state import state_hash
+from flockbrush.levels.schema import BrushLayer, Guide, Zone
+from flockbrush.systems.explain import explain
+from small_herd import box, brush, meadow, obstacle, put, put_aloft, spawn
 
-from behaviours.behaviour import Wishes, behaviours
-from components import Role, Wish
-from engine.state import state_hash
-from levels.schema import BrushLayer, Guide, Zone
-from systems.explain import explain
 from tests.behaviours.test_models import lively
 
 
 def pushed(reasons):
     """The direction in which reasons add up."""
-    total = sum(vector for _, vector in reasons)
+    total = sum(vector[:2] for _, vector in reasons)
     return total / np.hypot(*total)
 
 
 EXPLAINED = [model for model in behaviours().values() if model.explain is not None]
+MODELS = ["herd", "flee", "hunt", "boids", "raptor", "v_rules", "line_formation"]
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -28,10 +34,12 @@ def test_the_reasons_add_up_to_the_wish(model, more, seed):
     if more.keys() - model.Params.model_fields.keys():
         pytest.skip("another model's parameter")
     scene, params = lively(seed), model.Params(**more)
-    wishes = model.steer(scene, np.arange(len(scene.ids)), params)
     for row in range(len(scene.ids)):
+        rows = np.flatnonzero(scene.species == scene.species[row]).astype(np.int32)  # the V rules ask a flock at once
+        wishes, at = model.steer(scene, rows, params), int(np.flatnonzero(rows == row)[0])
         reasons = model.explain(scene, row, params)
-        wish = wishes.direction[row, :2] / np.hypot(*wishes.direction[row, :2])
+        wish = wishes.direction[at, :2] if wishes.velocity is None else wishes.velocity[at, :2]
+        wish = wish / np.hypot(*wish)
         assert pushed(reasons.items()) == pytest.approx(wish, abs=1e-9), (row, reasons)
 
 
@@ -40,7 +48,7 @@ def valley(seed=3):
     deer, wolf = brush("deer", "flee", mean=1.0, wander=0.3), brush("wolf", "hunt", mean=2.0)
     other = brush("other", mean=2.0, transition=2.0)
     painted = np.full((40, 40), -1)
-    painted[:, 18:] = 0
+    painted[:18, 18:] = 0  # the wolves stay what they are
     return meadow(
         deer, wolf, other, seed=seed, boundary="wrap",
         brush_layers=[BrushLayer("brush", 1.0, ["other"], painted)],
@@ -49,7 +57,7 @@ def valley(seed=3):
         zones=[Zone(2, "corner", box(0, 30, 10, 40), None, 0.5, 1.0, 0.5)],
         spawns=[
             spawn(box(5, 5, 25, 25), "deer", 60, heading=None, species="deer", id=1),
-            spawn(box(26, 26, 34, 34), "wolf", 4, heading=None, species="wolf", id=2),
+            spawn(box(19, 19, 25, 25), "wolf", 4, heading=None, species="wolf", id=2),
         ],
     )  # fmt: skip
 
@@ -132,7 +140,7 @@ def test_across_the_seam_neighbours_are_near():
 
 
 def test_a_model_that_does_not_explain_itself_is_shown_without_reasons(monkeypatch):
-    from behaviours import behaviour as registry
+    from flockbrush.behaviours import behaviour as registry
 
     behaviours()
     monkeypatch.setitem(registry._registry, "turner", None)
@@ -146,7 +154,9 @@ def test_a_model_that_does_not_explain_itself_is_shown_without_reasons(monkeypat
         simulation = meadow(brush(model="turner"))
         (me,) = put(simulation, [(10, 10)])
         told = explain(simulation.world, me)
-        assert told.terms == [] and told.result == pytest.approx([0, 1]) and told.turn == pytest.approx(np.pi / 2)
+        assert [name for name, _ in told.terms] == ["heading", "turner"]
+        assert pushed(told.terms) == pytest.approx([0, 1])
+        assert told.result == pytest.approx([0, 1]) and told.turn == pytest.approx(np.pi / 2)
     finally:
         registry._registry.pop("turner")
 
@@ -154,3 +164,60 @@ def test_a_model_that_does_not_explain_itself_is_shown_without_reasons(monkeypat
 def test_who_is_dead_explains_nothing():
     with pytest.raises(KeyError, match="not alive"):
         explain(meadow(brush()).world, 7)
+
+
+def test_every_shipped_model_explains_itself():
+    assert {model.name for model in EXPLAINED} >= set(MODELS)
+
+
+@pytest.mark.parametrize("medium", ["ground", "air"])
+@pytest.mark.parametrize("model", [*MODELS, "sunward"])
+def test_reasons_of_models_and_drives_together_add_up_to_the_wish_in_every_medium(model, medium, monkeypatch):
+    """A danger near by, a wall, a drive that asks for a share: terms of the model and drives are told together."""
+    flies = model in behaviours() and behaviours()[model].flight is not None
+    if flies != (medium == "air"):
+        pytest.skip("moves in the other medium")
+    if model == "sunward":  # somebody else's, who does not explain it
+        monkeypatch.setitem(behaviour_module._registry, model, replace(behaviours()["herd"], name=model, explain=None))
+    more = {"mean": 20.0, "body": {"length": 0.8, "radius": 0.16, "contact": "disc"}} if flies else {"mean": 0.5}
+    if model in ("boids", "raptor"):
+        more["min_speed"] = 2.0
+    asset = brush("one", model, **more)
+    told = {"keep_group": drives()["keep_group"].Params(distance=0.1, strength=0.4), "flee": drives()["flee"].Params()}
+    asset = asset.model_copy(update={"drives": told})
+    simulation = meadow(asset, brush("stand", mean=0.0), obstacles=[obstacle(box(30, 17, 31, 23))])
+    place = put_aloft if flies else put
+    prey, danger = ("goose", "falcon") if flies else ("sheep", "wolf")
+    spots = [(18 + 2 * (k % 3), 16 + 2.5 * (k // 3), *((6.0 + 0.2 * k,) if flies else ())) for k in range(9)]
+    place(simulation, spots, species=prey, brush="one")
+    place(simulation, (34.0, 29.0, 6.0) if flies else (34.0, 25.0), species=danger, brush="stand")
+    simulation.run(6)
+    names, shares = set(), set()
+    for _ in range(3):
+        simulation.run(2)
+        told = [explain(simulation.world, entity) for entity in simulation.agents.ids.tolist()[:9]]
+        simulation.tick()
+        agents = simulation.agents
+        for row, one in enumerate(told):
+            wish = agents[Wish.direction][row]
+            if flies and agents[Thrust.kind][row] == BY_VELOCITY:
+                wish = agents[Thrust.velocity][row] / np.linalg.norm(agents[Thrust.velocity][row])
+            assert one.wish == pytest.approx(wish, abs=1e-9)
+            total = sum(vector for _, vector in one.reasons)
+            assert total / np.linalg.norm(total) == pytest.approx(wish, abs=1e-7), one.reasons
+            names |= {name for name, _ in one.reasons}
+            shares |= set(one.shares)
+    assert {"heading", "keep_group"} <= names
+    assert "flee" in shares
+
+
+def test_an_animal_in_a_program_says_its_state_and_why():
+    from small_program import program, world
+
+    text = "[state.calm]\n[state.run]\n[[trigger]]\nname = 'the alarm'\nto = 'run'\nwhen = { event = 'go' }"
+    scene = world(program(text), [(0, 0), (3, 0)], ["sheep", "goat"])
+    scene.event("go")
+    scene.run(9)
+    found = explain(scene.world, int(scene.agents.ids[0]))
+    assert (found.program, found.state, found.why) == ("small", "run", "from calm: the alarm, for 0.3 s")
+    assert explain(scene.world, int(scene.agents.ids[1])).state == ""

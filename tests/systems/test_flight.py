@@ -2,18 +2,17 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.behaviour import Behaviour, Flight, Parameters, Wishes
+from flockbrush.components import Airborne, Ground, Heading, Position, Speed, Velocity
+from flockbrush.engine.raster import Raster
+from flockbrush.engine.solid_queries import surface_
+from flockbrush.engine.state import state_hash
+from flockbrush.systems.commands import AddObstacle, MoveObstacle, RemoveObstacle
+from flockbrush.systems.flight import GRAVITY, rolled, turned_without_roll
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
 from scipy.spatial import Delaunay
 from small_herd import boids, box, brush, meadow, obstacle, put, put_aloft, room_in_the_air, straight
-
-from behaviours.behaviour import Behaviour, Flight, Parameters, Wishes
-from components import Airborne, Ground, Heading, Position, Speed, Velocity
-from engine.fields import Raster
-from engine.solids import surface_
-from engine.state import state_hash
-from systems.commands import AddObstacle, MoveObstacle, RemoveObstacle
-from systems.flight import GRAVITY, rolled, turned_without_roll
-from systems.landscape import Landscape
-from systems.palette import Palette
 
 ALONE = {f"{urge}_strength": 0.0 for urge in ("separation", "matching", "centring", "migration", "height")}
 LENGTH, DT = 0.2, 1 / 32
@@ -408,7 +407,7 @@ def test_obstacles_put_down_and_taken_away_are_there_for_birds_too():
 
 
 def test_a_snapshot_keeps_what_glides_and_what_hangs():
-    from engine.state import restore, snapshot
+    from flockbrush.engine.state import restore, snapshot
 
     def world():
         beam = with_shape(obstacle(box(20, 0, 22, 40), "beam"), "cylinder", 3.0, 6.0)

@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+from flockbrush.components import Body, FormationPlace, Heading, Position, ReferenceBird, Role, Velocity, Vision
+from flockbrush.engine.state import state_hash
+from flockbrush.systems.commands import Migrate, SwitchBrush
+from flockbrush.systems.gusts import Gust
+from flockbrush.systems.initiation import scattered
+from flockbrush.systems.palette import Palette
 from small_herd import box, brush, meadow, obstacle, put
 
-from components import FormationPlace, Heading, Position, ReferenceBird, Role, Velocity
-from engine.state import state_hash
-from flockbrush.run import start
-from systems.commands import Migrate, SwitchBrush
-from systems.gusts import Gust
-from systems.initiation import scattered
-from systems.palette import Palette
+from flockbrush.runs.run import start
 
 WING = 1.7 * 0.9  # m
 
@@ -73,6 +73,16 @@ def test_roles_and_reference_birds_are_live():
         if a[ReferenceBird.entity][k]:
             followed = row[int(a[ReferenceBird.entity][k])]
             assert a[FormationPlace.place][followed] == a[FormationPlace.place][k] - 1
+
+
+def test_birds_that_see_one_body_length_far_find_no_formation():
+    far, near = flock(), flock()
+    for simulation, reach, angle in ((far, 100.0, 300.0), (near, 1.0, 10.0)):
+        simulation.agents[Vision.range][:] = reach * simulation.agents[Body.length]
+        simulation.agents[Vision.field_of_view][:] = np.radians(angle)
+        simulation.run(32)
+    assert (far.agents[FormationPlace.reference] > 0).sum() == 8
+    assert (near.agents[FormationPlace.reference] > 0).sum() == 0
 
 
 @pytest.mark.parametrize("shape", ["line", "J", "inverted V", "inverted U"])
@@ -148,14 +158,17 @@ def test_when_the_leader_dies_another_leads():
 
 
 def test_who_takes_another_brush_forgets_its_place():
+    """Birds that are given a brush of the ground come down first; straight down, too, they keep a heading."""
     simulation = flock()
     simulation.world.resource(Palette).add(brush("walk"))
     simulation.run(40)
     simulation.submit(SwitchBrush("walk"), tick=40)
-    simulation.run(3)
+    simulation.run(32 * 60)
     a = simulation.agents
     assert (a[FormationPlace.place] == -1).all()
     assert not a[FormationPlace.reference].any()
+    assert np.isfinite(a[Position.xyz]).all()
+    assert np.hypot(*a[Heading.forward][:, :2].T) == pytest.approx(1.0)
 
 
 def test_the_same_flight_again_bit_for_bit():

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from systems.grid import sort_into_cells
+from flockbrush.systems.grid import sort_into_cells
 
 
 def herd(n, side, seed=0):

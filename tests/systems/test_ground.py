@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from flockbrush.components import BrushBinding, Ground, Vision, Wish
+from flockbrush.levels.schema import BrushLayer, Zone
+from flockbrush.systems.commands import PaintBrush, SwitchBrush
 from small_herd import box, forward_of, level, meadow, put, straight, xy_of
-
-from components import BrushBinding, Ground, Vision, Wish
-from levels.schema import BrushLayer, Zone
-from systems.commands import PaintBrush, SwitchBrush
 
 DT = 1 / 32
 HOME = straight("home", mean=2.0)

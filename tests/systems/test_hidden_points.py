@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+from flockbrush.systems.grid import sort_into_cells
+from flockbrush.systems.hidden_points import hidden_point_removal, visible_by_hpr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
-
-from systems.grid import sort_into_cells
-from systems.hidden_points import hidden_point_removal, visible_by_hpr
 
 ORIGIN = {2: (0.0, 0.0), 3: (0.0, 0.0, 0.0)}
 

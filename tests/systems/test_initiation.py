@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.formation.formation_shapes import textbook
+from flockbrush.behaviours.formation.reaching import FormingRules, home_, part_in_height, reach_
+from flockbrush.systems.initiation import decide, initiate, scattered, target_of
 
-from behaviours.formation.reaching import Rules, home_, part_in_height, reach_
-from behaviours.formation.shapes import textbook
-from systems.initiation import decide, initiate, scattered, target_of
-
-ALONE = Rules(
+ALONE = FormingRules(
     hidden_points=True,
     ahead_only=False,
     loyal=False,
@@ -39,14 +38,14 @@ def test_speed_and_direction_are_equations_5_and_6():
 
 
 def test_nobody_changes_faster_than_a_goose_can():
-    rules = Rules()
+    rules = FormingRules()
     v, theta = reach_(0.0, 0.0, 0.0, rules.cruise, 30.0, 2.0, rules.cruise, 0.0, rules)
     assert abs(v - rules.cruise) <= 0.02 * rules.cruise + 1e-15
     assert 0 < theta <= np.radians(4) + 1e-15
 
 
 def test_who_is_before_its_place_slows_and_who_is_behind_hurries():
-    rules, v0 = Rules(), Rules().cruise
+    rules, v0 = FormingRules(), FormingRules().cruise
     behind = reach_(0.0, 0.0, 0.0, v0, 0.0, 5.0, v0, 0.0, rules)
     before = reach_(0.0, 0.0, 0.0, v0, 0.0, -2.0, v0, 0.0, rules)
     assert before[0] < v0 < behind[0]
@@ -54,24 +53,24 @@ def test_who_is_before_its_place_slows_and_who_is_behind_hurries():
 
 
 def test_in_place_a_bird_keeps_pace():
-    v0 = Rules().cruise
-    assert reach_(0.0, 0.0, 0.0, v0, 0.0, v0, v0, 0.0, Rules()) == pytest.approx((v0, 0.0))
+    v0 = FormingRules().cruise
+    assert reach_(0.0, 0.0, 0.0, v0, 0.0, v0, v0, 0.0, FormingRules()) == pytest.approx((v0, 0.0))
 
 
 def test_who_follows_nobody_turns_to_the_track_and_waits_for_the_leader():
-    v0 = Rules().cruise
-    assert 0 < home_(0.5, v0, False, Rules())[1] < 0.5
-    assert home_(0.0, v0, True, Rules())[0] < v0
+    v0 = FormingRules().cruise
+    assert 0 < home_(0.5, v0, False, FormingRules())[1] < 0.5
+    assert home_(0.0, v0, True, FormingRules())[0] < v0
 
 
 def test_two_on_a_course_for_one_another_part_in_height_and_come_back():
     climb = np.zeros(2)
     part_in_height(
-        np.array([0.0, 4.0]), np.zeros(2), np.zeros(2), np.array([0.5, -0.5]), np.full(2, 0.5), Rules(), climb
+        np.array([0.0, 4.0]), np.zeros(2), np.zeros(2), np.array([0.5, -0.5]), np.full(2, 0.5), FormingRules(), climb
     )
     assert climb[0] < 0 < climb[1]
     part_in_height(
-        np.array([0.0, 4.0]), np.zeros(2), np.array([1.0, 0.0]), np.zeros(2), np.full(2, 0.5), Rules(), climb
+        np.array([0.0, 4.0]), np.zeros(2), np.array([1.0, 0.0]), np.zeros(2), np.full(2, 0.5), FormingRules(), climb
     )
     assert climb[0] < 0 == climb[1]
 
@@ -79,13 +78,14 @@ def test_two_on_a_course_for_one_another_part_in_height_and_come_back():
 # whom a bird follows ----------------------------------------------------------------
 
 
-def decided(x, y, reference, side, slot, rules=None, leader=0, heading=0.0, count=(4, 4)):
+def decided(x, y, reference, side, slot, rules=None, leader=0, heading=0.0, count=(4, 4), perceived=None):
     """One decision of a flock whose first bird leads."""
     n = len(x)
     out = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64)
     decide(
         np.array(x, float), np.array(y, float), np.full(n, float(heading)), leader, np.array(reference), np.array(side),
-        np.array(slot), np.array(count), rules or Rules(), *out,
+        np.array(slot), np.array(count), rules or FormingRules(),
+        np.ones((n, n), bool) if perceived is None else perceived, *out,
     )  # fmt: skip
     return [column.tolist() for column in out]
 
@@ -96,12 +96,32 @@ def test_the_nearest_visible_bird_ahead_becomes_the_reference():
     assert side == [0, 1, 1, 1]  # as the reference, or the side one is on
 
 
+def test_whom_a_bird_does_not_perceive_it_does_not_follow_and_a_lost_reference_is_given_up():
+    told = [0, 2, 3], [9, 5, 0], [-1, 0, 1], [0, 1, 1], [0, 1, 2]
+    assert decided(*told)[0] == [-1, 0, 1]
+    perceived = np.ones((3, 3), bool)
+    perceived[2, 1] = False
+    assert decided(*told, perceived=perceived)[0] == [-1, 0, 0]
+    perceived[2, :] = False
+    assert decided(*told, perceived=perceived)[0] == [-1, 0, -1]
+
+
+def test_birds_that_see_far_enough_find_their_places_and_those_that_do_not_never():
+    x, y, heading = scattered(9, 3)
+    target = target_of(0.9 * np.arange(-4, 5), -0.8 * np.abs(0.9 * np.arange(-4, 5)))
+    whole = initiate(x, y, heading, target)
+    assert initiate(x, y, heading, target, reach=60.0).frames == whole.frames > 0
+    assert initiate(x, y, heading, target, reach=0.5, most=1500).frames == -1
+
+
 def test_a_goose_hidden_behind_another_is_not_followed():
     # 2 lies exactly behind 1, seen from 3; 1 is on the other side of 3's narrow volume border
     x, y = [0, 0, 0, 0], [30, 10, 11, 0]
-    reference, *_ = decided(x, y, [-1, 0, 0, -1], [0, 1, 1, 0], [0, 1, 1, -1], Rules(separation=False))
+    reference, *_ = decided(x, y, [-1, 0, 0, -1], [0, 1, 1, 0], [0, 1, 1, -1], FormingRules(separation=False))
     assert reference[3] == 1
-    seen = decided([0, 5, 8, 0], [30, 1, 1.6, 0], [-1, 0, 0, -1], [0, 1, 1, 0], [0, 1, 1, -1], Rules(separation=False))
+    seen = decided(
+        [0, 5, 8, 0], [30, 1, 1.6, 0], [-1, 0, 0, -1], [0, 1, 1, 0], [0, 1, 1, -1], FormingRules(separation=False)
+    )
     assert seen[0][3] in (0, 1)  # 2 is hidden by 1
 
 
@@ -113,7 +133,7 @@ def test_of_two_rivals_the_rear_one_takes_another():
     assert far[0] == [-1, 0, 0]  # not yet: they are more than ten wingspans apart
     sides = decided([0, 2, -2], [9, 5, 4], [-1, 0, 0], [0, 1, -1], [0, 1, 1])
     assert sides[0] == [-1, 0, 0]  # the leader has two sides
-    without = decided([0, 2, 3], [9, 5, 4], [-1, 0, 0], [0, 1, 1], [0, 1, 1], Rules(separation=False))
+    without = decided([0, 2, 3], [9, 5, 4], [-1, 0, 0], [0, 1, 1], [0, 1, 1], FormingRules(separation=False))
     assert without[0] == [-1, 0, 0]
 
 
@@ -122,7 +142,7 @@ def test_who_is_beyond_the_end_of_an_arm_goes_to_the_other():
     before = [-1, 0, 1, 2], [0, 1, 1, 1], [0, 1, 2, 3]
     reference, side, slot = decided(x, y, *before, count=(1, 2))
     assert (reference[3], side[3], slot[3]) == (0, -1, 1)
-    assert decided(x, y, *before, Rules(capacity=False), count=(1, 2))[0] == [-1, 0, 1, 2]
+    assert decided(x, y, *before, FormingRules(capacity=False), count=(1, 2))[0] == [-1, 0, 1, 2]
 
 
 def test_birds_that_follow_one_another_in_a_ring_look_again():

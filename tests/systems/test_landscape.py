@@ -2,16 +2,15 @@
 
 import numpy as np
 import pytest
+from flockbrush.components import Heading
+from flockbrush.engine.state import restore, snapshot, state_hash
+from flockbrush.levels.build import build
+from flockbrush.levels.schema import Goal, Key, Terrain
+from flockbrush.systems.commands import AddAnimals, AddObstacle, MoveGoal, PaintBrush, PaintCap
+from flockbrush.systems.landscape import Landscape, outline_edges
 from hypothesis import given
 from hypothesis import strategies as st
 from small_herd import Shelf, box, brush, level, meadow, obstacle, put, spawn, straight
-
-from components import Heading
-from engine.state import restore, snapshot, state_hash
-from levels.build import build
-from levels.schema import Goal, Key, Terrain
-from systems.commands import AddAnimals, AddObstacle, MoveGoal, PaintBrush, PaintCap
-from systems.landscape import Landscape, outline_edges
 
 WALK = straight("walk")
 
@@ -144,9 +143,8 @@ def test_how_far_the_largest_looks_is_not_forgotten():
 
 
 def test_two_worlds_of_one_level_do_not_paint_each_other():
+    from flockbrush.levels.build import build
     from small_herd import Shelf, level, spawn
-
-    from levels.build import build
 
     goal = Goal(1, "there", np.array([35.0, 20.0]), 2.0, "stay", "", box(34, 19, 36, 21))
     walk, other = brush("walk"), brush("other", body={"length": 2.0, "radius": 0.4})

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from flockbrush.components import Destination, Position, Species
+from flockbrush.levels.schema import Exit, Goal
+from flockbrush.systems.life import Nursery, births_due, inside_polygon
 from small_herd import box, brush, gaps_of, meadow, put, spawn, straight, xy_of
-
-from components import Destination, Position, Species
-from levels.schema import Exit, Goal
-from systems.life import Nursery, births_due, inside_polygon
 
 WALK = straight("walk", mean=2.0)
 

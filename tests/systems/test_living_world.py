@@ -5,22 +5,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flockbrush.behaviours import behaviour as registry
+from flockbrush.behaviours.behaviour import Parameters, Wishes, quantity
+from flockbrush.components import AGENT, BrushBinding, Heading, Position, Species, Speed, Velocity, Wish
+from flockbrush.engine import parallel
+from flockbrush.engine.parallel import set_threads
+from flockbrush.engine.schedule import Ambiguity, Schedule
+from flockbrush.engine.state import restore, snapshot, state_hash
+from flockbrush.levels.build import build, plane, systems
+from flockbrush.levels.reader import brush_library, read_level
+from flockbrush.levels.schema import Exit, Goal, Zone
+from flockbrush.systems.commands import AddAnimals, AddObstacle, PaintBrush, SwitchBrush
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.steer import NotFinite, Steer
 from small_herd import Shelf, box, brush, gaps_of, meadow, obstacle, put, room_in_the_air, spawn, straight, xy_of
 
-import levels
-from behaviours import behaviour as registry
-from behaviours.behaviour import Parameters, Wishes, quantity
-from components import AGENT, BrushBinding, Heading, Position, Species, Speed, Velocity, Wish
-from engine import parallel
-from engine.parallel import set_threads
-from engine.schedule import Ambiguity, Schedule
-from engine.state import restore, snapshot, state_hash
-from levels.build import build, plane, systems
-from levels.reader import brush_library, read_level
-from levels.schema import Exit, Goal, Zone
-from systems.commands import AddAnimals, AddObstacle, PaintBrush, SwitchBrush
-from systems.palette import Palette
-from systems.steer import NotFinite, Steer
+from flockbrush import levels
 
 SHIPPED = Path(levels.__file__).parent / "shipped"
 NAMES = sorted(path.stem for path in SHIPPED.glob("*.tmj"))
@@ -187,8 +187,8 @@ def test_every_shipped_level_goes_on_from_a_snapshot_in_its_middle(name):
 def test_in_every_shipped_level_bodies_stay_apart_and_out_of_obstacles(name):
     agents = 150 if name in ("crowded", "gorge", "anthill") else None
     simulation = shipped(name, agents)
-    from systems.landscape import Landscape
-    from systems.life import inside_polygon
+    from flockbrush.systems.landscape import Landscape
+    from flockbrush.systems.life import inside_polygon
 
     world, land = simulation.world, simulation.world.resource(Landscape)
     for _ in range(12):

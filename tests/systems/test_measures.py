@@ -2,10 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-
-from systems.measures import (
+from flockbrush.systems.measures import (
     compute_aspect_ratio,
     compute_crossings,
     compute_density,
@@ -24,6 +21,8 @@ from systems.measures import (
     compute_unwrapped,
     herd_measures,
 )
+from hypothesis import given
+from hypothesis import strategies as st
 
 N = 500
 

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
+from flockbrush.components import Ground, Heading, Position, Speed, Velocity, Wish
+from flockbrush.engine.raster import Raster
+from flockbrush.levels.schema import Zone
+from flockbrush.systems.pace import GATHER
+from flockbrush.systems.terrain import slope_factor_
 from small_herd import box, brush, level, meadow, put, straight
-
-from components import Ground, Heading, Position, Speed, Velocity, Wish
-from engine.fields import Raster
-from levels.schema import Zone
-from systems.pace import GATHER
-from systems.terrain import slope_factor_
 
 DT = 1 / 32
 
@@ -151,6 +150,7 @@ def test_slopes_slow_as_toblers_hikers(rise):
     hill = Raster(1.0, np.broadcast_to(rise * x, (60, 60)).copy())
     simulation = meadow(straight(mean=2.0), width=60, height=60, height_map=hill)
     put(simulation, [(30, 30), (30, 40), (30, 50)], [0.0, np.pi, np.pi / 2])
+    simulation.agents[Position.xyz][:, 2] = 30.0 * rise
     tobler = [np.exp(-3.5 * (abs(r + 0.05) - 0.05)) for r in (rise, -rise, 0.0)]
     assert target(simulation) == pytest.approx(2.0 * np.array(tobler), rel=1e-9)
     assert slope_factor_(rise) == pytest.approx(tobler[0])
@@ -162,8 +162,8 @@ def test_slopes_slow_as_toblers_hikers(rise):
 def test_effort_is_gathered_and_let_go_over_time():
     simulation = lonely(straight(mean=1.0), 1)
     agents = simulation.agents
-    from engine.parallel import over_rows  # noqa: F401
-    from systems.pace import Pace
+    from flockbrush.engine.parallel import over_rows  # noqa: F401
+    from flockbrush.systems.pace import Pace
 
     pace = Pace()
     expected = 1.0

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-
-from behaviours import behaviour as registry
-from behaviours.behaviour import Parameters, Wishes, behaviour
-from behaviours.brush import shipped
-from components import Position
-from levels.build import plane
-from systems.hidden_points import hidden_point_removal
-from systems.senses import SightByHiddenPoints
+from flockbrush.behaviours import behaviour as registry
+from flockbrush.behaviours.behaviour import Parameters, Wishes, behaviour
+from flockbrush.behaviours.brush import shipped
+from flockbrush.components import Position
+from flockbrush.levels.build import plane
+from flockbrush.systems.hidden_points import hidden_point_removal
+from flockbrush.systems.senses import SightByHiddenPoints
 
 
 class Nothing(Parameters):

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
+from flockbrush.components import Body, Vision
+from flockbrush.levels.schema import Terrain
+from flockbrush.systems.senses import Near, ObstaclesInSight, Sight
 from hypothesis import given
 from hypothesis import strategies as st
 from small_herd import box, brush, meadow, obstacle, put, straight, xy_of
-
-from components import Body, Vision
-from levels.schema import Terrain
-from systems.senses import Near, ObstaclesInSight, Sight
 
 WALK = straight("walk", mean=0.0)
 

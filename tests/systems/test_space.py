@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from flockbrush.engine.solids import no_solids, packed, prism, sphere
+from flockbrush.systems.space import sort_in_space, visible_in_space
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from engine.solids import no_solids, packed, prism, sphere
-from systems.space import sort_in_space, visible_in_space
 
 
 def unit(v):

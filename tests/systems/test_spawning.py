@@ -4,19 +4,18 @@ import time
 
 import numpy as np
 import pytest
+from flockbrush.components import Body
+from flockbrush.engine.noise import Noise
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.levels.schema import Terrain
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.life import inside_polygon
+from flockbrush.systems.population import give_birth
+from flockbrush.systems.spawning import NoRoom, place
+from flockbrush.systems.visibility import no_edges
 from hypothesis import given
 from hypothesis import strategies as st
 from small_herd import box, gaps, gaps_of, level, meadow, obstacle, put, spawn, straight, wall_gaps, xy_of
-
-from behaviours.problems import ProblemsError
-from components import Body
-from engine.noise import Noise
-from levels.schema import Terrain
-from systems.landscape import Landscape
-from systems.life import inside_polygon
-from systems.population import give_birth
-from systems.spawning import NoRoom, place
-from systems.visibility import no_edges
 
 WALK = straight("walk")
 OPEN = np.zeros((1, 1), bool)

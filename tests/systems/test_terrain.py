@@ -4,10 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
-from systems.terrain import (
+from flockbrush.systems.terrain import (
     NO_BRUSH,
     compose_blocked,
     compose_brushes,
@@ -18,6 +15,8 @@ from systems.terrain import (
     slope_factor,
     underfoot,
 )
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 SQUARE = np.array([(2, 1), (6, 1), (6, 4), (2, 4)], float)
 PALETTE = ["march", "graze", "swarm"]

@@ -8,12 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from flockbrush.engine import parallel
+from flockbrush.systems.grid import sort_into_cells
+from flockbrush.systems.visibility import edges_by_cell, visible_neighbours
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from engine import parallel
-from systems.grid import sort_into_cells
-from systems.visibility import edges_by_cell, visible_neighbours
 
 TOUCH = 1e-9  # m
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from behaviours.learning.bodies import Bodies, BodySize, bodies_of, capsule, size_of_bodies
+from flockbrush.film.body_outlines import BodySize, Outlines, bodies_of, capsule, size_of_bodies
 
 SHEEP = Path(__file__).parents[4] / "shared/data/aerial_sheep"
 
@@ -171,7 +171,7 @@ def test_a_heap_that_can_be_parted_in_two_ways_is_parted_as_before(angle):
     heap[30:60, 30:60] = 1
     axis = np.array([np.cos(angle), np.sin(angle)])
     beside = np.array([-8.0, 8.0])[:, None] * axis[::-1]
-    before = Bodies(45 + beside, np.tile(axis, (2, 1)), *np.array([[30.0, 15.0, 400.0]] * 2).T, np.zeros(2, bool))
+    before = Outlines(45 + beside, np.tile(axis, (2, 1)), *np.array([[30.0, 15.0, 400.0]] * 2).T, np.zeros(2, bool))
     bodies = bodies_of(heap, size(30.0, 13.0), None, before)
     assert len(bodies) == 2 and (np.abs(bodies.axis @ axis) > 0.98).all()
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from clip_film import song
 
-from behaviours.learning.clip import WORK, cuts, evenly, open_clip
-from behaviours.learning.evidence import CannotObserve
+from flockbrush.film.clip_reader import WORK, cuts, evenly, open_clip
+from flockbrush.film.observations import CannotObserve
 
 SIZE = (160, 120)
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from flockbrush.engine.problems import ProblemsError
 
-from behaviours.learning.evidence import Evidence, Fields, Sightings, frames_between, halves
-from behaviours.learning.speeds import speed_evidence
-from behaviours.problems import ProblemsError
+from flockbrush.film.observations import Evidence, Fields, Sightings, frames_between, halves
+from flockbrush.film.speeds import speed_evidence
 
 
 def two_sheep(frames=6):

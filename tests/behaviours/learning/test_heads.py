@@ -4,9 +4,9 @@ import herd_film
 import numpy as np
 import pytest
 
-from behaviours.learning.bodies import Bodies, bodies_of, size_of_bodies
-from behaviours.learning.heads import by_looks
-from behaviours.learning.sightings import sightings_of
+from flockbrush.film.body_outlines import Outlines, bodies_of, size_of_bodies
+from flockbrush.film.heads import by_looks
+from flockbrush.film.sightings import sightings_of
 
 FPS, FRAMES = 25, 40
 TO_BL = np.array([[0.1, 0.0, 0.0], [0.0, -0.1, 40.0]])  # 10 px to a body length
@@ -29,7 +29,7 @@ def herd(walking=12, standing=10, look=LOOK, light=0.0, backwards=0.0, blur=0.5,
         ends = way[:, None] * look + light * axis[:, :1] + rng.normal(0, blur, (count, len(LOOK)))
         one = np.full(count, 10.0)
         at = (xy - TO_BL[:, 2]) / [0.1, -0.1]
-        frames.append(Bodies(at, axis * (1, -1), one, 0.4 * one, 3.6 * one, one > 0, ends))
+        frames.append(Outlines(at, axis * (1, -1), one, 0.4 * one, 3.6 * one, one > 0, ends))
     return frames, forward
 
 
@@ -49,7 +49,7 @@ def test_animals_that_stand_have_their_heads_where_those_of_walkers_would_be():
 
 def test_who_is_pushed_back_a_little_does_not_turn_about():
     frames, forward = herd(backwards=0.1)
-    plain = [Bodies(f.xy, f.axis, f.length, f.width, f.area, f.alone) for f in frames]
+    plain = [Outlines(f.xy, f.axis, f.length, f.width, f.area, f.alone) for f in frames]
     assert wrong(plain, forward, slice(12, None)) > 0.8  # by motion alone
     assert wrong(frames, forward, slice(12, None)) == 0
 

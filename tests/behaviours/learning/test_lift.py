@@ -2,16 +2,26 @@
 
 import numpy as np
 import pytest
+from flockbrush.engine.problems import ProblemsError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from behaviours.learning.banded import add_squares, banded_product, solve_banded
-from behaviours.learning.camera import Camera, read_camera
-from behaviours.learning.lift import EVENNESS, FLOCK, VOLUME, LiftError, Wish, _System, lift, lift_sight, prepared
-from behaviours.learning.lift_thesis import _frame, energy, lift_by_thesis
-from behaviours.learning.manner import BOUNDS, Manner, compute_manner
-from behaviours.learning.tracks import Tracks, read_tracks, smoothed
-from behaviours.problems import ProblemsError
+from flockbrush.film.tracks import Tracks, read_tracks, smoothed
+from flockbrush.lifting.banded import add_squares, banded_product, solve_banded
+from flockbrush.lifting.lens import Camera, read_camera
+from flockbrush.lifting.lift_solver import (
+    EVENNESS,
+    FLOCK,
+    VOLUME,
+    LiftError,
+    LiftWish,
+    _System,
+    lift,
+    lift_sight,
+    prepared,
+)
+from flockbrush.lifting.lift_thesis import _frame, energy, lift_by_thesis
+from flockbrush.lifting.motion_prior import BOUNDS, Manner, compute_manner
 
 CAMERA = Camera(width=1280, height=720, horizontal_fov_deg=60, fps=30, mean_speed=9, near=5, far=200)
 
@@ -151,7 +161,7 @@ def full(bands):
 def test_the_banded_system_is_the_objective(seed, smoothness, flock, evenness):
     chance = np.random.default_rng(seed)
     rays = CAMERA.rays(chance.uniform((0, 0), (1280, 720), (6, 2, 2)))
-    wish = Wish(smoothness, flock, evenness)
+    wish = LiftWish(smoothness, flock, evenness)
     system = _System(rays, np.ones((6, 2), bool))
     depth = chance.uniform(20, 60, (6, 2))
     xyz = depth[..., None] * rays
@@ -168,13 +178,13 @@ def test_the_banded_system_is_the_objective(seed, smoothness, flock, evenness):
 def test_no_other_depths_of_two_birds_are_likelier():
     rays = CAMERA.rays(filmed(starlings(2, 8)).px)
     system = _System(rays, np.ones((8, 2), bool))
-    bands = system.steady(CAMERA.fps, MANNER, Wish())
+    bands = system.steady(CAMERA.fps, MANNER, LiftWish())
     best, change = np.ones((8, 2)), 1.0
     while change > 1e-9:
         best, change = system.newton(bands, best)
 
     def surprise(depth):
-        return 0.5 * cost(depth, rays, Wish()) - VOLUME * np.log(depth).sum()
+        return 0.5 * cost(depth, rays, LiftWish()) - VOLUME * np.log(depth).sum()
 
     chance = np.random.default_rng(1)
     for size in (1e-3, 0.03, 0.3):
@@ -286,7 +296,9 @@ def test_a_quick_look_is_near_the_flight():
 
 def test_the_weights_count_by_their_ratio_alone():
     sight = prepared(filmed(starlings(), noise=0.5), CAMERA)
-    assert lift_sight(sight, CAMERA, Wish(3.0, 3.0)).depth == pytest.approx(lift_sight(sight, CAMERA).depth, rel=1e-3)
+    assert lift_sight(sight, CAMERA, LiftWish(3.0, 3.0)).depth == pytest.approx(
+        lift_sight(sight, CAMERA).depth, rel=1e-3
+    )
 
 
 def test_who_flies_farther_away_is_lifted_farther_away():
@@ -332,7 +344,7 @@ def test_separation_keeps_birds_apart():
     truth = starlings(6, 30)
     truth[:, 1] = truth[:, 0] + 0.1
     crowded = lift(filmed(truth), CAMERA)
-    roomy = lift(filmed(truth), CAMERA, Wish(separation=1.0, separation_distance=2.0))
+    roomy = lift(filmed(truth), CAMERA, LiftWish(separation=1.0, separation_distance=2.0))
 
     def gap(flight):
         return np.linalg.norm(flight.xyz[:, 0] - flight.xyz[:, 1], axis=-1).min()
@@ -369,7 +381,7 @@ def test_a_bird_that_is_left_alone_flies_on_as_it_did(toward):
 @pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), 1e300])
 def test_a_wish_of_nonsense_is_refused_by_name(name, value):
     with pytest.raises(LiftError, match=f"{name.replace('_', ' ')} must be from 0 to"):
-        Wish(**{name: value})
+        LiftWish(**{name: value})
 
 
 def test_birds_that_stand_still_set_no_scale():
@@ -444,7 +456,7 @@ def test_the_thesis_method_finds_the_least_energy_of_two_birds(seed):
 def test_the_first_frames_of_the_thesis_method_are_mid_range_and_the_initial_speed():
     pytest.importorskip("nlopt")
     tracks = filmed(starlings(3, 20))
-    flight = lift_by_thesis(tracks, CAMERA.model_copy(update={"near": 30.0, "far": 50.0}), Wish(flock=1e-6))
+    flight = lift_by_thesis(tracks, CAMERA.model_copy(update={"near": 30.0, "far": 50.0}), LiftWish(flock=1e-6))
     assert flight.depth[0] == pytest.approx(40.0)
     step = np.linalg.norm(flight.xyz[1] - flight.xyz[0], axis=-1)
     seen = 40.0 * np.linalg.norm(np.diff(CAMERA.rays(smoothed(tracks).px[:2]), axis=0)[0], axis=-1)

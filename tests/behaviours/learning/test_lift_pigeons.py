@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from behaviours.learning.lift import lift
 from benchmarks.lift import PIGEONS, compute_depth, compute_flock, filmed, pigeon_films, seen, turned
+from flockbrush.lifting.lift_solver import lift
 
 pytestmark = pytest.mark.skipif(not PIGEONS.is_dir(), reason=f"there is no {PIGEONS}")
 

@@ -4,19 +4,19 @@ import dataclasses
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.models.herd import Params
+from flockbrush.components import Heading, Position
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.levels.build import plane
 
-from behaviours.learning import workers
-from behaviours.learning.evolution import Evolution
-from behaviours.learning.learned import Learned
-from behaviours.learning.recipe import USE, _Code, _setting, learn
-from behaviours.learning.rollout import Start, rollout, theta_of
-from behaviours.learning.setting import body_of, speed_of, start_of
-from behaviours.learning.trials import keep, simulate
-from behaviours.learning.workers import Stopped, Workers
-from behaviours.models.herd import Params
-from behaviours.problems import ProblemsError
-from components import Heading, Position
-from levels.build import plane
+from flockbrush.learning import workers
+from flockbrush.learning.evolution import Evolution
+from flockbrush.learning.initial_conditions import body_of, speed_of, start_of
+from flockbrush.learning.learned_parameters import Learned
+from flockbrush.learning.recipe import USE, _Code, _setting, learn
+from flockbrush.learning.rollout import HerdStart, rollout, theta_of
+from flockbrush.learning.trials import attempt, forget, keep, simulate
+from flockbrush.learning.workers import Workers, WorkStopped
 from tests.herd_film import Truth, evidence_of_truth, herd
 
 FEW = {"budget_s": 0.5, "starts": 2, "brushes": False}
@@ -24,11 +24,11 @@ FEW = {"budget_s": 0.5, "starts": 2, "brushes": False}
 
 def swarm_of_graze(animals=24, seconds=1.5, fps=20.0):
     """A clip of grazing animals, who turn for one another, with everything known."""
-    from behaviours.brush import shipped
+    from flockbrush.behaviours.brush import shipped
 
     brush = shipped().get("graze")
     agents = plane(brush, animals, density=0.15, seed=3).agents
-    start = Start(agents[Position.xyz][:, :2].copy(), agents[Heading.forward][:, :2].copy())
+    start = HerdStart(agents[Position.xyz][:, :2].copy(), agents[Heading.forward][:, :2].copy())
     run = rollout(start, brush.params, brush.speed, seconds=seconds, fps=fps, seed=4)
     shape = len(run), animals
     truth = Truth("graze", fps, run.xy.reshape(*shape, 2), run.forward.reshape(*shape, 2), run.speed.reshape(shape))
@@ -55,6 +55,20 @@ def test_what_is_learned_is_a_brush_and_what_is_known_of_it(found):
     assert found.identifiable.shape == (12,) and not found.interrupted
     assert not found.identifiable[9:].any()  # there is no obstacle in the clip
     assert {"polarization", "lasting polarization"} <= set(found.held_out)
+
+
+@pytest.mark.parametrize("part", ["density", "variance"])
+def test_a_part_that_is_left_out_leaves_the_loss_of_trials(clip, part):
+    brush = swarm_of_graze()[1]
+    losses = []
+    for use in (USE, USE - {part}):
+        given = _setting((clip,), use, 0.5, None, None)
+        losses.append(attempt(given, theta_of(brush.params), {"wander": 0.3}, [1], False))
+        forget()
+    assert losses[0]["score"] != losses[1]["score"]
+    gone = losses[0]["figures"].keys() - losses[1]["figures"].keys()
+    assert gone and not losses[1]["figures"].keys() - losses[0]["figures"].keys()
+    assert ("neighbours" in gone, "order nearby" in gone) == (part == "density", part == "variance")
 
 
 def test_the_turns_of_the_animals_give_back_their_avoidance(found):
@@ -85,7 +99,7 @@ def test_work_of_another_version_is_not_gone_on_with(clip, tmp_path, monkeypatch
     kept = tmp_path / "work.json"
     assert learn(clip, seed=1, resume=kept, stop=lambda: kept.exists(), **FEW).interrupted
     before = kept.read_bytes()
-    monkeypatch.setattr("behaviours.learning.recipe._version", lambda: b"another")
+    monkeypatch.setattr("flockbrush.learning.recipe._version", lambda: b"another")
     with pytest.raises(ProblemsError, match="another version"):
         learn(clip, seed=1, resume=kept, **FEW)
     assert kept.read_bytes() == before
@@ -163,7 +177,7 @@ def test_work_is_done_once_and_kept(tmp_path):
         assert working.map(doubled, [{"number": 4}]) == [8]
     with pytest.raises(ProblemsError, match=r"kept.json: was begun with another clip.*without --resume"):
         Workers(100, signature="b", path=path)
-    with Workers(1, stop=lambda: True) as working, pytest.raises(Stopped):
+    with Workers(1, stop=lambda: True) as working, pytest.raises(WorkStopped):
         working.map(doubled, [{"number": 1}])
     assert done == [1, 2]
 

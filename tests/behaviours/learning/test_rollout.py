@@ -5,22 +5,22 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.brush import SpeedSpec, shipped
+from flockbrush.components import Heading, Position, Speed, Velocity
+from flockbrush.levels.build import plane
+from flockbrush.systems.landscape import Barrier, Landscape
 
-from behaviours.brush import SpeedSpec, shipped
-from behaviours.learning.rollout import (
+from flockbrush.learning.rollout import (
     NAMES,
+    ClipGuide,
     Gates,
-    Guide,
-    Herd,
-    Start,
+    HerdStart,
+    PlaneHerd,
     Walls,
     params_of,
     rollout,
     theta_of,
 )
-from components import Heading, Position, Speed, Velocity
-from levels.build import plane
-from systems.landscape import Barrier, Landscape
 
 CALM = SpeedSpec(mean=1.0)
 ALONE = {"leader_neighbours": -1}
@@ -29,14 +29,14 @@ ALONE = {"leader_neighbours": -1}
 def start_of(simulation):
     agents = simulation.agents
     drawn = agents[Speed.drawn].copy()
-    return Start(agents[Position.xyz][:, :2].copy(), agents[Heading.forward][:, :2].copy(), drawn)
+    return HerdStart(agents[Position.xyz][:, :2].copy(), agents[Heading.forward][:, :2].copy(), drawn)
 
 
 @pytest.mark.parametrize("name", ["march", "mill-filled", "swarm", "column"])
 def test_a_herd_here_and_the_same_herd_in_a_level_are_the_same_bits(name):
     brush = shipped().get(name)
     simulation = plane(brush, 60, seed=5)
-    herd = Herd(start_of(simulation), brush.params, brush.speed, brush.body, brush.vision, seed=5)
+    herd = PlaneHerd(start_of(simulation), brush.params, brush.speed, brush.body, brush.vision, seed=5)
     for _ in range(64):
         simulation.tick()
         herd.tick()
@@ -51,7 +51,7 @@ def test_a_crowd_slows_here_as_it_does_in_a_level():
     slow = SpeedSpec(mean=3.0, deviation=0.2, reversion=2.0, by_density=((0.2, 1.0), (1.0, 0.3)))
     brush = march.model_copy(update={"speed": slow})
     simulation = plane(brush, 40, seed=2)
-    herd = Herd(start_of(simulation), brush.params, slow, brush.body, brush.vision, seed=2)
+    herd = PlaneHerd(start_of(simulation), brush.params, slow, brush.body, brush.vision, seed=2)
     for _ in range(32):
         simulation.tick()
         herd.tick()
@@ -70,7 +70,7 @@ def test_an_obstacle_here_and_in_a_level_turns_animals_the_same_way():
     land.rebuild(navigation=False)
     ends = np.hstack([block, np.roll(block, -1, 0)])
     walls = Walls(ends, np.zeros(4, np.int32))
-    herd = Herd(begin, brush.params, brush.speed, brush.body, brush.vision, seed=3, walls=walls)
+    herd = PlaneHerd(begin, brush.params, brush.speed, brush.body, brush.vision, seed=3, walls=walls)
     for _ in range(48):
         simulation.tick()
         herd.tick()
@@ -80,7 +80,7 @@ def test_an_obstacle_here_and_in_a_level_turns_animals_the_same_way():
 
 
 def test_frames_lie_where_the_animals_were_between_two_ticks():
-    lonely = Start(np.array([[0.0, 0.0]]), np.array([[1.0, 0.0]]), np.array([1.0]))
+    lonely = HerdStart(np.array([[0.0, 0.0]]), np.array([[1.0, 0.0]]), np.array([1.0]))
     run = rollout(lonely, params_of(np.full(12, 0.5), ALONE), CALM, seconds=2.0, fps=25.0)
     assert len(run) == 51
     assert np.allclose(run.xy[:, 0], run.times, atol=1e-9)
@@ -120,7 +120,9 @@ def band(frames=30, seen=(2, 8), count=12, velocity=(2.0, 0.0)):
 def test_who_leaves_the_picture_is_taken_out_and_others_come_in_on_the_side_where_animals_came_in():
     gates = Gates.of(band())
     rng = np.random.default_rng(1)
-    begin = Start(np.column_stack([rng.uniform(2.5, 7.5, 12), np.linspace(4.0, 6.0, 12)]), np.tile([1.0, 0.0], (12, 1)))
+    begin = HerdStart(
+        np.column_stack([rng.uniform(2.5, 7.5, 12), np.linspace(4.0, 6.0, 12)]), np.tile([1.0, 0.0], (12, 1))
+    )
     straight = params_of(np.full(12, 1e-3), ALONE)
     run = rollout(begin, straight, SpeedSpec(mean=2.0), seconds=2.9, fps=10.0, gates=gates)
     numbers = np.diff(run.first)
@@ -138,8 +140,8 @@ def test_a_picture_that_holds_the_whole_herd_has_no_gates():
 
 
 def test_leaders_follow_the_motion_of_the_clip():
-    lonely = Start(np.array([[5.0, 5.0]]), np.array([[0.0, 1.0]]), np.array([1.0]))
-    guide = Guide.of(band(velocity=(0.0, -2.0)))
+    lonely = HerdStart(np.array([[5.0, 5.0]]), np.array([[0.0, 1.0]]), np.array([1.0]))
+    guide = ClipGuide.of(band(velocity=(0.0, -2.0)))
     run = rollout(lonely, params_of(np.full(12, 0.5)), CALM, seconds=1.0, fps=10.0, guide=guide)
     assert run.forward[-1, 1] < -0.99
 

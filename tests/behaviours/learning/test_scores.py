@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from behaviours.learning.rollout import Run
-from behaviours.learning.scores import (
-    Target,
+from flockbrush.learning.rollout import Run
+from flockbrush.learning.scores import (
+    ClipTarget,
     beyond_chance,
     density_errors,
     distance,
@@ -72,7 +72,7 @@ def test_a_march_is_polarized_and_a_mill_mills_in_whatever_way_they_are_seen(sig
 @pytest.mark.parametrize("sight", [True, False], ids=["animals", "fields"])
 def test_a_herd_is_no_distance_from_itself_and_far_from_another(sight):
     clip = clip_of(*march(), cell=1.0, sight=sight)
-    target = Target.of(clip)
+    target = ClipTarget.of(clip)
     assert told_apart(clip) == sight
     assert total(distance(run_of(*march()), clip, target)) < 0.15
     assert total(distance(run_of(*mill()), clip, target)) > 5.0
@@ -80,10 +80,10 @@ def test_a_herd_is_no_distance_from_itself_and_far_from_another(sight):
 
 def test_what_should_last_is_compared_over_a_longer_run():
     clip = clip_of(*march())
-    lasting = distance(run_of(*march(60)), clip, Target.of(clip), lasting=True)
+    lasting = distance(run_of(*march(60)), clip, ClipTarget.of(clip), lasting=True)
     assert "aspect" not in lasting and max(lasting.values()) < 0.3
     apart = march(60)[0] * np.linspace(1, 3, 60)[:, None, None]  # three times as wide in the end
-    assert distance(run_of(apart, march(60)[1]), clip, Target.of(clip), lasting=True)["spread"] > 5.0
+    assert distance(run_of(apart, march(60)[1]), clip, ClipTarget.of(clip), lasting=True)["spread"] > 5.0
 
 
 def gathering(share, frames=60):
@@ -99,14 +99,14 @@ def gathering(share, frames=60):
 
 def test_of_a_herd_that_comes_into_order_the_order_it_comes_to_should_last():
     clip = clip_of(*gathering(0.8), cell=1.5)
-    target = Target.of(clip)
+    target = ClipTarget.of(clip)
     xy, forward = gathering(0.8)
     in_order, on_the_way = np.repeat(forward[-1:], 60, 0), np.repeat(forward[20:21], 60, 0)
     stays = distance(run_of(xy, in_order), clip, target, lasting=True)["polarization"]
     stops = distance(run_of(xy, on_the_way), clip, target, lasting=True)["polarization"]
     assert stays < 0.6 and stops > 1.5 * stays
     xy, forward = march()
-    steady = Target.of(clip_of(xy, forward, cell=1.0))
+    steady = ClipTarget.of(clip_of(xy, forward, cell=1.0))
     assert steady.end == pytest.approx({name: steady.mean[name] for name in steady.end}, rel=0.01, nan_ok=True)
 
 
@@ -115,8 +115,8 @@ def test_of_a_measure_that_is_told_in_a_few_moments_nothing_follows():
     xy, forward = gathering(0.0, frames=20)
     forward[3] = [1.0, 0.0]
     clip = clip_of(xy, forward, cell=1.5)
-    assert np.isfinite(Target.of(clip).over_time["aspect"]).sum() == 1
-    assert "aspect" not in distance(run_of(*gathering(0.0, frames=20)), clip, Target.of(clip))
+    assert np.isfinite(ClipTarget.of(clip).over_time["aspect"]).sum() == 1
+    assert "aspect" not in distance(run_of(*gathering(0.0, frames=20)), clip, ClipTarget.of(clip))
 
 
 def test_a_run_is_put_on_the_grid_of_the_clip_and_nobody_is_lost():
@@ -174,7 +174,7 @@ def test_cells_are_neighbours_by_how_many_animals_they_hold():
 
 def test_a_clip_without_animals_told_apart_is_compared_by_its_fields():
     clip = dataclasses.replace(clip_of(*march(), cell=1.0), sightings=None)
-    target, tight = Target.of(clip), march()
+    target, tight = ClipTarget.of(clip), march()
     assert not view_of(clip).single
     assert distance(run_of(*march()), clip, target)["neighbours"] < 0.1
     squeezed = run_of(0.7 * tight[0] + 0.3 * tight[0].mean(1, keepdims=True), tight[1])
@@ -190,7 +190,7 @@ def test_of_a_photograph_the_directions_of_bodies_are_compared():
     angle = np.random.default_rng(2).uniform(-np.pi, np.pi, 49)
     lying = np.broadcast_to(np.column_stack([np.cos(angle), np.sin(angle)]), xy.shape)
     still = np.broadcast_to(xy[0], xy.shape)
-    target = Target.of(photo)
-    assert np.isnan(Target.of(film).directions) and target.directions == 2700.0
+    target = ClipTarget.of(photo)
+    assert np.isnan(ClipTarget.of(film).directions) and target.directions == 2700.0
     assert distance(run_of(still, forward), photo, target)["directions"] > 9.0  # all lie alike
     assert distance(run_of(still, lying), photo, target)["directions"] < 2.5

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from behaviours.learning.bodies import Bodies, bodies_of, size_of_bodies
-from behaviours.learning.sightings import follow, matched, sightings_of
+from flockbrush.film.body_outlines import Outlines, bodies_of, size_of_bodies
+from flockbrush.film.sightings import follow, matched, sightings_of
 
 FISH = Path(__file__).parents[4] / "shared/data/zebrafish_100/test_trajectories.npy"
 TO_BL = np.array([[0.1, 0.0, 0.0], [0.0, -0.1, 40.0]])  # 10 px to a body length
@@ -21,7 +21,7 @@ def bodies(xy, angle, noise=0.0, turned=0.0, rng=None):
     at = (xy + noise * rng.normal(size=xy.shape) - TO_BL[:, 2]) / [0.1, -0.1]
     axis = np.column_stack([np.cos(angle), -np.sin(angle)])
     one = np.ones(len(xy))
-    return Bodies(at, axis, 10 * one, 4 * one, 36 * one, one.astype(bool))
+    return Outlines(at, axis, 10 * one, 4 * one, 36 * one, one.astype(bool))
 
 
 def walk(speed=2.0, turn=0.5, frames=40, fps=25, count=9, **off):
@@ -82,7 +82,7 @@ def test_who_is_not_seen_for_two_frames_is_where_he_must_be():
 def test_what_is_seen_in_one_frame_alone_is_no_animal():
     frames, _ = walk()
     ghost = bodies(np.array([[30.0, 30.0]]), np.zeros(1))
-    frames[7] = Bodies(
+    frames[7] = Outlines(
         *(np.concatenate([a, b]) for a, b in zip(vars(frames[7]).values(), vars(ghost).values(), strict=True))
     )
     sightings, _ = sightings_of(frames, 25, TO_BL)
@@ -92,9 +92,9 @@ def test_what_is_seen_in_one_frame_alone_is_no_animal():
 def with_specks(frames, area):
     """The frames with two more bodies that lie still, of some area, px²."""
     still = bodies(np.array([[30.0, 30.0], [34.0, 31.0]]), np.array([0.2, 1.9]))
-    still = Bodies(still.xy, still.axis, still.length, still.width, np.full(2, area), still.alone)
+    still = Outlines(still.xy, still.axis, still.length, still.width, np.full(2, area), still.alone)
     return [
-        Bodies(*(np.concatenate(v) for v in zip(vars(f).values(), vars(still).values(), strict=True))) for f in frames
+        Outlines(*(np.concatenate(v) for v in zip(vars(f).values(), vars(still).values(), strict=True))) for f in frames
     ]
 
 
@@ -116,7 +116,7 @@ def test_an_axis_that_is_another_animals_turns_nobody():
     frames, angle = walk(turn=0.0, turned=0.02)
     axis = frames[18].axis.copy()
     axis[3] = axis[3][::-1] * (1, -1)
-    frames[18] = Bodies(frames[18].xy, axis, *[getattr(frames[18], n) for n in ("length", "width", "area", "alone")])
+    frames[18] = Outlines(frames[18].xy, axis, *[getattr(frames[18], n) for n in ("length", "width", "area", "alone")])
     sightings, noise = sightings_of(frames, 25, TO_BL)
     assert np.abs(off_by(sightings.forward, angle[0])).max() < 8
 
@@ -150,7 +150,7 @@ def test_fast_animals_side_by_side_are_followed_by_the_flow_of_the_picture():
 
 
 def test_nobody_seen_is_nobody_sighted():
-    sightings, _ = sightings_of([Bodies.none()] * 5, 25, TO_BL)
+    sightings, _ = sightings_of([Outlines.none()] * 5, 25, TO_BL)
     assert len(sightings) == 5 and len(sightings.xy) == 0
     assert follow([np.zeros((0, 2))] * 3, [np.zeros((0, 2))] * 3)[2].tolist() == []
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from herd_film import Truth, evidence_of_truth
 
-from behaviours.learning.speed_process import speed_process
+from flockbrush.film.speed_process import speed_process
 
 
 def walkers(mean=2.0, deviation=0.5, reversion=1.0, count=80, seconds=8.0, fps=25, common=0.0, seed=0):

@@ -7,8 +7,9 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from behaviours.brush import SpeedSpec
-from behaviours.learning.torch_descent import STEP, State, _Along, descend, fixed_step
+from flockbrush.behaviours.brush import SpeedSpec
+
+from flockbrush.learning.torch_descent import STEP, DescentState, _Along, descend, fixed_step
 from tests.herd_film import evidence_of_truth, herd
 
 SPEED = SpeedSpec(mean=3.0, deviation=0.2)
@@ -38,7 +39,7 @@ def test_the_same_seed_gives_the_same_numbers_with_a_pause_between(tmp_path):
 def test_a_file_that_is_no_state_is_told(tmp_path):
     (tmp_path / "x.json").write_text("[1]")
     with pytest.raises(ValueError, match=r"x\.json is no state of a descent: it should have .*theta"):
-        State.load(tmp_path / "x.json")
+        DescentState.load(tmp_path / "x.json")
 
 
 def test_ctrl_c_keeps_what_is_learned():
@@ -96,7 +97,7 @@ def test_animals_are_put_where_there_are_too_few():
 
 
 def _bodies():
-    from behaviours.learning.rollout import BODY, VISION
+    from flockbrush.learning.rollout import BODY, VISION
 
     return BODY, VISION
 

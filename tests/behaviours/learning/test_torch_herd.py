@@ -5,11 +5,12 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from behaviours.brush import BodySpec, VisionSpec
-from behaviours.learning.perceive import Percept, perceive, together
-from behaviours.learning.rollout import Guide, Walls, params_of
-from behaviours.learning.torch_herd import contacts_of, forces, headings, sight_of, theta_tensor, turned
-from behaviours.models.herd import herd_kernel, kernel_params
+from flockbrush.behaviours.brush import BodySpec, VisionSpec
+from flockbrush.behaviours.models.herd import herd_kernel, kernel_params
+
+from flockbrush.learning.perceive import Percept, perceive, together
+from flockbrush.learning.rollout import ClipGuide, Walls, params_of
+from flockbrush.learning.torch_herd import contacts_of, forces, headings, sight_of, theta_tensor, turned
 
 DT = 1 / 32
 SQUARE = Walls(np.array([(2, 2, 3, 2), (3, 2, 3, 3), (3, 3, 2, 3), (2, 3, 2, 2)], float), np.zeros(4, np.int32))
@@ -54,7 +55,7 @@ def test_leaders_are_led_in_torch_as_in_a_run(blend, unled):
     xy, forward = some_herd(3, n=30, side=22.0)  # thin: most of them lead
     field = np.zeros((1, 2, 2, 2))
     field[0, 0, 0], field[0, 1, 1] = (0.0, 1.0), (0.1, 0.0)
-    guide = Guide(np.zeros(2), 10.0, 25.0, field)
+    guide = ClipGuide(np.zeros(2), 10.0, 25.0, field)
     percept = perceive(xy, forward, guide=guide)
     assert 5 < percept.leader.sum() <= 30
     params = params_of(some_theta(3), {"leader_blend": blend, "unled": unled})

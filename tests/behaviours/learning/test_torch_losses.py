@@ -5,22 +5,20 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from behaviours.learning.evidence import Fields
-from behaviours.learning.perceive import perceive
-from behaviours.learning.rollout import params_of
-from behaviours.learning.torch_herd import contacts_of, headings, sight_of, theta_tensor
-from behaviours.learning.torch_losses import (
+from flockbrush.film.observations import Fields
+from flockbrush.learning.perceive import perceive
+from flockbrush.learning.rollout import params_of
+from flockbrush.learning.torch_herd import contacts_of, headings, sight_of, theta_tensor
+from flockbrush.learning.torch_losses import (
     aims,
     density_of,
     error_mean,
     error_var,
     heading_rollout,
-    seen_turns,
     towards_density,
     variance_by_animal,
-    walk,
 )
-from behaviours.learning.turns import Turns, predicted
+from flockbrush.learning.turns import Turns, predicted
 
 EAST, NORTH, WEST = (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)
 ALL = torch.tensor([True, True])
@@ -111,21 +109,6 @@ def test_turns_over_some_ticks_are_those_of_the_other_kernel():
     params = params_of(theta, {"max_turn": 3.0})
     ours = heading_rollout(theta_tensor(theta, "cpu"), sight_of(percept, device="cpu"), 2.5, limit=3.0)
     assert np.abs(ours.numpy() - predicted(turns, theta, params)[0]).max() < 1e-9
-    seen, sight = torch.as_tensor(ours.numpy().copy()), sight_of(percept, device="cpu")
-    seen[3] = torch.nan
-    assert float(seen_turns(theta_tensor(theta, "cpu"), sight, seen, 2.5, limit=3.0)) < 1e-20
-    assert float(seen_turns(theta_tensor(theta + 0.1, "cpu"), sight, seen, 2.5, limit=3.0)) > 1e-4
-
-
-def test_a_walk_has_slopes_from_end_to_end():
-    xy = np.array([(0.0, 0.0), (1.5, 0.3), (0.4, 1.2), (2.0, 1.5)])
-    sight = sight_of(perceive(xy, np.array([EAST, NORTH, WEST, EAST]), leader_neighbours=-1), device="cpu")
-    speed = torch.full((4,), 2.0, dtype=torch.float64)
-
-    def end(theta):
-        return torch.cat(walk(theta, sight, torch.as_tensor(xy), speed, 4))
-
-    assert torch.autograd.gradcheck(end, theta_tensor(np.full(12, 0.5), "cpu", True))
 
 
 def test_bodies_without_a_radius_touch_nobody():

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.brush import shipped
+from flockbrush.behaviours.models.herd import Params
 
-from behaviours.brush import shipped
-from behaviours.learning.perceive import perceive
-from behaviours.learning.rollout import Walls, theta_of
-from behaviours.learning.turns import (
+from flockbrush.learning.perceive import perceive
+from flockbrush.learning.rollout import Walls, theta_of
+from flockbrush.learning.turns import (
     Turns,
     _at_liberty,
     _limited,
@@ -18,7 +19,6 @@ from behaviours.learning.turns import (
     thinned,
     turns_of,
 )
-from behaviours.models.herd import Params
 from tests.herd_film import evidence_of_truth, herd
 
 WALLS = Walls(np.array([(2, 2, 3, 2), (3, 2, 3, 3), (3, 3, 2, 3), (2, 3, 2, 2)], float), np.zeros(4, np.int32))
@@ -51,7 +51,7 @@ def test_slopes_are_finite_differences(ticks):
 @pytest.mark.parametrize("radius", [0.0, 0.2])
 def test_turns_of_one_tick_are_those_of_torch(radius):
     torch = pytest.importorskip("torch")
-    from behaviours.learning.torch_herd import angle_between, contacts_of, headings, sight_of, theta_tensor, turned
+    from flockbrush.learning.torch_herd import angle_between, contacts_of, headings, sight_of, theta_tensor, turned
 
     turns, theta = some_turns(3, 1.0, radius=radius), np.random.default_rng(4).uniform(0.1, 0.9, 12)
     leaf, sight = theta_tensor(theta, "cpu", True), sight_of(turns.percept, device="cpu")

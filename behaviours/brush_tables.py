@@ -1,0 +1,79 @@
+"""The tables of a brush file: speed, vision, and where the numbers come from."""
+
+from __future__ import annotations
+
+import datetime
+import itertools
+from typing import Annotated, Literal, get_args
+
+from flockbrush.behaviours.spec import Finite, Line, Spec, Text, spec_field
+from pydantic import Field, model_validator
+
+
+class SpeedSpec(Spec):
+    """How fast the animals go: an Ornstein-Uhlenbeck process (Gong et al. 2025, eq. 6).
+
+    In body lengths (BL), so that a brush fits animals of all sizes.
+    """
+
+    mean: float = spec_field(..., "the speed they come back to", "BL/s", ge=0, le=100)
+    deviation: float = spec_field(
+        0.0,
+        "noise of the speed (v_sigma of eq. 6); speeds spread by deviation / sqrt(2 reversion)",
+        "BL/s",
+        ge=0,
+        le=50,
+    )
+    reversion: float = spec_field(1.0, "how soon they come back to the mean (theta of eq. 6)", "1/s", gt=0, le=100)
+    stops: float = spec_field(0.0, "how often an animal that walks stops to stand; 0: never", "1/s", ge=0, le=20)
+    starts: float = spec_field(0.0, "how often an animal that stands begins to walk", "1/s", ge=0, le=20)
+    imitation: float = spec_field(
+        0.0, "so many times likelier, of all neighbours within 4 body lengths that do it already (Ginelli et al. 2015)",
+        ge=0, le=100,
+    )  # fmt: skip
+    by_density: tuple[tuple[Annotated[Finite, Field(ge=0, le=100)], Annotated[Finite, Field(ge=0, le=10)]], ...] = (
+        spec_field((), "pairs of animals per BL² and the factor of the speed there, linear between", max_length=64)
+    )
+
+    @model_validator(mode="after")
+    def _densities_rise(self):
+        densities = [density for density, _ in self.by_density]
+        if any(after <= before for before, after in itertools.pairwise(densities)):
+            raise ValueError("the densities of by_density must rise from pair to pair")
+        return self
+
+
+Sight = Literal["exact", "metric", "hidden_points", "topological", "voronoi"]
+SIGHTS = get_args(Sight)
+
+
+class VisionSpec(Spec):
+    """What the animals see."""
+
+    range: float = spec_field(4.0, "how far they see", "BL", gt=0, le=100)
+    field_of_view: float = spec_field(360.0, "full angle of view, centred ahead", "degrees", gt=0, le=360)
+    occlusion: bool = spec_field(True, "whether nearer bodies and obstacles hide those behind")
+    sight: Sight = spec_field(
+        "exact", "whom it takes into account of those in view; metric: bodies hide nobody; hidden_points: whom "
+        "hidden-point removal leaves; topological: the nearest; voronoi: the first shell"
+    )  # fmt: skip
+    neighbours: int = spec_field(7, "how many are the nearest, of topological sight", "animals", ge=1, le=1000)
+
+
+class Provenance(Spec):
+    """Where the numbers come from, what is known of them and what is not."""
+
+    kind: Literal["published", "hand-set", "searched", "learned"] = spec_field(..., "how the numbers were found")
+    source: Line = spec_field(..., "the paper, clip or map of parameters", min_length=1)
+    date: datetime.date = spec_field(..., "when the brush was made")
+    by: Line = spec_field(..., "who or what tool made it", min_length=1)
+    notes: Text = spec_field("", "how the numbers were found, and what is not known")
+    seed: int | None = spec_field(None, "seed of the search or the learning", ge=0, le=2**63 - 1)
+    clip: Line | None = spec_field(None, "the clip learned from")
+    frames: tuple[int, int] | None = spec_field(None, "first and last frame learned from")
+    clip_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = spec_field(
+        None, "SHA-256 of the clip", examples=["64 of 0-9 and a-f"]
+    )
+    licence: Line | None = spec_field(None, "licence of the clip or the numbers")
+    versions: dict[Line, Line] = spec_field({}, "versions of the tools", max_length=100)
+    report: dict[Line, Finite] = spec_field({}, "measured figures: losses, held-out errors, bands", max_length=1000)

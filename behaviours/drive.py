@@ -1,0 +1,126 @@
+"""Drives: what acts on top of any model of behaviour.
+
+A model answers what its animals would do among their own.  A drive is one file in ``behaviours/drives`` with a frozen
+`Params` class and a function::
+
+    @drive("flee", Params, always=True)
+    def flee(scene, rows, params):
+        return Urges(acceleration, urgency)
+
+Arbitration is prioritised allocation (Reynolds 1987 [1]_, "Arbitrating independent behaviours"), for all models: in the
+order of the brush each drive takes its urgency's share of what the body can do; the model gets what is left.
+
+.. [1] Reynolds, C. W. (1987). Flocks, herds, and schools: a distributed behavioral model. Computer Graphics 21(4),
+   25-34.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Any, NamedTuple
+
+import numpy as np
+from flockbrush.behaviours.behaviour import Parameters, Scene, quantity
+
+TAKES_UP = 0.4  # s in which a drive's velocity is taken up, as efforts are (`flockbrush.systems.pace.GATHER`)
+
+
+class DriveParameters(Parameters):
+    """Base of every drive's ``Params``."""
+
+    strength: float = quantity(1.0, "1", "share of the body that it may take at most; 0 switches it off", 0, 1)
+
+
+class Urges(NamedTuple):
+    """What a drive asks for, for the rows asked."""
+
+    acceleration: np.ndarray  # (k, 3) m/s^2
+    urgency: np.ndarray  # (k,) 0 to 1: the share of the body it takes, if those before it leave so much
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A registered drive."""
+
+    name: str
+    urge: Callable[[Scene, np.ndarray, Any], Urges | None]
+    Params: type[DriveParameters]
+    doc: str
+    always: bool = False  # acts under every brush that says nothing of it
+    notices: tuple[str, ...] = ()  # of the relations hunt and follow, those whose animals it asks for
+
+
+_registry: dict[str, Drive] = {}
+
+
+def drive(name: str, Params: type[DriveParameters], always: bool = False, notices: tuple[str, ...] = ()):
+    """Register ``urge(scene, rows, params) -> Urges``; None where it has nothing to ask for.
+
+    Parameters
+    ----------
+    always : bool
+        It acts under every brush that does not mention it, unless the brush's model does the same by itself.
+    notices : tuple of str
+        ``hunt`` and ``follow`` where it needs to know whom the species hunts or follows; dangers are always noticed.
+
+    Raises
+    ------
+    ValueError
+        When the name is taken.
+    """
+
+    def register(urge):
+        if name in _registry:
+            raise ValueError(f"drive {name!r} is already in {_registry[name].urge.__module__}")
+        doc = importlib.import_module(urge.__module__).__doc__ or ""
+        _registry[name] = Drive(name, urge, Params, doc, always, notices)
+        return urge
+
+    return register
+
+
+@cache
+def _scan() -> None:
+    import flockbrush.behaviours.drives as package
+
+    for module in sorted(pkgutil.iter_modules(package.__path__), key=lambda m: m.name):
+        importlib.import_module(f"flockbrush.behaviours.drives.{module.name}")
+    for point in sorted(entry_points(group="flockbrush.drives"), key=lambda p: p.name):
+        point.load()
+
+
+def drives() -> dict[str, Drive]:
+    """All drives by name, in order of name."""
+    _scan()
+    return dict(sorted(_registry.items()))
+
+
+def drives_of(brush, model) -> list[tuple[Drive, Any]]:
+    """The drives that act under a brush in order of priority, with their parameters.
+
+    Those that always act come first, then those of the brush in the order of its file.
+    """
+    known = drives()
+    found = [(one, one.Params()) for one in known.values()
+             if one.always and one.name not in brush.drives and one.name not in model.has]  # fmt: skip
+    found += [(known[name], params) for name, params in brush.drives.items()]
+    return [(one, params) for one, params in found if params.strength > 0.0]
+
+
+def towards(velocity, wanted, most):
+    """(k, 3) m/s²: the acceleration that takes up a velocity within `TAKES_UP`, at most ``most`` (k,)."""
+    change = (wanted - velocity) / TAKES_UP
+    size = np.sqrt((change**2).sum(axis=1))
+    share = np.minimum(1.0, most / np.maximum(size, 1e-300))
+    return change * share[:, None]
+
+
+def unit_rows(vectors):
+    """(k, 3) with length 1; (0, 0, 0) where there is no direction."""
+    size = np.sqrt((vectors**2).sum(axis=1, keepdims=True))
+    return np.where(size > 1e-12, vectors / np.maximum(size, 1e-300), 0.0)

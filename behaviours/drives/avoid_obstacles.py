@@ -1,0 +1,95 @@
+"""Avoid obstacles: foresight on the ground and in the air.
+
+On the ground an animal looks as far ahead as it goes in its foresight, and, where something solid stands there, to
+both sides for the nearest way that is free (Reynolds 1987, steer-to-avoid; the rays are ours).  In the air it steers
+past the silhouette of what lies ahead (`systems.foresight`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from flockbrush.behaviours.behaviour import air_of, quantity
+from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards
+from flockbrush.engine.maths import sincos_
+from numba import njit
+
+RAYS = 9  # to each side
+WIDEST = 2.4  # rad
+
+
+class Params(DriveParameters):
+    """How far ahead."""
+
+    foresight: float = quantity(2.0, "s", "how far ahead it looks, in time of its way", 0, 60)
+    room: float = quantity(0.5, "body lengths", "kept free beside the body", 0, 20)
+
+
+@drive("avoid_obstacles", Params)
+def avoid_obstacles(scene, rows, p):
+    """The nearest free way."""
+    bodies = scene.bodies
+    if bodies is None:
+        return None
+    n, air = len(rows), air_of(scene)
+    way, urgency, speed = np.zeros((n, 3)), np.zeros(n), np.sqrt((scene.velocity[rows] ** 2).sum(axis=1))
+    goes = np.maximum(speed, scene.speed[rows])
+    if len(bodies.walls):
+        _free_way(
+            rows, bodies.aloft, scene.xyz, scene.forward, scene.length, goes, bodies.walls, p.foresight, p.room, way,
+            urgency,
+        )  # fmt: skip
+    flies = bodies.aloft[rows] & np.isfinite(air.hit[rows])
+    reach = np.maximum(p.foresight * goes, 1e-6)
+    soon = np.clip(1.0 - air.hit[rows] / reach, 0.0, 1.0)
+    way[flies], urgency[flies] = air.aim[rows][flies], np.where(air.hit[rows] < reach, 0.3 + 0.7 * soon, 0.0)[flies]
+    if not urgency.any():
+        return None
+    return Urges(towards(scene.velocity[rows], goes[:, None] * way, bodies.acceleration[rows]), p.strength * urgency)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _free_way(rows, aloft, xyz, forward, length, goes, walls, foresight, room, way, urgency):
+    for k in range(len(rows)):
+        i = rows[k]
+        if aloft[i]:
+            continue
+        reach = foresight * goes[k] + 2.0 * length[i]
+        beside = room * length[i] + 0.5 * length[i]
+        x, y, fx, fy = xyz[i, 0], xyz[i, 1], forward[i, 0], forward[i, 1]
+        straight = _room(walls, x, y, fx, fy, reach, beside)
+        if straight >= reach:
+            continue
+        best, bx, by = straight, fx, fy
+        for step in range(1, RAYS + 1):
+            found = False
+            for side in (1.0, -1.0):
+                sine, cosine = sincos_(side * step * WIDEST / RAYS)
+                gx, gy = cosine * fx - sine * fy, sine * fx + cosine * fy
+                free = _room(walls, x, y, gx, gy, reach, beside)
+                if free > best + 1e-9:
+                    best, bx, by = free, gx, gy
+                found |= free >= reach
+            if found:
+                break
+        way[k, 0], way[k, 1] = bx, by
+        urgency[k] = min(0.3 + 0.7 * (1.0 - straight / reach), 1.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _room(walls, x, y, fx, fy, reach, beside):
+    """Metres along a unit vector until an edge comes nearer than ``beside`` in front; ``reach`` when none does."""
+    free = reach
+    for e in range(len(walls)):
+        ax, ay, bx, by = walls[e, 0] - x, walls[e, 1] - y, walls[e, 2] - x, walls[e, 3] - y
+        # along and across the way
+        au, av, bu, bv = ax * fx + ay * fy, ay * fx - ax * fy, bx * fx + by * fy, by * fx - bx * fy
+        if max(au, bu) <= 0.0 or min(au, bu) >= free or min(av, bv) >= beside or max(av, bv) <= -beside:
+            continue
+        lo, hi = 0.0, 1.0  # the part of the edge within the strip
+        if av != bv:
+            t0, t1 = (-beside - av) / (bv - av), (beside - av) / (bv - av)
+            lo, hi = max(lo, min(t0, t1)), min(hi, max(t0, t1))
+        u0, u1 = au + lo * (bu - au), au + hi * (bu - au)
+        if max(u0, u1) > 0.0:
+            free = min(free, max(min(u0, u1), 0.0))
+    return free

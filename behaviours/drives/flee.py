@@ -1,0 +1,95 @@
+"""Flee: away from every danger that is noticed, and from where one was a moment ago.
+
+Whom an animal fears says its species; fear is full within half the distance at which it notices the danger.  The
+way is the sum of all dangers, each by its fear, turned along walls that are close ahead.  It runs or flies as fast as
+its species does in full fear; with less it leaves more to its brush.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from flockbrush.behaviours.behaviour import quantity
+from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards
+from numba import njit
+
+FEAR = 1  # of the lists of noticed animals
+WALLS = 3.0  # body lengths: nearer walls ahead are run along
+LOW = 5.0  # body lengths above the ground: nobody dives any lower
+
+
+class Params(DriveParameters):
+    """How firmly, and how fast."""
+
+    pace: float = quantity(1.0, "1", "times the speed at which its species flees", 0.1, 3)
+
+
+@drive("flee", Params, always=True)
+def flee(scene, rows, p):
+    """Away, at the speed of its fear."""
+    bodies, noticed = scene.bodies, scene.noticed
+    if bodies is None or (noticed is None and not bodies.alarm.any()):
+        return None
+    n = len(scene.ids)
+    none = np.zeros(n + 1, np.int64), np.zeros((0, 3)), np.zeros(0, np.uint8), np.zeros(0), np.zeros(0)
+    lists = none if noticed is None else (
+        noticed.first, noticed.offset, noticed.verb, noticed.weight, noticed.notice
+    )  # fmt: skip
+    away, fear = np.zeros((len(rows), 3)), np.zeros(len(rows))
+    _flee(
+        rows, *lists, bodies.alarm, bodies.place, scene.xyz, scene.length, bodies.aloft, bodies.height,
+        scene.obstacle_first, scene.obstacle_offset, away, fear,
+    )  # fmt: skip
+    if not fear.any():
+        return None
+    speed = p.pace * bodies.flee[rows] * (0.5 + 0.5 * fear)
+    wanted = away * np.minimum(speed, bodies.top[rows])[:, None]
+    return Urges(towards(scene.velocity[rows], wanted, bodies.acceleration[rows]), p.strength * fear)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _flee(
+    rows, first, offset, verb, weight, notice, alarm, place, xyz, length, aloft, height, obstacle_first,
+    obstacle_offset, away, fear,
+):  # fmt: skip
+    for k in range(len(rows)):
+        i = rows[k]
+        ax = ay = az = worst = 0.0
+        for at in range(first[i], first[i + 1]):
+            if verb[at] != FEAR:
+                continue
+            x, y, z = offset[at, 0], offset[at, 1], offset[at, 2] if aloft[i] else 0.0
+            d = np.sqrt(offset[at, 0] ** 2 + offset[at, 1] ** 2 + offset[at, 2] ** 2)
+            much = weight[at] * min(2.0 * (1.0 - d / notice[at]), 1.0)
+            size = np.sqrt(x * x + y * y + z * z)
+            if much <= 0.0 or size < 1e-9:
+                continue
+            ax, ay, az = ax - much * x / size, ay - much * y / size, az - much * z / size
+            worst = max(worst, much)
+        if alarm[i] > worst:  # out of sight, not out of mind
+            x, y, z = xyz[i, 0] - place[i, 0], xyz[i, 1] - place[i, 1], xyz[i, 2] - place[i, 2]
+            if not aloft[i]:
+                z = 0.0
+            size = max(np.sqrt(x * x + y * y + z * z), 1e-9)
+            more = alarm[i] - worst
+            ax, ay, az = ax + more * x / size, ay + more * y / size, az + more * z / size
+            worst = alarm[i]
+        size = np.sqrt(ax * ax + ay * ay + az * az)
+        if worst <= 0.0 or size < 1e-9:
+            continue
+        ax, ay, az = ax / size, ay / size, az / size
+        if not aloft[i]:
+            reach = WALLS * length[i]
+            for at in range(obstacle_first[i], obstacle_first[i + 1]):  # along walls, not into them
+                ox, oy = obstacle_offset[at, 0], obstacle_offset[at, 1]
+                d = np.sqrt(ox * ox + oy * oy)
+                into = (ax * ox + ay * oy) / d if d > 1e-9 else 0.0
+                if d < reach and into > 0.0:
+                    much = into * (1.0 - d / reach)
+                    ax, ay = ax - much * ox / d, ay - much * oy / d
+        elif az < 0.0 and height[i] < LOW * length[i]:
+            az = 0.0
+        size = np.sqrt(ax * ax + ay * ay + az * az)
+        if size < 1e-9:
+            continue
+        away[k, 0], away[k, 1], away[k, 2] = ax / size, ay / size, az / size
+        fear[k] = worst

@@ -1,0 +1,83 @@
+"""Land and take off: the way from one medium to another, when a brush of the other one is given on purpose.
+
+Landing is a glide along the heading at the sinking speed of the species, a flare in which the bird slows down as it
+comes near the ground, and a touchdown slower than its slowest flight; then it walks (`systems.binding`).  Taking off is
+a run along the heading and a climb, until the bird is fast and high enough; then it goes on climbing beside what its
+brush wants, to the height at which its species flies, unless it is bound somewhere.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from flockbrush.behaviours.behaviour import air_of, quantity
+from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards
+
+LANDING, TAKING_OFF = 1, 2
+CLEAR = 8.0  # body lengths above the ground: so high a bird has taken off
+FLARE = 3.0  # m and 4 body lengths above the ground the glide becomes shallow
+CREEP = 0.3  # m/s that a bird sinks at least
+
+
+class LandParams(DriveParameters):
+    """How steeply."""
+
+    steepness: float = quantity(1.0, "1", "times the speed at which its species sinks", 0.1, 1)
+
+
+class TakeOffParams(DriveParameters):
+    """How far beyond the slowest flight."""
+
+    margin: float = quantity(1.3, "1", "times the slowest flight, before it steers again", 1, 3)
+
+
+@drive("land", LandParams, always=True)
+def land(scene, rows, p):
+    """Glide, flare, touch down."""
+    here = _in(scene, rows, LANDING)
+    if here is None:
+        return None
+    bodies, velocity = scene.bodies, scene.velocity[rows]
+    height, length = np.maximum(bodies.height[rows], 0.0), scene.length[rows]
+    ahead, speed = _level(scene.forward[rows], velocity)
+    flare = FLARE + 4.0 * length
+    sink = p.steepness * bodies.sink[rows] * np.clip(height / flare, 0.0, 1.0)
+    least = 0.3 * bodies.slowest[rows]
+    glide = least + (1.3 * bodies.slowest[rows] - least) * np.clip(height / flare, 0.0, 1.0)
+    wanted = ahead * np.minimum(np.maximum(speed, least), glide)[:, None]
+    wanted[:, 2] = -np.maximum(sink, CREEP)
+    return Urges(towards(velocity, wanted, bodies.acceleration[rows]), p.strength * here)
+
+
+@drive("take_off", TakeOffParams, always=True)
+def take_off(scene, rows, p):
+    """Run and climb; once it flies, climb beside what the brush wants."""
+    here = _in(scene, rows, TAKING_OFF)
+    if here is None:
+        return None
+    bodies, velocity = scene.bodies, scene.velocity[rows]
+    ahead, speed = _level(scene.forward[rows], velocity)
+    fast = p.margin * bodies.slowest[rows]
+    up = (bodies.height[rows] > CLEAR * scene.length[rows]) & (speed >= bodies.slowest[rows])
+    wanted = ahead * np.maximum(speed, fast)[:, None]
+    enough = np.clip(speed / np.maximum(bodies.slowest[rows], 1e-6), 0.0, 1.0)
+    wanted[:, 2] = bodies.climb[rows] * enough * np.clip(bodies.cruise[rows] - bodies.height[rows], 0.0, 1.0)
+    bound = air_of(scene).bound[rows] > 0
+    urgency = np.where(up, np.where(bound, 0.0, 0.5), 1.0)
+    return Urges(towards(velocity, wanted, bodies.acceleration[rows]), p.strength * urgency * here)
+
+
+def _in(scene, rows, transit):
+    """(k,) 1.0 for those on this way, None when nobody is."""
+    if scene.bodies is None:
+        return None
+    here = (scene.bodies.transit[rows] == transit) & scene.bodies.aloft[rows]
+    return here.astype(float) if here.any() else None
+
+
+def _level(forward, velocity):
+    """((k, 3) level unit vectors along the way, (k,) m/s level)."""
+    speed = np.sqrt(velocity[:, 0] ** 2 + velocity[:, 1] ** 2)
+    size = np.sqrt(forward[:, 0] ** 2 + forward[:, 1] ** 2)
+    level = np.column_stack([forward[:, 0], forward[:, 1], np.zeros(len(forward))])
+    level = np.where(size[:, None] > 1e-9, level / np.maximum(size, 1e-9)[:, None], [1.0, 0.0, 0.0])
+    return level, speed

@@ -1,0 +1,49 @@
+"""Seek: along the guides and to the goal, or to a place.
+
+On the ground the way along guides and to goals is the navigation field, round obstacles; in the air it is straight to
+where the bird is bound.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from flockbrush.behaviours.behaviour import air_of, quantity
+from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards, unit_rows
+from pydantic import Field
+
+
+class Params(DriveParameters):
+    """Where to, and how fast."""
+
+    what: Literal["guide", "place"] = Field(
+        "guide",
+        description="guide: along guides, to the goal, and where a flock is bound; place: to (x, y)",
+        json_schema_extra={"unit": "-"},
+    )
+    x: float = quantity(0.0, "m", "of the place, east", -1e6, 1e6)
+    y: float = quantity(0.0, "m", "of the place, north", -1e6, 1e6)
+    near: float = quantity(3.0, "m", "nearer than this it is there", 0, 1e5)
+    pace: float = quantity(1.0, "1", "times the speed of its brush", 0, 10)
+
+
+@drive("seek", Params)
+def seek(scene, rows, p):
+    """To where it is bound."""
+    bodies = scene.bodies
+    if bodies is None:
+        return None
+    if p.what == "place":
+        to = np.column_stack([p.x - scene.xyz[rows, 0], p.y - scene.xyz[rows, 1], np.zeros(len(rows))])
+    else:
+        to = np.column_stack([scene.guidance[rows], np.zeros(len(rows))])
+        air = air_of(scene)
+        bound = bodies.aloft[rows] & (air.bound[rows] > 0)
+        to[bound] = air.target[rows][bound]
+    far = np.sqrt((to**2).sum(axis=1))
+    acts = far > (p.near if p.what == "place" else 1e-6)
+    if not acts.any():
+        return None
+    wanted = unit_rows(to) * (p.pace * scene.speed[rows])[:, None]
+    return Urges(towards(scene.velocity[rows], wanted, bodies.acceleration[rows]), p.strength * acts.astype(float))

@@ -1,0 +1,316 @@
+"""Steady flight: from an example to a flight of any length by any number of birds (Klotsman & Tal [1]_, section 5).
+
+The example's shapes are built again with as many birds as wanted (step 1), their savings give each bird a range of
+shares (step 2), shares drawn from the ranges give key shapes (step 3), and a curve through the key shapes gives the
+flight (step 4).  Key shapes are drawn as the flight goes on, so it need not end.
+
+What the paper leaves open and what is settled here:
+
+* Shares are computed on the even grid on which they are solved afterwards; from uneven x the example's own values have
+  no solution.
+* Draws of eq. 2 do not sum to 1, which contradicts Munk's theorem; they are projected onto those that do.
+* A parabola is enlarged with the flock, so that 28 birds do not make a narrower U than 16.
+* The leader stays in front: who would pass it in a key shape stays just behind.
+* Between key shapes every bird goes monotonously, and the time between two is such that none goes faster through the
+  formation than ``drift``.
+
+.. [1] Klotsman, M. & Tal, A. (2012). Animation of flocks flying in line formations. Artificial Life 18(1), 91-105.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from flockbrush.behaviours.formation.formation_shapes import Formation, FrameShape
+from flockbrush.behaviours.formation.hummel import relative_power, total_power
+from flockbrush.behaviours.formation.key_shapes import (
+    PROXIMAL,
+    NoShape,
+    project,
+    solve_levenberg_marquardt,
+    solve_proximal,
+)
+from flockbrush.engine.noise import Noise
+from flockbrush.engine.problems import Problem, ProblemsError
+
+NEAREST = 0.9  # wingspans: drawn lateral distances are at least this, out of one another's downwash
+WAYS = 1.0, 0.7, 0.4, 0.2  # parts of the way to a key shape that are tried
+IN_FRONT = 0.05  # wingspans by which the leader leads at least
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """How key shapes are drawn (eq. 2), and how fast the flock passes from one to the next."""
+
+    epsilon: float = 0.1  # how far shares may leave the example's range; the paper: 0 to .2
+    less: float = 0.8  # C1, a share shrinks at most to this part of the one before; the paper: .75 to .9
+    more: float = 1.2  # C2, and grows at most to this; the paper: 1.1 to 1.25
+    proximal: float = PROXIMAL  # μ; larger moves less from key shape to key shape
+    drift: float = 0.4  # wingspans per second, the fastest through the formation; a twentieth of a goose's airspeed
+    least_time: float = 2.0  # s between key shapes, at least
+    method: str = "proximal"  # or "levenberg-marquardt", the paper's
+
+
+def correspond(movie: FrameShape, birds: int, left: int) -> tuple[np.ndarray, bool]:
+    """Which bird of the movie each animated one follows, and whether the sides are exchanged.
+
+    The leaders belong together, and the sides with more birds; on a side the birds next to the leader and the last
+    ones, then the outliers, then the rest, and whoever is left over has none.
+
+    Returns
+    -------
+    (n,) int
+        Places in ``movie.birds``, -1 for none.
+    bool
+        Whether the movie must be mirrored.
+    """
+    theirs = movie.leader, len(movie.birds) - 1 - movie.leader
+    ours = left, birds - 1 - left
+    swap = (theirs[0] - theirs[1]) * (ours[0] - ours[1]) < 0
+    match = np.full(birds, -1)
+    match[left] = movie.leader
+    for side, count in enumerate(ours):
+        outward = -1 if (side == 0) != swap else 1
+        arm = [movie.leader + outward * (k + 1) for k in range(theirs[side if not swap else 1 - side])]
+        for k, bird in _along(arm, count, set(movie.outliers)):
+            match[left + (k + 1) * (-1 if side == 0 else 1)] = bird
+    return match, swap
+
+
+def _along(arm, count, outliers):
+    """(place on the animated arm, bird) pairs, in order outwards."""
+    if not arm or not count:
+        return []
+    if count < len(arm):  # first the ends, then who is special, then the rest from the leader outwards
+        rank = sorted(range(len(arm)), key=lambda k: (k not in (0, len(arm) - 1), arm[k] not in outliers, k))
+        kept = sorted(rank[:count])
+        return list(enumerate(arm[k] for k in kept))
+    places = np.round(np.linspace(0, count - 1, len(arm))).astype(int)
+    return list(zip(places.tolist(), arm, strict=True))
+
+
+class SteadyFlight:
+    """A flock in formation that flies as long as one looks.
+
+    Parameters
+    ----------
+    formation : Formation
+        The example.
+    birds : int
+        How many fly; the example may have had more or fewer.
+    seed : int
+        Same seed, same flight.
+    left : int, optional
+        How many fly to the left of the leader; as in the example unless told.
+    drawing : Drawing, optional
+    exchange : bool
+        Left and right of the example exchanged, before anything else.
+
+    Attributes
+    ----------
+    x : ndarray (n,)
+        Wingspans to the right of the leader, from left to right.
+    low, high : ndarray (n,)
+        The learned ranges of shares, widened by epsilon.
+
+    Raises
+    ------
+    ProblemsError
+        When the example has no frame with a curve, or the numbers of birds make no formation.
+    """
+
+    def __init__(self, formation: Formation, birds: int, seed=0, left=None, drawing=None, exchange=False):
+        frames = formation.usable
+        if not frames:
+            said = formation.frames[0].why if formation.frames else "it has no frames"
+            raise _wrong(formation, f"has no frame with a line formation ({said})")
+        if birds < 2:
+            raise _wrong(formation, f"a formation needs at least two birds, got {birds}")
+        self.formation, first = formation, frames[0]
+        if left is None:
+            share = first.leader / max(len(first.birds) - 1, 1)
+            left = round((1 - share if exchange else share) * (birds - 1))
+        if not 0 <= left < birds:
+            raise _wrong(formation, f"of {birds} birds at most {birds - 1} fly left of the leader, got {left}")
+        self.drawing, self.left, self.noise = drawing or Drawing(), left, Noise(seed)
+        self.spacing = max(NEAREST, float(np.mean([frame.spacing[0] for frame in frames])))
+        self.x = (np.arange(birds) - left) * self.spacing
+        self.match, self.swap = correspond(_mirror(first) if exchange else first, birds, left)
+        self.total = float(total_power(self.x))
+        shapes = [self._initial(k, _mirror(f) if exchange else f) for k, f in enumerate(frames)]
+        self.initial = np.array(shapes)  # (frames, n) y on the grid
+        shares = np.array([relative_power(y, self.spacing) for y in shapes])
+        eps = self.drawing.epsilon
+        self.low, self.high = (1 - eps) * shares.min(axis=0), (1 + eps) * shares.max(axis=0)
+        self._keys, self._shares, self._times = [shapes[0]], [shares[0]], [0.0]
+
+    def __len__(self):
+        return len(self.x)
+
+    # step 1 -----------------------------------------------------------------------------
+
+    def _initial(self, at, frame):
+        """The frame's shape with our birds: curve, deviations, and the outliers' own (step 1)."""
+        n, curve = len(self.x), frame.curve
+        draws = self.noise.normal("formation shape", at, np.arange(n), 2)
+        dx = np.maximum(frame.spacing[0] + frame.spacing[1] * draws[:, 0], NEAREST)
+        x = np.concatenate([-np.cumsum(dx[: self.left])[::-1], [0.0], np.cumsum(dx[self.left + 1 :])])
+        if self.swap:
+            curve = curve.mirrored()
+        if n > len(frame.birds):
+            curve = curve.scaled((n - 1) / max(len(frame.birds) - 1, 1))
+        y = np.array(_both_sides(curve, x, frame, self.swap))
+        mean, deviation = frame.deviation
+        y += mean + deviation * draws[:, 1]
+        for k, bird in enumerate(self.match):
+            if bird >= 0 and bird in frame.outliers:
+                y[k] = _both_sides(curve, x, frame, self.swap)[k] + frame.y[bird] - frame.curve.y(frame.x[bird])
+        y -= y[self.left]
+        return _behind_the_leader(y, self.left)
+
+    # step 3 -----------------------------------------------------------------------------
+
+    def key(self, k):
+        """The k-th key shape: y, wingspans ahead of the leader, (n,)."""
+        while len(self._keys) <= k:
+            self._draw()
+        return self._keys[k]
+
+    def _draw(self):
+        """One more key shape (eq. 2, projected; eq. 3; eq. 4)."""
+        how, at, last = self.drawing, len(self._keys), self._keys[-1]
+        low, high = (
+            np.maximum(self.low, how.less * self._shares[-1]),
+            np.minimum(self.high, how.more * self._shares[-1]),
+        )
+        chance = self.noise.uniform("formation key", at, np.arange(len(self.x)))[:, 0]
+        try:
+            share = project(low + chance * (high - low), low, high)
+            y = self._shape(share, last)
+        except (NoShape, ValueError):
+            message = (
+                f"no shape saves the shares of power that this one does; allow more than epsilon = {how.epsilon:g}"
+            )
+            raise _wrong(self.formation, message) from None
+        self._keys.append(y)
+        self._shares.append(share)
+        pause = 2.0 * np.abs(y - last).max() / how.drift  # monotone curves go at most at twice their mean speed
+        self._times.append(self._times[-1] + max(how.least_time, pause))
+
+    def _shape(self, share, last):
+        """The key shape of these shares, nobody before the leader; or as much of the way there as keeps the ranges."""
+        how, wanted = self.drawing, share * self.total
+        if how.method == "proximal":
+            y = solve_proximal(self.x, wanted, last, how.proximal)
+        else:
+            try:
+                y = solve_levenberg_marquardt(self.x, wanted, last)
+            except NoShape:  # no shape has these shares: as near as the proximal form comes
+                y = solve_proximal(self.x, wanted, last, how.proximal)
+        y = _behind_the_leader(y - y[self.left], self.left)
+        best, least = y, np.inf
+        for way in WAYS:
+            there = last + way * (y - last)
+            beyond = max(self._beyond(last + part * (there - last)) for part in (0.3, 0.7, 1.0))
+            if beyond < least - 1e-3:
+                best, least = there, beyond
+            if least <= 0.0:
+                break
+        return best
+
+    def _beyond(self, y):
+        """By how much the worst share leaves its range, relative; not above 0 when none does."""
+        share = relative_power(y, self.spacing)
+        return float((np.maximum(self.low - share, share - self.high) / np.maximum(share, 1e-12)).max())
+
+    # step 4 -----------------------------------------------------------------------------
+
+    def at(self, time):
+        """Where the birds fly at a time in seconds: y, wingspans ahead of the leader, (n,)."""
+        if not time >= 0:
+            raise ValueError(f"a flight begins at 0 s, got {time}")
+        while self._times[-1] <= time:
+            self._draw()
+        k = int(np.searchsorted(self._times, time, side="right")) - 1
+        self.key(k + 2)
+        keys, times = self._keys, self._times
+        gap = times[k + 1] - times[k]
+        rise = (keys[k + 1] - keys[k]) / gap
+        before = (keys[k] - keys[k - 1]) / (times[k] - times[k - 1]) if k else np.zeros_like(rise)
+        after = (keys[k + 2] - keys[k + 1]) / (times[k + 2] - times[k + 1])
+        return _hermite((time - times[k]) / gap, gap, keys[k], keys[k + 1], _gentle(before, rise), _gentle(rise, after))
+
+    def frames(self, count, fps=25.0):
+        """The first ``count`` frames: (count, n, 2), wingspans, the leader at the origin."""
+        y = np.array([self.at(k / fps) for k in range(count)])
+        return np.stack([np.broadcast_to(self.x, y.shape), y], axis=-1)
+
+    def report(self, frames, fps=25.0):
+        """What a flight kept to.
+
+        Returns
+        -------
+        dict
+            ``outside``: the part of all shares that left its range; ``beyond``: by how much at most, relative;
+            ``fastest``: wingspans a second through the formation; ``leader_in_front``: the part of frames.
+        """
+        share = np.array([relative_power(y, self.spacing) for y in frames[:, :, 1]])
+        off = np.maximum(self.low - share, share - self.high) / np.where(share > 0, share, 1.0)
+        speed = np.abs(np.diff(frames[:, :, 1], axis=0)).max() * fps if len(frames) > 1 else 0.0
+        return {
+            "frames": len(frames),
+            "birds": len(self.x),
+            "outside": float((off > 1e-9).mean()),
+            "beyond": float(max(off.max(), 0.0)),
+            "fastest": float(speed),
+            "leader_in_front": float((frames[:, :, 1].argmax(axis=1) == self.left).mean()),
+        }
+
+
+def _wrong(formation, message):
+    return ProblemsError([Problem(formation.name or "formation", None, None, message)])
+
+
+def _mirror(frame: FrameShape) -> FrameShape:
+    """The frame as in a mirror."""
+    n = len(frame.birds)
+    return FrameShape(
+        frame.frame, frame.birds[::-1], tuple(-x for x in frame.x[::-1]), frame.y[::-1], n - 1 - frame.leader,
+        frame.kind, frame.why, frame.curve.mirrored() if frame.curve else None,
+        tuple(sorted(n - 1 - k for k in frame.outliers)), frame.spacing, frame.deviation,
+    )  # fmt: skip
+
+
+def _both_sides(curve, x, frame, swap):
+    """The curve's y; a side on which the example has no birds is the mirror of the other."""
+    has = frame.leader > 0, frame.leader < len(frame.birds) - 1
+    if swap:
+        has = has[::-1]
+    x = np.asarray(x)
+    if not has[0]:
+        x = np.where(x < 0, -x, x)
+    if not has[1]:
+        x = np.where(x > 0, -x, x)
+    return curve.y(x)
+
+
+def _behind_the_leader(y, left):
+    """``y``, with nobody in front of the leader."""
+    out = np.minimum(y, y[left] - IN_FRONT)
+    out[left] = y[left]
+    return out
+
+
+def _gentle(before, after):
+    """Slopes at a key that let no curve overshoot: harmonic mean, 0 at turning points."""
+    same = before * after > 0
+    return np.where(same, 2.0 * before * after / np.where(same, before + after, 1.0), 0.0)
+
+
+def _hermite(t, gap, a, b, slope_a, slope_b):
+    t2, t3 = t * t, t * t * t
+    return (
+        (2 * t3 - 3 * t2 + 1) * a + (t3 - 2 * t2 + t) * gap * slope_a
+        + (3 * t2 - 2 * t3) * b + (t3 - t2) * gap * slope_b
+    )  # fmt: skip

@@ -1,1 +1,0 @@
-"""What is worked out offline, from films and photographs; a running level imports nothing of this."""

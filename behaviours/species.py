@@ -1,0 +1,333 @@
+"""Species: the body, its limits, its eyes, how individuals differ, and what it makes of other species.
+
+A species is a file ``NAME.species.toml`` (``behaviours/fauna`` has the shipped ones), and its name is the file's.
+What the animals *do* is said by brushes (`flockbrush.behaviours.brush`).
+
+    schema = "flockbrush.species/1"
+    media = ["walk"]
+
+    [body]
+    length = 1.2  # m
+
+    [walk]
+    speed = 20.0  # m/s
+
+    [relations]
+    wolf = { fear = 1.0, notice = "40 m" }
+    "*" = { avoid = 1.0 }
+
+Relations name a species, a tag, or ``"*"`` for everybody else; the most specific one counts.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from flockbrush.behaviours.spec import Line, Spec, Text, spec_field
+from flockbrush.behaviours.tomlfile import TomlFile, parse_toml, read_bytes
+from flockbrush.behaviours.validation import shown, validated
+from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
+from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+
+SCHEMA = "flockbrush.species/1"
+SUFFIX = ".species.toml"
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+MEDIA = ("walk", "fly", "swim")
+Medium = Literal["walk", "fly", "swim"]
+VERBS = ("kin", "fear", "hunt", "follow", "avoid", "ignore")
+Look = Literal["beast", "bird", "fish", "insect", "person"]
+Gait = Literal["quadruped", "biped", "hexapod", "flapping", "swimming"]
+
+
+class BodySpec(Spec):
+    """A body."""
+
+    length: float = spec_field(1.0, "nose to tail; one body length (BL)", "m", gt=0, le=50)
+    radius: float = spec_field(0.2, "half the width", "m", gt=0, le=25)
+    contact: Literal["capsule", "disc"] = spec_field(
+        "capsule", "shape that never overlaps others: the whole body, or a disc of the radius at its centre"
+    )
+
+    @model_validator(mode="after")
+    def _slender(self):
+        if self.radius > self.length / 2:
+            raise ValueError(f"radius must be at most half the length ({self.length / 2:g} m), got {self.radius:g}")
+        return self
+
+
+class WalkSpec(Spec):
+    """What the legs allow."""
+
+    speed: float = spec_field(5.0, "the fastest it can run", "m/s", gt=0, le=100)
+    flee: float = spec_field(5.0, "how fast it runs in full fear", "m/s", gt=0, le=100)
+    acceleration: float = spec_field(4.0, "the most it speeds up, brakes or turns with", "m/s²", gt=0, le=200)
+    turn: float = spec_field(10.0, "the fastest it turns", "rad/s", gt=0, le=200)
+
+
+class FlySpec(Spec):
+    """What the wings allow."""
+
+    speed: float = spec_field(20.0, "the fastest it can fly", "m/s", gt=0, le=200)
+    flee: float = spec_field(20.0, "how fast it flies in full fear", "m/s", gt=0, le=200)
+    slowest: float = spec_field(5.0, "slower than this it falls; it takes off and touches down at it", "m/s", ge=0)
+    acceleration: float = spec_field(10.0, "the most it speeds up, brakes, turns or climbs with", "m/s²", gt=0, le=500)
+    turn: float = spec_field(3.0, "the fastest it turns", "rad/s", gt=0, le=200)
+    climb: float = spec_field(2.0, "the fastest it rises", "m/s", gt=0, le=100)
+    sink: float = spec_field(3.0, "its top sink rate when it lands", "m/s", gt=0, le=100)
+    height: float = spec_field(30.0, "above the ground where it flies unless something says otherwise", "m", gt=0)
+
+
+class SwimSpec(Spec):
+    """What fins or feet allow in water."""
+
+    speed: float = spec_field(2.0, "the fastest it can swim", "m/s", gt=0, le=100)
+    flee: float = spec_field(2.0, "how fast it swims in full fear", "m/s", gt=0, le=100)
+    acceleration: float = spec_field(3.0, "the most it speeds up, brakes or turns with", "m/s²", gt=0, le=200)
+    turn: float = spec_field(10.0, "the fastest it turns", "rad/s", gt=0, le=200)
+
+
+class EyesSpec(Spec):
+    """How it notices those whom it fears, hunts or follows; what brushes perceive is in their ``[vision]``."""
+
+    field_of_view: float = spec_field(300.0, "full angle, centred ahead; all round once it is alarmed", "degrees", gt=0,
+                                      le=360)  # fmt: skip
+    height: float = spec_field(1.0, "of the eyes above the feet, in shares of the body length", "BL", ge=0, le=5)
+
+
+class SpreadSpec(Spec):
+    """How individuals differ: standard deviations, drawn once for each animal and cut at two of them."""
+
+    size: float = spec_field(0.0, "of the body length, as a share of it", "1", ge=0, le=0.3)
+    speed: float = spec_field(0.0, "of the speed at which it likes to go, as a share of it", "1", ge=0, le=0.3)
+    boldness: float = spec_field(
+        0.0, "of boldness; a bold one notices danger that is as much nearer", "1", ge=0, le=0.4
+    )
+
+
+def _metres(value: Any):
+    """``"30 m"`` as 30.0; anything else is left to the check."""
+    found = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*(m|km)\s*", value) if isinstance(value, str) else None
+    if found is None and isinstance(value, str):
+        raise ValueError('must be a distance such as "30 m"')
+    return float(found[1]) * {"m": 1.0, "km": 1000.0}[found[2]] if found else value
+
+
+Metres = Annotated[float, BeforeValidator(_metres), Field(gt=0, le=10_000)]
+Weight = Annotated[float, Field(ge=0, le=1)]
+
+
+class Relation(Spec):
+    """What one species makes of another: exactly one of kin, fear, hunt, follow, avoid, ignore."""
+
+    kin: Weight | None = spec_field(None, "aligns with it and stays near it, as with its own kind")
+    fear: Weight | None = spec_field(None, "flees from it; 1 with all it has")
+    hunt: Weight | None = spec_field(None, "goes for it where its brush hunts")
+    follow: Weight | None = spec_field(None, "goes after it where its brush follows")
+    avoid: Weight | None = spec_field(None, "gives way to it, and otherwise takes no notice")
+    ignore: Weight | None = spec_field(None, "does not even give way to it")
+    notice: Metres | None = spec_field(None, 'a distance such as "30 m": nearer than this it is noticed', "m")
+    catch: Literal["none", "remove"] | None = spec_field(None, "what happens to prey that is caught")
+
+    @model_validator(mode="after")
+    def _one_verb(self):
+        told = [verb for verb in VERBS if getattr(self, verb) is not None]
+        if len(told) != 1:
+            raise ValueError(f"must be exactly one of {', '.join(VERBS)}, got {', '.join(told) or 'none'}")
+        if self.catch is not None and self.hunt is None:
+            raise ValueError("catch goes with hunt alone")
+        if self.notice is not None and told[0] not in ("fear", "hunt", "follow"):
+            raise ValueError(f"notice goes with fear, hunt or follow, not with {told[0]}")
+        if self.notice is None and told[0] in ("fear", "hunt", "follow"):
+            raise ValueError(f'{told[0]} needs a distance: notice = "30 m"')
+        return self
+
+    @property
+    def verb(self) -> str:
+        """Which of the six it is."""
+        return next(verb for verb in VERBS if getattr(self, verb) is not None)
+
+    @property
+    def weight(self) -> float:
+        """How much, 0 to 1."""
+        return float(getattr(self, self.verb))
+
+
+class Species(Spec):
+    """A kind of animal.
+
+    Examples
+    --------
+    >>> sheep = shipped_species().get("sheep")
+    >>> sheep.relation_to("wolf", ("hunter",)).verb
+    'fear'
+    """
+
+    name: Annotated[str, Field(pattern=f"^{NAME.pattern}$")] = spec_field(..., "the file's name without .species.toml")
+    title: Line = spec_field("", "the name for people")
+    description: Text = spec_field("", "what it is, and where its numbers come from")
+    look: Look = spec_field("beast", "how it is drawn and exported without a mesh of its own")
+    mesh: Line = spec_field("", "a mesh file beside this one, or empty for the built-in look")
+    gait: Gait = spec_field("quadruped", "how its body moves")
+    media: tuple[Medium, ...] = spec_field(..., "what it can move in")
+    tags: tuple[Annotated[str, Field(pattern=f"^{NAME.pattern}$")], ...] = spec_field(
+        (), "what brushes and relations may call it besides its name", max_length=16
+    )
+    body: BodySpec = spec_field(..., "the body")
+    walk: WalkSpec = spec_field(WalkSpec(), "limits on the ground")
+    fly: FlySpec = spec_field(FlySpec(), "limits in the air")
+    swim: SwimSpec = spec_field(SwimSpec(), "limits in water")
+    eyes: EyesSpec = spec_field(EyesSpec(), "how it notices others")
+    spread: SpreadSpec = spec_field(SpreadSpec(), "how individuals differ")
+    calm: float = spec_field(6.0, "how long alarm lasts after the danger was last seen", "s", ge=0, le=600)
+    relations: dict[str, Relation] = spec_field({}, "what it makes of others, by species, tag or *", max_length=200)
+    _source: bytes | None = PrivateAttr(None)
+
+    @model_validator(mode="after")
+    def _moves(self):
+        if not self.media:
+            raise ValueError("media must name what it can move in: walk, fly, swim")
+        return self
+
+    def relation_to(self, name: str, tags: Iterable[str] = ()) -> Relation | None:
+        """The relation to another species: by its name, else by its first tag that is told, else by ``"*"``."""
+        for key in (name, *tags, "*"):
+            if key in self.relations:
+                return self.relations[key]
+        return None
+
+    @property
+    def source(self) -> bytes:
+        """The file it was read from: what a recording embeds."""
+        return self._source or b""
+
+    def can(self, medium: str) -> bool:
+        """Whether it moves in this medium."""
+        return medium in self.media
+
+
+def load_species(source: str | os.PathLike | bytes, file: str | None = None) -> Species:
+    """Read a species.
+
+    Parameters
+    ----------
+    source : path or bytes
+        A ``NAME.species.toml`` file, or what is in it.
+    file : str, optional
+        Its name for messages; the species' name is its last part.  Needed with bytes.
+
+    Raises
+    ------
+    ProblemsError
+        With everything that is wrong with the file.
+    """
+    if not isinstance(source, bytes):
+        file = file or os.fspath(source)
+        source = read_bytes(source)
+    toml = parse_toml(source, file or f"unnamed{SUFFIX}")
+    species = _read(toml)
+    species._source = source
+    return species
+
+
+def _read(toml: TomlFile) -> Species:
+    document = dict(toml.data)
+    schema = document.pop("schema", None)
+    if schema != SCHEMA:
+        told = "is missing; a species starts with: " if schema is None else "must be, instead of what it is: "
+        raise ProblemsError([toml.problem(("schema",), f'{told}schema = "{SCHEMA}"')])
+    problems = []
+    base = re.split(r"[/\\]", toml.name)[-1]
+    document["name"] = base.removesuffix(SUFFIX)
+    if not base.endswith(SUFFIX) or not NAME.fullmatch(document["name"]):
+        document["name"] = "unnamed"
+        message = f"a species file is called NAME{SUFFIX}, with letters, digits, - and _ in NAME; it is called {base!r}"
+        problems.append(Problem(toml.name, None, None, message))
+    if "name" in toml.data:
+        problems.append(toml.problem(("name",), "a species' name is its file's name; remove this line"))
+    species, mistakes = validated(Species, document)
+    problems += [toml.problem(path, message) for path, message in mistakes]
+    if species is not None:
+        problems += [
+            toml.problem((medium,), f"limits for a medium that media does not name; add {medium!r} to media")
+            for medium in MEDIA
+            if medium in toml.data and not species.can(medium)
+        ]
+    if species is None or problems:
+        raise ProblemsError(sorted(problems, key=lambda problem: problem.line or 0))
+    return species
+
+
+class SpeciesLibrary:
+    """The species in some folders, by name; the first folder that has a name wins.
+
+    Parameters
+    ----------
+    folders : sequence of path
+        In order of precedence; those that are not there are empty.
+    files : mapping of str to bytes, optional
+        Species files by name or path, before all folders: those a recording has embedded.
+    """
+
+    def __init__(self, folders: Iterable[str | os.PathLike] = (), files: Mapping[str, bytes] | None = None):
+        self.folders = [Path(folder) for folder in folders]
+        named = {name.replace("\\", "/").rsplit("/", 1)[-1]: data for name, data in (files or {}).items()}
+        self._files = {name: data for name, data in named.items() if name.endswith(SUFFIX)}
+
+    def names(self) -> list[str]:
+        """Names of all species, sorted."""
+        bases = set(self._files)
+        for folder in self.folders:
+            bases.update(path.name for path in folder.glob(f"*{SUFFIX}"))
+        return sorted(name for name in (base.removesuffix(SUFFIX) for base in bases) if NAME.fullmatch(name))
+
+    def find(self, name: str) -> Species | None:
+        """The species of this name; None when there is no file of it: then it is a name alone, and can do anything.
+
+        Raises
+        ------
+        ProblemsError
+            With everything that is wrong with its file.
+        """
+        base = name + SUFFIX
+        if not NAME.fullmatch(name):
+            return None
+        if base in self._files:
+            return _parsed(base, self._files[base])
+        for folder in self.folders:
+            if (folder / base).exists():
+                return _parsed(str(folder / base), read_bytes(folder / base))
+        return None
+
+    def get(self, name: str) -> Species:
+        """As `find`, with a ProblemsError when there is none."""
+        found = self.find(name)
+        if found is None:
+            message = f"there is no species '{name}'{did_you_mean(name, self.names())}"
+            raise ProblemsError([Problem(shown(name) + SUFFIX, None, None, message)])
+        return found
+
+    def named(self, key: str) -> list[Species]:
+        """Those with this name or tag."""
+        return [one for one in map(self.get, self.names()) if key == one.name or key in one.tags]
+
+
+def usual_species(made_for: Iterable[str], library: SpeciesLibrary, present: Iterable[str] = ()) -> str:
+    """The species that a brush moves when nobody says which: one that is present, else the first there is; or ""."""
+    able = list(dict.fromkeys(one.name for key in made_for for one in library.named(key)))
+    return next((name for name in present if name in able), able[0] if able else "")
+
+
+@functools.lru_cache(maxsize=256)
+def _parsed(file: str, source: bytes) -> Species:
+    return load_species(source, file)
+
+
+@functools.cache
+def shipped_species() -> SpeciesLibrary:
+    """The species that come with Flockbrush."""
+    return SpeciesLibrary([Path(__file__).parent / "fauna"])

@@ -1,0 +1,71 @@
+"""Tables from outside: rows of a CSV one after the other, with their lines, and refused in plain words."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+
+from flockbrush.behaviours.tomlfile import check_plain
+from flockbrush.engine import limits
+from flockbrush.engine.problems import Problem, ProblemsError
+
+
+def read_table(path, most_bytes: int, most_rows: int) -> Iterator[tuple[int, list[str]]]:
+    """(line, cells) of every row that is not blank, the header first.
+
+    Lines may end as Unix, Windows or old Macs end them.
+
+    Parameters
+    ----------
+    path : path
+    most_bytes, most_rows : int
+        A larger file is refused before it is read, a longer one when it turns out to be.
+
+    Raises
+    ------
+    ProblemsError
+        When there is no such file, it is too large, or it is no table in UTF-8.
+    """
+    name, count = str(path), 0
+    check_plain(path, most_bytes)
+    try:
+        with open(path, encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(_lines(file, name))
+            for row in reader:
+                if not any(map(str.strip, row)):
+                    continue
+                yield reader.line_num, row
+                count += 1
+                if count > most_rows:
+                    message = f"has more than {most_rows:,} rows; cut it into parts"
+                    raise ProblemsError([Problem(name, reader.line_num, None, message)])
+    except OSError as error:
+        raise ProblemsError([Problem(name, None, None, f"cannot be read: {error.strerror or error}")]) from None
+    except UnicodeDecodeError:
+        raise ProblemsError([Problem(name, _bad_line(path), None, "is not UTF-8 text")]) from None
+    except csv.Error as error:
+        raise ProblemsError([Problem(name, reader.line_num, None, f"is no table: {error}")]) from None
+
+
+def _lines(file, name):
+    """The lines of a text file, none longer than `limits.TABLE_LINE`."""
+    number = 0
+    while line := file.readline(limits.TABLE_LINE + 1):
+        number += 1
+        if len(line) > limits.TABLE_LINE:
+            message = f"the line is longer than {limits.TABLE_LINE.told}; this is no table"
+            raise ProblemsError([Problem(name, number, None, message)])
+        if "\0" in line:
+            raise ProblemsError([Problem(name, number, None, "is no table: it holds bytes of zero")])
+        yield line
+
+
+def _bad_line(path):
+    """The line with the first byte that is not UTF-8."""
+    data = Path(path).read_bytes()
+    try:
+        data.decode()
+    except UnicodeDecodeError as error:
+        return data.count(b"\n", 0, error.start) + 1
+    return None

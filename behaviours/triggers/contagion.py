@@ -1,0 +1,32 @@
+"""What the neighbours that are seen do: states spread from animal to animal."""
+
+from __future__ import annotations
+
+import numpy as np
+from flockbrush.behaviours.amounts import Length
+from flockbrush.behaviours.trigger import KIN, Condition, Names, Reference, condition, count_seen, given
+
+
+@condition
+class ShareOfSeenIn(Condition):
+    """At least a share of the visible neighbours is in a state."""
+
+    share_of_seen_in: Names = given(..., "states; PROGRAM/STATE is one of another program")
+    at_least: float = given(..., "which share of those seen", gt=0, le=1)
+    species: Names = given((KIN,), "of which species: names, `kin`, `others` or `anyone`")
+    within: Length | None = given(None, "only those nearer than this")
+    of: int = given(1, "at least so many must be seen", ge=1, le=10_000)
+
+    def holds(self, senses, rows):
+        flags = np.zeros(len(senses.ids), np.uint8)
+        for state in self.share_of_seen_in:
+            flags |= senses.in_state(state)
+        if not flags.any():  # then at least a share above 0 of nobody
+            return np.zeros(len(rows), bool)
+        seen = count_seen(senses, rows, self.species, self.within)
+        some = count_seen(senses, rows, self.species, self.within, flags)
+        return (seen >= self.of) & (some >= self.at_least * seen)
+
+    def references(self):
+        yield from (Reference("state", name) for name in self.share_of_seen_in)
+        yield from (Reference("species", name) for name in self.species)

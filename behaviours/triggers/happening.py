@@ -1,0 +1,87 @@
+"""What happens once: named events, deaths and births near by."""
+
+from __future__ import annotations
+
+import numpy as np
+from flockbrush.behaviours.amounts import Length
+from flockbrush.behaviours.trigger import ANYONE, KIN, OTHERS, Condition, Names, Reference, condition, count_seen, given
+from numba import njit
+
+
+@condition
+class Event(Condition):
+    """A named event is heard: from a script, Python, the mouse, a zone or another trigger."""
+
+    event: str = given(..., "the event's name")
+
+    def holds(self, senses, rows):
+        heard = np.zeros(len(rows), bool)
+        for happening in senses.events:
+            if happening.name != self.event:
+                continue
+            if happening.entity:
+                heard |= senses.ids[rows] == happening.entity
+            elif np.isinf(happening.reach):
+                heard[:] = True
+            else:
+                _hear(senses.xyz, rows, *happening.xyz[:2], happening.reach, *senses.wrap, heard)
+        return heard
+
+    def references(self):
+        yield Reference("event", self.event)
+
+
+@njit(cache=True, nogil=True)
+def _hear(xyz, rows, x, y, reach, width, height, heard):
+    """Who is within reach of a place, in plan; across the seam of a periodic map too."""
+    for k in range(len(rows)):
+        dx, dy = xyz[rows[k], 0] - x, xyz[rows[k], 1] - y
+        if width > 0.0:
+            dx -= width * np.floor(dx / width + 0.5)
+            dy -= height * np.floor(dy / height + 0.5)
+        heard[k] = heard[k] or dx * dx + dy * dy <= reach * reach
+
+
+@condition
+class DeathOf(Condition):
+    """Somebody was taken out of the world where the animal could see it: caught, arrived, removed."""
+
+    death_of: Names = given(..., "species, `kin`, `others` or `anyone`")
+    within: Length | None = given(None, "only nearer than this")
+
+    def holds(self, senses, rows):
+        held = np.zeros(len(rows), bool)
+        if not senses.deaths:
+            return held
+        reach = np.inf if self.within is None else self.within.of(senses.length[rows])
+        for death in senses.deaths:
+            concerned = concerns(self.death_of, death.name, senses, rows)
+            if concerned.any():
+                held |= concerned & senses.perceives(rows, death, reach)
+        return held
+
+    def references(self):
+        return (Reference("species", name) for name in self.death_of)
+
+
+@condition
+class BirthOf(Condition):
+    """Somebody was born, or put into the world, where the animal sees it."""
+
+    birth_of: Names = given(..., "species, `kin`, `others` or `anyone`")
+    within: Length | None = given(None, "only nearer than this")
+
+    def holds(self, senses, rows):
+        if not senses.births.any():
+            return np.zeros(len(rows), bool)
+        return count_seen(senses, rows, self.birth_of, self.within, senses.births) > 0
+
+    def references(self):
+        return (Reference("species", name) for name in self.birth_of)
+
+
+def concerns(names, species, senses, rows):
+    """(k,) bool: whether an animal of this species is one of the names, for each animal."""
+    same = senses.is_kin(species)[rows]
+    named = ANYONE in names or species in names
+    return np.full(len(rows), named) | (same & (KIN in names)) | (~same & (OTHERS in names))

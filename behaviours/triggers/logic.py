@@ -1,0 +1,59 @@
+"""Conditions of conditions."""
+
+from __future__ import annotations
+
+import numpy as np
+from flockbrush.behaviours.trigger import Condition, condition, given
+
+
+@condition
+class All(Condition):
+    """All of these hold at once."""
+
+    inner = "many"
+    all: tuple[Condition, ...] = given(..., "conditions")
+
+    def holds(self, senses, rows):
+        held = np.ones(len(rows), bool)
+        for part in self.all:
+            held[held] = part.holds(senses, rows[held])
+            if not held.any():
+                break
+        return held
+
+    def parts(self):
+        return self.all
+
+
+@condition
+class Any(Condition):
+    """At least one of these holds."""
+
+    inner = "many"
+    any: tuple[Condition, ...] = given(..., "conditions")
+
+    def holds(self, senses, rows):
+        held = np.zeros(len(rows), bool)
+        for part in self.any:
+            held[~held] = part.holds(senses, rows[~held])
+            if held.all():
+                break
+        return held
+
+    def parts(self):
+        return self.any
+
+
+@condition
+class Not(Condition):
+    """The condition does not hold."""
+
+    word = "not"  # no name for a field of Python
+    inner = "one"
+    denied: Condition = given(..., "a condition")
+
+    def holds(self, senses, rows):
+        return ~self.denied.holds(senses, rows)
+
+    def parts(self):
+        return (self.denied,)

@@ -1,0 +1,47 @@
+"""Goals, and how far places are."""
+
+from __future__ import annotations
+
+import numpy as np
+from flockbrush.behaviours.amounts import Length
+from flockbrush.behaviours.trigger import Condition, Reference, condition, given
+
+
+@condition
+class ReachesGoal(Condition):
+    """The animal stands in a goal."""
+
+    reaches_goal: str = given(..., "a goal of the level; `its own` is the one it is bound to")
+
+    def holds(self, senses, rows):
+        return senses.at_goal("" if self.reaches_goal == "its own" else self.reaches_goal)[rows]
+
+    def references(self):
+        if self.reaches_goal != "its own":
+            yield Reference("goal", self.reaches_goal)
+
+
+@condition
+class DistanceTo(Condition):
+    """The animal is so far from the middle of a place, in plan."""
+
+    distance_to: str = given(..., "a goal, a zone or an area of the level")
+    below: Length | None = given(None, "nearer than this")
+    above: Length | None = given(None, "farther than this")
+
+    def holds(self, senses, rows):
+        away = senses.away(self.distance_to)[rows]
+        return between(away, self.below, self.above, senses.length[rows])
+
+    def references(self):
+        yield Reference("place", self.distance_to)
+
+
+def between(values, below, above, length):
+    """(k,) bool: below one amount and above another, where they are given."""
+    holds = np.ones(len(values), bool)
+    if below is not None:
+        holds &= values < below.of(length)
+    if above is not None:
+        holds &= values > above.of(length)
+    return holds

@@ -1,0 +1,114 @@
+"""Chance: so often a second, more often the more neighbours do so."""
+
+from __future__ import annotations
+
+import numpy as np
+from flockbrush.behaviours.amounts import Length, Rate
+from flockbrush.behaviours.trigger import KIN, OTHERS, Condition, Names, Reference, condition, given
+from flockbrush.engine.maths import exp_, log_
+from flockbrush.engine.noise import uniform_
+from flockbrush.engine.parallel import over_rows
+from numba import njit
+
+
+@condition
+class RandomRate(Condition):
+    """By chance, at a rate: the probability in a tick is 1 - exp(-rate dt).
+
+    With ``imitating`` it grows with the number m of visible neighbours in a state, with ``spread`` and ``packed`` with
+    the mean distance l to the nearest ones:
+    rate ((l / spread or packed / l) (1 + gain m))^power (Ginelli et al. 2015, eqs. 1 and 2).
+    """
+
+    rate: Rate = given(..., "how often")
+    imitating: Names | None = given(None, "states of visible neighbours that make it likelier")
+    gain: float = given(1.0, "each of those neighbours adds so many times the rate", ge=0, le=10_000)
+    power: float = given(1.0, "exponent of the whole", ge=0.1, le=10)
+    spread: Length | None = given(None, "likelier when the nearest neighbours are farther away than this, on average")
+    packed: Length | None = given(None, "likelier when the nearest neighbours are nearer than this, on average")
+    nearest: int = given(0, "so many nearest neighbours count; 0: all that are seen", ge=0, le=100)
+    within: Length | None = given(None, "only neighbours nearer than this count")
+    species: Names = given((KIN,), "which neighbours count: species, `kin`, `others` or `anyone`")
+
+    def holds(self, senses, rows):
+        many = len(senses.ids)
+        flags = np.zeros(many, np.uint8)
+        for state in self.imitating or ():
+            flags |= senses.in_state(state)
+        factor = np.ones(len(rows))
+        if self.imitating or self.spread or self.packed:
+            self._weigh(senses, rows, flags, factor)
+        chance = np.empty(len(rows), bool)
+        key = senses.key(self.stream)
+        over_rows(_chance, len(rows), rows, senses.ids, key, self.rate.low * senses.dt, factor, self.power, chance)
+        return chance
+
+    def _weigh(self, senses, rows, flags, factor):
+        counts, distance = neighbourhood(senses, rows, self.species, self.within, self.nearest, flags)
+        factor *= 1.0 + self.gain * counts
+        if self.spread is not None:
+            factor *= distance / self.spread.of(senses.length[rows])
+        if self.packed is not None:
+            factor *= np.where(distance > 0, self.packed.of(senses.length[rows]) / np.maximum(distance, 1e-9), 0.0)
+
+    def references(self):
+        yield from (Reference("state", name) for name in self.imitating or ())
+        yield from (Reference("species", name) for name in self.species)
+
+
+def neighbourhood(senses, rows, names, within, nearest, flags):
+    """(k,) flagged ones among the nearest visible neighbours, and (k,) m, their mean distance; 0 for nobody."""
+    reach = np.full(len(senses.ids), np.inf) if within is None else within.of(senses.length) + 0.0 * senses.length
+    wanted = senses.flags(names)
+    counts, distance = np.zeros(len(rows), np.int64), np.zeros(len(rows))
+    most = nearest or 1_000_000
+    for lists in senses.seen:
+        args = (*lists, wanted, flags, senses.kin, KIN in names, OTHERS in names, reach, most, counts, distance)
+        over_rows(_neighbourhood, len(rows), rows, *args)
+    return counts, distance
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _neighbourhood(lo, hi, rows, first, near, offset, wanted, flags, kind, kin, others, reach, most, counts, distance):
+    longest = 1
+    for k in range(lo, hi):
+        longest = max(longest, first[rows[k] + 1] - first[rows[k]])
+    d2, flagged = np.empty(longest), np.empty(longest, np.uint8)
+    for k in range(lo, hi):
+        i, n = rows[k], 0
+        r2 = reach[i] * reach[i]
+        for at in range(first[i], first[i + 1]):
+            j = near[at]
+            same = kind[j] == kind[i]
+            if not (wanted[j] or (kin and same) or (others and not same)):
+                continue
+            square = 0.0
+            for c in range(offset.shape[1]):
+                square += offset[at, c] * offset[at, c]
+            if square <= r2:
+                d2[n], flagged[n] = square, flags[j]
+                n += 1
+        if n == 0:
+            continue
+        # the nearest few, by picking the smallest again and again
+        total, few = 0.0, min(n, most)
+        for m in range(few):
+            if few < n:
+                best = m
+                for q in range(m + 1, n):
+                    if d2[q] < d2[best]:
+                        best = q
+                d2[m], d2[best] = d2[best], d2[m]
+                flagged[m], flagged[best] = flagged[best], flagged[m]
+            total += np.sqrt(d2[m])
+            counts[k] += flagged[m]
+        distance[k] = total / few
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _chance(lo, hi, rows, ids, key, rate, factor, power, chance):
+    for k in range(lo, hi):
+        f = factor[k]
+        if power != 1.0:
+            f = exp_(power * log_(f)) if f > 0.0 else 0.0
+        chance[k] = uniform_(key, ids[rows[k]], 0) < 1.0 - exp_(-rate * f)

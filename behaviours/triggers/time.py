@@ -1,0 +1,56 @@
+"""Time: of the level, in a state, since a state."""
+
+from __future__ import annotations
+
+import numpy as np
+from flockbrush.behaviours.amounts import Time, TimeRange
+from flockbrush.behaviours.trigger import Condition, Reference, condition, given
+
+
+@condition
+class LevelTime(Condition):
+    """The level has run for so long."""
+
+    level_time: Time = given(..., "from this time on")
+    until: Time | None = given(None, "and not later than this")
+
+    def holds(self, senses, rows):
+        now = senses.tick * senses.dt
+        holds = now >= self.level_time.low and (self.until is None or now <= self.until.low)
+        return np.full(len(rows), holds)
+
+
+@condition
+class TimeInState(Condition):
+    """The animal has been in its state for so long."""
+
+    time_in_state: TimeRange = given(..., "how long; of a range each draws its own")
+
+    def holds(self, senses, rows):
+        since = senses.since[rows]
+        wait = senses.drawn(self.stream, self.time_in_state, rows, since)
+        return (senses.tick - since) * senses.dt >= wait
+
+
+@condition
+class SinceState(Condition):
+    """The animal was last in a state so long ago: tiredness. It counts from birth for who never was."""
+
+    remembers = True
+
+    since_state: str = given(..., "a state")
+    at_least: TimeRange = given(..., "how long ago; of a range each draws its own")
+
+    def holds(self, senses, rows):
+        last = senses.last(self, rows)
+        wait = senses.drawn(self.stream, self.at_least, rows, last)
+        return (senses.tick - last) * senses.dt >= wait
+
+    def held(self, senses, rows):
+        return senses.in_state(self.since_state)[rows].astype(bool)
+
+    def memory(self):
+        return "state", self.since_state
+
+    def references(self):
+        yield Reference("state", self.since_state)

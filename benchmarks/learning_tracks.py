@@ -1,0 +1,248 @@
+"""Brushes learned from open tracks of real animals, half against half, and the page that tells how good they are.
+
+    python benchmarks/learning.py tracks --data DIR [--only NAME ...] [--quick] [--brushes DIR] [--write]
+
+``DIR`` has the folders sheep_and_dog, zebrafish_100, pigeons_ff11 and pedestrians_eth as their authors publish them.
+Nothing of the data is kept: results are figures (learning_tracks.json) and, with --brushes, the learned brushes.
+Each data set that is done is written at once; a second call with --write goes on with those that are missing.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+RESULTS, PAGE = HERE / "learning_tracks.json", HERE.parent / "docs" / "benchmark-tracks.md"
+
+
+@dataclass(frozen=True)
+class Data:
+    """One data set: how it is read, and what is assumed because its files do not say it."""
+
+    name: str
+    title: str
+    length: float  # in `unit`
+    unit: str
+    fps: float
+    frames: tuple[int, int] | None
+    licence: str
+    assumed: str
+
+
+DATA = {
+    d.name: d
+    for d in (
+        Data("sheep-gps", "14 sheep driven by a dog: the longest drive of trials 2, 3 and 4", 1.2, "m", 10.0, None,
+             "data GPL-3.0, Jadhav et al. 2024, Communications Biology 7, 1543",
+             "A sheep is taken to be 1.2 m long. The dog is not part of what is learned."),
+        Data("zebrafish", "100 zebrafish in a round tank, frames 0 to 149", 55.0, "px", 32.0, (0, 149),
+             "data GPL-3.0, test data of trajectorytools",
+             "Frame rate 32/s and body length 55 px are taken from descriptions of such films, not from the file. The "
+             "wall of the tank is not part of what is learned."),
+        Data("pigeons", "10 pigeons by GPS in plan, 30 s of a free flight", 0.35, "m", 5.0, (0, 149),
+             "free with citation, Nagy et al. 2010, Nature 464, 890",
+             "A pigeon is taken to be .35 m long; heights are left out."),
+        Data("pedestrians", "People before a building, the 60 s with most of them", 0.45, "m", 2.5, None,
+             "research use, Pellegrini et al. 2009 (ETH Walking Pedestrians)",
+             "A body is taken to be .45 m long. People come and go; walls are not part of what is learned."),
+    )
+}  # fmt: skip
+
+
+def add(commands):
+    """The command's options."""
+    parser = commands.add_parser("tracks", help="brushes learned from open tracks of real animals")
+    parser.add_argument("--data", type=Path, required=True, help="folder with the data sets")
+    parser.add_argument("--only", nargs="+", choices=sorted(DATA), default=sorted(DATA))
+    parser.add_argument("--quick", action="store_true", help="learn with little time")
+    parser.add_argument("--brushes", type=Path, help="folder for the learned brushes")
+    parser.add_argument("--write", action="store_true", help="keep the figures and write the page")
+    parser.set_defaults(run=run)
+
+
+def run(options):
+    """Learn from each data set; print a line each."""
+    done = json.loads(RESULTS.read_text()) if options.write and RESULTS.exists() else {}
+    for name in options.only:
+        if name in done and not options.brushes:
+            continue
+        done[name] = learned(DATA[name], options)
+        print(json.dumps({name: {k: done[name][k] for k in ("verdict", "learned", "rivals", "seconds")}}), flush=True)
+        if options.write:
+            RESULTS.write_text(json.dumps(done, indent=1) + "\n")
+            PAGE.write_text(page(done))
+    if "sheep-gps" in options.only:
+        done["dog"] = relation(options.data)
+        print(done["dog"], flush=True)
+        if options.write:
+            RESULTS.write_text(json.dumps(done, indent=1) + "\n")
+            PAGE.write_text(page(done))
+    return done
+
+
+# data ---------------------------------------------------------------------------------------------
+
+
+def drives(folder):
+    """{(trial, drive): (frames, 16, 2) m} of sheep_and_dog: 14 sheep, the dog, the shepherd."""
+    from scipy.io import loadmat
+
+    found, read = {}, loadmat(folder / "sheep_and_dog" / "drives_dev.mat")
+    for trial in (1, 2, 3, 4, 5):
+        xy = np.moveaxis(read[f"pos_ev_{trial}"], 2, 0)
+        long = (read[f"ev_et_{trial}"] - read[f"ev_st_{trial}"]).ravel() + 1
+        for number, part in enumerate(np.split(xy, np.cumsum(long)[:-1])):
+            found[trial, number] = part
+    return found
+
+
+def sheep(folder):
+    """The longest drive of each of three trials, without dog and shepherd."""
+    all_drives = drives(folder)
+    for trial in (2, 3, 4):
+        best = max((key for key in all_drives if key[0] == trial), key=lambda key: len(all_drives[key]))
+        yield f"sheep-trial-{trial}.npy", all_drives[best][:, :14]
+
+
+def zebrafish(folder):
+    """All fish."""
+    yield "zebrafish.npy", np.load(folder / "zebrafish_100" / "test_trajectories.npy", allow_pickle=False)
+
+
+def pigeons(folder):
+    """East and north of all birds, at the times that all have."""
+    birds = []
+    for path in sorted((folder / "pigeons_ff11").glob("ff11_?.txt")):
+        rows = np.loadtxt(path, encoding="latin-1", comments="#", usecols=(0, 1, 2))
+        birds.append({round(t * 5 if t < 1e5 else t / 20): xy for t, *xy in rows.tolist()})
+    common = sorted(set.intersection(*(set(bird) for bird in birds)))
+    middle = len(common) // 3
+    yield "pigeons.npy", np.array([[bird[t] for bird in birds] for t in common[middle : middle + 150]])
+
+
+def pedestrians(folder):
+    """The minute with most people."""
+    rows = np.loadtxt(folder / "pedestrians_eth" / "ETH" / "seq_eth" / "obsmat.txt")
+    frame, who = np.round(rows[:, 0] / 6).astype(int), rows[:, 1].astype(int)
+    frame -= frame.min()
+    begin = max(range(0, frame.max() - 149, 25), key=lambda b: ((frame >= b) & (frame < b + 150)).sum())
+    chosen = (frame >= begin) & (frame < begin + 150)
+    ids, column = np.unique(who[chosen], return_inverse=True)
+    xy = np.full((150, len(ids), 2), np.nan)
+    xy[frame[chosen] - begin, column] = rows[chosen][:, [2, 4]]
+    yield "pedestrians.npy", xy
+
+
+READ = {"sheep-gps": sheep, "zebrafish": zebrafish, "pigeons": pigeons, "pedestrians": pedestrians}
+
+
+# learning -------------------------------------------------------------------------------------------
+
+
+def learned(data: Data, options):
+    """Figures of one data set."""
+    import flockbrush
+
+    begun = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        paths = []
+        for name, xy in READ[data.name](options.data):
+            paths.append(Path(folder) / name)
+            np.save(paths[-1], xy)
+        result = flockbrush.learn(
+            paths, unit=data.unit, fps=data.fps, body_length=data.length, frames=data.frames, name=data.name,
+            quick=options.quick, starts=3, licence=data.licence,
+        )  # fmt: skip
+    if options.brushes:
+        options.brushes.mkdir(exist_ok=True)
+        flockbrush.save_brush(result.brush, options.brushes, overwrite=True)
+    judgement = result.findings.judgement
+    told = [] if judgement is None else judgement.told
+    rivals = {} if judgement is None else {one.name: one.distance(told) for one in judgement.rivals}
+    own = None if judgement is None else judgement.brush.distance(told)
+    return {
+        "verdict": result.verdict, "kind": result.kind, "learned": own, "rivals": rivals, "measures": result.measures,
+        "parameters": [vars(one) | {"told": one.told} for one in result.parameters], "notes": result.notes,
+        "quick": options.quick, "seconds": time.perf_counter() - begun,
+    }  # fmt: skip
+
+
+def relation(folder):
+    """What the dog is to the sheep, from all drives."""
+    from flockbrush.film.track_files import Trajectories
+    from flockbrush.learning.relation import learn_relation
+
+    ids = (*(f"sheep {k + 1}" for k in range(14)), "dog", "shepherd")
+    every = [Trajectories(xy, ids, 10.0, "m", name=f"trial {key[0]}") for key, xy in drives(folder).items()]
+    found = learn_relation(every, "dog", DATA["sheep-gps"].length, ["shepherd"])
+    return {"sentence": found.sentence, "line": found.line, "told": found.told, "turns": found.turns}
+
+
+# the page -------------------------------------------------------------------------------------------
+
+
+def page(done):
+    """docs/benchmark-tracks.md."""
+    return (
+        "\n".join([*_head(), *_table(done), *(line for name in DATA if name in done for line in _of(name, done))])
+        + "\n"
+    )
+
+
+def _head():
+    return [
+        "# Brushes learned from tracks of real animals", "",
+        "Made by `python benchmarks/learning.py tracks --data DIR --write` on open data that are not part of",
+        "Flockbrush. Each brush is judged by frames, or recordings, that it was not learned from. Distance: the root",
+        "mean square of the limits by which measures are off, over the measures that the tracks tell; 1 is the limit.",
+        "*Constant velocity*: everybody goes on as before.", "",
+    ]  # fmt: skip
+
+
+STILL, ONWARDS, RANDOM = "nobody moves", "everybody goes on as before", "random numbers"
+
+
+def _table(done):
+    rows = [
+        "| data | learned | constant velocity | nobody moves | best shipped brush | verdict |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name in DATA:
+        if name in done:
+            one, rivals = done[name], dict(done[name]["rivals"])
+            fixed = [rivals.pop(rival, None) for rival in (ONWARDS, STILL, RANDOM)]
+            best = min(rivals, key=rivals.get) if rivals else None
+            shipped = f"{rivals[best]:.2f} ({best})" if best else "not tried"
+            rows.append(
+                f"| {name} | {_n(one['learned'])} | {_n(fixed[0])} | {_n(fixed[1])} | {shipped} | {one['verdict']} |"
+            )
+    return [*rows, ""]
+
+
+def _n(value):
+    return "-" if value is None else f"{value:.2f}"
+
+
+def _of(name, done):
+    data, one = DATA[name], done[name]
+    yield from (f"## {name}", "", f"{data.title}; {data.licence}. {data.assumed}", "")
+    yield from ("| measure | tracks | simulated | off by | limit | |", "|---|---|---|---|---|---|")
+    for row in one["measures"]:
+        met = ("met" if row["met"] else "missed") if row["told"] else "not told"
+        numbers = " | ".join(f"{row[key]:.3g}" for key in ("clip", "herd", "off", "limit"))
+        yield f"| {row['name']} | {numbers} | {met} |"
+    yield from ("", "| parameter | value | confounded with |", "|---|---|---|")
+    for row in one["parameters"]:
+        if not row["name"].startswith("obstacle"):
+            others = ", ".join(n.replace("_", " ") for n in row["confounded_with"]) or "-"
+            yield f"| {row['name'].replace('_', ' ')} | {row['told']} | {others} |"
+    yield ""
+    if name == "sheep-gps" and "dog" in done:
+        yield from (f"The dog, from all 19 drives ({done['dog']['turns']} turns): {done['dog']['sentence']}", "")
+    yield from (f"Learned in {one['seconds']:.0f} s{' with --quick' if one['quick'] else ''}.", "")

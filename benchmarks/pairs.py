@@ -1,0 +1,420 @@
+"""The matrix of pairs: every shipped brush with every other thing, and what must hold whatever meets.
+
+    python benchmarks/pairs.py                       all pairs
+    python benchmarks/pairs.py --brush geese march   those of two brushes
+    python benchmarks/pairs.py --seconds 60          a sample that a seed chooses (--seed), as in the suite
+
+A pair is a small level of twelve animals of one brush, one thing that happens to them after two seconds, and ten
+seconds of life.  After every tick and at the end `Watch` and `judge` say what is wrong.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import random
+import shutil
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, field
+from functools import cache, lru_cache
+from pathlib import Path
+
+import numpy as np
+from flockbrush.behaviours.brush import shipped
+from flockbrush.behaviours.species import shipped_species
+from flockbrush.components import BrushBinding, Destination, Position
+from flockbrush.engine.commands import Commands
+from flockbrush.engine.recording import first_difference, open_recording, resume
+from flockbrush.engine.state import restore, snapshot, state_hash
+from flockbrush.levels.sketch import LevelSketch
+from flockbrush.levels.tiled import png, project_files
+from flockbrush.systems.commands import AddAnimals, AddObstacle, RemoveAnimals, SwitchBrush
+from flockbrush.systems.edits import DrawGuide, Paint, PlaceExit, PlaceGoal
+from flockbrush.systems.gusts import Gust
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.leaders import Appoint, Steer
+from flockbrush.systems.life import Nursery
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.program_commands import Event, GiveProgram, UseProgram
+from flockbrush.systems.undo import UseBrush
+
+from flockbrush.output.export import Exports
+from flockbrush.runs.run import open_level, rebuild, record, start
+from flockbrush.studio.timeline import Beginning, Timeline
+
+try:
+    from pairs_watch import Watch
+except ModuleNotFoundError:  # imported by the suite
+    from benchmarks.pairs_watch import Watch
+
+CELLS = 40  # of a side of the map
+SECONDS, AT = 10.0, 2.0  # of a pair, and when the thing happens
+HERD = 12
+PROGRAM = """
+schema = "flockbrush.program/1"
+start = "calm"
+[state.calm]
+brush = "%s"
+[state.other]
+brush = "%s"
+for = "1..2 s"
+then = "calm"
+[[trigger]]
+from = ["calm"]
+to = "other"
+when = { any = [ { event = "go" }, { rate = "1 /s" } ] }
+"""
+
+
+@dataclass
+class Pair:
+    """One small world: its level, its animals' brush and species, and its size in metres."""
+
+    brush: str
+    thing: str
+    seed: int
+    folder: Path
+    species: str = ""
+    side: float = 0.0
+    worst: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def name(self):
+        return f"{self.brush} x {self.thing}"
+
+    @property
+    def middle(self):
+        return self.side / 2
+
+    def wrong(self, message, times=0.0):
+        """Note a fault; how many times too much, at worst."""
+        self.worst[message] = max(self.worst.get(message, 0.0), times)
+
+    @property
+    def faults(self):
+        """Sentences."""
+        return [f"{told} ({times:.2f} times)" if times else told for told, times in self.worst.items()]
+
+
+# the level ---------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=1)
+def tiles():
+    return project_files(shipped())
+
+
+@cache
+def species_for(brush):
+    """The first species that a brush is made for and that can do it; else a sheep or a starling."""
+    asset, library = shipped().get(brush), shipped_species()
+    flies = asset.model in ("boids", "raptor", "line_formation", "v_rules") and brush != "boids-herd"
+    named = [n for n in library.names() if n in asset.made_for]
+    tagged = [n for n in library.names() if not {*library.get(n).tags}.isdisjoint(asset.made_for)]
+    others = ["ant"] if brush.startswith("ants") else ["starling" if flies else "sheep"]
+    tagged.sort(key=lambda n: n not in others)
+    for name in (*named, *tagged, *others):
+        if library.get(name).can("fly") if flies else library.get(name).can("walk") or library.get(name).can("swim"):
+            return name
+    raise LookupError(f"no species can do {brush}")
+
+
+def brush_for(species):
+    """A shipped brush that is made for a species."""
+    asset, library = shipped_species().get(species), shipped()
+    mine = {species, *asset.tags}
+    fits = [n for n in library.names() if not mine.isdisjoint(library.get(n).made_for) and asset.media != ["swim"]]
+    fits.sort(key=lambda n: species not in library.get(n).made_for)
+    return fits[0] if fits else "march"
+
+
+def draw_level(pair):
+    """Write the level of a pair; its path."""
+    asset = shipped().get(pair.brush)
+    pair.species = species_for(pair.brush)
+    body = shipped_species().get(pair.species)
+    flies = body.can("fly") and pair.species not in ("sheep",) and asset.model not in ("herd", "flee", "hunt")
+    pair.side = CELLS * (2.5 if flies else 1.0) * body.body.length * (4.0 if flies else 1.0)
+    sketch = LevelSketch(CELLS, CELLS, pair.side / CELLS, "tilesets", shipped().names(), "wall", pair.seed)
+    sketch.ground("grass")
+    if pair.thing in ("slope", "cliff"):
+        draw_height(pair, sketch, body.body.length)
+    high = body.fly.height if flies else 0.0
+    about = 0.3 * pair.side
+    sketch.box(
+        "Spawn", pair.middle, pair.middle, about, about, "herd", species=pair.species, brush=pair.brush, count=HERD,
+        altitude=high, heading="east",
+    )  # fmt: skip
+    (pair.folder / "tilesets").mkdir(parents=True, exist_ok=True)
+    for file, content in tiles().items():
+        if not (pair.folder / file).exists():
+            (pair.folder / file).write_bytes(content)
+    return sketch.save(pair.folder / "pair.tmj")
+
+
+def draw_height(pair, sketch, length):
+    """A ramp of one in two from the middle to the east, or a step of 30 body lengths."""
+    x = np.linspace(0.0, 1.0, 161)
+    rise = np.clip(x - 0.6, 0.0, 1.0) if pair.thing == "slope" else 0.4 * (x > 0.7)
+    grey = np.round(rise / 0.4 * 250).astype(np.uint8)
+    (pair.folder / "height.png").write_bytes(png(np.repeat(grey[None, :], 161, 0)))
+    top = 0.2 * pair.side if pair.thing == "slope" else 30.0 * length
+    sketch.picture("height", "height.png", metres_per_level=top / 250)
+
+
+# things ------------------------------------------------------------------------------------
+
+
+def things():
+    """{name: commands of a pair in its world}; those of None need more than commands."""
+    made = {}
+    for other in shipped().names():
+        made[f"paint {other}"] = lambda p, s, o=other: [
+            UseBrush(o, shipped().get(o).source.decode()),
+            Paint("brush", o, p.middle, p.middle, p.middle, p.middle, 0.4 * p.side),
+        ]
+    for kind in shipped_species().names():
+        made[f"species {kind}"] = lambda p, s, k=kind: _meet(p, k)
+    made |= {
+        "goal": lambda p, s: [PlaceGoal(900, "there", 0.9 * p.side, 0.5 * p.side, 0.05 * p.side)],
+        "guide": lambda p, s: [DrawGuide(901, "way", [[0.2 * p.side, 0.2 * p.side], [0.9 * p.side, 0.8 * p.side]],
+                                         radius=0.2 * p.side, decay=0.2 * p.side)],
+        "exit": lambda p, s: [PlaceExit(902, "out", [[0.7 * p.side, 0.0], [p.side, 0.0], [p.side, p.side]])],
+        "slope": lambda p, s: [],
+        "cliff": lambda p, s: [],
+        "added": lambda p, s: [AddAnimals(p.brush, p.middle, 0.2 * p.side, 0.1 * p.side, 5, p.species)],
+        "removed": lambda p, s: [RemoveAnimals(p.middle, p.middle, 0.12 * p.side)],
+        "leader": lambda p, s: [Appoint([int(s.agents.ids[0])]),
+                                Steer([int(s.agents.ids[0])], 0.1 * p.side, 0.9 * p.side, "place")],
+        "gust": lambda p, s: [Gust(3.0, 2.0, 0.5)],
+        "program": lambda p, s: [UseProgram("pairs", PROGRAM % (p.brush, p.brush)), GiveProgram("pairs")],
+        "event": lambda p, s: [UseProgram("pairs", PROGRAM % (p.brush, p.brush)), GiveProgram("pairs"), Event("go")],
+    }  # fmt: skip
+    for shape in ("box", "cylinder", "sphere", "plane", "hull"):
+        made[f"obstacle {shape}"] = lambda p, s, k=shape: [_obstacle(p, s, k)]
+    for handling in ("undo", "scrub", "branch", "snapshot", "export"):
+        made[handling] = lambda p, s: [
+            UseBrush("swarm", shipped().get("swarm").source.decode()),
+            Paint("brush", "swarm", p.middle, p.middle, p.middle, p.middle, 0.2 * p.side),
+        ]
+    return made
+
+
+def _meet(pair, species):
+    """One animal of another species, where the herd is; none that would not fit on the map."""
+    brush, size = brush_for(species), shipped_species().get(species).body.length
+    if size >= pair.side / 8:
+        return []
+    where, radius = pair.middle + 0.25 * pair.side, max(1.5 * size, 0.05 * pair.side)
+    return [
+        UseBrush(brush, shipped().get(brush).source.decode()),
+        AddAnimals(brush, where, pair.middle, radius, 1, species),
+    ]
+
+
+def _obstacle(pair, simulation, shape):
+    low, high = 0.55 * pair.side, 0.7 * pair.side
+    points = [[low, low], [high, low], [high, high], [low, high]]
+    top = 2.0 * float(simulation.agents[Position.xyz][:, 2].max()) + 0.1 * pair.side
+    corners = None
+    if shape == "hull":
+        half = 0.07 * pair.side
+        corners = [[x, y, z] for x in (-half, half) for y in (-half, half) for z in (0.0, top)]
+    return AddObstacle("thing", points, id=903, shape=shape, z_max=top, corners=corners)
+
+
+# a pair ------------------------------------------------------------------------------------
+
+
+def designed(world):
+    """All that a designer can change, and who is there."""
+    land, agents = world.resource(Landscape), world.agents
+    land.settle(10**9)
+    ground = land.state()
+    head = 8 + int.from_bytes(ground[:8], "little")
+    things = json.loads(ground[8:head])
+    del things["reach"]  # how far edges are sorted, which never shrinks
+    nursery, palette = world.resource(Nursery).state(), world.resource(Palette).state()
+    own = agents[BrushBinding.home].tobytes(), agents[Destination.goal].tobytes()
+    return [(things, ground[head:]), nursery, palette, agents.ids.tolist(), *own]
+
+
+def _without_leftovers(now, before):
+    """The palette keeps a forgotten brush at its end while an animal still blends out of it (`ForgetBrush`)."""
+    kept = json.loads(before[2])
+    palette = json.loads(now[2])[: len(kept)]
+    return [*now[:2], json.dumps(palette).encode(), *now[3:]]
+
+
+def run_pair(brush, thing, seed, folder):
+    """The faults of one pair, as sentences."""
+    pair = Pair(brush, thing, seed, Path(folder))
+    path = draw_level(pair)
+    if thing in ("scrub", "branch"):
+        _with_timeline(pair, path)
+        return pair.faults
+    simulation = start(path)
+    recording = pair.folder / "pair.flock"
+    recorder = record(recording, simulation, keyframes=64)
+    exports = Exports([pair.folder / "pair.csv"], simulation) if thing == "export" else None
+    watch, last, drawn = Watch(simulation, pair.wrong), round(SECONDS * 32), []
+    if exports:
+        exports.take()
+    while simulation.clock.tick < last:
+        if simulation.clock.tick == round(AT * 32):
+            _happen(pair, simulation)
+            watch.forget()
+        simulation.tick()
+        recorder.take()
+        if exports:
+            exports.take()
+            drawn.append((simulation.clock.now, simulation.agents.ids.copy(), simulation.agents[Position.xyz].copy()))
+        watch.look()
+    recorder.close()
+    if exports:
+        exports.close()
+        _compare_table(pair, drawn)
+    simulation.close()
+    _replay(pair, recording)
+    return pair.faults
+
+
+def _happen(pair, simulation):
+    """Do the thing, take it back, and do it again; ``undo`` is taken back in the middle of the change."""
+    world = simulation.world
+    commands, before = things()[pair.thing](pair, simulation), designed(world)
+    if pair.thing == "snapshot":
+        _back_and_forth(pair, simulation)
+    perform = world.resource(Commands).perform
+    undo = perform(world, commands)
+    if pair.thing == "undo":
+        simulation.run(4)
+    redo = perform(world, undo)
+    if _without_leftovers(designed(world), before) != before:
+        pair.wrong("undo does not give the state before")
+    if pair.thing != "undo":
+        perform(world, redo)
+
+
+def _back_and_forth(pair, simulation):
+    """What was kept and put back goes on as it would have."""
+    data = snapshot(simulation.world)
+    simulation.run(16)
+    straight = state_hash(simulation.world)
+    restore(simulation.world, data)
+    simulation.run(16)
+    if state_hash(simulation.world) != straight:
+        pair.wrong("a snapshot that is put back goes on in another way")
+    restore(simulation.world, data)
+
+
+def _replay(pair, recording):
+    run = open_recording(recording)
+    again = rebuild(run)
+    resume(run, again.world)
+    difference = first_difference(run, again.world, again.tick)
+    if difference is not None:
+        pair.wrong(f"the replay differs: {difference}")
+    again.close()
+
+
+def _compare_table(pair, drawn):
+    """What is exported is what is drawn."""
+    with open(pair.folder / "pair.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    last = max(float(row["time"]) for row in rows)
+    table = {int(row["id"]): [float(row[k]) for k in "xyz"] for row in rows if float(row["time"]) == last}
+    now, ids, xyz = drawn[-1]
+    if abs(now - last) > 1e-9 or sorted(table) != ids.tolist():
+        pair.wrong("the table has not the last moment, or not the same animals")
+    elif np.abs(np.array([table[i] for i in ids.tolist()]) - xyz).max() > 1e-6:
+        pair.wrong("the table has other places than the drawing")
+
+
+def _with_timeline(pair, path):
+    """Scrubbed through, or branched: the past stays the past."""
+    timeline = Timeline(Beginning(*open_level(path)), "pair")
+    watch = Watch(timeline.simulation, pair.wrong)
+    last, at, hashes = round(SECONDS * 32), round(AT * 32), {}
+    while timeline.tick < last:
+        if timeline.tick == at:
+            timeline.perform(things()[pair.thing](pair, timeline.simulation))
+            watch.forget()
+        timeline.step()
+        watch.look()
+        hashes[timeline.tick] = state_hash(timeline.simulation.world)
+    for tick in (at + 8, 5, last - 3, at - 1):
+        timeline.go_to(tick)
+        if state_hash(timeline.simulation.world) != hashes[tick]:
+            pair.wrong(f"tick {tick} is not what it was")
+    if pair.thing == "branch":
+        timeline.go_to(at + 8)
+        timeline.fork("other")
+        timeline.perform([SwitchBrush(pair.brush)])
+        for _ in range(32):
+            timeline.step()
+        timeline.switch("pair")
+        timeline.go_to(last)
+        if state_hash(timeline.simulation.world) != hashes[last]:
+            pair.wrong("a branch changes the run that it left")
+    timeline.close()
+
+
+# many --------------------------------------------------------------------------------------
+
+
+def all_pairs(brushes=None):
+    """(brush, thing) of the whole matrix, in order."""
+    return [(b, t) for b in (brushes or shipped().names()) for t in things() if t != f"paint {b}"]
+
+
+def sample(pairs, seed, seconds, tell=lambda pair, faults: None):
+    """Run pairs in an order that the seed chooses until so many seconds are over; {(brush, thing): faults}.
+
+    ``tell`` hears of each pair when it is done.
+    """
+    order, found, end = list(pairs), {}, time.monotonic() + seconds
+    random.Random(seed).shuffle(order)
+    for brush, thing in order:
+        if time.monotonic() >= end:
+            break
+        found[brush, thing] = run_alone(brush, thing, seed)
+        tell((brush, thing), found[brush, thing])
+    return found
+
+
+def run_alone(brush, thing, seed):
+    """`run_pair` in a folder of its own; an error is a fault too."""
+    folder = tempfile.mkdtemp(prefix="pair-")
+    try:
+        return run_pair(brush, thing, seed, folder)
+    except Exception as error:  # noqa: BLE001  whatever it is, the pair is at fault
+        return [f"{type(error).__name__}: {error}"]
+    finally:
+        shutil.rmtree(folder)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--brush", nargs="*", help="brushes whose pairs are run; all unless told")
+    parser.add_argument("--thing", nargs="*", help="things, by how their names begin; all unless told")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after so many")
+    told = parser.parse_args()
+    pairs = [p for p in all_pairs(told.brush) if not told.thing or p[1].startswith(tuple(told.thing))]
+
+    def tell(pair, faults):
+        for fault in faults:
+            print(f"{pair[0]} x {pair[1]}: {fault}", flush=True)
+
+    found = sample(pairs, told.seed, told.seconds, tell)
+    bad = sum(bool(faults) for faults in found.values())
+    print(f"{len(found)} of {len(pairs)} pairs, {bad} with faults")
+    return bad > 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

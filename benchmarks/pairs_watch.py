@@ -1,0 +1,116 @@
+"""What must hold of every animal after every tick, whatever meets: limits, ground, obstacles, air."""
+
+from __future__ import annotations
+
+import numpy as np
+from flockbrush.components import Body, BrushBinding, Heading, Position, Species, Transit, Velocity
+from flockbrush.components.agent import SETTLED
+from flockbrush.engine.solid_queries import surface_
+from flockbrush.systems.binding import can_do
+from flockbrush.systems.fauna import AIR, PLANE, WATER, SpeciesList
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.spawning import inside_polygon
+
+ROUNDING = 1e-6
+PUSHED = 1.01  # times its top speed, at most, when bodies that stream together share out their room
+FALLING = 4.0  # m/s at which those who walk come down who were put above the ground
+HOVER = 32  # ticks: so long nobody who flies is slower than a quarter of its slowest flight
+
+
+class Watch:
+    """Looks at a simulation after each tick; ``wrong`` hears each fault as a sentence."""
+
+    def __init__(self, simulation, wrong):
+        self.simulation, self.wrong = simulation, wrong
+        self.forget()
+
+    def forget(self):
+        """Somebody has come or gone, or the ground has changed: there is nothing to compare with."""
+        self.before, self.slow = None, {}
+
+    def look(self):
+        """Judge this tick."""
+        agents = self.simulation.agents
+        xyz, velocity, forward = (agents[f] for f in (Position.xyz, Velocity.xyz, Heading.forward))
+        if not (np.isfinite(xyz).all() and np.isfinite(velocity).all() and np.isfinite(forward).all()):
+            self.wrong("not finite")
+            return
+        if len(xyz) and np.abs(np.linalg.norm(forward, axis=1) - 1.0).max() > ROUNDING:
+            self.wrong("a heading is no unit vector")
+        world = self.simulation.world
+        palette, fauna, land = world.resource(Palette), world.resource(SpeciesList), world.resource(Landscape)
+        table, species, brush = fauna.table, agents[Species.index], agents[BrushBinding.brush]
+        flies = palette.flies_free[brush]
+        swims = table.media[species, WATER] & ~table.media[species, PLANE]
+        medium = np.where(flies, AIR, np.where(swims, WATER, PLANE))
+        self._abilities(palette, table, species, brush)
+        self._speeds(velocity, table.speed[species, medium], species, fauna, flies)
+        self._turns(agents.ids, forward, table.turn[species, medium], species, fauna, flies)
+        ground = np.array([land.ground(xy) for xy in xyz[:, :2]])
+        self._ground(agents, xyz[:, 2] - ground, flies)
+        self._obstacles(agents, land, xyz, ground, flies)
+        self._air(agents, velocity, xyz[:, 2] - ground, table.slowest[species], flies)
+        self.before = agents.ids.copy(), forward.copy(), flies.copy()
+
+    def _abilities(self, palette, table, species, brush):
+        for b, s in zip(brush, species, strict=True):
+            if not can_do(palette, table)[b, s]:
+                name = self.simulation.world.resource(SpeciesList).names[s]
+                self.wrong(f"a {name} moves by {palette.names[b]}, which it cannot do")
+                return
+
+    def _speeds(self, velocity, top, species, fauna, flies):
+        speed = np.linalg.norm(np.where(flies[:, None], velocity, velocity * (1, 1, 0)), axis=1)
+        whole = np.linalg.norm(velocity, axis=1)
+        falls = ~flies & (velocity[:, 2] < 0.0)
+        speed = np.where(falls, speed, whole)
+        over = speed - top * np.where(flies, 1.0, PUSHED)
+        if len(over) and over.max() > ROUNDING:
+            at = int(np.argmax(over))
+            where = "in the air" if flies[at] else "on the ground"
+            self.wrong(f"a {fauna.names[species[at]]} {where} is faster than its species", speed[at] / top[at])
+
+    def _turns(self, ids, forward, most, species, fauna, flies):
+        if self.before is None:
+            return
+        old, was, flew = self.before
+        both, here, there = np.intersect1d(ids, old, return_indices=True)
+        same = flies[here] == flew[there]
+        here, there = here[same], there[same]
+        cosine = np.clip((forward[here] * was[there]).sum(1), -1.0, 1.0)
+        sine = np.linalg.norm(np.cross(forward[here], was[there]), axis=1)
+        angle = np.arctan2(sine, cosine)
+        over = angle - most[here] / 32
+        if len(over) and over.max() > 1e-5:
+            i = int(np.argmax(over))
+            at = here[i]
+            where = "in the air" if flies[at] else "on the ground"
+            self.wrong(f"a {fauna.names[species[at]]} {where} turns faster than its species", angle[i] * 32 / most[at])
+
+    def _ground(self, agents, height, flies):
+        if len(height) and height.min() < -1e-5:
+            self.wrong("somebody is under the ground")
+        if self.before is None:
+            return
+        length, radius = agents[Body.length], agents[Body.radius]
+        if (~flies & (height > radius + 0.3 * length + ROUNDING)).any():
+            self.wrong("somebody who walks stands in the air")
+
+    def _obstacles(self, agents, land, xyz, ground, flies):
+        for barrier in land.barriers:
+            if barrier.solid and (inside_polygon(xyz[~flies, :2], barrier.polygon)).any():
+                self.wrong("somebody is in an obstacle")
+        gaps = [surface_(land.sky, k, *at)[0] for k in range(len(land.sky.kind)) for at in xyz[flies]]
+        if min(gaps, default=0.0) < -ROUNDING:
+            self.wrong("somebody who flies is in an obstacle")
+
+    def _air(self, agents, velocity, height, slowest, flies):
+        hovers = flies & (np.linalg.norm(velocity, axis=1) < 0.25 * slowest) & (agents[Transit.kind] == SETTLED)
+        hovers &= height > 2.0 * agents[Body.length]
+        slow = {}
+        for entity in agents.ids[hovers].tolist():
+            slow[entity] = self.slow.get(entity, 0) + 1
+            if slow[entity] > HOVER:
+                self.wrong("somebody stands in the air")
+        self.slow = slow

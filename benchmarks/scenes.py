@@ -1,0 +1,97 @@
+"""Do the papers' scenes work?  ``python benchmarks/scenes.py anthill|river|mills --seeds 9001:9020``.
+
+anthill (Gong et al. 2025, fig. 17): the share of ants that go at least half round the square in 120 s, and the mean
+rotation about it from 60 s on; a seed passes with .8 and .5.  river (fig. 8): milling after 90 s, the mean of the last
+5 s; a seed passes with .8.  mills: the river with the hollow and the filled mill, 50 to 800 ducks; the map grows with
+them.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from flockbrush.behaviours.brush import shipped
+from flockbrush.components import Heading, Position
+from flockbrush.levels import reader
+from flockbrush.levels.build import build
+from flockbrush.levels.reader import read_level
+
+from flockbrush.runs.run import start
+
+MIDDLE = np.array([7.0, 9.0])  # m, of the ant hill
+
+
+def anthill(seed):
+    """(share that went half round or more, mean rotation), and whether both are enough."""
+    simulation = start("anthill", seed=seed)
+    agents = simulation.agents
+    before, turned, rotation = None, 0.0, []
+    for second in range(1, 121):
+        for _ in range(4):
+            simulation.run(8)
+            away = agents[Position.xyz][:, :2] - MIDDLE
+            angle = np.arctan2(away[:, 1], away[:, 0])
+            if before is not None:
+                turned = turned + np.angle(np.exp(1j * (angle - before)))
+            before = angle
+        if second > 60:
+            out, forward = away / np.linalg.norm(away, axis=1)[:, None], agents[Heading.forward]
+            rotation.append(np.mean(out[:, 0] * forward[:, 1] - out[:, 1] * forward[:, 0]))
+    found = float(np.mean(np.abs(turned) >= np.pi)), float(np.mean(rotation))
+    return found, found[0] >= 0.8 and found[1] >= 0.5
+
+
+def river(seed, brush="mill-filled", ducks=None):
+    """(milling,), and whether it is enough."""
+    level = read_level(Path(reader.__file__).parent / "shipped" / "river.tmj")
+    level.spawns[0].brush = brush
+    for layer in level.brush_layers:
+        layer.assets = [brush] * len(layer.assets)
+    simulation = build(level, seed=seed, agents=ducks, library=shipped())
+    simulation.run(85 * 32)
+    milling = []
+    for _ in range(5):
+        simulation.run(32)
+        milling.append(simulation.measures()["milling"])
+    found = float(np.mean(milling))
+    return (found,), found >= 0.8
+
+
+SCENES = {"anthill": (anthill, "half round, rotation"), "river": (river, "milling at 90 s")}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene", choices=[*SCENES, "mills"])
+    parser.add_argument("--seeds", default="9001:9020", help="first:last")
+    told = parser.parse_args()
+    first, last = map(int, told.seeds.split(":"))
+    if told.scene != "mills":
+        measure, words = SCENES[told.scene]
+        return judge(told.scene, words, measure, first, last)
+    for brush in ("mill-filled", "mill-hollow"):
+        for ducks in (50, 100, 200, 400, 800):
+            judge(
+                f"{brush}, {ducks} ducks",
+                "milling at 90 s",
+                lambda seed, b=brush, n=ducks: river(seed, b, n),
+                first,
+                last,
+            )
+
+
+def judge(name, words, measure, first, last):
+    """Print what each seed gives and how many pass."""
+    print(f"{name}: {words}")
+    passed = 0
+    for seed in range(first, last + 1):
+        found, good = measure(seed)
+        passed += good
+        print(f"{seed}  {'  '.join(f'{value:.2f}' for value in found)}  {'yes' if good else 'no'}", flush=True)
+    print(f"{passed} of {last - first + 1} seeds", flush=True)
+
+
+if __name__ == "__main__":
+    main()

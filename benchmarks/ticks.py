@@ -1,0 +1,148 @@
+"""Whole ticks of herds beside the work in them that has to be done, in C++; a million animals; density and strays.
+
+    python benchmarks/ticks.py ticks [--sizes 1000 10000 100000] [--ceiling herd_ceiling.cpp]
+    python benchmarks/ticks.py million [--animals 1000000]
+    python benchmarks/ticks.py shape
+
+``ticks``: the scene of ``flockbrush bench`` (one animal on 4 m² that sees 10 m far, exact occlusion), everything a
+level runs in a tick, and in turn the C++ kernel (who sees whom, and three forces; float32; AVX2, or what ``--ceiling``
+names).  ``million``: spawning, ticks and memory of a herd.  ``shape``: what perception costs at a density of 1 per m²
+over .25, and with a stray kilometres away over none.
+
+On shared machines read CPU times of all threads, the least of all rounds, and their ratio.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from flockbrush.engine import parallel
+from flockbrush.engine.parallel import set_threads
+from perception import build_ceiling, clump, machine, ours, scattered
+
+from flockbrush.cli.bench import WARM_UP, scene
+from flockbrush.runs.run import peak_memory
+
+HERE = Path(__file__).resolve().parent
+GOALS = {1_000: 1.2, 10_000: 9.0, 100_000: 95.0}  # ms a tick on two threads
+DENSITY = 0.25
+
+
+def tick_times(simulation, budget):
+    """(CPU s, wall s) of ticks, for so many seconds."""
+    times, end = [], time.perf_counter() + budget
+    while len(times) < 3 or time.perf_counter() < end:
+        cpu, wall = time.process_time(), time.perf_counter()
+        simulation.tick()
+        times.append((time.process_time() - cpu, time.perf_counter() - wall))
+    return times
+
+
+def ceiling(program, animals, threads, budget):
+    """What the C++ program prints."""
+    env = {**os.environ, "OMP_NUM_THREADS": str(threads), "GOMP_SPINCOUNT": "10000", "BUDGET": str(budget)}
+    command = [str(program), str(animals), str(DENSITY)]
+    return json.loads(subprocess.run(command, env=env, check=True, capture_output=True, text=True).stdout)
+
+
+def ticks(sizes, source, rounds, budget):
+    """A row for each size and number of threads."""
+    print(machine())
+    print(" animals thr | ms a tick least  median    goal | CPU us/animal | C++ us/animal  wall | ratio CPU  wall")
+    with tempfile.TemporaryDirectory() as folder:
+        program = build_ceiling(source, folder)
+        for animals in sizes:
+            for threads in (1, 2):
+                set_threads(threads)
+                simulation = scene(animals)
+                simulation.run(WARM_UP)
+                times, theirs = [], []
+                for _ in range(rounds):
+                    times += tick_times(simulation, budget)
+                    theirs.append(ceiling(program, animals, threads, budget))
+                simulation.close()
+                print(_row(animals, threads, times, theirs), flush=True)
+    print(machine())
+
+
+def _row(animals, threads, times, theirs):
+    cpu, wall = (min(t[k] for t in times) for k in range(2))
+    median = statistics.median(t[1] for t in times)
+    their_wall = min(t["us_per_agent_min"] for t in theirs)
+    their_cpu = min(t.get("us_cpu_per_agent_min", t.get("us_user_cpu_per_agent")) for t in theirs)
+    us, goal = 1e6 / animals, GOALS.get(animals)
+    goal = f"{goal:8.1f}" if goal and threads == 2 else " " * 8
+    line = f"{animals:8}{threads:4} |{1e3 * wall:16.2f}{1e3 * median:8.2f}{goal} |{cpu * us:14.2f} |{their_cpu:14.2f}"
+    return line + f"{their_wall:6.2f} |{cpu * us / their_cpu:10.1f}{wall * us / their_wall:6.1f}"
+
+
+def million(animals):
+    """Spawning, ticks and memory."""
+    begin = time.perf_counter()
+    simulation = scene(animals)
+    spawned = time.perf_counter() - begin
+    simulation.run(2)
+    times = [tick for _ in range(2) for tick in tick_times(simulation, 0)]
+    cpu, wall = (min(t[k] for t in times) for k in range(2))
+    print(machine())
+    print(
+        f"{animals} animals, {parallel.threads()} threads: spawned in {spawned:.1f} s; a tick takes {wall:.2f} s"
+        f" ({cpu:.2f} s of CPU) at least; peak memory {peak_memory():.0f} MiB"
+    )
+
+
+def shape(rounds, budget):
+    """Perception: dense over thin, with a stray over without, in turn."""
+    print(machine())
+    print(" animals | us/animal .25 per m2  1 per m2  ratio | clump  with a stray  ratio   (CPU, one thread, least)")
+    set_threads(1)
+    for animals in (1_000, 10_000, 100_000):
+        scenes = scattered(animals, 0.25), scattered(animals, 1.0), clump(animals), clump(animals, stray=True)
+        least = [float("inf")] * len(scenes)
+        for _ in range(rounds):
+            for k, one in enumerate(scenes):
+                least[k] = min(least[k], _cpu_of(one, budget))
+        thin, dense, close, strayed = (1e6 * t / animals for t in least)
+        line = f"{animals:8} |{thin:21.2f}{dense:10.2f}{dense / thin:7.2f}"
+        print(f"{line} |{close:6.2f}{strayed:14.2f}{strayed / close:7.2f}", flush=True)
+
+
+def _cpu_of(one, budget):
+    """CPU seconds of finding who sees whom, once."""
+    before, (_, times, _) = time.process_time(), ours(one, budget)
+    return (time.process_time() - before) / len(times)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    what = parser.add_subparsers(dest="what", required=True)
+    whole = what.add_parser("ticks")
+    whole.add_argument("--sizes", type=int, nargs="+", default=list(GOALS))
+    whole.add_argument("--ceiling", type=Path, default=HERE / "herd_ceiling.cpp", help="source of the C++ kernel")
+    many = what.add_parser("million")
+    many.add_argument("--animals", type=int, default=1_000_000)
+    form = what.add_parser("shape")
+    for one in (whole, form):
+        one.add_argument("--rounds", type=int, default=5)
+        one.add_argument("--budget", type=float, default=0.5, help="seconds of a round")
+    options = parser.parse_args()
+    if options.what == "ticks":
+        ticks(options.sizes, options.ceiling, options.rounds, options.budget)
+    elif options.what == "million":
+        million(options.animals)
+    else:
+        shape(options.rounds, options.budget)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+"""Rewrite the parts of the documentation that come from the code: ``python docs/generate.py``.
+
+The JSON schemas in ``docs/schemas`` and the tables of parameters in ``docs/models.md``.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from flockbrush.behaviours.behaviour import Behaviour, behaviours
+
+DOCS = Path(__file__).parent
+
+
+def schema_texts() -> dict[Path, str]:
+    """The JSON schemas of our files."""
+    from flockbrush.cli.json_schemas import SCHEMAS
+
+    return {
+        DOCS / "schemas" / f"{name}.schema.json": json.dumps(schema(), indent=2, ensure_ascii=False) + "\n"
+        for name, schema in SCHEMAS.items()
+    }
+
+
+def parameter_table(model: Behaviour) -> str:
+    """The parameters that a model adds to those of the model it builds on, as a Markdown table below a marker."""
+    inherited = {name for other in behaviours().values() if other.Params in model.Params.__mro__[1:]
+                 for name in other.Params.model_fields}  # fmt: skip
+    rows = [_marker(model), "| parameter | default | range | unit | meaning |", "|---|---|---|---|---|"]
+    for name, field in model.Params.model_fields.items():
+        if name not in inherited:
+            unit = field.json_schema_extra["unit"]
+            rows.append(f"| `{name}` | {field.default} | {_range(field)} | {unit} | {field.description} |")
+    return "\n".join(rows)
+
+
+def _marker(model):
+    return f"<!-- parameters of {model.name} -->"
+
+
+def _range(field) -> str:
+    if field.annotation is bool:
+        return "false, true"
+    choices = getattr(field.annotation, "__args__", ())
+    if choices and all(isinstance(choice, str) for choice in choices):
+        return ", ".join(choices)
+    bounds = {type(bound).__name__: bound for bound in field.metadata}
+    low, high = (getattr(bounds.get(name), name.lower(), None) for name in ("Ge", "Le"))
+    return "any" if low is None and high is None else f"{low:g} to {high:g}"
+
+
+def models_page(text: str) -> str:
+    """The page of models with the tables as they are now; a section for every model that has none."""
+    shown = {model.Params for model in behaviours().values() if _marker(model) in text}
+    for model in behaviours().values():
+        if _marker(model) in text:
+            before, _, after = text.partition(_marker(model))
+            _, _, after = after.partition("\n\n")
+            text = f"{before}{parameter_table(model)}\n\n{after}"
+        elif model.Params not in shown:
+            text = f"{text.rstrip()}\n\n## `{model.name}`\n\n{model.doc.strip()}\n\n{parameter_table(model)}"
+    return text.rstrip() + "\n"
+
+
+def texts() -> dict[Path, str]:
+    """Every generated file with what it should say."""
+    page = DOCS / "models.md"
+    return schema_texts() | {page: models_page(page.read_text(encoding="utf-8"))}
+
+
+if __name__ == "__main__":
+    for path, text in texts().items():
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+            print("rewrote", path.relative_to(DOCS.parent))

@@ -1,0 +1,197 @@
+"""Pages of the site that come from elsewhere: the README, the changelog, and references made from the code.
+
+`mkdocs build --strict` calls the functions whose names begin with ``on_``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import shutil
+import tomllib
+from pathlib import Path, PurePosixPath
+
+import typer
+from mkdocs.structure.files import File
+
+HOUSE = Path(__file__).parents[1]
+SOURCE = HOUSE / "build" / "site_source"
+ELSEWHERE = {  # pages that stand outside of docs/
+    "index.md": "README.md",
+    "CHANGELOG.md": "CHANGELOG.md",
+    "CONTRIBUTING.md": "CONTRIBUTING.md",
+    "SECURITY.md": "SECURITY.md",
+    "timings.md": "benchmarks/README.md",
+}
+PYTHON = {  # what the page of the Python interface shows
+    "Running": ["flockbrush.runs.run.start", "flockbrush.levels.build.Simulation", "flockbrush.levels.build.plane"],
+    "Recordings": [
+        "flockbrush.runs.run.record",
+        "flockbrush.runs.run.rebuild",
+        "flockbrush.engine.recording.open_recording",
+        "flockbrush.engine.recording.RecordedRun",
+    ],
+    "Brushes": [
+        "flockbrush.behaviours.brush.Brush",
+        "flockbrush.behaviours.brush.BrushLibrary",
+        "flockbrush.behaviours.brush.load_brush",
+        "flockbrush.behaviours.brush.save_brush",
+    ],
+    "Models": ["flockbrush.behaviours.behaviour"],
+    "Levels": ["flockbrush.levels.reader.read_level", "flockbrush.levels.schema"],
+    "Worlds": [
+        "flockbrush.engine.world.World",
+        "flockbrush.engine.columns",
+        "flockbrush.engine.schedule",
+        "flockbrush.engine.commands",
+        "flockbrush.engine.clock",
+        "flockbrush.engine.noise",
+    ],
+    "Components": ["flockbrush.components.agent"],
+    "Measures": ["flockbrush.systems.measures"],
+    "Sweeps": ["flockbrush.studies.sweep", "flockbrush.studies.experiments.Experiment"],
+    "Errors": ["flockbrush.engine.problems"],
+}
+
+
+def on_startup(command, dirty):
+    """Lay the package out as pip installs it: mkdocstrings reads files and knows no package-dir."""
+    shutil.rmtree(SOURCE, ignore_errors=True)
+    ignore = shutil.ignore_patterns("__pycache__", "*.json", "*.png", "*.tmj", "*.toml", "*.ttf")
+    with open(HOUSE / "pyproject.toml", "rb") as file:
+        rooms = tomllib.load(file)["tool"]["setuptools"]["package-dir"]
+    for package, folder in rooms.items():
+        shutil.copytree(HOUSE / folder, SOURCE / package.replace(".", "/"), ignore=ignore, dirs_exist_ok=True)
+
+
+def on_files(files, config):
+    """Add the pages that are made."""
+    for name, text in pages().items():
+        files.append(File.generated(config, name, content=text))
+    return files
+
+
+def on_page_markdown(markdown, page, config, files):
+    """Let links to files outside of docs/ lead to their pages."""
+    for name, origin in ELSEWHERE.items():
+        markdown = markdown.replace(f"](../{origin})", f"]({name})")
+    return markdown
+
+
+def pages() -> dict[str, str]:
+    """All pages that are made, by name."""
+    return {name: moved(HOUSE / origin) for name, origin in ELSEWHERE.items()} | {
+        "reference/python.md": python_page(),
+        "reference/commands.md": commands_page(),
+        "reference/level-classes.md": level_classes_page(),
+        "reference/script-commands.md": script_commands_page(),
+        "reference/measures.md": measures_page(),
+    }
+
+
+def moved(path: Path) -> str:
+    """A page whose links started from its old place, for the top of the site; links to other files become text."""
+    here = path.parent.relative_to(HOUSE)
+    homes = {origin: name for name, origin in ELSEWHERE.items()}
+
+    def link(match):
+        start, target = match[1], match[2]
+        if target.startswith(("http", "#", "mailto:")):
+            return match[0]
+        place = re.sub(r"[^/]+/\.\./", "", str(PurePosixPath(here.as_posix()) / target))
+        if place in homes:
+            return f"{start}({homes[place]})"
+        if place.startswith("docs/") and (HOUSE / place).is_file():
+            return f"{start}({place.removeprefix('docs/')})"
+        return start.lstrip("![").rstrip("]")
+
+    return re.sub(r"(!?\[[^]]*\])\(([^)\s]*)\)", link, path.read_text(encoding="utf-8"))
+
+
+def python_page() -> str:
+    """The Python interface, from docstrings."""
+    parts = ["# Python\n\n`import flockbrush` offers what most programs need; the rest is imported from its room."]
+    for title, names in PYTHON.items():
+        parts += [f"## {title}", *(f"::: {name}" for name in names)]
+    return "\n\n".join(parts) + "\n"
+
+
+def commands_page() -> str:
+    """Every command of the command line with its arguments and options."""
+    from flockbrush.cli.main import app
+
+    parts = ["# Commands\n\nEvery command has `--help`. Exit codes: 0 done, 1 something is wrong with what was given, "
+             "2 the command was called wrongly, 130 interrupted."]  # fmt: skip
+    _describe(typer.main.get_command(app), "flockbrush", parts)
+    return "\n\n".join(parts) + "\n"
+
+
+def _describe(command, name, parts):
+    for child in getattr(command, "commands", {}).values():
+        _describe(child, f"{name} {child.name}", parts)
+    if hasattr(command, "commands"):
+        return
+    text = re.sub(r"\n[ \t]+", "\n", (command.help or "").split("\f")[0])
+    arguments = [_metavar(p) for p in command.params if p.param_type_name == "argument"]
+    rows = [_option_row(p) for p in command.params if p.param_type_name == "option" and not p.hidden]
+    table = "| option | meaning |\n|---|---|\n" + "\n".join(rows) if rows else ""
+    parts += [f"## {name}", f"    {name} {' '.join(arguments)}", text, table]
+
+
+def _option_row(option) -> str:
+    names = ", ".join(f"`{name}`" for name in [*option.opts, *option.secondary_opts])
+    metavar = "" if getattr(option, "is_flag", False) else f" `{_metavar(option)}`"
+    metavar = metavar.replace("|", "\\|")
+    return f"| {names}{metavar} | {(option.help or '').replace('|', chr(92) + '|')} |"
+
+
+def _metavar(parameter) -> str:
+    return parameter.metavar or parameter.name.upper()
+
+
+def level_classes_page() -> str:
+    """What may stand in a level, from the schema."""
+    from flockbrush.levels import schema
+
+    start = "# Level classes\n\nCustom classes and properties of the Tiled project; every property may be left out "
+    return f"{start}unless it is required.\n\n{schema.tables().replace('### ', '## ')}"
+
+
+def script_commands_page() -> str:
+    """Commands that a level's script, Python and recordings may give."""
+    import flockbrush.systems.commands
+    import flockbrush.systems.edits  # noqa: F401  both register theirs
+    from flockbrush.engine.commands import COMMANDS
+
+    parts = [
+        "# Script commands\n\nAn object of class `Key` in the layer `script` gives a command at a time; Python submits "
+        "one with `simulation.submit(Command(...))`. The window gives the same ones."
+    ]
+    for name, cls in sorted(COMMANDS.items()):
+        if not cls.__module__.startswith("flockbrush."):
+            continue
+        rows = [_field_row(field) for field in dataclasses.fields(cls)]
+        table = "| field | type | default |\n|---|---|---|\n" + "\n".join(rows)
+        parts += [f"## {name}", " ".join((cls.__doc__ or "").split()), table if rows else ""]
+    return "\n\n".join(parts) + "\n"
+
+
+def _field_row(field) -> str:
+    default = "required" if field.default is dataclasses.MISSING else f"`{field.default!r}`"
+    return f"| `{field.name}` | {str(field.type).replace('|', 'or')} | {default} |"
+
+
+def measures_page() -> str:
+    """What `flockbrush measure`, sweeps and plots know."""
+    from flockbrush.systems.measures import measures
+
+    rows = [f"| `{m.name}` | {m.meaning} | {m.unit or '-'} | {_bounds(m)} |" for m in measures().values()]
+    table = "| measure | meaning | unit | range |\n|---|---|---|---|\n" + "\n".join(rows)
+    return f"# Measures\n\nOf a herd at one moment; NaN where a measure has no meaning.\n\n{table}\n"
+
+
+def _bounds(measure) -> str:
+    low, high = measure.low, measure.high
+    if low is None and high is None:
+        return "any"
+    return f"from {low:g}" if high is None else f"{low:g} to {high:g}"

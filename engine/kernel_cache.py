@@ -1,0 +1,114 @@
+"""Where compiled kernels are kept: beside the sources or in the user's cache; else in a temporary folder, or nowhere.
+
+Read before numba is imported, so it must not import it: numba asks for its folder when it meets the first kernel, and
+raises an error where it may write nowhere, as in containers whose package and home are read-only.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+from flockbrush.engine.files import cache_folder, private_folder
+
+BESIDE = Path(__file__).with_name("__pycache__")  # what is true of this folder is true of those of other rooms
+LAST = "set NUMBA_CACHE_DIR to a folder that can be written and stays"
+
+
+def prepare(house, version) -> str:
+    """Choose numba's cache folder; a sentence for the person where it is not a usual one, else "".
+
+    Parameters
+    ----------
+    house : path
+        The folder with the package's sources.
+    version : str
+
+    Notes
+    -----
+    Kernels of a package that pip has installed are kept in the user's cache: in `__pycache__` they would outlive ``pip
+    uninstall``.  The folder's name holds a hash of the installed files, since numba takes a kernel for current when its
+    own file is, even when what it calls came with another version.
+    """
+    told, own = os.environ.get("NUMBA_CACHE_DIR"), cache_folder().with_name("numba")
+    if told and can_write(told):
+        return ""
+    installed = _place_of_installed(Path(house), version)
+    if not told and installed is not None and can_write(installed):
+        _use(installed)
+        return ""
+    if can_write(BESIDE) or can_write(own):
+        return ""  # numba finds it
+    tried = " nor ".join(str(place) for place in (told, BESIDE.parent, installed or own) if place)
+    private = private_folder()
+    place = private and private / "kernels"
+    if place is None or not can_write(place):  # numba unpickles what lies there: nobody else may write it
+        _keep_nothing()
+        return f"compiled kernels cannot be stored: neither {tried} can be written; every start compiles; {LAST}"
+    _use(place)
+    return f"compiled kernels are kept in {place}: neither {tried} can be written; {LAST}"
+
+
+def forget_stale_kernels():
+    """Have numba compile again where a stored kernel names a class that is gone, which it takes for an error.
+
+    It unpickles the types of all arguments before it compares the time of the sources: without this a checkout whose
+    classes were renamed would have to be cleared by hand.
+    """
+    from numba.core.caching import IndexDataCacheFile
+
+    load = IndexDataCacheFile._load_index
+    if getattr(load, "forgets", False):
+        return
+
+    def load_index(self):
+        try:
+            return load(self)
+        except (AttributeError, ImportError):
+            return {}
+
+    load_index.forgets = True  # type: ignore[attr-defined]
+    IndexDataCacheFile._load_index = load_index
+
+
+def folder() -> Path | None:
+    """The folder that kernels of this room are kept in."""
+    told = os.environ.get("NUMBA_CACHE_DIR")
+    places = [*([Path(told)] if told else []), BESIDE, cache_folder().with_name("numba")]
+    return next((place for place in places if can_write(place)), None)
+
+
+def can_write(folder) -> bool:
+    """Whether files can be made in a folder, which is made for that."""
+    try:
+        os.makedirs(folder, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def _place_of_installed(house, version):
+    """The folder for kernels of a package that pip installed; None for a checkout."""
+    record = house / f"flockbrush-{version}.dist-info" / "RECORD"
+    try:
+        key = hashlib.sha256(str(house).encode() + record.read_bytes()).hexdigest()[:12]
+        return cache_folder() / f"kernels-{version}-{key}"
+    except OSError:
+        return None
+
+
+def _use(place):
+    os.environ["NUMBA_CACHE_DIR"] = str(place)
+    if "numba" in sys.modules:
+        sys.modules["numba"].config.reload_config()
+
+
+def _keep_nothing():
+    """Have numba compile without keeping anything."""
+    from numba.core.dispatcher import Dispatcher
+
+    Dispatcher.enable_caching = lambda self: None

@@ -1,0 +1,128 @@
+"""Rasters: numbers on a grid of square cells over the level.
+
+Arrays are ``[iy, ix]`` with iy = 0 at the SOUTH edge; the centre of a cell is
+``((ix + 0.5) * cell, (iy + 0.5) * cell)`` metres from the level's south-west corner.
+Outside the grid the nearest cell answers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from flockbrush.engine.maths import kernel_function
+
+
+@kernel_function
+def cell_of_(x, cell, count):
+    """Index of the cell at a distance x from the edge, kept within ``count`` cells."""
+    at = x / cell
+    if not at > 0.0:  # NaN too
+        at = 0.0
+    at = min(at, count - 1.0)
+    return int(at)
+
+
+@kernel_function
+def nearest_(values, cell, x, y):
+    """The value of the cell under (x, y); ``values`` is (ny, nx)."""
+    return values[cell_of_(y, cell, values.shape[0]), cell_of_(x, cell, values.shape[1])]
+
+
+@kernel_function
+def corners_(x, cell, count):
+    """(lower index, upper index, share of the upper) between two cell centres."""
+    at = x / cell - 0.5
+    if not at > 0.0:
+        at = 0.0
+    at = min(at, count - 1.0)
+    low = int(at)
+    return low, min(low + 1, count - 1), at - low
+
+
+@kernel_function
+def bilinear_(values, cell, x, y):
+    """The value at (x, y), linear between cell centres; ``values`` is (ny, nx)."""
+    y0, y1, v = corners_(y, cell, values.shape[0])
+    x0, x1, u = corners_(x, cell, values.shape[1])
+    south = values[y0, x0] * (1.0 - u) + values[y0, x1] * u
+    north = values[y1, x0] * (1.0 - u) + values[y1, x1] * u
+    return south * (1.0 - v) + north * v
+
+
+@dataclass
+class Raster:
+    """Numbers on the ground.
+
+    Attributes
+    ----------
+    cell : float
+        Side of a cell, m.
+    values : ndarray (ny, nx, ...)
+        Row 0 is the southernmost.
+    """
+
+    cell: float
+    values: np.ndarray
+
+    def __post_init__(self):
+        self.values = np.asarray(self.values)
+        if self.values.ndim < 2 or 0 in self.values.shape[:2]:
+            raise ValueError(f"a raster needs at least one cell in [iy, ix], got an array of shape {self.values.shape}")
+        if not (np.isfinite(self.cell) and self.cell > 0):
+            raise ValueError(f"the cell of a raster must be more than 0 m, got {self.cell!r}")
+
+    @property
+    def shape(self):
+        """(ny, nx) cells."""
+        return self.values.shape[:2]
+
+    @property
+    def width(self):
+        """Metres from west to east."""
+        return self.shape[1] * self.cell
+
+    @property
+    def height(self):
+        """Metres from south to north."""
+        return self.shape[0] * self.cell
+
+    def index(self, xy):
+        """(iy, ix) of the cells under points.
+
+        Parameters
+        ----------
+        xy : array_like (..., 2)
+            Metres.
+
+        Returns
+        -------
+        tuple of ndarray of int64 (...)
+            Points outside are in the nearest cell of the edge.
+        """
+        at = np.nan_to_num(np.asarray(xy, float) / self.cell, nan=0.0)
+        ny, nx = self.shape
+        return np.clip(at[..., 1], 0, ny - 1).astype(np.int64), np.clip(at[..., 0], 0, nx - 1).astype(np.int64)
+
+    def at(self, xy):
+        """The values of the cells under points (..., 2) m."""
+        return self.values[self.index(xy)]
+
+    def sample(self, xy):
+        """The values at points (..., 2) m, linear between cell centres."""
+        at = np.nan_to_num(np.asarray(xy, float) / self.cell - 0.5, nan=0.0)
+        ny, nx = self.shape
+        x, y = np.clip(at[..., 0], 0, nx - 1), np.clip(at[..., 1], 0, ny - 1)
+        x0, y0 = x.astype(np.int64), y.astype(np.int64)
+        x1, y1 = np.minimum(x0 + 1, nx - 1), np.minimum(y0 + 1, ny - 1)
+        extra = (...,) + (None,) * (self.values.ndim - 2)
+        u, v = (x - x0)[extra], (y - y0)[extra]
+        south = self.values[y0, x0] * (1 - u) + self.values[y0, x1] * u
+        north = self.values[y1, x0] * (1 - u) + self.values[y1, x1] * u
+        return south * (1 - v) + north * v
+
+    def centres(self):
+        """(ny, nx, 2) m, the middle of every cell."""
+        ny, nx = self.shape
+        x, y = np.meshgrid((np.arange(nx) + 0.5) * self.cell, (np.arange(ny) + 0.5) * self.cell)
+        return np.stack([x, y], axis=-1)

@@ -1,0 +1,93 @@
+"""How a recording is laid out in its file.
+
+    beginning   8 bytes that name the format, its version, a checksum
+    header      JSON: seed, dt, what made it, SHA-256 and size of every asset
+    assets      the level and all files it needs, whole
+    then        commands as applied, a state hash and sums of the state every few ticks, a snapshot now and then
+    end         the last tick, when the run was closed in good order
+
+Everything behind the beginning is a record: a head with its checksum, and data, packed where that makes it smaller.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+
+from flockbrush.engine import limits
+from flockbrush.engine.files import NotWritten
+
+FORMAT = 1
+MAGIC = b"\x89FBRUSH\n"
+
+BEGINNING = struct.Struct("<8sHHI")  # magic, version, reserved, checksum
+RECORD = struct.Struct("<cBHIIqI")  # kind, packed, reserved, stored bytes, unpacked bytes, tick, checksum
+HEADER, ASSET, COMMAND, HASH, TRAIL, KEYFRAME, END = b"H", b"A", b"C", b"S", b"T", b"K", b"E"
+HASH_BYTES = 8
+LIMITS = {
+    ASSET: limits.RECORDING_ASSETS_BYTES + 2000, KEYFRAME: limits.SNAPSHOT_BYTES, HASH: HASH_BYTES,
+    TRAIL: limits.RECORDING_SUMS_BYTES,
+}  # fmt: skip
+
+
+class RecordingError(Exception):
+    """A recording that cannot be written, read or lived again, in a sentence for whoever asked."""
+
+
+def beginning(version):
+    """What a file begins with."""
+    start = BEGINNING.pack(MAGIC, version, 0, 0)[:-4]
+    return start + struct.pack("<I", zlib.crc32(start))
+
+
+def record(kind, tick, data):
+    """One record, packed when that makes it smaller."""
+    data = bytes(data)
+    if len(data) > LIMITS.get(kind, limits.RECORDING_TEXT_BYTES):
+        raise RecordingError(f"a record of {len(data)} bytes is too large for a recording")
+    stored = zlib.compress(data, 1) if len(data) > 64 else data
+    packed = len(stored) < len(data)
+    if not packed:
+        stored = data
+    head = RECORD.pack(kind, packed, 0, len(stored), len(data), tick, 0)[:-4]
+    return head + struct.pack("<I", zlib.crc32(stored, zlib.crc32(head))) + stored
+
+
+def record_of(kind, tick, parts):
+    """The same record of data in parts (bytes-like), packed part by part: the data are never in memory twice."""
+    size, deflate = sum(memoryview(part).nbytes for part in parts), zlib.compressobj(1)
+    if size > LIMITS.get(kind, limits.RECORDING_TEXT_BYTES):
+        raise RecordingError(f"a record of {size} bytes is too large for a recording")
+    stored = [deflate.compress(part) for part in parts]
+    stored.append(deflate.flush())
+    packed = sum(map(len, stored)) < size
+    if not packed:
+        stored = list(parts)
+    head = RECORD.pack(kind, packed, 0, sum(memoryview(part).nbytes for part in stored), size, tick, 0)[:-4]
+    checksum = zlib.crc32(head)
+    for part in stored:
+        checksum = zlib.crc32(part, checksum)
+    return b"".join([head, struct.pack("<I", checksum), *stored])
+
+
+class CommandRoom:
+    """How much the commands of a recording may still hold: they are in memory together when it is lived again."""
+
+    def __init__(self, path):
+        self.path, self._bytes, self._values = path, 0, 0
+
+    def take(self, text: bytes):
+        """Count one command, as JSON; RecordingError when it is one too many."""
+        self._bytes += len(text)
+        self._values += 1 + text.count(b",") + text.count(b"[") + text.count(b"{")
+        if self._bytes > limits.RECORDING_COMMANDS_BYTES:
+            raise RecordingError(f"{self.path}: its commands are more than {limits.RECORDING_COMMANDS_BYTES.told}")
+        if self._values > limits.RECORDING_VALUES:
+            raise RecordingError(f"{self.path}: its commands hold more than {limits.RECORDING_VALUES.told}")
+
+
+def failed(path, what, error):
+    """The error for what the system does not allow."""
+    if isinstance(error, NotWritten):
+        return RecordingError(str(error))
+    return RecordingError(f"{path}: {what}: {getattr(error, 'strerror', None) or error}")

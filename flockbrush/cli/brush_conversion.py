@@ -1,0 +1,46 @@
+"""``flockbrush brush convert``: brushes of before there were species."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from flockbrush.behaviours.brush_conversion import convert
+from flockbrush.behaviours.species import SUFFIX, SpeciesLibrary, shipped_species
+from flockbrush.behaviours.tomlfile import read_bytes
+from flockbrush.engine.files import write_bytes
+from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.runs import terminal
+from flockbrush.runs.terminal import print_line
+
+
+def convert_brushes(files, species="", output=None):
+    """Rewrite brush files, each wholly or not at all, and say what became of each."""
+    bad = False
+    for path in map(Path, files):
+        try:
+            print_line(f"{path}: {_convert(path, species, output)}")
+        except ProblemsError as error:
+            bad = True
+            print_line(error)
+    if bad:
+        raise typer.Exit(terminal.PROBLEM)
+
+
+def _convert(path, species, output):
+    """What became of one file."""
+    folder = path.parent if output is None else Path(output)
+    fauna = SpeciesLibrary([path.parent / "species", path.parent.parent / "species", *shipped_species().folders])
+    made = convert(read_bytes(path), str(path), fauna, species)
+    if made is None:
+        return "nothing to convert"
+    if not folder.is_dir():
+        raise ProblemsError([Problem(str(folder), None, None, "there is no such folder")])
+    said = f"made for {', '.join(made.made_for)}"
+    if made.species:
+        beside = folder / f"{made.made_for[0]}{SUFFIX}"
+        write_bytes(beside, made.species.encode(), overwrite=False)
+        said += f"; its body is now in {beside}: put it into a folder 'species' beside the level"
+    write_bytes(folder / path.name, made.text.encode(), overwrite=True)
+    return said

@@ -1,0 +1,468 @@
+"""What the commands of the command line do; `flockbrush.cli.main` says how they are called."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import typer
+
+from flockbrush.cli.program_commands import submit_events
+from flockbrush.cli.show_desync import show_desync
+from flockbrush.engine import limits
+from flockbrush.engine.parallel import set_threads, threads
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.recording import open_recording, state_hash
+from flockbrush.output.export import Exports, check_exports
+from flockbrush.runs import run as running
+from flockbrush.runs import terminal
+from flockbrush.runs.builds import build_of_run, differences
+from flockbrush.runs.desync import check_folder, write_report
+from flockbrush.runs.synctest import AGAIN, FIRST, OutOfSync, SyncTest
+from flockbrush.runs.terminal import Stopped, number, print_json, print_line, say, show, styled, table
+
+
+@dataclass
+class RunRequest:
+    """A run as the person asked for it."""
+
+    level: str
+    ticks: int | None = None
+    seconds: float | None = None
+    seed: int | None = None
+    agents: int | None = None
+    record: Path | None = None
+    exports: list[Path] = field(default_factory=list)
+    fps: float | None = None
+    threads: int | None = None
+    options: dict = field(default_factory=dict)
+    json: bool = False
+    events: list[str] = field(default_factory=list)
+    keyframes: int | None = None  # ticks between the snapshots of the recording
+    synctest: int | None = None  # ticks between the snapshots of a sync test
+    report: Path | None = None  # a folder for what a sync test finds
+    brush: str | None = None
+
+
+# run ---------------------------------------------------------------------------------
+
+
+def run_level(job: RunRequest):
+    """Run a level, write what was asked for, print what came of it."""
+    path = running.find_level(job.level)
+    if job.report is not None:
+        check_folder(job.report)
+    check_exports(job.exports, [path], [job.record] if job.record else [], job.options)
+    use_threads(job.threads)
+    with terminal.Interrupts() as interrupts, terminal.compiling():
+        simulation = running.start(job.level, job.seed, job.agents, job.brush)
+        ticks = ticks_of(job, simulation.clock.dt)
+        submit_events(simulation, job.events)
+        watch, writing = running.Stopwatch(simulation), bool(job.record or job.exports)
+        if job.record:
+            tell_size(job.record, running.recording_size(simulation, ticks, job.keyframes))
+        with (
+            recorder_of(job.record, simulation, job.keyframes) as recorder,
+            Exports(job.exports, simulation, job.fps, **job.options) as exports,
+        ):
+            exports.take()
+            with stepping(simulation.level.name, simulation, ticks, interrupts, writing) as stepped:
+                tick = _step(job, watch, ticks, interrupts.check)
+                while simulation.clock.tick < ticks:
+                    try:
+                        tick()
+                    except OutOfSync as error:
+                        _out_of_sync(job, simulation, error)
+                    if recorder:
+                        recorder.take()
+                    exports.take()
+                    stepped()
+    report = _report(job, simulation, watch)
+    if job.synctest:
+        report["synctest"] = {"every": job.synctest, "ticks": ticks}
+    print_json(report) if job.json else _show_run(report)
+
+
+def _out_of_sync(job, simulation, error):
+    """Say what a tick that was lived twice gave; ends the command."""
+    told = {"level": simulation.level.name, "seed": simulation.origin["seed"], "synctest": job.synctest}
+    written = []
+    if job.report is not None:
+        written = write_report(job.report, simulation.world, error.report, told)
+    if job.json:
+        files = {"files": [str(file) for file in written]} if written else {}
+        print_json(told | {"desync": error.report.as_json()} | files)
+    else:
+        print_line(f"{told['level']}: {error}")
+        show_desync(error.report, (FIRST, AGAIN), written)
+    raise typer.Exit(terminal.PROBLEM)
+
+
+def _step(job, watch, ticks, look):
+    """What does one tick of a run: once, or twice and compared."""
+    if not job.synctest:
+        return watch.tick
+    return SyncTest(watch.simulation, job.synctest, ticks, watch.tick, look).tick
+
+
+def ticks_of(job, dt):
+    """How many ticks a job asks for; typer.BadParameter for what is no length of time."""
+    if job.ticks is not None:
+        ticks, hint = job.ticks, "--ticks"
+    else:
+        if not math.isfinite(job.seconds):
+            raise typer.BadParameter(f"must be a finite number of seconds, got {job.seconds}", param_hint="--seconds")
+        ticks, hint = job.seconds / dt, "--seconds"
+    if ticks > limits.TICKS:
+        raise typer.BadParameter(f"that is too long: there can be {limits.TICKS:,} ticks", param_hint=hint)
+    return round(ticks)
+
+
+def use_threads(count):
+    """Use so many threads, where the person said."""
+    if count is not None:
+        set_threads(count)
+
+
+LARGE = 50 << 20  # bytes of a recording that are worth a word beforehand
+
+
+def tell_size(path, size):
+    """Say how large a recording will be, where it will be large, and whether the disk has that room."""
+    with suppress(OSError):
+        free = shutil.disk_usage(Path(path).parent).free
+        if size > free:
+            say(f"{path}: the recording will take about {_mb(size)}; the disk has {_mb(free)} free")
+            return
+    if size > LARGE:
+        say(f"{path}: the recording will take about {_mb(size)}")
+
+
+def _mb(size):
+    return f"{size / 1e6:,.0f} MB"
+
+
+@contextmanager
+def recorder_of(path, simulation, keyframes=None):
+    """A recorder that is closed in good order when the run ends or is stopped."""
+    if path is None:
+        yield None
+        return
+    recorder = running.record(path, simulation, keyframes)
+    try:
+        yield recorder
+    except Stopped:
+        recorder.close()
+        raise
+    except BaseException:
+        recorder.recording.abandon()
+        raise
+    recorder.close()
+
+
+@contextmanager
+def stepping(text, simulation, ticks, interrupts, writing=False):
+    """A function to call after every tick: it moves the bar, and ends the run when somebody asked."""
+    told = "; what was written is complete up to there" if writing else ""
+    with terminal.progress(text, ticks) as bar:
+
+        def stepped(*_):
+            tick = simulation.clock.tick
+            interrupts.gently()
+            bar(tick)
+            if interrupts.asked:
+                say(f"stopped after tick {tick}{told}")
+            interrupts.check()
+
+        yield stepped
+
+
+def _report(job, simulation, watch):
+    return {
+        "level": simulation.level.name,
+        "seed": simulation.origin["seed"],
+        "ticks": simulation.clock.tick,
+        "seconds": simulation.clock.now,
+        "agents": len(simulation.agents),
+        "threads": threads(),
+        "seconds_per_tick": watch.per_tick(),
+        "startup_seconds": watch.startup,
+        "systems": watch.systems(),
+        "hash": state_hash(simulation.world),
+        "measures": simulation.measures(),
+        **simulation.parts(),
+        "states": simulation.states(),
+        "transitions": simulation.transitions(),
+        "recording": str(job.record) if job.record else None,
+        "exports": [str(path) for path in job.exports],
+        "versions": running.versions(),
+        "peak_memory_mib": running.peak_memory(),
+    }
+
+
+def _show_run(report):
+    tick = report["seconds_per_tick"]
+    title = f"{report['level']}: {report['agents']:,} animals after {report['seconds']:g} s"
+    show(measures_table(report["measures"], title))
+    for program, here in report["states"].items():
+        say_states = ", ".join(f"{state} {count:,}" for state, count in here.items())
+        print_line(f"{program}: {say_states}")
+    pace = f"{1e3 * tick['median']:.2f} ms a tick (median)" if tick["median"] == tick["median"] else "no tick timed"
+    lines = [f"{pace}, seed {report['seed']}, state {report['hash']}"]
+    if "synctest" in report:
+        lines.append(f"{report['ticks']:,} ticks lived twice, the same bit for bit")
+    lines += [f"wrote {path}" for path in report["exports"]]
+    if report["recording"]:
+        lines.append(f"wrote {report['recording']}; verify it: flockbrush replay {report['recording']} --verify")
+    print_line("\n".join(lines))
+
+
+def meaning_of(name: str) -> str:
+    """What a measure says, with its unit, for tables on the terminal."""
+    from flockbrush.runs.v_measures import MEANINGS
+    from flockbrush.systems.measures import measures
+
+    known = measures().get(name)
+    if known is None:
+        return MEANINGS.get(name, "")
+    return known.meaning + (f", {known.unit}" if known.unit else "")
+
+
+def measures_table(measures, title=None):
+    made = table("measure", "value", "meaning", title=title, right=("value",))
+    for name, value in measures.items():
+        made.add_row(name, number(value), meaning_of(name))
+    return made
+
+
+# recordings ------------------------------------------------------------------------------
+
+
+def opened(path):
+    """A recording, with what is odd about it said."""
+    run = open_recording(path)
+    if run.notice:
+        say(run.notice)
+    found = differing(run)
+    for what in ("code", "libraries") if "build" in run.header else ("libraries",):
+        if what in found:
+            say(f"{path}: recorded with {found[what]}: the last bits may differ")
+    return run
+
+
+def differing(run):
+    """What differs between the build that made a recording and this one (`flockbrush.runs.builds.differences`)."""
+    build = run.header.get("build")
+    there = {**(build if isinstance(build, dict) else {}), "packages": run.header.get("packages")}
+    return differences(there, build_of_run(), {"flockbrush"})
+
+
+# levels ---------------------------------------------------------------------------------
+
+
+def check_levels(files, window=False):
+    """Print everything that is wrong with levels, as a compiler would; in a window as well where that is asked for."""
+    from flockbrush.levels.build import build
+
+    bad, lines = False, []
+    for name in files:
+        try:
+            level, library = running.open_level(name)
+            build(level, library=library).close()
+        except ProblemsError as error:
+            bad = True
+            lines.append(str(error))
+            continue
+        lines += map(str, level.warnings)
+        lines.append(f"{level.path}: ok: {level.width:g} x {level.height:g} m, {level.agents:,} animals")
+    for line in lines:
+        print_line(line)
+    if window:
+        from flockbrush.studio.message import show_message
+
+        show_message("Problems in the level" if bad else "The level is in order", "\n".join(lines), bad)
+    if bad:
+        raise typer.Exit(terminal.PROBLEM)
+
+
+def render_level(name, output, seconds, seed, agents, theme):
+    """Draw a level, at its start or later."""
+    check_png(output, [running.find_level(name)])
+    job = RunRequest(name, seconds=seconds)
+    with terminal.Interrupts() as interrupts, terminal.compiling():
+        simulation = running.start(name, seed, agents)
+        ticks = ticks_of(job, simulation.clock.dt)
+        with (
+            Exports([output], simulation, theme=theme) as exports,
+            stepping(simulation.level.name, simulation, ticks, interrupts, True) as stepped,
+        ):
+            exports.take()
+            while simulation.clock.tick < ticks:
+                simulation.tick()
+                exports.take()
+                stepped()
+    print_line(f"wrote {output}")
+
+
+def check_png(output, inputs=(), hint="-o"):
+    """Make sure that a picture can be written."""
+    if Path(output).suffix.lower() != ".png":
+        raise typer.BadParameter(f"the name of a picture ends in .png, got {str(output)!r}", param_hint=hint)
+    check_exports([output], inputs)
+
+
+def init_levels(folder):
+    """Begin a folder for levels, with the brushes of its own folder ``brushes`` besides the shipped ones."""
+    from flockbrush.behaviours.brush import BrushLibrary, shipped
+    from flockbrush.levels.tiled import init
+
+    if folder.exists() and not folder.is_dir():
+        raise NotADirectoryError(20, "this is a file; name a folder", str(folder))
+    own = [path for path in (folder / "brushes",) if path.is_dir()]
+    for path in init(folder, BrushLibrary([*own, *shipped().folders])):
+        print_line(f"wrote {path}")
+    print_line(f"open {folder / 'flockbrush.tiled-project'} in Tiled: F5 plays the level that is open, F6 checks it")
+
+
+def adopt_map(source, output, metres_per_tile):
+    """Write a level that is made of somebody's map."""
+    from flockbrush.levels.adopt import adopt
+
+    adoption = adopt(source, output, metres_per_tile)
+    print_line(f"wrote {adoption.write()}; {source} is as it was")
+    for rule in adoption.rules:
+        print_line(f"  ground_rules: {rule}")
+    for warning in adoption.level.warnings:
+        print_line(warning)
+    walkable = 1.0 if adoption.level.terrain is None else adoption.level.terrain.walkable.mean()
+    print_line(
+        f"{adoption.level.width:g} x {adoption.level.height:g} m, {100 * walkable:.0f} % walkable, "
+        f"{adoption.level.agents:,} animals; say what tiles mean in the map's property ground_rules"
+    )
+
+
+def list_levels():
+    """The shipped levels with what stands in their files."""
+    from flockbrush.levels.reader import read_level
+
+    made = table("level", "size, m", "animals", "boundary", "brushes", right=("animals",))
+    for name in running.shipped_levels():
+        level = read_level(running.SHIPPED / f"{name}.tmj")
+        brushes = dict.fromkeys(spawn.brush for spawn in level.spawns)
+        brushes |= dict.fromkeys(asset for layer in level.brush_layers for asset in layer.assets)
+        size = f"{level.width:g} x {level.height:g}"
+        made.add_row(name, size, f"{level.agents:,}", level.boundary, ", ".join(brushes))
+    show(made)
+
+
+# brushes ---------------------------------------------------------------------------------
+
+
+def find_brush(name):
+    """A brush by its name, or from a file."""
+    from flockbrush.behaviours.brush import SUFFIX, load_brush, shipped
+
+    if Path(name).name != name or name.endswith(SUFFIX) or Path(name).suffix:
+        return load_brush(Path(name))
+    return shipped().get(name)
+
+
+def list_brushes(json):
+    """The shipped brushes, a line each."""
+    from flockbrush.behaviours.brush import shipped
+
+    library = shipped()
+    brushes = [library.get(name) for name in library.names()]
+    if json:
+        print_json([_in_short(brush) for brush in brushes])
+        return
+    made = table("", "brush", "model", "speed, BL/s", "numbers", "what they do", right=("speed, BL/s",))
+    for brush in brushes:
+        swatch = styled("[{}]██[/]", brush.colour)
+        first = (brush.title or brush.description).strip().split("\n")[0]
+        made.add_row(swatch, brush.name, brush.model, number(brush.speed.mean), brush.provenance.kind, first)
+    show(made)
+
+
+def _in_short(brush):
+    return {
+        "name": brush.name,
+        "title": brush.title,
+        "model": brush.model,
+        "colour": brush.colour,
+        "provenance": brush.provenance.kind,
+        "sha256": brush.sha256,
+    }
+
+
+def show_brush(name, json):
+    """Everything a brush says."""
+    brush = find_brush(name)
+    if json:
+        print_json({"schema": "flockbrush.brush/1", "sha256": brush.sha256} | brush.model_dump(mode="json"))
+        return
+    head = brush.colour, brush.title or brush.name, brush.name, brush.model
+    show(styled("[{}]██[/] [bold]{}[/]   {}, model {}", *head))
+    if brush.description:
+        show(brush.description.strip())
+    parts = {"parameters": brush.params, "speed": brush.speed, "body": brush.body, "vision": brush.vision}
+    made = table("", "value", "unit", "meaning", right=("value",))
+    for title, part in parts.items():
+        made.add_row(styled("[bold]{}[/]", title), "", "", "")
+        for key, info in type(part).model_fields.items():
+            unit = (info.json_schema_extra or {}).get("unit", "")
+            made.add_row(f"  {key}", _value(getattr(part, key)), unit, info.description or "")
+    show(made)
+    told = {key: value for key, value in brush.provenance.model_dump().items() if value not in (None, "", {})}
+    show(styled("[bold]where the numbers come from[/]"))
+    figures = told.pop("report", {})
+    for key, value in told.items():
+        show(f"  {key}: {_value(value)}")
+    if figures:
+        made = table("figures of the report", "value", right=("value",))
+        for figure, value in figures.items():
+            made.add_row(figure, number(value))
+        show(made)
+    print_line(f"sha256 {brush.sha256}")
+
+
+def _value(value):
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_value(entry)}" for key, entry in value.items())
+    if isinstance(value, tuple):
+        return ", ".join(_value(entry) for entry in value) or "-"
+    return number(value) if isinstance(value, float) else str(value).strip()
+
+
+def check_brushes(files):
+    """Print everything that is wrong with brushes, as a compiler would."""
+    bad = False
+    for name in files:
+        try:
+            brush = find_brush(name)
+        except ProblemsError as error:
+            bad = True
+            print_line(error)
+            continue
+        print_line(f"{name}: ok: {brush.title or brush.name}, model {brush.model}")
+        if brush.has_own_body and not brush.made_for and Path(name).suffix:
+            print_line(
+                f"{name}: note: it has a body of its own; `flockbrush brush convert {name}` makes a species of it"
+            )
+    if bad:
+        raise typer.Exit(terminal.PROBLEM)
+
+
+def preview_brush(name, output, agents, seconds, seed, start, theme):
+    """Draw what animals under a brush do on a plain."""
+    from flockbrush.output.preview import preview
+
+    check_png(output)
+    brush = find_brush(name)
+    ticks_of(RunRequest("", seconds=seconds), 1 / 32)
+    with terminal.Interrupts() as interrupts, terminal.compiling():
+        preview(brush, output, agents, seconds, seed, start, theme, interrupts)
+    print_line(f"wrote {output}")

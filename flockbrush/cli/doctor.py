@@ -1,0 +1,174 @@
+"""Whether everything is in its place, in lines that say ok or what to do."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import typer
+
+import flockbrush
+from flockbrush import systems
+from flockbrush.engine import kernel_cache
+from flockbrush.runs.terminal import PROBLEM, print_json, show, styled
+
+HOUSE = Path(flockbrush.__file__).parent.parent
+OPTIONAL = {"pyarrow": "Parquet exports", "usd-core": "USD exports", "distributed": "sweeps on a cluster"}
+OK, WARN, BAD = "ok", "warn", "problem"
+_COLOURS = {OK: "green", WARN: "yellow", BAD: "red"}
+
+
+def examine(json):
+    """Print what was found; exit code 1 when something must be mended."""
+    findings = [finding for check in CHECKS for finding in _findings(check)]
+    if json:
+        print_json([{"state": state, "what": what, "found": found} for state, what, found in findings])
+    else:
+        for state, what, found in findings:
+            show(styled(f"[{_COLOURS[state]}]{{}}[/]  {{}} {{}}", f"{state:>7}", f"{what:<31}", found))
+    if any(state == BAD for state, _, _ in findings):
+        raise typer.Exit(PROBLEM)
+
+
+def _findings(check):
+    """What a check finds; one that fails has found something too, and the others still have their turn."""
+    try:
+        yield from check()
+    except Exception as error:  # noqa: BLE001
+        yield BAD, check.__name__.strip("_"), f"cannot be examined: {type(error).__name__}: {error}"
+
+
+def _python():
+    fine = sys.version_info >= (3, 11)
+    yield OK if fine else BAD, "python", platform.python_version() + ("" if fine else "; 3.11 or later is needed")
+    yield OK, "flockbrush", f"{flockbrush.__version__} in {HOUSE}"
+
+
+def pinned_versions(text):
+    """{name: version} of the lines ``name==version`` of constraints.txt."""
+    pins = (line.split("==") for line in text.splitlines() if "==" in line and not line.startswith("#"))
+    return {_canonical(name.strip()): version.strip() for name, version in pins}
+
+
+def _canonical(name):
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def _packages():
+    needed = _requirements()
+    file = HOUSE / "constraints.txt"
+    tested = pinned_versions(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    for name in needed:
+        yield _package(name, tested.get(name), BAD, "is missing: pip install -e . in the project's folder")
+    for name, what in OPTIONAL.items():
+        yield _package(name, tested.get(name), WARN, f"is missing, and with it {what}: pip install {name}")
+
+
+def _requirements():
+    """Names of what Flockbrush cannot do without."""
+    try:
+        lines = metadata.requires("flockbrush") or []
+    except metadata.PackageNotFoundError:
+        import tomllib
+
+        file = HOUSE / "pyproject.toml"
+        lines = tomllib.loads(file.read_text(encoding="utf-8"))["project"]["dependencies"] if file.is_file() else []
+    plain = [line for line in lines if "extra ==" not in line]
+    return sorted(_canonical(re.match(r"[\w.-]+", line).group()) for line in plain)
+
+
+def _package(name, tested, state, message):
+    try:
+        version = metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return state, name, message
+    if tested and version != tested:
+        return WARN, name, f"{version}; tested with {tested}: recordings made there may differ in the last bits"
+    return OK, name, version
+
+
+def _numba():
+    try:
+        import llvmlite.binding
+        import numba
+    except ImportError as error:
+        yield BAD, "numba", f"cannot be imported: {error}"
+        return
+    from flockbrush.engine.parallel import threads
+
+    name = numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
+    yield OK, "compiles for", f"{name}{' (NUMBA_CPU_NAME)' if numba.config.CPU_NAME else ''}"
+    if numba.config.DISABLE_JIT:
+        yield WARN, "compiler", "NUMBA_DISABLE_JIT is set: Python runs the kernels, many times slower"
+    yield OK, "threads", f"{threads()} of {os.cpu_count()} CPUs; --threads or FLOCKBRUSH_THREADS set them"
+    yield _cache(kernel_cache.folder())
+
+
+def _cache(folder):
+    """Where compiled kernels are kept, so that only the first run waits for the compiler."""
+    if flockbrush.KERNEL_CACHE or folder is None:
+        return WARN, "compile cache", flockbrush.KERNEL_CACHE or "none"
+    beside = folder == kernel_cache.BESIDE
+    places = [Path(path) / "__pycache__" for path in systems.__path__] if beside else [folder]
+    count = sum(1 for place in places for _ in place.rglob("*.nbc"))
+    return OK, "compile cache", f"{places[0]}, {count} kernels" + ("" if count else "; the first run takes a minute")
+
+
+def _display():
+    if platform.system() in ("Windows", "Darwin"):
+        yield OK, "display", platform.system()
+        return
+    found = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
+    yield (OK, "display", found) if found else (OK, "display", "none; levels run and videos are made without one")
+
+
+def _programs():
+    tiled = shutil.which("tiled")
+    if tiled:
+        yield OK, "tiled", f"{_first_line([tiled, '--version'])}  ({tiled})"
+    else:
+        yield WARN, "tiled", "not found: levels are made in it (Debian: apt install tiled; mapeditor.org)"
+    ffmpeg = shutil.which("ffmpeg")
+    if ffmpeg:
+        yield (
+            OK,
+            "ffmpeg",
+            " ".join(_first_line([ffmpeg, "-version"]).split()[:3]) + "; not needed: videos are made by av",
+        )
+    else:
+        yield OK, "ffmpeg", "not found, and not needed: videos are made by av"
+
+
+def _first_line(command):
+    environment = os.environ | {"QT_QPA_PLATFORM": "offscreen"}
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=20, env=environment, check=False)
+        return (done.stdout or done.stderr).strip().split("\n")[0] or "says nothing"
+    except (OSError, subprocess.SubprocessError) as error:
+        return f"does not answer: {error}"
+
+
+def _shipped():
+    from flockbrush.behaviours.brush import shipped
+    from flockbrush.engine.problems import ProblemsError
+    from flockbrush.levels.reader import read_level
+    from flockbrush.runs.run import SHIPPED, shipped_levels
+
+    problems = [str(problem) for problem in shipped().problems()]
+    for name in shipped_levels():
+        try:
+            read_level(SHIPPED / f"{name}.tmj")
+        except ProblemsError as error:
+            problems += str(error).split("\n")
+    yield from ((BAD, "shipped files", problem) for problem in problems)
+    if not problems:
+        yield OK, "shipped files", f"{len(shipped_levels())} levels and {len(shipped().names())} brushes"
+
+
+CHECKS = (_python, _packages, _numba, _display, _programs, _shipped)

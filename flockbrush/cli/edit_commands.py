@@ -1,0 +1,272 @@
+"""What ``flockbrush edit`` does, and how exports apply the edits that lie beside a recording."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from flockbrush.cli.commands import opened, stepping
+from flockbrush.engine.files import refused
+from flockbrush.engine.recording import resume
+from flockbrush.runs import run as running
+from flockbrush.runs import terminal
+from flockbrush.runs.edit_file import FIRST, USES, EditFile, edits_of, ids_of, ids_text
+from flockbrush.runs.run_edits import ALWAYS, IN_TIME, Edit, EditedMoments, Past
+from flockbrush.runs.selection import Selection, chosen
+from flockbrush.runs.snapshots import moment_of, words_of
+from flockbrush.runs.terminal import print_json, print_line, say, show, table
+from flockbrush.systems.landscape import Landscape
+
+LOOKS = ("brush", "species", "size")
+
+
+@dataclass
+class EditJob:
+    """An edit, or work on its file, as the person asked for it."""
+
+    recording: Path
+    layer: str = FIRST
+    ids: str | None = None
+    box: str | None = None
+    near: str | None = None
+    species: str | None = None
+    brush: str | None = None
+    state: str | None = None
+    time: float | None = None
+    delete: bool = False
+    move: str | None = None
+    turn: float | None = None
+    over: float | None = None
+    retime: float | None = None
+    freeze: bool = False
+    delay: float | None = None
+    look: list[str] = field(default_factory=list)
+    start: float | None = None
+    end: float | None = None
+    undo: bool = False
+    redo: bool = False
+    on: str | None = None
+    off: str | None = None
+    remove_layer: str | None = None
+    json: bool = False
+
+
+def edit_recording(job: EditJob):
+    """Make one edit, or undo, redo, switch or list."""
+    run = opened(job.recording)
+    file = edits_of(job.recording)
+    kind = _kind(job)
+    if kind is not None:
+        edit = _edit(job, kind, run)
+        file.add(edit, job.layer)
+        said = f"{job.layer}: {_sentence(edit)}"
+    else:
+        said = _managed(job, file)
+    if said is not None:
+        file.save()
+    if job.json:
+        print_json(_report(job, file))
+        return
+    if said is not None:
+        print_line(said)
+        print_line(f"wrote {file.path}; flockbrush export {job.recording} applies it, the recording stays as it is")
+        return
+    _show(file)
+
+
+def _kind(job):
+    """Which edit was asked for, None for none; a refusal for two."""
+    asked = {
+        "delete": job.delete, "move": job.move is not None or job.turn is not None, "retime": job.retime is not None,
+        "freeze": job.freeze, "delay": job.delay is not None, "look": bool(job.look),
+    }  # fmt: skip
+    kinds = [kind for kind, wanted in asked.items() if wanted]
+    others = [job.undo, job.redo, job.on is not None, job.off is not None, job.remove_layer is not None]
+    if len(kinds) + sum(others) > 1:
+        raise refused(job.recording, "one edit at a time: name one of --delete, --move, --retime, --freeze and so on")
+    if not kinds and _selection(job):
+        raise refused(job.recording, "these animals are chosen for nothing: add --delete, --move, --retime and so on")
+    return kinds[0] if kinds else None
+
+
+def _selection(job):
+    box = None if job.box is None else tuple(_numbers("--box", job.box, (4,)))
+    if box is not None and not (box[0] < box[2] and box[1] < box[3]):
+        raise refused("--box", f"is WEST,SOUTH,EAST,NORTH in metres, the smaller first; got {job.box}")
+    try:
+        ids = () if job.ids is None else ids_of(job.ids)
+    except ValueError as error:
+        raise refused("--ids", str(error)) from None
+    near = None if job.near is None else tuple(_numbers("--near", job.near, (2,)))
+    return Selection(ids, box, near, job.species or "", job.brush or "", job.state or "")
+
+
+def _edit(job, kind, run) -> Edit:
+    """The edit with the ids of the animals that were chosen."""
+    _check_uses(job, kind)
+    start, end = job.start or 0.0, ALWAYS if job.end is None else job.end
+    selection = _selection(job)
+    if not selection:
+        raise refused(job.recording, "say whom: --ids, --box, --near, --species, --brush or --state")
+    time = start if job.time is None else job.time
+    simulation = running.rebuild(run)
+    tick = round(time / simulation.clock.dt)
+    if tick > run.last_tick:
+        last = run.last_tick * simulation.clock.dt
+        raise refused(job.recording, f"the recording ends after {last:g} s; no animals can be chosen at {time:g} s")
+    with terminal.compiling():
+        running.go_to(run, simulation, tick)
+    moment, words = moment_of(simulation), words_of(simulation)
+    try:
+        ids = chosen(selection, moment, words)
+    except ValueError as error:
+        raise refused(job.recording, str(error)) from None
+    if not len(ids):
+        raise refused(job.recording, f"no animal fits at {time:g} s: {selection}")
+    edit = Edit(kind, tuple(ids.tolist()), start, end, because=f"{selection} at {time:g} s")
+    if kind == "move":
+        middle = moment.xyz[np.isin(moment.ids, ids), :2].mean(axis=0)
+        by = [*_numbers("--move", job.move or "0,0", (2, 3)), 0.0][:3]
+        about = (round(float(middle[0]), 3), round(float(middle[1]), 3))
+        edit = replace(
+            edit, by=tuple(by), turn=job.turn or 0.0, over=job.over or 0.0, about=about if job.turn else (0.0, 0.0)
+        )
+    return replace(edit, **_values(job, kind, words))
+
+
+def _check_uses(job, kind):
+    """Refuse what this kind of edit does not know."""
+    if kind != "move" and job.over is not None:
+        raise refused("--over", "is how long a --move takes to come and go, s")
+    if kind == "delay" and (job.start is not None or job.end is not None):
+        raise refused("--delay", "is for the whole run; to let animals stand for a while use --freeze --from --until")
+    if job.start is not None and job.end is not None and job.end <= job.start:
+        raise refused("--until", f"must be later than --from {job.start:g}, got {job.end:g}")
+
+
+def _values(job, kind, words):
+    if kind == "retime":
+        return {"speed": job.retime}
+    if kind == "delay":
+        return {"seconds": job.delay}
+    if kind != "look":
+        return {}
+    told = {}
+    for text in job.look:
+        name, mark, value = text.partition("=")
+        if name not in LOOKS or not mark:
+            raise refused("--look", f"is brush=NAME, species=NAME or size=TIMES; got {text!r}")
+        if name == "size":
+            told[name] = _numbers("--look size", value, (1,))[0]
+            if not 0.01 <= told[name] <= 100:
+                raise refused("--look size", f"must be 0.01 to 100 times, got {value}")
+        elif value not in words[name]:
+            raise refused("--look", f"there is no {name} {value!r} in this run; it has {', '.join(words[name])}")
+        else:
+            told[name] = value
+    return told
+
+
+def _numbers(option, text, counts):
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if len(found) not in counts or not all(np.isfinite(found)) or max(map(abs, found)) > 1e6:
+        raise refused(option, f"must be {' or '.join(map(str, counts))} numbers with commas between them, got {text!r}")
+    return found
+
+
+def _managed(job, file: EditFile):
+    """Undo, redo, switch or remove; what to say, None where nothing was asked for."""
+    if job.undo or job.redo:
+        edit = file.undo() if job.undo else file.redo()
+        if edit is None:
+            raise refused(file.path, f"there is nothing to {'undo' if job.undo else 'redo'}")
+        return f"{'undid' if job.undo else 'redid'}: {_sentence(edit)}"
+    for name, word in ((job.on, "on"), (job.off, "off"), (job.remove_layer, "removed")):
+        if name is None:
+            continue
+        layer = file.layer(name)
+        if layer is None:
+            known = ", ".join(one.name for one in file.layers) or "none"
+            raise refused(file.path, f"there is no layer {name!r}; there is {known}")
+        if word == "removed":
+            file.remove(name)
+        else:
+            layer.on = word == "on"
+        return f"layer {name}: {word}"
+    return None
+
+
+def _sentence(edit):
+    told = [f"{name} {getattr(edit, name)}" for name in USES[edit.kind] if getattr(edit, name) != getattr(Edit, name)]
+    when = f" from {edit.start:g} s" if edit.start else ""
+    when += f" until {edit.end:g} s" if edit.end != ALWAYS else ""
+    animals = f"{len(edit.ids)} animals" if len(edit.ids) > 1 else f"animal {edit.ids[0]}"
+    return f"{edit.kind} {animals}{when}{': ' if told else ''}{', '.join(told)}"
+
+
+def _report(job, file):
+    layers = [
+        {
+            "name": layer.name,
+            "on": layer.on,
+            "edits": [{**vars(e), "ids": ids_text(e.ids), "end": _end(e)} for e in layer.edits],
+        }
+        for layer in file.layers
+    ]
+    return {"recording": str(job.recording), "file": str(file.path), "layers": layers, "undone": len(file.undone)}
+
+
+def _end(edit):
+    return None if edit.end == ALWAYS else edit.end
+
+
+def _show(file):
+    if not file.layers:
+        print_line(f"{file.path}: no edits")
+        return
+    made = table("layer", "on", "edit", "chosen by", title=str(file.path))
+    for layer in file.layers:
+        for edit in layer.edits:
+            made.add_row(layer.name, "yes" if layer.on else "no", _sentence(edit), edit.because)
+    show(made)
+
+
+# exports ---------------------------------------------------------------------------------
+
+
+def applied(file: EditFile | None, run, simulation, stack, interrupts) -> EditedMoments | None:
+    """What exports must show of a recording with edits; None where there are none that are on.
+
+    Edits that change time make one pass over the recording before the exports begin.
+    """
+    edits = [] if file is None else file.edits()
+    if file is None or not edits:
+        return None
+    layers = sum(bool(layer.on and layer.edits) for layer in file.layers)
+    say(f"{file.path}: applied {len(edits)} edit{'s' * (len(edits) > 1)} of {layers} layer{'s' * (layers > 1)} "
+        "(--no-edits leaves them out)")  # fmt: skip
+    late = [animal for edit in edits if edit.kind in IN_TIME for animal in edit.ids]
+    past = None
+    if late:
+        past = Past(late, simulation.world.resource(Landscape).wrap)
+        stack.callback(past.close)
+        other = running.rebuild(run)
+        resume(run, other.world)
+        with stepping("edits of time", other, run.last_tick, interrupts) as stepped:
+            past.take(other)
+            while other.clock.tick < run.last_tick:
+                other.tick()
+                past.take(other)
+                stepped()
+    return EditedMoments(simulation, edits, past)
+
+
+def told_of(file: EditFile) -> dict[str, str]:
+    """What a page says of the edits it shows."""
+    return {"edits": file.path.name, "edits SHA-256": hashlib.sha256(file.path.read_bytes()).hexdigest()}

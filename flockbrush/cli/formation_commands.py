@@ -1,0 +1,293 @@
+"""The commands of formations: birds found, formations extracted, flights flown."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import time
+from pathlib import Path
+
+import numpy as np
+
+import flockbrush
+from flockbrush.behaviours.formation.extraction import extract
+from flockbrush.behaviours.formation.formation_shapes import load_formation, textbook, to_json
+from flockbrush.behaviours.formation.marks import read_marks
+from flockbrush.behaviours.formation.reaching import FormingRules
+from flockbrush.behaviours.formation.steady_flight import Drawing, SteadyFlight
+from flockbrush.engine.files import claimed, output_problems, refused, write_text
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.output.formation_brush import write_brush
+from flockbrush.render import write_png
+from flockbrush.render.canvas import Canvas
+from flockbrush.render.style import PALETTE, rgb, theme_of
+from flockbrush.runs.terminal import number, print_json, progress, say, show, table
+from flockbrush.systems.initiation import initiate, scattered, target_of
+
+
+def detect(paths, out, every, json):
+    """Find birds and write their marks."""
+    from flockbrush.film.birds_in_sky import mark
+
+    with claimed([out], paths):
+        rows, span, lost = mark(paths, every)
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["frame", "bird", "x_px", "y_px", "area_px", "wingspan_px"])
+        for frame, bird, patch in rows:
+            writer.writerow([frame, bird, f"{patch.x:.1f}", f"{patch.y:.1f}", f"{patch.area:.0f}", f"{span:.1f}"])
+        write_text(out, text.getvalue())
+        for line in lost[:20]:
+            say(line)
+        frames = len({row[0] for row in rows})
+        found = {
+            "frames": frames,
+            "birds": len(rows) // frames,
+            "wingspan_px": span,
+            "left_out": len(lost),
+            "out": str(out),
+        }
+        if json:
+            print_json(found)
+        else:
+            say(f"{found['birds']} birds in {frames} frames, wingspan about {span:.1f} pixels: {out}")
+
+
+def extract_formation(marks_path, out, plot, heading, wingspan, samples, json):
+    """Marks to a formation file."""
+    with claimed([path for path in (out, plot) if path], [marks_path]):
+        marks, used = read_marks(marks_path, heading, wingspan)
+        digest = hashlib.sha256(Path(marks_path).read_bytes()).hexdigest()
+        provenance = {
+            "marks": Path(marks_path).name, "sha256": digest, **used,
+            "method": "all samples" if samples is None else f"RANSAC, {samples} samples",
+            "made_by": f"flockbrush {flockbrush.__version__}",
+        }  # fmt: skip
+        name = Path(out if out else marks_path).name.split(".")[0]
+        formation = extract(marks, name, provenance, samples)
+        if out:
+            write_text(out, to_json(formation))
+        if plot:
+            draw_formation(plot, formation)
+        if json:
+            print_json({"kinds": formation.kinds(), "frames": [_summary(frame) for frame in formation.frames]})
+            return
+        lines = table(
+            "frame",
+            "shape",
+            "birds",
+            "leader",
+            "outliers",
+            "stragglers",
+            "spacing",
+            "deviation",
+            "why",
+            right=("birds",),
+        )
+        for frame in formation.frames:
+            s = _summary(frame)
+            lines.add_row(
+                s["frame"], s["kind"], str(s["birds"]), s["leader"],
+                " ".join(s["outliers"]) or "-", " ".join(s["stragglers"]) or "-",
+                f"{number(frame.spacing[0], 3)} ± {number(frame.spacing[1], 2)}",
+                f"{number(frame.deviation[0], 2)} ± {number(frame.deviation[1], 2)}", s["why"],
+            )  # fmt: skip
+        show(lines)
+
+
+def _summary(frame):
+    return {
+        "frame": frame.frame, "kind": frame.kind, "why": frame.why, "birds": len(frame.birds),
+        "leader": frame.birds[frame.leader], "outliers": [frame.birds[k] for k in frame.outliers],
+        "stragglers": [frame.birds[k] for k in frame.stragglers],
+        "spacing": frame.spacing, "deviation": frame.deviation,
+        "curve": None if frame.curve is None else {"model": frame.curve.model, "numbers": frame.curve.numbers},
+    }  # fmt: skip
+
+
+def fly(formation_path, birds, frames, fps, seed, left, exchange, method, epsilon, out, plot, json):
+    """A steady flight of a formation."""
+    with claimed([path for path in (out, plot) if path], [formation_path]):
+        formation = load_formation(formation_path)
+        birds = birds or len(formation.frames[0].birds)
+        began = time.perf_counter()
+        flight = SteadyFlight(formation, birds, seed, left, Drawing(epsilon=epsilon, method=method), exchange)
+        places = flight.frames(frames, fps)
+        said = flight.report(places, fps) | {"seconds_to_make": time.perf_counter() - began}
+        if out:
+            text = io.StringIO()
+            writer = csv.writer(text, lineterminator="\n")
+            writer.writerow(["frame", "bird", "x_b", "y_b"])
+            for f, place in enumerate(places):
+                writer.writerows([f, k, f"{x:.6f}", f"{y:.6f}"] for k, (x, y) in enumerate(place))
+            write_text(out, text.getvalue())
+        if plot:
+            _draw_flight(plot, places, flight)
+        if json:
+            print_json(said)
+            return
+        lines = table("measure", "value", right=("value",))
+        for key, value in said.items():
+            lines.add_row(key.replace("_", " "), number(value))
+        show(lines)
+
+
+def make_brush(formation_path, out, like):
+    """A brush that flies as an example does."""
+    _allow([out], [formation_path])
+    formation = load_formation(formation_path)
+    learned = write_brush(formation, out, like, str(formation.provenance.get("marks", formation_path.name)))
+    say(
+        f"{out}: "
+        + ", ".join(f"{key} {value if isinstance(value, str) else round(value, 3)}" for key, value in learned.items())
+    )
+
+
+def film_level(level, out, seconds, seed, theme):
+    """A level's flock from close by."""
+    if out.suffix.lower() not in (".mp4", ".png"):
+        raise refused(out, "a film's name ends in .mp4, a picture's in .png")
+    _allow([out], [])
+    from flockbrush.output.formation_film import film
+
+    with progress("filming", int(seconds * 16)) as moved:
+        said = film(level, out, seconds, seed, theme=theme, say=moved)
+    say(f"{out}: {said['frames']} frames; at the end a bird saves {number(said['saved'], 3)} (sum of g)")
+
+
+ADDITIONS = {
+    "all rules": {},
+    "no hidden-point removal": {"hidden_points": False},
+    "no separation drive": {"separation": False},
+    "any bird may be a reference": {"ahead_only": False},
+    "the nearest is the reference, every frame": {"loyal": False},
+    "K always positive": {"signed_gain": False},
+    "without a reference: straight on": {"homing": False},
+    "arms of any length": {"capacity": False},
+    "r without limit in eq. 6": {"farthest": float("inf")},
+    "no look ahead": {"look_ahead": 0.0},
+    "any direction off the track": {"onward": float(np.pi)},
+    "not parted in height": {"apart": False},
+}
+PAPER = {
+    "ahead_only": False, "loyal": False, "signed_gain": False, "homing": False, "capacity": False,
+    "farthest": float("inf"), "look_ahead": 0.0, "onward": float(np.pi), "apart": False,
+}  # fmt: skip
+
+
+def initiation(kinds, birds, runs, seed, ablate, out, json):
+    """Initiation from random places: how many flocks find into the shape, how soon, how near birds come."""
+    with claimed([out] if out else []):
+        without = {**ADDITIONS, "the paper alone": PAPER} if ablate else {"all rules": {}}
+        rows = []
+        with progress("initiation", len(without) * len(kinds) * len(birds)) as moved:
+            for name, changes in without.items():
+                for kind in kinds:
+                    for n in birds:
+                        moved(len(rows), f"{kind} of {n}, {name}")
+                        rows.append(
+                            {
+                                "rules": name,
+                                "shape": kind,
+                                "birds": n,
+                                **_cell(kind, n, runs, seed, FormingRules(**changes)),
+                            }
+                        )
+        if out:
+            text = io.StringIO()
+            writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+            write_text(out, text.getvalue())
+        if json:
+            print_json({"cells": rows})
+            return
+        lines = table(*[name.replace("_", " ") for name in rows[0]], right=("birds", "runs", "converged"))
+        for row in rows:
+            lines.add_row(*[number(value, 3) if isinstance(value, (int, float)) else value for value in row.values()])
+        show(lines)
+
+
+def _cell(kind, birds, runs, seed, rules):
+    """One cell of the table."""
+    goal = target_of(*textbook(kind, birds))
+    flown = [initiate(*scattered(birds, seed + run), goal, rules) for run in range(runs)]
+    frames = [one.frames for one in flown if one.frames >= 0]
+    return {
+        "runs": runs,
+        "converged": len(frames),
+        "median_frames": float(np.median(frames)) if frames else float("nan"),
+        "slowest": max(frames) if frames else float("nan"),
+        "least_distance": min(one.least for one in flown),
+        "longest_flock": max(one.longest for one in flown),
+    }
+
+
+def _allow(outputs, inputs):
+    problems = output_problems(outputs, inputs)
+    if problems:
+        raise ProblemsError(problems)
+
+
+# pictures ---------------------------------------------------------------------------------
+
+PANEL, EDGE, SHOWN = 420, 34, 6
+
+
+def draw_formation(path, formation, theme="light"):
+    """Up to six frames of a formation: birds, leader, outliers and the curve."""
+    frames = formation.frames
+    chosen = [frames[k] for k in np.unique(np.linspace(0, len(frames) - 1, SHOWN).round().astype(int))]
+    panels = [(_title(frame), np.c_[frame.x, frame.y], frame.leader, frame.outliers, frame.curve) for frame in chosen]
+    _draw_panels(path, panels, theme)
+
+
+def _title(frame):
+    return f"{frame.frame}: {frame.kind}" + ("" if frame.curve else f" ({frame.why})")
+
+
+def _draw_flight(path, places, flight):
+    chosen = np.unique(np.linspace(0, len(places) - 1, SHOWN).round().astype(int))
+    _draw_panels(path, [(f"frame {k}", places[k], flight.left, (), None) for k in chosen], "light")
+
+
+def _draw_panels(path, panels, theme):
+    """Panels of one scale, in rows of three."""
+    look = theme_of(theme)
+    columns = min(3, len(panels))
+    rows = -(-len(panels) // columns)
+    low = np.min([points.min(axis=0) for _, points, *_ in panels], axis=0) - 1.5
+    high = np.max([points.max(axis=0) for _, points, *_ in panels], axis=0) + 1.5
+    scale = (PANEL - 20) / (high - low).max()
+    tall = int((high - low)[1] * scale) + EDGE + 20
+    image = np.full((rows * tall + 10, columns * PANEL + 10, 3), rgb(look.paper), np.uint8)
+    canvas = Canvas(image)
+    for k, (title, points, leader, outliers, curve) in enumerate(panels):
+        corner = np.array([k % columns * PANEL + 10, k // columns * tall + EDGE], float)
+        canvas.words(title[:60], corner + (0, -EDGE / 2), 17, look.ink, anchor=(0, 0.5))
+
+        def at(xy, corner=corner):
+            return corner + (np.asarray(xy) - (low[0], high[1])) * (scale, -scale)
+
+        if curve is not None:
+            x = np.linspace(points[:, 0].min() - 0.5, points[:, 0].max() + 0.5, 200)
+            canvas.line(at(np.c_[x, curve.y(x)]), 2, rgb(PALETTE[0]), 0.6)
+        canvas.line([at((low[0] + 0.5, low[1] + 0.5)), at((low[0] + 1.5, low[1] + 0.5))], 2, look.muted)
+        canvas.words("1 wingspan", at((low[0] + 1.7, low[1] + 0.5)), 13, look.muted, anchor=(0, 0.5))
+        for bird, xy in enumerate(points):
+            _bird(canvas, at(xy), scale, look.leader if bird == leader else look.ink, look.outline)
+            if bird in outliers:
+                canvas.ring(at(xy), max(8.0, 0.7 * scale), 2, look.predator)
+    write_png(path, image)
+
+
+def _bird(canvas, at, scale, colour, rim):
+    """A bird seen from above that flies up the picture, one wingspan wide."""
+    b = max(scale, 14.0) / 2
+    wing = np.array(
+        [(-1, 0.35), (-0.5, -0.05), (0, -0.12), (0.5, -0.05), (1, 0.35), (0.45, 0.25), (0, 0.3), (-0.45, 0.25)]
+    )
+    canvas.area(at + b * wing, colour)
+    canvas.line(at + b * wing, 1, rim, 0.7, closed=True)
+    canvas.line([at + (0, -0.35 * b), at + (0, 0.55 * b)], max(1.5, 0.16 * b), colour)

@@ -1,0 +1,160 @@
+"""JSON schemas of brush, level and sweep files, from which editors complete names and show units and bounds.
+
+Everything is generated from what the readers check against: the models' parameters, the classes of level things and
+the specification of sweeps.  The readers check more (names that must exist, sums, geometry) and give better messages.
+"""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+from flockbrush.behaviours import brush
+from flockbrush.behaviours.behaviour import behaviours
+from flockbrush.levels.schema import CLASSES, ObjectClass, Property
+from flockbrush.studies import sweep_file
+from flockbrush.studies.experiments import experiments
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+Schema = dict[str, Any]
+
+
+def brush_schema() -> Schema:
+    """Of ``NAME.brush.toml``: `parameters` are those of the model that the file names."""
+    schema = brush.Brush.model_json_schema()
+    properties = schema["properties"]
+    for name in ("name", "params"):  # the file's name, and what `parameters` becomes
+        del properties[name]
+    schema["required"] = ["schema", *(name for name in schema["required"] if name in properties)]
+    properties["schema"] = {"const": brush.SCHEMA}
+    properties["model"]["enum"] = list(behaviours())
+    properties["parameters"] = {"type": "object", "description": "the parameters of the model"}
+    schema["allOf"] = []
+    for name, model in behaviours().items():
+        parameters = model.Params.model_json_schema()
+        schema["$defs"] |= parameters.pop("$defs", {})
+        schema["$defs"][f"parameters of {name}"] = parameters | {"title": f"parameters of {name}"}
+        then = {"properties": {"parameters": {"$ref": f"#/$defs/parameters of {name}"}}}
+        schema["allOf"].append({"if": {"properties": {"model": {"const": name}}}, "then": then})
+    return _titled(schema, "Flockbrush brush", f"a file NAME{brush.SUFFIX}")
+
+
+def sweep_schema() -> Schema:
+    """Of ``NAME.sweep.toml``."""
+    schema = sweep_file.document_schema()
+    values = {"type": ["object", "array", "string", "number", "boolean"]}
+    schema["properties"] |= {
+        "schema": {"const": sweep_file.SCHEMA},
+        "grid": {"type": "object", "description": "every combination of these", "additionalProperties": values},
+        "fixed": {"type": "object", "description": "the same in every run"},
+        "case": {
+            "type": "array",
+            "description": "combined with the grid, one after the other",
+            "items": {"type": "object", "required": ["title"], "properties": {"title": {"type": "string"}}},
+        },
+    }
+    schema["properties"]["experiment"]["enum"] = list(experiments())
+    schema["required"] = ["schema", *schema["required"]]
+    return _titled(schema, "Flockbrush sweep", f"a file NAME{sweep_file.SUFFIX}")
+
+
+def level_schema() -> Schema:
+    """Of ``NAME.tmj``: a map of Tiled's JSON format whose classes and properties are ours."""
+    classes = [c for c in CLASSES.values() if c.use == "object"]
+    schema: Schema = {
+        "type": "object",
+        "required": ["type", "layers", "width", "height", "tilewidth", "tileheight", "properties"],
+        "properties": {
+            "type": {"const": "map"},
+            "orientation": {"const": "orthogonal"},
+            "width": {"type": "integer", "minimum": 1, "description": "tiles"},
+            "height": {"type": "integer", "minimum": 1, "description": "tiles"},
+            "properties": _properties(CLASSES["FlockbrushLevel"]),
+            "layers": {"type": "array", "items": {"$ref": "#/$defs/layer"}},
+            "tilesets": {"type": "array", "items": {"type": "object"}},
+        },
+        "$defs": {
+            "layer": {
+                "type": "object",
+                "required": ["name", "type"],
+                "properties": {
+                    "name": {"type": "string"},
+                    "type": {"enum": ["tilelayer", "objectgroup", "imagelayer", "group"]},
+                    "layers": {"type": "array", "items": {"$ref": "#/$defs/layer"}},
+                    "objects": {"type": "array", "items": {"$ref": "#/$defs/object"}},
+                },
+            },
+            "object": {
+                "type": "object",
+                "required": ["id", "x", "y"],
+                "properties": {
+                    "id": {"type": "integer"},
+                    "name": {"type": "string"},
+                    "type": {"type": "string", "description": "class: " + ", ".join(c.name for c in classes)},
+                    "x": {"type": "number", "description": "pixels from the left edge"},
+                    "y": {"type": "number", "description": "pixels from the top edge"},
+                },
+                "allOf": [
+                    {
+                        "if": {"required": ["type"], "properties": {"type": {"const": c.name}}},
+                        "then": {"properties": {"properties": {"$ref": f"#/$defs/properties of {c.name}"}}},
+                    }
+                    for c in classes
+                ],
+            },
+            **{f"properties of {c.name}": _properties(c) for c in classes},
+        },
+    }
+    return _titled(schema, "Flockbrush level", "a map of the Tiled editor, NAME.tmj")
+
+
+SCHEMAS = {"brush": brush_schema, "level": level_schema, "sweep": sweep_schema}
+
+
+def _titled(schema, title, description):
+    schema = copy.deepcopy(schema)
+    return {"$schema": DIALECT, "title": title, "description": description} | {
+        name: value for name, value in schema.items() if name not in ("title", "description")
+    }
+
+
+def _properties(cls: ObjectClass) -> Schema:
+    """Tiled's list of custom properties: one item for each property of a class."""
+    names: Schema = {"type": "string"} if cls.open else {"enum": [p.name for p in cls.properties]}
+    item = {
+        "type": "object",
+        "required": ["name", "value"],
+        "properties": {"name": names, "type": {"type": "string"}},
+        "allOf": [
+            {
+                "if": {"properties": {"name": {"const": p.name}}},
+                "then": {"properties": {"value": _value(p)}},
+            }
+            for p in cls.properties
+        ],
+    }
+    given = [{"contains": {"properties": {"name": {"const": p.name}}}} for p in cls.properties if p.required]
+    schema = {"type": "array", "description": cls.meaning, "items": item}
+    return schema | ({"allOf": given} if given else {})
+
+
+_TYPES = {  # of the kinds that are no texts
+    "number": "number",
+    "int": "integer",
+    "bool": "boolean",
+    "heading": ["string", "number"],
+    "goal": ["string", "integer"],
+}
+
+
+def _value(p: Property) -> Schema:
+    bounds = {"minimum": p.low, "maximum": p.high, "exclusiveMinimum": p.above}
+    schema = {
+        "type": _TYPES.get(p.kind, "string"),
+        "description": p.meaning + (f" ({p.unit})" if p.unit else ""),
+        "default": p.default,
+        **{name: bound for name, bound in bounds.items() if bound is not None},
+    }
+    if p.values:
+        schema["enum"] = list(p.values)
+    return schema

@@ -1,0 +1,118 @@
+"""Lifting a flock: tracks of birds in one camera become a flight in space, with headings and banking."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from flockbrush.engine.files import held, output_problems, refused
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.film.tracks import read_tracks
+from flockbrush.lifting.flight_files import write_flight
+from flockbrush.lifting.lens import read_camera
+from flockbrush.lifting.lift_solver import LiftError, LiftWish, lift
+from flockbrush.lifting.lift_thesis import lift_by_thesis
+from flockbrush.runs.terminal import number, print_json, say, show, table
+
+METHODS = {"smooth": lift, "cobyla": lift_by_thesis}
+
+
+def lift_tracks(tracks, camera, out, method="smooth", near=None, far=None, as_json=False, made=None, **wishes):
+    """Read tracks and camera, lift, write the flight, and print what there is to know of it.
+
+    Parameters
+    ----------
+    tracks, camera, out : path
+    method : {"smooth", "cobyla"}
+        The global solve, or the thesis' frame-by-frame descent.
+    near, far : float, optional
+        Metres, instead of the camera's.
+    made : (path, int or None, float or None), optional
+        A formation brush to be made, from the birds of a frame, of a wingspan in metres.
+    **wishes
+        Of `flockbrush.lifting.lift_solver.LiftWish`.
+
+    Raises
+    ------
+    ProblemsError
+        With file, line and column; nothing has been written then.
+    """
+    problems = output_problems([out, *(made or ())[:1]], [tracks, camera])
+    if problems:
+        raise ProblemsError(problems)
+    with held(out):
+        _lift(tracks, camera, out, method, (near, far), as_json, made, wishes)
+
+
+def _lift(tracks, camera, out, method, bounds, as_json, made, wishes):
+    """What `lift_tracks` does while nobody else may write the flight."""
+    lens = _with_bounds(camera, read_camera(camera), *bounds)
+    seen = read_tracks(tracks)
+    begin = time.perf_counter()
+    try:
+        flight = METHODS[method](seen, lens, LiftWish(**wishes))
+    except LiftError as error:
+        raise refused(tracks, str(error)) from None
+    seconds = time.perf_counter() - begin
+    write_flight(out, flight)
+    _tell(out, flight, seconds, method, as_json)
+    if made is not None:
+        _make_brush(tracks, flight, lens, *made, as_json)
+
+
+def _make_brush(tracks, flight, lens, path, frame, wingspan, as_json):
+    """Write the formation brush of a frame; the flight is written whatever becomes of that."""
+    from flockbrush.lifting.flight_show import Show
+
+    last = flight.first + len(flight.xyz) - 1
+    frame = (flight.first + last) // 2 if frame is None else frame
+    if not flight.first <= frame <= last:
+        raise refused(tracks, f"has frames {flight.first} to {last}; there is no frame {frame}")
+    if wingspan is not None and not (np.isfinite(wingspan) and wingspan > 0):
+        raise refused("--wingspan", f"must be above 0 m, got {wingspan:g}")
+    said = Show(flight, str(tracks), lens, span=wingspan).formation_brush(frame - flight.first, path)
+    if not as_json:
+        say(said)
+
+
+def _with_bounds(path, camera, near, far):
+    own = near, far
+    near, far = camera.near if near is None else near, camera.far if far is None else far
+    if not 0 < near < far:
+        asked = [f"--{name}" for name, value in (("near", own[0]), ("far", own[1])) if value is not None]
+        whose = f" with {' and '.join(asked)}" if asked else ""
+        raise refused(path, f"near must be above 0 and less than far, got {near:g} and {far:g} m{whose}")
+    return camera.model_copy(update={"near": near, "far": far})
+
+
+def _tell(out, flight, seconds, method, as_json):
+    low, high = float(np.nanmin(flight.depth)), float(np.nanmax(flight.depth))
+    facts = {
+        "birds": len(flight.ids),
+        "frames": len(flight.xyz),
+        "method": method,
+        "nearest_m": low,
+        "farthest_m": high,
+        "noise_px": flight.noise,
+        "seconds": seconds,
+        "notes": flight.notes,
+        "file": str(out),
+    }
+    if as_json:
+        print_json(facts)
+        return
+    made = table("what", "value", right=("value",))
+    for name, value in (
+        ("birds", facts["birds"]),
+        ("frames", facts["frames"]),
+        ("nearest, m", low),
+        ("farthest, m", high),
+        ("noise of the tracks, px", flight.noise),
+        ("solved in, s", seconds),
+    ):
+        made.add_row(name, number(value))
+    show(made)
+    for note in flight.notes:
+        say(f"note: {note}")
+    say(f"wrote {out}")

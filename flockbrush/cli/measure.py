@@ -1,0 +1,137 @@
+"""Measuring recordings: the measures over time as a table, as JSON, as a picture."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from flockbrush.cli.commands import check_png, meaning_of, opened, stepping, use_threads
+from flockbrush.engine.files import whole
+from flockbrush.engine.parallel import threads
+from flockbrush.engine.recording import resume
+from flockbrush.runs import run as running
+from flockbrush.runs import terminal
+from flockbrush.runs.level_counts import Counts
+from flockbrush.runs.terminal import number, print_json, print_line, show, table
+from flockbrush.runs.v_measures import v_indicators
+
+
+def series_of(run, simulation, every, step=lambda: None):
+    """Live a recording and measure it.
+
+    Parameters
+    ----------
+    run : RecordedRun
+    simulation : Simulation
+        After `flockbrush.engine.recording.resume`.
+    every : float
+        Seconds between two moments; the last tick is measured too.
+    step : callable
+        Called after every tick.
+
+    Returns
+    -------
+    dict of str to list
+        ``time`` in seconds, then one list for each measure; NaN where it has no meaning.
+    """
+    counts, series = Counts(simulation), {}
+    gap = max(1, round(every / simulation.clock.dt))
+
+    def take():
+        formation = v_indicators(simulation)
+        formation.pop("shape", None)
+        for name, value in {
+            "time": simulation.clock.now,
+            **simulation.measures(),
+            **counts.values(),
+            **formation,
+        }.items():
+            series.setdefault(name, []).append(value)
+
+    take()
+    while simulation.clock.tick < run.last_tick:
+        simulation.tick()
+        counts.take()
+        if simulation.clock.tick % gap == 0 or simulation.clock.tick == run.last_tick:
+            take()
+        step()
+    return series
+
+
+def measure_recording(path, plot, every, thread_count, json):
+    """Measure a recording; print it and draw it."""
+    if not math.isfinite(every):
+        every = 3600.0
+    if plot is not None:
+        check_png(plot, [path], hint="--plot")
+    run = opened(path)
+    use_threads(thread_count)
+    with terminal.Interrupts() as interrupts, terminal.compiling():
+        simulation = running.rebuild(run)
+        resume(run, simulation.world)
+        with stepping(Path(path).name, simulation, run.last_tick, interrupts) as step:
+            series = series_of(run, simulation, every, step)
+    if plot is not None:
+        from flockbrush.output.plot import draw_series
+        from flockbrush.systems.measures import measures
+
+        plotted = [name for name, found in measures().items() if found.plotted]
+
+        with whole(plot) as temporary:
+            draw_series(temporary, series, f"{simulation.level.name}, seed {run.header['seed']}", plotted)
+    if json:
+        print_json(
+            {
+                "recording": str(path),
+                "level": simulation.level.name,
+                "seed": simulation.origin["seed"],
+                "ticks": run.last_tick,
+                "threads": threads(),
+                "measures": {name: values[-1] for name, values in series.items() if name != "time"},
+                "mean": {name: mean_of(values) for name, values in series.items() if name != "time"},
+                "series": series,
+                **simulation.parts(),
+                "states": simulation.states(),
+                "transitions": simulation.transitions(),
+                "plot": str(plot) if plot else None,
+            }
+        )
+    else:
+        title = f"{simulation.level.name}: {len(series['time'])} moments of {simulation.clock.now:g} s"
+        show_series(title, series, plot)
+
+
+def mean_of(values):
+    """Mean of the numbers that have a meaning."""
+    numbers = [value for value in values if value == value]
+    return sum(numbers) / len(numbers) if numbers else math.nan
+
+
+def show_series(title, series, plot=None):
+    """Print measures over time as a table with small curves."""
+    right = ("start", "mean", "end")
+    made = table("measure", "start", "mean", "end", "over time", "meaning", title=title, right=right)
+    for name, values in series.items():
+        if name != "time":
+            cells = (number(values[0]), number(mean_of(values)), number(values[-1]))
+            made.add_row(name, *cells, sparkline(values), meaning_of(name))
+    show(made)
+    if plot:
+        print_line(f"wrote {plot}")
+
+
+def sparkline(values, width=24):
+    """A tiny plot in characters, lowest to highest value; a space where there is none."""
+    marks = "▁▂▃▄▅▆▇█"
+    values = np.array(values, float)
+    at = np.unique(np.linspace(0, len(values) - 1, min(width, len(values))).astype(int))
+    shown = values[at]
+    known = shown[np.isfinite(shown)]
+    if not len(known):
+        return ""
+    low, span = known.min(), np.ptp(known)
+    return "".join(
+        " " if not np.isfinite(v) else marks[int(7.999 * (v - low) / span)] if span > 0 else marks[0] for v in shown
+    )

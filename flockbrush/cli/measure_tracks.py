@@ -1,0 +1,82 @@
+"""Measuring tracks: the measures of `flockbrush measure` on animals that were followed, not simulated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flockbrush.cli.commands import check_png
+from flockbrush.cli.measure import mean_of, show_series
+from flockbrush.engine.files import whole
+from flockbrush.film.observations import Evidence
+from flockbrush.film.open_clip import Looking, look_at, tell_notes
+from flockbrush.runs import terminal
+from flockbrush.systems.measures import herd_measures, measures
+
+
+def series_of_tracks(evidence: Evidence, every: float) -> dict[str, list]:
+    """The measures over time, {"time" and each measure: values}.
+
+    Lengths are metres where the tracks are in metres, else body lengths.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Of `flockbrush.film.track_evidence.evidence_of_tracks`.
+    every : float
+        Seconds between two moments; the last frame is measured too.
+    """
+    seen, fps = evidence.sightings, evidence.fps
+    assert seen is not None  # tracks are of single animals
+    length = evidence.body_length_px if evidence.length_unit == "m" else 1.0
+    last = len(evidence.fields) - 1
+    frames = [*range(0, last, max(1, round(every * fps))), last]
+    series: dict[str, list] = {}
+    for t in frames:
+        rows = seen.of(t)
+        if rows.stop - rows.start < 2:
+            continue
+        flat = np.zeros((rows.stop - rows.start, 1))
+        forward = np.hstack([seen.forward[rows], flat])
+        velocity = forward * np.nan_to_num(seen.speed[rows])[:, None] * length
+        found = herd_measures(np.hstack([seen.xy[rows] * length, flat]), velocity, forward, length)
+        for name, value in {"time": t / fps, **found}.items():
+            series.setdefault(name, []).append(value)
+    return series
+
+
+def measure_tracks(path, looking: Looking, plot=None, every=1.0, as_json=False):
+    """Measure a file of tracks; print it and draw it.
+
+    Raises
+    ------
+    ProblemsError
+        When the file cannot be read.
+    """
+    if plot is not None:
+        check_png(plot, [path], hint="--plot")
+    with terminal.Interrupts(), terminal.compiling():
+        evidence = look_at(path, looking)
+        series = series_of_tracks(evidence, every)
+    unit = "m" if evidence.length_unit == "m" else "body lengths"
+    animals = 0 if evidence.sightings is None else len(np.unique(evidence.sightings.track))
+    if plot is not None:
+        from flockbrush.output.plot import draw_series
+
+        plotted = [name for name, found in measures().items() if found.plotted]
+        with whole(plot) as temporary:
+            draw_series(temporary, series, f"{evidence.name}, lengths in {unit}", plotted)
+    if as_json:
+        numbers = {name: values for name, values in series.items() if name != "time"}
+        terminal.print_json(
+            {
+                "tracks": str(path), "sha256": evidence.sha256, "fps": evidence.fps, "unit": unit,
+                "animals": animals, "notes": evidence.notes,
+                "measures": {name: values[-1] for name, values in numbers.items()},
+                "mean": {name: mean_of(values) for name, values in numbers.items()},
+                "series": series, "plot": str(plot) if plot else None,
+            }
+        )  # fmt: skip
+        return
+    tell_notes(path, evidence)
+    title = f"{evidence.name}: {len(series['time'])} moments of {series['time'][-1]:g} s, lengths in {unit}"
+    show_series(title, series, plot)

@@ -1,0 +1,287 @@
+"""The commands of programs: listed, shown, checked, tried on a plane; and events of runs."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import typer
+
+from flockbrush.behaviours.brush import BrushLibrary, shipped
+from flockbrush.behaviours.program import SUFFIX, known_brushes, load_program, shipped_programs
+from flockbrush.behaviours.program_writer import shares, toml, trigger_table
+from flockbrush.behaviours.species import shipped_species
+from flockbrush.behaviours.trigger import ANYONE, KIN, OTHERS
+from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
+from flockbrush.levels.build import build
+from flockbrush.levels.schema import Level, Spawn
+from flockbrush.runs import terminal
+from flockbrush.runs.terminal import print_json, print_line, say, show, styled, table
+from flockbrush.systems.program_commands import Event
+from flockbrush.systems.program_reports import counts, transitions
+
+DENSITY = 0.25  # animals per square body length at the start of a test
+INTRUDER_AFTER = 5.0  # s
+
+
+# files ---------------------------------------------------------------------------------------
+
+
+def find_program(name):
+    """(program, its file) by its name, or from a file; ProblemsError."""
+    if Path(name).name != name or name.endswith(SUFFIX) or Path(name).suffix:
+        return load_program(Path(name)), str(name)
+    return shipped_programs().get(name), f"{name}{SUFFIX}"
+
+
+def brushes_beside(name):
+    """The brushes a program file can name: those in a folder ``brushes`` beside it or one above, and the shipped."""
+    here = Path(name).parent
+    own = [folder / "brushes" for folder in (here, here.parent) if (folder / "brushes").is_dir()]
+    return BrushLibrary([*own, *shipped().folders])
+
+
+def list_programs(json):
+    """The shipped programs, a line each."""
+    library = shipped_programs()
+    programs = [library.get(name) for name in library.names()]
+    if json:
+        print_json([{"name": p.name, "title": p.title, "states": list(p.states), "sha256": p.sha256} for p in programs])
+        return
+    made = table("program", "states", "triggers", "what it does", right=("triggers",))
+    for program in programs:
+        made.add_row(program.name, ", ".join(program.states), str(len(program.triggers)), program.description)
+    show(made)
+
+
+def show_program(name, json):
+    """Everything a program says."""
+    program, _ = find_program(name)
+    if json:
+        print_json(as_json(program))
+        return
+    show(styled("[bold]{}[/]   {}", program.title or program.name, program.name))
+    if program.description:
+        show(program.description)
+    if program.source_note:
+        show(f"source: {program.source_note}")
+    made = table("state", "brush", "for", "then", "raises")
+    for state, told in program.states.items():
+        then = "-" if told.then is None else _shares(told.then)
+        cells = (told.brush or "its own", str(told.lasts or "-"), then, told.emits or "-")
+        made.add_row(styled("[{}]██[/] {}", told.colour, state) if told.colour else state, *cells)
+    show(made)
+    made = table("trigger", "from", "to", "when", "delay")
+    for trigger in program.triggers:
+        cells = trigger.name or "-", ", ".join(trigger.sources), trigger.to, _when(trigger), str(trigger.delay or "-")
+        made.add_row(*cells)
+    show(made)
+    print_line(f"begins in {_shares(program.beginnings)}; sha256 {program.sha256}")
+
+
+def as_json(program):
+    """A program as plain data."""
+    return {
+        "schema": "flockbrush.program/1",
+        "sha256": program.sha256,
+        "name": program.name,
+        "title": program.title,
+        "description": program.description,
+        "start": dict(program.beginnings),
+        "states": {
+            name: {
+                "brush": state.brush,
+                "for": None if state.lasts is None else str(state.lasts),
+                "then": None if state.then is None else dict(state.then),
+                "emits": state.emits,
+                "emits_within": None if state.emits_within is None else str(state.emits_within),
+                "colour": state.colour,
+            }
+            for name, state in program.states.items()
+        },
+        "triggers": [
+            {name: str(value) if name == "delay" else value for name, value in trigger_table(trigger).items()}
+            for trigger in program.triggers
+        ],
+    }
+
+
+def _shares(pairs):
+    told = shares(pairs)
+    return told if isinstance(told, str) else ", ".join(f"{name} {weight:g}" for name, weight in told.items())
+
+
+def _when(trigger):
+    return toml(trigger_table(trigger)["when"])
+
+
+def check_programs(files):
+    """Print everything that is wrong with programs, as a compiler would, and what is odd about them."""
+    bad = False
+    for name in files:
+        try:
+            program, file = find_program(name)
+            wrong = known_brushes(program, brushes_beside(name).names(), file)
+            if wrong:
+                raise ProblemsError(wrong)
+        except ProblemsError as error:
+            bad = True
+            print_line(error)
+            continue
+        for line in oddities(program, file):
+            say(f"note: {line}")
+        told = f"{len(program.states)} states, {len(program.triggers)} triggers"
+        print_line(f"{name}: ok: {program.title or program.name}, {told}")
+    if bad:
+        raise typer.Exit(terminal.PROBLEM)
+
+
+def oddities(program, file):
+    """Problems that are no mistakes: states that nothing leads to, species that no file describes."""
+    reached = {name for name, _ in program.beginnings} | {trigger.to for trigger in program.triggers}
+    reached |= {name for state in program.states.values() for name, _ in state.then or ()}
+    for name in program.states:
+        if name not in reached:
+            yield Problem(file, None, f"state.{name}", "no trigger leads to it; only a command can")
+    known = shipped_species().names()
+    for name in program.references("species"):
+        if name not in (ANYONE, KIN, OTHERS, *known):
+            message = f"no shipped species is called {name!r}{did_you_mean(name, known)}"
+            yield Problem(file, None, None, message)
+
+
+# on a plane ------------------------------------------------------------------------------------
+
+
+def plane_for(program, library, animals, species, intruder, seed, body=None):
+    """A herd in the program on an endless plane, and one intruder that comes later, or none.
+
+    Parameters
+    ----------
+    intruder : (str, str) or None
+        Species and brush.
+    """
+    brush = next(iter(program.brushes), "graze")
+    body = shipped_species().get(species).body.length if species in shipped_species().names() else 1.0
+    side = math.sqrt(animals / DENSITY) * body
+    size = side + 200.0
+    low, high = 0.5 * (size - side), 0.5 * (size + side)
+    herd = Spawn(
+        1, "herd", _box(low, low, high, high), species, brush, animals, None, None, 0.0, 0.0, 0.0, "scatter",
+        program=program.name,
+    )  # fmt: skip
+    spawns = [herd]
+    if intruder is not None:
+        west = low - 40.0
+        place = _box(west, 0.5 * size - 4.0, west + 8.0, 0.5 * size + 4.0)
+        spawns.append(Spawn(2, "intruder", place, *intruder, 1, 0.0, None, 0.0, INTRUDER_AFTER, 0.0, "scatter"))
+    level = Level("plane", None, size, size, max(size / 64, 4.0), "open", seed, spawns=spawns)
+    level.programs = {program.name: program}
+    return build(level, library=library)
+
+
+def _box(west, south, east, north):
+    return np.array([(west, south), (east, south), (east, north), (west, north)], float)
+
+
+def test_program(name, animals, seconds, seed, species, intruder, events, json):
+    """Run a program on a plane; print how many were in which state, and what led where."""
+    program, file = find_program(name)
+    library = brushes_beside(name)
+    wrong = known_brushes(program, library.names(), file)
+    if wrong:
+        raise ProblemsError(wrong)
+    for what in ("region", "goal", "place"):
+        for place in program.references(what):
+            say(f"note: {file}: there is no {what} {place!r} on a plane; triggers that ask for it do not fire")
+    told = read_intruder(intruder, library)
+    with terminal.Interrupts() as interrupts, terminal.compiling():
+        simulation = plane_for(program, library, animals, species, told, seed)
+        submit_events(simulation, events)
+        series, every = [], max(1, round(seconds / 8 / simulation.clock.dt))
+        ticks = round(seconds / simulation.clock.dt)
+        with terminal.progress(program.name, ticks) as bar:
+            for tick in range(ticks + 1):
+                if tick:
+                    simulation.tick()
+                if tick % every == 0 or tick == ticks:
+                    series.append((simulation.clock.now, counts(simulation.world)[program.name]))
+                interrupts.check()
+                bar(tick)
+    found = {
+        "program": program.name,
+        "animals": animals,
+        "seconds": seconds,
+        "seed": seed,
+        "states": [{"time": time, **here} for time, here in series],
+        "transitions": transitions(simulation.world)[program.name],
+    }
+    print_json(found) if json else _show_test(program, series, found)
+
+
+def _show_test(program, series, found):
+    names = list(program.states)
+    title = f"{program.name}: {found['animals']} animals on a plane, seed {found['seed']}"
+    made = table("seconds", *names, title=title, right=("seconds", *names))
+    for time, here in series:
+        made.add_row(f"{time:g}", *(str(here[name]) for name in names))
+    show(made)
+    show(transition_table(names, found["transitions"]))
+    silent = [t for t in program.triggers if not any(t.to in found["transitions"].get(s, {}) for s in program.states)]
+    for trigger in silent:
+        say(f"note: no animal came to {trigger.to} ({trigger.name or _when(trigger)})")
+
+
+def transition_table(names, went):
+    """How often animals went from the state of a row to that of a column."""
+    made = table("from \\ to", *names, title="transitions", right=tuple(names))
+    for name in names:
+        made.add_row(name, *(str(went.get(name, {}).get(to, "·")) for to in names))
+    return made
+
+
+def read_intruder(text, library):
+    """(species, brush) of "wolf:wolf-hunt"; None for none."""
+    if not text:
+        return None
+    species, _, brush = text.partition(":")
+    if not species or not brush:
+        raise typer.BadParameter(f"must be SPECIES:BRUSH such as wolf:wolf-hunt, got {text!r}", param_hint="--intruder")
+    if brush not in library.names():
+        hint = did_you_mean(brush, library.names())
+        raise typer.BadParameter(f"there is no brush {brush!r}{hint}", param_hint="--intruder")
+    return species, brush
+
+
+# events of a run ---------------------------------------------------------------------------------
+
+_EVENT = re.compile(r"(?P<at>[^:]+):(?P<name>[^@]+)(?:@(?P<place>.+))?")
+
+
+def read_event(text):
+    """(seconds, `Event`) of "2.5:alarm", or of "2.5:alarm@120,80,15" for those within 15 m of (120, 80)."""
+    found = _EVENT.fullmatch(text)
+    wrong = f"must be SECONDS:NAME or SECONDS:NAME@X,Y,RADIUS such as 2.5:alarm, got {text!r}"
+    if found is None:
+        raise typer.BadParameter(wrong, param_hint="--event")
+    try:
+        at = float(found["at"])
+        place = [float(word) for word in found["place"].split(",")] if found["place"] else [0.0, 0.0, 0.0]
+    except ValueError:
+        raise typer.BadParameter(wrong, param_hint="--event") from None
+    if len(place) != 3 or not all(map(math.isfinite, (at, *place))) or at < 0 or place[2] < 0 or at > 1e7:
+        raise typer.BadParameter(wrong, param_hint="--event")
+    return at, Event(found["name"].strip(), *place)
+
+
+def submit_events(simulation, texts):
+    """Have the events of a command line happen at their times; typer.BadParameter for one that nobody listens for."""
+    for text in texts or ():
+        at, event = read_event(text)
+        try:
+            event.check(simulation.world)
+        except ValueError as error:
+            raise typer.BadParameter(str(error), param_hint="--event") from None
+        simulation.submit(event, math.ceil(at / simulation.clock.dt - 1e-9))

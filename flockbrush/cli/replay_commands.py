@@ -1,0 +1,89 @@
+"""The command ``flockbrush replay``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from flockbrush.cli.commands import differing, measures_table, opened, stepping, use_threads
+from flockbrush.cli.show_desync import show_build, show_desync
+from flockbrush.engine.parallel import threads
+from flockbrush.engine.recording import RecordingError, first_difference, resume, state_hash
+from flockbrush.runs import run as running
+from flockbrush.runs import terminal
+from flockbrush.runs.desync import HERE, THERE, check_folder, investigate, write_report
+from flockbrush.runs.terminal import print_json, print_line, show
+
+
+def replay_recording(path, verify, to_tick, thread_count, json, folder=None):
+    """Live a recording again, compared or not."""
+    if folder is not None:
+        check_folder(folder)
+    run = opened(path)
+    end = run.last_tick if to_tick is None else to_tick
+    if end > run.last_tick:
+        raise RecordingError(f"{path}: the recording ends with tick {run.last_tick}; there is no tick {to_tick}")
+    use_threads(thread_count)
+    difference = desync = None
+    with terminal.Interrupts() as interrupts, terminal.compiling():
+        simulation = running.rebuild(run)
+        watch = running.Stopwatch(simulation)
+        with stepping(Path(path).name, simulation, end, interrupts) as stepped:
+            if verify:
+                difference = _compare(run, simulation, watch, end, stepped)
+            else:
+                running.go_to(run, simulation, end, stepped)
+        report = _report(run, simulation)
+        if verify:
+            compared = sum(tick <= simulation.clock.tick for tick in run.hashes)
+            report |= {"verified": difference is None, "compared": compared, "seconds_per_tick": watch.per_tick()}
+            report["first_difference"] = None if difference is None else vars(difference)
+        if difference is not None:
+            desync = investigate(run, difference, simulation, lambda: running.rebuild(run))
+            report |= {"build": differing(run), "desync": desync.as_json()}
+    written = []
+    if desync is not None and folder is not None:
+        written = write_report(folder, simulation.world, desync, report)
+    if json:
+        print_json(report | ({"files": [str(file) for file in written]} if written else {}))
+    elif difference is not None:
+        print_line(f"{path}: {difference}")
+        show_build(report["build"])
+        show_desync(desync, (THERE, HERE), written)
+    else:
+        _show_replay(report, verify)
+    if difference is not None:
+        raise typer.Exit(terminal.PROBLEM)
+
+
+def _report(run, simulation):
+    return {
+        "recording": str(run.path),
+        "level": simulation.level.name,
+        "seed": simulation.origin["seed"],
+        "tick": simulation.clock.tick,
+        "agents": len(simulation.agents),
+        "threads": threads(),
+        "truncated": run.truncated,
+        "hash": state_hash(simulation.world),
+        "measures": simulation.measures(),
+    }
+
+
+def _compare(run, simulation, watch, end, stepped):
+    if not run.hashes:
+        raise RecordingError(f"{run.path}: the recording holds no state to compare with")
+    resume(run, simulation.world)
+    return first_difference(run, simulation.world, watch.tick, end, stepped)
+
+
+def _show_replay(report, verify):
+    if verify:
+        print_line(
+            f"{report['recording']}: the same, bit for bit: {report['compared']:,} states up to tick {report['tick']:,}"
+        )
+    else:
+        title = f"{report['level']}: {report['agents']:,} animals after tick {report['tick']:,}"
+        show(measures_table(report["measures"], title))
+        print_line(f"state {report['hash']}")

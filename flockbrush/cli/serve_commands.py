@@ -1,0 +1,76 @@
+"""What ``flockbrush serve`` does."""
+
+from __future__ import annotations
+
+import ipaddress
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+
+from flockbrush.cli.commands import recorder_of, use_threads
+from flockbrush.engine import limits
+from flockbrush.engine.files import output_problems
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.output.live.serving import Serving
+from flockbrush.runs import run as running
+from flockbrush.runs import terminal
+from flockbrush.runs.terminal import print_json, print_line, say
+
+
+@dataclass
+class Service:
+    """A live link as the person asked for it."""
+
+    level: str
+    host: str = "127.0.0.1"
+    port: int = 0
+    fps: float = 60.0
+    record: Path | None = None
+    seconds: float | None = None
+    seed: int | None = None
+    agents: int | None = None
+    brush: str | None = None
+    threads: int | None = None
+    json: bool = False
+
+
+def serve_level(service: Service):
+    """Run a level for clients until Ctrl-C, or for so many seconds."""
+    if service.seconds is not None and not service.seconds <= limits.TICKS / 32:
+        raise typer.BadParameter(f"must be a finite number of seconds, got {service.seconds}", param_hint="--seconds")
+    problems = output_problems([service.record] if service.record else [], [running.find_level(service.level)])
+    if problems:
+        raise ProblemsError(problems)
+    use_threads(service.threads)
+    with terminal.Interrupts() as interrupts, terminal.compiling():
+        simulation = running.start(service.level, service.seed, service.agents, service.brush)
+        serving = Serving(simulation, service.host, service.port, service.fps)
+        serving.link.start()
+        _announce(service, serving.link)
+        with recorder_of(service.record, simulation) as recorder:
+            serving.after_tick = recorder.take if recorder else serving.after_tick
+            interrupts.gently()
+            serving.run(lambda: interrupts.asked, service.seconds)
+    say(f"stopped after tick {simulation.clock.tick}")
+    if service.record:
+        print_line(f"wrote {service.record}; verify it: flockbrush replay {service.record} --verify")
+
+
+def _announce(service, link):
+    """Print where the link is, at once."""
+    if not _is_local(service.host):
+        say(f"{service.host} is open to other machines, and what goes there is not encrypted: the token can be read")
+    if service.json:
+        print_json({"address": link.address, "host": link.host, "port": link.port, "token": link.token})
+    else:
+        print_line(f"{service.level}: {link.address}\nwho has this address can steer the herd; Ctrl-C ends")
+    sys.stdout.flush()
+
+
+def _is_local(host):
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"

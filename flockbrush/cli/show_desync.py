@@ -1,0 +1,52 @@
+"""What is said when two runs that should be the same are not."""
+
+from __future__ import annotations
+
+from flockbrush.runs.desync import Desync
+from flockbrush.runs.terminal import number, print_line, show, table
+
+NAMES = 8  # parts of the state that a line names
+
+
+def show_build(apart):
+    """Say what differs between the build that recorded and this one."""
+    if not apart:
+        print_line("the code, the libraries and the CPU are those that recorded it")
+    for what, text in apart.items():
+        print_line(f"recorded {'on' if what == 'cpu' else 'with'} {text}")
+
+
+def show_desync(report: Desync, names, written=()):
+    """Say which system and which parts of the state differ, in whom, with both values."""
+    if report.system is not None:
+        print_line(f"the first system that differs: {report.system}")
+    if report.parts:
+        more = f" and {len(report.parts) - NAMES} more" if len(report.parts) > NAMES else ""
+        print_line(f"differing after tick {report.tick:,}: {', '.join(report.parts[:NAMES])}{more}")
+    for note in report.notes:
+        print_line(note)
+    known = [d for d in report.differences if d.ids or d.one]
+    if known:
+        show(_values_table(known, names, f"after tick {report.tick:,}"))
+    if len(known) < len(report.differences):
+        several = ", ".join(d.part for d in report.differences if d not in known)
+        print_line(f"more than one animal differs in {several}")
+        print_line("the recording has no snapshot of this tick; one made with --keyframes 1 has all of them")
+    if report.later is not None:
+        show(_values_table(report.later_differences, names, f"in the next snapshot, after tick {report.later:,}"))
+    for path in written:
+        print_line(f"wrote {path}")
+
+
+def _values_table(differences, names, title):
+    """A line for each part: how many animals differ, the largest difference, and whose it is."""
+    made = table("part", "animals", "largest difference", "animal", *names, title=title, right=("animals", "animal"))
+    for d in differences:
+        values = [_value(side[0]) if side else "-" for side in (d.one, d.other)]
+        made.add_row(d.part, number(d.count), number(d.largest), str(d.ids[0]) if d.ids else "-", *values)
+    return made
+
+
+def _value(value):
+    """A value to its last digit."""
+    return ", ".join(map(_value, value)) if isinstance(value, list) else str(value)

@@ -1,0 +1,102 @@
+"""The command ``flockbrush sweep``."""
+
+from __future__ import annotations
+
+import os
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import typer
+
+from flockbrush import levels
+from flockbrush.engine.files import refused
+from flockbrush.engine.problems import did_you_mean
+from flockbrush.runs import terminal
+from flockbrush.runs.terminal import Stopped, print_json, say
+from flockbrush.studies import sweep_report as report
+from flockbrush.studies.sweep import ClusterGone, MixedCode, cluster, processes, sweep_to
+from flockbrush.studies.sweep_file import SUFFIX, read_sweep
+
+
+def run_sweep(path, out, jobs=None, resume=False, address=None, json_wanted=False, theme="light", tls=None):
+    """The command ``flockbrush sweep``."""
+    sweep = read_sweep(find_sweep(path))
+    out = Path(out)
+    if out.exists() and not out.is_dir():
+        raise refused(out, "is a file; --out names a folder")
+    terminal.tell_kernel_cache()
+    begin = time.perf_counter()
+    with terminal.Interrupts() as interrupts, _workers(jobs, address, tls) as (open_executor, width):
+
+        def look():
+            interrupts.gently()
+            interrupts.check()
+
+        try:
+            with terminal.progress(sweep.title or sweep.name, sweep.runs) as bar:
+                journal = sweep_to(sweep, out, open_executor, width, resume, look, bar)
+        except Stopped:
+            say(f"stopped; finished work is in {out}; continue with --resume")
+            raise
+        except ClusterGone:
+            raise refused(address or "workers", f"is gone; finished work is in {out}; continue with --resume") from None
+        except MixedCode as error:
+            told = error.problems[0].message
+            raise refused(address or "workers", f"{told}; finished work is in {out}; continue with --resume") from None
+    found = report.summarise(sweep, journal, time.perf_counter() - begin, width)
+    found["files"] = [str(file) for file in report.write_files(sweep, journal, found, out, theme)]
+    print_json(found) if json_wanted else report.show(sweep, found)
+    if found["failed"] or not all(line["kept"] for line in found["expected"]):
+        raise typer.Exit(terminal.PROBLEM)
+
+
+def find_sweep(name) -> Path:
+    """The file of a sweep given as a path, or as the name of a shipped one.
+
+    Raises
+    ------
+    ProblemsError
+        When there is neither.
+    """
+
+    home, path = Path(levels.__path__[0]), Path(name)
+    shipped = {file.name.removesuffix(SUFFIX): file for file in home.glob(f"*{SUFFIX}")}
+    if path.exists() or path.suffix or path.name != str(name):
+        return path  # reading it says what is wrong with it
+    if str(name) not in shipped:
+        hint = did_you_mean(str(name), shipped)
+        raise refused(name, f"there is no such file, and no shipped sweep of that name{hint}")
+    return shipped[str(name)]
+
+
+@contextmanager
+def _workers(count, address, tls=None):
+    """(opener of executors, how many workers): processes here, or a cluster."""
+    if address is not None:
+        with cluster(address, tls) as found:
+            yield found
+        return
+    width = count or _cores()
+    opened = []
+
+    def open_executor():
+        opened.append(processes(width))
+        return opened[-1]
+
+    try:
+        yield open_executor, width
+    except BaseException:  # do not wait for runs that nobody wants any more
+        for executor in opened:
+            for process in list((getattr(executor, "_processes", None) or {}).values()):
+                process.terminate()
+        raise
+    finally:
+        for executor in opened:
+            executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _cores():
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -1,0 +1,1 @@
+"""Everything that looks at pictures: clips, stabilising, masks, bodies, tracks, birds."""

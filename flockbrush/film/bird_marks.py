@@ -1,0 +1,229 @@
+"""Birds of a film as a person puts them right: who is where, followed on from there, undone, and saved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from flockbrush.film.tracking import JOIN, Tracker, blobs_of
+from flockbrush.film.tracks import Tracks
+
+SNAP = 4  # frames around a missing sight in which a bird's place is looked for
+BLOBS = 4000  # frames whose patches are remembered
+
+
+@dataclass(frozen=True)
+class Birds:
+    """The birds of all frames; edits give another one.
+
+    Parameters
+    ----------
+    px : (F, N, 2) ndarray
+        Pixels, NaN where a bird is not seen.
+    ids : tuple of int
+    corrections : dict of int to dict
+        By frame and bird: (x, y, gone), what a person said.  Gone: there is no such bird from this frame on.
+    pending : int or None
+        The first frame that was put right and not followed on from.
+    """
+
+    px: np.ndarray
+    ids: tuple[int, ...] = ()
+    corrections: dict[int, dict[int, tuple[float, float, bool]]] = field(default_factory=dict)
+    pending: int | None = None
+
+    @classmethod
+    def none(cls, frames) -> Birds:
+        """No bird in so many frames."""
+        return cls(np.zeros((frames, 0, 2)))
+
+    @classmethod
+    def of(cls, tracks: Tracks, frames) -> Birds:
+        """The birds of tracks; what lies outside the film is left out."""
+        px = np.full((frames, len(tracks.ids), 2), np.nan)
+        low, high = max(0, tracks.first), min(frames, tracks.first + len(tracks.px))
+        if low < high:
+            px[low:high] = tracks.px[low - tracks.first : high - tracks.first]
+        return cls(px, tuple(int(bird) for bird in tracks.ids))
+
+    def at(self, k) -> dict[int, tuple[float, float]]:
+        """Who is where in a frame."""
+        row = self.px[k]
+        return {self.ids[n]: (float(row[n, 0]), float(row[n, 1])) for n in np.flatnonzero(np.isfinite(row[:, 0]))}
+
+    def tail(self, bird, k, frames) -> np.ndarray:
+        """Where a bird was in the frames up to this one, (m, 2)."""
+        path = self.px[max(0, k - frames) : k + 1, self.ids.index(bird)]
+        return path[np.isfinite(path[:, 0])]
+
+    def sights(self) -> dict[int, int]:
+        """In how many frames each bird is seen."""
+        counts = np.isfinite(self.px[..., 0]).sum(0)
+        return {bird: int(n) for bird, n in zip(self.ids, counts, strict=True)}
+
+    # what a person does ---------------------------------------------------------------------
+
+    def put(self, k, bird, x, y) -> Birds:
+        """The bird is there in this frame; a number that nobody has is a new bird."""
+        px, ids = self.px, self.ids
+        if bird not in ids:
+            px, ids = np.concatenate([px, np.full((len(px), 1, 2), np.nan)], axis=1), (*ids, bird)
+        else:
+            px = px.copy()
+        px[k, ids.index(bird)] = x, y
+        return self._after(px, ids, k, {bird: (float(x), float(y), False)})
+
+    def new(self) -> int:
+        """A number that no bird has or had."""
+        said = (bird for rows in self.corrections.values() for bird in rows)
+        return 1 + max((*self.ids, *said), default=0)
+
+    def swap(self, k, one, other) -> Birds:
+        """From this frame on the two have each other's numbers; who is not seen here may be joined that way."""
+        px, i, j = self.px.copy(), self.ids.index(one), self.ids.index(other)
+        px[k:, i], px[k:, j] = self.px[k:, j], self.px[k:, i]
+        names = {one: other, other: one}
+        corrections = {
+            f: {names.get(bird, bird): row for bird, row in rows.items()} if f >= k else rows
+            for f, rows in self.corrections.items()
+        }
+        swapped = replace(self, px=px, corrections=corrections)
+        here = {bird: (*at, False) for bird, at in swapped.at(k).items() if bird in names}
+        return swapped._after(px, self.ids, k, here)
+
+    def remove(self, k, bird) -> Birds:
+        """This is no bird from this frame on; before the first sight of it: it never was one."""
+        px, n = self.px.copy(), self.ids.index(bird)
+        seen = np.flatnonzero(np.isfinite(px[:, n, 0]))
+        ahead = seen[seen >= k]
+        if not len(ahead):
+            return self
+        at = px[ahead[0], n].tolist()
+        px[k:, n] = np.nan
+        corrections = {
+            f: {b: row for b, row in rows.items() if b != bird or f < k} for f, rows in self.corrections.items()
+        }
+        rest = replace(self, corrections={f: rows for f, rows in corrections.items() if rows})
+        return rest._after(px, self.ids, int(ahead[0]), {bird: (at[0], at[1], True)})
+
+    def _after(self, px, ids, k, rows) -> Birds:
+        """The birds with rows of corrections for a frame; birds that are nowhere are left out."""
+        corrections = dict(self.corrections)
+        if rows:
+            corrections[k] = dict(sorted((corrections.get(k, {}) | rows).items()))
+        here = np.isfinite(px[..., 0]).any(0)
+        kept = tuple(bird for bird, stays in zip(ids, here, strict=True) if stays)
+        pending = k if self.pending is None else min(k, self.pending)
+        return Birds(px[:, here], kept, corrections, pending)
+
+    # following on -----------------------------------------------------------------------------
+
+    def by_hand(self) -> dict[int, list[tuple]]:
+        """The corrections as `Tracker` takes them."""
+        return {
+            f: [(bird, x, y, True) if gone else (bird, x, y) for bird, (x, y, gone) in rows.items()]
+            for f, rows in sorted(self.corrections.items())
+        }
+
+    def lead(self, k) -> int:
+        """From which frame a tracker is to be told where the birds were, for it to go on at frame k."""
+        gone = [f for f, rows in self.corrections.items() if f < k and any(row[2] for row in rows.values())]
+        return max(0, min([k - JOIN, *(f - 1 for f in gone)]))
+
+    def tracker(self, k) -> tuple[Tracker, int]:
+        """A tracker that knows where all birds were before frame k, and all corrections; its first frame."""
+        first = self.lead(k)
+        seeds = {f: [(bird, *at) for bird, at in self.at(f).items()] for f in range(first, k)}
+        said = {f: rows for f, rows in self.by_hand().items() if f >= first}
+        seeds = {  # what a person said of a frame comes before what was found in it
+            f: [row for row in rows if row[0] not in {other[0] for other in said.get(f, ())}]
+            for f, rows in seeds.items()
+        }
+        return Tracker(seeds, said, first=first, fresh=self.new()), first
+
+    def with_tracks(self, k, tracks: Tracks | None) -> Birds:
+        """The same birds before frame k, and those of tracks from there on."""
+        frames = len(self.px)
+        fresh = Birds.none(frames) if tracks is None else Birds.of(tracks, frames)
+        said = {bird for f, rows in self.corrections.items() if f >= k for bird in rows}
+        ids = tuple(sorted({*self.ids, *fresh.ids, *said}))
+        px = np.full((frames, len(ids), 2), np.nan)
+        for old, span in ((self, slice(0, k)), (fresh, slice(k, frames))):
+            for n, bird in enumerate(old.ids):
+                px[span, ids.index(bird)] = old.px[span, n]
+        for (
+            f,
+            rows,
+        ) in self.corrections.items():  # somebody whom the tracker could not follow is still where he was seen
+            for bird, (x, y, gone) in rows.items() if k <= f < frames else ():
+                place = px[f, ids.index(bird)]
+                if not gone and np.isnan(place[0]):
+                    place[:] = x, y
+        here = np.isfinite(px[..., 0]).any(0)
+        pending = None if self.pending is None or self.pending >= k else self.pending
+        kept = tuple(bird for bird, stays in zip(ids, here, strict=True) if stays)
+        return Birds(px[:, here], kept, self.corrections, pending)
+
+    # files ------------------------------------------------------------------------------------
+
+    def tracks(self) -> Tracks:
+        """The birds as tracks, from the first frame somebody is seen in."""
+        rows = np.flatnonzero(np.isfinite(self.px[..., 0]).any(1))
+        low, high = (int(rows[0]), int(rows[-1]) + 1) if len(rows) else (0, 0)
+        return Tracks(self.px[low:high], np.array(self.ids, int), low)
+
+    def corrections_text(self) -> str:
+        """The corrections as `flockbrush track --correct` reads them."""
+        lines = ["frame,id,x,y,gone"]
+        for f, rows in sorted(self.corrections.items()):
+            lines += [f"{f},{bird},{x:.2f},{y:.2f},{int(gone)}" for bird, (x, y, gone) in rows.items()]
+        return "\n".join(lines) + "\n"
+
+    def with_corrections(self, rows) -> Birds:
+        """The birds with corrections that were read from a file, {frame: [(id, x, y[, gone])]}."""
+        said = {
+            f: {int(bird): (float(x), float(y), bool(gone and gone[0])) for bird, x, y, *gone in frame}
+            for f, frame in rows.items()
+        }
+        return replace(self, corrections=said)
+
+
+class Follower:
+    """Follows the birds of a film; patches of frames that were looked at once are remembered.
+
+    Parameters
+    ----------
+    film : Film
+        Nobody else reads it.
+    """
+
+    def __init__(self, film):
+        self.film = film
+        self._blobs: dict[int, list] = {}
+
+    def follow(self, birds: Birds, k, say=lambda share: None) -> Birds:
+        """The birds, followed on from frame k with all corrections; those before k stay as they are.
+
+        Parameters
+        ----------
+        say : callable, optional
+            Told the share that is done; what it raises ends the work.
+        """
+        tracker, first = birds.tracker(k)
+        for f in range(first, len(self.film)):
+            tracker.take(self.blobs(f))
+            say((f + 1 - first) / (len(self.film) - first))
+        try:
+            tracks = tracker.tracks()
+        except ValueError:
+            tracks = None
+        return birds.with_tracks(k, tracks)
+
+    def blobs(self, f):
+        """The patches of a frame."""
+        if f not in self._blobs:
+            while len(self._blobs) >= BLOBS:
+                self._blobs.pop(next(iter(self._blobs)))
+            self._blobs[f] = blobs_of(self.film.frame(f))
+        return self._blobs[f]

@@ -1,0 +1,307 @@
+"""All that a person marks in a film: one state, one list of steps to undo, and the files it goes into."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+from flockbrush.behaviours.brush import SUFFIX, name_like
+from flockbrush.behaviours.tomlfile import parse_toml, read_bytes
+from flockbrush.engine import limits
+from flockbrush.engine.files import refused, write_text
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.film.bird_marks import Birds
+from flockbrush.film.clip_layers import MaskLayer, read_obstacles, read_regions, write_obstacles, write_regions
+from flockbrush.film.flight_sketch import FlightSketch
+from flockbrush.film.flight_sketch import Path as Drawn
+from flockbrush.film.landmarks import MOST, Landmark
+from flockbrush.film.track_clip import table_of
+from flockbrush.film.tracks import read_marks, read_tracks
+from flockbrush.levels.steps import Steps
+
+UNDONE = 100  # steps that can be taken back
+
+
+@dataclass(frozen=True)
+class ClipMarks:
+    """What is told to `flockbrush learn` with options.
+
+    Parameters
+    ----------
+    landmarks : tuple of Landmark
+    body_colour : (int, int, int), optional
+        Red, green, blue; found by the command unless given.
+    body_length : float, optional
+        Pixels.
+    first, last : int, optional
+        The frames that are used, both included.
+    """
+
+    landmarks: tuple[Landmark, ...] = ()
+    body_colour: tuple[int, int, int] | None = None
+    body_length: float | None = None
+    first: int | None = None
+    last: int | None = None
+
+
+class ClipState(NamedTuple):
+    """Everything at one moment; none of it is ever changed, only replaced."""
+
+    marks: ClipMarks
+    obstacles: MaskLayer
+    regions: MaskLayer
+    birds: Birds
+    sketch: FlightSketch
+
+
+class ClipStep(NamedTuple):
+    """What undo takes back: its name, where it happened, and how things were before."""
+
+    label: str
+    mode: str
+    frame: int
+    before: ClipState
+
+
+class Book(Steps):
+    """The marks of one film.
+
+    Parameters
+    ----------
+    film : Film or Sky
+    folder : path
+        Where files go: ``NAME.marks.toml``, ``NAME.obstacles.png``, ``NAME.regions.png``, ``NAME.tracks.csv``,
+        ``NAME.corrections.csv`` and ``NAME.sketch.csv``, with the name of the film.
+
+    Attributes
+    ----------
+    state : State
+    """
+
+    def __init__(self, film, folder):
+        super().__init__()
+        self.film, self.folder = film, Path(folder)
+        self.stem = Path(film.name).stem
+        empty = MaskLayer.empty(film.size)
+        self.state = ClipState(ClipMarks(), empty, empty, Birds.none(len(film)), FlightSketch(frames=len(film)))
+        self._saved = self.state
+        self._ours: set[Path] = set()  # files that were read or written here
+
+    @property
+    def dirty(self) -> bool:
+        """Whether there is something that is not saved."""
+        return self.state is not self._saved
+
+    # doing --------------------------------------------------------------------------------
+
+    def do(self, label, mode, frame, **changes):
+        """Take a step: parts of the state, by their names, are replaced."""
+        if all(getattr(self.state, part) is value for part, value in changes.items()):
+            return
+        self._done.append(ClipStep(label, mode, frame, self.state))
+        del self._done[:-UNDONE]
+        self._undone.clear()
+        self.state = self.state._replace(**changes)
+
+    def mark(self, label, mode, frame, **changes):
+        """Take a step that changes something of the marks."""
+        self.do(label, mode, frame, marks=replace(self.state.marks, **changes))
+
+    def undo(self) -> ClipStep | None:
+        """Take the last step back; which it was."""
+        return self._step(self._done, self._undone)
+
+    def redo(self) -> ClipStep | None:
+        """Do again what was taken back."""
+        return self._step(self._undone, self._done)
+
+    def _step(self, source, target):
+        if not source:
+            return None
+        step = source.pop()
+        target.append(step._replace(before=self.state))
+        self.state = step.before
+        return step
+
+    # what it is for -------------------------------------------------------------------------
+
+    def place(self, part) -> Path:
+        """Where a part is saved: "marks.toml", "obstacles.png", "tracks.csv", ..."""
+        return self.folder / f"{self.stem}.{part}"
+
+    def learn_line(self) -> str:
+        """The command that learns from this film with all that was marked."""
+        marks, words = self.state.marks, ["flockbrush", "learn", str(self.film.path or self.film.name)]
+        words += ["--out", name_like(self.stem) + SUFFIX]
+        if marks.first is not None or marks.last is not None:
+            last = len(self.film) - 1 if marks.last is None else marks.last
+            words += ["--frames", f"{marks.first or 0}:{last}"]
+        for landmark in marks.landmarks if len(marks.landmarks) > 1 else ():  # one alone holds nothing still
+            words += ["--landmark", landmark.told]
+        if marks.body_colour is not None:
+            words += ["--body-colour", ",".join(map(str, marks.body_colour))]
+        if marks.body_length is not None:
+            words += ["--body-length-px", f"{marks.body_length:.1f}"]
+        for part, layer in (("obstacles", self.state.obstacles), ("regions", self.state.regions)):
+            if not layer.blank:
+                words += [f"--{part}", str(self.place(f"{part}.png"))]
+        return shlex.join(words)
+
+    def lift_line(self, camera=None) -> str:
+        """The command that lifts the birds that were saved, empty when there are none."""
+        parts = [self.place(part) for part in ("tracks.csv", "sketch.csv") if self.place(part).is_file()]
+        if not parts:
+            return ""
+        camera = self.place("camera.toml") if camera is None else camera
+        return shlex.join(
+            ["flockbrush", "lift", str(parts[0]), "--camera", str(camera), "--out", str(self.place("flock.csv"))]
+        )
+
+    # files ------------------------------------------------------------------------------------
+
+    def save(self) -> list[Path]:
+        """Write everything there is, each file whole or not at all; which files.
+
+        A file that was there before and is not ours is kept beside as ``.bak``.
+
+        Raises
+        ------
+        ProblemsError, OSError
+        """
+        state, written = self.state, []
+        self.folder.mkdir(parents=True, exist_ok=True)
+        sketched = bool(state.sketch.paths)
+        for part, there, write in (
+            ("obstacles.png", not state.obstacles.blank, lambda path: write_obstacles(path, state.obstacles)),
+            ("regions.png", not state.regions.blank, lambda path: write_regions(path, state.regions)),
+            ("tracks.csv", bool(state.birds.ids), lambda path: write_text(path, table_of(state.birds.tracks()))),
+            ("corrections.csv", bool(state.birds.corrections), self._write_corrections),
+            ("sketch.csv", sketched, lambda path: write_text(path, table_of(state.sketch.tracks))),
+            ("marks.toml", True, lambda path: write_text(path, self.text())),
+        ):
+            path = self.place(part)
+            if there:
+                self._spare(path)
+                write(path)
+                self._ours.add(path)
+                written.append(path)
+            elif path in self._ours:
+                path.unlink(missing_ok=True)
+        self._saved = state
+        return written
+
+    def _write_corrections(self, path):
+        write_text(path, self.state.birds.corrections_text())
+
+    def _spare(self, path):
+        if path not in self._ours and path.exists():
+            shutil.copy2(path, path.with_name(path.name + ".bak"))
+
+    def text(self) -> str:
+        """The marks as TOML."""
+        marks, sketch = self.state.marks, self.state.sketch
+        quoted = self.film.name.replace("\\", "\\\\").replace('"', '\\"')
+        lines = ["# what was marked in a film: flockbrush play --clip", f"# {self.learn_line()}", f'clip = "{quoted}"']
+        lines += [
+            f"{name} = {value}" for name, value in (("first", marks.first), ("last", marks.last)) if value is not None
+        ]
+        if marks.body_colour is not None:
+            lines.append(f"body_colour = {list(marks.body_colour)}  # red, green, blue")
+        if marks.body_length is not None:
+            lines.append(f"body_length_px = {marks.body_length:.2f}")
+        if self.state.birds.pending is not None:
+            lines.append(f"pending = {self.state.birds.pending}  # frame that was put right and not followed on from")
+        lines += [f"sketch_frames = {sketch.frames}", f"sketch_even = {str(sketch.even).lower()}"]
+        lines.append(f"sketch_smooth = {sketch.smooth:.3f}")
+        for landmark in marks.landmarks:
+            box = ", ".join(f"{part:g}" for part in landmark[1:])
+            lines += ["", "[[landmark]]", f"frame = {landmark.frame}", f"box = [{box}]  # x, y, width, height, pixels"]
+        for path in sketch.paths:
+            points = ", ".join(f"[{x:.1f}, {y:.1f}, {t:.3f}]" for x, y, t in path.points)
+            lines += ["", "[[path]]", f"bird = {path.bird}", f"points = [{points}]  # x, y, pixels, and seconds"]
+        return "\n".join(lines) + "\n"
+
+    def load(self, tracks=None, say=lambda text: None):
+        """Take up what was saved before, and tracks from a file instead of those saved, if given.
+
+        Raises
+        ------
+        ProblemsError
+            With file and line of what is wrong.
+        """
+        state = self.state
+        birds = self._birds(tracks)
+        marks, sketch, pending = state.marks, state.sketch, None
+        path = self.place("marks.toml")
+        if path.is_file():
+            self._ours.add(path)
+            marks, sketch, pending = self._read(path)
+        layers = {}
+        for part, read in (("obstacles", read_obstacles), ("regions", read_regions)):
+            path = self.place(f"{part}.png")
+            if path.is_file():
+                self._ours.add(path)
+                layers[part] = read(path, self.film.size)
+        birds = replace(birds, pending=pending if birds.ids and tracks is None else None)
+        self._ours |= {path for path in (self.place("sketch.csv"),) if path.is_file()}
+        self.state = ClipState(
+            marks, layers.get("obstacles", state.obstacles), layers.get("regions", state.regions), birds, sketch
+        )
+        self._saved = self.state
+
+    def _birds(self, tracks):
+        """The birds of a file, or those saved before."""
+        place, said = self.place("tracks.csv"), self.place("corrections.csv")
+        path = Path(tracks) if tracks is not None else place if place.is_file() else None
+        birds = self.state.birds
+        if path is not None:
+            found = read_tracks(path)
+            if found.first + len(found.px) > len(self.film) or found.first < 0:
+                last = found.first + len(found.px) - 1
+                raise refused(
+                    path, f"has frames {found.first} to {last}; the film has frames 0 to {len(self.film) - 1}"
+                )
+            birds = Birds.of(found, len(self.film))
+            self._ours.add(path)
+        if tracks is None and said.is_file():
+            birds = birds.with_corrections(read_marks(said))
+            self._ours.add(said)
+        return birds
+
+    def _read(self, path):
+        """(Marks, Sketch, frame that is pending) of a file that was saved before."""
+        file = parse_toml(read_bytes(path, limits.MARKED_FILM_BYTES), str(path), limits.MARKED_FILM_BYTES)
+        data, frames = file.data, len(self.film)
+        try:
+            landmarks = tuple(
+                Landmark(int(row["frame"]), *map(float, row["box"])) for row in data.get("landmark", [])[:MOST]
+            )
+            colour = data.get("body_colour")
+            marks = ClipMarks(
+                landmarks,
+                None if colour is None else (int(colour[0]), int(colour[1]), int(colour[2])),
+                data.get("body_length_px"),
+                data.get("first"),
+                data.get("last"),
+            )
+            paths = tuple(
+                Drawn(int(row["bird"]), tuple((float(x), float(y), float(t)) for x, y, t in row["points"]))
+                for row in data.get("path", [])
+            )
+            usual = FlightSketch(frames=frames)
+            length = min(max(int(data.get("sketch_frames", frames)), 1), 100_000)
+            smooth = min(max(float(data.get("sketch_smooth", usual.smooth)), 0.0), 1.0)
+            sketch = FlightSketch(paths, length, bool(data.get("sketch_even", True)), smooth)
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            raise refused(path, f"cannot be loaded: {error}; move it away to start again") from None
+        late = [row.frame for row in landmarks if not 0 <= row.frame < frames]
+        late += [k for k in (marks.first, marks.last, data.get("pending")) if k is not None and not 0 <= k < frames]
+        if late:
+            message = (
+                f"speaks of frame {late[0]}; {self.film.name} has frames 0 to {frames - 1}. Is it of another film?"
+            )
+            raise ProblemsError([file.problem((), message)])
+        return marks, sketch, data.get("pending")

@@ -1,0 +1,426 @@
+"""Films and photographs of herds as a row of pictures: upright, evenly timed, and refused where they cannot be read.
+
+Frames are numbered from 0 in the order in which they are shown.  Rotation that a camera has noted is obeyed.  A film
+whose frames are unevenly timed is thinned by its time stamps to an even row; frames that repeat the one before are left
+out.  Pictures larger than `WORK` pixels are made smaller.  A cut ends the matter: a herd is learned from one shot.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.film.media import check_frame_size, is_picture, open_container, pictures_of, read_picture, upright
+from flockbrush.film.observations import CannotObserve
+
+WORK = 1280  # px, the longer side of the pictures that are worked on
+FPS = 25.0  # frames a second of a film that does not say
+KEEP = 256 << 20  # bytes of pictures that are held in memory rather than read again
+THUMB = 96  # px, the longer side of the pictures that are compared to find cuts
+UNEVEN = 0.25  # of the usual interval: time stamps that differ more make a clip unevenly timed
+REPEATED = 0.35  # grey levels: two thumbnails that differ less on average show the same frame, if others do not
+CUT, CUT_OVER_USUAL = 0.38, 5.0  # distance of colour histograms between neighbours, and over the usual distance
+_BAD = "is no film or picture that can be read"
+
+
+def silent(text: str, done: int, total: int):
+    """Progress that nobody sees."""
+
+
+Say = Callable[[str, int, int], None]  # what is done, how many are done, of how many
+
+
+@dataclass
+class Clip:
+    """One shot, ready to be read.
+
+    Attributes
+    ----------
+    path : Path
+    name : str
+        As the user named it.
+    sha256 : str
+        Of the file.
+    size : (int, int)
+        Width and height of the pictures read, px.
+    full : (int, int)
+        Of the clip itself, upright, px.
+    fps : float
+        Pictures a second.
+    numbers : (n,) int ndarray
+        Frames of the clip that are used.
+    times : (n,) ndarray
+        When they are shown, s.
+    still : bool
+        One picture: nothing can be known of motion.
+    notes : list of str
+    """
+
+    path: Path
+    name: str
+    sha256: str
+    size: tuple[int, int]
+    full: tuple[int, int]
+    fps: float
+    numbers: np.ndarray
+    times: np.ndarray
+    still: bool = False
+    notes: list[str] = field(default_factory=list)
+    _kept: dict[int, np.ndarray] = field(default_factory=dict, repr=False)
+
+    def __len__(self):
+        return len(self.numbers)
+
+    @property
+    def scale(self) -> float:
+        """Pixels of the pictures read for one of the clip's."""
+        return self.size[0] / self.full[0]
+
+    def read(self, chosen=None) -> Iterator[tuple[int, np.ndarray]]:
+        """(k, picture) in order: the k-th of `numbers`, (h, w, 3) uint8 BGR.
+
+        Parameters
+        ----------
+        chosen : iterable of int, optional
+            Which k; all unless given.
+        """
+        wanted = range(len(self)) if chosen is None else sorted({int(k) for k in chosen})
+        if all(int(self.numbers[k]) in self._kept for k in wanted):
+            yield from ((k, self._kept[int(self.numbers[k])]) for k in wanted)
+            return
+        place = {int(self.numbers[k]): k for k in wanted}
+        with _Film(self.name, self.path) as film:
+            for number, _, picture in film.pictures(set(place), max(place)):
+                yield place[number], _smaller(picture, self.size)
+
+
+def open_clip(path, frames: tuple[int | None, int | None] | None = None, say: Say = silent) -> Clip:
+    """A film or a photograph, looked through once.
+
+    Parameters
+    ----------
+    path : path
+        Whatever ffmpeg reads, or a picture.
+    frames : (first, last), optional
+        Numbers of the frames to use, both included; None is the clip's own end.
+    say : callable
+        Is told of progress.
+
+    Raises
+    ------
+    CannotObserve
+        When it cannot be read, is not one shot, or has no such frames.
+    """
+    name, path = str(path), Path(path)
+    raw_sha = _sha256(name, path)
+    photo = _photo(name, path)
+    if photo is not None:
+        return _photograph(name, path, raw_sha, photo, frames)
+    look = _look_through(name, path, frames, say)
+    if len(look.numbers) == 1:
+        note = "it has one frame alone: how densely the animals stand is known, and nothing of how they move"
+        return Clip(path, name, raw_sha, look.size, look.full, FPS, look.numbers, look.times, True, look.notes + [note],
+                    look.kept)  # fmt: skip
+    _refuse_cuts(name, look)
+    chosen, times, fps, notes = evenly(look.numbers, look.times, look.repeats)
+    return Clip(path, name, raw_sha, look.size, look.full, fps, chosen, times, False, look.notes + notes, look.kept)
+
+
+def _sha256(name, path):
+    """Of the file's bytes; says why it cannot be read."""
+    if path.is_dir():
+        raise CannotObserve(name, "is a folder, not a clip")
+    if not path.is_file():
+        raise CannotObserve(name, "there is no such file")
+    if path.stat().st_size == 0:
+        raise CannotObserve(name, "is empty: it has no bytes; copy it again", {"bytes of the file": 0})
+    try:
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise CannotObserve(name, f"cannot be read: {error.strerror or error}") from None
+
+
+# photographs -----------------------------------------------------------------------------
+
+
+def _photo(name, path):
+    """The picture of a file that is one, turned upright as its camera noted; None of a film."""
+    try:
+        return read_picture(path) if is_picture(path) else None
+    except ProblemsError as error:
+        raise CannotObserve(name, error.problems[0].message, _of_file(path)) from None
+
+
+def _photograph(name, path, sha256, picture, frames):
+    if _bounds(name, frames)[0] > 0:
+        raise CannotObserve(name, "is one picture, its frame has the number 0; leave --frames out")
+    full = picture.shape[1::-1]
+    size = work_size(full)
+    notes = ["it is a photograph: how densely the animals stand is known, and nothing of how they move"]
+    kept = {0: _smaller(picture, size)}
+    return Clip(
+        path, name, sha256, size, full, FPS, np.array([0]), np.zeros(1), True, notes + _shrunk(full, size), kept
+    )
+
+
+# films -----------------------------------------------------------------------------------
+
+
+class _Film:
+    """A film opened by ffmpeg: its pictures one after the other, upright."""
+
+    def __init__(self, name, path):
+        self.name = name
+        try:
+            self._container = open_container(path)
+        except (av.error.FFmpegError, OSError, ValueError) as error:
+            why = f"{_BAD} ({_said(error)}); is it the right file, and all of it?"
+            raise CannotObserve(name, why, _of_file(path)) from None
+        try:
+            self._stream = pictures_of(self._container, name)
+        except ProblemsError as error:
+            kinds = sorted({stream.type for stream in self._container.streams}) or ["nothing"]
+            self._container.close()
+            seen = _of_file(path) | {"streams in it": ", ".join(kinds)}
+            raise CannotObserve(name, error.problems[0].message, seen) from None
+        self.length = int(self._stream.frames or 0)
+        rate = self._stream.average_rate or self._stream.guessed_rate
+        self.fps = float(rate) if rate and 0.1 <= rate <= 1000 else None
+        self.turned, self.damage = 0, None
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, error, trace):
+        self._container.close()
+
+    def pictures(self, wanted=None, last=None):
+        """(number, seconds or None, picture) of the frames wanted, up to the last; stops where the film is damaged."""
+        number = -1
+        try:
+            for number, frame in enumerate(self._container.decode(self._stream)):
+                if last is not None and number > last:
+                    return
+                check_frame_size(self.name, frame.width, frame.height)
+                if wanted is None or number in wanted:
+                    self.turned = int(getattr(frame, "rotation", 0) or 0) % 360
+                    yield number, frame.time, upright(frame.to_ndarray(format="bgr24"), self.turned)
+        except (av.error.FFmpegError, ValueError) as error:
+            self.damage = f"it is damaged after frame {number} ({_said(error)}); later frames are left out"
+
+
+def _of_file(path):
+    """What can be told of a file that is no film."""
+    with open(path, "rb") as file:
+        begin = file.read(16)
+    return {"bytes of the file": path.stat().st_size, "it begins with": " ".join(f"{byte:02x}" for byte in begin)}
+
+
+def _said(error):
+    return str(getattr(error, "strerror", None) or error).rstrip(".")
+
+
+@dataclass
+class _Look:
+    """What one pass over a film found, frame by frame."""
+
+    size: tuple[int, int]
+    full: tuple[int, int]
+    numbers: np.ndarray
+    times: np.ndarray
+    apart: np.ndarray  # (n,) distance of colour histograms to the frame before
+    change: np.ndarray  # (n,) mean difference of the thumbnails to the frame before, grey levels
+    first_picture: np.ndarray
+    kept: dict[int, np.ndarray]
+    notes: list[str]
+
+    @property
+    def repeats(self):
+        """(n,) bool: shows the frame before once more, in a film whose other frames differ."""
+        usual = np.median(self.change[1:]) if len(self.change) > 1 else 0.0
+        same = self.change < min(REPEATED, 0.2 * usual)
+        same[0] = False
+        return same
+
+
+def _look_through(name, path, frames, say):
+    first, last = _bounds(name, frames)
+    numbers, times, thumbs, kept, room, number = [], [], [], {}, KEEP, -1
+    with _Film(name, path) as film:
+        total = max(0, min(film.length, (last if last is not None else film.length) + 1) - first)
+        for number, time, picture in film.pictures(last=last):
+            if number < first:
+                continue
+            full = picture.shape[1::-1]
+            size = work_size(full)
+            small = _smaller(picture, size)
+            numbers.append(number)
+            times.append(time)
+            thumbs.append(cv2.resize(small, _fit(size, THUMB), interpolation=cv2.INTER_AREA))
+            room -= small.nbytes
+            if room > 0:
+                kept[number] = small
+            say("looking through the clip", len(numbers), total)
+    if not numbers:
+        raise CannotObserve(name, _no_frames(number + 1, first, last, film.damage))
+    notes = [film.damage] if film.damage else []
+    if film.turned:
+        notes.append(f"the clip says it was filmed turned by {film.turned} degrees; it was turned upright")
+    times, said = _clock(times, film.fps)
+    apart, change = _changes(thumbs)
+    return _Look(size, full, np.array(numbers), times, apart, change, _smaller(picture, size),
+                 kept if room > 0 else {}, notes + said + _shrunk(full, size))  # fmt: skip
+
+
+def _bounds(name, frames):
+    """(first, last or None) of the frames that are asked for."""
+    first, last = frames or (None, None)
+    first = 0 if first is None else first
+    if first < 0 or (last is not None and last < first):
+        raise CannotObserve(name, f"frames are counted from 0, the first before the last; got {first}:{last}")
+    return first, last
+
+
+def _no_frames(total, first, last, damage):
+    """What to say of a film of which nothing is left."""
+    if total == 0:
+        return f"has a video stream without a frame that can be read{f': {damage}' if damage else ''}"
+    return f"has frames 0 to {total - 1}, and none of {first}:{'' if last is None else last}"
+
+
+def _clock(times, fps):
+    """((n,) seconds, notes) of frames whose times may not be known."""
+    unknown = any(time is None for time in times) or (np.diff(np.array(times, float)) <= 0).any()
+    if not unknown:
+        return np.array(times, float), []
+    said = [] if fps else [f"the clip does not say how many frames it shows a second; {FPS:g} is assumed"]
+    return np.arange(len(times)) / (fps or FPS), said
+
+
+def _changes(thumbs):
+    """(distance of colour histograms, mean difference) of each thumbnail to the one before, both (n,)."""
+    counts = [_histogram(thumb) for thumb in thumbs]
+    apart, change = np.zeros(len(thumbs)), np.zeros(len(thumbs))
+    for k in range(1, len(thumbs)):
+        apart[k] = cv2.compareHist(counts[k - 1], counts[k], cv2.HISTCMP_BHATTACHARYYA)
+        change[k] = cv2.absdiff(thumbs[k - 1], thumbs[k]).mean()
+    return apart, change
+
+
+def _histogram(thumb):
+    counts = cv2.calcHist([cv2.GaussianBlur(thumb, (3, 3), 0)], [0, 1, 2], None, [8, 8, 8], [0, 256] * 3)
+    return cv2.normalize(counts, None, 1.0, 0.0, cv2.NORM_L1)
+
+
+def cuts(apart, change) -> np.ndarray:
+    """Rows of frames that begin another shot: colours and picture differ all at once from the frame before.
+
+    A herd that walks into the picture changes it a little every frame, a cut changes it once.
+
+    Parameters
+    ----------
+    apart, change : (n,) ndarray
+        Distance of colour histograms, and mean difference, to the frame before.
+    """
+    if len(apart) < 3:
+        return np.flatnonzero(apart > 2 * CUT)
+    sudden = apart > max(CUT, CUT_OVER_USUAL * float(np.median(apart[1:])))
+    return np.flatnonzero(sudden & (change > 3.0 * np.median(change[1:])))
+
+
+def _refuse_cuts(name, look):
+    rows = cuts(look.apart, look.change)
+    if not len(rows):
+        return
+    numbers = look.numbers
+    edges = [0, *rows.tolist(), len(numbers)]
+    shots = [f"{numbers[a]}:{numbers[b - 1]}" for a, b in zip(edges, edges[1:], strict=False)]
+    where = ", ".join(f"{numbers[k - 1]} and {numbers[k]}" for k in rows[:5])
+    ways = " or ".join(f"--frames {shot}" for shot in sorted(shots, key=_length, reverse=True)[:3])
+    raise CannotObserve(
+        name, f"there is a cut between frames {where}; a herd is learned from one shot: try {ways}",
+        {"cuts": [int(numbers[k]) for k in rows], "pictures": {"last frame": look.first_picture}},
+    )  # fmt: skip
+
+
+def _length(shot):
+    first, last = shot.split(":")
+    return int(last) - int(first)
+
+
+def evenly(numbers, times, repeats):
+    """An even row of frames out of an uneven one.
+
+    Parameters
+    ----------
+    numbers : (n,) int ndarray
+    times : (n,) ndarray
+        Seconds, rising.
+    repeats : (n,) bool ndarray
+        Frames that show the one before once more.
+
+    Returns
+    -------
+    numbers, times : (m,) ndarray
+    fps : float
+    notes : list of str
+    """
+    notes = []
+    if 0.02 <= repeats.mean() <= 0.9 and (~repeats).sum() > 2:
+        span = float(times[-1] - times[0])
+        notes.append(f"{int(repeats.sum())} of {len(times)} frames repeat the one before and were left out")
+        numbers = numbers[~repeats]
+        times = times[0] + np.linspace(0, span, len(numbers))
+    steps = np.diff(times)
+    usual = float(np.median(steps))
+    if (np.abs(steps - usual) <= UNEVEN * usual).mean() > 0.98:
+        return numbers, times, (len(times) - 1) / float(times[-1] - times[0]), notes
+    step = float(np.quantile(steps, 0.9))
+    row = _nearest(times, np.arange(times[0], times[-1] + 0.5 * step, step))
+    if len(row) == len(numbers):
+        return numbers, times, (len(times) - 1) / float(times[-1] - times[0]), notes
+    notes.append(
+        f"its frames are unevenly timed, {steps.min():.3g} to {steps.max():.3g} s apart; {len(row)} of {len(times)} "
+        f"were taken, {step:.3g} s apart"
+    )
+    return numbers[row], times[row], 1.0 / step, notes
+
+
+def _nearest(times, moments):
+    """Rows of the times nearest to moments, each once."""
+    after = np.clip(np.searchsorted(times, moments), 1, len(times) - 1)
+    nearer = np.where(moments - times[after - 1] < times[after] - moments, after - 1, after)
+    return np.unique(nearer)
+
+
+# sizes -----------------------------------------------------------------------------------
+
+
+def work_size(full) -> tuple[int, int]:
+    """Width and height that a picture is worked on in, px."""
+    return (int(full[0]), int(full[1])) if max(full) <= WORK else _fit(full, WORK)
+
+
+def _fit(size, longer):
+    """The size with its longer side as given."""
+    return tuple(max(1, round(side * longer / max(size))) for side in size)
+
+
+def _smaller(picture, size):
+    if picture.shape[1::-1] == tuple(size):
+        return picture
+    return cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+
+
+def _shrunk(full, size):
+    if tuple(full) == tuple(size):
+        return []
+    return [f"its pictures are {full[0]} x {full[1]}; they were made {size[0]} x {size[1]} to work on"]

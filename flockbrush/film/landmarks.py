@@ -1,0 +1,110 @@
+"""Landmarks: rectangles on things that stand still, followed through the film by CSRT to tell how the camera moved."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+LEAST = 8  # pixels of a rectangle's side
+SIDE = 640  # pixels: larger pictures are made so small to be followed in
+MOST = 8  # landmarks of a film
+
+
+class Landmark(NamedTuple):
+    """A rectangle in one frame, pixels."""
+
+    frame: int
+    x: float
+    y: float
+    w: float
+    h: float
+
+    @property
+    def told(self) -> str:
+        """As the command line wants it: "12:310,205,64,48"."""
+        return f"{self.frame}:" + ",".join(str(round(part)) for part in self[1:])
+
+
+def between(frame, one, other, size) -> Landmark | None:
+    """The landmark between two corners, within the picture; None when it is too small."""
+    low = np.clip(np.minimum(one, other), 0, size)
+    high = np.clip(np.maximum(one, other), 0, size)
+    x, y, w, h = (float(v) for v in np.round([*low, *(high - low)]))
+    return Landmark(frame, x, y, w, h) if min(w, h) >= LEAST else None
+
+
+def followed(film, landmark, say=lambda share: None) -> np.ndarray:
+    """Where a landmark is in every frame, (F, 4) x, y, w, h in pixels, NaN where it is lost: CSRT both ways.
+
+    Parameters
+    ----------
+    film : Film
+        Nobody else reads it meanwhile.
+    landmark : Landmark
+    say : callable, optional
+        Told the share that is done.
+    """
+    found = np.full((len(film), 4), np.nan)
+    found[landmark.frame] = landmark[1:]
+    done = 1
+    scale = min(1.0, SIDE / max(film.size))
+    for way in (range(landmark.frame + 1, len(film)), range(landmark.frame - 1, -1, -1)):
+        tracker = _csrt()
+        tracker.init(_small(film.frame(landmark.frame), scale), tuple(round(part * scale) for part in landmark[1:]))
+        for k in way:
+            fine, box = tracker.update(_small(film.frame(k), scale))
+            if not fine:
+                break
+            found[k] = np.array(box) / scale
+            done += 1
+            say(done / len(film))
+    return found
+
+
+def _csrt():
+    """A tracker as quick as that of `flockbrush.film.stabilise`."""
+    wishes = cv2.TrackerCSRT.Params()
+    wishes.template_size, wishes.number_of_scales = 120, 17
+    return cv2.TrackerCSRT.create(wishes)
+
+
+def _small(image, scale):
+    return image if scale == 1 else cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+
+
+def motion(boxes, a, b) -> np.ndarray | None:
+    """How the picture moved from frame a to frame b, (2, 3), by the middles of landmarks; None where it is not known.
+
+    Two or more give shift, turn and size; one gives a shift.
+
+    Parameters
+    ----------
+    boxes : list of (F, 4) ndarray
+    """
+    if a == b:
+        return np.eye(2, 3)
+    pairs = [(box[a], box[b]) for box in boxes if np.isfinite(box[[a, b]]).all()]
+    if not pairs:
+        return None
+    start, end = (np.array([pair[k][:2] + pair[k][2:] / 2 for pair in pairs]) for k in (0, 1))
+    if len(pairs) == 1:
+        return np.column_stack([np.eye(2), end[0] - start[0]])
+    p, q = start - start.mean(0), end - end.mean(0)
+    length = float((p**2).sum())
+    if length < 1.0:
+        return np.column_stack([np.eye(2), end.mean(0) - start.mean(0)])
+    c, s = float((p * q).sum()) / length, float((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum()) / length
+    turn = np.array([[c, -s], [s, c]])
+    return np.column_stack([turn, end.mean(0) - turn @ start.mean(0)])
+
+
+def moved(matrix, xy) -> np.ndarray:
+    """Places (..., 2) after a motion (2, 3)."""
+    return np.asarray(xy, float) @ matrix[:, :2].T + matrix[:, 2]
+
+
+def back(matrix) -> np.ndarray:
+    """The motion the other way, (2, 3)."""
+    return cv2.invertAffineTransform(np.asarray(matrix, float))

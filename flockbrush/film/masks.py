@@ -1,0 +1,499 @@
+"""Which pixels show animals: a table of colours, given by a person or found in what moves over the ground.
+
+Pictures of a clip are first brought to one exposure, that of the ground.  Then (`found_colours`) what differs from the
+ground, the median of the stabilised clip, is counted by colour, and so is what does not; a colour that is at home among
+what moves is an animal's, even while the animal rests.  Shadows move too, but darken the ground without changing its
+hue; they count as ground unless nothing else moves.  In a single picture (`found_in_picture`) animals are what is
+lighter, darker or of another hue than the ground around it, in compact patches of like size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numba import njit
+from scipy.ndimage import gaussian_filter
+
+from flockbrush.film import stones
+from flockbrush.film.camera_maps import Steady, after, moved_by
+from flockbrush.film.observations import CannotObserve
+
+SAMPLES = 15  # pictures from which the ground is made
+SIDE = 400  # px, the longer side of pictures while colours are learned
+LEVELS, SHIFT = 32, 3  # of red, green and blue in the table; bits of 256 levels that it forgets
+CONTRAST, NOISE = 14.0, 5.0  # grey levels; robust deviations: what differs more from the ground is something else
+AT_HOME = 3.0, 10.0  # times as common among what moves as elsewhere: an animal's colour, least and most
+STILL = 2e-4  # share of the pictures that differs from the ground, below which nothing moves
+SHADE = 0.3, 0.92  # a shadow leaves this share of the ground's light
+GHOST = 3.0  # times as common on the still ground as the colour that the ground's picture has there
+PART = 0.3  # share of what moves that is enough to be the animals
+CONTRAST_CHANGE = 0.6, 1.8  # of pictures' contrast against the ground's, beyond the change of light
+EXPOSED = 160  # px, the longer side of the pictures by which exposure is told
+CROWDED = 0.6  # share of the picture; more cannot be animals
+FAR = 60.0  # grey levels (Lab): no colour so far from the one that a person gave is taken
+_CANVAS = 4.0  # the stabilised ground may be this many pictures large, else it is made coarser
+
+
+@dataclass
+class ClipGround:
+    """The ground without animals, as the stabilised clip shows it.
+
+    Attributes
+    ----------
+    picture : (h, w, 3) uint8 ndarray
+        BGR.
+    from_first : (2, 3) ndarray
+        From pixels of the first picture to those of `picture`.
+    known : (h, w) bool ndarray
+        Where it was ever seen.
+    """
+
+    picture: np.ndarray
+    from_first: np.ndarray
+    known: np.ndarray
+
+
+@dataclass
+class BodyColours:
+    """Tells animals from ground by colour.
+
+    Attributes
+    ----------
+    table : (LEVELS ** 3,) uint8 ndarray
+        1 for colours of animals, by blue, green, red.
+    ground : Ground or None
+        What pictures are brought to the exposure of; None leaves them as they are.
+    maps : (n, 2, 3) ndarray
+        Of the stabilised clip.
+    colour : (int, int, int)
+        Red, green, blue that is most typical of the animals.
+    still : bool
+        Whether nothing was seen to move.
+    notes : list of str
+    """
+
+    table: np.ndarray
+    ground: ClipGround | None
+    maps: np.ndarray
+    colour: tuple[int, int, int]
+    still: bool = False
+    notes: list[str] = field(default_factory=list)
+    bright: tuple[int, int, int] | None = None  # red, green, blue of what stands out most of them
+    stones: np.ndarray | None = None  # (h, w) uint8 on the ground's picture: see `find_stones`
+
+    def mask(self, k: int, picture) -> np.ndarray:
+        """(h, w) uint8, 1 where the k-th picture shows animals."""
+        if self.ground is not None:
+            picture = exposed(picture, self.exposure(k, picture))
+        smooth = cv2.GaussianBlur(picture, (3, 3), 0)
+        found = _looked_up(smooth, self.table)
+        if self.stones is not None:
+            self._leave_out_stones(k, smooth, found)
+        return cv2.medianBlur(found, 3)
+
+    def find_stones(self, area: float) -> bool:
+        """Look for what has colours of animals but belongs to the ground; whether there is any.
+
+        See `flockbrush.film.stones`; an animal (``area`` pixels of the first picture) that rests all the while stands
+        out as much as the others, and stays one.  Where hardly any animal moves away nothing is left out.
+        """
+        if self.ground is None or self.bright is None:
+            return False
+        coloured = _still_patches(self.ground, self.table)
+        area *= abs(np.linalg.det(self.ground.from_first[:, :2]))
+        faint = stones.faint_patches(self.ground.picture, coloured, np.array(self.bright[::-1], float), area)
+        self.stones = cv2.dilate(faint, np.ones((5, 5), np.uint8)) if faint.any() else None
+        return self.stones is not None
+
+    def _leave_out_stones(self, k, picture, found):
+        """Take out of a mask what is where a stone is and looks more like it than like an animal."""
+        way = after(self.ground.from_first, self.maps[k])
+        size, flags = picture.shape[1::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        there = (cv2.warpAffine(self.stones * np.uint8(255), way, size, flags=flags) > 0) & (found > 0)
+        if not there.any():
+            return
+        ground = cv2.warpAffine(self.ground.picture, way, size, flags=flags)[there].astype(float)
+        here = picture[there].astype(float)
+        like_ground = np.linalg.norm(here - ground, axis=1) < np.linalg.norm(here - self.bright[::-1], axis=1)
+        found[there] = ~like_ground
+
+    def exposure(self, k, picture):
+        """What gives the k-th picture the exposure of the ground (see `gain`)."""
+        scale = min(1.0, EXPOSED / max(picture.shape[:2]))
+        small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        way = after(self.ground.from_first, self.maps[k])
+        way[:, :2] /= scale
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        size = small.shape[1::-1]
+        under = cv2.warpAffine(self.ground.picture, way, size, flags=flags)
+        known = cv2.warpAffine(self.ground.known.astype(np.uint8), way, size, flags=flags) > 0
+        return gain(small, under, known)
+
+
+def gain(picture, ground, known):
+    """(2, 3) factor and offset, by channel, that give a picture the light and contrast of the ground under it.
+
+    Both are those of medians and of median deviations, which the few pixels of animals do not move.
+    """
+    if known.sum() < 50:
+        return np.array([np.ones(3), np.zeros(3)])
+    a, b = picture[known].astype(np.float32), ground[known].astype(np.float32)
+    ma, mb = np.median(a, axis=0), np.median(b, axis=0)
+    wide = (np.median(np.abs(b - mb), axis=0) + 2.0) / (np.median(np.abs(a - ma), axis=0) + 2.0)
+    bright = (mb + 4.0) / (ma + 4.0)
+    factor = np.clip(wide / bright, *CONTRAST_CHANGE) * bright if abs(np.log(wide / bright)).max() > 0.15 else bright
+    return np.array([factor, mb - factor * ma])
+
+
+def exposed(picture, change):
+    """The picture with factor and offset applied, by channel."""
+    factor, offset = change
+    if np.abs(factor - 1).max() < 0.02 and np.abs(offset).max() < 2:
+        return picture
+    tables = np.clip(np.arange(256)[:, None] * factor + offset, 0, 255).astype(np.uint8)
+    return cv2.LUT(picture, tables.reshape(256, 1, 3))
+
+
+@njit(cache=True, nogil=True)
+def _index(picture):
+    """Row of the table for every pixel of a picture, (h, w, 3) -> (h, w)."""
+    h, w = picture.shape[:2]
+    rows = np.empty((h, w), np.int32)
+    for y in range(h):
+        for x in range(w):
+            b, g, r = picture[y, x, 0], picture[y, x, 1], picture[y, x, 2]
+            rows[y, x] = ((b >> SHIFT) * LEVELS + (g >> SHIFT)) * LEVELS + (r >> SHIFT)
+    return rows
+
+
+@njit(cache=True, nogil=True)
+def _looked_up(picture, table):
+    """What the table says of every pixel, (h, w, 3) -> (h, w) uint8."""
+    h, w = picture.shape[:2]
+    found = np.empty((h, w), np.uint8)
+    for y in range(h):
+        for x in range(w):
+            b, g, r = picture[y, x, 0], picture[y, x, 1], picture[y, x, 2]
+            found[y, x] = table[((b >> SHIFT) * LEVELS + (g >> SHIFT)) * LEVELS + (r >> SHIFT)]
+    return found
+
+
+# the ground ------------------------------------------------------------------------------
+
+
+@dataclass
+class _Samples:
+    """Some pictures of a clip laid on the ground."""
+
+    ground: ClipGround
+    pictures: np.ndarray  # (m, h, w, 3) uint8, at the ground's exposure
+    known: np.ndarray  # (m, h, w) bool
+    index: np.ndarray  # (m, h, w) rows of the table
+
+
+def ground_of(clip, steady: Steady) -> _Samples:
+    """The median of the stabilised clip, and the pictures that it is the median of."""
+    rows = np.unique(np.linspace(0, len(clip) - 1, min(SAMPLES, len(clip))).round().astype(int))
+    from_first, size = _canvas(clip.size, steady.maps)
+    views, inside = [], []
+    full = np.full(clip.size[::-1], 255, np.uint8)
+    for k, picture in clip.read(rows):
+        way = after(from_first, steady.maps[k])
+        shrink = cv2.INTER_AREA if zoomed_out(way) else cv2.INTER_LINEAR
+        small = cv2.GaussianBlur(picture, (3, 3), 0) if shrink == cv2.INTER_AREA else picture
+        views.append(cv2.warpAffine(small, way, size, flags=cv2.INTER_LINEAR))
+        inside.append(cv2.warpAffine(full, way, size, flags=cv2.INTER_NEAREST) > 0)
+    pictures, known = np.array(views), np.array(inside)
+    middle = _median(pictures, known)
+    for picture, there in zip(pictures, known, strict=True):
+        picture[:] = exposed(picture, _gain_of_small(picture, middle, there))
+    index = np.array([_index(picture) for picture in pictures])
+    return _Samples(
+        ClipGround(_median(pictures, known), from_first, np.logical_or.reduce(known)), pictures, known, index
+    )
+
+
+def _gain_of_small(picture, ground, known):
+    """As `gain`, at the size at which the exposure of all pictures is told."""
+    scale = min(1.0, EXPOSED / max(picture.shape[:2]))
+    small = [cv2.resize(p, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) for p in (picture, ground)]
+    return gain(*small, cv2.resize(known.astype(np.uint8), small[0].shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0)
+
+
+def zoomed_out(m):
+    """Whether a map makes things less than three quarters as large."""
+    return abs(np.linalg.det(m[:, :2])) < 0.75**2
+
+
+def _canvas(size, maps):
+    """(map from the first picture, (width, height)) of a canvas that holds all pictures."""
+    corners = np.array([(0, 0), (size[0], 0), (0, size[1]), size], float)
+    at = np.concatenate([moved_by(m, corners) for m in maps])
+    low, high = at.min(0), at.max(0)
+    scale = min(1.0, SIDE / max(size))
+    scale *= min(1.0, float(np.sqrt(_CANVAS * size[0] * size[1] / max(1.0, np.prod(high - low)))))
+    wide, tall = np.maximum(1, np.ceil(scale * (high - low))).astype(int)
+    return np.column_stack([scale * np.eye(2), -scale * low]), (int(wide), int(tall))
+
+
+def _median(pictures, known):
+    """Of the pictures where they are known, (h, w, 3) uint8."""
+    filled = pictures.copy()
+    for k in range(1, len(filled)):
+        filled[k][~known[k]] = filled[k - 1][~known[k]]
+    for k in range(len(filled) - 2, -1, -1):  # what was unknown from the start
+        unknown = ~known[: k + 1].any(0)
+        filled[k][unknown] = filled[k + 1][unknown]
+    half = len(filled) // 2
+    return np.partition(filled, half, axis=0)[half]
+
+
+# colours ---------------------------------------------------------------------------------
+
+
+def colours_of(clip, steady: Steady, colour="auto") -> BodyColours:
+    """The colours of a clip's animals.
+
+    Parameters
+    ----------
+    clip : Clip
+    steady : Steady
+    colour : "auto" or (int, int, int)
+        Red, green and blue of the animals, 0 to 255.
+
+    Raises
+    ------
+    CannotObserve
+        When nothing moves, or everything looks like an animal.
+    """
+    samples = ground_of(clip, steady)
+    if not isinstance(colour, str):
+        found = _given(samples, steady, colour)
+    elif clip.still:
+        found = found_in_picture(samples, steady)
+    else:
+        found = found_colours(clip, samples, steady)
+    _check(clip, found, samples, colour)
+    return found
+
+
+def _check(clip, found, samples, colour):
+    """Refuse colours that are nobody's or everybody's."""
+    share = float(found.table[samples.index[samples.known]].mean())
+    seen = {"share of the picture": share, "pictures": {"ground": samples.ground.picture}}
+    if share > CROWDED:
+        raise CannotObserve(
+            clip.name,
+            f"{share:.0%} of the picture look like animals; name their colour with --body-colour R,G,B, or choose "
+            "frames in which more ground is seen",
+            seen,
+        )  # fmt: skip
+    if share == 0:
+        told = "; name their colour with --body-colour R,G,B" if isinstance(colour, str) else (
+            f": nothing has a colour near {','.join(map(str, colour))}, as given; take it from the clip, with "
+            "flockbrush play --clip, or leave --body-colour out"
+        )  # fmt: skip
+        raise CannotObserve(clip.name, f"no animals were found{told}", seen)
+
+
+def _given(samples, steady, colour):
+    """Colours near the one that a person gave: nearer than the ground, by the valley between the two."""
+    lab = _lab_of_table()
+    target = cv2.cvtColor(np.uint8([[colour[::-1]]]), cv2.COLOR_BGR2LAB)[0, 0].astype(np.float32)
+    away = np.linalg.norm(lab - target, axis=1)
+    counts = np.bincount(samples.index[samples.known], minlength=LEVELS**3)
+    limit = float(np.clip(_valley(away, counts), 12, FAR))
+    return BodyColours((away < limit).astype(np.uint8), samples.ground, steady.maps, tuple(int(c) for c in colour))
+
+
+def _valley(away, counts):
+    """Otsu's limit between near and far colours, by distance."""
+    weight, edges = np.histogram(away, bins=128, range=(0, 256), weights=counts)
+    share = np.cumsum(weight) / max(weight.sum(), 1)
+    middle = (edges[:-1] + edges[1:]) / 2
+    mean = np.cumsum(weight * middle) / max(weight.sum(), 1)
+    between = (mean[-1] * share - mean) ** 2 / np.maximum(share * (1 - share), 1e-9)
+    return edges[1 + int(np.argmax(between))]
+
+
+def _lab_of_table():
+    """(LEVELS ** 3, 3) the middle of each colour of the table, Lab in grey levels."""
+    step = 256 // LEVELS
+    levels = np.arange(LEVELS, dtype=np.uint8) * step + step // 2
+    bgr = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), -1).reshape(-1, 1, 3)
+    return cv2.cvtColor(bgr, cv2.COLOR_BGR2LAB).reshape(-1, 3).astype(np.float32)
+
+
+def found_colours(clip, samples, steady) -> BodyColours:
+    """The colours of what moves over the ground of a clip.
+
+    Raises
+    ------
+    CannotObserve
+        When nothing does.
+    """
+    moving, shade, lighter = _movers(samples)
+    share = moving.sum() / samples.known.sum()
+    if share < STILL:
+        raise CannotObserve(
+            clip.name,
+            f"nothing moves in frames {clip.numbers[0]} to {clip.numbers[-1]}: {share:.2%} of the pictures differ from "
+            "the ground; choose other or more frames; if animals stand there, name their colour (--body-colour R,G,B) "
+            "or learn how densely they stand from one frame alone, --frames A:A",
+            {"share that differs": float(share), "pictures": {"ground": samples.ground.picture}},
+        )  # fmt: skip
+    ghosts = _ghosts(samples, moving)
+    bodies, notes = _without_shadows(moving & ~ghosts, shade, lighter)
+    table = _at_home(samples, bodies, samples.known & ~moving)
+    table = _at_home(samples, *_again(samples, table, moving))
+    coloured = table[samples.index].astype(bool) & samples.known
+    bright = stones.bright_colour(
+        samples.pictures, samples.ground.picture, coloured, _still_patches(samples.ground, table)
+    )
+    colour = _typical(samples, table, bodies)
+    return BodyColours(table, samples.ground, steady.maps, colour, notes=notes, bright=bright)
+
+
+def _ghosts(samples, moving):
+    """(m, h, w) bool: differs because an animal that hardly moves has got into the ground, and is not here now.
+
+    What the picture shows there is common where nothing moves, and what the ground shows is rare.
+    """
+    still = np.bincount(samples.index[samples.known & ~moving], minlength=LEVELS**3).astype(float)
+    common = gaussian_filter(still.reshape([LEVELS] * 3), 0.8).ravel()
+    return moving & (common[samples.index] > GHOST * common[_index(samples.ground.picture)])
+
+
+def _without_shadows(moving, shade, lighter):
+    """(what moves and is no shadow, notes): where much of what moves is lighter than the ground, what is darker is."""
+    whole = moving.sum()
+    if (moving & lighter).sum() > PART * whole:
+        bodies = moving & lighter
+    elif (moving & ~shade).sum() > PART * whole:
+        bodies = moving & ~shade
+    else:
+        return moving, []
+    said = "the shadows of the animals were left out"
+    return bodies, [said] if bodies.sum() < (1 - PART) * whole else []
+
+
+def _movers(samples):
+    """(m, h, w) bool each: differs from the ground, is like a shadow on it, is lighter than it."""
+    ground = samples.ground.picture
+    low = cv2.erode(ground, np.ones((3, 3), np.uint8))
+    high = cv2.dilate(ground, np.ones((3, 3), np.uint8))
+    moving, shade, lighter = [], [], []
+    for picture, known in zip(samples.pictures, samples.known, strict=True):
+        away = cv2.max(cv2.subtract(picture, high), cv2.subtract(low, picture)).max(-1)
+        plain = cv2.absdiff(picture, ground)[::2, ::2].max(-1)[known[::2, ::2]]
+        limit = max(CONTRAST, NOISE * 1.4826 * float(np.median(plain)))
+        there = (away > limit) & (cv2.erode(known.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0)
+        dark = np.zeros_like(there)
+        dark[there] = _shaded(picture[there], ground[there])
+        moving.append(there)
+        shade.append(dark)
+        lighter.append(picture.sum(-1, dtype=np.int16) > ground.sum(-1, dtype=np.int16))
+    return np.array(moving), np.array(shade), np.array(lighter)
+
+
+def _shaded(colours, ground):
+    """(n,) bool: darker than the ground, of the same hue; both (n, 3)."""
+    ratio = (colours.astype(np.float32) + 4) / (ground.astype(np.float32) + 4)
+    light = ratio.mean(-1)
+    return (light > SHADE[0]) & (light < SHADE[1]) & (np.abs(ratio - light[:, None]).max(-1) < 0.12)
+
+
+def _at_home(samples, bodies, elsewhere):
+    """The table of colours that are more common among bodies than elsewhere."""
+    index = samples.index
+    a, b = (np.bincount(index[chosen], minlength=LEVELS**3).astype(float) for chosen in (bodies, elsewhere))
+    ratio = np.zeros(LEVELS**3)
+    known = np.zeros(LEVELS**3, bool)
+    for width in (0.8, 2.0, 4.0):  # rare colours are judged with their neighbours
+        fine, coarse = (gaussian_filter(c.reshape([LEVELS] * 3), width).ravel() for c in (a, b))
+        enough = ~known & (fine + coarse > 0.5)
+        ratio[enough] = ((fine / max(a.sum(), 1)) / np.maximum(coarse / max(b.sum(), 1), 1e-7))[enough]
+        known |= enough
+    return (ratio > _homely(ratio, a)).astype(np.uint8)
+
+
+def _homely(ratio, bodies):
+    """The limit between colours that animals have and those they share with the ground: the valley of their ratios."""
+    low, high = AT_HOME
+    at = np.clip(np.log(np.maximum(ratio, 1e-6)), -3.0, 9.0)
+    return float(np.clip(np.exp(_valley((at + 3.0) * (256 / 12.0), bodies) * 12.0 / 256 - 3.0), low, high))
+
+
+def _again(samples, table, moving):
+    """(bodies, elsewhere) with a first table known: animals that rest are bodies too, ghosts of theirs are ground."""
+    index = samples.index
+    coloured = table[index].astype(bool)
+    return coloured & moving, samples.known & ~coloured
+
+
+def _typical(samples, table, bodies):
+    """Median red, green, blue of the bodies."""
+    index = samples.index
+    chosen = table[index].astype(bool) & bodies
+    if not chosen.any():
+        return 0, 0, 0
+    b, g, r = np.median(samples.pictures[chosen], axis=0)
+    return int(r), int(g), int(b)
+
+
+def _still_patches(ground, table):
+    """(h, w) uint8: where the ground's picture has colours of animals."""
+    return _looked_up(cv2.GaussianBlur(ground.picture, (3, 3), 0), table) & ground.known.astype(np.uint8)
+
+
+# one picture -----------------------------------------------------------------------------
+
+
+def found_in_picture(samples, steady) -> BodyColours:
+    """The colours of patches that are alike in size and unlike the ground around them."""
+    picture = samples.pictures[0]
+    lab = cv2.cvtColor(picture, cv2.COLOR_BGR2LAB)
+    window = max(5, (min(picture.shape[:2]) // 4) | 1)
+    away = lab.astype(np.float32) - _around(lab, window)
+    best, chosen = 0.0, None
+    for values in (away[..., 0], -away[..., 0], away[..., 1], -away[..., 1], away[..., 2], -away[..., 2]):
+        mask = _outliers(values)
+        score = _like_bodies(mask)
+        if score > best:
+            best, chosen = score, mask
+    if chosen is None:
+        return BodyColours(np.zeros(LEVELS**3, np.uint8), None, steady.maps, (0, 0, 0), True)
+    bodies = chosen[None].astype(bool)
+    table = _at_home(samples, bodies, samples.known & ~bodies)
+    return BodyColours(table, None, steady.maps, _typical(samples, table, bodies), True)
+
+
+def _around(lab, window):
+    """The ground around each pixel, as if nothing small stood on it."""
+    shrink = max(1, window // 31)
+    small = cv2.resize(lab, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)
+    median = cv2.medianBlur(small, max(3, (window // shrink) | 1))
+    return cv2.resize(median, lab.shape[1::-1], interpolation=cv2.INTER_LINEAR).astype(np.float32)
+
+
+def _outliers(values):
+    """(h, w) uint8: far above the rest, by the valley between the rest and the extremes."""
+    noise = 1.4826 * float(np.median(np.abs(values)))
+    top = float(np.quantile(values, 0.999))
+    limit = max(3.0 * noise, 0.5 * top, 10.0)
+    return cv2.morphologyEx((values > limit).astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+
+
+def _like_bodies(mask):
+    """How much of a mask is in compact patches of like size, px."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    area = stats[1:, cv2.CC_STAT_AREA].astype(float)
+    large = area > max(6.0, 0.05 * area.max(initial=0))
+    if not large.any():
+        return 0.0
+    box = stats[1:, cv2.CC_STAT_WIDTH] * stats[1:, cv2.CC_STAT_HEIGHT]
+    usual = float(np.median(area[large]))
+    fine = large & (area > 0.4 * usual) & (area < 2.5 * usual) & (area > 0.4 * box)
+    return float(area[fine].sum() * area[fine].sum() / area.sum()) if mask.mean() < CROWDED else 0.0

@@ -1,0 +1,544 @@
+"""What a clip tells of a herd: fields on a grid, single animals where they can be told apart, and how fast they go.
+
+Lengths are body lengths (BL), times seconds; x points right and y **up** in the picture.  A file is a compressed npz
+that holds all of it; nothing in it is ever unpickled.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import tokenize
+import zipfile
+import zlib
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from flockbrush.behaviours.tomlfile import check_plain
+from flockbrush.engine import limits
+from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.film.speeds import SpeedEvidence, speed_evidence
+
+SCHEMA = "flockbrush.fields/1"
+_UNKNOWN = "is no file of fields"
+
+
+class CannotObserve(ProblemsError):
+    """A clip that tells nothing, or not enough: what was seen and what to try.
+
+    Attributes
+    ----------
+    seen : dict
+        Facts by name as far as they were found; under "pictures", BGR pictures by title.
+    """
+
+    def __init__(self, clip, message: str, seen: dict | None = None):
+        super().__init__([Problem(str(clip), None, None, message)])
+        self.seen = dict(seen or {})
+
+
+@dataclass
+class Fields:
+    """The herd as a continuum: T frames of ny x nx square cells (paper section 4).
+
+    Attributes
+    ----------
+    fps : float
+        Rows a second.
+    cell : float
+        Side of a cell, BL.
+    origin : (2,) ndarray
+        Lower left corner of cell (0, 0), BL; rows of cells count upwards, columns to the right.
+    density : (T, ny, nx) ndarray
+        Animals a BL², on the part of the cell that is in the picture; NaN where nothing of it is.
+    velocity : (T, ny, nx, 2) ndarray
+        Mean velocity of the bodies, BL/s; NaN where nobody is.
+    speed_variance : (T, ny, nx) ndarray
+        Of the speeds within the cell, (BL/s)²; NaN where nobody is.
+    angular_variance : (T, ny, nx) ndarray
+        Of the unsigned angle to the cell's mean velocity, degrees²; chance gives 180²/12 = 2700.
+    seen : (T, ny, nx) bool ndarray
+        Whether the cell is in the picture, at least half of it: a stabilised picture moves over the ground.
+    obstacle : (ny, nx) bool ndarray
+        Where nobody can go.
+    region : (ny, nx) uint8 ndarray
+        Number of the region, from 0.
+    count : (T,) ndarray
+        Animals in the picture.
+    frames : (T,) int ndarray
+        Their numbers in the clip, from 0.
+    speed : (T, ny, nx) ndarray
+        Mean speed of the bodies, BL/s, at least the length of `velocity`, which stands in when it is not given.
+    """
+
+    fps: float
+    cell: float
+    origin: np.ndarray
+    density: np.ndarray
+    velocity: np.ndarray
+    speed_variance: np.ndarray
+    angular_variance: np.ndarray
+    seen: np.ndarray
+    obstacle: np.ndarray
+    region: np.ndarray
+    count: np.ndarray
+    frames: np.ndarray
+    speed: np.ndarray | None = None
+
+    def __post_init__(self):
+        if self.speed is None:
+            self.speed = np.linalg.norm(self.velocity, axis=-1)
+        wrong = list(self._mistakes())
+        if wrong:
+            raise ValueError("; ".join(wrong))
+
+    def _mistakes(self):
+        """Sentences about arrays that do not fit together."""
+        if self.density.ndim != 3:
+            yield f"density has shape {self.density.shape}, and not frames x rows x columns"
+            return
+        cells = self.density.shape
+        shapes = dict.fromkeys(_GRIDS, cells) | {
+            "velocity": (*cells, 2),
+            "obstacle": cells[1:],
+            "region": cells[1:],
+            "count": cells[:1],
+            "frames": cells[:1],
+            "origin": (2,),
+        }
+        for name, shape in shapes.items():
+            if np.shape(getattr(self, name)) != shape:
+                yield f"{name} has shape {np.shape(getattr(self, name))}, density asks for {shape}"
+        if not (self.fps > 0 and np.isfinite(self.fps)):
+            yield f"fps must be above 0, got {self.fps}"
+        if not (self.cell > 0 and np.isfinite(self.cell)):
+            yield f"cell must be above 0 body lengths, got {self.cell}"
+
+    def __len__(self):
+        return len(self.density)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(ny, nx)."""
+        return self.density.shape[1], self.density.shape[2]
+
+    @property
+    def occupied(self) -> np.ndarray:
+        """(T, ny, nx) bool: somebody is there, and is seen to move or stand."""
+        return np.isfinite(self.velocity[..., 0])
+
+    @property
+    def centres(self) -> np.ndarray:
+        """Middles of the cells, (ny, nx, 2) BL."""
+        ny, nx = self.shape
+        x, y = np.meshgrid(np.arange(nx) + 0.5, np.arange(ny) + 0.5)
+        return self.origin + self.cell * np.stack([x, y], axis=-1)
+
+    @cached_property
+    def holds_all(self) -> bool:
+        """Whether nobody stands at the border of the picture: then it may be thought larger than it is."""
+        density, seen = np.nan_to_num(self.density), self.seen
+        inner = np.zeros_like(seen)
+        inner[:, 1:-1, 1:-1] = (
+            seen[:, 1:-1, 1:-1] & seen[:, :-2, 1:-1] & seen[:, 2:, 1:-1] & seen[:, 1:-1, :-2] & seen[:, 1:-1, 2:]
+        )
+        return bool((density * (seen & ~inner)).sum() <= 0.01 * max(density.sum(), 1e-12))
+
+    def cells_of(self, xy):
+        """(row, column, inside) of points (n, 2) BL; those outside are clipped to the border and not ``inside``."""
+        steps = np.floor((np.asarray(xy, float) - self.origin) / self.cell).astype(int)
+        top = np.array(self.shape[::-1]) - 1
+        inside = ((steps >= 0) & (steps <= top)).all(-1)
+        column, row = np.clip(steps, 0, top).T
+        return row, column, inside
+
+    def part(self, chosen) -> Fields:
+        """Some of the frames: a slice."""
+        return replace(self, **{name: getattr(self, name)[chosen] for name in (*_GRIDS, "velocity", "count", "frames")})
+
+    def scaled(self, by: float) -> Fields:
+        """The same in a unit of length that is so many times shorter."""
+        return replace(
+            self,
+            cell=self.cell * by,
+            origin=np.asarray(self.origin, float) * by,
+            density=self.density / by**2,
+            velocity=self.velocity * by,
+            speed=np.asarray(self.speed) * by,
+            speed_variance=self.speed_variance * by**2,
+        )
+
+    def save(self, path):
+        """Write the fields alone as npz.
+
+        Raises
+        ------
+        OSError
+            When the file cannot be written.
+        """
+        _write(path, _flat("fields", self))
+
+    @staticmethod
+    def load(path) -> Fields:
+        """The fields of an npz, whether or not there is more in it.
+
+        Raises
+        ------
+        ProblemsError
+            When the file is none of fields, or is damaged.
+        """
+        return _fields(path, _read(path))
+
+
+_GRIDS = ("density", "speed_variance", "angular_variance", "seen", "speed")
+
+
+@dataclass
+class Sightings:
+    """Single animals: one row for each animal told apart in a frame, frame by frame.
+
+    Attributes
+    ----------
+    first : (T + 1,) int ndarray
+        Rows ``first[t]`` to ``first[t + 1]`` belong to frame t.
+    xy : (m, 2) ndarray
+        BL.
+    forward : (m, 2) ndarray
+        Unit vectors along the body, head first.
+    speed : (m,) ndarray
+        BL/s; NaN unknown.
+    turn : (m,) ndarray
+        Rate of turning to the left, rad/s; NaN unknown.
+    track : (m,) int ndarray
+        The same number in several frames is the same animal; -1: followed by nobody.
+    """
+
+    first: np.ndarray
+    xy: np.ndarray
+    forward: np.ndarray
+    speed: np.ndarray
+    turn: np.ndarray
+    track: np.ndarray
+
+    def __post_init__(self):
+        rows = len(self.xy)
+        shapes = {"xy": (rows, 2), "forward": (rows, 2), "speed": (rows,), "turn": (rows,), "track": (rows,)}
+        for name, shape in shapes.items():
+            if np.shape(getattr(self, name)) != shape:
+                raise ValueError(f"{name} of the sightings has shape {np.shape(getattr(self, name))}, not {shape}")
+        if self.first[0] != 0 or self.first[-1] != rows or (np.diff(self.first) < 0).any():
+            raise ValueError(f"first must rise from 0 to the {rows} sightings, got {self.first[0]} to {self.first[-1]}")
+
+    def __len__(self):
+        return len(self.first) - 1
+
+    def of(self, t) -> slice:
+        """The rows of frame t."""
+        return slice(int(self.first[t]), int(self.first[t + 1]))
+
+    @property
+    def frame(self) -> np.ndarray:
+        """(m,) the frame of each row."""
+        return np.repeat(np.arange(len(self)), np.diff(self.first))
+
+    def scaled(self, by: float) -> Sightings:
+        """The same in a unit of length that is so many times shorter."""
+        return replace(self, xy=self.xy * by, speed=self.speed * by)
+
+    def part(self, chosen) -> Sightings:
+        """Some of the frames: a slice without a step."""
+        begin, end, step = chosen.indices(len(self))
+        if step != 1:
+            raise ValueError("sightings are cut by a slice of frames without a step")
+        end = max(begin, end)
+        rows = slice(int(self.first[begin]), int(self.first[end]))
+        cut = {name: getattr(self, name)[rows] for name in ("xy", "forward", "speed", "turn", "track")}
+        return Sightings(self.first[begin : end + 1] - self.first[begin], **cut)
+
+
+@dataclass
+class Evidence:
+    """Everything that was learned of a clip by looking at it.
+
+    Attributes
+    ----------
+    name : str
+        Of the clip, as the user named it.
+    sha256 : str
+        Of the clip's file.
+    fps : float
+        Frames a second of the fields and sightings.
+    body_length_px : float
+        Pixels of the reference picture in one BL.
+    length_source : {"given", "blobs"}
+        Whether a person said so, or it was estimated.
+    radius_bl : float
+        Half the width of a body over its length.
+    fields : Fields
+    sightings : Sightings or None
+        None where bodies do not separate.
+    speed : SpeedEvidence or None
+        None of a single picture.
+    notes : list of str
+        What whoever uses this should know.
+    picture : (h, w, 3) uint8 ndarray or None
+        The ground and the herd as the stabilised frame shows it, BGR.
+    to_pixels : (2, 3) ndarray or None
+        From BL (x, y up) to pixels (x, y down) of `picture`: ``to_pixels[:, :2] @ xy + to_pixels[:, 2]``.
+    camera : (T, 2, 3) ndarray or None
+        From pixels of the clip's frame (upright, full size) to pixels of `picture`.
+    region_colours : (k, 3) uint8 ndarray or None
+        Red, green, blue of the regions 1 to k in the mask they are from.
+    place_noise, heading_noise : float
+        Standard deviations of the places and headings of the sightings, BL along each direction and rad.
+    length_unit : {"px", "m", "bl"}
+        Of ``body_length_px``: pixels of a film, or the unit of a file of tracks.
+    """
+
+    name: str
+    sha256: str
+    fps: float
+    body_length_px: float
+    length_source: str
+    radius_bl: float
+    fields: Fields
+    sightings: Sightings | None = None
+    speed: SpeedEvidence | None = None
+    notes: list[str] = field(default_factory=list)
+    picture: np.ndarray | None = None
+    to_pixels: np.ndarray | None = None
+    camera: np.ndarray | None = None
+    region_colours: np.ndarray | None = None
+    place_noise: float = 0.0
+    heading_noise: float = 0.0
+    length_unit: str = "px"
+
+    @property
+    def from_tracks(self) -> bool:
+        """Whether places came from a file of tracks, and not from pictures."""
+        return self.camera is None and self.picture is not None and not self.still
+
+    @property
+    def length_told(self) -> str:
+        """One body length with its unit."""
+        unit = {"px": "pixels", "m": "m", "bl": "body lengths"}[self.length_unit]
+        return f"{self.clip_body_px:.1f} {unit}" if self.length_unit == "px" else f"{self.clip_body_px:.3g} {unit}"
+
+    @property
+    def still(self) -> bool:
+        """A photograph: nothing is known of motion."""
+        return len(self.fields) == 1
+
+    @property
+    def clip_body_px(self) -> float:
+        """A body length in pixels of the clip itself, which is larger than `picture` where that was made smaller."""
+        scale = 1.0 if self.camera is None else float(np.sqrt(abs(np.linalg.det(self.camera[0][:, :2]))))
+        return self.body_length_px / scale
+
+    def part(self, chosen: slice) -> Evidence:
+        """Some of the frames, with the speed of those alone: what is held out stays unknown.
+
+        Raises
+        ------
+        ValueError
+            When no frame is left.
+        """
+        fields_part = self.fields.part(chosen)
+        if not len(fields_part):
+            raise ValueError(f"no frame is left of the {len(self.fields)} of {self.name}")
+        seen = self.sightings.part(chosen) if self.sightings is not None else None
+        speed = None
+        if self.speed and len(fields_part) > 1:
+            speed = speed_evidence(fields_part, seen, self.speed.body_pixels, self.speed.smoothed)
+        camera = self.camera[chosen] if self.camera is not None else None
+        return replace(self, fields=fields_part, sightings=seen, speed=speed, camera=camera, notes=list(self.notes))
+
+    def in_lengths_of(self, pixels: float) -> Evidence:
+        """The same in body lengths of so many pixels of the clip (see `clip_body_px`)."""
+        by = self.clip_body_px / pixels
+        if by == 1.0:
+            return self
+        return replace(
+            self,
+            body_length_px=self.body_length_px / by,
+            place_noise=self.place_noise * by,
+            fields=self.fields.scaled(by),
+            sightings=None if self.sightings is None else self.sightings.scaled(by),
+            speed=None if self.speed is None else self.speed.scaled(by),
+            to_pixels=None
+            if self.to_pixels is None
+            else np.column_stack([self.to_pixels[:, :2] / by, self.to_pixels[:, 2]]),
+        )
+
+    def save(self, path):
+        """Write everything as one npz.
+
+        Raises
+        ------
+        OSError
+            When the file cannot be written.
+        """
+        arrays = _flat("fields", self.fields)
+        for name in ("sightings", "speed"):
+            if getattr(self, name) is not None:
+                arrays |= _flat(name, getattr(self, name))
+        arrays |= _flat("clip", self, leave=("fields", "sightings", "speed", "picture", "notes"))
+        arrays["clip.notes"] = np.array(json.dumps(self.notes))
+        if self.picture is not None:
+            arrays["clip.picture"] = _packed(self.picture)
+        _write(path, arrays)
+
+    @staticmethod
+    def load(path) -> Evidence:
+        """What `save` wrote.
+
+        Raises
+        ------
+        ProblemsError
+            When the file is none of fields, has fields alone, or is damaged.
+        """
+        data = _read(path)
+        if "clip.name" not in data:
+            raise _refused(path, "has fields alone and not the clip they are of; make it with flockbrush fields CLIP")
+        made = {"fields": _fields(path, data)}
+        with _damage(path):
+            if "sightings.xy" in data:
+                made["sightings"] = Sightings(**_part(data, "sightings"))
+            if "speed.mean" in data:
+                made["speed"] = SpeedEvidence.of_arrays(_part(data, "speed"))
+            clip = _part(data, "clip")
+            clip["notes"] = [str(note) for note in json.loads(str(clip["notes"]))]
+            if "picture" in clip:
+                clip["picture"] = _unpacked(path, clip["picture"])
+            return Evidence(**clip, **made)
+
+
+def halves(evidence: Evidence, share: float = 0.5) -> tuple[Evidence, Evidence]:
+    """The first ``share`` of a clip's frames, to learn from, and the rest, held out.
+
+    Raises
+    ------
+    ValueError
+        When either would have fewer than two frames.
+    """
+    total = len(evidence.fields)
+    cut = round(share * total)
+    if min(cut, total - cut) < 2:
+        raise ValueError(f"{evidence.name} has {total} frames; {share:g} of them and the rest must be two at least")
+    return evidence.part(slice(0, cut)), evidence.part(slice(cut, total))
+
+
+def frames_between(evidence: Evidence, begin: int, end: int) -> Evidence:
+    """The frames whose numbers in the clip are ``begin`` to ``end``, both included.
+
+    Raises
+    ------
+    ValueError
+        When there are none.
+    """
+    frames = evidence.fields.frames
+    chosen = np.flatnonzero((frames >= begin) & (frames <= end))
+    if not len(chosen):
+        raise ValueError(f"{evidence.name} has frames {frames[0]} to {frames[-1]}, and none from {begin} to {end}")
+    return evidence.part(slice(int(chosen[0]), int(chosen[-1]) + 1))
+
+
+# files ---------------------------------------------------------------------------------
+
+
+def _flat(prefix, thing, leave=()):
+    """{prefix.name: array} of a dataclass; what is None is left out."""
+    values = {f.name: getattr(thing, f.name) for f in fields(thing) if f.name not in leave}
+    return {f"{prefix}.{name}": np.asarray(value) for name, value in values.items() if value is not None}
+
+
+def _part(data, prefix):
+    """{name: value} of what begins with the prefix; arrays of one value become that value."""
+    chosen = {key[len(prefix) + 1 :]: value for key, value in data.items() if key.startswith(prefix + ".")}
+    return {name: value.item() if value.ndim == 0 else value for name, value in chosen.items()}
+
+
+def _write(path, arrays):
+    if sum(array.nbytes for array in arrays.values()) > limits.FIELDS_BYTES:
+        message = f"would be larger than {limits.FIELDS_BYTES.told}; take a part of the clip: --frames FIRST:LAST"
+        raise _refused(path, message)
+    with open(path, "wb") as file:
+        np.savez_compressed(file, schema=np.array(SCHEMA), **arrays)
+
+
+def _read(path):
+    """Every array of an npz; ProblemsError."""
+    check_plain(path, limits.FIELDS_BYTES)
+    with _damage(path), open(path, "rb") as file:
+        _check_members(file)
+        file.seek(0)
+        return _arrays(path, file)
+
+
+def _check_members(file):
+    """ValueError unless the arrays of an npz are as long as they say, and not too much together."""
+    with zipfile.ZipFile(file) as packed:
+        if sum(info.file_size for info in packed.infolist()) > limits.FIELDS_BYTES:
+            raise ValueError(f"it unpacks to more than {limits.FIELDS_BYTES.told}")
+        for info in packed.infolist():
+            with packed.open(info) as member:
+                version = np.lib.format.read_magic(member)
+                read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+                shape, _, kind = read(member)
+                if info.file_size - member.tell() != math.prod(shape) * kind.itemsize:
+                    raise ValueError(f"{info.filename} is not as long as it says")
+
+
+def _arrays(path, file):
+    with np.load(file, allow_pickle=False) as archive:
+        if not hasattr(archive, "files") or "schema" not in archive.files:
+            raise _refused(path, f"{_UNKNOWN}: it has no schema; make one with flockbrush fields CLIP")
+        if str(archive["schema"]) != SCHEMA:
+            raise _refused(path, f"its schema is {str(archive['schema'])!r}, and {SCHEMA!r} is read here")
+        return {name: archive[name] for name in archive.files}
+
+
+def _fields(path, data):
+    with _damage(path):
+        return Fields(**_part(data, "fields"))
+
+
+class _damage:
+    """Whatever goes wrong while a file is taken apart is told of the file."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, error, trace):
+        if kind is None or not issubclass(kind, _TROUBLE):
+            return False
+        said = str(error).replace("allow_pickle=False", "it").strip("'\"") or kind.__name__
+        raise _refused(self.path, f"{_UNKNOWN}, or it is damaged: {said}") from None
+
+
+_TROUBLE = (
+    ValueError, TypeError, LookupError, AttributeError, EOFError, OSError, RecursionError, OverflowError,
+    NotImplementedError, SyntaxError, tokenize.TokenError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+
+
+def _packed(picture):
+    import cv2
+
+    return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 92])[1].ravel()
+
+
+def _unpacked(path, raw):
+    from flockbrush.film.media import decoded
+
+    return decoded(raw.tobytes(), f"{path}: clip.picture")
+
+
+def _refused(path, message):
+    return ProblemsError([Problem(str(Path(path)), None, None, message)])

@@ -1,0 +1,483 @@
+"""Looking at a clip: from a file of a film to everything that can be known of its herd.
+
+One after the other: open it (`clip`), take the camera's motion out (`stabilise`), find the animals' colours (`masks`),
+the size of one (`bodies`), and then frame by frame the flow of the bodies (`flow`), the fields (`fields`) and the
+single animals (`bodies`, `sightings`).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.film.body_outlines import BodySize, Outlines, bodies_of, size_of_bodies
+from flockbrush.film.camera_maps import Steady, after, back, zoom_of
+from flockbrush.film.clip_fields import ClipGrid, Collector, grid_over, painted, read_colours
+from flockbrush.film.clip_reader import Clip, Say, open_clip, silent
+from flockbrush.film.flow import Flow, gap_of
+from flockbrush.film.masks import BodyColours, colours_of
+from flockbrush.film.media import read_picture
+from flockbrush.film.observations import CannotObserve, Evidence, Sightings
+from flockbrush.film.plain_ground import ground_alone, is_plain
+from flockbrush.film.sightings import UNKNOWN, SightingNoise, sightings_of
+from flockbrush.film.speed_process import SMOOTHED
+from flockbrush.film.speeds import speed_evidence
+from flockbrush.film.stabilise import GroundLandmark, follow_landmarks, register
+
+SPECK = 0.3  # of one animal's pixels: less is none
+HERD = 0.1  # share of the pictures that animals cover, above which the ground is followed again without them
+SIZES = 9  # pictures in which the size of one animal is measured
+SMALL = 6.0  # px: shorter bodies are not told apart
+CAPSULE = 0.366  # area of a body of 1 x 0.4 with round ends, BL² [herd.md]
+LONG = 2.5  # length of a body over its width, where neither is known [herd.md]
+PARTLY = 0.6  # a mask may show so much less, or more, of a body's length than a person measures
+FEW = 5  # animals
+JUMP, STEADY = 0.5, 0.4  # overlap of the herd with that of the frame before, over the usual; and the least usual one
+AHEAD = 2  # pictures that a second thread prepares
+ROOMLESS = 0.98  # share of the picture that obstacles cannot cover
+SLOW = 3.0  # deviations of the ground's flow: slower bodies have no direction
+
+
+@dataclass(frozen=True)
+class Glance:
+    """One frame as it is worked on, for whoever wants to draw it.
+
+    Attributes
+    ----------
+    k : int
+        Row of the clip.
+    picture, mask : ndarray
+        (h, w, 3) BGR; (h, w), 1 where animals are.
+    at, move : (n, 2) ndarray
+        Pixels of bodies, and how many pixels they move in a second, the camera taken out.
+    bodies : Bodies or None
+        In pixels of this picture.
+    """
+
+    k: int
+    picture: np.ndarray
+    mask: np.ndarray
+    at: np.ndarray
+    move: np.ndarray
+    bodies: Outlines | None
+
+
+def observe(
+    path, *, frames=None, landmarks=(), body_colour="auto", body_length_px=None, grid=30, obstacles=None, regions=None,
+    animals=True, say: Say = silent, show: Callable[[Glance, Watch, dict], None] | None = None,
+) -> Evidence:  # fmt: skip
+    """What a clip tells of its herd.
+
+    Parameters
+    ----------
+    path : path
+        A film or a photograph.
+    frames : (int or None, int or None), optional
+        First and last frame that are used, both included, counted from 0.
+    landmarks : iterable of Landmark or (int, (x, y, w, h))
+        Rectangles on the ground, in pixels of frames of the clip; without any the ground is followed by itself.
+    body_colour : "auto" or (red, green, blue)
+    body_length_px : float, optional
+        Of one animal in the first frame, pixels of the clip; measured on those who stand alone unless given.
+    grid : int
+        Cells across the longer side of the picture.
+    obstacles, regions : path, optional
+        Painted over the first frame: white where nobody can go; a colour for each region, black for none.
+    animals : bool
+        Whether to tell single animals apart, besides the fields.
+    say : callable
+        (what is done, how many are done, of how many).
+    show : callable, optional
+        Is given every frame, to be drawn: (glance, watch, its fields by name).
+
+    Raises
+    ------
+    CannotObserve
+        When the clip does not tell enough; it has what was seen.
+    ProblemsError
+        When a mask cannot be read.
+    """
+    watch = Watch.of(path, frames, landmarks, body_colour, body_length_px, grid, obstacles, regions, say)
+    return watch.evidence(animals, say, show)
+
+
+@dataclass
+class Watch:
+    """A clip of which is known how the camera moves, what animals look like and how large they are."""
+
+    clip: Clip
+    steady: Steady
+    colours: BodyColours
+    size: BodySize  # of what the mask shows of one animal
+    length: float  # px of the first picture: a body length, as a person gave it or as the mask shows it
+    given: bool  # whether a person told it
+    grid: ClipGrid
+    obstacle: np.ndarray | None  # (h, w) uint8 in pixels of the first picture
+    obstacle_cells: np.ndarray | None
+    region_cells: np.ndarray | None
+    region_colours: np.ndarray | None
+    apart: bool  # whether animals can be told apart
+    notes: list[str]
+
+    @staticmethod
+    def of(path, frames, landmarks, body_colour, body_length_px, grid, obstacles, regions, say) -> Watch:
+        """Look at the whole clip once, as far as that is needed before its frames are measured."""
+        if not 2 <= int(grid) <= 400:
+            raise ValueError(f"a grid has 2 to 400 cells across, got {grid}")
+        clip = open_clip(path, frames, say)
+        painted_on = [_mask_of(mask, clip) for mask in (obstacles, regions)]
+        steady = _steady(clip, [_landmark(mark) for mark in landmarks], say)
+        say("finding the animals", 0, 1)
+        colours = colours_of(clip, steady, body_colour)
+        masks = _sampled(clip, colours)
+        if not landmarks and not clip.still and steady.moved:
+            away = lambda k, picture: colours.mask(k, picture) > 0  # noqa: E731
+            if np.mean([m.mean() for m in masks.values()]) > HERD or not ground_alone(clip, away, steady.maps):
+                steady = register(clip, away, say)
+                colours.maps = steady.maps
+        plain = _plain(clip, steady, masks) if not landmarks and not clip.still else []
+        size, length, apart, notes = _size(clip, steady, masks, body_length_px)
+        if colours.find_stones(size.area):
+            size, length, apart, notes = _size(clip, steady, _sampled(clip, colours), body_length_px)
+        cells = grid_over(clip.size, steady.maps, length, grid)
+        obstacle = None if painted_on[0] is None else (painted_on[0].max(-1) > 127).astype(np.uint8)
+        if obstacle is not None and obstacle.mean() > ROOMLESS:
+            raise _refused(obstacles, "is white nearly everywhere; white marks obstacles, black marks the ground")
+        numbers, kinds = (None, None) if painted_on[1] is None else read_colours(painted_on[1])
+        if kinds is not None and len(kinds) > 32:
+            raise _refused(regions, f"has {len(kinds)} colours; regions are painted in a few, without soft edges")
+        return Watch(
+            clip, steady, colours, size, length, body_length_px is not None, cells,
+            None if obstacle is None else cv2.resize(obstacle, clip.size, interpolation=cv2.INTER_NEAREST),
+            None if obstacle is None else painted(obstacle, cells, clip.scale).astype(bool),
+            None if numbers is None else painted(numbers.astype(np.uint8), cells, clip.scale),
+            kinds, apart, clip.notes + steady.notes + plain + colours.notes + notes,
+        )  # fmt: skip
+
+    def evidence(self, animals=True, say: Say = silent, show=None) -> Evidence:
+        """Measure every frame."""
+        clip, taken = self.clip, _Taken(self, animals and self.apart and self.size.length >= SMALL)
+        first = None
+        for (k, picture), made in ahead(taken.prepared, clip.read()):
+            first = picture if first is None else first
+            for glance in taken.next(k, picture, *made):
+                if show is not None:
+                    show(glance, self, taken.collector.last())
+            say("measuring the herd", k + 1, len(clip))
+        for glance in taken.rest():
+            if show is not None:
+                show(glance, self, taken.collector.last())
+        fields = taken.collector.fields(clip.fps, self.obstacle_cells, self.region_cells)
+        self._check(fields, taken.masks)
+        sightings, noise = taken.sightings()
+        smoothed = max(SMOOTHED, 2 * float(np.nan_to_num(noise.half)))
+        speed = None if clip.still else speed_evidence(fields, sightings, self.size.area, smoothed)
+        return Evidence(
+            name=clip.name, sha256=clip.sha256, fps=clip.fps, body_length_px=self.length,
+            length_source="given" if self.given else "blobs", radius_bl=0.5 * self.size.width / self.size.length,
+            fields=fields, sightings=sightings,
+            speed=speed, notes=self._notes(taken), picture=first, to_pixels=self.grid.to_pixels, camera=self._camera(),
+            region_colours=self.region_colours, place_noise=float(np.nan_to_num(noise.place)),
+            heading_noise=float(np.nan_to_num(noise.heading)),
+        )  # fmt: skip
+
+    def _check(self, fields, example):
+        """Refuse a clip in which there are no animals to speak of."""
+        usual = float(np.median(fields.count))
+        if usual < 1:
+            long = f" of {self.length / self.clip.scale:.0f} pixels, as given," if self.given else ""
+            raise CannotObserve(
+                self.clip.name,
+                f"no animals were found: what was taken for them covers {usual:.2g} animals{long} in a usual frame; "
+                "name their colour with --body-colour R,G,B, or their length with --body-length-px",
+                {"animals": usual, "pictures": example},
+            )  # fmt: skip
+
+    def _notes(self, taken):
+        notes = list(self.notes)
+        if taken.gap > 1:
+            notes.append(f"motion was measured over {taken.gap} frames, since animals move little from one to the next")
+        usual = float(np.median(taken.collector.rows["count"]))
+        if usual < FEW:
+            notes.append(f"only about {usual:.0f} animals are seen: too few to learn how a herd moves")
+        notes += taken.jumps()
+        if not self.apart:
+            notes.append("single animals could not be told apart; only fields are available")
+        return notes
+
+    def _camera(self):
+        """(n, 2, 3) from full pixels of the clip to the reference picture."""
+        camera = np.array(self.steady.maps, float)
+        camera[..., :2] *= self.clip.scale
+        return camera
+
+
+class _Taken:
+    """The frames of a clip, taken one after the other."""
+
+    def __init__(self, watch: Watch, animals: bool):
+        self.watch, self.clip, self.maps = watch, watch.clip, watch.steady.maps
+        self.collector = Collector(watch.grid, self.clip.size, watch.size.area)
+        self.flow = Flow(self.clip.size, watch.size.length)
+        self.gap = 0 if self.clip.still else min(self._gap(), len(self.clip) - 1)
+        self.frames: dict[int, tuple] = {}
+        self.seen: list[Outlines] | None = [] if animals else None
+        self.last: Outlines | None = None
+        self.moves: list[np.ndarray] = []
+        self.masks: dict[str, np.ndarray] = {}
+        self.overlaps: list[float] = []
+
+    def _gap(self):
+        """How many frames apart flow is measured, from some pairs of neighbours."""
+        n = len(self.clip)
+        rows = np.unique(np.linspace(0, n - 2, 5).round().astype(int))
+        pictures = dict(self.clip.read([k for row in rows for k in (row, row + 1)]))
+        steps = []
+        for k in rows:
+            one, other = (self.flow.small(pictures[j], self.watch.colours.mask(j, pictures[j])) for j in (k, k + 1))
+            _, move, _, _ = self.flow.between(one, other, self.maps[k], self.maps[k + 1])
+            steps.append(np.linalg.norm(move, axis=1))
+        return gap_of(np.concatenate(steps), self.watch.size.length, self.clip.fps)
+
+    def prepared(self, k, picture):
+        """(mask, what the flow is computed of, the animals if they are told apart) of a picture."""
+        mask = self._mask(k, picture)
+        return mask, self.flow.small(picture, mask), self._found(k, picture, mask)
+
+    def _found(self, k, picture, mask):
+        if self.seen is None:
+            return None
+        before = None if self.last is None else self.last.moved(after(back(self.maps[k]), self.maps[k - 1]))
+        self.last = bodies_of(mask, scaled(self.watch.size, 1 / zoom_of(self.maps[k])), picture, before)
+        return self.last
+
+    def next(self, k, picture, mask, small, bodies):
+        """Take a picture; the glances at all frames that could be measured now."""
+        if k > 0:
+            self.overlaps.append(self._overlap(k, self.frames[k - 1][2][1], small[1]))
+        self.frames[k] = (picture, mask, small, bodies)
+        if k - self.gap >= 0:
+            yield self._measure(k - self.gap, k)
+            self.frames.pop(k - 2 * self.gap - 1, None)
+
+    def _overlap(self, k, before, now):
+        """Share of the herd's pixels that were the herd's in the frame before, the camera taken out."""
+        way = after(back(self.maps[k]), self.maps[k - 1])
+        way[:, 2] *= self.flow.scale
+        before = cv2.warpAffine(before, way, self.flow.size, flags=cv2.INTER_NEAREST)
+        return float(cv2.countNonZero(cv2.bitwise_and(before, now)) / max(1, cv2.countNonZero(now)))
+
+    def jumps(self):
+        """Notes on where the whole herd is suddenly elsewhere: a cut over the same ground, or missing frames."""
+        overlaps, numbers = np.array(self.overlaps), self.clip.numbers
+        usual = float(np.median(overlaps)) if len(overlaps) else 0.0
+        for k in np.flatnonzero(overlaps < JUMP * usual)[:3] + 1 if usual > STEADY else []:
+            a, b = numbers[k - 1], numbers[k]
+            yield (
+                f"the herd jumps between frames {a} and {b}; if that is a cut, use --frames {numbers[0]}:{a} or "
+                f"--frames {b}:{numbers[-1]}"
+            )
+
+    def rest(self):
+        """The glances at the last frames, whose flow is measured backwards."""
+        last = len(self.clip) - 1
+        for k in range(last - self.gap + 1, last + 1):
+            yield self._measure(k, k - self.gap)
+
+    def _mask(self, k, picture):
+        mask = self.watch.colours.mask(k, picture)
+        if self.watch.obstacle is not None:
+            size = self.clip.size
+            mask[cv2.warpAffine(self.watch.obstacle, back(self.maps[k]), size, flags=cv2.INTER_NEAREST) > 0] = 0
+        return without_specks(mask, SPECK * self.watch.size.area / zoom_of(self.maps[k]) ** 2)
+
+    def _measure(self, k, other):
+        picture, mask, small, bodies = self.frames[k]
+        number, m = int(self.clip.numbers[k]), self.maps[k]
+        if k == other:
+            self.collector.add(number, mask, m, 0.0)
+            at = move = np.empty((0, 2))
+        else:
+            seconds = float(self.clip.times[other] - self.clip.times[k])
+            at, move, _, noise = self.flow.between(small, self.frames[other][2], m, self.maps[other])
+            slow = SLOW * np.nan_to_num(noise) * zoom_of(m) / self.watch.length / abs(seconds)
+            self.collector.add(number, mask, m, seconds, (at, move), slow)
+            move = move / seconds
+        if self.seen is not None:
+            self._follow(k, bodies, at, move)
+        if not self.masks:
+            self.masks = {f"frame {number}": picture, "what looks like animals": mask * np.uint8(255)}
+        return Glance(k, picture, mask, at, move, bodies)
+
+    def _follow(self, k, bodies, at, move):
+        m = self.maps[k]
+        self.seen.append(bodies.moved(m))
+        self.moves.append(self._at_bodies(bodies, at, move) @ m[:, :2].T / self.clip.fps)
+
+    def _at_bodies(self, bodies, at, move):
+        """(k, 2) how the middle of each body moves, px/s; NaN unknown."""
+        w, h = self.flow.size
+        where = np.full((h, w), -1)
+        x, y = np.clip(np.floor((at + 0.5) * self.flow.scale).astype(int), 0, (w - 1, h - 1)).T
+        where[y, x] = np.arange(len(at))
+        x, y = np.clip(np.floor(bodies.xy * self.flow.scale).astype(int), 0, (w - 1, h - 1)).T
+        row = where[y, x]
+        return np.where((row >= 0)[:, None], np.vstack([move, (np.nan, np.nan)])[row], np.nan)
+
+    def sightings(self) -> tuple[Sightings | None, SightingNoise]:
+        """(The single animals, where they were told apart; how far off they are)."""
+        if self.seen is None:
+            return None, UNKNOWN
+        moves = None if self.clip.still else self.moves
+        return sightings_of(self.seen, self.clip.fps, self.watch.grid.to_bl, moves)
+
+
+def ahead(work, items):
+    """(item, work(*item)) of each item in order, while a second thread works on the next."""
+    with ThreadPoolExecutor(1) as pool:
+        waiting: deque = deque()
+        for item in items:
+            waiting.append((item, pool.submit(work, *item)))
+            if len(waiting) > AHEAD:
+                item, made = waiting.popleft()
+                yield item, made.result()
+        for item, made in waiting:
+            yield item, made.result()
+
+
+# steps -----------------------------------------------------------------------------------
+
+
+def _landmark(mark) -> GroundLandmark:
+    return mark if isinstance(mark, GroundLandmark) else GroundLandmark(int(mark[0]), *map(float, mark[1]))
+
+
+def _steady(clip, landmarks, say):
+    """The maps of the clip; those of a camera that stood are exactly none."""
+    if clip.still:
+        return Steady(np.eye(2, 3)[None], 0.0, False)
+    steady = follow_landmarks(clip, landmarks, say) if landmarks else register(clip, None, say)
+    if not steady.moved:
+        steady.maps = np.tile(np.eye(2, 3), (len(clip), 1, 1))
+    return steady
+
+
+def _sampled(clip, colours):
+    """{k: mask} of some pictures."""
+    rows = np.unique(np.linspace(0, len(clip) - 1, min(SIZES, len(clip))).round().astype(int))
+    return {k: colours.mask(k, picture) for k, picture in clip.read(rows)}
+
+
+def _plain(clip, steady, masks):
+    """Notes on a ground by which nobody could tell whether the camera moves."""
+    if steady.moved or not is_plain(*next((picture, masks[k]) for k, picture in clip.read([min(masks)]))):
+        return []
+    return [
+        "the ground has too little texture to measure the motion of the camera, which is assumed to stand still; if it "
+        "moves, name something that stands still, in two frames, with --landmark FRAME:x,y,w,h"
+    ]
+
+
+def _size(clip, steady, masks, given):
+    """(size of one animal in the masks and a body length, px of the first picture; whether they stand apart; notes)."""
+    levelled = [_zoomed(mask, zoom_of(steady.maps[k])) for k, mask in masks.items()]
+    size = size_of_bodies(levelled)
+    apart = size is not None
+    length = None if given is None else float(given) * clip.scale
+    if size is None and length is None:
+        size = _guessed(clip, levelled)
+        few = {0: "no animal stands", 1: "only one animal stands"}.get(size.alone, f"only {size.alone} animals stand")
+        note = f"{few} alone; one was taken to be {size.length:.0f} pixels long: --body-length-px says it better"
+        return size, size.length, size.alone > 0, [note]
+    if length is None:
+        return size, size.length, apart, []
+    if size is None:
+        return BodySize(length, length / LONG, CAPSULE * length**2, 0), length, False, []
+    ratio = length / size.length
+    said = f"a body is {length:.0f} pixels long as given, those who stand alone measure {size.length:.0f}"
+    if abs(ratio - 1) > PARTLY:
+        size = scaled(size, ratio)
+    return size, length, apart, [said] if abs(ratio - 1) > 0.25 else []
+
+
+def scaled(size: BodySize, ratio: float) -> BodySize:
+    """The same animal in larger pixels' number."""
+    return replace(size, length=size.length * ratio, width=size.width * ratio, area=size.area * ratio**2)
+
+
+def _zoomed(mask, zoom):
+    if abs(zoom - 1) < 0.02:
+        return mask
+    other = cv2.resize(mask * np.uint8(255), None, fx=zoom, fy=zoom, interpolation=cv2.INTER_LINEAR)
+    return (other > 127).view(np.uint8)
+
+
+def _guessed(clip, masks):
+    """A size from the width of what looks like animals: twice the usual distance of its ridges to the ground."""
+    ridges = []
+    for mask in masks:
+        away = cv2.distanceTransform(mask, cv2.DIST_L2, 5)
+        top = (away == cv2.dilate(away, np.ones((3, 3), np.uint8))) & (away > 1.0)
+        ridges.append(away[top])
+    found = np.concatenate(ridges) if ridges else np.empty(0)
+    if not len(found):
+        example = {"what looks like animals": masks[0] * np.uint8(255)} if masks else {}
+        raise CannotObserve(
+            clip.name,
+            "no animals were found; name their colour with --body-colour R,G,B, or choose other frames: --frames A:B",
+            {"pictures": example},
+        )  # fmt: skip
+    width = 2.0 * float(np.quantile(found, 0.7))
+    alone = [row for mask in masks for row in _lone(mask, width)]
+    if alone:
+        long, wide, area = np.median(alone, axis=0)
+        return BodySize(float(long), float(wide), float(area), len(alone))
+    return BodySize(LONG * width, width, CAPSULE * (LONG * width) ** 2, 0)
+
+
+def _lone(mask, width):
+    """[(length, width, area)] of patches that look like one body about as wide as given."""
+    rows = []
+    for outline in cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]:
+        x, y, w, h = cv2.boundingRect(outline)
+        whole = x > 0 and y > 0 and x + w < mask.shape[1] and y + h < mask.shape[0]
+        area, hull = cv2.contourArea(outline), cv2.contourArea(cv2.convexHull(outline))
+        wide, long = sorted(side + 1.0 for side in cv2.minAreaRect(outline)[1])
+        if whole and area > 0.85 * hull and 0.6 * width < wide < 1.7 * width and 1.3 * wide < long < 5.0 * wide:
+            rows.append((long, wide, area + 0.5 * cv2.arcLength(outline, True)))
+    return rows
+
+
+def without_specks(mask, least):
+    """The mask without patches of fewer than ``least`` pixels."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=cv2.CV_32S)
+    keep = (stats[:, cv2.CC_STAT_AREA] >= least).astype(np.uint8)
+    keep[0] = 0
+    return keep[labels]
+
+
+def _mask_of(path, clip):
+    """A painted picture of the clip's size, BGR, or None."""
+    if path is None:
+        return None
+    picture = read_picture(path, "a mask is a PNG painted over the clip's first frame")
+    w, h = picture.shape[1::-1]
+    if (w, h) == clip.full:
+        return picture
+    if abs(w / h - clip.full[0] / clip.full[1]) < 0.01:
+        return cv2.resize(picture, clip.full, interpolation=cv2.INTER_NEAREST)
+    raise _refused(path, f"is {w} x {h} pixels and the clip {clip.full[0]} x {clip.full[1]}; paint over a frame of it")
+
+
+def _refused(path, message):
+    return ProblemsError([Problem(str(Path(path)), None, None, message)])
+
+
+__all__ = ["Glance", "Watch", "observe"]

@@ -1,0 +1,204 @@
+"""Clips and tracks as a person names them: looked at, cut in two, and their pictures read again for the report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from flockbrush.engine.files import refused
+from flockbrush.film.clip_reader import open_clip
+from flockbrush.film.observations import CannotObserve, Evidence
+from flockbrush.film.observe import observe
+from flockbrush.film.track_evidence import USUAL_LENGTH_M, drawn_tracks, evidence_of_tracks
+from flockbrush.film.track_files import Trajectories, is_tracks, read_trajectories
+from flockbrush.runs.terminal import progress, say
+
+FEWEST = 8  # frames of a clip of which a part is held out
+
+
+@dataclass(frozen=True)
+class Looking:
+    """How a clip is to be looked at; what nobody says is found in the clip."""
+
+    frames: tuple[int, int] | None = None
+    landmarks: tuple = ()
+    body_colour: str | tuple[int, int, int] = "auto"
+    body_length_px: float | None = None
+    grid: int = 30
+    obstacles: Path | None = None
+    regions: Path | None = None
+    unit: str | None = None  # of tracks: m, px or bl
+    fps: float | None = None  # of tracks
+    body_length_m: float | None = None  # of tracks in metres
+
+
+def look_at(clip, how: Looking, show=None) -> Evidence:
+    """What a clip tells, with a bar that moves; ``show`` is given every frame to be drawn.
+
+    Raises
+    ------
+    CannotObserve
+        In the words of the clip, with what was seen.
+    """
+    name = Path(clip).name
+    if is_tracks(clip):
+        return _look_at_tracks(clip, how)
+    if how.unit is not None or how.fps is not None:
+        raise refused(clip, "is a film: --unit and --fps are for tracks")
+    with progress(f"looking at {name}", 100) as bar:
+
+        def told(text, done, total):
+            bar(100 * done / max(total, 1), f"{name}: {text}")
+
+        return observe(
+            clip,
+            frames=how.frames,
+            landmarks=how.landmarks,
+            body_colour=how.body_colour,
+            body_length_px=how.body_length_px,
+            grid=how.grid,
+            obstacles=how.obstacles,
+            regions=how.regions,
+            say=told,
+            **({} if show is None else {"show": show}),
+        )
+
+
+def read_tracks_of(path, how: Looking) -> tuple[Trajectories, float]:
+    """(tracks, one body length in their unit), of the frames that are wanted.
+
+    Raises
+    ------
+    ProblemsError
+        When the file cannot be read, or nobody said how long an animal is.
+    """
+    tracks = read_trajectories(path, how.unit, how.fps)
+    if how.frames is not None:
+        tracks = tracks.part(*how.frames)
+        if not len(tracks):
+            raise CannotObserve(str(path), f"has no frames {how.frames[0]} to {how.frames[1]}")
+    if tracks.unit == "px":
+        if how.body_length_px is None:
+            raise refused(path, "is in pixels: say how long one animal is with --body-length-px")
+        return tracks, how.body_length_px
+    return tracks, 1.0 if tracks.unit == "bl" else how.body_length_m or USUAL_LENGTH_M
+
+
+def _look_at_tracks(path, how):
+    for option, given in (("--obstacles", how.obstacles), ("--regions", how.regions), ("--landmark", how.landmarks)):
+        if given:
+            raise refused(path, f"is a file of tracks: {option} is for films")
+    tracks, length = read_tracks_of(path, how)
+    evidence = evidence_of_tracks(tracks, length, how.grid)
+    if tracks.unit == "m" and how.body_length_m is None:
+        evidence.notes.append("one body length is taken to be 1 m: --body-length-m says it better")
+    return evidence
+
+
+def tell_notes(clip, evidence: Evidence):
+    """Tell a person what there is to know of how a clip was seen."""
+    for note in evidence.notes:
+        say(f"{clip}: {note}")
+
+
+def looked_apart(clip, how: Looking, whole: Evidence, share: float, rotate=False) -> list[tuple[Evidence, Evidence]]:
+    """[(what is learned from, what is held out)], or none, where there are too few frames.
+
+    The first ``share`` of the frames are looked at again as if the clip ended there, so that what is learned from
+    (camera, colours, size and tracks of the animals) depends on no frame that is held out.  The frames held out keep
+    what was seen of them in the whole clip, in the body lengths of the others.
+
+    Parameters
+    ----------
+    rotate : bool
+        Give the last ``share`` besides, with the frames before it held out.  Not where masks or landmarks belong to
+        frames of the clip.
+
+    Raises
+    ------
+    CannotObserve
+        When the first part alone does not tell enough.
+    """
+    total = len(whole.fields)
+    cut = round(share * total)
+    if whole.still or share >= 1 or total < FEWEST or min(cut, total - cut) < 2:
+        return []
+    parts = [_apart(clip, how, whole, slice(0, cut), slice(cut, total))]
+    if rotate and not (how.obstacles or how.regions or how.landmarks):
+        try:
+            parts.append(_apart(clip, how, whole, slice(total - cut, total), slice(0, total - cut)))
+        except CannotObserve as error:
+            say(f"judged by one part of the clip: {error}")
+    return parts
+
+
+def _apart(clip, how, whole, chosen, held_out):
+    """(some frames, looked at as if there were no others; the others, in the same body lengths)."""
+    first, last = (int(whole.fields.frames[row]) for row in (chosen.start, chosen.stop - 1))
+    marks = tuple(mark for mark in how.landmarks if first <= _frame_of(mark) <= last)
+    if how.landmarks and not marks:
+        raise CannotObserve(
+            whole.name,
+            f"no landmark is in frames {first} to {last}, which are learned from while the others are held out: "
+            "draw one there too",
+        )
+    training, held = look_at(clip, replace(how, frames=(first, last), landmarks=marks)), whole.part(held_out)
+    return training, held.in_lengths_of(training.clip_body_px * held.clip_body_px / whole.part(chosen).clip_body_px)
+
+
+def _frame_of(mark):
+    return mark.frame if hasattr(mark, "frame") else mark[0]
+
+
+def pictures_of(clip, evidence: Evidence, chosen) -> tuple[dict[int, np.ndarray], float]:
+    """({t: frame (BGR)}, pixels read for one of the clip's) of some frames of an evidence."""
+    if evidence.from_tracks:
+        return {t: drawn_tracks(evidence, t) for t in chosen}, 1.0
+    numbers = evidence.fields.frames
+    film = open_clip(clip, None if evidence.still else (int(numbers.min()), int(numbers.max())))
+    place = {int(number): k for k, number in enumerate(film.numbers)}
+    wanted = {t: place[int(numbers[t])] for t in chosen if int(numbers[t]) in place}
+    read = dict(film.read(wanted.values()))
+    return {t: read[k] for t, k in wanted.items()}, film.scale
+
+
+def moving_pictures(clip, evidence: Evidence) -> tuple[Iterator[tuple[int, np.ndarray]], float]:
+    """((t, frame (BGR)) of all frames of an evidence one after the other, pixels read for one of the clip's)."""
+    if evidence.from_tracks:
+        return ((t, drawn_tracks(evidence, t)) for t in range(len(evidence.fields))), 1.0
+    numbers = evidence.fields.frames
+    film = open_clip(clip, (int(numbers[0]), int(numbers[-1])))
+    place = {int(number): t for t, number in enumerate(numbers)}
+    frames = ((place.get(int(film.numbers[k])), frame) for k, frame in film.read())
+    return ((t, frame) for t, frame in frames if t is not None), film.scale
+
+
+def facts_of(clip) -> dict[str, object]:
+    """What a file is, in words: nothing where it cannot be opened."""
+    if is_tracks(clip):
+        return {"tracks": str(clip)}
+    try:
+        film = open_clip(clip)
+    except CannotObserve:
+        return {}
+    wide, tall = film.full
+    facts: dict[str, object] = {"clip": str(clip), "SHA-256": film.sha256, "size": f"{wide} x {tall} pixels"}
+    if not film.still:
+        facts["frames"] = f"{film.numbers[0]} to {film.numbers[-1]} at {film.fps:g} a second"
+    return facts | {"pictures": {"first frame": next(picture for _, picture in film.read([0]))}}
+
+
+__all__ = [
+    "CannotObserve",
+    "Looking",
+    "facts_of",
+    "look_at",
+    "looked_apart",
+    "moving_pictures",
+    "pictures_of",
+    "read_tracks_of",
+    "tell_notes",
+]

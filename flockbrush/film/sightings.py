@@ -1,0 +1,463 @@
+"""Bodies of many frames made into animals that go somewhere: heading, speed and turning of each, from short tracks.
+
+Bodies are matched from frame to frame where each is foretold (`scipy.optimize.linear_sum_assignment` on those that are
+near; a body that is new is foretold by the flow of the picture, or by its neighbours).  Which end of a body is the head
+follows from where it goes: of all ways to give every body of a track a head, the one is taken that turns least and
+goes forwards most (Viterbi); of those that stand it is the end that looks like the heads of those that walk (`heads`).
+Heading and turning are then those of local polynomials through the *axes* of the bodies, which tell them far better
+than the places do: places that are .02 body lengths (BL) off make the rate of turning of a walk uncertain by some
+tenths of a radian a second, axes that are 1.5° off by a few hundredths.
+
+References
+----------
+.. [1] Savitzky, A. & Golay, M. J. E. (1964). Smoothing and differentiation of data by simplified least squares
+   procedures. Analytical Chemistry 36(8), 1627-1639.
+.. [2] Forney, G. D. (1973). The Viterbi algorithm. Proceedings of the IEEE 61(3), 268-278.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.optimize import linear_sum_assignment
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from flockbrush.film.heads import by_looks
+from flockbrush.film.observations import Sightings
+
+REACH = 0.65  # BL from where a followed animal is foretold
+REACH_NEW = 0.65  # BL from where a body seen for the first time is foretold
+ASIDE = 2.0  # a step off the body's own line counts so many times as long
+TURNED = 0.3  # BL that a body turned by a right angle counts
+GAP = 5  # frames an animal may go unseen within a track
+SHORTEST = 4  # sights: a shorter track is no animal
+HALF = 0.08  # s to each side over which a track is smoothed, at least
+LONGEST = 0.32  # s, at most
+TURN_NOISE = 0.25  # rad/s: where the turning is less certain, a longer stretch is smoothed
+UNSURE = 2.5  # times as noisy as usual: at the ends of tracks no turning is told
+SMALL = 0.75  # of the usual area
+STILL = 0.25  # BL: an animal that moved less in all has a head at one end or the other
+
+
+@dataclass(frozen=True)
+class SightingNoise:
+    """How far off the sightings of a clip are, standard deviations as measured on the tracks themselves.
+
+    Errors that last longer than some frames (a mask that lacks the heads, a drift of the stabilised picture) are not in
+    them.
+    """
+
+    xy: float  # BL, of a body before smoothing
+    axis: float  # rad, of a body before smoothing
+    place: float  # BL, of `Sightings.xy`, along each direction
+    heading: float  # rad, of `Sightings.forward`
+    speed: float  # BL/s
+    turn: float  # rad/s, the rate over `half` seconds to each side
+    half: float  # s to each side that heading and turning are smoothed over
+    unsure: float  # share of the sights whose head may be the other end
+
+
+UNKNOWN = SightingNoise(*[float("nan")] * 8)
+
+
+def sightings_of(frames, fps, to_bl, flow=None) -> tuple[Sightings, SightingNoise]:
+    """The animals of a clip from the bodies of its frames.
+
+    Parameters
+    ----------
+    frames : list of Bodies
+        One per frame, in pixels of the reference picture (see `Bodies.moved`).
+    fps : float
+    to_bl : (2, 3) ndarray
+        From pixels of the reference picture to BL, y up.
+    flow : list of (k, 2) ndarray, optional
+        For each frame and each of its bodies how far it moves to the next frame, px; NaN unknown.
+    """
+    m = np.asarray(to_bl, float)
+    scale = float(np.sqrt(abs(np.linalg.det(m[:, :2]))))
+    xy = [b.xy @ m[:, :2].T + m[:, 2] for b in frames]
+    axis = [b.axis @ m[:, :2].T / scale for b in frames]
+    if len(frames) == 1:
+        return _at_rest(xy[0], axis[0], frames[0].alone), UNKNOWN
+    moves = None if flow is None else [np.asarray(f, float) @ m[:, :2].T for f in flow]
+    names = _without_specks(follow(xy, axis, moves), xy, [b.area for b in frames], [b.alone for b in frames])
+    ends = np.concatenate([b.ends for b in frames]) if _alike([b.ends for b in frames if len(b)]) else None
+    return _animals(xy, axis, [b.alone for b in frames], ends, names, float(fps))
+
+
+def _without_specks(names, xy, area, alone):
+    """The names, -1 for what is small, lies alone and never moves while the herd does: a speck of the ground."""
+    name = np.concatenate([*names, np.zeros(0, int)])
+    if not len(name):
+        return names
+    at, area, alone = np.concatenate(xy), np.concatenate(area), np.concatenate(alone)
+    count = np.bincount(name)
+    small = np.bincount(name, area < SMALL * np.median(area)) > 0.8 * count
+    lonely = np.bincount(name, alone) > 0.8 * count
+    low, high = np.full((len(count), 2), np.inf), np.full((len(count), 2), -np.inf)
+    np.minimum.at(low, name, at)
+    np.maximum.at(high, name, at)
+    extent = np.hypot(*(high - low).T)
+    speck = small & lonely & (extent < STILL)
+    herd = extent[(count >= SHORTEST) & ~speck]
+    if not len(herd) or np.median(herd) < STILL:  # a herd that rests: lambs rest as well
+        return names
+    return [np.where(speck[n], -1, n) for n in names]
+
+
+def _alike(ends):
+    """Whether as much is known of the ends of all bodies."""
+    return len({e.shape[1] for e in ends}) == 1
+
+
+# following ----------------------------------------------------------------------------------------------------------
+
+
+def follow(xy, axis, moves=None) -> list[np.ndarray]:
+    """Numbers of the animals, (k,) for each frame; the same number is the same animal.
+
+    Parameters
+    ----------
+    xy, axis : list of (k, 2) ndarray
+        BL; unit vectors, heads unknown.
+    moves : list of (k, 2) ndarray, optional
+        BL that each body moves to the next frame, as far as known.
+    """
+    names = [np.full(len(p), -1) for p in xy]
+    known = _Known()
+    for t in range(len(xy)):
+        known.next(xy[t], axis[t], None if moves is None else moves[t], names[t])
+    return names
+
+
+class _Known:
+    """Those that are followed: where they are and go to, and for how long nobody has seen them."""
+
+    def __init__(self):
+        self.at, self.go, self.axis = np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2))
+        self.name, self.age, self.missed = (np.zeros(0, int) for _ in range(3))
+        self.count = 0
+
+    def next(self, xy, axis, moves, names):
+        """Match the bodies of the next frame, and write their names."""
+        ahead = self.at + self.go
+        mine, theirs = matched(ahead, self.axis, np.where(self.age > 1, REACH, REACH_NEW), xy, axis)
+        self._see(mine, theirs, xy, axis, moves, ahead, names)
+        new = np.setdiff1d(np.arange(len(xy)), theirs)
+        self._begin(new, xy, axis, moves, names)
+
+    def _see(self, mine, theirs, xy, axis, moves, ahead, names):
+        """Those that were found go on; the others are carried on for some frames."""
+        steps = (xy[theirs] - self.at[mine]) / (1 + self.missed[mine])[:, None]
+        gain = np.where(self.age[mine] > 3, 0.35, np.where(self.age[mine] > 1, 0.6, 1.0))[:, None]
+        self.go[mine] += gain * (steps - self.go[mine])
+        if moves is not None:
+            say = moves[theirs]
+            told = np.isfinite(say[:, 0])
+            self.go[mine[told]] += 0.3 * (say[told] - self.go[mine[told]])
+        lost = np.setdiff1d(np.arange(len(self.at)), mine)
+        self.at[lost] = ahead[lost]
+        self.missed[lost] += 1
+        self.at[mine], self.axis[mine] = xy[theirs], axis[theirs]
+        self.missed[mine] = 0
+        self.age[mine] += 1
+        names[theirs] = self.name[mine]
+        keep = (self.missed <= GAP) & ~((self.age < 2) & (self.missed > 1))
+        for name in ("at", "go", "axis", "name", "age", "missed"):
+            setattr(self, name, getattr(self, name)[keep])
+
+    def _begin(self, new, xy, axis, moves, names):
+        """Those nobody was foretold at begin, going as the picture flows or as those around them."""
+        go = self._as_neighbours(xy[new], axis[new])
+        if moves is not None:
+            told = np.isfinite(moves[new, 0])
+            go[told] = moves[new][told]
+        names[new] = np.arange(self.count, self.count + len(new))
+        self.count += len(new)
+        zero = np.zeros(len(new), int)
+        for name, value in (
+            ("at", xy[new]), ("go", go), ("axis", axis[new]), ("name", names[new]), ("age", zero + 1), ("missed", zero),
+        ):  # fmt: skip
+            setattr(self, name, np.concatenate([getattr(self, name), value]))
+
+    def _as_neighbours(self, xy, axis):
+        """Steps of the animals around that are known, those turned alike, (k, 2) BL."""
+        sure = self.age > 2
+        if not sure.any() or not len(xy):
+            return np.zeros((len(xy), 2))
+        d, who = cKDTree(self.at[sure]).query(xy, k=min(5, int(sure.sum())))
+        d, who = d.reshape(len(xy), -1), who.reshape(len(xy), -1)
+        alike = np.abs(np.einsum("ik,ijk->ij", axis, self.axis[sure][who])) > 0.9
+        weight = np.exp(-((d / 3.0) ** 2)) * alike
+        total = weight.sum(1, keepdims=True)
+        steps = np.einsum("ij,ijk->ik", weight, self.go[sure][who])
+        return np.where(total > 0.1, steps / np.maximum(total, 1e-9), 0.0)
+
+
+def matched(ahead, axis_of, reach, xy, axis):
+    """Pairs (rows of those foretold, rows of those seen) at least total cost, within reach."""
+    if not len(ahead) or not len(xy):
+        return np.zeros(0, int), np.zeros(0, int)
+    near = cKDTree(ahead).sparse_distance_matrix(cKDTree(xy), float(reach.max()), output_type="coo_matrix")
+    i, j = near.row, near.col
+    off = xy[j] - ahead[i]
+    along = (off * axis[j]).sum(1)
+    aside = np.sqrt(np.maximum((off**2).sum(1) - along**2, 0))
+    turned = np.abs(axis_of[i, 0] * axis[j, 1] - axis_of[i, 1] * axis[j, 0])
+    cost = np.sqrt(along**2 + (ASIDE * aside) ** 2 + (TURNED * turned) ** 2)
+    ok = cost < reach[i]
+    return _cheapest(i[ok], j[ok], cost[ok], len(ahead), len(xy))
+
+
+def _cheapest(i, j, cost, n, m):
+    """The assignment of least cost among pairs that are allowed, group by group of those that compete."""
+    if not len(i):
+        return np.zeros(0, int), np.zeros(0, int)
+    graph = coo_matrix((np.ones(len(i)), (i, n + j)), shape=(n + m, n + m))
+    group = connected_components(graph, directed=False)[1][i]
+    order = np.argsort(group, kind="stable")
+    rows, columns = [], []
+    for part in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
+        if len(part) == 1:
+            rows.append(i[part])
+            columns.append(j[part])
+            continue
+        a, ia = np.unique(i[part], return_inverse=True)
+        b, jb = np.unique(j[part], return_inverse=True)
+        table = np.full((len(a), len(b)), 1e3)
+        table[ia, jb] = cost[part]
+        r, c = linear_sum_assignment(table)
+        real = table[r, c] < 1e3
+        rows.append(a[r[real]])
+        columns.append(b[c[real]])
+    return np.concatenate(rows), np.concatenate(columns)
+
+
+# what they do -------------------------------------------------------------------------------------------------------
+
+
+def _animals(xy, axis, alone, ends, names, fps):
+    """Sightings and their noise from bodies with names."""
+    count = len(xy)
+    name = np.concatenate([*names, np.zeros(0, int)])
+    frame = np.repeat(np.arange(count), [len(p) for p in xy])
+    if not len(name):
+        return _nobody(count), UNKNOWN
+    at, along = np.concatenate(xy), np.concatenate(axis)
+    order = np.lexsort((frame, name))
+    name, frame, at, along = name[order], frame[order], at[order], along[order]
+    weight = np.where(np.concatenate(alone)[order], 1.0, 0.5)
+    begin = np.concatenate([[0], np.flatnonzero(np.diff(name)) + 1, [len(name)]])
+    long = (np.diff(begin) >= SHORTEST) & (name[begin[:-1]] >= 0)
+    keep = np.repeat(long, np.diff(begin))
+    begin = np.concatenate([[0], np.cumsum(np.diff(begin)[long])])
+    ends = np.zeros((len(order), 0)) if ends is None else ends[order]
+    return _smoothed(frame[keep], at[keep], along[keep], weight[keep], ends[keep], begin, count, fps)
+
+
+def _at_rest(xy, axis, alone):
+    """Of one picture: everybody who lies clear of the others; which end is the head is not told, nor any motion."""
+    n, unknown = int(alone.sum()), np.full(int(alone.sum()), np.nan)
+    return Sightings(np.array([0, n]), xy[alone], axis[alone], unknown, unknown.copy(), np.arange(n))
+
+
+def _nobody(count):
+    return Sightings(np.zeros(count + 1, int), *np.zeros((2, 0, 2)), *np.zeros((2, 0)), np.zeros(0, int))
+
+
+def _smoothed(frame, at, along, weight, ends, begin, count, fps):
+    """Sightings of tracks that lie one after the other."""
+    if not len(frame):
+        return _nobody(count), UNKNOWN
+    noise_xy = max(_third(at[:, 0], frame, begin), _third(at[:, 1], frame, begin))
+    angle = np.empty(len(frame))
+    moved = np.empty(len(frame))
+    firm = max(noise_xy, 0.005)
+    _heads(at, along, begin, firm, np.zeros(len(frame)), angle, moved)
+    looks = by_looks(ends, along, np.column_stack([np.cos(angle), np.sin(angle)]), at, begin, firm, fps)
+    if looks.any():
+        _heads(at, along, begin, firm, looks, angle, moved)
+    noise_axis = max(_third(angle, frame, begin), 1e-3)
+    half = _half(noise_axis, fps)
+    out_frame, out_track = _present(frame, begin)
+    out = np.full((len(out_frame), 8), np.nan)
+    first = np.concatenate([[0], np.cumsum(np.bincount(out_track, minlength=len(begin) - 1))])
+    _local(frame.astype(np.float64), at, angle, weight, begin, float(half), 4 * noise_axis, out_frame, first, out)
+    place, v = out[:, 0:2], out[:, 2:4] * fps
+    forward = np.column_stack([np.cos(out[:, 4]), np.sin(out[:, 4])])
+    spread_turn, spread_v = out[:, 6], out[:, 7]
+    turn = np.where(spread_turn < UNSURE * np.median(spread_turn), out[:, 5] * fps, np.nan)
+    order = np.lexsort((out_track, out_frame))
+    size = np.bincount(out_frame, minlength=count)
+    speed = np.maximum((v * forward).sum(1), 0.0)
+    sightings = Sightings(
+        np.concatenate([[0], np.cumsum(size)]), place[order], forward[order], speed[order], turn[order],
+        out_track[order],
+    )  # fmt: skip
+    unsure = np.repeat(moved[begin[:-1]] < STILL, np.diff(first)).mean()
+    n = 2 * half + 1
+    typical = np.nanmedian(spread_turn), np.nanmedian(spread_v)
+    noise = SightingNoise(
+        noise_xy, noise_axis, noise_xy * np.sqrt(2.25 / n), noise_axis * np.sqrt(2.25 / n),
+        noise_xy * fps * float(typical[1]), noise_axis * fps * float(typical[0]), half / fps, float(unsure),
+    )  # fmt: skip
+    return sightings, noise
+
+
+def _half(noise_axis, fps):
+    """Frames to each side to smooth over, so that the turning is certain enough."""
+    least, most = max(2, round(HALF * fps)), max(2, round(LONGEST * fps))
+    for half in range(least, most):
+        n = 2 * half + 1
+        if noise_axis * fps * np.sqrt(12 / (n * (n * n - 1))) < TURN_NOISE:
+            return half
+    return most
+
+
+def _third(values, frame, begin):
+    """Noise of single values by their third differences along tracks, which smooth motion hardly has."""
+    d = values[3:] - 3 * values[2:-1] + 3 * values[1:-2] - values[:-3]
+    together = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
+    ok = (together[3:] == together[:-3]) & (frame[3:] - frame[:-3] == 3)
+    return float(1.4826 * np.median(np.abs(d[ok])) / np.sqrt(20)) if ok.any() else np.nan
+
+
+def _present(frame, begin):
+    """Frames and tracks in which an animal is known to be: seen, or between two sights."""
+    frames = [np.arange(frame[a], frame[b - 1] + 1) for a, b in zip(begin[:-1], begin[1:], strict=True)]
+    return np.concatenate(frames), np.repeat(np.arange(len(begin) - 1), [len(f) for f in frames])
+
+
+@njit(cache=True, nogil=True)
+def _heads(at, along, begin, noise, looks, angle, moved):
+    """Headings of the bodies of each track, unwrapped, by the ends that turn least and go forwards most (Viterbi).
+
+    What the ends look like counts as well: the logarithm of how much likelier the axis points to the head.
+    """
+    for track in range(len(begin) - 1):
+        a, b = begin[track], begin[track + 1]
+        back = np.zeros((b - a, 2), np.int64)
+        cost = np.zeros(2)
+        gone = 0.0
+        for k in range(a, b):
+            lo, hi = max(a, k - 3), min(b - 1, k + 3)
+            dx, dy = at[hi, 0] - at[lo, 0], at[hi, 1] - at[lo, 1]
+            gone = max(gone, np.hypot(at[k, 0] - at[a, 0], at[k, 1] - at[a, 1]))
+            forwards = (dx * along[k, 0] + dy * along[k, 1]) / (2.5 * noise + 0.02)
+            forwards = min(max(forwards, -4.0), 4.0)
+            new = np.zeros(2)
+            for s in range(2):
+                if k > a:
+                    same = along[k, 0] * along[k - 1, 0] + along[k, 1] * along[k - 1, 1]
+                    best = cost[0] + 8.0 * (1.0 - (same if s == 0 else -same))
+                    other = cost[1] + 8.0 * (1.0 - (-same if s == 0 else same))
+                    back[k - a, s] = 0 if best <= other else 1
+                    new[s] = min(best, other)
+                ahead = forwards + 0.5 * looks[k]
+                new[s] += -ahead if s == 0 else ahead
+            cost[:] = new
+        s = 0 if cost[0] <= cost[1] else 1
+        for k in range(b - 1, a - 1, -1):
+            sign = 1.0 if s == 0 else -1.0
+            angle[k] = np.arctan2(sign * along[k, 1], sign * along[k, 0])
+            s = back[k - a, s]
+        for k in range(a + 1, b):
+            angle[k] -= 2 * np.pi * np.round((angle[k] - angle[k - 1]) / (2 * np.pi))
+        moved[a:b] = gone
+
+
+@njit(cache=True, nogil=True)
+def _local(frame, at, angle, weight, begin, half, far, out_frame, first, out):
+    """Places and headings by quadratics around every frame of every track, speeds by lines.
+
+    Rows of ``out``: x, y, their rates a frame, heading, its rate, and by what the noise of one body is multiplied in
+    the rates of heading and of place.
+    """
+    for track in range(len(begin) - 1):
+        a, b = begin[track], begin[track + 1]
+        for row in range(first[track], first[track + 1]):
+            t = out_frame[row]
+            wide = half
+            lo, hi = a, b
+            while True:
+                while lo < b and frame[lo] < t - wide:
+                    lo += 1
+                hi = lo
+                while hi < b and frame[hi] <= t + wide:
+                    hi += 1
+                if hi - lo >= min(2 * half + 1, b - a):  # as many at the ends of a track as in its middle
+                    break
+                wide += 1.0
+                lo = a
+            n = hi - lo
+            u = frame[lo:hi] - t
+            w = np.ones(n)
+            x = _quadratic(u, at[lo:hi, 0], w, n)[0]
+            y = _quadratic(u, at[lo:hi, 1], w, n)[0]
+            rx, nv = _slope(u, at[lo:hi, 0])
+            ry, nv = _slope(u, at[lo:hi, 1])
+            w[:] = weight[lo:hi]
+            h, turn, nt = _quadratic(u, angle[lo:hi], w, n)
+            # an axis that is far off its track is another animal's, or two animals'
+            off = np.empty(n)
+            middle = np.median(angle[lo:hi])
+            slope = 0.0
+            for k in range(n):
+                off[k] = np.abs(angle[lo + k] - (h + turn * u[k]))
+            if off.max() > far:
+                diff = np.empty(n - 1)
+                for k in range(n - 1):
+                    diff[k] = (angle[lo + k + 1] - angle[lo + k]) / (u[k + 1] - u[k])
+                slope = np.median(diff)
+                rest = np.empty(n)
+                for k in range(n):
+                    rest[k] = angle[lo + k] - slope * u[k]
+                middle = np.median(rest)
+                for k in range(n):
+                    if np.abs(rest[k] - middle) > far:
+                        w[k] = 1e-3
+                h, turn, nt = _quadratic(u, angle[lo:hi], w, n)
+            out[row, 0], out[row, 1], out[row, 2], out[row, 3] = x, y, rx, ry
+            out[row, 4], out[row, 5], out[row, 6], out[row, 7] = h, turn, nt, nv
+
+
+@njit(cache=True, nogil=True)
+def _slope(u, values):
+    """Slope of the line through points, and how much of the noise is in it."""
+    off = u - u.mean()
+    square = (off * off).sum()
+    return (off * values).sum() / square, 1.0 / np.sqrt(square)
+
+
+@njit(cache=True, nogil=True)
+def _quadratic(u, values, w, n):
+    """Value and slope at 0 of the weighted quadratic through points, and how much of the noise is in the slope."""
+    s0 = s1 = s2 = s3 = s4 = 0.0
+    y0 = y1 = y2 = 0.0
+    for k in range(n):
+        p = w[k] * u[k]
+        q = p * u[k]
+        s0 += w[k]
+        s1 += p
+        s2 += q
+        s3 += q * u[k]
+        s4 += q * u[k] * u[k]
+        y0 += w[k] * values[k]
+        y1 += p * values[k]
+        y2 += q * values[k]
+    s4 += 1e-9
+    # the first two rows of the inverse of the matrix of sums
+    a, b, c = s2 * s4 - s3 * s3, s2 * s3 - s1 * s4, s1 * s3 - s2 * s2
+    d, e = s0 * s4 - s2 * s2, s1 * s2 - s0 * s3
+    whole = s0 * a + s1 * b + s2 * c
+    noise = 0.0
+    for k in range(n):
+        g = w[k] * (b + d * u[k] + e * u[k] * u[k])
+        noise += g * g
+    value = (a * y0 + b * y1 + c * y2) / whole
+    slope = (b * y0 + d * y1 + e * y2) / whole
+    return value, slope, np.sqrt(noise) / np.abs(whole)

@@ -1,0 +1,203 @@
+"""How fast the animals of a clip go: mean, deviation, how soon a speed is forgotten, what crowding does to it.
+
+Paper section 6.2.  The speeds are those of pixels that show animals.  If the flow of the N_bp pixels of one animal were
+independent, the deviation of animals would be that of pixels over sqrt(N_bp), which is what the paper takes.  Where
+animals are told apart their own speeds say it directly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.ndimage import convolve
+
+from flockbrush.film.pauses import pauses_of
+from flockbrush.film.speed_process import SMOOTHED, speed_process
+from flockbrush.systems.grid import sort_into_cells
+from flockbrush.systems.pace import _grid, crowding
+
+BINS = 6  # of the table of speed against density
+FACTORS = 0.2, 3.0  # that a table may have
+REACH = 2.0  # BL, of `flockbrush.systems.pace.crowding`
+EVERY = 3  # frames: neighbouring frames tell the same
+SIGHTS = 50  # speeds of single animals, below which those of pixels are taken
+
+
+@dataclass
+class SpeedEvidence:
+    """Speeds of single animals, BL/s.
+
+    Attributes
+    ----------
+    mean, deviation : float
+        BL/s, over animals and time: of animals that are followed where there are any, else of pixels as in the paper.
+        (The spread of speeds, and not the strength of chance in eq. 6, which is ``deviation * sqrt(2 * reversion)``.)
+    reversion : float or None
+        Rate at which a speed returns to the mean (the Ornstein-Uhlenbeck rate), 1/s; None where the clip does not say.
+    by_density : list of (float, float)
+        (others a BL² within two body lengths, speed there over the mean), rising in density: the crowding by which it
+        is looked up again (`flockbrush.systems.pace.crowding`).  Its mean over the animals of the clip is 1.
+    weight : float
+        Animals, counted in every frame, that it rests on.
+    stops, starts, imitation : float
+        Of animals that stand and walk by turns (`flockbrush.film.pauses`); mean, deviation, reversion and table are
+        then of those that walk.  0: one kind of speed.
+    body_pixels : float
+        Pixels of one animal in the reference picture (N_bp).
+    pixel_deviation : float
+        Of the speeds of pixels, before the correction by sqrt(N_bp), BL/s.
+    smoothed : float
+        s over which the speeds of single animals are averages.
+    """
+
+    mean: float
+    deviation: float
+    reversion: float | None = None
+    by_density: list[tuple[float, float]] = field(default_factory=list)
+    weight: float = 1.0
+    stops: float = 0.0
+    starts: float = 0.0
+    imitation: float = 0.0
+    body_pixels: float = 1.0
+    pixel_deviation: float = float("nan")
+    smoothed: float = SMOOTHED
+
+    def scaled(self, by: float) -> SpeedEvidence:
+        """The same in a unit of length that is so many times shorter."""
+        return replace(
+            self,
+            mean=self.mean * by,
+            deviation=self.deviation * by,
+            pixel_deviation=self.pixel_deviation * by,
+            by_density=[(density / by**2, factor) for density, factor in self.by_density],
+        )
+
+    @staticmethod
+    def of_arrays(arrays) -> SpeedEvidence:
+        """From what a file holds: the table is an array there."""
+        table = np.asarray(arrays.pop("by_density", [])).reshape(-1, 2)
+        return SpeedEvidence(**arrays, by_density=[(float(a), float(b)) for a, b in table])
+
+
+def speed_evidence(fields, sightings=None, body_pixels=1.0, smoothed=SMOOTHED) -> SpeedEvidence | None:
+    """The speeds of a clip from its fields, and from single animals where there are some.
+
+    Parameters
+    ----------
+    fields : Fields
+    sightings : Sightings, optional
+    body_pixels : float
+        N_bp.
+    smoothed : float
+        s over which the speeds of the sightings are averages.
+
+    Returns
+    -------
+    SpeedEvidence or None
+        None when nobody is seen to move or stand.
+    """
+    there = fields.occupied & (fields.density > 0)
+    if not there.any():
+        return None
+    body_pixels = body_pixels if body_pixels >= 1 else 1.0  # also where it is not known: NaN
+    weight, speed = fields.density[there], fields.speed[there]
+    mean = float(np.average(speed, weights=weight))
+    within = np.nan_to_num(fields.speed_variance[there])
+    pixel_deviation = float(np.sqrt(np.average(within + (speed - mean) ** 2, weights=weight)))
+    pauses = None if sightings is None else pauses_of(sightings, fields.fps)
+    if pauses is not None:
+        sightings = replace(sightings, speed=np.where(sightings.speed >= pauses.slow, sightings.speed, np.nan))
+    single = _of_animals(sightings, fields.fps, smoothed)
+    crowd = _crowd_of_fields(fields, there) if single is None else _crowd_of_animals(sightings)
+    return SpeedEvidence(
+        mean=mean if single is None else float(single.mean),
+        deviation=float(pixel_deviation / np.sqrt(body_pixels)) if single is None else float(single.spread),
+        reversion=None if single is None else single.reversion,
+        by_density=table_of(*crowd),
+        weight=float(crowd[2].sum()),
+        **(
+            {}
+            if pauses is None or single is None
+            else {k: getattr(pauses, k) for k in ("stops", "starts", "imitation")}
+        ),
+        body_pixels=float(body_pixels),
+        pixel_deviation=pixel_deviation,
+        smoothed=float(smoothed),
+    )
+
+
+def _of_animals(sightings, fps, smoothed):
+    """The process of the speeds of single animals, None where too few are followed."""
+    if sightings is None or np.isfinite(sightings.speed).sum() < SIGHTS:
+        return None
+    return speed_process(sightings, fps, smoothed)
+
+
+# how crowded it is -----------------------------------------------------------------------
+
+
+def crowding_of(xy) -> np.ndarray:
+    """(n,) others a BL² within two body lengths of each of the animals at (n, 2) BL: the measure that levels use."""
+    n = len(xy)
+    flat, one = np.column_stack([xy, np.zeros(n)]), np.ones(n)
+    cells = sort_into_cells(flat, np.tile([1.0, 0.0, 0.0], (n, 1)), one, 0.5 * one, REACH)
+    density = np.zeros(n)
+    crowding(0, n, *_grid(cells), one, density)
+    return density
+
+
+def _crowd_of_animals(sightings):
+    """(crowding, speed, weight) of animals in every `EVERY`-th frame."""
+    rows = [sightings.of(t) for t in range(0, len(sightings), EVERY)]
+    crowd = np.concatenate([crowding_of(sightings.xy[r]) for r in rows if len(sightings.xy[r])])
+    speed = np.concatenate([sightings.speed[r] for r in rows])
+    known = np.isfinite(speed)
+    return crowd[known], speed[known], np.full(known.sum(), float(EVERY))
+
+
+def _crowd_of_fields(fields, there):
+    """(crowding, speed, animals) of cells: the others within two body lengths, or within a larger cell."""
+    reach = max(REACH, fields.cell / np.sqrt(np.pi))
+    disc = _disc(reach / fields.cell)
+    number = np.nan_to_num(fields.density) * fields.cell**2
+    others = np.array([convolve(frame, disc, mode="constant") for frame in number]) - 1.0
+    return np.maximum(others[there], 0.0) / (np.pi * reach**2), np.asarray(fields.speed)[there], number[there]
+
+
+def _disc(radius, fine=9):
+    """How much of each cell a disc about the middle of the central one covers, (k, k)."""
+    half = int(np.ceil(radius + 0.5))
+    at = (np.arange((2 * half + 1) * fine) + 0.5) / fine - half - 0.5
+    inside = (at[:, None] ** 2 + at[None, :] ** 2 <= radius**2).astype(float)
+    side = 2 * half + 1
+    cover = inside.reshape(side, fine, side, fine).mean((1, 3))
+    return cover * (np.pi * radius**2 / cover.sum())
+
+
+def table_of(crowd, speed, weight) -> list[tuple[float, float]]:
+    """[(crowding, factor)] in bins that hold equally many animals; the mean factor of all is 1."""
+    total = weight.sum()
+    mean = float(np.average(speed, weights=weight)) if total > 0 else 0.0
+    if mean <= 0:
+        return []
+    order = np.argsort(crowd, kind="stable")
+    share = np.cumsum(weight[order]) / total
+    table: list[tuple[float, float]] = []
+    for chosen in np.split(order, np.searchsorted(share, np.arange(1, BINS) / BINS)):
+        if weight[chosen].sum() > 0:
+            here = float(np.average(crowd[chosen], weights=weight[chosen]))
+            factor = float(np.clip(np.average(speed[chosen], weights=weight[chosen]) / mean, *FACTORS))
+            if not table or here > table[-1][0]:
+                table.append((here, factor))
+    at, factors = np.array(table).T
+    used = float(np.average(np.interp(crowd, at, factors), weights=weight))
+    return [(density, factor / used) for density, factor in table]
+
+
+def joined(tables: list[SpeedEvidence]) -> list[tuple[float, float]]:
+    """One table of several clips, each row with the speed of its clip."""
+    rows = [(d, f * s.mean, s.weight / len(s.by_density)) for s in tables for d, f in s.by_density]
+    if len(tables) == 1 or not rows:
+        return list(tables[0].by_density) if tables else []
+    return table_of(*np.array(rows).T)

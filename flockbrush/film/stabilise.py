@@ -1,0 +1,496 @@
+"""A moving camera made to stand still: for each picture the map from its pixels to those of the first (eq. 1).
+
+A map is a (2, 3) similarity: shift, rotation and zoom.  Without landmarks the ground itself is followed: corners of a
+key picture are found again in every picture that shares most of its ground, so errors add up only from one key picture
+to the next, and a camera that comes back finds the key picture it left.  With landmarks the rectangles a person drew
+are tracked (CSRT) forwards and backwards from their frames, and the maps are smoothed over nine frames as in the paper.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from flockbrush.film.camera_maps import LOST, Steady, after, back, fitted, joined_tracks, moved_by, scaled_maps, zoom_of
+from flockbrush.film.clip_reader import Clip, Say, silent
+from flockbrush.film.observations import CannotObserve
+
+SIDE = 640  # px, the longer side of the pictures in which corners are followed
+BUCKETS = 8, 6  # across, down: corners are taken from all of the picture, not from the herd alone
+IN_BUCKET = 8
+LEAST = 12  # corners that must agree on how the camera moved
+FEW, SCARCE = 0.6, 0.2  # share of corners that agree, below which the picture before is tried, too; and descriptors
+BETTER = 1.5  # times as many must agree for it to be taken: errors add up from key picture to key picture
+NEAR, FIRM = 1.2, 0.3  # px at SIDE, within which a corner agrees; and at which it counts half
+SHARED, ZOOMED, TURNED = 0.6, 1.25, 0.25  # of a key picture's corners in view; ratio; rad: beyond, another key picture
+EVEN = 31  # px at SIDE, over which light and contrast are made even
+SHOT = 8  # frames from which something can be learned
+ALIKE = 0.4  # correlation of what is in a rectangle with what was in it at first, below which it is lost
+_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.02)
+_LK = dict(winSize=(15, 15), maxLevel=3, criteria=_CRITERIA, minEigThreshold=1e-4)
+
+
+@dataclass(frozen=True)
+class GroundLandmark:
+    """A rectangle on the ground, in one frame of a clip.
+
+    Attributes
+    ----------
+    frame : int
+        Its number.
+    x, y, w, h : float
+        Left, top, width and height, pixels of the clip.
+    """
+
+    frame: int
+    x: float
+    y: float
+    w: float
+    h: float
+
+
+# similarities ----------------------------------------------------------------------------
+
+
+# by the ground ---------------------------------------------------------------------------
+
+
+@dataclass
+class _Key:
+    """A picture whose corners others are compared with."""
+
+    grey: np.ndarray
+    corners: np.ndarray  # (n, 2) px
+    to_first: np.ndarray  # (2, 3)
+
+
+def register(clip: Clip, animals=None, say: Say = silent) -> Steady:
+    """The maps of a clip from the ground it shows.
+
+    Parameters
+    ----------
+    clip : Clip
+    animals : callable, optional
+        (k, picture) -> (h, w) bool: where no corners are taken.
+    say : callable
+
+    Raises
+    ------
+    CannotObserve
+        When the ground of a picture is not found in those before.
+    """
+    scale = min(1.0, SIDE / max(clip.size))
+    follower = _Follower(animals, scale)
+    for k, picture in clip.read():
+        if not follower.step(k, picture):
+            a, b = int(clip.numbers[k - 1]), int(clip.numbers[k])
+            raise CannotObserve(
+                clip.name,
+                f"the ground of frame {a} is not found again in frame {b}: a cut, or too quick a move of the camera; "
+                f"try {_around(clip, k)}landmarks: --landmark FRAME:x,y,w,h",
+                {"frame": b, "pictures": {f"frame {b}": picture}},
+            )  # fmt: skip
+        say("following the ground", k + 1, len(clip))
+    return follower.steady()
+
+
+def _around(clip, k):
+    """The frames before and from the k-th, as options to try, where they are enough to be of use."""
+    n = clip.numbers
+    parts = [f"--frames {n[a]}:{n[b - 1]}, or " for a, b in ((0, k), (k, len(n))) if b - a >= SHOT]
+    return "".join(parts)
+
+
+class _Follower:
+    """Goes from picture to picture and knows where the camera is."""
+
+    def __init__(self, animals, scale):
+        self.animals, self.scale = animals, scale
+        self.keys: list[_Key] = []
+        self.key: _Key | None = None
+        self.maps: list[np.ndarray] = []
+        self.errors: list[float] = []
+        self.bare = False
+
+    def step(self, k, picture) -> bool:
+        """Take the next picture; False when its ground is unknown."""
+        grey = _grey(picture, self.scale)
+        if not self.maps:
+            self.maps.append(np.eye(2, 3))
+            self.last = self._new_key(k, picture, grey, self.maps[0])
+            self.bare = len(self.last.corners) < 2 * LEAST
+            return True
+        if self.bare:
+            self.maps.append(np.eye(2, 3))
+            return True
+        found = self._found(grey)
+        if found is None:
+            return False
+        self.maps.append(found)
+        self.last = _Key(grey, np.empty((0, 2)), found)
+        self._choose_key(k, picture, grey)
+        return True
+
+    def _found(self, grey):
+        """The map of this picture to the first, or None; by the picture before where that shows more of its ground."""
+        found, agree = self._against(self.key, grey)
+        if agree < FEW and self.last.to_first is not self.key.to_first:
+            last = _Key(self.last.grey, _corners(self.last.grey), self.last.to_first)
+            again, better = self._against(last, grey)
+            if better > BETTER * agree:
+                self.keys.append(last)
+                self.key, found = last, again
+        return found
+
+    def _against(self, key, grey):
+        """(Map of this picture to the first by one key picture, share of its corners that agree); (None, 0) unknown."""
+        guess = after(back(key.to_first), self.maps[-1])  # this picture to the key, if the camera stood since
+        best, most, off = None, 0.0, 0.0
+        for attempt in (lambda: guess, lambda: _by_descriptors(grey, key.grey)):
+            seen = attempt()
+            if seen is None:
+                break
+            for _ in range(2):
+                found, error, agree = _refined(key, grey, seen)
+                if found is None:
+                    break
+                step = np.abs(moved_by(found, _frame(grey)) - moved_by(seen, _frame(grey))).max()
+                seen = found
+                if step < 2.0:
+                    break
+            if found is not None and agree > most:
+                best, most, off = after(key.to_first, found), agree, error
+            if most >= SCARCE:
+                break
+        if best is not None:
+            self.errors.append(off / self.scale)
+        return best, most
+
+    def _choose_key(self, k, picture, grey):
+        """Stay with the key picture, go back to an older one, or make this one a key."""
+        if self._fit(self.key, self.maps[-1], grey) > 0:
+            return
+        others = [(self._fit(key, self.maps[-1], grey), i) for i, key in enumerate(self.keys)]
+        best, i = max(others)
+        if best > 0.15:
+            self.key = self.keys[i]
+        else:
+            self._new_key(k, picture, grey, self.maps[-1])
+
+    @staticmethod
+    def _fit(key, to_first, grey):
+        """How far a key picture is from being left, above 0 while it serves."""
+        to_here = after(back(to_first), key.to_first)
+        x, y = moved_by(to_here, key.corners).T
+        h, w = grey.shape
+        shared = ((x > 8) & (x < w - 8) & (y > 8) & (y < h - 8)).mean() if len(x) else 0.0
+        zoom, turn = abs(np.log(zoom_of(to_here))), abs(np.arctan2(to_here[1, 0], to_here[0, 0]))
+        return min(shared - SHARED, 1 - zoom / np.log(ZOOMED), 1 - turn / TURNED)
+
+    def _new_key(self, k, picture, grey, to_first) -> _Key:
+        """The picture as the one to find the ground by, if it has enough corners; the key picture from now on."""
+        away = self.animals(k, picture) if self.animals is not None else None
+        corners = _corners(grey, away)
+        if len(corners) >= 2 * LEAST or self.key is None:
+            self.key = _Key(grey, corners, to_first)
+            self.keys.append(self.key)
+        return self.key
+
+    def steady(self) -> Steady:
+        """What was found of all pictures."""
+        notes = []
+        if self.bare:
+            notes.append("the ground has too little texture to follow the camera by; it is taken to have stood still")
+        maps = scaled_maps(self.maps, 1 / self.scale)
+        size = np.array(self.keys[-1].grey.shape[::-1]) / self.scale
+        corners = np.array([(0, 0), (size[0], 0), (0, size[1]), size])
+        drift = max((np.abs(moved_by(m, corners) - corners).max() for m in maps), default=0.0)
+        residual = float(np.median(self.errors)) if self.errors else 0.0
+        return Steady(maps, residual, bool(drift > 1.0), notes)
+
+
+def _frame(grey):
+    """The four corners of a picture, px."""
+    h, w = grey.shape
+    return np.array([(0, 0), (w, 0), (0, h), (w, h)], float)
+
+
+def _grey(picture, scale):
+    """Small, grey, and of even light and contrast, so that corners look the same when the exposure changes."""
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    if scale != 1:
+        grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    away = grey.astype(np.float32) - cv2.blur(grey, (EVEN, EVEN)).astype(np.float32)
+    contrast = cv2.sqrt(cv2.blur(away * away, (EVEN, EVEN)))
+    return cv2.convertScaleAbs(away * (32.0 / (contrast + 4.0)) + 128.0)
+
+
+def _corners(grey, away=None):
+    """Good corners from everywhere in a picture, (n, 2)."""
+    free = None
+    if away is not None:
+        wide = cv2.dilate(away.astype(np.uint8), np.ones((9, 9), np.uint8))
+        free = 255 * (1 - cv2.resize(wide, grey.shape[::-1], interpolation=cv2.INTER_NEAREST))
+    found = cv2.goodFeaturesToTrack(grey, 2000, 0.002, 7, mask=free)
+    if found is None:
+        return np.empty((0, 2))
+    points = found.reshape(-1, 2)  # the best first
+    bucket = _bucket(points, grey.shape)
+    order = np.argsort(bucket, kind="stable")
+    begins = np.r_[0, np.flatnonzero(np.diff(bucket[order])) + 1]
+    rank = np.empty(len(points), int)
+    rank[order] = np.arange(len(points)) - np.repeat(begins, np.diff(np.r_[begins, len(points)]))
+    return points[rank < IN_BUCKET].astype(float)
+
+
+def _bucket(points, shape):
+    column = np.clip(points[:, 0] * BUCKETS[0] / shape[1], 0, BUCKETS[0] - 1).astype(int)
+    row = np.clip(points[:, 1] * BUCKETS[1] / shape[0], 0, BUCKETS[1] - 1).astype(int)
+    return row * BUCKETS[0] + column
+
+
+def _refined(key, grey, to_key):
+    """(map of the picture to the key, median error of the corners that agree, their share); None where few do."""
+    h, w = key.grey.shape
+    there = cv2.warpAffine(grey, to_key, (w, h), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    inside = _within(moved_by(back(to_key), key.corners), grey.shape, 4)
+    if inside.sum() < LEAST:
+        return None, 0.0, 0.0
+    corners = key.corners[inside].astype(np.float32).reshape(-1, 1, 2)
+    seen, fine, _ = cv2.calcOpticalFlowPyrLK(key.grey, there, corners, None, **_LK)
+    fine = fine.ravel().astype(bool) & np.isfinite(seen).all((1, 2))
+    at, seen = corners[fine, 0].astype(float), seen[fine, 0].astype(float)
+    if len(at) < LEAST:
+        return None, 0.0, 0.0
+    step, agree = _consensus(seen, at, key.grey.shape)
+    if step is None:
+        return None, 0.0, 0.0
+    error = np.linalg.norm(moved_by(step, seen[agree]) - at[agree], axis=1)
+    return after(step, to_key), float(np.median(error)), float(agree.mean())
+
+
+def _within(points, shape, margin):
+    x, y = points.T
+    return (x >= margin) & (y >= margin) & (x < shape[1] - margin) & (y < shape[0] - margin)
+
+
+def _consensus(seen, at, shape):
+    """(map from seen to at, who agrees) on which the corners of most of the picture agree: the ground, not the herd."""
+    best, chosen, wide = None, None, 0
+    rest = np.ones(len(at), bool)
+    for _ in range(2):
+        if rest.sum() < LEAST:
+            break
+        found, fine = cv2.estimateAffinePartial2D(
+            seen[rest], at[rest], method=cv2.RANSAC, ransacReprojThreshold=NEAR, maxIters=500, confidence=0.995
+        )
+        if found is None or fine.sum() < LEAST:
+            break
+        agree = np.zeros(len(at), bool)
+        agree[np.flatnonzero(rest)[fine.ravel().astype(bool)]] = True
+        covers = len(np.unique(_bucket(at[agree], shape)))
+        if covers > wide:
+            best, chosen, wide = found, agree, covers
+        if agree.mean() > 0.7:
+            break
+        rest &= ~agree
+    if best is None or not 0.5 < zoom_of(best) < 2.0:
+        return None, None
+    return _firm(seen[chosen], at[chosen]), chosen
+
+
+def _firm(a, b):
+    """The similarity that most points agree on closely: those that are a little off count little."""
+    m = fitted(a, b)
+    for _ in range(5):
+        away = np.linalg.norm(moved_by(m, a) - b, axis=1)
+        m = fitted(a, b, 1.0 / (1.0 + (away / FIRM) ** 2))
+    return m
+
+
+def _by_descriptors(grey, other):
+    """The map of a picture to another from SIFT corners, for large moves; None where too few agree."""
+    sift = cv2.SIFT_create(1500, contrastThreshold=0.02)
+    (pa, da), (pb, db) = sift.detectAndCompute(grey, None), sift.detectAndCompute(other, None)
+    if da is None or db is None or min(len(da), len(db)) < LEAST:
+        return None
+    near = cv2.BFMatcher(cv2.NORM_L2).knnMatch(da, db, k=2)
+    pairs = [pair[0] for pair in near if len(pair) == 2 and pair[0].distance < 0.8 * pair[1].distance]
+    if len(pairs) < LEAST:
+        return None
+    a = np.array([pa[m.queryIdx].pt for m in pairs])
+    b = np.array([pb[m.trainIdx].pt for m in pairs])
+    found, fine = cv2.estimateAffinePartial2D(a, b, method=cv2.RANSAC, ransacReprojThreshold=3.0, maxIters=2000)
+    return found if found is not None and fine.sum() >= LEAST else None
+
+
+# by landmarks ----------------------------------------------------------------------------
+
+
+def follow_landmarks(clip: Clip, landmarks, say: Say = silent) -> Steady:
+    """The maps of a clip from rectangles on the ground, smoothed over nine frames.
+
+    Parameters
+    ----------
+    clip : Clip
+    landmarks : list of Landmark
+        Two different places turn and zoom best; the same place in two frames, or one alone, does too.
+
+    Raises
+    ------
+    CannotObserve
+        When a rectangle is outside the picture or plain, or all are lost.
+    """
+    pictures = [_grey_and_colour(picture) for _, picture in clip.read()]
+    begin = [_placed(clip, mark, pictures[0][0].shape) for mark in landmarks]
+    done = [0] * len(landmarks)
+
+    def track(i):
+        def told(count):
+            done[i] = count
+            say("following the landmarks", sum(done), len(pictures) * len(landmarks))
+
+        return _Track(clip, pictures, *begin[i], landmarks[i], told).followed()
+
+    with ThreadPoolExecutor(2) as pool:
+        tracks = list(pool.map(track, range(len(landmarks))))
+    return joined_tracks(clip, landmarks, tracks)
+
+
+def _grey_and_colour(picture):
+    return cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), picture
+
+
+def _placed(clip, mark, shape):
+    """(row of the landmark's frame, its rectangle in the pictures read)."""
+    rows = np.flatnonzero(clip.numbers == mark.frame)
+    if not len(rows):
+        raise CannotObserve(
+            clip.name,
+            f"the landmark of frame {mark.frame} is of a frame that is not used; there are {clip.numbers[0]} to "
+            f"{clip.numbers[-1]}",
+        )
+    x, y, w, h = (value * clip.scale for value in (mark.x, mark.y, mark.w, mark.h))
+    if min(w, h) < 8 or x < 0 or y < 0 or x + w > shape[1] or y + h > shape[0]:
+        raise CannotObserve(
+            clip.name,
+            f"the landmark {mark.frame}:{mark.x:g},{mark.y:g},{mark.w:g},{mark.h:g} must be a rectangle left,top,width,"
+            f"height of at least 8 pixels inside the picture of {clip.full[0]} x {clip.full[1]}",
+        )
+    return int(rows[0]), (round(x), round(y), round(w), round(h))
+
+
+class _Track:
+    """One landmark through all pictures."""
+
+    def __init__(self, clip, pictures, row, rect, mark, told):
+        self.clip, self.pictures, self.row, self.rect, self.mark, self.told = clip, pictures, row, rect, mark, told
+        x, y, w, h = rect
+        grey = pictures[row][0]
+        patch = grey[y : y + h, x : x + w]
+        found = cv2.goodFeaturesToTrack(patch, 80, 0.01, 4)
+        if found is None or len(found) < 4:
+            raise CannotObserve(
+                clip.name,
+                f"there is nothing to hold on to in the landmark of frame {mark.frame}; draw it around something with "
+                "corners that stays where it is, a rock or a bush",
+                {"pictures": {f"frame {mark.frame}": pictures[row][1]}},
+            )
+        self.points = found.reshape(-1, 2).astype(float) + (x, y)
+        self.maps = np.full((len(pictures), 2, 3), np.nan)  # from the landmark's own picture to each
+        self.maps[row] = np.eye(2, 3)
+        self.lost: list[int] = []
+
+    def followed(self):
+        """This, with its maps filled forwards and backwards."""
+        self.count = 1
+        for rows in (range(self.row + 1, len(self.pictures)), range(self.row - 1, -1, -1)):
+            self._go(rows)
+        return self
+
+    def _go(self, rows):
+        tracker = _csrt()
+        tracker.init(self.pictures[self.row][1], self.rect)
+        guess, misses = np.eye(2, 3), 0
+        for k in rows:
+            fine, box = tracker.update(self.pictures[k][1])
+            found, alike = self._held(k, guess, box if fine else None)
+            misses = 0 if found is not None else misses + 1
+            if misses >= LOST:
+                self.lost.append(k)
+                return
+            if found is not None:
+                guess = found
+                self.maps[k] = found
+            self.count += 1
+            self.told(self.count)
+
+    def _held(self, k, guess, box):
+        """(map to picture k, correlation) from where it was and from where CSRT says it is; None where it is not."""
+        grey = self.pictures[k][0]
+        tries = [guess] if box is None else [_to_box(guess, self.rect, box), guess]
+        for seen in tries:
+            found = self._refined(grey, seen)
+            if found is not None:
+                alike = self._alike(grey, found)
+                if alike > ALIKE:
+                    return found, alike
+        if box is not None and self._alike(grey, tries[0]) > ALIKE:
+            return tries[0], ALIKE
+        return None, 0.0
+
+    def _refined(self, grey, seen):
+        """The map refined by the corners in the rectangle, or None."""
+        own = self.pictures[self.row][0]
+        x, y, w, h = self.rect
+        margin = 24
+        left, top = max(0, x - margin), max(0, y - margin)
+        size = min(own.shape[1], x + w + margin) - left, min(own.shape[0], y + h + margin) - top
+        cut = np.array([[1.0, 0, left], [0, 1.0, top]])
+        to_here = after(seen, cut)
+        there = cv2.warpAffine(grey, to_here, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+                               borderMode=cv2.BORDER_REPLICATE)  # fmt: skip
+        at = (self.points - (left, top)).astype(np.float32).reshape(-1, 1, 2)
+        patch = own[top : top + size[1], left : left + size[0]]
+        now, fine, _ = cv2.calcOpticalFlowPyrLK(patch, there, at, None, **(_LK | {"winSize": (11, 11), "maxLevel": 2}))
+        fine = fine.ravel().astype(bool)
+        if fine.sum() < 4:
+            return None
+        a, b = at[fine, 0].astype(float), now[fine, 0].astype(float)
+        found, agree = cv2.estimateAffinePartial2D(a, b, method=cv2.RANSAC, ransacReprojThreshold=NEAR)
+        if found is None or agree.sum() < max(4, 0.3 * len(at)) or not 0.7 < zoom_of(found) < 1.4:
+            return None
+        return after(to_here, after(found, back(cut)))
+
+    def _alike(self, grey, m):
+        """Correlation of the rectangle's content with that of picture k under a map."""
+        x, y, w, h = self.rect
+        corners = moved_by(m, [(x, y), (x + w, y), (x, y + h), (x + w, y + h)])
+        if not _within(corners, grey.shape, -2).all():
+            return -1.0
+        own = self.pictures[self.row][0][y : y + h, x : x + w].astype(np.float32)
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        now = cv2.warpAffine(grey, after(m, np.array([[1.0, 0, x], [0, 1.0, y]])), (w, h), flags=flags)
+        a, b = own - own.mean(), now - now.mean()
+        return float((a * b).sum() / max(np.sqrt((a * a).sum() * (b * b).sum()), 1e-6))
+
+
+def _csrt():
+    """A CSRT tracker that is quick enough for two rectangles on two cores."""
+    params = cv2.TrackerCSRT_Params()
+    params.template_size = 120
+    params.number_of_scales = 17
+    return cv2.TrackerCSRT_create(params)
+
+
+def _to_box(guess, rect, box):
+    """The guess, shifted and zoomed so that the rectangle's middle is that of CSRT's box."""
+    x, y, w, h = rect
+    middle = np.array([x + w / 2, y + h / 2])
+    now = np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])
+    made = guess.copy()
+    made[:, 2] = now - made[:, :2] @ middle
+    return made

@@ -1,0 +1,136 @@
+"""Tracking birds: a film of the sky becomes a table of who was where."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from flockbrush.engine.files import claimed, refused, write_text
+from flockbrush.film.media import FilmReader
+from flockbrush.film.tracking import Tracker
+from flockbrush.film.tracks import Tracks, read_marks
+from flockbrush.runs.terminal import INTERRUPTED, number, print_json, progress, say, show, table
+
+
+def track_clip(clip, out, seed_points=None, correct=None, reach=None, as_json=False) -> int:
+    """Follow the birds of a film and write ``frame,id,x,y``; the exit code.
+
+    Parameters
+    ----------
+    clip, out : path
+    seed_points, correct : path, optional
+        Tables with ``frame,id,x,y``: birds as a person knows them, and as a person puts them right.
+    reach : float, optional
+        How far from where it was foretold a bird may turn up in the next frame, pixels.
+
+    Raises
+    ------
+    ProblemsError
+        When the film cannot be read or has no birds.
+    """
+    inputs = [path for path in (clip, seed_points, correct) if path is not None]
+    with claimed([out], inputs):
+        return _track(clip, out, seed_points, correct, reach, as_json)
+
+
+def _track(clip, out, seed_points, correct, reach, as_json):
+    """What `track_clip` does while nobody else may write the tracks."""
+    by_hand = [read_marks(path) if path else {} for path in (seed_points, correct)]
+    seeds, corrections = by_hand
+    tracker = Tracker(seeds, corrections, reach)
+    begin = time.perf_counter()
+    frames, stopped, size = _follow(clip, tracker)
+    try:
+        tracks = tracker.tracks()
+    except ValueError as error:
+        hint = "is it a film of birds against the sky? birds must be small, and darker or lighter than it"
+        raise refused(clip, f"{error} in {frames} frames; {hint}") from None
+    write_text(Path(out), table_of(tracks))
+    seconds = time.perf_counter() - begin
+    notes = [
+        note for path, marks in zip((seed_points, correct), by_hand, strict=True) for note in _unused(path, marks, size)
+    ]
+    if stopped:
+        notes.append(f"stopped after {frames} frames; what was followed so far is kept")
+    _tell(out, tracks, frames, seconds, stopped, notes, as_json)
+    return INTERRUPTED if stopped else 0
+
+
+def _unused(path, marks, size):
+    """Notes about what a person marked where the film has nothing: after its end, or outside the picture."""
+    frames, wide, high = size
+    late = sorted(frame for frame in marks if not 0 <= frame < frames)
+    if late:
+        yield f"{path}: frame {late[0]} is not in the film, which has 0 to {frames - 1}; {len(late)} such left out"
+    for frame in sorted(set(marks) - set(late)):
+        for bird, x, y, *_ in marks[frame]:
+            if not (0 <= x <= wide and 0 <= y <= high):
+                yield f"{path}: bird {bird} in frame {frame} is outside the {wide} x {high} picture"
+
+
+def _follow(clip, tracker):
+    """(frames taken, whether somebody stopped it, (frames of the film, its width and height))."""
+    with FilmReader(clip) as film:
+        done, stopped = _steps(film, tracker, film.length)
+        return done, stopped, (max(done, film.length) if stopped else done, *film.size)
+
+
+def _steps(film, tracker, total):
+    done = 0
+    with progress("following birds", total) as bar:
+        try:
+            while True:
+                image = film.read()
+                if image is None:
+                    return done, False
+                tracker.step(image)
+                done += 1
+                bar(done)
+        except KeyboardInterrupt:  # what was followed so far is worth keeping
+            return done, True
+
+
+def table_of(tracks: Tracks) -> str:
+    """Tracks as a table with ``frame,id,x,y``."""
+    rows = ["frame,id,x,y"]
+    for f in range(len(tracks.px)):
+        for n in np.flatnonzero(tracks.seen[f]):
+            x, y = tracks.px[f, n]
+            rows.append(f"{tracks.first + f},{tracks.ids[n]},{x:.3f},{y:.3f}")
+    return "\n".join(rows) + "\n"
+
+
+def _tell(out, tracks, frames, seconds, stopped, notes, as_json):
+    sights = tracks.seen.sum(0)
+    alive = tracks.alive.sum(0)
+    whole = int((alive >= 0.95 * len(tracks.px)).sum())
+    facts = {
+        "birds": len(tracks.ids),
+        "frames": frames,
+        "whole": whole,
+        "in_gaps": int((alive - sights).sum()),
+        "seconds": seconds,
+        "stopped": stopped,
+        "notes": notes,
+        "file": str(out),
+    }
+    if as_json:
+        print_json(facts)
+        return
+    made = table("what", "value", right=("value",))
+    for name, value in (
+        ("tracks", facts["birds"]),
+        ("frames", frames),
+        ("tracks over nearly all frames", whole),
+        ("sights missing within tracks", facts["in_gaps"]),
+        ("a frame took, ms", 1e3 * seconds / max(frames, 1)),
+    ):
+        made.add_row(name, number(value))
+    show(made)
+    for note in notes:
+        say(f"note: {note}")
+    if whole < len(tracks.ids):
+        say("tracks that break off are birds that came, left or were lost; put them right with --correct FILE")
+    say(f"wrote {out}")

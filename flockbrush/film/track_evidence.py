@@ -1,0 +1,298 @@
+"""From tracks to what learning needs: smooth paths, headings, speeds, rates of turning and fields on a grid.
+
+Places are smoothed through noise and short gaps (`flockbrush.film.tracks.smoothed`: Whittaker's smoother, one stiffness
+for all animals by generalised cross-validation).  Where the file has no headings, an animal heads where it goes; while
+it is slower than its noise it keeps the heading it had.  How uncertain places and headings are is measured by a
+parametric bootstrap: noise of the estimated size is laid on the smooth paths, which are smoothed again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from flockbrush.engine.files import refused
+from flockbrush.film.observations import CannotObserve, Evidence, Fields, Sightings
+from flockbrush.film.speed_process import SMOOTHED
+from flockbrush.film.speeds import speed_evidence
+from flockbrush.film.track_files import Trajectories
+from flockbrush.film.tracks import Tracks, smoothed
+
+GAP = 1.0  # s, and at least so many frames: an animal that is away for longer is another animal afterwards
+GAP_FRAMES = 5
+SHORTEST = 8  # frames of a track
+SLOW = 2.0  # deviations of the noise of speed: a slower animal keeps its heading
+SLOWEST = 0.03  # BL/s, the same
+WHOLE = 0.9  # share of the animals that is there at a time, above which the tracks are of one whole herd
+RADIUS = 0.2  # BL, half the width of a body, which tracks do not tell
+EDGE = 1.0  # BL of ground around animals that come and go
+PICTURE = 900  # pixels across of a drawn frame
+GROUND, BODY, TAIL = (214, 228, 221), (60, 70, 66), (150, 166, 158)  # BGR
+FEWEST = 2  # animals
+JUMP, LEAST_JUMP = 5.0, 0.1  # times the usual step of the herd; BL, taken for the usual step of a herd that stands
+USUAL_LENGTH_M = 1.0
+
+
+def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30) -> Evidence:
+    """What tracks tell of a herd.
+
+    Parameters
+    ----------
+    tracks : Trajectories
+    length : float
+        One body length in the unit of the tracks.
+    grid : int
+        Cells across the longer side of the ground.
+
+    Raises
+    ------
+    CannotObserve
+        When there are too few frames or animals.
+    """
+    if not (math.isfinite(length) and length > 0):
+        raise refused(tracks.name, f"a body length must be above 0 {tracks.unit}, got {length:g}")
+    if len(tracks) < SHORTEST:
+        raise CannotObserve(tracks.name, f"has {len(tracks)} frames; at least {SHORTEST} are needed")
+    pieces = _pieces(tracks, length)
+    if pieces.xy.shape[1] < FEWEST:
+        raise CannotObserve(
+            tracks.name,
+            f"{pieces.xy.shape[1]} animals are seen for {SHORTEST} frames without a gap of {GAP:g} s; "
+            f"at least {FEWEST} are needed",
+        )
+    motion = _Motion.of(pieces, tracks.fps)
+    sightings, velocity = _sightings(pieces, motion)
+    fields = _fields(tracks, motion, sightings, velocity, grid)
+    speed = speed_evidence(fields, sightings, math.nan, motion.window)
+    notes = [*tracks.notes, *_notes(tracks, pieces, motion, length)]
+    evidence = Evidence(
+        name=tracks.name, sha256=tracks.sha256, fps=tracks.fps, body_length_px=float(length), length_source="given",
+        radius_bl=RADIUS, fields=fields, sightings=sightings, speed=speed, notes=notes,
+        place_noise=motion.place_noise, heading_noise=motion.heading_noise, length_unit=tracks.unit,
+    )  # fmt: skip
+    return _drawable(evidence)
+
+
+@dataclass
+class _Pieces:
+    """Tracks without long gaps, BL."""
+
+    xy: np.ndarray  # (T, P, 2), NaN where not seen
+    heading: np.ndarray | None  # (T, P)
+    animal: np.ndarray  # (P,) column of the tracks
+    gaps: int  # that were filled
+
+
+def _pieces(tracks, length):
+    """Each track cut at its long gaps."""
+    seen, most = tracks.seen, max(GAP_FRAMES, round(GAP * tracks.fps))
+    spans = []
+    for animal in range(seen.shape[1]):
+        rows = np.flatnonzero(seen[:, animal])
+        for part in np.split(rows, np.flatnonzero(np.diff(rows) > most) + 1):
+            if len(part) >= SHORTEST:
+                spans.append((animal, part))
+    xy = np.full((len(seen), len(spans), 2), np.nan)
+    heading = None if tracks.heading is None else np.full(xy.shape[:2], np.nan)
+    gaps = 0
+    for k, (animal, rows) in enumerate(spans):
+        xy[rows, k] = tracks.xy[rows, animal] / length
+        gaps += int((np.diff(rows) > 1).sum())
+        if heading is not None:
+            heading[rows, k] = tracks.heading[rows, animal]
+    return _Pieces(xy, heading, np.array([animal for animal, _ in spans], int), gaps)
+
+
+@dataclass
+class _Motion:
+    """Smooth paths and what follows from them."""
+
+    xy: np.ndarray  # (T, P, 2) BL; NaN where an animal is not there
+    velocity: np.ndarray  # (T, P, 2) BL/s
+    angle: np.ndarray  # (T, P) rad, unwrapped
+    turn: np.ndarray  # (T, P) rad/s; NaN unknown
+    noise: float  # BL, of the places in the file
+    place_noise: float
+    heading_noise: float
+    window: float  # s over which speeds are averages
+
+    @classmethod
+    def of(cls, pieces, fps):
+        found = smoothed(Tracks(pieces.xy, np.arange(pieces.xy.shape[1])))
+        velocity = _rate(found.px) * fps
+        again = _again(pieces, found)
+        off, other = again - found.px, _rate(again) * fps
+        slow = max(SLOW * _spread(other - velocity), SLOWEST)
+        angle, sure = _headings(pieces, velocity, slow)
+        apart = _wrapped(np.arctan2(other[..., 1], other[..., 0]) - np.arctan2(velocity[..., 1], velocity[..., 0]))
+        fast = np.hypot(velocity[..., 0], velocity[..., 1]) > slow
+        turn = np.where(sure, _rate(angle) * fps, np.nan)
+        window = max(SMOOTHED, 2.0 * found.stiffness ** (1 / 6) / fps)
+        return cls(
+            found.px, velocity, angle, turn, found.noise, _spread(off),
+            float(np.sqrt(np.nanmean(apart[fast] ** 2))) if fast.any() else 0.0, float(window),
+        )  # fmt: skip
+
+
+def _rate(values):
+    """Differences from frame to frame, central where both neighbours are known."""
+    ahead = np.full(values.shape, np.nan)
+    ahead[:-1] = values[1:] - values[:-1]
+    back = np.full(values.shape, np.nan)
+    back[1:] = ahead[:-1]
+    both = 0.5 * (ahead + back)
+    return np.where(np.isfinite(both), both, np.where(np.isfinite(ahead), ahead, back))
+
+
+def _again(pieces, found):
+    """The paths smoothed again with noise of the estimated size: a parametric bootstrap."""
+    rng = np.random.default_rng(51)
+    shaken = found.px + found.noise * rng.normal(size=found.px.shape)
+    shaken[~np.isfinite(pieces.xy).all(-1)] = np.nan
+    return smoothed(Tracks(shaken, np.arange(shaken.shape[1])), found.stiffness).px
+
+
+def _spread(values):
+    """Root mean square of one coordinate."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
+
+
+def _wrapped(angle):
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def _headings(pieces, velocity, slow):
+    """(angle (T, P) unwrapped, whether it was seen): of the file, else where an animal goes, else as it was."""
+    there = np.isfinite(velocity[..., 0])
+    if pieces.heading is not None:
+        angle, sure = pieces.heading.copy(), np.isfinite(pieces.heading)
+    else:
+        angle = np.arctan2(velocity[..., 1], velocity[..., 0])
+        sure = there & (np.hypot(velocity[..., 0], velocity[..., 1]) > slow)
+    out = np.full(angle.shape, np.nan)
+    for k in range(angle.shape[1]):
+        rows, known = np.flatnonzero(there[:, k]), np.flatnonzero(there[:, k] & sure[:, k])
+        if not len(known):  # never faster than its noise: any direction is as good
+            known = rows[:1]
+            angle[known, k] = np.nan_to_num(np.arctan2(velocity[known, k, 1], velocity[known, k, 0]))
+        nearest = known[np.clip(np.searchsorted(known, rows, side="right") - 1, 0, None)]
+        out[rows, k] = np.unwrap(angle[nearest, k])
+    return out, sure & there
+
+
+def _sightings(pieces, motion):
+    """(Sightings, (m, 2) velocities in the same order)."""
+    there = np.isfinite(motion.xy[..., 0])
+    angle = motion.angle[there]
+    forward = np.column_stack([np.cos(angle), np.sin(angle)])
+    velocity = motion.velocity[there]
+    speed = np.maximum((velocity * forward).sum(1), 0.0)
+    track = np.broadcast_to(np.arange(there.shape[1]), there.shape)[there]
+    first = np.concatenate([[0], np.cumsum(there.sum(1))])
+    return Sightings(first, motion.xy[there], forward, speed, motion.turn[there], track.astype(np.int64)), velocity
+
+
+# fields ---------------------------------------------------------------------------------------------
+
+
+def _fields(tracks, motion, seen, velocity, grid):
+    """The fields of all animals; a herd that comes and goes fills the grid, a whole one has room around it."""
+    there = np.isfinite(motion.xy[..., 0])
+    here = there.sum(1)
+    low, high = seen.xy.min(0), seen.xy.max(0)
+    if here.min() >= WHOLE * here.max():
+        room = max(1.2 * float((high - low).max()) / (grid - 2.4), EDGE)
+    else:
+        room = 0.01
+    low, high = low - room, high + room
+    cell = float(max((high - low).max() / grid, 0.1))
+    nx, ny = np.maximum(np.ceil((high - low) / cell - 1e-9).astype(int), 1)
+    at = np.clip(np.floor((seen.xy - low) / cell).astype(int), 0, (nx - 1, ny - 1))
+    shape = len(seen), int(ny), int(nx)
+    flat = (seen.frame * ny + at[:, 1]) * nx + at[:, 0]
+    cells = _moments(flat, seen.forward, velocity, int(np.prod(shape)))
+    grids = {name: values.reshape(*shape, *values.shape[1:]) for name, values in cells.items()}
+    return Fields(
+        fps=tracks.fps, cell=cell, origin=low.copy(), density=grids.pop("number") / cell**2, seen=np.ones(shape, bool),
+        obstacle=np.zeros(shape[1:], bool), region=np.zeros(shape[1:], np.uint8), count=here.astype(float),
+        frames=np.asarray(tracks.frames), **grids,
+    )  # fmt: skip
+
+
+def _moments(flat, forward, velocity, size):
+    """Number of animals, means and variances of speed and direction by cell."""
+    number = np.bincount(flat, minlength=size)
+    some = np.where(number > 0, number, np.nan)
+
+    def mean(values):
+        return np.bincount(flat, values, size) / some
+
+    speed = np.hypot(*velocity.T)
+    mx, my = mean(forward[:, 0])[flat], mean(forward[:, 1])[flat]
+    cross, dot = mx * forward[:, 1] - my * forward[:, 0], mx * forward[:, 0] + my * forward[:, 1]
+    off = np.degrees(np.abs(np.arctan2(cross, dot)))
+    return {
+        "number": number.astype(float),
+        "velocity": np.column_stack([mean(velocity[:, 0]), mean(velocity[:, 1])]),
+        "speed": mean(speed),
+        "speed_variance": np.maximum(mean(speed**2) - mean(speed) ** 2, 0.0),
+        "angular_variance": np.maximum(mean(off**2) - mean(off) ** 2, 0.0),
+    }
+
+
+def _jumps(tracks, length):
+    """Sentences about frames between which most animals are suddenly elsewhere: two recordings in one file."""
+    steps = np.diff(tracks.xy, axis=0) / length
+    way = np.hypot(steps[..., 0], steps[..., 1])
+    usual = np.array([np.nanmedian(row) if np.isfinite(row).any() else 0.0 for row in way])
+    for t in np.flatnonzero(usual > JUMP * max(float(np.median(usual)), LEAST_JUMP))[:3]:
+        a, b = tracks.frames[t], tracks.frames[t + 1]
+        yield f"the herd jumps between frames {a} and {b}; if two recordings meet there, use --frames to part them"
+
+
+def _notes(tracks, pieces, motion, length):
+    yield from _jumps(tracks, length)
+    yield (
+        f"from tracks: places are smoothed over about {motion.window:.2g} s; "
+        f"their noise is {motion.noise * length:.2g} {tracks.unit}"
+    )
+    gapped = len(np.unique(pieces.animal[np.flatnonzero(np.bincount(pieces.animal)[pieces.animal] > 1)]))
+    if pieces.gaps or gapped:
+        yield f"{pieces.gaps} gaps were filled; {gapped} animals were away for more than {GAP:g} s and count anew then"
+    if tracks.heading is None:
+        yield "headings are where animals go; slower than the noise they keep the heading they had"
+    yield "tracks do not tell how wide a body is: half its width is taken to be 0.2 body lengths"
+
+
+# pictures -------------------------------------------------------------------------------------------
+
+
+def _drawable(evidence):
+    """The evidence with a plain ground as its picture, for the report."""
+    fields = evidence.fields
+    size = fields.cell * np.array(fields.shape[::-1])
+    scale = PICTURE / float(size.max())
+    low, high = np.asarray(fields.origin, float), fields.origin + size
+    wide, tall = np.maximum(np.ceil(size * scale).astype(int), 2)
+    to_pixels = np.array([[scale, 0.0, -scale * low[0]], [0.0, -scale, scale * high[1]]])
+    return replace(evidence, picture=np.full((tall, wide, 3), GROUND, np.uint8), to_pixels=to_pixels)
+
+
+def drawn_tracks(evidence: Evidence, t: int) -> np.ndarray:
+    """The animals of frame t on a plain ground, (h, w, 3) BGR."""
+    assert evidence.picture is not None and evidence.sightings is not None, "tracks have both"
+    image = evidence.picture.copy()
+    seen, way = evidence.sightings, np.asarray(evidence.to_pixels, float)
+    rows = seen.of(t)
+    scale = float(way[0, 0])
+    half = max(0.5 - evidence.radius_bl, 0.1) * seen.forward[rows]
+    ends = [(seen.xy[rows] + sign * half) @ way[:, :2].T + way[:, 2] for sign in (-1, 1)]
+    thick = max(2, round(2 * evidence.radius_bl * scale))
+    for tail, head in zip(*(np.round(end * 16).astype(int).tolist() for end in ends), strict=True):
+        cv2.line(image, tail, head, BODY, thick, cv2.LINE_AA, 4)
+        cv2.circle(image, head, max(16, 6 * thick), TAIL, -1, cv2.LINE_AA, 4)
+    return image

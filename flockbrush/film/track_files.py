@@ -1,0 +1,177 @@
+"""Tracks of animals on the ground, from the file formats of tracking programs: one reader for every command.
+
+Each format is a function of `flockbrush.film.track_formats`.  Nothing in a file is ever unpickled.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from flockbrush.behaviours.tomlfile import check_plain
+from flockbrush.engine import limits
+from flockbrush.engine.files import refused
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.film import track_formats as formats
+from flockbrush.film.track_table import TrackTable
+
+UNITS = "m", "px", "bl"
+ENDINGS = ".csv", ".tsv", ".parquet", ".nc", ".h5", ".hdf5", ".npy", ".npz"
+FEWEST = 8  # frames in which an animal must be seen
+
+
+@dataclass(frozen=True)
+class Trajectories:
+    """Where animals were seen, frame by frame.
+
+    Attributes
+    ----------
+    xy : (T, N, 2) ndarray
+        In ``unit``, x right and y up; NaN where an animal was not seen.
+    ids : (N,) tuple of str
+    fps : float
+        Frames a second.
+    unit : {"m", "px", "bl"}
+    heading : (T, N) ndarray or None
+        Radians counter-clockwise from x; NaN unknown.
+    frames : (T,) int ndarray
+        Their numbers in the file.
+    name, sha256 : str
+    notes : tuple of str
+    """
+
+    xy: np.ndarray
+    ids: tuple[str, ...]
+    fps: float
+    unit: str
+    heading: np.ndarray | None = None
+    frames: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    name: str = "tracks"
+    sha256: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        shape = np.shape(self.xy)
+        if len(shape) != 3 or shape[2] != 2 or shape[1] != len(self.ids):
+            raise ValueError(f"xy must be (frames, animals, 2) with {len(self.ids)} ids, got {shape}")
+        if not (math.isfinite(self.fps) and self.fps > 0):
+            raise ValueError(f"fps must be above 0, got {self.fps}")
+        if self.unit not in UNITS:
+            raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {self.unit!r}")
+        if not len(self.frames):
+            object.__setattr__(self, "frames", np.arange(shape[0]))
+
+    def __len__(self):
+        return len(self.xy)
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(T, N) bool."""
+        return np.isfinite(self.xy).all(-1)
+
+    def part(self, first: int, last: int) -> Trajectories:
+        """The frames numbered ``first`` to ``last``, both included."""
+        rows = (self.frames >= first) & (self.frames <= last)
+        heading = None if self.heading is None else self.heading[rows]
+        return replace(self, xy=self.xy[rows], heading=heading, frames=self.frames[rows])
+
+
+def is_tracks(path) -> bool:
+    """Whether a name is that of a file (or a folder) of tracks, and not of a film."""
+    path = Path(path)
+    return path.suffix.lower() in ENDINGS or (path.is_dir() and bool(formats.trex_files(path)))
+
+
+def read_trajectories(path, unit: str | None = None, fps: float | None = None) -> Trajectories:
+    """Read tracks.
+
+    Parameters
+    ----------
+    path : path
+        CSV, TSV or Parquet with a row for each animal in each frame (Flockbrush, trackdf, Movebank), CSV of
+        DeepLabCut and idtracker.ai, netCDF of movement, analysis HDF5 of SLEAP, a folder of TRex files, or an npy
+        array (frames, animals, 2).
+    unit : {"m", "px", "bl"}, optional
+        Of the places, where the file does not say.
+    fps : float, optional
+        Where the file has no times.
+
+    Raises
+    ------
+    ProblemsError
+    """
+    path = Path(path)
+    try:
+        table = _table_of(path)
+    except ProblemsError:
+        raise
+    except (OSError, ValueError, KeyError, IndexError, MemoryError, TypeError, RuntimeError, EOFError) as error:
+        raise refused(path, f"cannot be read as tracks: {_first_line(error)}") from None
+    unit = unit or table.unit
+    if unit is None:
+        raise refused(path, "does not say the unit of x and y: name it with --unit m, px or bl")
+    scale = 0.01 if unit == "cm" else 1.0
+    rate = fps or table.fps
+    if rate is None:
+        raise refused(path, "has no times: name the frames a second with --fps")
+    if not (math.isfinite(rate) and 0 < rate <= 10_000):
+        raise refused(path, f"the frames a second must be above 0 and at most 10,000, got {rate:g}")
+    return _checked(path, table, "m" if unit == "cm" else unit, scale, float(rate))
+
+
+def _first_line(error):
+    return (str(error).strip().splitlines() or [type(error).__name__])[0][:200]
+
+
+def _checked(path, table, unit, scale, fps):
+    """Trajectories without animals that were hardly seen; ProblemsError where none is left."""
+    xy = np.array(table.xy, float) * scale
+    xy[~(np.abs(xy) < 1e12).all(-1)] = np.nan
+    sights = np.isfinite(xy).all(-1).sum(0)
+    kept = sights >= FEWEST
+    if not kept.any():
+        most = int(sights.max(initial=0))
+        raise refused(path, f"no animal is seen in more than {most} frames; at least {FEWEST} are needed")
+    notes = list(table.notes)
+    if not kept.all():
+        notes.append(f"{int((~kept).sum())} animals seen in fewer than {FEWEST} frames were left out")
+    xy, heading = xy[:, kept], None if table.heading is None else table.heading[:, kept]
+    rows = np.flatnonzero(np.isfinite(xy[..., 0]).any(1))
+    span = slice(rows[0], rows[-1] + 1)
+    down = unit == "px" if table.down is None else table.down
+    if down:
+        xy = xy * (1.0, -1.0)
+        heading = None if heading is None else -heading
+    ids = tuple(str(name) for name, keep in zip(table.ids, kept, strict=True) if keep)
+    return Trajectories(
+        xy[span], ids, fps, unit, None if heading is None else heading[span], np.asarray(table.frames)[span],
+        path.name, _sha256(path), tuple(notes),
+    )  # fmt: skip
+
+
+def _sha256(path):
+    digest = hashlib.sha256()
+    for part in sorted(path.iterdir()) if path.is_dir() else [path]:
+        if part.is_file():
+            with open(part, "rb") as file:
+                while block := file.read(1 << 20):
+                    digest.update(block)
+    return digest.hexdigest()
+
+
+def _table_of(path) -> TrackTable:
+    if path.is_dir():
+        return formats.trex_folder(path)
+    check_plain(path, limits.TRACKS_BYTES)
+    read = {
+        ".csv": formats.csv_table, ".tsv": formats.csv_table, ".parquet": formats.parquet_table,
+        ".nc": formats.movement_netcdf, ".h5": formats.sleap_hdf5, ".hdf5": formats.sleap_hdf5,
+        ".npy": formats.numpy_array, ".npz": formats.trex_file,
+    }.get(path.suffix.lower())  # fmt: skip
+    if read is None:
+        raise refused(path, f"is no file of tracks that can be read here ({', '.join(ENDINGS)})")
+    return read(path)

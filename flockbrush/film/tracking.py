@@ -1,0 +1,382 @@
+"""Birds in a film of the sky: found in every frame, and followed through crossings, gaps, and the edges of the picture.
+
+Each frame is taken apart into blobs that differ from the sky, and these into parts: one for each peak of the contrast,
+smoothed by a share of the blob's own thickness.  Every bird that is known foretells where it will be, by its own
+velocity within the flock's; where more are foretold than there are peaks, a blob is split among them if it is large
+enough, else some are taken to be hidden by others for a while.  So birds that pass in front of each other keep their
+names.  Birds and parts are then matched at least total cost
+(`scipy.optimize.linear_sum_assignment` [1]_).  In the end, tracks that break off are joined to those that begin a
+little later where both, carried on, meet.
+
+.. [1] Crouse, D. F. (2016). On implementing 2D rectangular assignment algorithms. IEEE Transactions on Aerospace and
+   Electronic Systems 52(4), 1679-1696.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from flockbrush.film.birds_in_sky import away_from_sky
+from flockbrush.film.tracks import Tracks
+
+GAIN_PLACE, GAIN_VELOCITY = 0.5, 0.12  # of the filter that follows a bird (alpha, beta)
+BORN_AFTER = 3  # frames in a row, before something is a bird
+GAP = 12  # frames a bird may be out of sight before its track ends
+JOIN = 30  # frames between a track that breaks off and one that goes on
+HIDDEN = 10  # frames a bird may be foretold within a patch without being told apart in it
+PART = 0.35  # of a patch's greatest half width: the blur that leaves one peak for each bird
+FAINT = 0.3  # of the highest peak: a lower one is none
+ROUNDS = 8  # of k-means
+FAR = 1e6  # a cost that means: never
+
+
+@dataclass
+class Blob:
+    """A patch that differs from the sky."""
+
+    at: np.ndarray  # (2,) px
+    pixels: np.ndarray  # (k, 2) px
+    weight: np.ndarray  # (k,) contrast
+    peaks: np.ndarray  # (n, 2) px, middles of what it seems to be made of
+
+    @property
+    def area(self):
+        return len(self.pixels)
+
+
+def blobs_of(image, least=5) -> list[Blob]:
+    """The patches of a picture, (h, w, 3) or (h, w) uint8, of at least so many pixels."""
+    away, threshold = away_from_sky(image)
+    mask, away = (away > threshold).astype(np.uint8), away.astype(np.float32)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    most = min(mask.shape) / 6
+    found = []
+    for k in range(1, count):
+        left, top, wide, tall, area = stats[k]
+        if area < least or max(wide, tall) > most:
+            continue
+        mine = (labels[top : top + tall, left : left + wide] == k).astype(np.uint8)
+        y, x = np.nonzero(mine)
+        weight = away[top + y, left + x].astype(float)
+        pixels = np.column_stack([x + left + 0.5, y + top + 0.5])
+        peaks = _peaks(mine, away[top : top + tall, left : left + wide] / (2 * threshold)) + (left, top)
+        found.append(Blob(weight @ pixels / weight.sum(), pixels, weight, peaks))
+    return found
+
+
+def _peaks(mine, contrast):
+    """Middles of the parts of a patch, (n, 2) px: peaks of its contrast, smoothed by a share of its own thickness."""
+    edge = 6
+    inside = cv2.copyMakeBorder(mine, edge, edge, edge, edge, cv2.BORDER_CONSTANT)
+    ink = cv2.copyMakeBorder(np.minimum(contrast, 1) * mine, edge, edge, edge, edge, cv2.BORDER_CONSTANT)
+    thick = float(cv2.distanceTransform(inside, cv2.DIST_L2, 5).max())
+    blur = max(PART * thick, 0.5)
+    smooth = cv2.GaussianBlur(ink, (0, 0), blur)
+    side = 2 * max(1, round(0.8 * blur)) + 1
+    top = (smooth >= cv2.dilate(smooth, np.ones((side, side)))) & (inside > 0) & (smooth > FAINT * smooth.max())
+    y, x = np.nonzero(top)
+    return np.column_stack([x, y]) - edge + 0.5
+
+
+def split(blob, centres, rounds=8):
+    """Centres of the parts of a blob that holds several birds, (k, 2), begun at where they are foretold (k-means)."""
+    centres = np.array(centres, float)
+    for _ in range(rounds):
+        nearest = np.argmin(((blob.pixels[:, None] - centres[None]) ** 2).sum(-1), axis=1)
+        moved = centres.copy()
+        for k in range(len(centres)):
+            mine = nearest == k
+            if mine.any():
+                moved[k] = blob.weight[mine] @ blob.pixels[mine] / blob.weight[mine].sum()
+        if np.abs(moved - centres).max() < 0.05:
+            break
+        centres = moved
+    return centres
+
+
+def divided(blob, foretold, usual, reach):
+    """The birds of a blob: those that can be told apart (k, 2), and places (m, 2) of those that cannot.
+
+    It has a bird for each of its peaks, and for each place where one was foretold and no peak is, as long as it is
+    large enough for all of them; the rest lie wholly on others, and are taken to be where they were foretold.
+    """
+    peaks = blob.peaks if len(blob.peaks) > 1 else blob.at[None]
+    rest = np.array(foretold).reshape(-1, 2)
+    if len(rest):
+        gaps = np.linalg.norm(rest[:, None] - peaks[None], axis=-1)
+        rows, columns = linear_sum_assignment(np.minimum(gaps, reach) ** 2)
+        rest = np.delete(rest, rows[gaps[rows, columns] < reach], axis=0)
+    room = max(0, int(blob.area / (0.55 * usual)) - len(peaks))
+    centres = np.concatenate([peaks, rest[:room]])
+    parts = split(blob, centres, ROUNDS) if len(centres) > 1 else peaks
+    hidden = [blob.pixels[np.argmin(((blob.pixels - place) ** 2).sum(1))] for place in rest[room:]]
+    return parts, np.array(hidden).reshape(-1, 2)
+
+
+@dataclass
+class _Bird:
+    """One bird that is followed."""
+
+    number: int
+    at: np.ndarray
+    velocity: np.ndarray
+    area: float
+    path: dict = field(default_factory=dict)  # frame -> (2,) px
+    missed: int = 0
+    sights: int = 1  # since it was found, or put right
+    hidden: int = 0  # frames in a row in which it was not told apart from others
+    sure: bool = False  # named by hand, or seen often enough
+    turns: list = field(default_factory=list)  # frames: no bird from the first on, one again from the second, ...
+
+    @property
+    def gone(self):
+        """Whether a person has said that it is no bird."""
+        return len(self.turns) % 2 == 1
+
+    def told(self):
+        """The part of its path in which it is a bird."""
+        return {f: at for f, at in self.path.items() if np.searchsorted(self.turns, f, "right") % 2 == 0}
+
+    def foretold(self):
+        return self.at + self.velocity
+
+    def see(self, frame, at, area=None):
+        before = self.foretold()
+        off = at - before
+        self.sights += 1
+        n = self.sights  # the fewer, the more each one counts, as in a line fitted to all of them
+        gain = max(GAIN_VELOCITY, min(0.6, 6 / (n * (n + 1))))
+        self.velocity = self.velocity + gain * off / (1 + self.missed)
+        self.at = before + max(GAIN_PLACE, 2 * (2 * n - 1) / (n * (n + 1))) * off
+        self.path[frame] = np.array(at)
+        self.missed = 0
+        self.sure = self.sure or len(self.path) >= BORN_AFTER
+        if area is not None:
+            self.area += 0.1 * (area - self.area)
+
+    def miss(self):
+        self.at = self.foretold()
+        self.missed += 1
+
+
+class Tracker:
+    """Follows the birds of a film, frame by frame.
+
+    Parameters
+    ----------
+    seeds, corrections : dict of int to list of (id, x, y) or (id, x, y, gone)
+        By frame: where a person says a bird is.  A correction outweighs whatever was found.  Gone: what is there is no
+        bird, from this frame on; it is followed, so that it does not come back, and not told of.
+    reach : float, optional
+        How far from where it was foretold a bird may turn up, pixels; twice the usual blob's extent unless given.
+    first : int
+        Number of the first frame that it will be given.
+    fresh : int
+        Birds that nobody has named get this number and those after it.
+    """
+
+    def __init__(self, seeds=None, corrections=None, reach=None, first=0, fresh=1):
+        self.by_hand = _merged(seeds or {}, corrections or {})
+        self.reach = reach
+        self.frame = first - 1
+        self.birds: list[_Bird] = []
+        self.gone: list[_Bird] = []
+        self.next = max(fresh, 1 + max((row[0] for rows in self.by_hand.values() for row in rows), default=0))
+        self._areas: list[float] = []
+
+    def step(self, image):
+        """Take the next frame."""
+        self.take(blobs_of(image))
+
+    def take(self, blobs):
+        """Take the blobs of the next frame."""
+        self.frame += 1
+        self._areas = (self._areas + [b.area for b in blobs])[-2000:]
+        usual = float(np.median(self._areas)) if self._areas else 1.0
+        reach = self.reach or max(6.0, 2.2 * np.sqrt(usual))
+        seen, area, apart = self._parts(blobs, usual, reach)
+        free = np.ones(len(seen), bool)
+        for number, x, y, *gone in self.by_hand.get(self.frame, ()):
+            self._by_hand(number, np.array([x, y]), seen, free, reach, any(gone))
+        self._match(seen, area, free, reach)
+        self._begin(seen, area, free & apart, reach)
+        self._unmask(set(map(tuple, seen[~apart].tolist())))
+        self._let_go()
+
+    def _parts(self, blobs, usual, reach):
+        """Where birds are in this frame: places (k, 2), the area of each, and whether it was told apart from others."""
+        foretold = [bird.foretold() for bird in self.birds if bird.sure and bird.missed <= 4]
+        inside: list[list[np.ndarray]] = [[] for _ in blobs]
+        if blobs and foretold:
+            low, high = (np.array([edge(blob.pixels, axis=0) for blob in blobs]) for edge in (np.min, np.max))
+            for place in foretold:
+                off = np.maximum(low - place, place - high).max(1) - 0.5  # of the box: never more than of the blob
+                near = np.flatnonzero(off <= 0.5 * reach)
+                gaps = [_gap(blobs[k], place) for k in near]
+                if gaps and min(gaps) <= 0.5 * reach:
+                    inside[near[int(np.argmin(gaps))]].append(place)
+        places, areas, apart = [np.zeros((0, 2))], [], []
+        for blob, mine in zip(blobs, inside, strict=True):
+            parts, hidden = divided(blob, mine, usual, reach)
+            places += [parts, hidden]
+            areas += [blob.area / len(parts)] * len(parts) + [usual] * len(hidden)
+            apart += [True] * len(parts) + [False] * len(hidden)
+        return np.concatenate(places), np.array(areas), np.array(apart, bool)
+
+    def _by_hand(self, number, at, seen, free, reach, gone=False):
+        bird = next((b for b in self.birds if b.number == number), None)
+        if bird is None:
+            bird = _Bird(number, at.copy(), self._drift(), 0.0)
+            self.birds.append(bird)
+        if len(seen):
+            gaps = np.where(free, np.linalg.norm(seen - at, axis=1), np.inf)
+            k = int(np.argmin(gaps))
+            if gaps[k] <= 0.7 * reach:
+                free[k] = False
+                at = seen[k]
+        jump = at - bird.foretold()
+        bird.see(self.frame, at)
+        if np.linalg.norm(jump) > reach:  # it had been somebody else: its velocity says nothing
+            bird.velocity, bird.sights = self._drift(), 1
+        bird.at, bird.sure = at.copy(), True
+        if gone != bird.gone:
+            bird.turns.append(self.frame)
+
+    def _drift(self):
+        """The flock's common velocity, px a frame."""
+        known = [b.velocity for b in self.birds if b.sure and not b.missed]
+        return np.median(known, axis=0) if known else np.zeros(2)
+
+    def _match(self, seen, area, free, reach):
+        waiting = [b for b in self.birds if self.frame not in b.path]
+        columns = np.flatnonzero(free)
+        taken = set()
+        if waiting and len(columns):
+            foretold = np.array([b.foretold() for b in waiting])
+            gaps = np.linalg.norm(foretold[:, None] - seen[None, columns], axis=-1)
+            wide = np.array([reach * (1 + 0.25 * min(b.missed, 6)) * (1 if b.sure else 1.5) for b in waiting])
+            cost = np.where(
+                gaps <= wide[:, None],
+                gaps**2 / reach + 0.02 * np.abs(np.subtract.outer([b.area for b in waiting], area[columns])),
+                FAR,
+            )
+            cost[[not b.sure for b in waiting]] += 0.3 * reach  # who is known comes first
+            cost[cost >= FAR] = FAR
+            for r, c in zip(*linear_sum_assignment(cost), strict=True):
+                if cost[r, c] < FAR:
+                    waiting[r].see(self.frame, seen[columns[c]], area[columns[c]])
+                    free[columns[c]] = False
+                    taken.add(r)
+        for r, bird in enumerate(waiting):
+            if r not in taken:
+                bird.miss()
+
+    def _begin(self, seen, area, free, reach):
+        for k in np.flatnonzero(free):
+            near = [np.linalg.norm(b.at - seen[k]) for b in self.birds if b.sure and not b.missed]
+            if near and min(near) < 0.25 * reach:
+                continue  # a scrap of somebody
+            self.birds.append(
+                _Bird(self.next, seen[k].copy(), self._drift(), float(area[k]), {self.frame: seen[k].copy()})
+            )
+            self.next += 1
+
+    def _unmask(self, unseen):
+        """Who has not been told apart from others for long was never there."""
+        for bird in self.birds:
+            place = bird.path.get(self.frame)
+            bird.hidden = bird.hidden + 1 if place is not None and tuple(place.tolist()) in unseen else 0
+            if bird.hidden > HIDDEN:
+                for frame in range(self.frame - bird.hidden + 1, self.frame + 1):
+                    bird.path.pop(frame, None)
+                bird.missed = GAP + 1
+
+    def _let_go(self):
+        kept = []
+        for bird in self.birds:
+            if bird.missed > (GAP if bird.sure else 1):
+                if bird.sure:
+                    self.gone.append(bird)
+            else:
+                kept.append(bird)
+        self.birds = kept
+
+    def tracks(self) -> Tracks:
+        """The tracks so far, broken ones joined, in order of number.
+
+        Raises
+        ------
+        ValueError
+            When no bird was followed.
+        """
+        birds = [b for b in self.gone + self.birds if b.sure and len(b.told()) >= BORN_AFTER]
+        if not birds:
+            raise ValueError("no bird was followed through three frames")
+        ended = {b.number for b in birds if b.gone}
+        paths = _joined({b.number: b.told() for b in birds}, self.reach or 30.0, ended)
+        numbers = sorted(paths)
+        frames = [f for path in paths.values() for f in path]
+        first, last = min(frames), max(frames)
+        px = np.full((last - first + 1, len(numbers), 2), np.nan)
+        for n, number in enumerate(numbers):
+            for f, at in paths[number].items():
+                px[f - first, n] = at
+        return Tracks(px, np.array(numbers), first)
+
+
+def _gap(blob, place):
+    """How far a place is from a blob, px; 0 inside."""
+    return max(0.0, float(np.abs(blob.pixels - place).max(1).min()) - 0.5)
+
+
+def _merged(*tables):
+    out: dict[int, list] = {}
+    for table in tables:
+        for frame, rows in table.items():
+            out.setdefault(int(frame), []).extend(rows)
+    return out
+
+
+def _ends(path, at_end, span=6):
+    """(frame, place, velocity) of the beginning or the end of a path, by a line through a few frames."""
+    frames = sorted(path)[-span:] if at_end else sorted(path)[:span]
+    places = np.array([path[f] for f in frames])
+    t = np.array(frames, float)
+    if len(t) < 2:
+        return frames[0], places[0], np.zeros(2)
+    slope = np.polyfit(t, places, 1)
+    f = frames[-1] if at_end else frames[0]
+    return f, slope[0] * f + slope[1], slope[0]
+
+
+def _joined(paths, reach, ended=()):
+    """Tracks that break off joined to those that begin up to `JOIN` frames later where both, carried on, meet.
+
+    Those that a person has ended stay so.
+    """
+    numbers = sorted(paths)
+    ends = {n: _ends(paths[n], True) for n in numbers}
+    starts = {n: _ends(paths[n], False) for n in numbers}
+    cost = np.full((len(numbers), len(numbers)), FAR)
+    for i, a in enumerate(numbers):
+        for j, b in enumerate(numbers):
+            wait = starts[b][0] - ends[a][0]
+            if a != b and a not in ended and 0 < wait <= JOIN:
+                forth = ends[a][1] + wait * ends[a][2] - starts[b][1]
+                back = starts[b][1] - wait * starts[b][2] - ends[a][1]
+                off = 0.5 * (np.linalg.norm(forth) + np.linalg.norm(back))
+                if off <= reach * (0.5 + wait / 12):
+                    cost[i, j] = off + 0.3 * wait
+    out = {n: dict(paths[n]) for n in numbers}
+    name = {n: n for n in numbers}
+    rows, columns = linear_sum_assignment(cost)
+    for i, j in sorted(zip(rows, columns, strict=True), key=lambda pair: ends[numbers[pair[0]]][0]):
+        if cost[i, j] < FAR:
+            a, b = name[numbers[i]], numbers[j]
+            out[a].update(out.pop(b))
+            name[b] = a
+    return out

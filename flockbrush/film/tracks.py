@@ -1,0 +1,303 @@
+"""Tracks of birds in the image: read, checked, and smoothed through noise and gaps."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from flockbrush.behaviours.tables import read_table
+from flockbrush.engine import limits
+from flockbrush.engine.noise import Noise
+from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
+
+COLUMNS = ("frame", "id", "x", "y")
+_TOLD = 20  # problems of one file that are told
+
+
+@dataclass
+class Tracks:
+    """Where birds were seen.
+
+    Attributes
+    ----------
+    px : (F, N, 2) ndarray
+        Pixels, y down; NaN where a bird was not seen.
+    ids : (N,) ndarray of int
+    first : int
+        Number of the first frame.
+    notes : list of str
+        What was noticed and mended.
+    """
+
+    px: np.ndarray
+    ids: np.ndarray
+    first: int = 0
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(F, N) bool."""
+        return np.isfinite(self.px).all(-1)
+
+    @property
+    def alive(self) -> np.ndarray:
+        """(F, N) bool: from the first to the last sight of each bird, gaps included."""
+        seen = self.seen
+        return np.maximum.accumulate(seen, 0) & np.maximum.accumulate(seen[::-1], 0)[::-1]
+
+
+def read_tracks(path: str | Path) -> Tracks:
+    """Tracks from a CSV with ``frame,id,x,y``, pixels; further columns are ignored.
+
+    Raises
+    ------
+    ProblemsError
+        With file, line and column of what is wrong: up to twenty of them.
+    """
+    return _assembled(str(path), *_rows(path))
+
+
+def _rows(path, gone=None):
+    """(frames, ids, px, lines) of a table of tracks; ProblemsError.  `gone` takes up the column of this name."""
+    name = str(path)
+    rows = read_table(path, limits.TRACKS_BYTES, limits.TRACK_ROWS)
+    header = [cell.strip().lower() for cell in next(rows, (1, []))[1]]
+    missing = [column for column in COLUMNS if column not in header]
+    if missing:
+        other = next((mark for mark in (";", "\t") if len(header) == 1 and mark in header[0]), None)
+        hints = "; separate them by commas" if other else did_you_mean(missing[0], header)
+        raise ProblemsError(
+            [Problem(name, 1, missing[0], f"there is no such column{hints}; a file of tracks has {', '.join(COLUMNS)}")]
+        )
+    further = header.index("gone") if gone is not None and "gone" in header else None
+    return _parsed(name, rows, [header.index(column) for column in COLUMNS], further, gone)
+
+
+def read_marks(path: str | Path) -> dict[int, list[tuple]]:
+    """Birds as a person marked them, from a CSV as for `read_tracks`: {frame: [(id, x, y)]}.
+
+    A further column ``gone`` may say with a 1 that what is there is no bird, from this frame on: (id, x, y, True).
+
+    Raises
+    ------
+    ProblemsError
+    """
+    gone: list[bool] = []
+    frames, ids, px, _ = _rows(path, gone)
+    marks: dict[int, list[tuple]] = {}
+    for frame, bird, (x, y), no in zip(frames.tolist(), ids.tolist(), px.tolist(), gone, strict=True):
+        marks.setdefault(frame, []).append((bird, x, y, True) if no else (bird, x, y))
+    return marks
+
+
+def _parsed(name, rows, where, further=None, gone=None):
+    """(frames, ids, px, lines) of the rows; ProblemsError."""
+    problems: list[Problem] = []
+    frames, ids, px, lines = array("q"), array("q"), array("d"), array("q")
+    for line, row in rows:
+        values = [_number(name, line, column, row, at, problems) for column, at in zip(COLUMNS, where, strict=True)]
+        if len(problems) >= _TOLD:
+            break
+        if None not in values:
+            frames.append(int(values[0]))
+            ids.append(int(values[1]))
+            px.extend(values[2:])
+            lines.append(line)
+            if gone is not None:
+                gone.append(_said_gone(name, line, row, further, problems))
+    if problems:
+        raise ProblemsError(problems)
+    if not frames:
+        raise ProblemsError([Problem(name, None, None, "there is no bird in it")])
+    return np.array(frames), np.array(ids), np.array(px).reshape(-1, 2), np.array(lines)
+
+
+def _said_gone(name, line, row, at, problems):
+    """Whether a row says that there is no bird."""
+    cell = row[at].strip() if at is not None and at < len(row) else ""
+    if cell not in ("", "0", "1"):
+        problems.append(Problem(name, line, "gone", f"must be 1 where there is no bird, else 0, got {cell!r}"))
+    return cell == "1"
+
+
+def _number(name, line, column, row, at, problems):
+    cell = row[at].strip() if at < len(row) else ""
+    try:
+        value = float(cell)
+    except ValueError:
+        problems.append(Problem(name, line, column, f"must be a number, got {cell!r}"))
+        return None
+    whole = column in ("frame", "id")
+    if not math.isfinite(value) or (whole and value != int(value)) or abs(value) > 1e9:
+        kind = "a whole number" if whole else "a finite number of pixels, at most 1e9"
+        hint = "" if whole else "; a bird that is not seen has no row"
+        problems.append(Problem(name, line, column, f"must be {kind}, got {cell!r}{hint}"))
+        return None
+    return value
+
+
+def _assembled(name, frames, ids, px, lines):
+    first, last = int(frames.min()), int(frames.max())
+    birds, column = np.unique(ids, return_inverse=True)
+    length = last - first + 1
+    if length > limits.TRACK_FRAMES or length * len(birds) > limits.TRACK_CELLS:
+        message = f"frames {first} to {last} with {len(birds)} birds are more than fit; cut the clip into parts"
+        raise ProblemsError([Problem(name, None, "frame", message)])
+    grid = np.full((length, len(birds), 2), np.nan)
+    taken = np.zeros((length, len(birds)), np.int32)
+    for row, (f, n) in enumerate(zip(frames - first, column, strict=True)):
+        if taken[f, n]:
+            message = f"bird {ids[row]} is in frame {frames[row]} twice, here and in line {taken[f, n]}"
+            raise ProblemsError([Problem(name, int(lines[row]), "id", message)])
+        taken[f, n] = lines[row]
+        grid[f, n] = px[row]
+    return _without_points(name, Tracks(grid, birds, first))
+
+
+def _without_points(name, tracks):
+    """Leave out birds that were seen once only: a point has no flight."""
+    sights = tracks.seen.sum(0)
+    short = sights < 3
+    if short.all():
+        most = int(sights.max())
+        message = f"no bird was seen in more than {most} frame{'s' if most > 1 else ''}; a flight needs three"
+        raise ProblemsError([Problem(name, None, None, message)])
+    if short.any():
+        who = ", ".join(map(str, tracks.ids[short][:10])) + (", ..." if short.sum() > 10 else "")
+        tracks.notes.append(f"left out, seen in fewer than three frames: bird{'s' if short.sum() > 1 else ''} {who}")
+        kept = Tracks(tracks.px[:, ~short], tracks.ids[~short], tracks.first, tracks.notes)
+        rows = np.flatnonzero(kept.seen.any(1))
+        return Tracks(kept.px[rows[0] : rows[-1] + 1], kept.ids, kept.first + int(rows[0]), kept.notes)
+    return tracks
+
+
+# smoothing ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """Tracks without noise and gaps.
+
+    Attributes
+    ----------
+    px : (F, N, 2) ndarray
+        NaN before a bird comes and after it has left.
+    stiffness : float
+        The weight of smoothness that was used.
+    noise : float
+        Estimated deviation of what was measured from it, pixels.
+    longest_gap : int
+        Frames.
+    """
+
+    px: np.ndarray
+    stiffness: float
+    noise: float
+    longest_gap: int
+
+
+def smoothed(tracks: Tracks, stiffness: float | None = None) -> Smoothed:
+    """Smooth tracks by penalising their third differences, and carry birds through gaps.
+
+    Parameters
+    ----------
+    tracks : Tracks
+    stiffness : float, optional
+        More is smoother; by generalised cross-validation over all birds together unless given.
+
+    Notes
+    -----
+    Whittaker's smoother [1]_ with weights 0 in gaps; one stiffness for all, found by golden steps on a grid of
+    decades.  The trace of the smoother is estimated with fixed probes [2]_.
+
+    References
+    ----------
+    .. [1] Eilers, P. H. C. (2003). A perfect smoother. Analytical Chemistry 75(14), 3631-3636.
+    .. [2] Hutchinson, M. F. (1990). A stochastic estimator of the trace of the influence matrix. Communications in
+       Statistics 19(2), 433-450.
+    """
+    spans = [_Span.of(tracks, n) for n in range(len(tracks.ids))]
+    chosen = _best_stiffness(spans) if stiffness is None else float(stiffness)
+    out = np.full(tracks.px.shape, np.nan)
+    residual, freedom = 0.0, 0.0
+    for n, span in enumerate(spans):
+        fit, trace = span.fit(chosen)
+        out[span.start : span.start + len(fit), n] = fit
+        residual += float((span.weight[:, None] * (fit - span.y) ** 2).sum())
+        freedom += 2 * max(span.weight.sum() - trace, 1e-9)
+    return Smoothed(out, chosen, math.sqrt(residual / freedom), max(span.gap for span in spans))
+
+
+@dataclass
+class _Span:
+    """One bird from its first to its last sight."""
+
+    start: int
+    y: np.ndarray  # (F, 2), 0 in gaps
+    weight: np.ndarray  # (F,), 0 in gaps
+    gap: int
+    probes: np.ndarray  # (F, k) of +-1
+    _bands: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    @classmethod
+    def of(cls, tracks, n):
+        seen = np.flatnonzero(tracks.seen[:, n])
+        start, end = int(seen[0]), int(seen[-1]) + 1
+        y = tracks.px[start:end, n]
+        weight = np.isfinite(y).all(-1).astype(float)
+        gap = int(np.diff(seen).max()) - 1
+        return cls(start, np.where(weight[:, None] > 0, y, 0.0), weight, gap, _probes(end - start))
+
+    def fit(self, stiffness):
+        """(smooth path (F, 2), trace of the smoother)."""
+        length = len(self.y)
+        bands = stiffness * _third_differences(length)
+        bands[-1] += self.weight
+        bands[-1] += 1e-12 * (1 + stiffness)  # a path of three sights with a gap is not held by the rest
+        centre = self.y[self.weight > 0].mean(0)
+        sides = np.hstack([(self.y - centre) * self.weight[:, None], self.probes * self.weight[:, None]])
+        solved = solveh_banded(bands, sides, check_finite=False)
+        trace = float((self.probes * solved[:, 2:]).sum() / self.probes.shape[1])
+        return solved[:, :2] + centre, min(trace, float(self.weight.sum()))
+
+
+@cache
+def _third_differences(length):
+    """D'D of third differences in upper banded form, (4, length)."""
+    bands = np.zeros((min(4, length), length))
+    step = np.array([-1.0, 3.0, -3.0, 1.0])
+    for row in range(length - 3):
+        for a in range(4):
+            for b in range(a, 4):
+                bands[len(bands) - 1 - (b - a), row + b] += step[a] * step[b]
+    return bands
+
+
+def _probes(length, count=8):
+    """Fixed signs, (length, count)."""
+    return np.sign(Noise(0).uniform("probes", 0, np.arange(length), count) - 0.5)
+
+
+def _best_stiffness(spans):
+    """The stiffness with the least generalised cross-validation score over all birds."""
+    decades = 10.0 ** np.arange(-2.0, 9.01, 1.0)
+    scores = [_score(spans, s) for s in decades]
+    best = decades[int(np.argmin(scores))]
+    fine = best * 10.0 ** np.linspace(-0.75, 0.75, 7)
+    return float(fine[int(np.argmin([_score(spans, s) for s in fine]))])
+
+
+def _score(spans, stiffness):
+    residual, sights, trace = 0.0, 0.0, 0.0
+    for span in spans:
+        fit, own = span.fit(stiffness)
+        residual += float((span.weight[:, None] * (fit - span.y) ** 2).sum())
+        sights += span.weight.sum()
+        trace += own
+    return residual / sights / max(1.0 - trace / sights, 1e-6) ** 2

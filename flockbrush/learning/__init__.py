@@ -1,0 +1,1 @@
+"""Fitting brushes to clips: trials, choice, comparison, report."""

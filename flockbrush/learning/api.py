@@ -1,0 +1,159 @@
+"""Learning from Python: `flockbrush.learn` and what it returns."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flockbrush.behaviours.brush import Brush
+from flockbrush.film.open_clip import Looking
+from flockbrush.film.track_files import UNITS
+from flockbrush.learning.confounding import Estimate, estimates_of
+from flockbrush.learning.result import Findings
+
+Tracks = str | os.PathLike | np.ndarray
+
+
+@dataclass(frozen=True)
+class LearnedBrush:
+    """A brush learned from tracks or films, and how far it can be trusted.
+
+    Attributes
+    ----------
+    brush : Brush
+        Save it with ``flockbrush.save_brush(result.brush, folder)``.
+    verdict : str
+        One sentence: whether the simulated herd moves like the animals, judged on frames that were held out.
+    kind : {"like", "partly", "rival", "untold"}
+        Of the verdict: *moves like*, *moves like in some measures*, *no better than a rival*, *cannot be told*.
+    measures : list of dict
+        A row for each measure: name, clip, herd, off, limit, met, told.
+    parameters : list of Estimate
+        Each number of the model with its uncertainty, and what it is confounded with.
+    notes : list of str
+        What to know of the data and of the fit.
+    findings : Findings
+        Everything else that the report shows.
+    """
+
+    brush: Brush
+    verdict: str
+    kind: str
+    measures: list[dict[str, Any]]
+    parameters: list[Estimate]
+    notes: list[str]
+    findings: Findings
+
+    def parameter(self, name: str) -> Estimate:
+        """One number of the model, such as "alignment_weight".
+
+        Raises
+        ------
+        KeyError
+            When there is none of this name.
+        """
+        for one in self.parameters:
+            if one.name == name:
+                return one
+        raise KeyError(f"there is no parameter {name!r}; there are {', '.join(p.name for p in self.parameters)}")
+
+
+def learn(
+    tracks: Tracks | Sequence[Tracks], *, unit: str | None = None, fps: float | None = None,
+    body_length: float | None = None, frames: tuple[int, int] | None = None, name: str = "learned",
+    seed: int = 0, starts: int = 5, quick: bool = False, jobs: int = 1, report: str | os.PathLike | None = None,
+    licence: str | None = None,
+) -> LearnedBrush:  # fmt: skip
+    """Learn a brush from tracks of animals, or from films.
+
+    Parameters
+    ----------
+    tracks : path or (frames, animals, 2) ndarray, or a sequence of them
+        Files that ``flockbrush learn`` reads; arrays have NaN where an animal was not seen.  Of several, each is held
+        out in turn.
+    unit : {"m", "px", "bl"}, optional
+        Of the places; required for arrays and for files that do not say it.  y points up, in pixels down.
+    fps : float, optional
+        Frames a second; required for arrays and for files without times.
+    body_length : float, optional
+        Of one animal nose to tail, in metres or pixels as the tracks are; 1 m unless given.
+    frames : (int, int), optional
+        First and last frame to use, both included.
+    name : str
+        Of the brush.
+    seed : int
+        Of all chance: the same tracks, options and versions give the same brush.
+    starts : int
+        Random starts of the search.
+    quick : bool
+        A first impression.
+    jobs : int
+        Processes.
+    report : path, optional
+        Folder for the report with charts.
+    licence : str, optional
+        Of the data, kept in the brush.
+
+    Returns
+    -------
+    LearnedBrush
+
+    Raises
+    ------
+    ProblemsError
+        When the tracks cannot be read or learned from.
+
+    Examples
+    --------
+    >>> import flockbrush
+    >>> result = flockbrush.learn("sheep.csv", unit="m", fps=10, body_length=1.2)  # doctest: +SKIP
+    >>> print(result.verdict)  # doctest: +SKIP
+    >>> result.parameter("alignment_weight").told  # doctest: +SKIP
+    '.098 ± .018'
+    """
+    from flockbrush.learning.learn import LearnOptions, learn_brushes
+
+    given: list = list(tracks) if isinstance(tracks, Sequence) and not isinstance(tracks, str) else [tracks]
+    if unit is not None and unit not in UNITS:
+        raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {unit!r}")
+    pixels = body_length if unit == "px" else None
+    looking = Looking(
+        frames=frames, unit=unit, fps=fps, body_length_px=pixels, body_length_m=None if unit == "px" else body_length
+    )
+    with tempfile.TemporaryDirectory(prefix="flockbrush-learn-") as folder:
+        wishes = LearnOptions(
+            clips=[_file(one, k, Path(folder)) for k, one in enumerate(given)],
+            out=Path(folder) / f"{name}.brush.toml", looking=looking, seed=seed, starts=starts, jobs=jobs,
+            report=None if report is None else Path(report), licence=licence, quick=quick,
+            length_m=body_length if unit == "m" and body_length else 1.0, command="flockbrush.learn(...)", silent=True,
+        )  # fmt: skip
+        found = learn_brushes(wishes)[0]
+    return result_of(found)
+
+
+def _file(one, number, folder):
+    """The path of a file of tracks; arrays are written to one."""
+    if not isinstance(one, np.ndarray):
+        return Path(one)
+    path = folder / f"tracks{number + 1}.npy"
+    np.save(path, np.asarray(one, float), allow_pickle=False)
+    return path
+
+
+def result_of(found: Findings) -> LearnedBrush:
+    """What a person is given of everything that came of learning."""
+    judgement = found.judgement
+    rows = [] if judgement is None else [
+        {**vars(row), "met": row.met, "told": row.name in judgement.told} for row in judgement.brush.rows
+    ]  # fmt: skip
+    notes = [*found.notes, *(note for clip in found.clips for note in clip.notes), *found.learned.notes]
+    return LearnedBrush(
+        found.brush, found.verdict(), "untold" if judgement is None else judgement.kind, rows,
+        estimates_of(found.learned), list(dict.fromkeys(notes)), found,
+    )  # fmt: skip

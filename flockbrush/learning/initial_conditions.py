@@ -1,0 +1,181 @@
+"""What follows from a clip directly: how its animals begin, how fast they go, what bodies they have."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from flockbrush.behaviours.brush import BodySpec, SpeedSpec
+from flockbrush.film.observations import Evidence
+from flockbrush.film.speeds import joined
+from flockbrush.learning.rollout import HerdStart
+from flockbrush.learning.scores import told_apart
+from flockbrush.systems.measures import compute_nnd
+
+TOUCHING = 0.04  # share of animals lying on another as capsules, above which bodies are taken for discs
+UNEVEN = 0.15  # of the mean: speeds that differ less between crowded and empty places are taken for the same
+LEAST_OWN = 0.2  # of the spread of speeds is the animals' own, whatever crowding explains
+TRIES = 30  # places looked at for each animal
+
+
+def speed_of(evidences: list[Evidence]) -> SpeedSpec:
+    """The speed process of several clips: means by frames, and a table of densities where that matters.
+
+    The deviation of a brush is the noise of the process: speeds spread by deviation / sqrt(2 reversion).
+    """
+    known = [e.speed for e in evidences if e.speed is not None]
+    if not known:
+        return SpeedSpec(mean=0.5, deviation=0.05)
+    weight = np.array([len(e.fields) for e in evidences if e.speed is not None], float)
+    mean = float(np.average([s.mean for s in known], weights=weight))
+    spread = float(np.sqrt(np.average(np.nan_to_num([s.deviation**2 for s in known]), weights=weight)))
+    rates = [s.reversion for s in known if s.reversion is not None]
+    reversion = float(np.clip(np.median(rates), 0.05, 50.0)) if rates else 1.0
+    table = [(float(np.clip(a, 0, 100)), b) for a, b in joined(known)]
+    factors = [factor for _, factor in table]
+    uneven = len(table) > 1 and max(factors) - min(factors) > UNEVEN
+    if uneven:  # the table spreads speeds by itself: what is left is the process's own
+        own = (spread**2 - mean**2 * np.var(factors)) / np.mean(np.square(factors))
+        spread = float(np.sqrt(max(float(own), (LEAST_OWN * spread) ** 2)))
+    pausing = [s for s in known if s.stops > 0]
+    states = {}
+    if 2 * len(pausing) > len(known):  # most clips show it
+        states = {
+            name: float(np.clip(np.median([getattr(s, name) for s in pausing]), 0, 20))
+            for name in ("stops", "starts", "imitation")
+        }
+    return SpeedSpec(
+        **states,
+        mean=float(np.clip(mean, 0, 100)),
+        deviation=float(np.clip(spread * np.sqrt(2 * reversion), 0, 50)),
+        reversion=reversion,
+        by_density=tuple(table) if uneven else (),
+    )
+
+
+def body_of(evidences: list[Evidence]) -> BodySpec:
+    """Bodies as wide as the clip's; discs, and smaller ones, where its animals would lie on one another."""
+    radius = float(np.clip(np.median([e.radius_bl for e in evidences]), 0.05, 0.5))
+    near = [_nearest(e) for e in evidences if told_apart(e)]
+    if not near:
+        return BodySpec(length=1.0, radius=radius)
+    gap, lying = np.concatenate([g for g, _ in near]), np.mean([share for _, share in near])
+    if lying <= TOUCHING:
+        return BodySpec(length=1.0, radius=radius)
+    radius = float(np.clip(min(radius, 0.5 * np.quantile(gap, 0.05)), 0.05, 0.5))
+    return BodySpec(length=1.0, radius=radius, contact="disc")
+
+
+def _nearest(evidence, every=5):
+    """Distances to the nearest neighbour, and the share of animals who lie on another as capsules."""
+    seen, gaps, lying = evidence.sightings, [], []
+    half = max(0.5 - evidence.radius_bl, 0.0)
+    for t in range(0, len(seen), every):
+        rows = seen.of(t)
+        xy, forward = seen.xy[rows], seen.forward[rows]
+        if len(xy) < 2:
+            continue
+        far, who = cKDTree(xy).query(xy, k=min(4, len(xy)))
+        gaps.append(far[:, 1])
+        axis = np.array([-half, 0.0, half])
+        mine = xy[:, None] + axis[None, :, None] * forward[:, None]
+        apart = np.full(len(xy), np.inf)
+        for other in who[:, 1:].T:
+            off = mine[:, :, None] - mine[other][:, None]
+            apart = np.minimum(apart, np.hypot(off[..., 0], off[..., 1]).min((1, 2)))
+        lying.append(np.mean(apart < 1.6 * evidence.radius_bl))
+    return np.concatenate(gaps) if gaps else np.zeros(0), float(np.mean(lying)) if lying else 0.0
+
+
+def start_of(evidence: Evidence, t=0, seed=0, body=BodySpec()) -> HerdStart:  # noqa: B008  frozen
+    """A herd as it is in frame t: its animals where they are told apart, the others by the fields.
+
+    Animals drawn from fields stand where the density says, apart from one another, and face the way the cell moves,
+    scattered as its angular variance says.
+    """
+    rng = np.random.default_rng([seed, t, 40])
+    fields = evidence.fields
+    missing = round(float(fields.count[t]))
+    xy, forward, speed = np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)
+    seen = evidence.sightings
+    if seen is not None and told_apart(evidence):
+        rows = seen.of(t)
+        xy, forward, speed = (getattr(seen, name)[rows] for name in ("xy", "forward", "speed"))
+        missing = max(0, missing - len(xy)) if len(xy) < 0.9 * missing else 0
+    if missing:
+        more = _drawn(fields, t, missing, xy, 2 * body.radius / body.length, rng)
+        xy, forward = np.concatenate([xy, more[0]]), np.concatenate([forward, more[1]])
+        speed = np.concatenate([speed, more[2]])
+    known = speed[np.isfinite(speed)]
+    usual = known.mean() if len(known) else 1.0
+    return HerdStart(xy.copy(), forward.copy(), np.where(np.isfinite(speed), speed, usual))
+
+
+def _drawn(fields, t, count, others, room, rng):
+    """Positions, headings and speeds of animals drawn from the fields of a frame."""
+    number = np.nan_to_num(fields.density[t]) * fields.cell**2
+    row, column, inside = fields.cells_of(others)
+    np.subtract.at(number, (row[inside], column[inside]), 1.0)
+    number = np.maximum(number, 0.0).ravel()
+    if not number.sum() > 0:
+        return np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)
+    # whole animals by cell: as near the density as whole numbers can be
+    wanted = np.cumsum(number) / number.sum() * count
+    cells = np.searchsorted(wanted, rng.uniform() + np.arange(count), side="right")
+    cells = np.minimum(cells, len(number) - 1)
+    xy = _apart(cells, fields, others, room, rng)
+    velocity = fields.velocity[t].reshape(-1, 2)[cells]
+    mean = np.arctan2(velocity[:, 1], velocity[:, 0])
+    spread = np.radians(np.sqrt(np.nan_to_num(fields.angular_variance[t].ravel()[cells], nan=2700.0)))
+    # the variance of |x| of a normal x is (1 - 2/π) σ²; from about 50° on all directions are alike
+    angle = mean + np.minimum(spread / np.sqrt(1 - 2 / np.pi), 3.0) * rng.normal(size=len(cells))
+    angle = np.where(np.isfinite(angle), angle, rng.uniform(-np.pi, np.pi, len(cells)))
+    speed = fields.speed[t].ravel()[cells]
+    return xy, np.column_stack([np.cos(angle), np.sin(angle)]), speed
+
+
+def _apart(cells, fields, others, room, rng):
+    """A place for each animal in its cell, the emptiest of some tries, one after the other."""
+    ny, nx = fields.shape
+    corner = np.asarray(fields.origin, float) + fields.cell * np.column_stack([cells % nx, cells // nx])
+    placed = np.concatenate([others, np.zeros((len(cells), 2))])
+    for k, low in enumerate(corner):
+        n = len(others) + k
+        tries = low + fields.cell * rng.random((TRIES, 2))
+        if n:
+            off = tries[:, None] - placed[None, :n]
+            far = np.hypot(off[..., 0], off[..., 1]).min(1)
+            free = np.flatnonzero(far > 1.2 * max(room, 0.5))
+            placed[n] = tries[free[0] if len(free) else int(far.argmax())]
+        else:
+            placed[n] = tries[0]
+    return placed[len(others) :]
+
+
+def resized(start: HerdStart, factor: float, seed=0) -> HerdStart:
+    """A herd of so many times the animals, as dense as before and headed as before at each place of its outline."""
+    n = len(start)
+    draw = np.random.default_rng(seed)
+    whole, rest = divmod(round(n * factor), n) if n else (0, 0)
+    chosen = np.concatenate([np.repeat(np.arange(n), whole), np.sort(draw.permutation(n)[:rest])]).astype(int)
+    middle = start.xy.mean(0) if n else 0.0
+    xy = middle + (start.xy[chosen] - middle) * np.sqrt(factor)
+    if factor > 1:
+        xy = xy + _aside(chosen, n, _gap(start.xy))
+    speed = None if start.speed is None else start.speed[chosen]
+    return HerdStart(xy, start.forward[chosen], speed)
+
+
+def _gap(xy):
+    return float(np.median(compute_nnd(xy))) if len(xy) > 1 else 1.0
+
+
+def _aside(chosen, n, gap):
+    """Where the copies of an animal stand about its place: on a lattice as wide as the herd's own."""
+    copy = np.zeros(len(chosen), int)
+    counted = np.zeros(n, int)
+    for row, animal in enumerate(chosen):
+        copy[row] = counted[animal]
+        counted[animal] += 1
+    side = int(np.ceil(np.sqrt(max(counted.max(initial=1), 1))))
+    return (np.column_stack([copy % side, copy // side]) - (side - 1) / 2) * gap

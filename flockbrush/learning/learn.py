@@ -1,0 +1,497 @@
+"""Learning brushes from clips, from what a person asked for to the files that come of it."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from flockbrush.behaviours.brush import Brush, load_brush, shipped
+from flockbrush.behaviours.brush_writer import brush_to_toml
+from flockbrush.engine.files import WAIT, held, holder, output_problems, refused, write_text
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.film.observations import CannotObserve, Evidence
+from flockbrush.film.open_clip import Looking, facts_of, look_at, looked_apart, pictures_of, tell_notes
+from flockbrush.learning.ablation import ablated
+from flockbrush.learning.comparison import compared
+from flockbrush.learning.folds import ClipFolds, Fold, folds_of, seen_within
+from flockbrush.learning.group_size_test import with_other_numbers
+from flockbrush.learning.initial_conditions import start_of
+from flockbrush.learning.learn_tables import show_findings
+from flockbrush.learning.learned_brush import brush_of, name_of
+from flockbrush.learning.learned_parameters import Learned
+from flockbrush.learning.photo import SPEED, standing
+from flockbrush.learning.recipe import USE, learn
+from flockbrush.learning.regions import Region, regions_of
+from flockbrush.learning.report import as_json, write_overview, write_partial, write_report
+from flockbrush.learning.result import Findings
+from flockbrush.learning.rollout import Run
+from flockbrush.learning.scores import told_apart
+from flockbrush.learning.side_by_side import ComparisonGround
+from flockbrush.learning.simulate import longest_way, simulated
+from flockbrush.learning.verdict import RUNS as JUDGED_RUNS
+from flockbrush.learning.verdict import combined, judge
+from flockbrush.runs.terminal import (
+    Interrupts,
+    Stopped,
+    compiling,
+    measure,
+    number,
+    print_json,
+    progress,
+    say,
+)
+
+RUNS = 3  # simulations compared with the clip
+MOMENTS, MOMENTS_OF_PHOTO = 4, 2  # pictures of a report
+BUDGET, QUICK_BUDGET = 90.0, 12.0  # s of learning, as `learn` counts them
+QUICK_STARTS = 2
+ONE_KIND, STRANGE = ("polarization", "milling", "speeds"), 2.5  # limits beyond which a clip shows another herd
+RIVAL_WORK = 400_000  # animals times frames, above which fewer of the shipped brushes are tried
+
+
+@dataclass
+class LearnOptions:
+    """What a person asked for."""
+
+    clips: list[Path]
+    out: Path
+    looking: Looking = field(default_factory=Looking)
+    beta: float = 0.5
+    seed: int = 0
+    starts: int = 5
+    jobs: int = 1
+    share: float = 0.5  # of a clip that is learned from
+    report: Path | None = None
+    ablate: tuple[str, ...] = ()
+    speed: float | None = None
+    length_m: float = 1.0
+    licence: str | None = None
+    resume: bool = False
+    quick: bool = False
+    json: bool = False
+    device: str = "auto"
+    command: str = ""
+    silent: bool = False  # no tables; the result is for a program
+
+
+@dataclass
+class BrushTask:
+    """One brush to be learned: from whole clips, or from a region of one."""
+
+    out: Path
+    seen: list[ClipFolds]
+    region: Region | None = None
+    notes: list[str] = field(default_factory=list)
+
+    def state(self, number=0) -> Path:
+        """Where the learning of the so-manieth part keeps what it has, to go on after an interruption."""
+        return self.out.with_name(f"{name_of(self.out)}.learning{number + 1 if number else ''}")
+
+
+def learn_brushes(wishes: LearnOptions) -> list[Findings]:
+    """Learn the brushes, write them and their reports, print what came of it, and return it.
+
+    Raises
+    ------
+    ProblemsError
+        When a clip or a mask cannot be learned from; a partial report tells what was seen.
+    Stopped
+        When somebody interrupted it: the best so far is written.
+    """
+    regions = _checked(wishes)
+    outputs = [*_brush_files(wishes, regions), *([wishes.report] if wishes.report else [])]
+    with Interrupts() as interrupts, compiling(), held(*outputs):
+        try:
+            seen = [_looked(clip, wishes) for clip in wishes.clips]
+        except KeyboardInterrupt:
+            say("stopped before anything was learned: nothing was written")
+            raise Stopped from None
+        herds = _herds(wishes, seen, regions)
+        learned_from = [part for herd in herds for one in herd.seen for part, _ in one.parts]
+        _needs_torch(learned_from + [one.whole for herd in herds for one in herd.seen], wishes)
+        found: list[Findings] = []
+        for herd in herds:
+            found.append(_learned_herd(herd, wishes, interrupts))
+            if found[-1].learned.interrupted or interrupts.asked:
+                break
+        if wishes.report is not None and regions:
+            write_overview(wishes.report, wishes.clips[0], wishes.looking.regions, found)
+    if not wishes.silent:
+        _tell(wishes, found, herds)
+    if interrupts.asked:
+        raise Stopped
+    return found
+
+
+# before the work begins ---------------------------------------------------------------------
+
+
+def _checked(wishes) -> list[Region]:
+    """The regions of the mask, when all that can be known to be wrong is right."""
+    name = name_of(wishes.out)
+    looking = wishes.looking
+    regions = regions_of(looking.regions) if looking.regions else []
+    if regions and len(wishes.clips) > 1:
+        raise refused(looking.regions, "a mask of regions belongs to one clip; several were given")
+    outs = _brush_files(wishes, regions)
+    for out in outs:
+        name_of(out)
+    inputs = [*wishes.clips, *(p for p in (looking.regions, looking.obstacles) if p)]
+    problems = output_problems(outs, inputs)
+    if wishes.report is not None:
+        problems += _folder_problems(wishes.report)
+    state = BrushTask(outs[0], []).state()
+    if wishes.resume and not any(BrushTask(out, []).state().exists() for out in outs):
+        problems += refused(state, f"there is nothing to resume of {name}; leave out --resume").problems
+    if problems:
+        raise ProblemsError(problems)
+    return regions
+
+
+def _folder_problems(folder):
+    busy = holder(folder)
+    if busy:
+        return refused(folder, f"{busy}; {WAIT}").problems
+    if folder.is_dir():
+        return []
+    if folder.exists():
+        return refused(folder, "is a file; a report needs a folder").problems
+    if folder.parent.is_dir() and not os.access(folder.parent, os.W_OK):
+        return refused(folder, f"the folder {str(folder.parent)!r} may not be written to").problems
+    if not folder.parent.is_dir():
+        return refused(folder, f"there is no folder {str(folder.parent)!r} to make it in").problems
+    return []
+
+
+def _make_folder(folder):
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise refused(folder, f"cannot be made: {error.strerror}") from None
+
+
+def _brush_files(wishes, regions):
+    return [_region_out(wishes.out, region) for region in regions] or [wishes.out]
+
+
+def _region_out(out, region):
+    return out.with_name(f"{name_of(out)}-{region.word}.brush.toml")
+
+
+def _needs_torch(evidences, wishes):
+    """Refuse, in plain words, what cannot be done without torch: learning from fields alone."""
+    if all(told_apart(evidence) for evidence in evidences):
+        return
+    if importlib.util.find_spec("torch") is None:
+        raise refused(
+            evidences[0].name,
+            "its animals cannot be told apart, and learning from fields alone needs torch, which is not installed: "
+            'pip install "flockbrush[learn]"',
+        )
+    from flockbrush.learning.torch_herd import missing_device
+
+    problem = missing_device(wishes.device)
+    if problem:
+        raise refused("--device", problem)
+
+
+# what the clips show ---------------------------------------------------------------------------
+
+
+def _looked(clip, wishes) -> ClipFolds:
+    """What one clip tells; where it tells nothing, the report says why."""
+    try:
+        whole = look_at(clip, wishes.looking)
+        alone = len(wishes.clips) == 1  # of several clips each is held out whole
+        parts = looked_apart(clip, wishes.looking, whole, wishes.share, not wishes.quick) if alone else []
+    except CannotObserve as error:
+        facts = getattr(error, "seen", None)
+        if wishes.report is not None and facts:
+            _make_folder(wishes.report)
+            page = write_partial(wishes.report, clip, str(error), _all_seen(clip, facts), wishes.command)
+            say(f"wrote {page}: what was seen up to there")
+        raise
+    tell_notes(clip, whole)
+    if whole.still:
+        whole = standing(whole, SPEED if wishes.speed is None else wishes.speed)
+        return ClipFolds(whole)
+    if wishes.speed is not None:
+        say(f"{clip}: --speed was left out: it is for photographs, and the speed of animals in a film is measured")
+    return ClipFolds(whole, tuple(parts))
+
+
+def _all_seen(clip, seen):
+    """What the file is, and what was seen of it."""
+    facts = facts_of(clip)
+    return facts | seen | {"pictures": facts.get("pictures", {}) | seen.get("pictures", {})}
+
+
+def _herds(wishes, seen: list[ClipFolds], regions) -> list[BrushTask]:
+    if not regions:
+        return [BrushTask(wishes.out, seen)]
+    made = []
+    for region in regions:
+        part = seen_within(seen[0], region)
+        if part is None:
+            say(f"{region.colour}: hardly an animal is in this region; no brush is learned of it")
+            continue
+        made.append(BrushTask(_region_out(wishes.out, region), [part], region))
+    if not made:
+        raise refused(wishes.looking.regions, "no animals are in any of its regions")
+    return made
+
+
+# one brush ------------------------------------------------------------------------------------
+
+
+def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings:
+    """Learn a brush of each fold and judge it by what was held out, then fit all frames, and write brush and report."""
+    began = time.perf_counter()
+    photo, folds = _is_photo(herd.seen[0].whole), folds_of(herd.seen)
+    interrupts.gently()
+    judged = []
+    for k, fold in enumerate(folds):
+        learned = _learned(fold.clips, herd, wishes, interrupts, photo, part=k, of=len(folds))
+        judged.append(_found(herd, fold, learned, wishes))
+        if k == 0 and len(herd.seen) == 1:
+            write_text(herd.out, brush_to_toml(judged[0].brush))  # what was learned is safe from here on
+        if interrupts.asked:
+            break
+        if not photo:
+            judged[-1].judgement = _judged(fold, judged[-1], wishes, interrupts)
+    found = judged[0]
+    found.seconds["learning"] = time.perf_counter() - began
+    if not interrupts.asked:
+        found = _refitted(herd, judged, wishes, interrupts)
+    if not interrupts.asked:
+        began = time.perf_counter()
+        _compare(found, wishes, interrupts, photo)
+        if wishes.ablate and photo:
+            say("nothing was ablated: one picture tells too little for that")
+        elif wishes.ablate:
+            _ablate(found, wishes, interrupts, herd)
+        found.seconds["comparing"] = time.perf_counter() - began
+        notes = [*found.notes, *_counted(found)]
+        found.brush = _brush(herd, found.learned, found.clips, wishes, found.figures(), notes)
+    write_text(herd.out, brush_to_toml(found.brush))
+    load_brush(herd.out)  # it reads back
+    if not found.learned.interrupted and not interrupts.asked:
+        for k in range(len(folds) + 1):
+            herd.state(k).unlink(missing_ok=True)
+    if wishes.report is not None:
+        _make_folder(wishes.report)
+        folder = wishes.report if herd.region is None else wishes.report / found.brush.name
+        _make_folder(folder)
+        write_report(found, folder)
+    return found
+
+
+def _found(herd, fold: Fold, learned, wishes) -> Findings:
+    brush = _brush(herd, learned, fold.clips, wishes)
+    return Findings(brush, fold.clips, herd.seen[0].whole, learned, fold.held, command=wishes.command)
+
+
+def _judged(fold: Fold, found: Findings, wishes, interrupts):
+    """What is said of a brush by the frames held out, or by its own where there are none; None when interrupted."""
+    frames = fold.held if fold.held is not None else fold.clips[0]
+    rivals = {} if wishes.quick else _rivals(frames, found)
+    with progress("judging it, beside other brushes", len(rivals) + 3) as bar:
+
+        def step(done, _):
+            bar(done)
+            interrupts.check()
+
+        try:
+            return judge(
+                frames, found.brush, rivals, name=found.brush.name, seed=wishes.seed,
+                runs=3 if wishes.quick else JUDGED_RUNS, say=step,
+            )  # fmt: skip
+        except KeyboardInterrupt:
+            return None
+
+
+def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Findings:
+    """The numbers fitted to all frames, begun with those of the folds, if they do as well; else the first fold's.
+
+    The judgement is that of the folds, whose brushes knew nothing of what they were judged by.
+    """
+    first, wholes = judged[0], [seen.whole for seen in herd.seen]
+    if first.judgement is None or (first.held is None and len(judged) == 1):
+        return first
+    first.judgement = combined([f.judgement for f in judged if f.judgement is not None])
+    begins = [(f"part {k + 1}", f.learned.theta, f.learned.extras) for k, f in enumerate(judged)]
+    learned = _learned(wholes, herd, wishes, interrupts, False, part=len(judged), of=len(judged), begins=begins)
+    again = _found(herd, Fold(wholes, first.held), learned, wishes)
+    checks = [_judged(Fold([whole], None), again, _quick(wishes), interrupts) for whole in wholes]
+    if interrupts.asked or any(check is None for check in checks):
+        return first
+    _refuse_strangers(wholes, checks, herd)
+    own, theirs = (len(j.missed) for j in (combined(checks), first.judgement))
+    parts = (
+        "each clip" if len(wholes) > 1 else f"{len(judged)} parts of the clip" if len(judged) > 1 else "the second part"
+    )
+    if own > theirs:
+        first.notes = [f"Judged by {parts} in turn; a fit of all frames did worse than the first of these."]
+        return first
+    again.judgement, again.seconds, again.judged_brush = first.judgement, first.seconds, first.brush
+    again.notes = [f"Judged by {parts}, held out in turn; the numbers were then fitted to all frames."]
+    return again
+
+
+def _quick(wishes):
+    return replace(wishes, quick=True)
+
+
+def _refuse_strangers(wholes, checks, herd):
+    """Refuse clips of which one is not met at all by the brush of all of them."""
+    if len(wholes) < 2:
+        return
+    for whole, check in zip(wholes, checks, strict=True):
+        far = [row for row in check.brush.rows if row.name in ONE_KIND and row.far > STRANGE]
+        if far:
+            told = ", ".join(f"{row.name} {measure(row.clip)} in it and {measure(row.herd)} simulated" for row in far)
+            raise refused(whole.name, f"no one brush fits these clips: {told}; learn them one by one")
+
+
+def _is_photo(whole):
+    return bool((whole.fields.frames == whole.fields.frames[0]).all())
+
+
+def _learned(
+    clips, herd, wishes, interrupts, photo, use=USE, fresh=False, part=0, of=1, begins=None,
+) -> Learned:  # fmt: skip
+    """The recipe, with a bar that tells the loss; the ``part``-th time for one brush."""
+    state, budget = herd.state(part), QUICK_BUDGET if wishes.quick else BUDGET / (1 + of)
+    if not wishes.resume and not fresh:
+        if state.exists():
+            say(f"started again: the state of an interrupted learning in {state} is given up")
+        state.unlink(missing_ok=True)
+    if photo:
+        use = use & {"density", "variance"}
+    name = name_of(herd.out)
+    with progress(f"learning {name}", 1000) as bar:
+
+        def told(done, total, loss, text):
+            bar(1000 * done / max(total, 1), f"{name}: {text}, loss {number(loss)}")
+
+        return learn(
+            clips,
+            seed=wishes.seed,
+            starts=min(wishes.starts, QUICK_STARTS) if wishes.quick else wishes.starts,
+            jobs=wishes.jobs,
+            use=use,
+            beta=wishes.beta,
+            budget_s=budget,
+            device=wishes.device,
+            say=told,
+            stop=lambda: interrupts.asked > 0,
+            resume=None if fresh else state,
+            **({} if begins is None else {"begins": begins}),
+        )
+
+
+def _brush(herd, learned, clips, wishes, figures={}, notes=()) -> Brush:  # noqa: B006  read only
+    return brush_of(
+        name_of(herd.out),
+        learned,
+        clips,
+        seed=wishes.seed,
+        figures=figures,
+        length_m=wishes.length_m,
+        licence=wishes.licence,
+        colour=herd.region.colour if herd.region is not None else None,
+        notes=[*herd.notes, *notes],
+    )
+
+
+def _counted(found):
+    """A sentence about other numbers of animals."""
+
+    def not_kept(row):
+        strayed = found.strayed(row)
+        return f" (not as in the clip: {strayed})" if strayed else ""
+
+    if found.counts:
+        told = "; ".join(
+            f"{r['animals']} animals: polarization {r['polarization']:.2f}, milling {r['milling']:.2f}, nearest "
+            f"neighbour {r['spacing']:.2f} BL{not_kept(r)}"
+            for r in found.counts
+        )
+        yield f"On an endless plane, 10 to 20 s after a start like the clip's: {told}."
+
+
+# how it does ------------------------------------------------------------------------------------
+
+
+def _compare(found: Findings, wishes, interrupts, photo):
+    """Fill in what simulations say: on the frames held out, against others, with other numbers."""
+    frames = found.held if found.held is not None else found.clips[0]
+    frames = replace(frames, sightings=None) if photo else frames  # axes are no headings
+    brush = found.compared_brush
+    runs = [simulated(frames, brush, seed) for seed in range(1 if wishes.quick else RUNS)]
+    found.comparison = compared(frames, runs)
+    found.counts = with_other_numbers(found.brush, start_of(frames, 0, 0, found.brush.body), wishes.seed)
+    if wishes.report is not None:
+        many = MOMENTS_OF_PHOTO if photo else MOMENTS
+        found.moments = moments_of(wishes.clips[0], frames, runs[0], brush, many)
+
+
+def _rivals(frames, found) -> dict[str, Brush]:
+    """The shipped brushes of the model that were not learned, at the clip's speed; fewer for a large clip."""
+    library = shipped()
+    papers = {name: library.get(name) for name in library.names()}
+    names = [name for name, brush in papers.items() if brush.model == "herd" and brush.provenance.kind != "learned"]
+    if np.median(frames.fields.count) * len(frames.fields) > RIVAL_WORK / 10:
+        names = names[:: max(1, len(names) // 4)]
+    return {name: papers[name].model_copy(update={"speed": found.learned.speed}) for name in names}
+
+
+def _ablate(found, wishes, interrupts, herd):
+    frames = found.held if found.held is not None else found.clips[0]
+
+    def without(part):
+        return _learned(found.clips, herd, wishes, interrupts, False, USE - {part}, fresh=True)
+
+    found.ablations = ablated(wishes.ablate, frames, found.comparison, without, say)
+
+
+def moments_of(clip, frames: Evidence, run: Run, brush, count=MOMENTS) -> list[np.ndarray]:
+    """Clip beside simulation at some moments, (h, w, 3) RGB."""
+    total = len(frames.fields)
+    chosen = np.unique(np.linspace(0, total - 1, count).round().astype(int))
+    pictures, scale = pictures_of(clip, frames, chosen)
+    stage = ComparisonGround(frames, brush, [longest_way(run)], scale)
+    made = []
+    for t in range(total):  # every frame, for the trails
+        rows = run.of(t)
+        seconds = float(run.times[t])
+        if t in pictures:
+            filmed = "photograph" if _is_photo(frames) else f"clip, frame {frames.fields.frames[t]}"
+            words = (filmed, f"{brush.name}, after {seconds:.1f} s")
+            made.append(stage.beside(pictures[t], t, run.xy[rows], run.forward[rows], seconds, words, run.ids[rows]))
+        else:
+            stage.herd(run.xy[rows], run.forward[rows], seconds, run.ids[rows])
+    return made
+
+
+# what a person is told -----------------------------------------------------------------------------
+
+
+def _tell(wishes, found: list[Findings], herds):
+    if wishes.json:
+        print_json({"brushes": [as_json(f) | {"file": str(h.out)} for f, h in zip(found, herds, strict=False)]})
+    else:
+        for findings in found:
+            show_findings(findings)
+    for findings, herd in zip(found, herds, strict=False):
+        say(("" if len(herds) == 1 else f"{findings.brush.name}: ") + findings.verdict())
+        say(
+            f"wrote {herd.out}" + (f"; continue with --resume ({herd.state()})" if findings.learned.interrupted else "")
+        )
+    if wishes.report is not None:
+        say(f"wrote {wishes.report / 'report.html'}")

@@ -1,0 +1,55 @@
+"""The chief figures of a learned brush as tables in the terminal."""
+
+from __future__ import annotations
+
+from flockbrush.learning.comparison import JUDGED
+from flockbrush.learning.result import Findings
+from flockbrush.runs.terminal import measure, number, show, table
+
+
+def show_findings(findings: Findings):
+    """The chief figures as tables."""
+    if findings.comparison is not None:
+        show(_against_film(findings) if findings.motion else _against_photograph(findings))
+    for title, rows in (
+        ("with other numbers of animals", [r | {"not kept": findings.strayed(r) or "-"} for r in findings.counts]),
+        ("left out, one at a time: mean errors", findings.ablations),
+    ):
+        if rows:
+            columns = list(rows[0])
+            made = table(*columns, title=title, right=columns[1:])
+            for row in rows:
+                made.add_row(*(_word(column, value) for column, value in row.items()))
+            show(made)
+
+
+def _against_film(findings):
+    comparison = findings.comparison
+    what = "frames held out" if findings.held is not None else "frames learned from"
+    title = f"{findings.brush.name}: {what}, {comparison.times[-1]:.1f} s"
+    made = table("measure", "clip", "±", "simulated", "off by", "allowed", "", title=title, right=_NUMBERS)
+    for v in comparison.verdicts():
+        judged = v.name in JUDGED
+        met = ("met" if v.met else "MISSED") if judged else ""
+        allowed = measure(v.allowed) if judged else ""
+        cells = [measure(x) for x in (v.clip, v.clip_deviation, v.herd, v.off)]
+        made.add_row(v.name, *cells, allowed, met)
+    return made
+
+
+def _against_photograph(findings):
+    title = f"{findings.brush.name}: against the photograph, {findings.comparison.times[-1]:.1f} s simulated"
+    made = table("measure", "photograph", "simulated", "off by", title=title, right=_NUMBERS)
+    for v in findings.comparison.verdicts():
+        made.add_row(v.name, *map(measure, (v.clip, v.herd, v.off)))
+    return made
+
+
+def _word(column, value):
+    """A cell of a table."""
+    if isinstance(value, str):
+        return value
+    return number(value) if isinstance(value, int) or column == "factor" else measure(value)
+
+
+_NUMBERS = "clip", "photograph", "±", "simulated", "off by", "allowed"

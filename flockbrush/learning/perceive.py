@@ -1,0 +1,152 @@
+"""What animals of a clip perceive: learning sees by the kernels of a run, so it sees what a run sees.
+
+Visibility does not depend on what is learned, and inside a gradient it is constant (`shared/models/herd.md`): so it is
+looked up once for every frame.  Lengths are in body lengths (BL), as in `flockbrush.learning.rollout`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flockbrush.behaviours.brush import BodySpec, VisionSpec
+from flockbrush.engine.maths import sincos_
+from flockbrush.systems.decide import _roles
+from flockbrush.systems.grid import sort_into_cells
+from flockbrush.systems.senses import _cosine_of_half, _nearest_points
+from flockbrush.systems.visibility import edges_by_cell, no_edges, visible_neighbours
+
+NOBODY = -1  # leader_neighbours at which nobody leads
+
+
+class Percept(NamedTuple):
+    """What every animal of one moment perceives: all that the forces are made of, but the parameters.
+
+    The visible neighbours of row i are ``near[first[i]:first[i + 1]]``; the nearest points of the walls it sees are
+    ``walls_offset[walls_first[i]:walls_first[i + 1]]``.
+    """
+
+    forward: np.ndarray  # (n, 2) unit headings
+    species: np.ndarray  # (n,) int32
+    leader: np.ndarray  # (n,) uint8
+    first: np.ndarray  # (n + 1,) int64
+    near: np.ndarray  # (m,) int32 rows
+    offset: np.ndarray  # (m, 2) BL, from the observer to the neighbour
+    walls_first: np.ndarray  # (n + 1,) int64
+    walls_offset: np.ndarray  # (k, 2) BL
+    guidance: np.ndarray  # (n, 2) where leaders are led, length at most 1
+    memory: np.ndarray  # (n, 2) BL, from the observer to where it last saw others
+    known: np.ndarray  # (n,) uint8, whether there is such a memory
+
+    @property
+    def animals(self):
+        """How many."""
+        return len(self.forward)
+
+    @property
+    def observer(self):
+        """(m,) the row that each neighbour is one of."""
+        return np.repeat(np.arange(self.animals), np.diff(self.first))
+
+    @property
+    def walls_observer(self):
+        """(k,) the row that sees each wall."""
+        return np.repeat(np.arange(self.animals), np.diff(self.walls_first))
+
+
+def perceive(
+    xy, forward, body=None, vision=None, *, walls=None, species=None, guide=None, time=0.0,
+    neighbour_range=4.0, leader_neighbours=2, leader_cone=360.0,
+) -> Percept:  # fmt: skip
+    """What each animal of one frame perceives.
+
+    Parameters
+    ----------
+    xy, forward : (n, 2) ndarray
+        Positions, BL, and unit headings.
+    body, vision : BodySpec, VisionSpec, optional
+        The body's radius counts as a share of its length.
+    walls : Walls, optional
+        `flockbrush.learning.rollout.Walls`: solid, and they block the view.
+    species : (n,) int ndarray, optional
+        Only the same kind is followed; all are one kind unless told.
+    guide : Guide, optional
+        `flockbrush.learning.rollout.ClipGuide`: what leaders follow, at ``time`` seconds.
+    neighbour_range, leader_neighbours, leader_cone
+        As in `flockbrush.behaviours.models.herd.Params`.
+    """
+    body, vision = body or BodySpec(), vision or VisionSpec()
+    n, reach = len(xy), float(vision.range)
+    xyz, facing = np.zeros((n, 3)), np.zeros((n, 3))
+    xyz[:, :2], facing[:, :2] = xy, forward
+    half, radius = half_and_radius(body)
+    solid = no_edges() if walls is None else edges_by_cell(walls.ends, reach)
+    cells = sort_into_cells(xyz, facing, np.full(n, 2 * (half + radius)), np.full(n, radius), reach)
+    lists = visible_neighbours(cells, np.full(n, reach), np.full(n, _cosine(vision)), solid, vision.occlusion)
+    kinds = np.zeros(n, np.int32) if species is None else np.asarray(species, np.int32)
+    leader, memory, known = _leaders(xyz, facing, kinds, lists, neighbour_range, leader_neighbours, leader_cone)
+    guidance = np.zeros((n, 2)) if guide is None else guide.at(time, xyz[:, :2])
+    first, near, offset = lists
+    walls_first, walls_offset = _walls_in_sight(xyz, reach, solid, walls)
+    return Percept(
+        facing[:, :2].copy(), kinds, leader, first, near, offset, walls_first, walls_offset, guidance,
+        memory - xyz[:, :2], known,
+    )  # fmt: skip
+
+
+def half_and_radius(body):
+    """Half the length of the capsule's axis and half its width, BL."""
+    radius = body.radius / body.length
+    return 0.0 if body.contact == "disc" else max(0.5 - radius, 0.0), radius
+
+
+def _cosine(vision):
+    cosine = np.empty(1)
+    _cosine_of_half(0, 1, np.radians([float(vision.field_of_view)]), cosine)
+    return float(cosine[0])
+
+
+def _leaders(xyz, forward, species, lists, neighbour_range, leader_neighbours, leader_cone):
+    """Who leads by the rule of a run (paper, section 5.1), and where each last saw others."""
+    n = len(xyz)
+    half = -1.0 if leader_cone >= 360.0 else sincos_(np.radians(0.5 * leader_cone))[1]
+    leader, memory, known = np.zeros(n, np.uint8), xyz[:, :2].copy(), np.zeros(n, np.uint8)
+    rule = np.array([float(neighbour_range)]), np.array([leader_neighbours]), np.array([half])
+    _roles(
+        0, n, xyz, np.ones(n), species, np.zeros(n, np.int32), forward, *lists, *rule, leader, memory, known,
+    )  # fmt: skip
+    return leader, memory, known
+
+
+def _walls_in_sight(xyz, reach, solid, walls):
+    n = len(xyz)
+    if walls is None or not len(walls.ends):
+        return np.zeros(n + 1, np.int64), np.zeros((0, 2))
+    most, count = int(walls.owner.max()) + 1, np.zeros(n, np.int64)
+    found = np.empty((n, most, 2))
+    _nearest_points(0, n, xyz, np.full(n, reach), *solid, walls.owner, found, count)
+    return np.concatenate([[0], np.cumsum(count)]), found[np.arange(most) < count[:, None]]
+
+
+def together(percepts) -> Percept:
+    """Several moments as one herd whose parts do not see one another: a batch."""
+    rows = np.cumsum([0] + [p.animals for p in percepts])
+    sights = np.cumsum([0] + [len(p.near) for p in percepts])
+    points = np.cumsum([0] + [len(p.walls_offset) for p in percepts])
+    joined = {name: np.concatenate([getattr(p, name) for p in percepts]) for name in _COLUMNS}
+    near = [p.near + np.int32(shift) for p, shift in zip(percepts, rows[:-1], strict=True)]
+    return Percept(
+        first=_chained([p.first for p in percepts], sights),
+        near=np.concatenate(near).astype(np.int32),
+        walls_first=_chained([p.walls_first for p in percepts], points),
+        **joined,
+    )
+
+
+_COLUMNS = ("forward", "species", "leader", "offset", "walls_offset", "guidance", "memory", "known")
+
+
+def _chained(firsts, shifts):
+    """Starts of lists that follow one another."""
+    return np.concatenate([f[:-1] + shift for f, shift in zip(firsts, shifts, strict=False)] + [shifts[-1:]])

@@ -1,0 +1,98 @@
+"""One photograph: a film in which density stands still and the directions are as varied as the bodies lie.
+
+The paper learns its seals from a photograph: it matches density and direction variance alone, with a variance of
+3000 degrees² for directions at random and speeds from what is known of seals [1]_.
+
+.. [1] Gong, X. et al. (2025). Herds from video: learning a microscopic herd model from macroscopic motion data.
+   Computer Graphics Forum 44(6), e70225.  Section 7.2.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from flockbrush.film.observations import Evidence, Fields
+from flockbrush.film.speeds import SpeedEvidence
+from flockbrush.learning.axis_variance import RANDOM, mean_variance, variance_of_axes
+from flockbrush.learning.rollout import Run
+
+SECONDS, FPS = 4.0, 12.5  # how long the picture stands
+SPEED = 0.5  # body lengths a second, of animals at rest on land (the paper's seals), where nobody says
+SPREAD = 0.1  # of the speed
+
+
+def standing(photo: Evidence, speed: float = SPEED, seconds: float = SECONDS) -> Evidence:
+    """A photograph as the evidence of a few seconds in which nothing changes.
+
+    Parameters
+    ----------
+    photo : Evidence
+        Of one frame.
+    speed : float
+        How fast the animals go, body lengths a second: the picture does not tell.
+
+    Returns
+    -------
+    Evidence
+        Density stands still, nobody's velocity is known, and the angular variance is that of the bodies' axes where
+        they can be told apart, else that of directions at random.
+    """
+    frames = max(2, round(seconds * FPS))
+    target, told = angular_variance(photo)
+    fields = photo.fields
+    again: dict[str, Any] = {
+        name: np.repeat(getattr(fields, name), frames, axis=0) for name in ("density", "seen", "count")
+    }
+    unknown = np.full(again["density"].shape, np.nan)
+    long = replace(
+        fields,
+        fps=FPS,
+        velocity=np.stack([unknown, unknown], axis=-1),
+        speed=unknown.copy(),
+        speed_variance=unknown.copy(),
+        angular_variance=np.repeat(target[None], frames, axis=0),
+        frames=np.full(frames, fields.frames[0]),
+        **again,
+    )
+    camera = None if photo.camera is None else np.repeat(photo.camera, frames, axis=0)
+    how = "measured on the bodies' axes" if told else f"{RANDOM:g} degrees², directions at random"
+    notes = [
+        *photo.notes,
+        "Learned from a photograph: density and the variance of directions alone, nothing is known of motion.",
+        f"Variance of directions: {how}. Speed: {speed:g} body lengths a second, as told.",
+    ]
+    return replace(
+        photo,
+        fps=FPS,
+        fields=long,
+        sightings=None,  # heads are not told: what is made of headings would compare the toss of a coin
+        speed=SpeedEvidence(mean=speed, deviation=SPREAD * speed),
+        camera=camera,
+        notes=notes,
+    )
+
+
+def angular_variance(photo: Evidence) -> tuple[np.ndarray, bool]:
+    """((ny, nx) degrees² for every cell, whether any was measured).
+
+    A body shows its axis and not always its head: angles between axes are doubled, so that axes at random have the
+    variance of directions at random and parallel axes none.
+    """
+    fields = photo.fields
+    target = np.where(np.nan_to_num(fields.density[0]) > 0, RANDOM, np.nan)
+    if photo.sightings is None:
+        return target, False
+    rows = photo.sightings.of(0)
+    measured = variance_of_axes(fields, photo.sightings.xy[rows], photo.sightings.forward[rows])
+    told = np.isfinite(measured) & np.isfinite(target)
+    target[told] = measured[told]
+    return target, bool(told.any())
+
+
+def directions_of(run: Run, fields: Fields) -> np.ndarray:
+    """(T,) degrees², the angular variance of a simulated herd frame by frame, as that of a photograph is taken."""
+    rows = [run.of(t) for t in range(len(run))]
+    return np.array([mean_variance(fields, run.xy[r], run.forward[r]) for r in rows])

@@ -1,0 +1,557 @@
+"""From what a clip tells to a brush: starts, descents, trials and evolution, and what they leave unsure.
+
+1. Speed, bodies and the way animals begin follow from the clip directly (`flockbrush.learning.initial_conditions`).
+2. **Starts**: some at random, and the numbers of every shipped brush of the herd model that was not itself learned.
+3. **Descent** of each: on the turns of single animals where they are told apart (`flockbrush.learning.turns`), else on
+   the fields (`flockbrush.learning.torch_descent`, the paper's way [1]_).
+4. **Trials**: herds with those numbers are run from frames of the clip and compared with it
+   (`flockbrush.learning.scores`): once as far as the clip goes, and once well beyond, so that a mill must keep milling
+   and not only begin as one.
+5. **Evolution** of the best on the same trials, which also sets what the equations of the paper leave out: wander, how
+   fast animals can turn and how fast they answer.  Nobody wanders by more than the fits of turns leave over.
+6. The choice among the best and the evolved: on the last part of the frames, which neither descent nor evolution was
+   shown; and of the first of these, whether they stay what the clip is for 20 s more, and with a quarter and four
+   times as many animals.
+
+Work is counted in animals times ticks, never by the clock, and chance comes from seeds: the same evidence, seed and
+versions give the same brush, with any number of processes, in one go or taken up again.
+
+.. [1] Gong, X. et al. (2025). Herds from video: learning a microscopic herd model from macroscopic motion data.
+   Computer Graphics Forum 44(6), e70225.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from flockbrush.behaviours.brush import BodySpec, SpeedSpec, shipped
+from flockbrush.engine.fingerprint import build_of
+from flockbrush.film.observations import Evidence
+from flockbrush.learning.evolution import Evolution
+from flockbrush.learning.initial_conditions import body_of, speed_of
+from flockbrush.learning.learned_parameters import Attempt, Learned
+from flockbrush.learning.rollout import DT, LEAST, MOST, params_of, theta_of
+from flockbrush.learning.scores import told_apart
+from flockbrush.learning.trials import (
+    BEYOND,
+    COARSE_DT,
+    FEWEST,
+    MANY,
+    OTHER_NUMBERS,
+    SIGHTS,
+    SPANS,
+    STAY,
+    TOO_MANY,
+    USE,
+    Setting,
+    attempt,
+    certainty,
+    descend,
+    forget,
+    keep,
+)
+from flockbrush.learning.workers import Workers, WorkStopped
+from flockbrush.runs.builds import RUNNING
+
+HELD = 0.3  # of the frames, at the end, are shown to nobody before the choice
+RATE = 280_000  # animal ticks that count as a second
+ALWAYS = 100  # animals whose work a tick costs besides
+WEAK = 0.15  # weights below it are made larger, and Ω smaller: only their product tells, and weights end at 1e-3
+GENERATION = 8  # candidates
+LIMITS = 0.8, 0.9, 0.96, 0.99  # of all turns are slower than a limit of turning that is tried
+REFINED = 2
+CLEARLY = 0.02  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
+FINALISTS = 4
+KEEPERS = 3  # finalists of whom it is asked whether they stay what they are
+KEEPING = 0.2  # of the choice
+LEAST_WANDER = 0.05  # rad/√s, that animals may always wander by
+EXTRAS = {"wander": (0.01, 3.0), "max_turn": (0.4, 20.0), "sensitivity": (0.05, 100.0)}  # freed, on a logarithmic scale
+FAINT = 0.1  # of the strongest weight, below which the ranges of a force tell nothing
+AGREEING = 3  # starts, where no turns say how sure a number is
+SURE = 0.1  # of what lies between 0 and 1: a number that is told is known better
+WHERE_DENSITY_COUNTS = ("aspect", "spread", "density", "nearest neighbour", "largest part", "neighbours")
+WHERE_ORDER_COUNTS = ("order nearby", "directions")
+
+
+# the recipe -------------------------------------------------------------------------------------------
+
+
+def learn(
+    evidences: Evidence | Sequence[Evidence], *, seed: int = 0, starts: int = 5, jobs: int = 1,
+    use: frozenset[str] = USE, beta: float = 0.5, budget_s: float = 90.0,
+    say: Callable[[int, int, float, str], None] | None = None, stop: Callable[[], bool] | None = None, resume=None,
+    speed: SpeedSpec | None = None, body: BodySpec | None = None, brushes: bool = True, begins=None,
+    device: str = "auto",
+) -> Learned:  # fmt: skip
+    """Learn the herd of a clip, or of several of one kind.
+
+    Parameters
+    ----------
+    evidences : Evidence or list of Evidence
+    seed : int
+        Of all chance.
+    starts : int
+        Random ones; the shipped brushes are tried besides.
+    jobs : int
+        Processes.
+    use : set of {"occlusion", "angular", "density", "variance"}
+        What of the model and of the clip is made use of (section 7.2 of [1]_).
+    beta : float
+        How much density counts against velocity in the descent on fields (eq. 11).
+    budget_s : float
+        Trials and evolution, in seconds of one usual core; counted in work, so that the clock changes nothing.
+    say : callable, optional
+        ``say(done, total, loss, text)``; loss is NaN while there is none.
+    stop : callable, optional
+        Asked now and then; when it says True the best so far is returned, as after Ctrl-C.
+    resume : path, optional
+        Where work is kept; a second call with the same evidence and settings goes on from there.
+    speed, body : SpeedSpec, BodySpec, optional
+        Instead of what the clip says.
+    brushes : bool
+        Begin with the shipped brushes, too.
+    begins : list of (str, (12,) ndarray, dict), optional
+        Names, numbers and other parameters to begin with, instead of random ones and the shipped brushes.
+    device : str
+        Of descents on fields alone, which need torch: "cpu", "cuda", or "auto" for a graphics card where there is one.
+
+    Returns
+    -------
+    Learned
+
+    Raises
+    ------
+    ValueError
+        When there is nothing to learn from.
+    """
+    clips = tuple([evidences] if isinstance(evidences, Evidence) else evidences)
+    if not clips:
+        raise ValueError("there is no clip to learn from")
+    if unknown := set(use) - USE:
+        raise ValueError(f"use names {', '.join(sorted(unknown))}; it may have {', '.join(sorted(USE))}")
+    given = dataclasses.replace(_setting(clips, frozenset(use), beta, speed, body), device=device)
+    search = _Search(given, seed, starts, budget_s, say or _silent, brushes)
+    if begins is not None:
+        search.begins = [(name, np.array(theta, float), dict(extras)) for name, theta, extras in begins]
+    forget()
+    with Workers(given, jobs, _signature(clips, given, seed), resume, stop) as workers:
+        try:
+            search.run(workers)
+        except (KeyboardInterrupt, WorkStopped):
+            search.interrupted = True
+    return search.learned()
+
+
+def _silent(done, total, loss, text):
+    """Nobody is told."""
+
+
+def _setting(clips, use, beta, speed, body):
+    cut = [len(c.fields) - round(HELD * len(c.fields)) if len(c.fields) >= FEWEST else 0 for c in clips]
+    seen = tuple(c.part(slice(0, k)) if k else c for c, k in zip(clips, cut, strict=True))
+    held = tuple(c.part(slice(k, None)) if k else c for c, k in zip(clips, cut, strict=True))
+    ignore = () if "density" in use else WHERE_DENSITY_COUNTS
+    ignore += () if "variance" in use else WHERE_ORDER_COUNTS
+    speed = speed_of(list(clips)) if speed is None else speed
+    body = body_of(list(clips)) if body is None else body
+    return Setting(clips, seen, held, speed, body, "occlusion" in use, "angular" in use, float(beta), ignore)
+
+
+def _version():
+    """What the results of trials hang on besides: the code that herds are run and compared by, and the libraries."""
+    build = build_of((*RUNNING, "flockbrush.learning"))
+    return f"{build.code} {build.packages}".encode()
+
+
+def _signature(clips, given, seed):
+    digest = hashlib.sha256(json.dumps([seed, given.speed.model_dump(), given.body.model_dump()]).encode())
+    digest.update(repr((given.occlusion, given.angular, given.beta, given.ignore, given.device)).encode() + _version())
+    for clip in clips:
+        for array in (clip.fields.density, clip.fields.velocity, clip.fields.angular_variance):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        if clip.sightings is not None:
+            digest.update(clip.sightings.xy.tobytes() + clip.sightings.forward.tobytes())
+    return digest.hexdigest()
+
+
+class _Search:
+    """The search of one call: what was tried, and what is best."""
+
+    def __init__(self, given, seed, starts, budget_s, say, brushes=True):
+        self.given, self.seed, self.say = given, seed, say
+        self.attempts: list[Attempt] = []
+        self.deviation: dict[int, np.ndarray] = {}
+        self.correlation: dict[int, np.ndarray] = {}
+        self.budget = budget_s * RATE
+        self.begins = _begins(seed, starts, given.angular, brushes)
+        self.final: list[int] = []  # attempts that were judged to the end, the best first
+        # what fits leave over: noise of sighting is in it, so it is an upper bound
+        self.most_wander = EXTRAS["wander"][1]
+        self.interrupted, self.notes = False, []
+
+    @property
+    def cost(self):
+        """Animal ticks of one trial with one seed."""
+        total = 0.0
+        for clip in self.given.clips:
+            length = len(clip.fields) / clip.fps
+            animals = ALWAYS + float(np.nanmax(clip.fields.count, initial=1.0))
+            total += animals * (length + float(np.clip(4.0 * length, *BEYOND))) / DT
+        return max(total, 1.0)
+
+    @property
+    def cost_of_keeping(self):
+        """Animal ticks of one `keep`."""
+        total = 0.0
+        for clip in self.given.clips:
+            if clip.fields.holds_all:
+                animals = float(np.nanmax(clip.fields.count, initial=1.0))
+                herds = [animals, *(f * animals for f in OTHER_NUMBERS if f * animals <= TOO_MANY)]
+                total += sum(ALWAYS + herd for herd in herds) * STAY / DT
+        return total
+
+    def run(self, workers):
+        """All of it."""
+        self._descend(workers)
+        self._sift(workers)
+        self._evolve(workers)
+        self._choose(workers)
+
+    def _descend(self, workers):
+        count = len(self.begins)
+        tasks = [
+            {"theta": theta.tolist(), "extras": extras, "seed": _seed(self.seed, 1, k)}
+            for k, (_, theta, extras) in enumerate(self.begins)
+        ]
+        self.say(0, count, np.nan, "descents")
+        results = workers.map(descend, tasks, lambda done: self.say(done, count, np.nan, "descents"))
+        fitted = []
+        for (name, theta, extras), task, found in zip(self.begins, tasks, results, strict=True):
+            if not name.startswith("random"):  # as it is, too
+                self._add(Attempt(name, task["seed"], theta, theta, extras))
+                name += ", fitted"
+            fitted.append(self._add_found(Attempt(name, task["seed"], theta, theta, extras), found))
+        turned = [k for k, found in zip(fitted, results, strict=True) if "wander" in found]
+        if turned:
+            self._limit(workers, turned)
+
+    def _limit(self, workers, fitted):
+        """The best fit of each reach of sight, with animals that cannot turn faster than they are seen to."""
+        best = {}
+        for k in sorted(fitted, key=lambda k: self.attempts[k].loss[-1], reverse=True):
+            best[self.attempts[k].extras["neighbour_range"]] = self.attempts[k]
+        least = min(a.loss[-1] for a in best.values())
+        best = {sight: a for sight, a in best.items() if a.loss[-1] < least + CLEARLY}
+        tasks = [
+            {"theta": a.theta.tolist(), "extras": a.extras | {"max_turn": limit}, "seed": a.seed}
+            for a in best.values()
+            for limit in (10.0, *_turn_limits(self.given.seen))
+        ]
+        found = workers.map(descend, tasks)
+        order = sorted(range(len(tasks)), key=lambda k: found[k]["loss"][-1])
+        parents = [a for a in best.values() for _ in range(len(tasks) // len(best))]
+        self._refine(workers, [(parents[k], found[k]) for k in order[:REFINED]])
+
+    def _refine(self, workers, best):
+        """The best fits again, to more turns, over a short and a long time; and with the chance they leave over."""
+        tasks, parents = [], []
+        for parent, found in best:
+            theta, extras = _stronger(found["theta"], found["extras"])
+            for span in SPANS:
+                tasks.append({"theta": theta, "extras": extras, "seed": parent.seed, "rows": MANY, "span": span})
+                parents.append(parent)
+        results = workers.map(descend, tasks)
+        left_over = [found["wander"] for found in results if "wander" in found]
+        if left_over:
+            self.most_wander = min(self.most_wander, max(*left_over, LEAST_WANDER))
+        for parent, task, found in zip(parents, tasks, results, strict=True):
+            name = f"{parent.name}, {task['span']:g} s"
+            self._add_found(dataclasses.replace(parent, name=name), found)
+            wanders = found | {"extras": found["extras"] | {"wander": found["wander"]}}
+            self._add_found(dataclasses.replace(parent, name=name + ", wandering"), wanders)
+
+    def _add_found(self, attempt, found):
+        return self._add(
+            dataclasses.replace(
+                attempt, theta=np.array(found["theta"]), extras=found["extras"], loss=np.array(found["loss"])
+            ),
+            found.get("deviation"),
+            found.get("correlation"),
+        )
+
+    def _add(self, new, deviation=None, correlation=None):
+        self.attempts.append(new)
+        if deviation is not None:
+            self.deviation[len(self.attempts) - 1] = np.array(deviation)
+        if correlation is not None:
+            self.correlation[len(self.attempts) - 1] = np.array(correlation)
+        return len(self.attempts) - 1
+
+    def _judge(self, workers, which, seeds, held, text, over=None, dt=COARSE_DT):
+        """Try some attempts; their scores."""
+        over = over or (0, len(which))
+        tasks = [
+            {
+                "theta": np.round(self.attempts[k].theta, 12).tolist(), "extras": self.attempts[k].extras,
+                "seeds": list(seeds), "held": held, "dt": dt,
+            }
+            for k in which
+        ]  # fmt: skip
+        results = workers.map(attempt, tasks, lambda done: self.say(over[0] + done, over[1], self._best_score(), text))
+        self.budget -= self.cost * len(seeds) * len(which) * DT / dt
+        for k, result in zip(which, results, strict=True):
+            self.attempts[k].score, self.attempts[k].figures = result["score"], result["figures"]
+        return np.array([result["score"] for result in results])
+
+    def _best_score(self):
+        scores = [a.score for a in self.attempts if np.isfinite(a.score)]
+        return min(scores) if scores else np.nan
+
+    def _sift(self, workers):
+        """Try all once, the better half again."""
+        which = self._distinct()
+        scores = self._judge(workers, which, [_seed(self.seed, 2, 0)], False, "trials")
+        better = [which[k] for k in np.argsort(scores, kind="stable")[: max(4, len(which) // 3)]]
+        again = [_seed(self.seed, 2, k) for k in (0, 1, 2)]
+        self._judge(workers, better, again, False, "trials of the better ones")
+        self.ranked = sorted(better, key=lambda k: self.attempts[k].score)
+
+    def _distinct(self):
+        """Attempts without those that are as good as equal to an earlier one."""
+        kept = []
+        for k, a in enumerate(self.attempts):
+            twin = any(
+                np.abs(a.theta[:9] - b.theta[:9]).max() < 0.02 and a.extras == b.extras
+                for b in (self.attempts[j] for j in kept)
+            )
+            if not twin:
+                kept.append(k)
+        return kept
+
+    def _evolve(self, workers):
+        """Evolve the best two as long as the budget lasts; the end of each is a new attempt."""
+        parents = self.ranked[:2]
+        choice = self.cost * 2 * 3 * (FINALISTS + 2 * len(parents)) + self.cost_of_keeping * KEEPERS
+        work = self.cost * GENERATION * DT / COARSE_DT * len(parents)
+        generations = int((self.budget - choice) / work)
+        for number, parent in enumerate(parents):
+            if generations >= 2:
+                self._evolve_one(workers, parent, generations, number, len(parents))
+
+    def _evolve_one(self, workers, parent, generations, number, many):
+        begin = self.attempts[parent]
+        code = _Code(begin.theta, begin.extras, self.given.angular, self.most_wander)
+        cloud = Evolution(code.numbers, 0.05, GENERATION, (self.seed, 3, number))
+        worths, best = [begin.score], None
+        for g in range(generations):
+            asked = cloud.ask()
+            tasks = [
+                {"theta": theta, "extras": extras, "seeds": [_seed(self.seed, 4, g)], "held": False, "begin": g}
+                for theta, extras in map(code.read, asked)
+            ]
+            results = workers.map(attempt, tasks)
+            self.budget -= self.cost * len(tasks) * DT / COARSE_DT
+            cloud.tell([r["score"] for r in results])
+            first = int(np.argmin([r["score"] for r in results]))
+            if best is None or results[first]["score"] < best[0]:
+                best = results[first]["score"], asked[first]
+            worths.append(results[first]["score"])
+            done = number * generations + g + 1
+            self.say(done, many * generations, float(min(worths)), "evolution")
+        for text, numbers in (("evolved", np.clip(cloud.mean, 0, 1)), ("evolved, luckiest", best[1])):
+            theta, extras = code.read(numbers)
+            curve = np.array(worths)
+            self._add(Attempt(f"{begin.name}, {text}", begin.seed, begin.first_theta, np.array(theta), extras, curve))
+
+    def _choose(self, workers):
+        """The best on what was held back, of the ranked and the evolved."""
+        evolved = [k for k, a in enumerate(self.attempts) if ", evolved" in a.name]
+        final = [*self.ranked[:FINALISTS], *evolved]
+        seeds = [_seed(self.seed, 5, k) for k in range(3)]
+        shown = self._judge(workers, final, seeds, False, "choice", (0, 2 * len(final)), DT)
+        held = self._judge(workers, final, seeds, True, "choice", (len(final), 2 * len(final)), DT)
+        scores = {k: float(np.sqrt(0.5 * a**2 + 0.5 * b**2)) for k, a, b in zip(final, shown, held, strict=True)}
+        for k in final:
+            self.attempts[k].score = scores[k]
+        self.final = self._keepers(workers, sorted(final, key=lambda k: scores[k])[:KEEPERS])
+
+    def _keepers(self, workers, final):
+        """Of these, too, whether they stay what they are."""
+        tasks = [
+            {
+                "theta": np.round(self.attempts[k].theta, 12).tolist(), "extras": self.attempts[k].extras,
+                "seed": _seed(self.seed, 6, 0),
+            }
+            for k in final
+        ]  # fmt: skip
+        results = workers.map(keep, tasks, lambda done: self.say(done, len(final), self._best_score(), "staying"))
+        for k, result in zip(final, results, strict=True):
+            self.attempts[k].staying = result["score"]
+            self.attempts[k].figures |= {f"staying, {name}": value for name, value in result["figures"].items()}
+        return sorted(final, key=lambda k: _merit(self.attempts[k]))
+
+    # what comes of it
+
+    def learned(self) -> Learned:
+        """The best there is."""
+        given = self.given
+        tried = [k for k, a in enumerate(self.attempts) if np.isfinite(a.score)]
+        if self.final or tried:
+            chosen = self.final[0] if self.final else min(tried, key=lambda k: self.attempts[k].score)
+        else:  # stopped before anything was tried
+            if not self.attempts:
+                name, theta, extras = self.begins[0]
+                self._add(Attempt(name, self.seed, theta, theta, extras))
+            chosen = len(self.attempts) - 1
+        best = self.attempts[chosen]
+        deviation, alike = self._of_last_fit(best, self.deviation), self._alike(chosen)
+        correlation = self._of_last_fit(best, self.correlation)
+        if deviation is None and not self.interrupted:  # a shipped brush as it is was never fitted
+            deviation, correlation = certainty(given, best.theta, best.extras) or (None, None)
+        if correlation is not None:
+            correlation = np.where(np.abs(correlation) <= 1.0 + 1e-6, correlation, np.nan)
+        spread = np.std([forces_of(a.theta, a.extras) for a in alike], axis=0)
+        identifiable = told_of(best.theta, spread, deviation)
+        if deviation is None and len({a.name.split(",")[0] for a in alike}) < AGREEING:
+            identifiable[:] = False  # nothing but one start and what came of it says so
+        if not any(clip.fields.obstacle.any() for clip in given.clips):
+            identifiable[9:] = False
+        return Learned(
+            params_of(best.theta, best.extras), given.speed, given.body, given.vision(best.extras), best.theta,
+            best.extras, self.attempts, chosen, spread, deviation, identifiable, dict(best.figures),
+            self._notes(best), self.interrupted, correlation,
+        )  # fmt: skip
+
+    def _of_last_fit(self, best, kept):
+        """What was kept of the last fit that this came from."""
+        near = [k for k in kept if best.name.startswith(self.attempts[k].name)]
+        return kept[max(near, key=lambda k: len(self.attempts[k].name))] if near else None
+
+    def _alike(self, chosen):
+        """Those that are about as good, wherever they came from."""
+        limit = 1.25 * self.attempts[chosen].score + 0.1
+        return [self.attempts[chosen]] + [a for k, a in enumerate(self.attempts) if k != chosen and a.score <= limit]
+
+    def _notes(self, best):
+        notes = [note for clip in self.given.clips for note in clip.notes]
+        how = "turns of single animals" if all(told_apart(c) for c in self.given.clips) else "fields alone"
+        notes.append(f"learned from {how}; chosen: {best.name}, score {best.score:.2f} of the clip's own deviations")
+        if self.interrupted:
+            notes.append("learning was stopped: these are the best parameters so far")
+        if any(len(c.fields) < FEWEST for c in self.given.clips):
+            notes.append(
+                f"with fewer than {FEWEST} frames nothing could be held back: the score is of frames learned from"
+            )
+        return notes
+
+
+def _merit(attempt):
+    """What finalists are chosen by: less is better."""
+    return float(np.sqrt((1 - KEEPING) * attempt.score**2 + KEEPING * attempt.staying**2))
+
+
+def forces_of(theta, extras):
+    """(12,) theta with weights as they are at the usual Ω: only the product of the two tells."""
+    out = np.array(theta, float)
+    out[0:12:3] *= extras.get("sensitivity", 10.0) / 10.0
+    return out
+
+
+def told_of(theta, spread, deviation=None):
+    """(12,) bool, which numbers a clip tells: those on which all herds as good agree, and the turns of animals too.
+
+    A number at its bound is only known to lie there or beyond, and the ranges of a force that is weak beside the
+    others, may be none at all, or whose weight is not told, mean nothing.
+    """
+    theta = np.asarray(theta, float)
+    deviation = np.zeros(12) if deviation is None else np.asarray(deviation)
+    told = (spread < SURE) & (deviation < SURE) & (theta > 1.01 * LEAST) & (theta < MOST)
+    for k in range(0, 12, 3):
+        faint = theta[k] < max(3.0 * deviation[k], FAINT * theta[0:9:3].max())
+        told[k + 1 : k + 3] &= told[k] and not faint
+    return told
+
+
+def _stronger(theta, extras):
+    """The same forces by larger weights and a smaller Ω, where all weights are small."""
+    theta, weights = np.array(theta), np.array(theta)[0:9:3]
+    if weights.max() < WEAK:
+        by = 0.5 / weights.max()
+        theta[0:9:3] = np.clip(weights * by, LEAST, 1.0)
+        extras = extras | {"sensitivity": max(extras.get("sensitivity", 10.0) / by, EXTRAS["sensitivity"][0])}
+    return theta.tolist(), extras
+
+
+def _seed(*numbers):
+    """A seed for each purpose."""
+    return int(np.random.SeedSequence(numbers).generate_state(1)[0])
+
+
+def _turn_limits(clips):
+    """rad/s: how fast all but a few turns are, from `LIMITS`."""
+    seen = [np.abs(clip.sightings.turn) for clip in clips if told_apart(clip)]
+    turns = np.concatenate(seen) if seen else np.zeros(0)
+    turns = turns[np.isfinite(turns)]
+    return [float(np.clip(q, 0.5, 20.0)) for q in np.quantile(turns, LIMITS)] if len(turns) > 100 else []
+
+
+def _begins(seed, starts, angular, brushes):
+    """[(name, theta, extras)]: random ones, and all shipped brushes of the herd model.
+
+    Every second random one sees twice as far.
+    """
+    out = []
+    for k in range(starts):
+        rng = np.random.default_rng([seed, 0, k])
+        theta = rng.uniform(0.02, 1.0, 12)
+        out.append((f"random {k + 1}", theta, {"neighbour_range": SIGHTS[k % 2], "wander": 0.0}))
+    library = shipped()
+    for name in library.names() if brushes else ():
+        brush = library.get(name)
+        if brush.model == "herd" and brush.provenance.kind != "learned":  # perhaps from this very clip
+            out.append((name, theta_of(brush.params), _extras_of(brush.params)))
+    if not angular:
+        out = [(name, np.where(np.arange(12) % 3 == 2, 1.0, theta), extras) for name, theta, extras in out]
+    return out
+
+
+def _extras_of(params):
+    """What a brush says besides the twelve numbers and differs from the defaults in."""
+    usual = type(params)()
+    kept = ("neighbour_range", "wander", "max_turn", "sensitivity", "leader_neighbours", "leader_cone", "unled")
+    return {name: getattr(params, name) for name in kept if getattr(params, name) != getattr(usual, name)} | {
+        "neighbour_range": params.neighbour_range, "wander": params.wander,
+    }  # fmt: skip
+
+
+class _Code:
+    """Parameters as numbers between 0 and 1, and back: nine of theta, and the logarithms of the extras."""
+
+    def __init__(self, theta, extras, angular, most_wander):
+        self.limits = EXTRAS | {"wander": (EXTRAS["wander"][0], most_wander)}
+        self.theta, self.extras = np.array(theta, float), dict(extras)
+        self.free = np.array([k for k in range(9) if angular or k % 3 != 2])
+        usual = params_of(theta, extras)
+        logs = [self._to(name, getattr(usual, name)) for name in EXTRAS]
+        self.numbers = np.concatenate([self.theta[self.free], logs])
+
+    def _to(self, name, value):
+        low, high = self.limits[name]
+        return float(np.clip(np.log(max(value, low) / low) / np.log(high / low), 0.0, 1.0))
+
+    def read(self, numbers):
+        """(theta, extras) as JSON holds them."""
+        theta = self.theta.copy()
+        theta[self.free] = np.clip(numbers[: len(self.free)], LEAST, 1.0)
+        extras = dict(self.extras)
+        for name, x in zip(EXTRAS, numbers[len(self.free) :], strict=True):
+            low, high = self.limits[name]
+            extras[name] = float(low * (high / low) ** x)
+        if extras["wander"] <= 1.2 * EXTRAS["wander"][0]:
+            extras["wander"] = 0.0
+        return theta.tolist(), extras

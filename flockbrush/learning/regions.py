@@ -1,0 +1,94 @@
+"""One clip, several herds: a mask with colours tells which part of the ground each brush is learned from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from flockbrush.engine.files import refused
+from flockbrush.film.observations import Evidence, Sightings
+from flockbrush.film.speeds import speed_evidence
+
+MOST = 16  # colours of a mask; more are a photograph, or soft edges
+FEWEST = 2.0  # animals of a region on average, below which nothing can be learned of it
+
+
+@dataclass(frozen=True)
+class Region:
+    """A part of the ground."""
+
+    number: int  # in `Fields.region`
+    colour: str  # of the mask, "#rrggbb"
+
+    @property
+    def word(self) -> str:
+        """What its brush's name ends with."""
+        return _WORDS.get(self.colour, str(self.number))
+
+
+_WORDS = {
+    "#ff0000": "red",
+    "#00ff00": "green",
+    "#0000ff": "blue",
+    "#ffff00": "yellow",
+    "#00ffff": "cyan",
+    "#ff00ff": "magenta",
+    "#ffffff": "white",
+}
+
+
+def regions_of(path) -> list[Region]:
+    """The regions of a mask, numbered as `observe` numbers them: by their red, green and blue; black is none.
+
+    Raises
+    ------
+    ProblemsError
+        When the file is no picture, has no colours, or too many.
+    """
+    from flockbrush.film.media import read_picture
+
+    image = read_picture(path, "a mask is a PNG in which each region has a colour")
+    painted = np.unique(image[:, :, ::-1].reshape(-1, 3), axis=0)
+    colours = [tuple(int(part) for part in colour) for colour in painted if colour.any()]
+    if not colours:
+        raise refused(path, "is all black: paint each region in its own colour")
+    if len(colours) > MOST:
+        raise refused(
+            path,
+            f"has {len(colours)} colours; a mask has one for each region, {MOST} at most: paint without soft edges, "
+            "and save as PNG, not as JPEG",
+        )
+    return [Region(k + 1, "#{:02x}{:02x}{:02x}".format(*colour)) for k, colour in enumerate(sorted(colours))]
+
+
+def within(evidence: Evidence, region: Region) -> Evidence | None:
+    """What the clip tells of one region: the rest is out of the picture.  None where too few animals are there."""
+    fields = evidence.fields
+    here = fields.region == region.number
+    seen = fields.seen & here
+    density = np.where(seen, fields.density, np.nan)
+    count = np.nan_to_num(density).sum((1, 2)) * fields.cell**2
+    if not len(count) or count.mean() < FEWEST:
+        return None
+    unknown: dict[str, Any] = {
+        name: np.where(seen, getattr(fields, name), np.nan) for name in ("speed_variance", "angular_variance", "speed")
+    }
+    velocity = np.where(seen[..., None], fields.velocity, np.nan)
+    part = replace(fields, density=density, velocity=velocity, seen=seen, count=count, **unknown)
+    sightings = None if evidence.sightings is None else _within(evidence.sightings, fields, here)
+    speed = None
+    if evidence.speed is not None and len(part) > 1:
+        speed = speed_evidence(part, sightings, evidence.speed.body_pixels, evidence.speed.smoothed)
+    notes = [*evidence.notes, f"Learned from the region painted {region.colour} alone."]
+    return replace(evidence, fields=part, sightings=sightings, speed=speed, notes=notes)
+
+
+def _within(sightings, fields, here):
+    """The animals that stand in a region."""
+    row, column, inside = fields.cells_of(sightings.xy)
+    kept = inside & here[row, column]
+    per_frame = np.bincount(sightings.frame[kept], minlength=len(sightings))
+    columns = {name: getattr(sightings, name)[kept] for name in ("xy", "forward", "speed", "turn", "track")}
+    return Sightings(np.concatenate([[0], np.cumsum(per_frame)]), **columns)

@@ -1,0 +1,239 @@
+"""What one animal of a recording is to the others: from how far it is noticed as a danger, and how strongly.
+
+The turning of each animal of the herd is explained by three directions: that of its neighbours' mean heading, that to
+their middle, and that away from the danger.  The last counts as the simulation's fear does
+(`flockbrush.systems.noticing.fear_`): fully within half the distance at which the danger is noticed, and linearly less
+up to that distance.  For each distance on a grid the three weights follow by least squares with Student's t; the
+distance is the likeliest one.  The strength is the share of the steering that the danger takes when it is near: what
+the drive `flee` takes of the body.  Errors come from a bootstrap over recordings, or over blocks of one recording.
+
+References
+----------
+.. [1] Jadhav, V. et al. (2024). Collective responses of flocking sheep (Ovis aries) to a herding dog (border collie).
+   Communications Biology 7, 1543.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from flockbrush.engine.files import refused
+from flockbrush.film.open_clip import Looking, read_tracks_of
+from flockbrush.film.track_evidence import evidence_of_tracks
+from flockbrush.film.track_files import Trajectories
+from flockbrush.runs.terminal import print_json, print_line, say
+
+SPAN = 0.5  # s over which a turn is taken
+NEIGHBOURS = 6  # that are aligned with and approached
+SLOWEST = 0.2  # BL/s: slower animals have no sure heading
+DISTANCES = 32  # on the grid
+FREEDOM = 4.0  # of Student's t
+RESAMPLED = 60
+BLOCK = 5.0  # s of one recording that are drawn together
+CLEAR = 3.0  # standard errors above 0 by which a reaction is told: the distance is chosen, which favours chance
+FEWEST = 100  # turns
+EDGE = 0.9  # of the farthest distance seen: a notice distance beyond it is not told
+
+
+@dataclass(frozen=True)
+class LearnedRelation:
+    """A danger as the herd takes it.
+
+    Attributes
+    ----------
+    danger : str
+        Its id in the tracks.
+    notice : float
+        Distance at which it is noticed, in ``unit``.
+    notice_range : (float, float)
+        Two thirds of the bootstrap.
+    strength : float
+        Share of the steering that it takes when it is near, 0 to 1.
+    strength_error : float
+        Standard error.
+    told : bool
+        Whether the herd reacts at all, beyond chance.
+    reaches_beyond : bool
+        The likeliest distance is about the farthest that the tracks show: it may be larger.
+    unit : str
+    turns : int
+        That it rests on.
+    """
+
+    danger: str
+    notice: float
+    notice_range: tuple[float, float]
+    strength: float
+    strength_error: float
+    told: bool
+    reaches_beyond: bool
+    unit: str
+    turns: int
+
+    @property
+    def line(self) -> str:
+        """A line for the table ``[relations]`` of a species, for a danger called by its id."""
+        return f'{self.danger} = {{ fear = {self.strength:.2f}, notice = "{self.notice:.0f} m" }}'
+
+    @property
+    def sentence(self) -> str:
+        """The result in words."""
+        if not self.told:
+            return (
+                f"No reaction to {self.danger} is told by these tracks, beside what animals do because their "
+                f"neighbours do it: {self.strength:.2f} ± {self.strength_error:.2f} of the steering."
+            )
+        low, high = self.notice_range
+        beyond = "; it may be larger: no farther distances were seen" if self.reaches_beyond else ""
+        return (
+            f"{self.danger} is noticed from {self.notice:.1f} {self.unit} ({low:.1f} to {high:.1f}) and takes "
+            f"{self.strength:.2f} ± {self.strength_error:.2f} of the steering when it is near{beyond}."
+        )
+
+
+def learn_relation(recordings: list[Trajectories], danger: str, length: float, leave_out=(), seed: int = 0):
+    """The relation of a herd to one animal of its recordings.
+
+    Parameters
+    ----------
+    recordings : list of Trajectories
+        Each with the herd and the danger.
+    danger : str
+        Its id.
+    length : float
+        One body length of the herd's animals, in the unit of the tracks.
+    leave_out : iterable of str
+        Ids that are neither (a shepherd).
+    seed : int
+        Of the bootstrap.
+
+    Returns
+    -------
+    LearnedRelation
+
+    Raises
+    ------
+    ValueError
+        When no recording has the danger, or too few turns are seen.
+    """
+    rows = [row for one in recordings for row in _turns(one, danger, length, set(leave_out))]
+    if not rows:
+        raise ValueError(f"no recording has an animal {danger!r} that is followed beside others")
+    if sum(len(r) for r in rows) < FEWEST:
+        raise ValueError(f"{sum(len(r) for r in rows)} turns beside {danger!r} are too few; {FEWEST} are needed")
+    table = np.concatenate(rows)
+    grid = np.geomspace(max(np.quantile(table[:, 4], 0.02), 0.05), np.quantile(table[:, 4], 0.995), DISTANCES)
+    notice, strength = _fitted(table, grid)
+    rng = np.random.default_rng(seed)
+    drawn = [
+        _fitted(np.concatenate([rows[k] for k in rng.integers(len(rows), size=len(rows))]), grid)
+        for _ in range(RESAMPLED)
+    ]
+    distances, strengths = np.array(drawn).T
+    error = float(strengths.std(ddof=1))
+    low, high = np.quantile(distances, [1 / 6, 5 / 6]) * length
+    return LearnedRelation(
+        danger, float(notice * length), (float(low), float(high)), float(strength), error,
+        bool(strength > CLEAR * error), bool(notice > EDGE * grid[-1]), recordings[0].unit, len(table),
+    )  # fmt: skip
+
+
+def relation_of_files(paths, danger: str, looking: Looking, leave_out=(), seed=0, as_json=False):
+    """Learn the relation from files of tracks and print it.
+
+    Raises
+    ------
+    ProblemsError
+        When a file cannot be read, or the danger is in none of them.
+    """
+    read = [read_tracks_of(path, looking) for path in paths]
+    try:
+        found = learn_relation([tracks for tracks, _ in read], danger, read[0][1], leave_out, seed)
+    except ValueError as error:
+        raise refused(paths[0], str(error)) from None
+    if as_json:
+        print_json(vars(found) | {"sentence": found.sentence, "line": found.line})
+        return
+    say(found.sentence)
+    if found.told and found.unit == "m":
+        print_line(found.line)
+
+
+def _turns(tracks, danger, length, leave_out):
+    """Blocks of rows (turn rate, sines to the mean heading, to the middle, away from the danger; its distance, BL)."""
+    if danger not in tracks.ids:
+        return
+    own = [k for k, name in enumerate(tracks.ids) if name != danger and name not in leave_out]
+    if len(own) < 3:
+        return
+    herd = replace(
+        tracks, xy=tracks.xy[:, own], ids=tuple(tracks.ids[k] for k in own),
+        heading=None if tracks.heading is None else tracks.heading[:, own],
+    )  # fmt: skip
+    seen = evidence_of_tracks(herd, length).sightings
+    at = tracks.xy[:, tracks.ids.index(danger)] / length
+    ahead = max(1, round(SPAN * tracks.fps))
+    found, block = [], max(1, round(BLOCK * tracks.fps))
+    for t in range(0, len(seen) - ahead, ahead):
+        if np.isfinite(at[t, 0]):
+            found.append((t // block, _rows_of_frame(seen, t, ahead, at[t], tracks.fps)))
+    for number in sorted({b for b, _ in found}):
+        rows = np.concatenate([r for b, r in found if b == number])
+        if len(rows):
+            yield rows
+
+
+def _rows_of_frame(seen, t, ahead, danger, fps):
+    here, there = seen.of(t), seen.of(t + ahead)
+    xy, forward, speed, who = seen.xy[here], seen.forward[here], seen.speed[here], seen.track[here]
+    _, mine, later = np.intersect1d(who, seen.track[there], return_indices=True)
+    if len(xy) < 3 or not len(mine):
+        return np.zeros((0, 5))
+    near = cKDTree(xy).query(xy, k=min(NEIGHBOURS + 1, len(xy)))[1][:, 1:]
+    wanted = forward[near].sum(1), xy[near].mean(1) - xy, xy - danger
+    sines = [_sine(forward, way) for way in wanted]
+    after = seen.forward[there][later]
+    turn = np.arctan2(forward[mine, 0] * after[:, 1] - forward[mine, 1] * after[:, 0], (forward[mine] * after).sum(1))
+    far = np.hypot(*(xy - danger).T)
+    rows = np.column_stack([turn * fps / ahead, *(sine[mine] for sine in sines), far[mine]])
+    return rows[(speed[mine] > SLOWEST) & np.isfinite(rows).all(1)]
+
+
+def _sine(forward, way):
+    size = np.maximum(np.hypot(*way.T), 1e-9)
+    return (forward[:, 0] * way[:, 1] - forward[:, 1] * way[:, 0]) / size
+
+
+def _fear(distance, notice):
+    """As the simulation has it, of weight 1 (`flockbrush.systems.noticing.fear_`)."""
+    return np.clip(2.0 * (1.0 - distance / notice), 0.0, 1.0)
+
+
+def _fitted(table, grid):
+    """(notice distance, BL; strength) that say the turns best."""
+    best = None
+    for notice in grid:
+        columns = np.column_stack([table[:, 1], table[:, 2], table[:, 3] * _fear(table[:, 4], notice)])
+        weights, loss = _least(columns, table[:, 0])
+        if best is None or loss < best[0]:
+            best = loss, notice, weights
+    _, notice, (aligned, together, away) = best
+    others = max(aligned, 0.0) + max(together, 0.0)
+    away = max(away, 0.0)
+    return notice, away / max(away + others, 1e-12)
+
+
+def _least(columns, turn):
+    """(weights, negative logarithm of the likelihood a turn) by reweighted least squares, Student's t."""
+    weight = np.ones(len(turn))
+    for _ in range(5):
+        side = columns * weight[:, None]
+        found = np.linalg.solve(side.T @ columns + 1e-9 * np.eye(3), side.T @ turn)
+        off = turn - columns @ found
+        spread = max(float(np.sqrt((weight * off**2).sum() / len(turn))), 1e-9)
+        weight = (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2)
+    tail = np.log1p((off / spread) ** 2 / FREEDOM)
+    return found, float((FREEDOM + 1.0) / 2 * tail.mean() + np.log(spread))

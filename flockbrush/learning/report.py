@@ -1,0 +1,444 @@
+"""The report of a learned brush: one page that needs nothing but itself, and its pictures as files."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flockbrush.behaviours.brush_writer import brush_to_toml
+from flockbrush.engine.files import whole, write_text
+from flockbrush.learning.ablation import PARTS
+from flockbrush.learning.comparison import ERRORS, TITLES
+from flockbrush.learning.confounding import estimates_of
+from flockbrush.learning.group_size_test import SECONDS
+from flockbrush.learning.learned_brush import sentence
+from flockbrush.learning.learning_charts import ORDER, is_told, panels_of
+from flockbrush.learning.page import ReportPage
+from flockbrush.learning.panels import SCALE, CurveChart, drawn, sheet
+from flockbrush.learning.report_judgement import add_judgement, judgement_as_json
+from flockbrush.learning.report_parameters import add_parameters
+from flockbrush.learning.result import KEPT, Findings
+from flockbrush.learning.rollout import NAMES
+from flockbrush.learning.side_by_side import halves_of
+from flockbrush.render import write_png
+from flockbrush.runs.terminal import finite, measure, number
+
+OWN = "order", "errors", "crowd", "neighbours", "parameters", "loss"  # pictures of a report, besides its moments
+SEARCHED = 10  # starts in the table, the best first
+WORDS = {
+    "moments": "Left: the clip, stabilised. Right: the simulation with the learned brush, from the same start, at the "
+    "same scale and camera. It is left alone: animals are not the same ones one by one.",
+    "photograph": "Left: the photograph. Right: the simulated herd, begun with the density of the photograph, cell by "
+    "cell, and what it has become.",
+    "order": "Without colour: the clip, with the band that counts as the same (two of its own standard deviations, or "
+    ".05). "
+    "Red: the simulations, their mean drawn strongly. Polarization: 1 when all head one way. Milling: 1 when all go "
+    "round.",
+    "errors": "How far density and velocity drift away as time goes on, as means over the simulations: quote the "
+    "horizon with them. The paper's density error counts only cells the simulation occupies; the share of animals "
+    "in the wrong cell is fair to both.",
+    "crowd": "How the animals keep to one another. Without colour: what was filmed. Red: the simulations.",
+    "parameters": "Large discs: the brush. Small discs: other starts of the search, joined where they describe the "
+    "clip about as well. Red: told by the clip. Grey: not told, other values describe it as well; do not read them "
+    "as facts about the species.",
+    "loss": "Every start of the search; red the one that was chosen.",
+    "neighbours": "Where others stand about an animal that looks up, from above (the radial density histogram).",
+}
+
+PAPER = (
+    'Model, measures, "the paper": Gong, X. et al. (2025). Herds from video: learning a microscopic herd model from '
+    "macroscopic motion data. Computer Graphics Forum 44(6), e70225."
+)
+FACTS = {"share of the picture": "share taken for animals", "share that differs": "share that moves"}
+LOOKED_AT = {"ground": "The ground, as it is without what moves on it."}  # what pictures of a refused clip show
+
+
+def write_report(findings: Findings, folder) -> list[Path]:
+    """Write report.html, its pictures and figures.json.
+
+    Parameters
+    ----------
+    findings : Findings
+    folder : path
+        Must be there.
+
+    Returns
+    -------
+    list of Path
+        The page first.
+    """
+    folder = Path(folder)
+    panels = panels_of(findings)
+    pictures = {f"moment-{k + 1}": image for k, image in enumerate(findings.moments)}
+    pictures |= {name: sheet(some, 1 if len(some) == 1 else 2) for name, some in panels.items()}
+    for name in {*OWN, *(f"moment-{k}" for k in range(1, 10))} - pictures.keys():  # of a report that was here before
+        (folder / f"{name}.png").unlink(missing_ok=True)
+    written = [folder / "report.html"]
+    write_text(written[0], page_of(findings, panels).text())
+    for name, image in pictures.items():
+        written.append(folder / f"{name}.png")
+        with whole(written[-1]) as temporary:
+            write_png(temporary, image)
+    written.append(folder / "figures.json")
+    write_text(written[-1], json.dumps(finite(as_json(findings)), indent=1, ensure_ascii=False) + "\n")
+    return written
+
+
+def as_json(findings: Findings) -> dict:
+    """What --json prints of one brush."""
+    learned, comparison = findings.learned, findings.comparison
+    found: dict[str, Any] = {
+        "brush": findings.brush.name,
+        "verdict": findings.verdict(),
+        "interrupted": learned.interrupted,
+        "parameters": dict(zip(NAMES, np.asarray(learned.theta).tolist(), strict=True)),
+        "identifiable": [n for n, sure in zip(NAMES, learned.identifiable, strict=True) if sure],
+        "spread": dict(zip(NAMES, np.asarray(learned.spread).tolist(), strict=True)),
+        "estimates": [vars(one) | {"told": one.told} for one in estimates_of(learned)],
+        "extras": learned.extras,
+        "speed": learned.speed.model_dump(),
+        "starts": [
+            {"name": a.name, "seed": a.seed, "score": a.score, "theta": a.theta, "steps": len(a.loss)}
+            for a in learned.starts
+        ],
+        "chosen": learned.chosen,
+        "figures": findings.figures(),
+        "counts": findings.counts,
+        "ablations": findings.ablations,
+        "judgement": judgement_as_json(findings.judgement),
+        "seconds": findings.seconds,
+        "command": findings.command,
+    }
+    if findings.judgement is not None:
+        found["met"] = findings.judgement.kind == "like"
+    if comparison is not None:
+        found["compared"] = [vars(v) | {"off": v.off, "met": v.met} for v in comparison.verdicts()]
+        found["series"] = {"time": comparison.times, "frame": comparison.frames, "clip": comparison.clip}
+        found["series"]["simulation"] = {name: comparison.herd(name) for name in comparison.herds[0]}
+    return found
+
+
+# the page -----------------------------------------------------------------------------------
+
+
+def page_of(findings: Findings, panels: dict[str, list]) -> ReportPage:
+    """The report as a page; ``panels`` as `panels_of` gives them."""
+    page = ReportPage(f"{findings.brush.name}: a brush learned from {Path(findings.whole.name).name}")
+    page.say(findings.verdict(), "lead")
+    page.checks(findings.checks())
+    page.say(findings.brush.description, "small")
+    page.contents()
+    _moments(page, findings)
+    if findings.comparison is not None:
+        _compared(page, findings, panels)
+    add_judgement(page, findings.judgement)
+    add_parameters(page, findings, lambda: _show(page, panels, "parameters"))
+    _searched(page, findings, panels)
+    _counts(page, findings)
+    _ablations(page, findings)
+    _seen(page, findings)
+    _again(page, findings)
+    return page
+
+
+def _moments(page, findings):
+    if not findings.moments:
+        return
+    page.head("Clip and simulation" if findings.motion else "Photograph and simulation")
+    last = len(findings.moments) - 1
+    times = findings.comparison.times if findings.comparison is not None else [0.0]
+    whole = "The clip" if findings.motion else "The photograph"
+    for k, image in enumerate(findings.moments):
+        after = f"{times[-1] * k / max(last, 1):.1f} s after the start"
+        told = zip(halves_of(image), (f"{whole}, {after}", f"The simulated herd, {after}"), strict=True)
+        words = WORDS["moments" if findings.motion else "photograph"] if k == last else ""
+        page.pictures(list(told), words, photograph=True)
+
+
+def _show(page, panels, name, more=""):
+    if name in panels:
+        drawings = [(drawn(panel), f"{panel.title}. {_lines_in(panel)}".strip()) for panel in panels[name]]
+        page.pictures(drawings, f"{WORDS[name]} {more}".strip(), SCALE)
+
+
+def _lines_in(panel):
+    """What a chart ends with, for who does not see it."""
+    if not isinstance(panel, CurveChart):
+        return ""
+    last = {
+        line.name: line
+        for line in panel.lines
+        if len(line.y) and line.name in ("clip", "photograph", "simulation", "mean of them")
+    }
+    said = {"mean of them": "simulations"}
+    told = ", ".join(
+        f"{said.get(name, name)} {_n(np.nanmean(line.y))}" for name, line in last.items() if np.isfinite(line.y).any()
+    )
+    return f"Mean: {told}." if told else ""
+
+
+def _compared(page, findings, panels):
+    comparison = findings.comparison
+    page.head(
+        "Held out: the frames nothing was learned from" if findings.held is not None
+        else "The frames it was learned from" if findings.motion else "Against the photograph"
+    )  # fmt: skip
+    page.say(_frames_compared(findings))
+    _measures(page, findings)
+    page.say(_explained(findings), "small")
+    _show(page, panels, "order", _untold(findings))
+    _errors(page, comparison)
+    for name in ("errors", "crowd", "neighbours"):
+        _show(page, panels, name)
+
+
+def _measures(page, findings):
+    comparison = findings.comparison
+    if not findings.motion:
+        rows = [[TITLES[v.name], *map(_n, (v.clip, v.herd, v.herd_deviation, v.off))] for v in comparison.verdicts()]
+        page.table(["measure", "photograph", "simulated", "±", "off by"], rows)
+        return
+    rows = []
+    for v in comparison.verdicts():
+        met = (("met", "good") if v.met else ("missed", "bad")) if v.name in ORDER else ""
+        cells = [v.clip, v.clip_deviation, v.herd, v.herd_deviation, v.off]
+        rows.append([TITLES[v.name], met, *map(_n, cells), _n(v.allowed) if met else "", _n(v.frame_error)])
+    columns = ["measure", "", "clip", "±", "simulated", "±", "off by", "allowed", "frame by frame"]
+    page.table(columns, rows, words=2)
+
+
+def _frames_compared(findings):
+    comparison = findings.comparison
+    first, last = comparison.frames[[0, -1]]
+    runs = len(comparison.herds)
+    made = "One simulation" if runs == 1 else f"{runs} simulations with different chance, each"
+    if not findings.motion:
+        return f"{made} of {comparison.times[-1]:.1f} s, begun with the density of the photograph."
+    told = f"Frames {first} to {last}, {comparison.times[-1]:.2f} s. {made} begun as the first of these frames."
+    if len(findings.clips) > 1:
+        told += f" Of {len(findings.clips)} clips the first is compared with."
+    if findings.judged_brush is not None:
+        told += (
+            " The brush shown here was learned from the other frames alone; the numbers in the file were fitted to all "
+            "frames afterwards."
+        )
+    if findings.held is None:
+        told += " The clip was too short to hold a part of it back: these figures flatter the brush."
+    return told
+
+
+def _explained(findings):
+    if not findings.motion:
+        return (
+            "±: the standard deviation over the time. Directions: of the bodies' axes, about each place; at random "
+            "they vary by about 2700, the paper takes 3000 where it is not told."
+        )
+    return (
+        "BL: body lengths. ±: the standard deviation over the frames. Allowed: two of the clip's own, or .05 if that "
+        "is more. Frame by frame: the mean difference between clip and simulation at the same moment."
+    )
+
+
+def _untold(findings):
+    """Of what the clip does not tell, why."""
+    comparison = findings.comparison
+    missing = [TITLES[name].lower() for name in ORDER if not is_told(comparison, name)]
+    if not missing or not findings.motion:
+        return ""
+    reasons = {TITLES["aspect"].lower(): " (there is no length without a common direction)"}
+    return "Not told by the clip: " + ", ".join(name + reasons.get(name, "") for name in missing) + "."
+
+
+def _errors(page, comparison):
+    """Density and velocity errors after some time."""
+    told = {name: comparison.at_horizons(name) for name in ERRORS if np.isfinite(comparison.herd(name)).any()}
+    if not told:
+        return
+    times = [time for time, _ in next(iter(told.values()))]
+    rows = [
+        [TITLES[name], *(_n(error) for _, error in series), _n(comparison.figures("-")[f"- {name}"])]
+        for name, series in told.items()
+    ]
+    page.table(["error", *(f"after {time:.2f} s" for time in times), "mean"], rows)
+
+
+def _n(value, digits=3):
+    return measure(float(value), digits)
+
+
+def _searched(page, findings, panels):
+    learned = findings.learned
+    if not learned.starts:
+        return
+    page.head("The search")
+    chosen = learned.starts[learned.chosen]
+    bare = f"The one that was chosen, {chosen.name}, has no curve: it was taken as it is."
+    _show(page, panels, "loss", "" if len(chosen.loss) else bare)
+    shown = sorted((a for a in learned.starts if np.isfinite(a.score)), key=lambda a: a.score)[:SEARCHED] or [chosen]
+    rows = [[a.name, len(a.loss), _n(a.score, 2)] for a in shown]
+    page.table(["start", "steps", "unlike the clip by"], rows, chief=[k for k, a in enumerate(shown) if a is chosen])
+    left = len(learned.starts) - len(shown)
+    page.say(
+        "Unlike the clip by: of the part that was learned from, in the clip's own standard deviations."
+        + (f" {left} more did worse or were dropped before; figures.json has them all." if left else ""), "small",
+    )  # fmt: skip
+
+
+def _word(value):
+    return number(value, 3) if isinstance(value, float) else str(value)
+
+
+def _counts(page, findings):
+    if not findings.counts:
+        return
+    page.head("With other numbers of animals")
+    page.say(
+        f"Herds of the same density on an endless plane, {SECONDS:g} s; means over the last ten. "
+        + (
+            f"Not kept: what is farther than {KEPT:g} from the clip's, without what chance does to few animals."
+            if findings.motion
+            else ""
+        )
+    )
+    rows = []
+    for r in findings.counts:
+        strayed = findings.strayed(r)
+        kept = [(strayed, "bad") if strayed else ("nothing", "good")] if findings.motion else []
+        figures = [_n(r[name]) for name in ("polarization", "milling", "spacing", "together")]
+        rows.append([f"{r['factor']:g} times", f"{r['animals']:,}", *figures, *kept])
+    columns = ["", "animals", "polarization", "milling", "nearest neighbour, BL", "in one herd"]
+    page.table([*columns, *(["not kept"] if findings.motion else [])], rows)
+
+
+def _ablations(page, findings):
+    if not findings.ablations:
+        return
+    page.head("Left out, one thing at a time")
+    page.say(
+        "Learned again without one part of the method; mean error over the frames, as the paper tabulates it. A part "
+        "is worth what the errors grow by without it."
+    )
+    columns = list(findings.ablations[0])
+    rows = [[row[c] if isinstance(row[c], str) else _n(row[c]) for c in columns] for row in findings.ablations]
+    page.table([c.replace("_", " ") for c in columns], rows, chief=[0])
+    parts = [(f"without {part}", f"not used: {words}") for part, words in PARTS.items()]
+    page.facts(pair for pair in parts if any(row["method"] == pair[0] for row in findings.ablations))
+
+
+def _seen(page, findings):
+    page.head("What was seen")
+    for clip in findings.clips:
+        f = clip.fields
+        how = "given" if clip.length_source == "given" else "estimated from the bodies seen"
+        facts = [
+            ("clip", Path(clip.name).name),
+            ("SHA-256", clip.sha256),
+            ("learned from frames", f"{f.frames[0]} to {f.frames[-1]} at {clip.fps:g} a second"),
+            ("animals in the picture", f"{np.median(f.count):.0f} ({f.count.min():.0f} to {f.count.max():.0f})"),
+            ("one body length", f"{clip.length_told}, {how}"),
+            ("half the width of a body", f"{clip.radius_bl:.2f} body lengths"),
+            ("grid", f"{f.shape[1]} x {f.shape[0]} cells of {f.cell:.2g} body lengths"),
+            ("single animals", _single(clip)),
+        ]
+        if clip.speed is not None:
+            reversion = clip.speed.reversion
+            told = "not told by the clip" if reversion is None else f"{reversion:.2g} a second"
+            facts.append(("speed", f"{clip.speed.mean:.3g} ± {clip.speed.deviation:.2g} body lengths a second"))
+            facts.append(("speed returns to its mean", told))
+        page.facts(facts)
+    notes = [*(note for clip in findings.clips for note in clip.notes), *findings.learned.notes]
+    page.notes(dict.fromkeys(map(sentence, notes)))
+
+
+def _single(clip):
+    if clip.sightings is None or not len(clip.sightings.xy):
+        return "could not be told apart"
+    return f"{len(clip.sightings.xy) / max(len(clip.sightings), 1):.0f} a frame told apart"
+
+
+def _again(page, findings):
+    page.head("To do it again")
+    page.lines(findings.command)
+    told = findings.brush.provenance
+    facts = [("brush", f"{findings.brush.name}, of the model {findings.brush.model}"), ("learned on", str(told.date))]
+    facts += [("by", told.by), ("seed", str(told.seed)), ("licence of the clip", told.licence or "not given")]
+    page.facts([*facts, *((f"{name} took", f"{value:.0f} s") for name, value in findings.seconds.items())])
+    versions = told.versions
+    page.say("Made with " + ", ".join(f"{name} {version}" for name, version in versions.items()) + ".", "small")
+    page.say(PAPER, "small")
+    page.lines(brush_to_toml(findings.brush), "The brush, as it is in its file")
+
+
+# what can be told when nothing was learned -----------------------------------------------------
+
+
+def write_partial(folder, clip, message: str, seen: dict, command="") -> Path:
+    """A page about a clip that nothing could be learned from: what was seen up to there.
+
+    Parameters
+    ----------
+    folder : path
+        Must be there.
+    clip : path
+    message : str
+        What went wrong.
+    seen : dict
+        Facts by name; under "pictures" pictures by title, BGR.
+    command : str
+        That came to this.
+    """
+    page = ReportPage(f"Nothing learned from {Path(clip).name}")
+    page.say(message, "lead")
+    seen = dict(seen)
+    pictures = seen.pop("pictures", {})
+    page.head("What was seen")
+    page.facts((FACTS.get(name, name.replace("_", " ")), _word(value)) for name, value in seen.items())
+    for title, image in pictures.items():
+        scale = max(1.0, image.shape[1] / 720)
+        words, filmed = LOOKED_AT.get(title, title), image.ndim == 3
+        page.pictures([(_coloured(image), title)], words, scale, photograph=filmed, paper=False)
+    page.head("What to try")
+    page.notes([sentence(message.split("; ", 1)[1])] if "; " in message else [])
+    if pictures:
+        page.say("Look through the clip; take the colour and the length of an animal; draw what stands still:")
+        page.lines(shlex.join(["flockbrush", "play", "--clip", str(clip)]))
+        page.say("Then, with the options that you try, see what is taken for animals before anything is learned:")
+        page.lines(shlex.join(["flockbrush", "fields", str(clip), "--out", "seen.npz", "--preview", "seen.mp4"]))
+    if command:
+        page.head("What was asked for")
+        page.lines(command)
+    path = Path(folder) / "report.html"
+    write_text(path, page.text())
+    return path
+
+
+def write_overview(folder, clip, mask, found: list[Findings]) -> Path:
+    """A page that leads to the reports of the regions of one clip, each in a folder of its own."""
+    page = ReportPage(f"Brushes learned from regions of {Path(clip).name}")
+    kept = sum(f.judgement is not None and f.judgement.kind == "like" for f in found)
+    page.say(f"{kept} of {len(found)} simulated herds move like the film.", "lead")
+    page.links((f"{f.brush.name}/report.html", f.brush.name, f.verdict()) for f in found)
+    page.say(f"The regions are those of the mask {Path(mask).name}.", "small")
+    for f in found:
+        if f.moments:
+            told = "The clip, its other regions pale", f"The simulated herd of {f.brush.name}"
+            page.pictures(
+                list(zip(halves_of(f.moments[len(f.moments) // 2]), told, strict=True)), f.brush.name, photograph=True
+            )
+    path = Path(folder) / "report.html"
+    write_text(path, page.text())
+    return path
+
+
+def _coloured(image):
+    """Any picture as (h, w, 3) RGB uint8."""
+    image = np.asarray(image)
+    if image.dtype == bool:
+        image = image.astype(np.uint8) * 255
+    if image.ndim == 2:
+        image = np.repeat(image[:, :, None], 3, axis=2)
+    return np.ascontiguousarray(image[:, :, ::-1].astype(np.uint8))

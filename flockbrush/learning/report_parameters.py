@@ -1,0 +1,92 @@
+"""The table of a report that tells the numbers of a learned brush, how certain they are and what stands in for them."""
+
+from __future__ import annotations
+
+import math
+
+from flockbrush.behaviours.models.herd import Params
+from flockbrush.learning.confounding import estimates_of
+from flockbrush.learning.learned_brush import plain
+from flockbrush.learning.learning_charts import others_of
+from flockbrush.learning.rollout import FORCES, NAMES
+from flockbrush.runs.terminal import measure, number
+
+UNITS = {"radial": "BL", "angular": "°", "weight": "/s"}
+
+
+def add_parameters(page, findings, show):
+    """Add the table of the numbers; ``show`` draws them."""
+    learned = findings.learned
+    page.head("The numbers, and which of them the clip tells")
+    show()
+    sure, alone = learned.deviation is not None, not others_of(learned)[0]
+    confounded = {one.name: ", ".join(map(plain, one.confounded_with)) for one in estimates_of(learned)}
+    rows = []
+    for force in FORCES:
+        for name in (n for n in NAMES if n.startswith(force)):
+            k = NAMES.index(name)
+            told = ("told", "good") if learned.identifiable[k] else ("not told", "quiet")
+            deviation = [_n(learned.deviation[k] if learned.deviation[k] < 1 else math.nan)] if sure else []
+            rows.append(
+                [
+                    plain(name),
+                    told,
+                    _n(learned.theta[k]),
+                    _real(learned, k),
+                    _n(math.nan if alone else learned.spread[k]),
+                    *deviation,
+                    *([confounded[name]] if sure else []),
+                ]
+            )
+    columns = [
+        "parameter",
+        "by the clip",
+        "value",
+        "that is",
+        "spread of starts",
+        *(["deviation", "confounded with"] if sure else []),
+    ]
+    page.table(columns, rows, words=2)
+    page.say(
+        "Value: 0 to 1, as in the paper and in the brush. That is: the strength (weight times sensitivity Ω), or the "
+        "standard deviation of the Gaussian in distance or angle. Spread: the standard deviation over the starts that "
+        "describe the clip about as well" + ("; none but this does." if alone else ".")
+        + (" Deviation: what the turns of the animals leave open (Cramér-Rao bound); - where they tell nothing. "
+           "Confounded: a change of these fits about as well (correlation of the errors .7 or more); weights are "
+           "always confounded with the sensitivity Ω, only their product acts."
+           if sure else ""), "small",
+    )  # fmt: skip
+    if learned.extras:
+        page.say("Set from the clip besides:")
+        page.facts((name.replace("_", " "), _extra(name, value)) for name, value in learned.extras.items())
+    speed = learned.speed
+    page.say(
+        f"Speed: {speed.mean:.3g} body lengths a second, noise {speed.deviation:.3g} (speeds spread by "
+        f"{speed.deviation / math.sqrt(2 * speed.reversion):.3g}), reversion {speed.reversion:.3g} a second"
+        + (f", a table of {len(speed.by_density)} densities." if speed.by_density else ".")
+    )
+
+
+def _real(learned, k):
+    """A normalised number in its unit."""
+    kind = NAMES[k].split("_")[1]
+    scale = {"weight": learned.params.sensitivity, "radial": 4.0, "angular": 180.0}[kind]
+    value = learned.theta[k] * scale
+    return f"{value:.0f}°" if kind == "angular" else f"{value:.2f} {UNITS[kind]}"
+
+
+def _extra(name, value):
+    """A parameter of the model with its unit and meaning."""
+    field = Params.model_fields.get(name)
+    if field is None:
+        return _told(value)
+    more = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+    return f"{_told(value)} {more.get('unit', '')}: {field.description}"
+
+
+def _n(value, digits=3):
+    return measure(float(value), digits)
+
+
+def _told(value):
+    return number(value, 3) if isinstance(value, float) else str(value)

@@ -1,0 +1,202 @@
+"""Everything that came of learning one brush: what its report tells and its provenance keeps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flockbrush.behaviours.brush import Brush
+from flockbrush.film.observations import Evidence
+from flockbrush.learning.battery import MEASURES
+from flockbrush.learning.comparison import JUDGED, Comparison, Verdict
+from flockbrush.learning.group_size_test import SECONDS
+from flockbrush.learning.learned_parameters import Learned
+from flockbrush.learning.scores import CHANCE, beyond_chance
+from flockbrush.learning.verdict import ALONE, Judgement
+
+FEW = 10  # animals, below which polarization and milling say little
+KEPT = 0.2  # polarization and milling of a herd of other size are the clip's within this
+
+
+@dataclass
+class Findings:
+    """One brush, and how far it can be trusted.
+
+    Attributes
+    ----------
+    brush : Brush
+    clips : list of Evidence
+        What it was learned from.
+    whole : Evidence
+        All frames of the first clip, with those held out.
+    learned : Learned
+    held : Evidence or None
+        The frames held out; None when the clip was too short, or is a photograph.
+    comparison : Comparison or None
+        On the frames held out, or without those on the frames learned from.
+    judgement : Judgement or None
+        By the frames held out of each part of the clip, or of each clip, in turn.
+    notes : list of str
+        On how it was judged and fitted.
+    judged_brush : Brush or None
+        What the comparison is of: learned without the frames held out.  None: `brush` itself.
+    counts : list of dict
+        With other numbers of animals (`flockbrush.learning.group_size_test`).
+    ablations : list of dict
+        `flockbrush.learning.ablation`.
+    command : str
+        That makes it again.
+    seconds : dict of str to float
+        What took how long.
+    moments : list of ndarray
+        Clip beside simulation, (h, w, 3) RGB.
+    """
+
+    brush: Brush
+    clips: list[Evidence]
+    whole: Evidence
+    learned: Learned
+    held: Evidence | None = None
+    comparison: Comparison | None = None
+    judgement: Judgement | None = None
+    counts: list[dict] = field(default_factory=list)
+    ablations: list[dict] = field(default_factory=list)
+    command: str = ""
+    seconds: dict[str, float] = field(default_factory=dict)
+    moments: list[np.ndarray] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    judged_brush: Brush | None = None
+
+    @property
+    def compared_brush(self) -> Brush:
+        """The brush of the comparison, which knows nothing of the frames held out."""
+        return self.brush if self.judged_brush is None else self.judged_brush
+
+    @property
+    def prefix(self) -> str:
+        """What the figures of the comparison are called by."""
+        return "held-out" if self.held is not None else "same frames"
+
+    def figures(self) -> dict[str, float]:
+        """Numbers by name, for the provenance and for --json."""
+        found = {f"learning: {name}": value for name, value in self.learned.held_out.items()}
+        loss = self.learned.loss
+        if len(loss):
+            found["loss"] = float(loss[-1])
+        if self.comparison is not None:
+            found |= self.comparison.figures(self.prefix)
+        if self.judgement is not None:
+            found |= {f"{self.prefix} {row.name}, limits off": row.far for row in self.judgement.brush.rows}
+        for row in self.counts:
+            words = f"with {row['factor']:g} times the animals"
+            found |= {f"{words}, {name}": row[name] for name in ("polarization", "milling", "spacing", "together")}
+        return {name: value for name, value in found.items() if math.isfinite(value)}
+
+    def strayed(self, row: dict) -> str:
+        """What a herd of other size does not keep of the clip, of one row of `counts`; "" where it keeps all.
+
+        Few animals are by chance more polarized than many: that is taken out of both.
+        """
+        if self.comparison is None:
+            return ""
+        seen = float(np.median(self.whole.fields.count))
+        lost = []
+        for name in JUDGED:
+            clip = self.comparison.verdict(name).clip
+            herd = beyond_chance(row[name], row["animals"], CHANCE[name])
+            if math.isfinite(clip) and abs(herd - beyond_chance(clip, seen, CHANCE[name])) > KEPT:
+                lost.append(name)
+        return ", ".join(lost)
+
+    @property
+    def motion(self) -> bool:
+        """Whether the clip shows any; one picture does not."""
+        return bool(np.isfinite(self.whole.fields.velocity).any())
+
+    def verdict(self) -> str:
+        """One sentence: does the brush do what the clip shows?"""
+        if self.learned.interrupted and self.comparison is None:
+            return "The learning was interrupted: this is the best so far, and nothing was compared."
+        if self.comparison is None:
+            return "Learned from one picture: there is no motion to compare with."
+        if not self.motion:
+            v = self.comparison.verdict("density")
+            return (
+                f"Learned from one picture: {v.clip:.2f} animals a square body length in it, {v.herd:.2f} in the "
+                "simulated herd; there is no motion to compare with."
+            )
+        if self.judgement is None:
+            return "Nothing was judged."
+        by = "" if self.held is not None else " Nothing was held back: it is judged by the frames it was learned from."
+        return self.judgement.sentence + by
+
+    def judged(self) -> list[Verdict]:
+        """What the verdict goes by, as far as the clip tells it."""
+        if self.comparison is None:
+            return []
+        return [v for v in map(self.comparison.verdict, JUDGED) if math.isfinite(v.clip)]
+
+    def place(self) -> tuple[int, list[str]]:
+        """(how many others were tried on the same frames, the names of those that are nearer to the clip)."""
+        if self.judgement is None:
+            return 0, []
+        own = self.judgement.brush.distance(self.judgement.told)
+        nearer = [r.name for r in self.judgement.rivals if r.distance(self.judgement.told) < own]
+        return len(self.judgement.rivals), nearer
+
+    def checks(self) -> list[tuple[bool | None, str]]:
+        """The chief findings as (met or missed or neither, sentence)."""
+        told: list[tuple[bool | None, str]] = []
+        if self.judgement is not None:
+            rows = [(row, "") for row in self.judgement.brush.rows if row.name in self.judgement.told]
+            rows += [(row, f" after {ALONE:g} s alone") for row in self.judgement.brush.lasting]
+            told += [(row.met, _judgement(row, after)) for row, after in rows]
+        tried, nearer = self.place()
+        if tried:
+            told.append((not nearer, _ranked(tried, nearer)))
+        told += [(None, note) for note in self.notes]
+        if self.counts and self.motion:
+            strayed = [(r, words) for r in self.counts if (words := self.strayed(r))]
+            told.append((not strayed, _resized(self.counts, strayed)))
+        count = float(np.median(self.whole.fields.count))
+        if count < FEW:
+            told.append((None, f"Only about {count:.0f} animals are seen: too few to say much of a herd."))
+        sure = int(np.sum(self.learned.identifiable))
+        told.append((None, f"The clip constrains {_of_twelve(sure)}"))
+        if self.learned.interrupted:
+            told.append((False, "The learning was interrupted: these are the best numbers up to then."))
+        return told
+
+
+def _of_twelve(sure) -> str:
+    """How many of the model's numbers are told."""
+    if sure == 0:
+        return "none of the 12 parameters: other values fit as well, and all are guesses."
+    return f"{sure} of 12 parameters{'; the rest are guesses' if sure < 12 else ''}."
+
+
+def _judgement(row, after) -> str:
+    unit = MEASURES[row.name].unit
+    met = "met" if row.met else "missed"
+    return (
+        f"{row.name.capitalize()}{after}: {row.clip:.2f} in the clip, {row.herd:.2f} simulated"
+        f"{f' ({unit})' if unit else ''}; {met}, off by {row.off:.2f} where {row.limit:.2f} is allowed."
+    )
+
+
+def _ranked(tried, nearer) -> str:
+    if not nearer:
+        return f"Nearer to the clip than all of the {tried} others tried on the same frames."
+    are = "is" if len(nearer) == 1 else "are"
+    return f"Of {tried} others tried on the same frames, {len(nearer)} {are} nearer to the clip: {', '.join(nearer)}."
+
+
+def _resized(counts, strayed) -> str:
+    sizes = ", ".join(str(row["animals"]) for row in counts)
+    begun = f"Left alone for {SECONDS:g} s on a plane, herds of {sizes} animals "
+    if not strayed:
+        return begun + "keep the clip's polarization and milling."
+    told = "; ".join(f"with {r['animals']} animals {words.replace(', ', ' and ')} changed" for r, words in strayed)
+    return f"{begun}do not all keep the clip's polarization and milling: {told}."

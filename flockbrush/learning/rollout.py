@@ -1,0 +1,473 @@
+"""A herd on a plane, run by the kernels of a level but without a world: what learning tries parameters with.
+
+One tick is what an animal goes through on an endless plane (`flockbrush.levels.build.systems`): neighbours, sight,
+roles, forces,
+pace, move, by the very functions the systems call, so a herd here and the same herd in a level are the same bits.  What
+is left out is what a plain has not got: ground, slopes, goals, births, several brushes.
+
+Lengths are in body lengths (BL), times in seconds; x points right and y up.
+
+A clip that sees only a part of a herd has `Gates`: whoever leaves the picture is taken out, and others come in where
+animals came in, so that their number is the clip's [1]_.  Leaders follow the clip's motion where a `Guide` is given.
+
+.. [1] Gong, X. et al. (2025). Herds from video: learning a microscopic herd model from macroscopic motion data.
+   Computer Graphics Forum 44(6), e70225.  Sections 5.1, 6.1 and 7.1.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import ndimage
+
+from flockbrush.behaviours.brush import BodySpec, VisionSpec
+from flockbrush.behaviours.models.herd import Params, herd_kernel, kernel_params, wander_kernel
+from flockbrush.engine.maths import sincos_
+from flockbrush.engine.noise import Noise
+from flockbrush.systems.contact import move
+from flockbrush.systems.decide import _roles
+from flockbrush.systems.grid import sort_into_cells
+from flockbrush.systems.landscape import outline_edges
+from flockbrush.systems.pace import _grid, _pace, company, crowding, pause
+from flockbrush.systems.senses import _cosine_of_half, _nearest_points
+from flockbrush.systems.visibility import edges_by_cell, no_edges, visible_neighbours
+
+DT = 1 / 32  # s, the tick of a level
+FORCES = "avoidance", "cohesion", "alignment", "obstacle"
+KINDS = "weight", "radial", "angular"
+NAMES = tuple(f"{force}_{kind}" for force in FORCES for kind in KINDS)  # the order of theta
+STANDS = 0.3  # of the mean speed, below which an animal of a clip that shows pauses stands
+LEAST, MOST = 1e-3, 1.0  # theta is kept within
+BODY, VISION = BodySpec(), VisionSpec()
+
+
+def params_of(theta, extras: Mapping = {}) -> Params:
+    """The parameters of the herd model.
+
+    Parameters
+    ----------
+    theta : array_like (12,)
+        Weight, radial and angular range of avoidance, cohesion, alignment and obstacle avoidance, 0 to 1; clamped.
+    extras : mapping
+        Any other parameters of `flockbrush.behaviours.models.herd.Params`.
+    """
+    theta = np.clip(np.asarray(theta, float), LEAST, MOST)
+    return Params(**dict(zip(NAMES, theta.tolist(), strict=True)) | dict(extras))
+
+
+def theta_of(params) -> np.ndarray:
+    """The twelve numbers of a brush's parameters, (12,)."""
+    return np.array([getattr(params, name) for name in NAMES])
+
+
+@dataclass
+class HerdStart:
+    """How a herd begins."""
+
+    xy: np.ndarray  # (n, 2) BL
+    forward: np.ndarray  # (n, 2) unit headings
+    speed: np.ndarray | None = None  # (n,) BL/s, the speed process; None: drawn from the brush's own spread
+
+    def __len__(self):
+        return len(self.xy)
+
+
+@dataclass
+class Run:
+    """What a herd did, frame by frame; animals may come and go."""
+
+    times: np.ndarray  # (T,) s since the start
+    first: np.ndarray  # (T + 1,) animals of frame t are rows first[t]:first[t + 1]
+    ids: np.ndarray  # (m,)
+    xy: np.ndarray  # (m, 2) BL
+    forward: np.ndarray  # (m, 2) unit headings
+    velocity: np.ndarray  # (m, 2) BL/s, what they really did
+
+    def __len__(self):
+        return len(self.times)
+
+    def of(self, t):
+        """The rows of one frame."""
+        return slice(self.first[t], self.first[t + 1])
+
+    @property
+    def speed(self):
+        """(m,) BL/s."""
+        return np.hypot(*self.velocity.T)
+
+    def start(self, t=0) -> HerdStart:
+        """A herd as it was in one frame."""
+        rows = self.of(t)
+        return HerdStart(self.xy[rows].copy(), self.forward[rows].copy(), self.speed[rows].copy())
+
+
+@dataclass
+class ClipGuide:
+    """Where leaders are led: the motion of a clip, by cell and time."""
+
+    origin: np.ndarray  # (2,) BL, lower left corner
+    cell: float  # BL
+    fps: float
+    direction: np.ndarray  # (T, ny, nx, 2) unit vectors; zero where nothing is known
+
+    @classmethod
+    def of(cls, fields, reach=4.0):
+        """From the velocity of `Fields`; empty cells take the direction of the nearest animals within ``reach`` BL."""
+        size = np.hypot(fields.velocity[..., 0], fields.velocity[..., 1])
+        direction = fields.velocity / np.where(size > 1e-9, size, np.inf)[..., None]
+        return cls(np.asarray(fields.origin, float), fields.cell, fields.fps, _spread(direction, reach / fields.cell))
+
+    def at(self, time, xy):
+        """(n, 2) direction at each place; zero where nobody leads."""
+        ny, nx = self.direction.shape[1:3]
+        frame = min(int(time * self.fps + 1e-9), len(self.direction) - 1)
+        ix, iy = np.floor((xy - self.origin) / self.cell).astype(int).T
+        inside = (ix >= 0) & (iy >= 0) & (ix < nx) & (iy < ny)
+        out = np.zeros((len(xy), 2))
+        out[inside] = self.direction[frame, iy[inside], ix[inside]]
+        return out
+
+
+def _spread(direction, reach):
+    """Fill each cell without a direction from the nearest that has one, at most ``reach`` cells away."""
+    out = np.nan_to_num(direction)
+    for frame in out:
+        nobody = ~frame.any(-1)
+        if nobody.all():
+            continue
+        far, nearest = ndimage.distance_transform_edt(nobody, return_indices=True)
+        close = nobody & (far <= reach)
+        frame[close] = frame[tuple(nearest[:, close])]
+    return out
+
+
+@dataclass
+class Gates:
+    """The borders of a picture that sees part of a herd."""
+
+    origin: np.ndarray  # (2,) BL
+    cell: float  # BL
+    fps: float
+    seen: np.ndarray  # (T, ny, nx) bool: cells inside the picture
+    count: np.ndarray  # (T,) animals in the picture
+    entry: list[np.ndarray] = field(default_factory=list)  # by frame: (k, 4) cell ix, iy and heading of who comes in
+
+    @classmethod
+    def of(cls, fields):
+        """From `Fields`; None where the picture holds the whole herd all the time."""
+        speed = np.hypot(fields.velocity[..., 0], fields.velocity[..., 1])
+        density, entry = np.nan_to_num(fields.density), []
+        rims = [seen & ~ndimage.binary_erosion(seen) for seen in fields.seen]
+        crowd = np.array([d[rim].sum() for d, rim in zip(density, rims, strict=True)]) * fields.cell**2
+        leaving = bool((crowd > 0.01 * np.maximum(fields.count, 1)).any())
+        if not leaving:
+            return None
+        for t, rim in enumerate(rims):
+            entry.append(_inward(fields, t, rim & (density[t] > 0) & (np.nan_to_num(speed[t]) > 0)))
+        origin = np.asarray(fields.origin, float)
+        return cls(origin, fields.cell, fields.fps, fields.seen, np.asarray(fields.count, float), entry)
+
+    def _frame(self, time):
+        return min(int(time * self.fps + 1e-9), len(self.count) - 1)
+
+    def inside(self, time, xy):
+        """(n,) bool, who is in the picture."""
+        seen = self.seen[self._frame(time)]
+        ix, iy = np.floor((xy - self.origin) / self.cell).astype(int).T
+        ok = (ix >= 0) & (iy >= 0) & (ix < seen.shape[1]) & (iy < seen.shape[0])
+        ok[ok] = seen[iy[ok], ix[ok]]
+        return ok
+
+    def newcomers(self, time, present, chance):
+        """Where as many come in as are missing: xy and forward (k, 2); ``chance(k, 3)`` gives numbers in [0, 1)."""
+        t = self._frame(time)
+        missing = round(self.count[t]) - present
+        if missing < 1 or not len(self.entry[t]):
+            return np.zeros((0, 2)), np.zeros((0, 2))
+        u = chance(missing, 3)
+        gate = self.entry[t][(u[:, 0] * len(self.entry[t])).astype(int)]
+        return self.origin + (gate[:, :2] + u[:, 1:]) * self.cell, gate[:, 2:]
+
+
+def _inward(fields, t, busy):
+    """(k, 4) cells of the rim whose animals walk into the picture: ix, iy, heading."""
+    iy, ix = np.nonzero(busy)
+    heading = fields.velocity[t, iy, ix]
+    heading = heading / np.maximum(np.hypot(*heading.T), 1e-12)[:, None]
+    middle = np.argwhere(fields.seen[t]).mean(0)[::-1] if fields.seen[t].any() else np.zeros(2)
+    ahead = np.round(np.column_stack([ix, iy]) + 1.5 * heading).astype(int)
+    ny, nx = busy.shape
+    ok = (ahead[:, 0] >= 0) & (ahead[:, 1] >= 0) & (ahead[:, 0] < nx) & (ahead[:, 1] < ny)
+    ok[ok] = fields.seen[t, ahead[ok, 1], ahead[ok, 0]]
+    ok &= (heading * (middle - np.column_stack([ix, iy]))).sum(1) > 0
+    return np.column_stack([ix, iy, heading])[ok]
+
+
+@dataclass
+class Walls:
+    """Obstacles of a clip, as edges: solid and blocking the view."""
+
+    ends: np.ndarray  # (k, 4) x0, y0, x1, y1 in BL; edges of one obstacle follow one another
+    owner: np.ndarray  # (k,) int32, the obstacle of each edge
+
+    @classmethod
+    def of(cls, fields):
+        """From the mask of `Fields`: each connected patch is an obstacle; None where there is none."""
+        if not fields.obstacle.any():
+            return None
+        patches, many = ndimage.label(fields.obstacle)
+        edges = [outline_edges(patches == k + 1) * fields.cell for k in range(many)]
+        owner = np.repeat(np.arange(many), [len(e) for e in edges])
+        ends = np.concatenate(edges) + np.tile(np.asarray(fields.origin, float), 2)
+        return cls(ends, owner.astype(np.int32))
+
+
+class PlaneHerd:
+    """Animals of one kind on a plane: columns and a tick.
+
+    Parameters
+    ----------
+    start : Start
+    params : Params
+        Of the herd model (`params_of`).
+    speed : SpeedSpec
+    body, vision : BodySpec, VisionSpec
+        The body's radius counts as a share of its length.
+    seed : int
+    ids : (n,) int, optional
+        Entities, for noise; 1 to n unless told, as in a fresh world.
+    """
+
+    def __init__(
+        self, start, params, speed, body=BODY, vision=VISION, *, seed=0, dt=DT, ids=None, walls=None,
+        guide=None,
+    ):  # fmt: skip
+        self.params, self.spec, self.dt, self.noise = params, speed, dt, Noise(seed)
+        self.radius = body.radius / body.length
+        self.axis = 0.0 if body.contact == "disc" else max(0.5 - self.radius, 0.0)
+        self.range, self.occlusion = float(vision.range), vision.occlusion
+        self.cosine = np.empty(1)
+        _cosine_of_half(0, 1, np.radians([float(vision.field_of_view)]), self.cosine)
+        self.guide, self.tick_number, self.next_id = guide, 0, 1
+        self._walls(walls)
+        self._tables()
+        self.ids = np.zeros(0, np.int64)
+        self._columns(0)
+        self.join(start, ids)
+
+    def _walls(self, walls):
+        ends = np.zeros((0, 4)) if walls is None else walls.ends
+        self.owner = np.zeros(0, np.int32) if walls is None else walls.owner
+        self.solid = no_edges() if walls is None else edges_by_cell(ends, self.range)
+        quick = self.spec.mean + 6 * self.spec.deviation
+        touch = 2.0 * (self.axis + 2 * self.radius + 4.0 * self.dt * quick)
+        self.near_walls = no_edges() if walls is None else edges_by_cell(ends, touch)
+
+    def _tables(self):
+        p, spec = self.params, self.spec
+        self.kernel_params = kernel_params(p)
+        self.table = np.array(spec.by_density or [(0.0, 1.0)], float)
+        half = -1.0 if p.leader_cone >= 360.0 else sincos_(np.radians(0.5 * p.leader_cone))[1]
+        self.roles = np.array([p.neighbour_range]), np.array([p.leader_neighbours]), np.array([half])
+        self.states = np.array([spec.stops]), np.array([spec.starts]), np.array([spec.imitation])
+        self.ou = np.array([spec.mean]), np.array([spec.deviation]), np.array([spec.reversion])
+
+    def _columns(self, n):
+        self.xyz, self.forward, self.velocity = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 2))
+        self.drawn, self.effort, self.target = np.zeros(n), np.ones(n), np.zeros(n)
+        self.leader, self.memory, self.known = np.zeros(n, np.uint8), np.zeros((n, 2)), np.zeros(n, np.uint8)
+        self._constants(n)
+
+    def _constants(self, n):
+        self.size, self.thick = np.full(n, 2 * (self.axis + self.radius)), np.full(n, self.radius)
+        self.length, self.none, self.zero = np.ones(n), np.zeros(n, np.int32), np.zeros((n, 2))
+        self.max_turn, self.views = np.full(n, self.params.max_turn), np.full(n, self.range)
+        self.cosines, self.cap = np.full(n, self.cosine[0]), np.full(n, np.inf)
+        # all alike, of a body that can do anything, and driven by nothing
+        self.undriven = self.length, self.cap, self.cap, np.zeros(n), np.zeros(n), np.zeros(n, np.uint8)
+
+    def __len__(self):
+        return len(self.ids)
+
+    @property
+    def time(self):
+        """Seconds since the start."""
+        return self.tick_number * self.dt
+
+    def join(self, start, ids=None):
+        """Animals more: they get the next ids."""
+        n = len(start)
+        if ids is None:
+            ids = np.arange(self.next_id, self.next_id + n)
+        self.next_id = max(self.next_id, int(np.max(ids, initial=0)) + 1)
+        drawn = start.speed
+        if drawn is None:
+            spread = self.spec.deviation / np.sqrt(2 * self.spec.reversion)
+            chance = self.noise.normal("birth speed", self.tick_number, np.asarray(ids) - 1)[:, 0]
+            drawn = np.maximum(self.spec.mean + spread * chance, 0.0)
+        elif self.spec.stops > 0.0:  # who hardly moves stands
+            drawn = np.where(np.asarray(drawn) < STANDS * self.spec.mean, 0.0, drawn)
+        flat = np.zeros((n, 1))
+        news = {
+            "ids": np.asarray(ids, np.int64), "xyz": np.hstack([start.xy, flat]),
+            "forward": np.hstack([start.forward, flat]), "velocity": start.forward * np.asarray(drawn)[:, None],
+            "drawn": np.asarray(drawn, float), "effort": np.ones(n), "target": np.asarray(drawn, float),
+            "leader": np.zeros(n, np.uint8), "memory": np.zeros((n, 2)), "known": np.zeros(n, np.uint8),
+        }  # fmt: skip
+        for name, new in news.items():
+            setattr(self, name, np.concatenate([getattr(self, name), new]))
+        self._constants(len(self.ids))
+
+    def keep(self, rows):
+        """Take out everybody else."""
+        for name in ("ids", "xyz", "forward", "velocity", "drawn", "effort", "target", "leader", "memory", "known"):
+            setattr(self, name, getattr(self, name)[rows])
+        self._constants(len(self.ids))
+
+    def tick(self):
+        """What everybody goes through in a tick, in the order of a level's schedule."""
+        n, params = len(self.ids), self.params
+        if not n:
+            self.tick_number += 1
+            return
+        cells = sort_into_cells(self.xyz, self.forward, self.size, self.thick, self.range)
+        lists = visible_neighbours(cells, self.views, self.cosines, self.solid, self.occlusion)
+        walls_first, walls_offset = self._walls_in_sight(n)
+        _roles(
+            0, n, self.xyz, self.length, self.none, self.none, self.forward, *lists, *self.roles,
+            self.leader, self.memory, self.known,
+        )  # fmt: skip
+        wish = self._wishes(cells.row, lists, walls_first, walls_offset, params)
+        self._hurry(cells)
+        step, heading = move(
+            cells, self.forward, wish, self.target, self.max_turn, self.near_walls, self.dt, np.inf
+        )  # fmt: skip
+        self.velocity = step / self.dt
+        self.xyz[:, :2] += step
+        self.forward[:, :2] = heading
+        self.tick_number += 1
+
+    def _walls_in_sight(self, n):
+        if not len(self.solid.ends):
+            return np.zeros(n + 1, np.int64), self.zero[:0]
+        most, count = int(self.owner.max()) + 1, np.zeros(n, np.int64)
+        found = np.empty((n, most, 2))
+        _nearest_points(0, n, self.xyz, self.views, *self.solid, self.owner, found, count)
+        return np.concatenate([[0], np.cumsum(count)]), found[np.arange(most) < count[:, None]]
+
+    def _wishes(self, rows, lists, walls_first, walls_offset, params):
+        n = len(rows)
+        guidance = self.zero if self.guide is None else self.guide.at(self.time, self.xyz[:, :2])
+        direction, wish = np.zeros((n, 3)), np.empty((n, 3))
+        herd_kernel(
+            0, n, rows, self.dt, self.forward, self.length, self.none, self.leader, *lists, walls_first, walls_offset,
+            guidance, self.zero, self.memory - self.xyz[:, :2], self.known, *self.kernel_params, direction,
+        )  # fmt: skip
+        if params.wander > 0.0:
+            key = self.noise.key("wander", self.tick_number)
+            wander_kernel(0, n, rows, self.ids, key, params.wander * np.sqrt(self.dt), direction)
+        wish[rows] = direction
+        return wish
+
+    def _hurry(self, cells):
+        n, density, was = len(self.ids), self.cap, self.drawn.copy()
+        if self.spec.by_density:
+            density = np.zeros(n)
+            crowding(0, n, *_grid(cells), self.length, density)
+        _pace(
+            0, n, self.none.astype(np.bool_), self.ids, self.length, self.none, density, self.length, self.cap,
+            self.zero, self.forward, self.length, *self.ou, np.array([0, len(self.table)]), self.table,
+            self.noise.key("speed", self.tick_number), self.dt, *self.undriven, self.drawn, self.effort, self.target,
+        )  # fmt: skip
+        if self.spec.stops > 0.0:
+            walking = np.full(n, -1.0)
+            company(0, n, *_grid(cells), cells.row, self.length, was, walking)
+            pause(
+                0, n, self.ids, self.length, self.none, was, self.undriven[-1], walking, *self.ou, *self.states,
+                self.noise.key("pause", self.tick_number), self.dt, self.drawn, self.target,
+            )  # fmt: skip
+
+
+def rollout(
+    start, params, speed, body=BODY, vision=VISION, *, seconds, fps=25.0, seed=0, dt=DT, ids=None,
+    walls=None, guide=None, gates=None,
+) -> Run:  # fmt: skip
+    """Run a herd and look at it frame by frame.
+
+    Parameters
+    ----------
+    start : Start
+    params : Params or (12,) array_like
+        Of the herd model; twelve numbers leave the others at their defaults.
+    speed, body, vision : SpeedSpec, BodySpec, VisionSpec
+    seconds, fps : float
+        Frames are at 0, 1/fps ... up to ``seconds``; between two ticks positions are interpolated.
+    seed : int
+        Of the noise.
+    dt : float
+        Seconds to a tick.
+    walls : Walls, optional
+    guide : Guide, optional
+        What leaders follow.
+    gates : Gates, optional
+        Where a picture that sees a part of the herd ends.
+
+    Returns
+    -------
+    Run
+    """
+    if not isinstance(params, Params):
+        params = params_of(params)
+    herd = PlaneHerd(start, params, speed, body, vision, seed=seed, dt=dt, ids=ids, walls=walls, guide=guide)
+    frames = int(seconds * fps + 1e-6) + 1
+    looks = [_look(herd)]
+    for k in range(1, frames):
+        after, before = k / fps / dt, None
+        while herd.tick_number < after - 1e-9:
+            before = _look(herd)
+            herd.tick()
+        share = 1.0 - (herd.tick_number - after)
+        looks.append(_look(herd) if before is None or share > 1 - 1e-9 else _between(before, _look(herd), share))
+        if gates is not None:
+            _pass_gates(herd, gates, k / fps)
+    sizes = [len(look[0]) for look in looks]
+    return Run(np.arange(frames) / fps, np.cumsum([0, *sizes]), *(np.concatenate(c) for c in zip(*looks, strict=True)))
+
+
+def _look(herd):
+    return herd.ids, herd.xyz[:, :2].copy(), herd.forward[:, :2].copy(), herd.velocity.copy()
+
+
+def _between(before, after, share):
+    """Between two ticks, ``share`` of the way; animals are the same in both."""
+    mixed = [(1.0 - share) * a + share * b for a, b in zip(before[1:], after[1:], strict=True)]
+    size = np.hypot(*mixed[1].T)
+    mixed[1] = np.where(size[:, None] > 1e-9, mixed[1] / np.maximum(size, 1e-9)[:, None], after[2])
+    return after[0], *mixed
+
+
+def _pass_gates(herd, gates, time):
+    """Who left the picture is taken out; as many come in as the clip has more."""
+    inside = gates.inside(time, herd.xyz[:, :2])
+    if not inside.all():
+        herd.keep(inside)
+
+    def chance(k, width):
+        return herd.noise.uniform("gate", herd.tick_number, np.arange(k), width)
+
+    xy, forward = gates.newcomers(time, len(herd), chance)
+    free = _free(xy, herd.xyz[:, :2], 2 * (herd.axis + herd.radius))
+    if free.any():
+        herd.join(HerdStart(xy[free], forward[free]))
+
+
+def _free(xy, others, room):
+    """(k,) bool, who can be put down touching nobody, one after the other."""
+    taken, free = list(others), np.zeros(len(xy), bool)
+    for k, place in enumerate(xy):
+        if not len(taken) or np.min(np.hypot(*(np.array(taken) - place).T)) > room:
+            free[k] = True
+            taken.append(place)
+    return free

@@ -1,0 +1,536 @@
+"""How like a clip a simulated herd is: the same measures of both, taken in the same way.
+
+A `View` is what can be seen of a herd in each frame: points with a heading and a weight.  Of a clip whose animals can
+be told apart these are the animals; else they are the cells of its fields.  A simulated herd is looked at through the
+same window and, where the clip has only fields, put on the same grid first.  So what the view loses, it loses of both.
+
+A score is a distance in the clip's own standard deviations over its frames, with floors: .05 of what lies between 0
+and 1, a twentieth of what is a length or a speed.  0 is the same herd; about 1 a herd as different as two moments of
+the clip.
+
+References
+----------
+.. [1] Gong, X. et al. (2025). Herds from video: learning a microscopic herd model from macroscopic motion data.
+   Computer Graphics Forum 44(6), e70225.  Section 7.1.2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from flockbrush.engine.maths import atan2_
+from flockbrush.film.observations import Evidence, Fields
+from flockbrush.learning.axis_variance import mean_variance, variance_told
+from flockbrush.learning.rollout import Run
+
+FLOOR = 0.05  # of a share; and of a length or speed, so many times its mean
+LINK = 4.0  # BL: animals nearer than this belong together
+NEAR = 2.0  # BL within which headings are compared
+REACH = 4.0  # BL of the map of neighbours
+COARSE = 10  # cells along a side on which fields are compared (section 7.1.2 of [1])
+LOOKS = 48  # at a herd that runs on
+FARTHEST = 10.0  # deviations: a herd that is farther off is just as wrong
+
+SHARES = ("polarization", "milling", "milling in the picture", "order nearby", "largest part")
+LENGTHS = ("aspect", "spread", "density", "nearest neighbour", "speed")
+MEASURES = SHARES + LENGTHS
+LYING = 270.0  # degrees², of the directions of a photograph: a tenth of chance
+COUNTS = {"directions": 3.0, "polarization": 3.0, "milling": 3.0, "nearest neighbour": 2.0}  # weights; 1 for the others
+CHANCE = {"polarization": 1.0, "milling": 0.5}  # mean square of n strangers, times n
+KNOWN = 0.5  # of its moments a measure must be told in to count
+LASTING = ("polarization", "milling", "order nearby", "nearest neighbour", "density", "spread")  # what should last
+
+
+@dataclass
+class HerdView:
+    """What is seen of a herd, frame by frame."""
+
+    first: np.ndarray  # (T + 1,) points of frame t are rows first[t]:first[t + 1]
+    xy: np.ndarray  # (m, 2) BL
+    heading: np.ndarray  # (m, 2) unit vectors; zero where unknown
+    speed: np.ndarray  # (m,) BL/s; NaN unknown
+    weight: np.ndarray  # (m,) animals
+    single: bool  # points are animals, not cells
+    middle: np.ndarray  # (2,) BL, of the picture
+    cell: float  # BL, of the cells that density is counted on
+
+    def __len__(self):
+        return len(self.first) - 1
+
+    def of(self, t):
+        """The rows of one frame."""
+        return slice(self.first[t], self.first[t + 1])
+
+
+def told_apart(evidence: Evidence) -> bool:
+    """Whether the animals of a clip are seen one by one, most of them."""
+    seen = evidence.sightings
+    return seen is not None and len(seen.xy) >= 0.6 * np.nansum(evidence.fields.count) > 0
+
+
+def view_of(evidence: Evidence, single=None) -> HerdView:
+    """What is seen of a clip.
+
+    Parameters
+    ----------
+    single : bool, optional
+        True: its animals; False: its cells; told by `told_apart` unless given.
+    """
+    single = told_apart(evidence) if single is None else single
+    fields = evidence.fields
+    seen = evidence.sightings
+    if not single or seen is None:
+        return _view_of_fields(fields)
+    ones = np.ones(len(seen.xy))
+    return HerdView(seen.first, seen.xy, seen.forward, seen.speed, ones, True, _middle(fields), fields.cell)
+
+
+def view_of_run(run: Run, evidence: Evidence, single=None) -> HerdView:
+    """What would be seen of a simulated herd in that clip; a longer run is seen through the clip's last frame."""
+    single = told_apart(evidence) if single is None else single
+    fields = evidence.fields
+    if not single:
+        return _view_of_fields(fields_of(run, fields))
+    inside = in_picture(run, fields)
+    frame = np.repeat(np.arange(len(run)), np.diff(run.first))[inside]
+    first = np.searchsorted(frame, np.arange(len(run) + 1))
+    ones = np.ones(len(frame))
+    ahead = np.maximum((run.velocity * run.forward).sum(1), 0.0)[inside]  # as of animals that are followed in a film
+    return HerdView(first, run.xy[inside], run.forward[inside], ahead, ones, True, _middle(fields), fields.cell)
+
+
+def in_picture(run: Run, fields: Fields):
+    """(m,) bool, which animals of a run are in the picture; all, when the picture holds the whole herd."""
+    if fields.holds_all:
+        return np.ones(len(run.xy), bool)
+    frame = np.minimum(np.repeat(np.arange(len(run)), np.diff(run.first)), len(fields) - 1)
+    row, column, inside = fields.cells_of(run.xy)
+    return inside & fields.seen[frame, row, column]
+
+
+def _middle(fields):
+    ny, nx = fields.shape
+    return np.asarray(fields.origin, float) + 0.5 * fields.cell * np.array([nx, ny])
+
+
+def _view_of_fields(fields: Fields) -> HerdView:
+    there = np.nan_to_num(fields.density) > 1e-6
+    frame, row, column = np.nonzero(there)
+    velocity = np.nan_to_num(fields.velocity[there])
+    size = np.hypot(*velocity.T)
+    heading = velocity / np.maximum(size, 1e-12)[:, None]
+    # headings of a cell that disagree do not add up to one: order is what the cell's own variance leaves of it
+    spread = np.radians(np.sqrt(np.nan_to_num(fields.angular_variance[there], nan=2700.0)))
+    heading *= np.cos(np.minimum(spread, np.pi / 2))[:, None]
+    xy = np.asarray(fields.origin, float) + fields.cell * (np.column_stack([column, row]) + 0.5)
+    first = np.searchsorted(frame, np.arange(len(fields.density) + 1))
+    weight = fields.density[there] * fields.cell**2
+    return HerdView(first, xy, heading, np.asarray(fields.speed)[there], weight, False, _middle(fields), fields.cell)
+
+
+def fields_of(run: Run, like: Fields) -> Fields:
+    """The fields of a simulated herd on the grid of a clip's; the last frame's picture is that of all later ones.
+
+    Where the picture holds the whole herd, so does the grid: it grows to where the herd goes.
+    """
+    cell, origin, (ny, nx), before = like.cell, np.asarray(like.origin, float), like.shape, np.zeros(2, int)
+    if like.holds_all and len(run.xy):
+        before = np.maximum(np.ceil((origin - run.xy.min(0)) / cell), 0).astype(int)
+        after = np.maximum(np.floor((run.xy.max(0) - origin) / cell).astype(int) - (nx - 1, ny - 1), 0)
+        before, after = np.minimum(before, 500), np.minimum(after, 500)
+        origin, nx, ny = origin - before * cell, nx + before[0] + after[0], ny + before[1] + after[1]
+        seen = np.ones((len(run), ny, nx), bool)
+        obstacle, region = np.zeros((ny, nx), bool), np.zeros((ny, nx), np.uint8)
+    else:
+        seen = like.seen[np.minimum(np.arange(len(run)), len(like) - 1)]
+        obstacle, region = like.obstacle, like.region
+    frame = np.repeat(np.arange(len(run)), np.diff(run.first))
+    at = np.floor((run.xy - origin) / cell).astype(int)
+    inside = ((at >= 0) & (at < (nx, ny))).all(1)
+    inside[inside] = seen[frame[inside], at[inside, 1], at[inside, 0]]
+    flat = (frame[inside] * ny + at[inside, 1]) * nx + at[inside, 0]
+    made = _binned(flat, run.forward[inside], run.velocity[inside], (len(run), ny, nx))
+    density = np.where(seen, made.pop("number") / cell**2, np.nan)
+    count = np.bincount(frame[inside], minlength=len(run)).astype(float)
+    fps = 1.0 / (run.times[1] - run.times[0]) if len(run) > 1 else like.fps
+    return Fields(
+        fps=fps, cell=cell, origin=origin, density=density, seen=seen, obstacle=obstacle, region=region, count=count,
+        frames=np.arange(len(run)), **made,
+    )  # fmt: skip
+
+
+def _binned(flat, forward, velocity, shape):
+    """Means and variances by cell."""
+    size = int(np.prod(shape))
+    number = np.bincount(flat, minlength=size)
+    some = np.where(number > 0, number, np.nan)
+
+    def mean(values):
+        return np.bincount(flat, values, size) / some
+
+    speed = np.hypot(*velocity.T)
+    mx, my = mean(forward[:, 0])[flat], mean(forward[:, 1])[flat]
+    cross, dot = mx * forward[:, 1] - my * forward[:, 0], mx * forward[:, 0] + my * forward[:, 1]
+    off = np.degrees(np.abs(np.arctan2(cross, dot)))
+    fast, wide = mean(speed**2) - mean(speed) ** 2, mean(off**2) - mean(off) ** 2
+    return {
+        "number": number.reshape(shape),
+        "velocity": np.stack([mean(velocity[:, 0]), mean(velocity[:, 1])], -1).reshape(*shape, 2),
+        "speed": mean(speed).reshape(shape),
+        "speed_variance": np.maximum(fast, 0.0).reshape(shape),
+        "angular_variance": np.maximum(wide, 0.0).reshape(shape),
+    }
+
+
+# measures of a frame -------------------------------------------------------------------------------
+
+
+def measures_of(view: HerdView, every=1) -> dict[str, np.ndarray]:
+    """The measures of a herd over time, {name: (frames looked at,)}; NaN where one has no meaning.
+
+    ``polarization`` and ``milling`` are eqs. 12 and 13 of [1]_, about the centroid or the picture's middle; ``aspect``
+    is the extent across over that along the common heading; ``spread`` the root mean square distance to the centroid;
+    ``density`` that which an animal has around it; ``order nearby`` how far headings agree within two body lengths.
+
+    Parameters
+    ----------
+    every : int
+        Look at every so many frames.
+    """
+    rows = [_measures(view, view.of(t)) for t in range(0, len(view), every)]
+    return {name: np.array([row[name] for row in rows]) for name in MEASURES}
+
+
+def _measures(view, rows):
+    xy, heading, weight, speed = view.xy[rows], view.heading[rows], view.weight[rows], view.speed[rows]
+    total = weight.sum()
+    if not total > 0:
+        return dict.fromkeys(MEASURES, np.nan)
+    share = weight / total
+    known = heading.any(1)
+    of_known = share * known / max((share * known).sum(), 1e-12)
+    mean = of_known @ heading
+    centre = share @ xy
+    nearest, order, part = _neighbours(xy, heading, share, known, view)
+    fine = np.isfinite(speed)
+    return {
+        "polarization": float(np.hypot(*mean)) if known.any() else np.nan,
+        "milling": _turning(xy - centre, heading, of_known) if known.any() else np.nan,
+        "milling in the picture": _turning(xy - view.middle, heading, of_known) if known.any() else np.nan,
+        "order nearby": order,
+        "largest part": part,
+        "aspect": _aspect(xy - centre, mean, share),
+        "spread": float(np.sqrt(share @ ((xy - centre) ** 2).sum(1))),
+        "density": _crowding(view, xy, weight),
+        "nearest neighbour": nearest,
+        "speed": float(share[fine] @ speed[fine] / share[fine].sum()) if fine.any() else np.nan,
+    }
+
+
+def _turning(offset, heading, share):
+    radius = np.maximum(np.hypot(*offset.T), 1e-12)
+    return float(abs(share @ ((offset[:, 0] * heading[:, 1] - offset[:, 1] * heading[:, 0]) / radius)))
+
+
+def _aspect(offset, mean, share):
+    """Extent across over extent along, without the outermost hundredth on each side."""
+    size = np.hypot(*mean)
+    if size < 0.2 or len(offset) < 5:
+        return np.nan
+    along = offset @ (mean / size)
+    across = offset @ np.array([-mean[1], mean[0]]) / size
+    length = _extent(along, share)
+    return float(_extent(across, share) / length) if length > 0 else np.nan
+
+
+def _extent(values, share):
+    order = np.argsort(values, kind="stable")
+    reached = np.cumsum(share[order])
+    low, high = np.searchsorted(reached, [0.01, 0.99])
+    return float(values[order[min(high, len(order) - 1)]] - values[order[low]])
+
+
+def _crowding(view, xy, weight):
+    """Animals per BL² about an animal: on cells of at least two BL."""
+    side = 2.0 if view.single else max(1, round(2.0 / view.cell)) * view.cell
+    at = np.floor((xy - view.middle) / side).astype(np.int64)
+    at -= at.min(0)
+    number = np.bincount(at[:, 0] * (at[:, 1].max() + 1) + at[:, 1], weight)
+    return float((number**2).sum() / number.sum() / side**2)
+
+
+def _neighbours(xy, heading, share, known, view):
+    """Mean distance to the nearest neighbour, order nearby, and the share of the largest part."""
+    reach, link = (NEAR, LINK) if view.single else (1.5 * view.cell, max(LINK, 1.5 * view.cell))
+    if len(xy) < 2:
+        return np.nan, np.nan, 1.0
+    nearest, order, part = _neighbour_kernel(np.ascontiguousarray(xy), heading, share, known, reach, link)
+    return nearest if view.single else np.nan, order, part
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _neighbour_kernel(xy, heading, share, known, reach, link):
+    """All pairs once: who is nearest, whose headings agree within reach, who belongs together by links."""
+    n = len(xy)
+    least, root = np.full(n, np.inf), np.arange(n)
+    agree, weight = 0.0, 0.0
+    for i in range(n):
+        for j in range(i + 1, n):
+            x, y = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
+            far = x * x + y * y
+            least[i], least[j] = min(least[i], far), min(least[j], far)
+            if far <= reach * reach and known[i] and known[j]:
+                both = share[i] * share[j]
+                weight += both
+                agree += both * (heading[i, 0] * heading[j, 0] + heading[i, 1] * heading[j, 1])
+            if far <= link * link:
+                a, b = i, j
+                while root[a] != a:
+                    root[a] = root[root[a]]
+                    a = root[a]
+                while root[b] != b:
+                    root[b] = root[root[b]]
+                    b = root[b]
+                root[max(a, b)] = min(a, b)
+    parts = np.zeros(n)
+    for i in range(n):
+        a = i
+        while root[a] != a:
+            a = root[a]
+        parts[a] += share[i]
+    return np.sqrt(least).mean(), agree / weight if weight > 0.0 else np.nan, parts.max()
+
+
+def neighbour_map(view: HerdView, reach=REACH, rings=8, sectors=8, every=4):
+    """Where neighbours are found: animals per BL², by distance and bearing, left and right as one, (rings, sectors).
+
+    Row 0 is nearest, column 0 ahead, the last one behind: the radial density histogram of section 7.1.2 of [1]_.  Of
+    fields the cells are counted, by how many animals they hold.
+    """
+    number, animals = np.zeros((rings, sectors)), 0.0
+    for t in range(0, len(view), every):
+        rows = view.of(t)
+        _count_neighbours(view.xy[rows], view.heading[rows], view.weight[rows], reach, number)
+        animals += view.weight[rows].sum()
+    radius = np.linspace(0, reach, rings + 1)
+    area = np.pi * (radius[1:] ** 2 - radius[:-1] ** 2) / sectors
+    return number / max(animals, 1e-12) / area[:, None]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _count_neighbours(xy, heading, weight, reach, number):
+    """Add every pair within reach to (rings, sectors), as each of the two sees the other."""
+    rings, sectors = number.shape
+    for i in range(len(xy)):
+        for j in range(i + 1, len(xy)):
+            x, y = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
+            far = np.sqrt(x * x + y * y)
+            if far > reach:
+                continue
+            ring, both = min(int(far / reach * rings), rings - 1), weight[i] * weight[j]
+            number[ring, _sector(heading[i, 0], heading[i, 1], x, y, sectors)] += both
+            number[ring, _sector(heading[j, 0], heading[j, 1], -x, -y, sectors)] += both
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sector(forward_x, forward_y, x, y, sectors):
+    """Of the bearing of (x, y) from 0 to pi, either side."""
+    bearing = atan2_(abs(forward_x * y - forward_y * x), forward_x * x + forward_y * y)
+    return min(int(bearing / np.pi * sectors), sectors - 1)
+
+
+def map_error(a, b):
+    """How unlike two neighbour maps are, by rings as wide as they weigh: 0 the same, 1 nothing in common."""
+    area = 2.0 * np.arange(len(a))[:, None] + 1.0
+    return float((area * np.abs(a - b)).sum() / max((area * (a + b)).sum(), 1e-12))
+
+
+# errors of fields ----------------------------------------------------------------------------------
+
+
+def density_errors(simulated: Fields, target: Fields):
+    """Per frame: ε_D of [1]_ and the symmetric share of animals in the wrong cell, {name: (T,)}, on a coarse grid."""
+    a, b = _coarse(simulated, target), _coarse(target, target)
+    asymmetric, symmetric = [], []
+    for mine, theirs in zip(a, b, strict=False):
+        there = mine > 0
+        off = np.abs(theirs - mine)
+        asymmetric.append(float((off[there] / (theirs[there] + 0.1)).mean()) if there.any() else np.nan)
+        symmetric.append(float(off.sum() / max((mine + theirs).sum(), 1e-12)))
+    return {"density error": np.array(asymmetric), "symmetric density error": np.array(symmetric)}
+
+
+def _coarse(fields, like):
+    """(T, COARSE, COARSE) animals per BL² on a grid over the picture of ``like``; who is beyond is at its border."""
+    ny, nx = like.shape
+    side = max(nx, ny) * like.cell / COARSE
+    out = np.zeros((len(fields), COARSE, COARSE))
+    at = np.floor((fields.centres - np.asarray(like.origin, float)) / side).astype(int)
+    at = np.clip(at, 0, COARSE - 1)
+    number = np.nan_to_num(fields.density) * fields.cell**2
+    for t, frame in enumerate(number):
+        np.add.at(out[t], (at[..., 1], at[..., 0]), frame)
+    return out / side**2
+
+
+def velocity_errors(run: Run, target: Fields):
+    """ε_V of [1]_ per frame, (T,): mean |unit heading - unit velocity of the clip| over animals in its busy cells."""
+    out = np.full(min(len(run), len(target)), np.nan)
+    for t in range(len(out)):
+        rows = run.of(t)
+        row, column, inside = target.cells_of(run.xy[rows])
+        theirs = target.velocity[t, row, column]
+        size = np.hypot(*theirs.T)
+        there = inside & np.isfinite(size) & (size > 1e-9)
+        if there.any():
+            off = run.forward[rows][there] - theirs[there] / size[there, None]
+            out[t] = np.hypot(*off.T).mean()
+    return out
+
+
+# scores --------------------------------------------------------------------------------------------
+
+
+@dataclass
+class ClipTarget:
+    """A clip's measures, to which herds are compared."""
+
+    over_time: dict[str, np.ndarray]  # (frames looked at,)
+    mean: dict[str, float]
+    scale: dict[str, float]  # one standard deviation of the clip, or the floor
+    map: np.ndarray
+    every: int  # frames from look to look
+    single: bool
+    end: dict[str, float]  # what should last; where a measure still changes, what it comes to
+    end_scale: dict[str, float]  # and how far from there it may well go
+    directions: float = np.nan  # degrees², of a photograph, where order is not to be seen by motion
+
+    @classmethod
+    def of(cls, evidence: Evidence, every=None, single=None):
+        """Of a clip, looked at some forty times."""
+        single = told_apart(evidence) if single is None else single
+        every = max(1, len(evidence.fields) // 40) if every is None else every
+        view = view_of(evidence, single)
+        over_time = measures_of(view, every)
+        mean = {name: _mean(values) for name, values in over_time.items()}
+        for name, values in over_time.items():
+            if np.isfinite(values).mean() < KNOWN:  # of a few moments that happen to be told nothing follows
+                mean[name] = np.nan
+        scale = {name: max(_deviation(values), _floor(name, mean[name])) for name, values in over_time.items()}
+        if evidence.fields.holds_all:
+            mean["milling in the picture"] = np.nan
+        else:  # the herd's own outline is not to be seen
+            for name in ("aspect", "spread"):
+                mean[name] = np.nan
+        ends = {name: _in_the_end(over_time[name], mean[name], scale[name]) for name in LASTING}
+        end, end_scale = ({name: pair[k] for name, pair in ends.items()} for k in (0, 1))
+        around = neighbour_map(view)
+        return cls(over_time, mean, scale, around, every, single, end, end_scale, _directions(evidence.fields))
+
+
+def _in_the_end(values, mean, scale):
+    """What a measure of a clip comes to, and how sure that is: its mean, unless it rises or falls all the while.
+
+    A herd that is still coming into order will hardly keep the order it had on the way.
+    """
+    third = max(1, len(values) // 3)
+    first, last = _mean(values[:third]), _mean(values[-third:])
+    change = last - first
+    if not np.isfinite(change):
+        return mean, scale
+    share = change**2 / (change**2 + scale**2)
+    return mean + share * (last - mean), float(np.hypot(scale, share * change))
+
+
+def _directions(fields):
+    """How varied the directions of a photograph are, degrees²; NaN of a film, whose motion tells more."""
+    if np.isfinite(fields.velocity).any() or not np.isfinite(fields.angular_variance).any():
+        return np.nan
+    return variance_told(fields)
+
+
+def _mean(values):
+    return float(np.nanmean(values)) if np.isfinite(values).any() else np.nan
+
+
+def _deviation(values):
+    return float(np.nanstd(values)) if np.isfinite(values).any() else 0.0
+
+
+def _floor(name, mean):
+    return FLOOR if name in SHARES else max(FLOOR * abs(np.nan_to_num(mean)), 1e-3)
+
+
+def distance(run: Run, evidence: Evidence, target: ClipTarget, lasting=False) -> dict[str, float]:
+    """How far a run is from a clip, by measure, in the clip's deviations; the run began as the clip's first frame.
+
+    Parameters
+    ----------
+    lasting : bool
+        The run is longer than the clip: compare means over its last two thirds, of what should stay as it is, with
+        what the clip comes to.
+    """
+    view = view_of_run(run, evidence, target.single)
+    every = max(1, len(run) // LOOKS) if lasting else target.every
+    seen, out = measures_of(view, every), {}
+    for name in LASTING if lasting else MEASURES:
+        if np.isfinite(target.mean[name]):
+            out[name] = _off_in_the_end(seen[name], target, name) if lasting else _off(seen[name], target, name)
+    if np.isfinite(target.directions):
+        looks = [run.of(t) for t in range(len(run) // 3, len(run), max(1, len(run) // 8))]
+        lie = _mean(np.array([mean_variance(evidence.fields, run.xy[r], run.forward[r]) for r in looks]))
+        out["directions"] = float(np.nan_to_num(min(abs(lie - target.directions) / LYING, FARTHEST), nan=FARTHEST))
+    around = neighbour_map(view, every=max(4, len(run) // LOOKS))
+    out["neighbours"] = min(map_error(around, target.map) / (2 * FLOOR), FARTHEST)
+    return out
+
+
+def order_off(run: Run, evidence: Evidence, target: ClipTarget) -> dict[str, float]:
+    """How far the order and the turning of a longer run are from a clip's, whatever the number of its animals.
+
+    A few animals that head anywhere are by chance more polarized than many; what chance makes is taken out of both,
+    and one deviation is at least what it does to so few.
+    """
+    seen, out = measures_of(view_of_run(run, evidence, target.single)), {}
+    for name, of_one in CHANCE.items():
+        mine, theirs, animals = _mean(seen[name][len(run) // 3 :]), target.end[name], len(run.xy) / len(run)
+        if np.isfinite(theirs):
+            mine = beyond_chance(mine, animals, of_one)
+            theirs = beyond_chance(theirs, float(np.nanmean(evidence.fields.count)), of_one)
+            by_chance = 0.5 * np.sqrt(of_one / max(animals, 1.0))
+            out[name] = min(abs(mine - theirs) / max(target.end_scale[name], by_chance), FARTHEST)
+    return out
+
+
+def beyond_chance(share, animals, of_one):
+    """What is left of the polarization or milling of so many animals without that of as many strangers."""
+    chance = of_one / max(animals, 2.0)
+    return float(np.sqrt(max(share**2 - chance, 0.0) / (1.0 - chance)))
+
+
+def _off(mine, target, name):
+    """Half of it frame by frame, half as means: chance moves frames apart, not means."""
+    theirs = target.over_time[name]
+    k = min(len(mine), len(theirs))
+    both = np.isfinite(mine[:k]) & np.isfinite(theirs[:k])
+    each = np.abs(mine[:k] - theirs[:k])[both].mean() if both.any() else np.inf
+    return _in_deviations(0.5 * each + 0.5 * abs(_mean(mine[:k]) - _mean(theirs[:k])), target.scale[name])
+
+
+def _off_in_the_end(mine, target, name):
+    return _in_deviations(abs(_mean(mine[len(mine) // 3 :]) - target.end[name]), target.end_scale[name])
+
+
+def _in_deviations(gap, scale):
+    return float(np.nan_to_num(min(gap / scale, FARTHEST), nan=FARTHEST))
+
+
+def total(parts: dict[str, float]) -> float:
+    """One number of the parts of a distance: their root mean square, with the weights of `COUNTS`."""
+    if not parts:
+        return np.inf
+    weights = [COUNTS.get(name.removeprefix("lasting "), 1.0) for name in parts]
+    return float(np.sqrt(np.average(np.square(list(parts.values())), weights=weights)))

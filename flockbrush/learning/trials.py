@@ -1,0 +1,253 @@
+"""What is tried on clips: descents, herds that are run and compared with what was seen, and whether they stay so.
+
+Each is a task of its own, of numbers that JSON can hold, so that processes can share them and work that was done can be
+kept (`flockbrush.learning.workers`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
+from flockbrush.behaviours.models.herd import Params
+from flockbrush.film.observations import Evidence
+from flockbrush.learning.confounding import correlation_of
+from flockbrush.learning.initial_conditions import resized, start_of
+from flockbrush.learning.rollout import DT, ClipGuide, Gates, Walls, params_of, rollout, theta_of
+from flockbrush.learning.scores import LOOKS, ClipTarget, distance, order_off, told_apart, total
+
+USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section 7.2 of the paper takes away, one by one
+FEWEST = 24  # frames, with fewer nothing is held back
+BEGINS = 0.0, 0.25, 0.5  # of the frames seen, where trials begin
+BEYOND = (10.0, 16.0)  # s, a herd is run on after the clip: four times its length, within
+DESCENT = 120  # steps on fields
+FEW, MANY = 3000, 12_000  # turns that a descent looks at, first and last
+SPANS = 0.1, 0.2  # s over which a turn is taken: short is sharp, long is less disturbed by noise
+COARSE_DT = 1 / 16  # s to a tick in the search; the choice is made with that of a level
+STAY = 20.0  # s
+OTHER_NUMBERS = 0.25, 4.0  # times as many animals
+LOST = 4.0  # deviations from what it was, from which on a herd is just another one
+TOO_MANY = 1000  # animals: larger herds are not tried
+SIGHTS = 4.0, 8.0  # BL
+UNKNOWN = 9.0  # stands for a correlation that is not known, in JSON
+
+
+@dataclasses.dataclass(frozen=True)
+class Setting:
+    """What all tasks are given: the clips, and what follows from them directly."""
+
+    clips: tuple  # of Evidence, all frames
+    seen: tuple  # of Evidence, without what is held back
+    held: tuple  # of Evidence, what is held back
+    speed: SpeedSpec
+    body: BodySpec
+    occlusion: bool
+    angular: bool
+    beta: float
+    ignore: tuple[str, ...]  # measures that are not compared
+    device: str = "auto"  # of descents on fields: cpu, cuda, or a graphics card where there is one
+
+    def vision(self, extras):
+        """What animals see, as far as they answer to it."""
+        return VisionSpec(range=extras.get("neighbour_range", SIGHTS[0]), occlusion=self.occlusion)
+
+
+# by clip, in this process: what many tasks ask for; with the clip, so that ids stay its
+_known: dict[tuple, tuple] = {}
+
+
+def descend(given: Setting, theta, extras, seed, rows=FEW, span=SPANS[1]):
+    """One descent: {theta, extras, loss}; and of turns also how sure they are."""
+    if all(told_apart(clip) for clip in given.seen):
+        found = _descend_on_turns(given, np.array(theta), dict(extras), rows, span)
+        if found is not None:
+            return found
+    return _descend_on_fields(given, np.array(theta), dict(extras), seed)
+
+
+def _free(given):
+    """(12,) bool, what may change: without angular ranges all directions count alike."""
+    free = np.ones(12, bool)
+    if not given.angular:
+        free[2::3] = False
+    return free
+
+
+def _descend_on_turns(given, theta, extras, rows, span):
+    """As `descend`; None where nobody's turns can be told, as in a region so narrow that all may see beyond it."""
+    from flockbrush.learning.turns import fit_turns, thinned
+
+    turns, params, free = _turns(given, extras, span), params_of(theta, extras), _free(given)
+    if turns is None or not len(turns.ticks):
+        return None
+    fit = fit_turns(thinned(turns, rows), theta, params, free=free, tolerance=1e-5)
+    unsaid = free & ~np.isfinite(fit.deviation)  # where no obstacle is seen, what is usual
+    return {
+        "theta": np.where(unsaid, theta_of(Params()), fit.theta).tolist(), "extras": extras, "loss": fit.loss.tolist(),
+        "deviation": np.minimum(fit.deviation, 1e6).tolist(),
+        "correlation": np.nan_to_num(correlation_of(fit.information), nan=UNKNOWN).tolist(),
+        "wander": float(np.clip(1.2 * fit.spread / np.sqrt(np.mean(turns.ticks) * turns.dt), 0.0, 2.0)),
+    }  # fmt: skip
+
+
+def certainty(given: Setting, theta, extras) -> tuple[np.ndarray, np.ndarray] | None:
+    """(deviation (12,), correlation (12, 12)) of numbers as they are, by the turns; None where nobody's are told."""
+    from flockbrush.learning.turns import fit_turns, thinned
+
+    if not all(told_apart(clip) for clip in given.seen):
+        return None
+    turns = _turns(given, extras, SPANS[1])
+    if turns is None or not len(turns.ticks):
+        return None
+    fit = fit_turns(thinned(turns, MANY), theta, params_of(theta, extras), free=_free(given), steps=0)
+    return np.minimum(fit.deviation, 1e6), correlation_of(fit.information)
+
+
+def _turns(given, extras, span):
+    """The turns of all clips, as animals with this sight and this rule of leaders would make them."""
+    from flockbrush.learning.turns import all_turns, turns_of
+
+    params = params_of(np.ones(12), extras)
+    key = id(given), span, params.neighbour_range, params.leader_neighbours, params.leader_cone
+    if key not in _known:
+        parts = [turns_of(clip, given.body, given.vision(extras), params, span=span) for clip in given.seen]
+        parts = [part for part in parts if part is not None]
+        _known[key] = given, (all_turns(parts) if parts else None)
+    return _known[key][1]
+
+
+def _descend_on_fields(given, theta, extras, seed):
+    from flockbrush.learning.torch_descent import descend as descend_on_fields
+
+    use = USE - ({"angular"} if not given.angular else set()) - ({"occlusion"} if not given.occlusion else set())
+    found = descend_on_fields(
+        list(given.seen), theta, free=_free(given), seed=seed, steps=DESCENT, use=use, beta=given.beta,
+        speed=given.speed, body=given.body, vision=given.vision(extras), extras=extras, device=given.device,
+    )  # fmt: skip
+    return {"theta": found.theta.tolist(), "extras": extras, "loss": np.asarray(found.losses).tolist()}
+
+
+def attempt(given: Setting, theta, extras, seeds, held, dt=COARSE_DT, begin=0):
+    """Run herds with these numbers and compare them with the clips: {score, figures}.
+
+    ``held``: on the frames held back and from the end on; else on those that may be seen, one seed from their
+    beginning, the next from later on (`BEGINS`), ``begin`` for the first.
+    """
+    parts = [
+        _tried(given, k, theta, extras, seed, held, dt, 0 if held else begin + turn)
+        for k in range(len(given.clips))
+        for turn, seed in enumerate(seeds)
+    ]
+    figures = {}
+    for name in sorted({name for part in parts for name in part}):
+        values = [part[name] for part in parts if name in part]
+        figures[name] = float(np.mean(values))
+    clip = total({n: v for n, v in figures.items() if not n.startswith("lasting ")})
+    lasting = total({n: v for n, v in figures.items() if n.startswith("lasting ")})
+    return {"score": float(np.sqrt(0.5 * clip**2 + 0.5 * lasting**2)), "figures": figures}
+
+
+def _tried(given, k, theta, extras, seed, held, dt, begin):
+    clip, shown = given.clips[k], (given.held if held else given.seen)[k]
+    part, target = _from(shown, begin)
+    span = (len(part.fields) - 1) / part.fps
+    out = _compared(given, part, target, theta, extras, [seed, k, 0], 0, span, False, dt)
+    whole = clip if held else shown
+    length = float(np.clip(4.0 * len(whole.fields) / whole.fps, *BEYOND))
+    target = _from(whole)[1]
+    on = _compared(given, whole, target, theta, extras, [seed, k, 1], len(whole.fields) - 1, length, True, dt)
+    return out | {f"lasting {name}": value for name, value in on.items()}
+
+
+def _from(clip, begin=0):
+    """What is left of a clip from one of `BEGINS` on, and what it is like, in deviations of the whole clip."""
+    begin = begin % len(BEGINS) if len(clip.fields) >= FEWEST else 0
+    key = "from", begin, id(clip)
+    if key not in _known:
+        if begin:
+            part = clip.part(slice(round(BEGINS[begin] * len(clip.fields)), None))
+            target = dataclasses.replace(ClipTarget.of(part), scale=_from(clip)[1].scale)
+        else:
+            part, target = clip, ClipTarget.of(clip)
+        _known[key] = clip, (part, target)
+    return _known[key][1]
+
+
+def _compared(given, clip, target, theta, extras, seed, frame, seconds, lasting, dt):
+    """The distance of one run from a clip, by measure."""
+    looks = LOOKS if lasting else None
+    run = simulate(clip, theta, extras, given.speed, given.body, given.vision(extras), seed, frame, seconds, dt, looks)
+    return _not_ignored(given, distance(run, clip, target, lasting))
+
+
+def _not_ignored(given, parts):
+    return {name: value for name, value in parts.items() if name not in given.ignore}
+
+
+def keep(given: Setting, theta, extras, seed):
+    """How far herds with these numbers stray from what the clips are in the long run: {score, figures}.
+
+    Each goes on from the last frame for `STAY` seconds, and so do a quarter and four times as many, of whom only order
+    and turning are compared.  Clips that see part of a herd are left out, and larger herds than `TOO_MANY`.
+    """
+    measured: dict[str, list[float]] = {}
+    for k, clip in enumerate(given.clips):
+        if not clip.fields.holds_all:
+            continue
+        last, target = len(clip.fields) - 1, _from(clip)[1]
+        parts = _compared(given, clip, target, theta, extras, [seed, k, 2], last, STAY, True, DT)
+        measured.setdefault("as many", []).append(_strayed(parts))
+        begun = start_of(clip, last, seed, given.body)
+        for factor in OTHER_NUMBERS:
+            herd = resized(begun, factor, seed)
+            if not 2 <= len(herd) <= TOO_MANY:
+                continue
+            run = rollout(
+                herd, params_of(theta, extras), given.speed, given.body, given.vision(extras), seconds=STAY,
+                fps=LOOKS / STAY, seed=seed,
+            )  # fmt: skip
+            parts = _not_ignored(given, order_off(run, clip, target))
+            if parts:  # a photograph tells neither order nor turning
+                measured.setdefault(f"{factor:g} times as many", []).append(_strayed(parts))
+    figures = {name: float(np.mean(values)) for name, values in measured.items()}
+    others = [value for name, value in figures.items() if name != "as many"]
+    halves = [figures["as many"], float(np.mean(others)) if others else figures["as many"]] if figures else [0.0]
+    return {"score": float(np.sqrt(np.mean(np.square(halves)))), "figures": figures}
+
+
+def _strayed(parts):
+    """One number of the parts of a distance; all that are lost are equally lost, and chance decides nothing there."""
+    return total({name: min(value, LOST) for name, value in parts.items()})
+
+
+def simulate(clip: Evidence, theta, extras, speed, body, vision, seed=0, frame=0, seconds=None, dt=DT, looks=None):
+    """A herd with these numbers, begun as a frame of the clip; as far as the clip goes unless told.
+
+    Seen as often as the clip, or about ``looks`` times where nobody comes and goes between.
+    """
+    entropy = np.random.SeedSequence(seed).generate_state(2)
+    seconds = (len(clip.fields) - 1 - frame) / clip.fps if seconds is None else seconds
+    walls, gates, guide = _around(clip)
+    fps = clip.fps if looks is None or gates is not None else looks / seconds
+    start = start_of(clip, frame, int(entropy[0]), body)
+    return rollout(
+        start, params_of(theta, extras), speed, body, vision, seconds=seconds, fps=fps, seed=int(entropy[1]),
+        dt=dt, walls=walls, guide=guide, gates=gates,
+    )  # fmt: skip
+
+
+def _around(clip):
+    """What is around the animals of a clip: obstacles, the borders of the picture, and who leads through these."""
+    key = "around", id(clip)
+    if key not in _known:
+        gates = Gates.of(clip.fields)
+        guide = ClipGuide.of(clip.fields) if gates is not None else None  # leaders walk into a picture that sees a part
+        _known[key] = clip, (Walls.of(clip.fields), gates, guide)
+    return _known[key][1]
+
+
+def forget():
+    """Drop what was kept from trial to trial of one learning."""
+    _known.clear()

@@ -1,0 +1,562 @@
+"""How animals turn, against how the herd model says they would: the sharpest thing a clip tells about its parameters.
+
+Animals that are seen one by one show by how much they turn from a frame to a later one.  The model says it, too: some
+ticks of it, with the neighbours where they were seen (teacher forcing), each body turned aside by those it touches and
+no faster than it can, as in a run.  There are only twelve parameters: the derivatives are carried along by hand, and
+Gauss-Newton steps damped after Levenberg and Marquardt [1]_ find the least differences.  Differences are taken to be
+Student's t [2]_, so that an animal that did something else does not pull the others.
+
+`flockbrush.learning.torch_herd` has the same formulas and is the test's oracle.
+
+.. [1] Marquardt, D. W. (1963). An algorithm for least-squares estimation of nonlinear parameters. Journal of the
+   Society for Industrial and Applied Mathematics 11(2), 431-441.
+.. [2] Lange, K. L., Little, R. J. A. & Taylor, J. M. G. (1989). Robust statistical modeling using the t distribution.
+   Journal of the American Statistical Association 84(408), 881-896.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from flockbrush.behaviours.models.herd import Params
+from flockbrush.engine.maths import atan2_, exp_, sincos_
+from flockbrush.engine.parallel import over_rows
+from flockbrush.learning.perceive import Percept, half_and_radius, perceive, together
+from flockbrush.learning.rollout import BODY, DT, LEAST, MOST, VISION, Gates, Walls, theta_of
+from flockbrush.systems.contact import DEFLECT, SKIN, _nearest
+
+REACH = 4.0  # BL: a radial range of 1
+ROOT_HALF, BELL = 0.5**0.5, (2 * np.pi) ** -0.5
+FREEDOM = 4.0  # degrees of freedom of Student's t: the usual choice between robust and sharp
+SMALLEST = 1e-7  # rad, of the spread of differences: below it all agree
+SPAN = 0.1  # s over which a turn is observed where frames are closer.  By trial: see docs/learning.md
+JAMMED = 0.03  # BL of room between bodies below which one hinders the other in turning.  By trial
+STILL = 1e-6  # rad
+PAIRS = 1_500_000  # visible neighbours that are looked at in a step, at most; of more frames every second or third
+
+
+class Turns(NamedTuple):
+    """Turns that were seen, and all that the model needs to say them."""
+
+    percept: Percept  # of all frames together
+    velocity: np.ndarray  # (n, 2) BL/s
+    spin: np.ndarray  # (n,) rad/s, 0 where unknown
+    rows: np.ndarray  # (k,) of the percept: who was seen to turn and does not lead
+    ticks: np.ndarray  # (k,) between the two looks; need not be whole
+    turn: np.ndarray  # (k,) rad, counter-clockwise
+    weight: np.ndarray  # (k,) 1, or less for whoever says less
+    half: float  # BL, of the axis of a body
+    radius: float  # BL
+    dt: float = DT  # s
+
+
+@dataclass
+class TurnFit:
+    """Parameters that say the turns of a clip.
+
+    Attributes
+    ----------
+    theta : (12,) ndarray
+    loss : (k,) ndarray
+        Negative logarithm of the likelihood a turn, after each accepted step.
+    spread : float
+        Of the differences, rad: the scale of Student's t.
+    information : (12, 12) ndarray
+        Fisher information of theta.
+    interrupted : bool
+    """
+
+    theta: np.ndarray
+    loss: np.ndarray
+    spread: float
+    information: np.ndarray
+    interrupted: bool = False
+    converged: bool = False
+    deviation: np.ndarray = field(init=False)  # (12,) least standard deviation of each number (Cramér-Rao)
+
+    def __post_init__(self):
+        self.deviation = cramer_rao(self.information)
+
+
+def turns_of(
+    evidence, body=BODY, vision=VISION, params=None, *, span=SPAN, pairs=PAIRS, dt=DT
+) -> Turns | None:  # fmt: skip
+    """The turns in a clip; None where no animals were told apart.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    body : BodySpec
+        Who touches whom; the radius counts as a share of the length.
+    vision : VisionSpec
+    params : Params, optional
+        Of the herd model: range and the rule of who leads, who does not follow the forces and is left out.
+    span : float
+        Seconds over which a turn is observed: as many frames as fit best, one at least.
+    pairs : int
+        Frames are left out evenly until there are not many more visible neighbours than this.
+    """
+    seen, fields = evidence.sightings, evidence.fields
+    if seen is None or len(seen) < 2 or not len(seen.xy):
+        return None
+    ahead = max(1, round(span * evidence.fps))
+    frames = np.arange(max(len(seen) - ahead, 1))
+    walls, params = Walls.of(fields), params or Params()
+    looks, total = {}, 0
+    for t in _evenly(frames):
+        looks[t] = _look(seen, t, body, vision, walls, params)
+        total += len(looks[t].near)
+        if total > pairs:
+            break
+    chosen = sorted(looks)
+    parts = [_seen_turns(seen, t, ahead, evidence.fps) for t in chosen]
+    percept = together([looks[t] for t in chosen])
+    turn, seconds = (np.concatenate(column) for column in zip(*parts, strict=True))
+    rows = np.flatnonzero(np.isfinite(turn) & (percept.leader == 0) & _inside(evidence, chosen, params.neighbour_range))
+    velocity, spin = _motion(seen, chosen)
+    half, radius = half_and_radius(body)
+    weight = _at_liberty(percept, rows, turn[rows], half, radius)
+    return Turns(percept, velocity, spin, rows, seconds[rows] / dt, turn[rows], weight, half, radius, dt)
+
+
+def _evenly(frames):
+    """Frames in an order of which every beginning lies about evenly over the clip."""
+    n, width = len(frames), 1
+    while width < n:
+        width *= 2
+    bits = max(width.bit_length() - 1, 0)
+    order = [int(format(k, f"0{bits}b")[::-1], 2) if bits else 0 for k in range(width)]
+    return [int(frames[k]) for k in order if k < n]
+
+
+def _look(seen, t, body, vision, walls, params):
+    rows = seen.of(t)
+    return perceive(
+        seen.xy[rows], seen.forward[rows], body, vision, walls=walls, neighbour_range=params.neighbour_range,
+        leader_neighbours=params.leader_neighbours, leader_cone=params.leader_cone,
+    )  # fmt: skip
+
+
+def _at_liberty(percept, rows, turn, half, radius, enough=40.0):
+    """(k,) weights: 0 for who is held fast by bodies that touch it and could not turn, if there are others.
+
+    A disc turns on the spot, but one that does not turn at all is wedged.
+    """
+    free = np.ones(percept.animals)
+    if radius > 0.0:
+        _room_kernel(percept.forward, percept.first, percept.near, percept.offset, half, radius, free)
+    weight = free[rows] if half > 0.0 else np.where(np.abs(turn) < STILL, free[rows], 1.0)
+    return weight if weight.sum() > enough else np.maximum(weight, 0.1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _room_kernel(forward, first, near, offset, half, radius, free):
+    for i in range(len(free)):
+        for at in range(first[i], first[i + 1]):
+            x, y = offset[at, 0], offset[at, 1]
+            far = 2.0 * (half + radius) + JAMMED
+            if x * x + y * y < far * far:
+                j = near[at]
+                ox, oy = _nearest(
+                    0.0, 0.0, forward[i, 0], forward[i, 1], half, x, y, forward[j, 0], forward[j, 1], half
+                )
+                room = np.sqrt(ox * ox + oy * oy) - 2.0 * radius
+                free[i] = min(free[i], max(room / JAMMED, 0.0))
+
+
+def _seen_turns(seen, t, ahead, fps):
+    """By how much each animal of a frame turns, rad, and in how many seconds; NaN where nobody knows."""
+    here, there = seen.of(t), seen.of(min(t + ahead, len(seen) - 1))
+    turn, seconds = seen.turn[here] * ahead / fps, np.full(here.stop - here.start, ahead / fps)
+    track, later = seen.track[here], seen.track[there]
+    order = np.argsort(later, kind="stable")
+    at = order[np.minimum(np.searchsorted(later[order], track), len(later) - 1)] if len(later) else None
+    if at is not None and t + ahead < len(seen):
+        same = (track >= 0) & (later[at] == track)
+        f, g = seen.forward[here][same], seen.forward[there][at[same]]
+        turn[same] = np.arctan2(f[:, 0] * g[:, 1] - f[:, 1] * g[:, 0], (f * g).sum(1))
+    return turn, seconds
+
+
+def _motion(seen, frames):
+    """Velocities and rates of turning of all animals of these frames, for the time until the later look."""
+    rows = np.concatenate([np.arange(seen.first[t], seen.first[t + 1]) for t in frames])
+    speed = np.where(np.isfinite(seen.speed), seen.speed, np.nanmean(seen.speed) if len(seen.speed) else 0.0)
+    return np.nan_to_num(speed[rows, None]) * seen.forward[rows], np.nan_to_num(seen.turn[rows])
+
+
+def _inside(evidence, frames, reach):
+    """(n,) bool: whose surroundings are in the picture as far as it sees, where the picture cuts a herd."""
+    seen, fields, cut = evidence.sightings, evidence.fields, Gates.of(evidence.fields) is not None
+    out = []
+    for t in frames:
+        xy = seen.xy[seen.of(t)]
+        whole = np.ones(len(xy), bool)
+        for way in np.arange(8) * np.pi / 4:
+            row, column, inside = fields.cells_of(xy + reach * np.array([np.cos(way), np.sin(way)]))
+            whole &= np.where(inside, fields.seen[t, row, column], not cut)
+        out.append(whole)
+    return np.concatenate(out) if out else np.zeros(0, bool)
+
+
+def all_turns(parts) -> Turns:
+    """Several clips of one kind of animal as one: they are learned together."""
+    parts = [part for part in parts if part is not None]
+    rows = np.cumsum([0] + [part.percept.animals for part in parts])
+    joined = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("velocity", "spin", "ticks", "turn", "weight")
+    }
+    shifted = np.concatenate([part.rows + shift for part, shift in zip(parts, rows[:-1], strict=True)])
+    bodies = parts[0].half, parts[0].radius, parts[0].dt
+    return Turns(together([part.percept for part in parts]), rows=shifted, half=bodies[0], radius=bodies[1],
+                 dt=bodies[2], **joined)  # fmt: skip
+
+
+# the model's turns -----------------------------------------------------------------------
+
+
+def predicted(turns: Turns, theta, params=None):
+    """Turns as the model says on average, (k,) rad, and their derivatives by theta, (k, 12).
+
+    ``params`` has what theta has not: Ω, range, wander and the limit of turning.
+    """
+    params = params or Params()
+    p, k = turns.percept, len(turns.rows)
+    turn, slope = np.empty(k), np.empty((k, 12))
+    over_rows(
+        turn_kernel, k, turns.rows, turns.ticks, p.forward, p.species, p.first, p.near, p.offset, p.walls_first,
+        p.walls_offset, turns.velocity, turns.spin, np.asarray(theta, float), turns.dt, params.sensitivity,
+        params.neighbour_range, params.max_turn * turns.dt, params.wander * turns.dt**0.5, turns.half, turns.radius,
+        turn, slope, chunk=512,
+    )  # fmt: skip
+    return turn, slope
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def turn_kernel(
+    lo, hi, rows, ticks, forward, species, first, near, offset, walls_first, walls_offset, velocity, spin,
+    theta, dt, sensitivity, neighbour_range, limit, drift, half, radius,
+    turn, slope,
+):  # fmt: skip
+    """Some ticks of the herd model with the neighbours as they were seen, and the derivatives of the heading."""
+    gain = dt * sensitivity
+    weight, r, a = np.empty(4), np.empty(4), np.empty(4)
+    r_theta, a_theta = np.empty(4), np.empty(4)  # of -(d² r + b² a) by the normalised ranges: d² r_theta, b² a_theta
+    for f in range(4):
+        weight[f] = theta[3 * f]
+        far, aside = REACH * theta[3 * f + 1], np.pi * theta[3 * f + 2]
+        r[f], a[f] = 0.5 / far**2, 0.5 / aside**2
+        r_theta[f], a_theta[f] = REACH / far**3, np.pi / aside**3
+    # force, then its derivatives by radial range, angular range and the heading itself
+    sx, sy = np.empty((4, 4)), np.empty((4, 4))
+    d, dx, dy, by = np.empty(12), np.empty(12), np.empty(12), np.empty(4)
+    touch = 2.0 * radius
+    touch_far = ((1.0 + SKIN) * touch + 2.0 * half) ** 2
+    for k in range(lo, hi):
+        i = rows[k]
+        start = atan2_(forward[i, 1], forward[i, 0])
+        angle = start
+        d[:] = 0.0
+        left, s = ticks[k], 0
+        while left > 1e-9:
+            share = min(left, 1.0)  # a part of a tick turns by its part
+            time = s * dt
+            fy, fx = sincos_(angle)
+            sx[:], sy[:] = 0.0, 0.0
+            for at in range(first[i], first[i + 1]):
+                j = near[at]
+                x, y = offset[at, 0], offset[at, 1]
+                if x * x + y * y > neighbour_range * neighbour_range:
+                    continue
+                x += time * (velocity[j, 0] - velocity[i, 0])
+                y += time * (velocity[j, 1] - velocity[i, 1])
+                d2 = x * x + y * y
+                b = atan2_(fx * y - fy * x, fx * x + fy * y)
+                gx, gy = forward[j, 0], forward[j, 1]
+                if spin[j] != 0.0 and time > 0.0:
+                    sine, cosine = sincos_(spin[j] * time)
+                    gx, gy = cosine * gx - sine * gy, sine * gx + cosine * gy
+                kin = species[i] == species[j]
+                for f in range(3):
+                    if f > 0 and not kin:
+                        continue
+                    w = exp_(-(d2 * r[f] + b * b * a[f]))  # eq. 4
+                    if f == 0:
+                        px, py = -w * x, -w * y
+                    elif f == 1:
+                        px, py = w * x, w * y
+                    else:
+                        px, py = w * gx, w * gy
+                    by_r, by_a, by_h = d2 * r_theta[f], b * b * a_theta[f], 2.0 * b * a[f]
+                    sx[f, 0] += px
+                    sy[f, 0] += py
+                    sx[f, 1] += px * by_r
+                    sy[f, 1] += py * by_r
+                    sx[f, 2] += px * by_a
+                    sy[f, 2] += py * by_a
+                    sx[f, 3] += px * by_h
+                    sy[f, 3] += py * by_h
+            for at in range(walls_first[i], walls_first[i + 1]):
+                x, y = walls_offset[at, 0] - time * velocity[i, 0], walls_offset[at, 1] - time * velocity[i, 1]
+                d2 = x * x + y * y
+                b = atan2_(fx * y - fy * x, fx * x + fy * y)
+                w = exp_(-(d2 * r[3] + b * b * a[3]))
+                for c in range(4):
+                    by = (
+                        1.0
+                        if c == 0
+                        else d2 * r_theta[3]
+                        if c == 1
+                        else b * b * a_theta[3]
+                        if c == 2
+                        else 2.0 * b * a[3]
+                    )
+                    sx[3, c] -= w * x * by
+                    sy[3, c] -= w * y * by
+            # eqs. 3 and 2
+            hx, hy, own_x, own_y = fx, fy, -fy, fx
+            for f in range(4):
+                hx += gain * weight[f] * sx[f, 0]
+                hy += gain * weight[f] * sy[f, 0]
+                own_x += gain * weight[f] * sx[f, 3]
+                own_y += gain * weight[f] * sy[f, 3]
+            for f in range(4):
+                for c in range(3):
+                    scale = gain if c == 0 else gain * weight[f]
+                    dx[3 * f + c] = scale * sx[f, c] + own_x * d[3 * f + c]
+                    dy[3 * f + c] = scale * sy[f, c] + own_y * d[3 * f + c]
+            # who is touched turns the heading aside, as in `flockbrush.systems.contact`
+            if radius > 0.0:
+                for at in range(first[i], first[i + 1]):
+                    j = near[at]
+                    x = offset[at, 0] + time * (velocity[j, 0] - velocity[i, 0])
+                    y = offset[at, 1] + time * (velocity[j, 1] - velocity[i, 1])
+                    if x * x + y * y >= touch_far:
+                        continue
+                    ox, oy = _nearest(0.0, 0.0, fx, fy, half, x, y, forward[j, 0], forward[j, 1], half)
+                    far = np.sqrt(ox * ox + oy * oy)
+                    room = DEFLECT * (1.0 - (far - touch) / (SKIN * touch))
+                    if far <= 1e-12 or room <= 0.0:
+                        continue
+                    ox, oy = ox / far, oy / far
+                    into = hx * ox + hy * oy
+                    if into > 0.0:
+                        room = min(room, DEFLECT)  # a film may show bodies one over the other
+                        hx, hy = hx - room * into * ox, hy - room * into * oy
+                        for q in range(12):
+                            into = dx[q] * ox + dy[q] * oy
+                            dx[q] -= room * into * ox
+                            dy[q] -= room * into * oy
+            size = hx * hx + hy * hy
+            if size > 1e-24:
+                change = atan2_(fx * hy - fy * hx, fx * hx + fy * hy)
+                change, passed = _limited(change, limit, drift)
+                angle += share * change
+                for q in range(12):
+                    d[q] += share * passed * ((hx * dy[q] - hy * dx[q]) / size - d[q])
+            left -= share
+            s += 1
+        turn[k] = angle - start
+        for q in range(12):
+            slope[k, q] = d[q]
+
+
+@njit(inline="always")
+def _limited(change, limit, drift):
+    """A turn that wanders by ``drift`` rad and is then limited, on average; and its derivative by the turn."""
+    if drift <= 1e-9:
+        if abs(change) <= limit:
+            return change, 1.0
+        return (limit if change > 0.0 else -limit), 0.0
+    low, high = (-limit - change) / drift, (limit - change) / drift
+    below, above = 0.5 * math.erfc(-low * ROOT_HALF), 0.5 * math.erfc(high * ROOT_HALF)
+    bells = math.exp(-0.5 * low * low) - math.exp(-0.5 * high * high)
+    inside = 1.0 - below - above
+    return limit * (above - below) + change * inside + drift * bells * BELL, inside
+
+
+# the least differences -------------------------------------------------------------------
+
+
+def fit_turns(
+    turns: Turns, theta, params=None, *, free=None, steps=60, tolerance=1e-7, say=None, stop=None
+) -> TurnFit:  # fmt: skip
+    """The parameters near ``theta`` that say the turns best.
+
+    Parameters
+    ----------
+    turns : Turns
+    theta : (12,) array_like
+        Where to begin.
+    params : Params, optional
+        What theta has not (see `predicted`).
+    free : (12,) bool array_like, optional
+        Which numbers may change; the others stay, as in an ablation.
+    steps : int
+        At most so many.
+    tolerance : float
+        Ends when a step betters the likelihood of a turn by less.
+    say : callable, optional
+        ``say(step, loss, theta)`` after each step.
+    stop : callable, optional
+        Ends when it says True; so does Ctrl-C.  The best so far is kept.
+    """
+    theta = np.clip(np.asarray(theta, float), LEAST, MOST)
+    free = np.ones(12, bool) if free is None else np.asarray(free, bool)
+    if not len(turns.rows):
+        return TurnFit(theta, np.zeros(0), np.inf, np.zeros((12, 12)), converged=True)
+    now = _judged(turns, predicted(turns, theta, params), None)
+    losses, damping, interrupted, converged = [now.loss], 1e-3, False, False
+    try:
+        for step in range(steps):
+            if stop is not None and stop():
+                interrupted = True
+                break
+            better = None
+            while better is None and damping < 1e9:
+                trial = _step(theta, now, free, damping)
+                judged = _judged(turns, predicted(turns, trial, params), now.spread)
+                if judged.loss < now.loss - 1e-15:
+                    better, damping = (trial, judged), max(damping / 5.0, 1e-9)
+                else:
+                    damping *= 4.0
+            if better is None:
+                converged = True
+                break
+            gain = now.loss - better[1].loss
+            (theta, now) = better
+            losses.append(now.loss)
+            if say is not None:
+                say(step, now.loss, theta)
+            if gain < tolerance:
+                converged = True
+                break
+    except KeyboardInterrupt:
+        interrupted = True
+    return TurnFit(theta, np.array(losses), now.spread, now.information, interrupted, converged)
+
+
+def best_fit(
+    turns: Turns, params=None, *, seed=0, starts=16, first=(), free=None, held=None, rows=3000, say=None, stop=None
+) -> TurnFit:  # fmt: skip
+    """The best of several starts: all of them on a part of the turns, the best three on all.
+
+    Parameters
+    ----------
+    turns, params, free
+        As for `fit_turns`.
+    seed, starts : int
+        So many random starts.
+    first : sequence of (12,) array_like
+        Other places to begin.
+    held : (12,) array_like, optional
+        What those numbers are that are not free.
+    rows : int
+        Turns that every start is tried on.
+    say, stop
+        As for `fit_turns`; ``say`` counts starts, then the steps of the last fit.
+    """
+    chance = np.random.default_rng(seed)
+    begins = [np.asarray(theta, float) for theta in first] + [chance.uniform(0.05, 1.0, 12) for _ in range(starts)]
+    if free is not None and held is not None:
+        begins = [np.where(free, theta, held) for theta in begins]
+    few, tried = thinned(turns, rows), []
+    try:
+        for k, theta in enumerate(begins):
+            tried.append(fit_turns(few, theta, params, free=free, tolerance=1e-5, stop=stop))
+            if say is not None:
+                say(k, tried[-1].loss[-1], tried[-1].theta)
+            if tried[-1].interrupted:
+                return min(tried, key=lambda fit: fit.loss[-1])
+    except KeyboardInterrupt:
+        if not tried:
+            raise
+        return replace(min(tried, key=lambda fit: fit.loss[-1]), interrupted=True)
+    tried.sort(key=lambda fit: fit.loss[-1])
+    last = []
+    for fit in tried[:3]:
+        last.append(fit_turns(turns, fit.theta, params, free=free, say=say, stop=stop))
+        if last[-1].interrupted:
+            break
+    best = min(last, key=lambda fit: fit.loss[-1])
+    unsaid = ~np.isfinite(best.deviation) & (np.ones(12, bool) if free is None else np.asarray(free, bool))
+    theta = np.where(unsaid, theta_of(Params()), best.theta)  # where no wall is seen, what is usual
+    return replace(best, theta=theta, interrupted=any(fit.interrupted for fit in last))
+
+
+def thinned(turns: Turns, rows) -> Turns:
+    """At most so many of the turns, evenly."""
+    if len(turns.rows) <= rows:
+        return turns
+    some = np.linspace(0, len(turns.rows) - 1, rows).astype(int)
+    return turns._replace(
+        rows=turns.rows[some], ticks=turns.ticks[some], turn=turns.turn[some], weight=turns.weight[some]
+    )
+
+
+class _Judged(NamedTuple):
+    loss: float  # negative logarithm of the likelihood a turn
+    spread: float  # rad
+    pull: np.ndarray  # (12,) the slope of the likelihood, upwards
+    information: np.ndarray  # (12, 12)
+
+
+def _judged(turns, foretold, spread):
+    """How likely the turns are, by Student's t, and the normal equations."""
+    turn, slope = foretold
+    off = turns.turn - turn
+    off -= 2 * np.pi * np.round(off / (2 * np.pi))
+    total = turns.weight.sum()
+    if spread is None:
+        spread = max(1.4826 * float(np.median(np.abs(off))), SMALLEST)
+    for _ in range(4):  # the scale that is likeliest, by expectation and maximisation
+        share = turns.weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2)
+        spread = max(float(np.sqrt((share * off * off).sum() / total)), SMALLEST)
+    share = turns.weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2)
+    tail = np.log1p((off / spread) ** 2 / FREEDOM)
+    loss = float((turns.weight * (FREEDOM + 1.0) / 2 * tail).sum() / total + np.log(spread))
+    weighed = slope * (share / spread**2)[:, None]
+    return _Judged(loss, spread, weighed.T @ off, weighed.T @ slope)
+
+
+def _step(theta, now, free, damping):
+    """One damped step, within the bounds: a number at its bound that would leave it stays."""
+    moving = free & ~((theta <= LEAST) & (now.pull <= 0)) & ~((theta >= MOST) & (now.pull >= 0))
+    out = theta.copy()
+    scale = np.diag(now.information)
+    scale = np.maximum(scale, 1e-9 * max(scale.max(), 1e-30))
+    for _ in range(12):
+        if not moving.any():
+            return out
+        at = np.ix_(moving, moving)
+        system = now.information[at] + np.diag(damping * scale[moving])
+        move = np.zeros(12)
+        move[moving] = np.linalg.solve(system, now.pull[moving])
+        trial = theta + move
+        # those who hit a bound stop there, and the others move as if they were fixed
+        out = np.clip(trial, LEAST, MOST)
+        hit = moving & (out != trial) & ((theta <= LEAST) | (theta >= MOST))
+        if not hit.any():
+            return out
+        moving &= ~hit
+    return out
+
+
+def cramer_rao(information, least=1e-12):
+    """The least standard deviation that any estimate could have, by the Fisher information; inf without any."""
+    scale = np.sqrt(np.diag(information))
+    known = scale > 1e-9
+    out = np.full(len(scale), np.inf)
+    if known.any():
+        at = np.ix_(known, known)
+        normal = information[at] / np.outer(scale[known], scale[known])
+        values, vectors = np.linalg.eigh(normal)
+        inverse = (vectors**2 / np.maximum(values, least)).sum(1)
+        out[known] = np.sqrt(inverse) / scale[known]
+    return out

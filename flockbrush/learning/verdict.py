@@ -1,0 +1,284 @@
+"""Whether a brush moves like a clip, in one of four sentences, beside others that were not learned from it.
+
+A brush *moves like the film* when every measure of the battery (`flockbrush.learning.battery`) that the clip tells is
+within its limits, and stays so when the herd is left alone for 20 s more.  The clip tells a measure if one of the
+rivals is beyond its limits; it tells nothing when herds that do nothing at all pass as well.  How often these sentences
+are wrong is measured by ``benchmarks/learning.py calibration``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flockbrush.film.observations import Evidence
+from flockbrush.learning.battery import DEVIATIONS, MEASURES, Battery, BatteryRow, Series, looks_of_run
+from flockbrush.learning.initial_conditions import start_of
+from flockbrush.learning.rollout import NAMES, Run, rollout
+from flockbrush.learning.simulate import shaken, simulated
+
+RUNS, RIVAL_RUNS, LONG_RUNS = 6, 2, 2
+ALONE, MEASURED, FPS = 20.0, 10.0, 4.0  # s a herd is left alone, of which the end is measured; looks a second
+LEAST_TOLD = 3  # measures, below which a clip tells nothing
+NEARER = 0.7  # of a brush's distance: a rival is nearer below it
+FEWEST, SHORTEST = 5, 0.8  # animals; s
+GROWS = 1.5  # the largest exponent by which the spread of a clip is thought to go on growing
+STILL, ONWARDS = "nobody moves", "all animals keep their velocity"
+RANDOM = "random numbers"
+
+
+@dataclass
+class Contender:
+    """A brush, or a way to move, beside a clip."""
+
+    name: str
+    rows: list[BatteryRow]
+    lasting: list[BatteryRow] = field(default_factory=list)  # after 20 s alone
+
+    def distance(self, names) -> float:
+        """Root mean square of the limits it is off, over some measures."""
+        far = [row.far for row in self.rows if row.name in names]
+        return float(np.sqrt(np.mean(np.square(far)))) if far else np.inf
+
+    def missed(self, names) -> list[str]:
+        """Of some measures those beyond their limits."""
+        return [row.name for row in self.rows if row.name in names and not row.met]
+
+
+@dataclass
+class Judgement:
+    """What is said of a brush.
+
+    Attributes
+    ----------
+    kind : {"like", "partly", "rival", "untold"}
+    sentence : str
+    brush : Contender
+    rivals : list of Contender
+        The nearest first.
+    told : list of str
+        Measures that the clip tells.
+    """
+
+    kind: str
+    sentence: str
+    brush: Contender
+    rivals: list[Contender]
+    told: list[str]
+    seconds: float = 0.0  # of the clip that judged
+    count: float = 0.0  # animals in it
+
+    @property
+    def missed(self) -> list[str]:
+        """Measures beyond their limits, and those that do not last."""
+        after = [f"{row.name} after {ALONE:g} s alone" for row in self.brush.lasting if not row.met]
+        return self.brush.missed(self.told) + after
+
+
+# herds that do nothing ---------------------------------------------------------------------------
+
+
+def idle(clip: Evidence, seed=0, moving=False, frame=0, seconds=None, fps=None) -> Run:
+    """The herd of a clip's frame that stands for ever, or goes on straight ahead with the speeds it has."""
+    start = start_of(clip, frame, seed)
+    fps = clip.fps if fps is None else fps
+    seconds = (len(clip.fields) - 1) / clip.fps if seconds is None else seconds
+    count, n = int(seconds * fps + 1e-6) + 1, len(start)
+    velocity = start.forward * np.asarray(start.speed)[:, None] * moving
+    times = np.arange(count) / fps
+    xy = start.xy[None] + times[:, None, None] * velocity[None]
+    return Run(
+        times, np.arange(count + 1) * n, np.tile(np.arange(n), count), xy.reshape(-1, 2),
+        np.tile(start.forward, (count, 1)), np.tile(velocity, (count, 1)),
+    )  # fmt: skip
+
+
+IDLE = {STILL: False, ONWARDS: True}
+
+
+def alone(clip: Evidence, brush, seed=0) -> Run:
+    """A herd that begins as the clip ends and is left alone on a plane."""
+    last = len(clip.fields) - 1
+    if isinstance(brush, bool):
+        return idle(clip, seed, brush, last, ALONE, FPS)
+    start = shaken(start_of(clip, last, seed, brush.body), clip, seed)
+    return rollout(start, brush.params, brush.speed, brush.body, brush.vision, seconds=ALONE, fps=FPS, seed=seed)
+
+
+def random_numbers(brush, seed=1):
+    """The brush with parameters drawn at random."""
+    theta = np.random.default_rng(seed).uniform(0.05, 1.0, 12)
+    return _with(brush, params=brush.params.model_copy(update=dict(zip(NAMES, theta.tolist(), strict=True))))
+
+
+def _with(brush, **changes):
+    return _Herd(*(changes.get(name, getattr(brush, name)) for name in ("params", "speed", "body", "vision")))
+
+
+@dataclass
+class _Herd:
+    """What `simulated` needs of a brush."""
+
+    params: object
+    speed: object
+    body: object
+    vision: object
+
+
+# judging --------------------------------------------------------------------------------------------
+
+
+def contend(battery: Battery, name: str, brush, seeds, long_seeds=()) -> Contender:
+    """A brush, or True or False for a herd that goes on or stands, beside a clip."""
+    clip = battery.clip
+    runs = (idle(clip, s, brush) if isinstance(brush, bool) else simulated(clip, brush, s, True) for s in seeds)
+    rows = battery.compared([battery.measured(run) for run in runs])
+    lasting = []
+    if clip.fields.holds_all and len(long_seeds):
+        lasting = _lasting(battery, rows, [alone(clip, brush, s) for s in long_seeds])
+    return Contender(name, rows, lasting)
+
+
+def _lasting(battery, rows, runs) -> list[BatteryRow]:
+    """The end of long runs against the clip, with wider limits; what changes in the clip may go on changing."""
+    found = [settled(battery, run) for run in runs]
+    growth = battery.series.growth if "growth" in battery.values else 0.0
+    out = []
+    for row in rows:
+        kind, value = MEASURES[row.name], battery.values[row.name]
+        if not kind.lasting:
+            continue
+        values = np.array(
+            [s.value(row.name) if len(s.value(row.name)) == len(value) else value * np.nan for s in found]
+        )
+        level = float(np.abs(value).mean())
+        limit = max(kind.lasting, kind.lasting_share * level, 1.5 * row.limit) + _trend(battery, row.name)
+        if row.name in ("spread", "nearest neighbour") and np.isfinite(growth):
+            limit += level * (np.exp(min(max(growth, 0.0) * ALONE, GROWS)) - 1.0)
+        between = float(values.std(0, ddof=1).mean()) if len(values) > 1 else 0.0
+        limit += min(DEVIATIONS * between / np.sqrt(len(values)), limit)
+        off = float(np.abs(values.mean(0) - value).mean())
+        out.append(BatteryRow(row.name, float(value.mean()), float(values.mean()), off, limit))
+    return out
+
+
+def settled(battery, run) -> Series:
+    """What becomes of a herd that is left alone."""
+    looks = looks_of_run(run, battery.clip, 1, FPS, battery.series.yard.span)
+    return Series.of(looks[-int(MEASURED * FPS) :], battery.series.yard, MEASURED)
+
+
+def _trend(battery, name):
+    """How much a measure changes from the first to the last third of what is looked at."""
+    n = len(battery.series.rows[name]) if name in battery.series.rows else 0
+    first, last = (battery.series.value(name, part) for part in (slice(0, n // 3), slice(n - n // 3, n)))
+    change = float(np.abs(last - first).mean()) if n >= 6 and len(first) == len(last) else 0.0
+    return change if np.isfinite(change) else 0.0
+
+
+def judge(
+    clip: Evidence, brush, rivals: Mapping[str, object], *, name="the brush", seed=0, runs=RUNS,
+    say: Callable[[int, int], None] | None = None,
+) -> Judgement:  # fmt: skip
+    """Compare a brush with a clip it was not learned from, and with rivals.
+
+    Parameters
+    ----------
+    clip : Evidence
+        The frames that judge.
+    brush : Brush or Learned
+        Anything with ``params``, ``speed``, ``body`` and ``vision``.
+    rivals : mapping of str to the same
+        Besides those that are always there: nobody moves, everybody goes on, random numbers.
+    say : callable, optional
+        (how many are done, of how many).
+    """
+    battery = Battery.of(clip)
+    seeds = [seed + k for k in range(runs)]
+    mine = contend(battery, name, brush, seeds, seeds[:LONG_RUNS])
+    others: dict[str, object] = {**IDLE, RANDOM: random_numbers(brush), **rivals}
+    tried = []
+    for k, (other, herd) in enumerate(others.items()):
+        always = isinstance(herd, bool)
+        runs_of_it = [1000 + seed] if always else [1000 + seed + r for r in range(RIVAL_RUNS)]
+        tried.append(contend(battery, other, herd, runs_of_it, [seed] if always else ()))
+        if say is not None:
+            say(k + 1, len(others))
+    seconds, count = len(clip.fields) / clip.fps, float(np.nanmedian(clip.fields.count))
+    return concluded(mine, tried, seconds, count)
+
+
+def concluded(mine: Contender, rivals: list[Contender], seconds: float, count: float) -> Judgement:
+    """The judgement of what was compared, on so many seconds of so many animals."""
+    told = [row.name for row in mine.rows if not row.met or any(r.missed([row.name]) for r in rivals)]
+    rivals = sorted(rivals, key=lambda r: r.distance(told))
+    kind, sentence = _said(mine, rivals, told, seconds, count)
+    return Judgement(kind, sentence, mine, rivals, told, seconds, count)
+
+
+def combined(judgements: list[Judgement]) -> Judgement:
+    """One judgement of several: of brushes learned from parts of the clips, each by what was held out."""
+    if len(judgements) == 1:
+        return judgements[0]
+    mine = _mean_of([j.brush for j in judgements])
+    names = [r.name for r in judgements[0].rivals]
+    by_name = [{r.name: r for r in j.rivals} for j in judgements]
+    rivals = [_mean_of([tried[name] for tried in by_name]) for name in names if all(name in tried for tried in by_name)]
+    return concluded(mine, rivals, sum(j.seconds for j in judgements), float(np.mean([j.count for j in judgements])))
+
+
+def _mean_of(contenders):
+    """One contender of several with the same name: means of what they are off, against means of the limits."""
+
+    def joined(tables):
+        known = [{row.name: row for row in table} for table in tables]
+        for name in known[0]:
+            if all(name in table for table in known):
+                yield _mean_row([table[name] for table in known])
+
+    lasting = [c.lasting for c in contenders if c.lasting]
+    rows = list(joined([c.rows for c in contenders]))
+    return Contender(contenders[0].name, rows, list(joined(lasting)) if lasting else [])
+
+
+def _mean_row(rows):
+    values = {
+        key: float(np.mean([getattr(row, key) for row in rows]))
+        for key in ("clip", "herd", "limit", "by_chance", "boot")
+    }
+    off = float(np.mean([row.far for row in rows])) * values["limit"]
+    return BatteryRow(rows[0].name, off=off, **values)
+
+
+def _said(mine, rivals, told, seconds, count):
+    if seconds < SHORTEST or count < FEWEST or len(told) < LEAST_TOLD:
+        why = f"{seconds:.1f} s of {count:.0f} animals tell {len(told)} of {len(MEASURES)} measures"
+        return "untold", f"How it moves cannot be told from this clip: {why}."
+    missed = mine.missed(told)
+    strayed = [row.name for row in mine.lasting if not row.met]
+    if not missed and not strayed:
+        as_good = [r.name for r in rivals if r.name in IDLE and not r.missed(told) and all(x.met for x in r.lasting)]
+        if as_good:
+            return "untold", f"How it moves cannot be told from this clip: {as_good[0]}, and it looks the same."
+        lasts = f", and does so when left alone for {ALONE:g} s" if mine.lasting else ""
+        return "like", f"It moves like the film: in {listed(told)}{lasts}."
+    own = mine.distance(told)
+    nearer = [r for r in rivals if r.distance(told) < NEARER * own and len(r.missed(told)) < len(missed)]
+    met = [n for n in told if n not in missed]
+    if nearer or not met:
+        return "rival", f"It is no better than {quoted((nearer or rivals)[0].name)}."
+    lost = listed(missed + [f"{n} after {ALONE:g} s alone" for n in strayed if n not in missed])
+    return "partly", f"It moves like the film in {listed(met)}, not in {lost}."
+
+
+def quoted(name):
+    """The name of a rival in a sentence."""
+    return f'"{name}"' if name in (*IDLE, RANDOM) else f"the brush {name}"
+
+
+def listed(names) -> str:
+    """ "a, b and c"."""
+    names = list(names)
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -1,0 +1,159 @@
+"""Work that is shared among processes, remembered, and the same however many do it.
+
+A task is a function of this package, named by module and name, and its arguments as JSON.  What a task returned is kept
+under a name made of both; with a file it survives the program, and whoever does the same work again gets it at once.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import json
+import os
+import signal
+import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+from flockbrush.engine.files import write_bytes
+from flockbrush.engine.plain_json import read_json
+from flockbrush.engine.problems import Problem, ProblemsError
+
+KEEP_EVERY = 5.0  # s of work that a program which is killed, or a machine that goes down, may lose
+_given = None  # what all tasks of a process are given
+
+
+class WorkStopped(Exception):
+    """The work was stopped; what was done is kept."""
+
+
+def _receive(given):
+    global _given
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all; the parent hears it, and ends the work
+    os.environ["FLOCKBRUSH_THREADS"] = "1"
+    _given = given
+
+
+def _work(module, name, arguments):
+    return getattr(importlib.import_module(module), name)(_given, **arguments)
+
+
+class Workers:
+    """Processes that do tasks.
+
+    Parameters
+    ----------
+    given : object
+        What every task gets as its first argument; it is sent to each process once.
+    jobs : int
+        Processes; 1 does the work here.
+    signature : str
+        Of everything the results depend on besides the tasks' arguments.
+    path : path, optional
+        Where results are kept.
+    stop : callable, optional
+        Asked between tasks; True ends the work.
+
+    Raises
+    ------
+    ProblemsError
+        When the file keeps the results of other work: they would be lost.
+    """
+
+    def __init__(self, given, jobs=1, signature="", path=None, stop=None):
+        self.given, self.jobs, self.signature, self.stop = given, jobs, signature, stop
+        self.path, self.pool = Path(path) if path else None, None
+        self.known, self.kept = self._read(), time.monotonic()
+
+    def _read(self):
+        if self.path is None or not self.path.is_file():
+            return {}
+        try:
+            kept = read_json(self.path)
+            signature, done = kept["signature"], dict(kept["done"])
+        except (ValueError, KeyError, TypeError):
+            raise self._refused("is damaged: nothing in it can be continued") from None
+        if signature != self.signature:
+            raise self._refused("was begun with another clip, other options or another version; give it the same")
+        return done
+
+    def _refused(self, what):
+        """The error that keeps what lies in the file from being written over."""
+        return ProblemsError([Problem(str(self.path), None, None, f"{what}, or start again without --resume")])
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        if self.pool is not None:
+            self.pool.shutdown(wait=error[0] is None, cancel_futures=True)
+
+    def map(self, function, tasks, done=None):
+        """Results of ``function(given, **task)``, in the order of the tasks.
+
+        Parameters
+        ----------
+        function : callable
+            On the top level of a module.
+        tasks : list of dict
+            Arguments that JSON can hold.
+        done : callable, optional
+            Told how many are done, after each.
+
+        Raises
+        ------
+        Stopped
+        """
+        keys = [_key(function, task) for task in tasks]
+        fresh = [k for k, key in enumerate(keys) if key not in self.known]
+        results = self._here(function, tasks, fresh) if self.jobs == 1 else self._there(function, tasks, fresh)
+        count = len(tasks) - len(fresh)
+        try:
+            for k, result in results:
+                self.known[keys[k]] = result
+                count += 1
+                if time.monotonic() - self.kept > KEEP_EVERY:
+                    self._keep()
+                if done:
+                    done(count)
+        finally:
+            self._keep()
+        return [self.known[key] for key in keys]
+
+    def _asked_to_stop(self):
+        if self.stop is not None and self.stop():
+            raise WorkStopped
+
+    def _here(self, function, tasks, fresh):
+        for k in fresh:
+            self._asked_to_stop()
+            yield k, function(self.given, **tasks[k])
+
+    def _there(self, function, tasks, fresh):
+        if not fresh:
+            return
+        if self.pool is None:
+            self.pool = ProcessPoolExecutor(
+                self.jobs, get_context("spawn"), initializer=_receive, initargs=(self.given,)
+            )
+        futures = [self.pool.submit(_work, function.__module__, function.__name__, tasks[k]) for k in fresh]
+        for k, future in zip(fresh, futures, strict=True):
+            while True:
+                self._asked_to_stop()
+                try:
+                    yield k, future.result(timeout=0.5)
+                    break
+                except TimeoutError:
+                    continue
+
+    def _keep(self):
+        self.kept = time.monotonic()
+        if self.path is not None:
+            text = json.dumps({"signature": self.signature, "done": self.known})
+            write_bytes(self.path, text.encode())
+
+
+def _key(function, task):
+    text = json.dumps([function.__module__, function.__name__, task], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:24]

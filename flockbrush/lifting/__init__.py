@@ -1,0 +1,1 @@
+"""Flights in space from one camera."""

@@ -1,0 +1,67 @@
+"""Flights in space as tables, and how birds lie in the air on their paths."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from flockbrush.engine.files import write_text
+from flockbrush.lifting.lift_solver import LiftedFlight
+from flockbrush.output.trajectory_table import COLUMNS
+
+GRAVITY = 9.81  # m/s²
+
+
+def write_flight(path, flight: LiftedFlight):
+    """Write a flight as a trajectory table with two more columns, ``pitch`` and ``bank``, radians."""
+    velocity, pitch, bank = attitude(flight.xyz, flight.fps)
+    rows = [",".join((*COLUMNS, "pitch", "bank"))]
+    heading = np.arctan2(velocity[..., 1], velocity[..., 0])
+    speed = np.linalg.norm(velocity, axis=-1)
+    for f in range(len(flight.xyz)):
+        for n in np.flatnonzero(np.isfinite(flight.xyz[f, :, 0])):
+            places = (*flight.xyz[f, n], *velocity[f, n], heading[f, n], speed[f, n])
+            numbers = ",".join(f"{value + 0.0:.6f}" for value in places)
+            frame = flight.first + f
+            rows.append(
+                f"{frame},{frame / flight.fps:.6f},{flight.ids[n]},{numbers},bird,,follower,-1,"
+                f"{pitch[f, n] + 0.0:.6f},{bank[f, n] + 0.0:.6f}"
+            )
+    write_text(Path(path), "\n".join(rows) + "\n")
+
+
+def attitude(xyz, fps):
+    """How birds lie in the air on their paths.
+
+    Parameters
+    ----------
+    xyz : (F, N, 3) ndarray
+        Metres, NaN where a bird is not there.
+    fps : float
+
+    Returns
+    -------
+    velocity : (F, N, 3) ndarray
+        m/s, by central differences, one-sided at the ends.
+    pitch : (F, N) ndarray
+        Radians, positive upwards.
+    bank : (F, N) ndarray
+        Radians, positive with the right wing down: lift carries weight and turns, as in Reynolds 1987.
+    """
+    velocity = _slope(xyz) * fps
+    acceleration = _slope(velocity) * fps
+    flat = np.hypot(velocity[..., 0], velocity[..., 1])
+    pitch = np.arctan2(velocity[..., 2], flat)
+    right = np.stack([velocity[..., 1], -velocity[..., 0]], axis=-1) / np.maximum(flat, 1e-9)[..., None]
+    across = (acceleration[..., :2] * right).sum(-1)
+    return velocity, pitch, np.arctan2(across, GRAVITY + acceleration[..., 2])
+
+
+def _slope(values):
+    """Differences per frame along the first axis, central where both neighbours are there, (F, ...)."""
+    ahead, behind = np.full_like(values, np.nan), np.full_like(values, np.nan)
+    ahead[:-1] = values[1:] - values[:-1]
+    behind[1:] = ahead[:-1]
+    both = 0.5 * (ahead + behind)
+    return np.where(np.isfinite(both), both, np.where(np.isfinite(ahead), ahead, behind))

@@ -1,0 +1,537 @@
+"""A flight to be looked at: read or lifted, solved anew as wishes change, exported, made into a formation brush.
+
+Nothing here draws, and nothing knows of windows; `flockbrush.studio.lift_window` shows it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from array import array
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+
+from flockbrush.behaviours.formation.extraction import Marks, extract
+from flockbrush.behaviours.tables import read_table
+from flockbrush.engine import limits
+from flockbrush.engine.files import refused
+from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.film.tracks import Tracks, read_tracks
+from flockbrush.lifting.flight_files import attitude, write_flight
+from flockbrush.lifting.lens import Camera, read_camera
+from flockbrush.lifting.lift_solver import LiftedFlight, LiftError, LiftWish, lift_sight, prepared
+from flockbrush.lifting.lift_thesis import lift_by_thesis
+from flockbrush.output.pictures import BEAT, FASTEST_BEAT
+
+PLACES = ("frame", "id", "x", "y", "z")  # of a table of flights
+FARTHEST = 1e12  # m, s, frames, ids
+GLANCE = 5  # while a slider is dragged every so manieth frame is solved
+SPANS = 2.5  # wingspans from bird to bird, taken for usual where nobody has said how large they are
+USUAL_SPAN = (0.15, 2.5)  # m: nobody is taken to be smaller or larger
+SLENDER = 0.62  # body length over wingspan
+ENDINGS = (".csv", ".parquet", ".usdc", ".usda")
+METHODS = ("smooth", "cobyla")
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a flight is solved with.
+
+    Attributes
+    ----------
+    wish : Wish
+    method : {"smooth", "cobyla"}
+    near, far : float
+        Metres.
+    """
+
+    wish: LiftWish = field(default_factory=LiftWish)
+    method: str = "smooth"
+    near: float = 1.0
+    far: float = 1000.0
+
+
+class Show:
+    """A flight, and where it is from.
+
+    Parameters
+    ----------
+    flight : Flight
+    name : str
+        Of the file it was read from.
+    camera : Camera, optional
+        That filmed the tracks it is lifted from; without one it is as it was read.
+    tracks : Tracks, optional
+    sight : Sight, optional
+        The tracks made ready.
+    wanted : Wanted
+        What it was solved with.
+    span : float, optional
+        Wingspan of the birds, m; guessed from how near they fly unless given.
+
+    Attributes
+    ----------
+    velocity, forward, up : (F, N, 3) ndarray
+        m/s and unit vectors; NaN where a bird is not there.
+    """
+
+    animal, sized_by = "bird", "Wingspan"  # what one is called, and which length of it is drawn
+
+    def __init__(self, flight: LiftedFlight, name, camera=None, tracks=None, sight=None, wanted=None, span=None):
+        self.name, self.camera, self.tracks, self.sight = name, camera, tracks, sight
+        self.wanted = wanted or Wanted()
+        self.take(flight)
+        self.span = float(span or _guessed_span(flight.xyz))
+
+    @classmethod
+    def open(cls, path, camera=None, span=None) -> Show:
+        """The flight of a table: read as it is, or lifted from tracks in pixels with the camera's file.
+
+        Raises
+        ------
+        ProblemsError
+            With what is wrong with table or camera, or why nothing can be lifted.
+        """
+        name = str(path)
+        if table_header(path) >= set(PLACES):
+            return cls(read_flight(path), name, span=span)
+        if camera is None:
+            message = (
+                f"is no flight (that has {', '.join(PLACES)}); to lift tracks (frame, id, x, y in pixels) name the"
+                " camera that filmed them:  --camera cam.toml"
+            )
+            raise refused(path, message)
+        return cls.lifted(read_tracks(path), read_camera(camera), name, span)
+
+    @classmethod
+    def lifted(cls, tracks: Tracks, camera: Camera, name, span=None) -> Show:
+        """The flight that tracks show."""
+        try:
+            sight = prepared(tracks, camera)
+            flight = lift_sight(sight, camera)
+        except LiftError as error:
+            raise refused(name, str(error)) from None
+        return cls(flight, name, camera, tracks, sight, Wanted(near=camera.near, far=camera.far), span)
+
+    def __len__(self):
+        return len(self.flight.xyz)
+
+    def take(self, flight: LiftedFlight):
+        """Show another flight of the same birds."""
+        self.flight = flight
+        self.velocity, pitch, bank = attitude(flight.xyz, flight.fps)
+        self.forward, self.up = _attitudes(self.velocity, pitch, bank)
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes."""
+        return (len(self) - 1) / self.flight.fps
+
+    # solving -----------------------------------------------------------------------
+
+    def solved(self, wanted: Wanted, glance=False) -> LiftedFlight:
+        """The flight as it is wanted; a glance is quick and coarse, and by the global solve.
+
+        Raises
+        ------
+        ProblemsError
+            When there is none.
+        """
+        if self.camera is None or self.sight is None:
+            raise refused(self.name, "was not lifted here: without its tracks and camera it stays as it is")
+        if not 0 < wanted.near < wanted.far:
+            raise refused(
+                self.name, f"near must be above 0 and less than far, got {wanted.near:g} and {wanted.far:g} m"
+            )
+        camera = self.camera.model_copy(update={"near": wanted.near, "far": wanted.far})
+        try:
+            if wanted.method == "cobyla":
+                return lift_by_thesis(self.tracks, camera, wanted.wish)
+            return lift_sight(self.sight, camera, wanted.wish, GLANCE if glance else 1)
+        except LiftError as error:
+            raise refused(self.name, str(error)) from None
+
+    # looking -----------------------------------------------------------------------
+
+    def there(self, k) -> np.ndarray:
+        """Rows of the birds that are seen in frame k."""
+        return np.flatnonzero(np.isfinite(self.flight.xyz[k]).all(-1))
+
+    def herd(self, k):
+        """The birds of frame k as the painters want them."""
+        from flockbrush.render.drawn_herd import DrawnHerd
+
+        rows, flight = self.there(k), self.flight
+        long = SLENDER * self.span
+        beat = min(BEAT / np.sqrt(long), FASTEST_BEAT)
+        wings = np.sin(2 * np.pi * ((beat * k / flight.fps + 0.381966 * flight.ids[rows]) % 1.0))
+        return DrawnHerd(
+            flight.xyz[k, rows], self.forward[k, rows], long, 0.13 * long, wings=wings, up=self.up[k, rows],
+            ids=flight.ids[rows],
+        )  # fmt: skip
+
+    def way(self, k, seconds) -> np.ndarray:
+        """Where birds were in the seconds up to frame k, (frames, N, 3) m, NaN where a bird was not there."""
+        first = max(0, k - round(seconds * self.flight.fps))
+        return self.flight.xyz[first : k + 1]
+
+    def facts(self, k) -> list[str]:
+        """What there is to know of the birds of frame k, a line each."""
+        rows = self.there(k)
+        told = [f"{len(rows)} {self.animal}{'s' * (len(rows) != 1)}"]
+        if len(rows):
+            speed = np.linalg.norm(self.velocity[k, rows], axis=-1).mean()
+            away = np.linalg.norm(self.flight.xyz[k, rows], axis=-1)
+            order = np.linalg.norm(_unit(self.velocity[k, rows]).mean(0))
+            told[0] += f" at {speed:.1f} m/s"
+            told += [f"polarization {order:.3f}", f"{away.min():.0f} to {away.max():.0f} m from the origin"]
+            if self.camera is not None:
+                told[-1] = f"{away.min():.0f} to {away.max():.0f} m from the camera"
+        return told
+
+    def about(self, k, bird) -> str:
+        """A line about one bird of frame k, empty when it is not there."""
+        row = self.row(bird)
+        if row is None or row not in self.there(k):
+            return ""
+        right = _unit(np.cross(self.forward[k, row], (0.0, 0.0, 1.0)))
+        lean = np.degrees(np.arcsin(np.clip(self.up[k, row] @ right, -1, 1)))
+        side = "right" if lean > 0 else "left"
+        speed, away = np.linalg.norm(self.velocity[k, row]), np.linalg.norm(self.flight.xyz[k, row])
+        return f"{self.animal} {bird}: {speed:.1f} m/s, {away:.0f} m, {abs(lean):.0f}° {side}"
+
+    def row(self, bird):
+        """Row of a bird by its number, None when there is none."""
+        found = np.flatnonzero(self.flight.ids == bird) if bird is not None else ()
+        return int(found[0]) if len(found) else None
+
+    @property
+    def floor(self) -> float:
+        """Height of the ground that is drawn, m: under the camera and under all birds."""
+        low = float(np.nanmin(self.flight.xyz[..., 2]))
+        return low - 3 * self.span if self.camera is None else min(-1.6, low - 3 * self.span)
+
+    def frustum(self, k) -> tuple[np.ndarray, np.ndarray]:
+        """The picture in space: its corners (4, 3) m, and where the birds of frame k are in it (n, 3) m.
+
+        It stands at two fifths of the way to the birds.
+        """
+        camera, rows = self.camera, self.there(k)
+        corners = camera.rays(
+            np.array([(0, 0), (camera.width, 0), (camera.width, camera.height), (0, camera.height)], float)
+        )
+        far = 0.4 * float(np.nanmedian(self.flight.xyz[..., 1]))
+        ray = self.flight.xyz[k, rows]
+        return corners * far / corners[:, 1:2], ray * far / ray[:, 1:2]
+
+    # keeping -------------------------------------------------------------------------
+
+    def export(self, path):
+        """Write the flight: .csv as `flockbrush lift` does, .parquet and .usdc as `flockbrush export` does.
+
+        Raises
+        ------
+        ProblemsError
+            When it cannot be written.
+        """
+        from flockbrush.output.export import check_exports
+        from flockbrush.output.exporter import exporter_of
+
+        path = Path(path)
+        if path.suffix.lower() not in ENDINGS:
+            got = repr(path.suffix) if path.suffix else "none"
+            raise refused(path, f"the ending of a flight is one of {', '.join(ENDINGS)}; got {got}")
+        check_exports([path], [self.name])
+        if path.suffix.lower() == ".csv":
+            write_flight(path, self.flight)
+            return
+        exporter = exporter_of(path)(path, _AsRun(self), self.flight.fps)
+        try:
+            exporter.open()
+            for k in range(len(self)):
+                exporter.take(self._moment(k))
+            exporter.close()
+        except BaseException:
+            exporter.abandon()
+            raise
+
+    def _moment(self, k):
+        from flockbrush.runs.snapshots import Moment
+
+        rows, flight = self.there(k), self.flight
+        long, count = SLENDER * self.span, len(rows)
+        zero, wide = np.zeros(count, np.int64), np.full(count, 0.13 * long)
+        return Moment(
+            (flight.first + k) / flight.fps, flight.ids[rows].astype(np.int64), flight.xyz[k, rows],
+            self.velocity[k, rows], self.forward[k, rows], np.full(count, long), wide, zero, zero,
+            np.zeros(count, bool), zero - 1, self.up[k, rows],
+        )  # fmt: skip
+
+    def formation(self, k):
+        """The birds of frame k as a formation: ahead is the flock's way, aside is where it is widest across that.
+
+        Raises
+        ------
+        ProblemsError
+            When they fly in none, with the reason.
+        """
+        rows = self.there(k)
+        x, y = _abreast(self.flight.xyz[k, rows], self.velocity[k, rows])
+        names = tuple(str(bird) for bird in self.flight.ids[rows])
+        frame = self.flight.first + k
+        marks = Marks((str(frame),), names, x[None] / self.span, y[None] / self.span)
+        about = {"marks": Path(self.name).name, "frame": frame, "wingspan_m": self.span, "method": "lifted from tracks"}
+        found = extract(marks, Path(self.name).name.split(".")[0], about)
+        if not found.usable:
+            why = found.frames[0].why
+            raise refused(self.name, f"frame {frame}: the birds fly in no line formation: {why}")
+        return found
+
+    def formation_level(self, k, path, like="geese") -> Path:
+        """Write a brush as `formation_brush`, and beside it a level in which so many birds fly with it; that level.
+
+        The brush goes into the folder ``brushes`` there, where levels look for brushes.
+        """
+        from flockbrush.levels.sketch import LevelSketch
+
+        path = Path(path)
+        name = path.name.removesuffix(".brush.toml")
+        folder = path.parent.parent if path.parent.name == "brushes" else path.parent
+        (folder / "brushes").mkdir(exist_ok=True)
+        self.formation_brush(k, folder / "brushes" / path.name, like)
+        sky = LevelSketch(120, 40, 10.0, ".", [], boundary="despawn")
+        sky.document.data["tilesets"] = []
+        count = len(self.there(k))
+        side = float(np.clip(6.0 * np.sqrt(count), 20, 300))
+        middle = 0.5 * sky.height
+        sky.box(
+            "Spawn", 160, middle, side, side, "flock", species="goose", brush=name, count=count, heading="east",
+            altitude=50,
+        )  # fmt: skip
+        sky.draw("Key", [(600, middle)], "on", at=0, command="Migrate", x=1e5, y=middle, z=50, species="goose")
+        return sky.save(folder / f"{name}.tmj")
+
+    def formation_brush(self, k, path, like="geese") -> str:
+        """Write a brush whose birds fly as those of frame k; what was made, in words.
+
+        Raises
+        ------
+        ProblemsError
+            When it cannot be made or written.
+        """
+        from flockbrush.output.formation_brush import write_brush
+
+        found = self.formation(k)
+        learned = write_brush(found, path, like, f"frame {self.flight.first + k} of {Path(self.name).name}")
+        return f"{path}: {learned['shape']} of {len(self.there(k))} birds"
+
+
+class _AsRun:
+    """What exporters ask of a simulation, answered for a flight."""
+
+    def __init__(self, show: Show):
+        source = Path(show.name)
+        content = source.read_bytes() if source.is_file() else b""
+        self.level = SimpleNamespace(
+            name=source.name, files={source.name: content}, width=0.0, height=0.0, boundary="open"
+        )
+        self.origin, self.clock, self.world = {"seed": 0}, SimpleNamespace(dt=1 / show.flight.fps), self
+        self.next_entity = 1  # nobody was born here, so there are no groups
+
+    def resource(self, kind):
+        """Names of species and of brushes: one species, and no brush; it flies. Of all else there is nothing."""
+        if kind.__name__ == "SpeciesList":
+            return SimpleNamespace(names=["bird"], assets=[SimpleNamespace(look="bird")])
+        if kind.__name__ == "Palette":
+            return SimpleNamespace(names=[""], flies=np.array([True]), grounded=np.array([False]))
+        return kind()
+
+
+def _unit(vectors):
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+
+
+def _attitudes(velocity, pitch, bank):
+    """(forward, up) of birds, (F, N, 3), as `flockbrush.render.body_meshes.attitude_of` has them."""
+    from flockbrush.render.body_meshes import attitude_of
+
+    return attitude_of(np.arctan2(velocity[..., 1], velocity[..., 0]), pitch, bank)
+
+
+def _guessed_span(xyz):
+    """A wingspan that suits how near birds fly to each other, m."""
+    near = []
+    for places in xyz[:: max(1, len(xyz) // 20)]:
+        here = places[np.isfinite(places).all(-1)]
+        if len(here) > 1:
+            gaps = np.linalg.norm(here[:, None] - here[None], axis=-1) + np.diag(np.full(len(here), np.inf))
+            near.append(np.median(gaps.min(1)))
+    return float(np.clip(np.median(near) / SPANS, *USUAL_SPAN)) if near else 1.0
+
+
+def _abreast(xyz, velocity):
+    """(metres to the right, metres ahead) of birds, from above the plane in which they fly."""
+    ahead = velocity.mean(0)
+    ahead = ahead / max(np.linalg.norm(ahead), 1e-9)
+    about = xyz - xyz.mean(0)
+    rest = about - (about @ ahead)[:, None] * ahead
+    aside = np.linalg.svd(rest, full_matrices=False)[2][0]
+    right = np.cross(ahead, (0.0, 0.0, 1.0))
+    aside = aside if aside @ right >= 0 else -aside
+    return rest @ aside, about @ ahead
+
+
+# tables ------------------------------------------------------------------------------
+
+
+def table_header(path):
+    """The names of the columns of a table, in small letters."""
+    return {cell.strip().lower() for cell in next(_rows(path), (1, []))[1]}
+
+
+def _rows(path):
+    return read_table(path, limits.TRACKS_BYTES, limits.TRACK_ROWS)
+
+
+def read_flight(path) -> LiftedFlight:
+    """The flight of a trajectory table: ``frame, id, x, y, z`` in metres, and ``time`` in seconds if there is one.
+
+    Raises
+    ------
+    ProblemsError
+        With file, line and column of what is wrong.
+    """
+    name = str(path)
+    rows = _rows(path)
+    header = [cell.strip().lower() for cell in next(rows, (1, []))[1]]
+    wanted = [*PLACES, "time"] if "time" in header else list(PLACES)
+    missing = [column for column in wanted if column not in header]
+    if missing:
+        raise ProblemsError([Problem(name, 1, missing[0], "there is no such column")])
+    values = _values(name, rows, wanted, [header.index(column) for column in wanted])
+    return _gridded(name, values, "time" in header)
+
+
+def _values(name, rows, columns, at):
+    """(rows, columns) of numbers; ProblemsError names the first that is none."""
+    values = array("d")
+    for line, row in rows:
+        for column, k in zip(columns, at, strict=True):
+            cell = row[k].strip() if k < len(row) else ""
+            values.append(_float(cell))
+            if not abs(values[-1]) < FARTHEST:
+                message = f"must be a finite number, at most {FARTHEST:g}, got {cell[:40]!r}"
+                raise ProblemsError([Problem(name, line, column, message)])
+    if not values:
+        raise refused(name, "there is no bird in it")
+    return np.frombuffer(values).reshape(-1, len(columns))
+
+
+def _float(cell):
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan
+
+
+def _gridded(name, values, timed):
+    frames, ids = np.round(values[:, 0]).astype(np.int64), np.round(values[:, 1]).astype(np.int64)
+    first, last = int(frames.min()), int(frames.max())
+    birds, column = np.unique(ids, return_inverse=True)
+    if last == first:
+        raise refused(name, "has one frame only; a flight needs two")
+    if last - first >= limits.TRACK_FRAMES or (last - first + 1) * len(birds) > limits.TRACK_CELLS:
+        raise refused(name, f"frames {first} to {last} with {len(birds)} birds are more than fit; cut it into parts")
+    fps = 30.0
+    if timed:
+        begin, end = values[frames == first, 5].min(), values[frames == last, 5].max()
+        if not end > begin:
+            raise refused(name, "the time does not increase from the first frame to the last")
+        fps = (last - first) / (end - begin)
+    xyz = np.full((last - first + 1, len(birds), 3), np.nan)
+    xyz[frames - first, column] = values[:, 2:5]
+    fps = float(f"{fps:.7g}")  # as far as times are written: 30, not 30.0000015
+    return LiftedFlight(xyz, np.linalg.norm(xyz, axis=-1), birds, first, fps)
+
+
+# solving beside a window ---------------------------------------------------------------
+
+
+class Solver:
+    """Solves in a thread of its own; only the latest wish counts.
+
+    Parameters
+    ----------
+    show : Show
+
+    Attributes
+    ----------
+    seconds : float
+        The last solve took.
+    """
+
+    def __init__(self, show: Show):
+        self.show, self.seconds = show, 0.0
+        self._job: SimpleNamespace | None = None
+        self._next: tuple | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is being solved, or waits."""
+        return self._job is not None or self._next is not None
+
+    def ask(self, wanted: Wanted, glance=False):
+        """Solve this as soon as what is being solved is done; an older wish that waits is dropped."""
+        self._next = (wanted, glance)
+        if self._job is None:
+            self._begin()
+
+    def _begin(self):
+        import threading
+
+        (wanted, glance), self._next = self._next, None  # type: ignore[misc]
+        job = SimpleNamespace(wanted=wanted, flight=None, error=None, began=time.perf_counter(), seconds=0.0)
+
+        def work():
+            try:
+                job.flight = self.show.solved(wanted, glance)
+            except Exception as error:  # noqa: BLE001  told where somebody looks
+                job.error = error
+            job.seconds = time.perf_counter() - job.began
+
+        job.thread = threading.Thread(target=work, name="flockbrush lift", daemon=True)
+        self._job = job
+        job.thread.start()
+
+    def look(self) -> bool:
+        """Take what was solved, if it is ready; whether the flight has changed.  Raises what went wrong."""
+        job = self._job
+        if job is None or job.thread.is_alive():
+            return False
+        self._job = None
+        if self._next is not None:
+            self._begin()
+        if job.error is not None:
+            raise job.error
+        self.seconds = job.seconds
+        self.show.wanted = job.wanted
+        self.show.take(job.flight)
+        return True
+
+    def wait(self, most=60.0) -> bool:
+        """Wait until nothing is solved any more; whether the flight has changed."""
+        changed, end = False, time.perf_counter() + most
+        while self.busy and time.perf_counter() < end:
+            if self._job is not None:
+                self._job.thread.join(0.05)
+            changed |= self.look()
+        return changed
+
+
+def with_wish(wanted: Wanted, **changes) -> Wanted:
+    """The same with other weights, bounds or method."""
+    own = {name: changes.pop(name) for name in ("method", "near", "far") if name in changes}
+    return replace(wanted, wish=replace(wanted.wish, **changes), **own)

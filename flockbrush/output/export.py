@@ -1,0 +1,116 @@
+"""Exports of a run, written as the run goes on and never held in memory whole.
+
+`Exports` takes moments from a running simulation and hands them to one `Exporter` for each file; the ending of the
+name says which.  A file gets its name when it is complete; one that was interrupted is complete up to there, and one
+that failed is not there.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.files import output_problems, refused
+from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.output.exporter import exporter_of, exporters
+from flockbrush.runs.snapshots import Sampler
+
+
+def check_exports(paths, inputs=(), others=(), options=None):
+    """Make sure before the run that every export can be written, and every other output.
+
+    Raises
+    ------
+    ProblemsError
+        For unknown endings, packages that are not installed, and names that cannot be written.
+    """
+    problems = []
+    for path in map(Path, paths):
+        kind = exporter_of(path)
+        if kind is None:
+            got = f"{path.suffix!r}" if path.suffix else "none"
+            message = f"the ending of an export is one of {', '.join(exporters())}; got {got}"
+            problems.append(Problem(str(path), None, None, message))
+            continue
+        for module, package in kind.needs:
+            if importlib.util.find_spec(module) is None:
+                message = (
+                    f"this needs the package {package}: pip install {package}   (or: pip install flockbrush[export])"
+                )
+                problems.append(Problem(str(path), None, None, message))
+        problems += [Problem(str(path), None, None, message) for message in kind.problems(path, options or {})]
+    beside = [other for path in paths if (kind := exporter_of(path)) for other in kind.beside(path)]
+    problems += output_problems([*paths, *others], inputs)
+    problems = problems or output_problems([*paths, *beside, *others], inputs)
+    if problems:
+        raise ProblemsError(problems)
+
+
+class Exports:
+    """The files a run writes: call `take` at the start and after every tick; use it in a ``with``.
+
+    Parameters
+    ----------
+    paths : sequence of path
+        After `check_exports`.
+    simulation : Simulation
+    fps : float, optional
+        Moments per second; each kind of file has its own unless told: every tick for tables and videos, 24 for USD.
+    edits : EditedMoments, optional
+        Edits that all files show.
+    options
+        For the exporters that know them (`Exporter.choices`); ``size`` of pictures.
+    """
+
+    def __init__(self, paths, simulation, fps=None, edits=None, **options):
+        ticks = 1 / simulation.world.resource(Clock).dt
+        if fps is not None and not 0 < fps <= ticks:
+            raise refused("--fps", f"must be more than 0 and at most {ticks:g}, the ticks of a second, got {fps:g}")
+        self._pairs, self._edits = [], edits
+        try:
+            for path in paths:
+                kind = exporter_of(path)
+                rate = kind.fps if fps is None else fps
+                self._pairs.append((kind(path, simulation, rate, **options), Sampler(simulation, rate, kind.labels)))
+                with self._pairs[-1][0].naming():
+                    self._pairs[-1][0].open()
+        except BaseException:
+            self.abandon()
+            raise
+
+    def take(self):
+        """Write the moments that are due."""
+        for exporter, sampler in self._pairs:
+            with exporter.naming():
+                for moment in sampler.due():
+                    exporter.take(moment if self._edits is None else self._edits.at(moment))
+
+    def close(self):
+        """Complete all files."""
+        while self._pairs:
+            exporter, _ = self._pairs[0]
+            with exporter.naming():
+                exporter.close()
+            del self._pairs[0]
+
+    def abandon(self):
+        """Remove all files that are not complete."""
+        for exporter, _ in self._pairs:
+            exporter.abandon()
+        self._pairs = []
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, error, trace):
+        from flockbrush.runs.terminal import Stopped
+
+        if kind is not None and not issubclass(kind, Stopped):
+            self.abandon()
+            return
+        try:
+            self.close()
+        except BaseException:
+            self.abandon()
+            raise

@@ -1,0 +1,191 @@
+"""What every exporter is, and which there are.
+
+An exporter is one file in ``flockbrush/output/formats``::
+
+    @exporter(".csv")
+    class Csv(Exporter):
+        contents, opens_in = "a row for each animal in each frame", "pandas, R, Excel"
+
+        def take(self, moment): ...
+
+The folder is scanned; third parties register through the entry point group ``flockbrush.exporters``.  There is no
+list to edit: the table of ``flockbrush export --help`` and the options of the command line come from the classes.
+The help imports all these files, so what is heavy (numpy, too) they import where it is used.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flockbrush.engine.files import hold
+
+if TYPE_CHECKING:
+    from flockbrush.runs.snapshots import Moment
+
+ENTRY_POINTS = "flockbrush.exporters"
+
+
+@dataclass(frozen=True)
+class Option:
+    """Something that a person may choose about an export, on the command line as ``--name``.
+
+    Attributes
+    ----------
+    name : str
+        As Python writes it: ``usd_mode`` is ``--usd-mode``.
+    default : object
+        Its type is the option's type: a text, a number, or False for a switch. None: nothing unless given.
+    help : str
+    choices : tuple of str, optional
+    kind : type
+        Of options whose default is None.
+    low, high : float, optional
+        Bounds of a number.
+    metavar : str, optional
+    many : bool
+        May be given again; the value is a tuple.
+    negated : str, optional
+        Name of the switch on the command line, where it turns off what is on by default: ``no_overlays``.
+    """
+
+    name: str
+    default: object
+    help: str
+    choices: tuple[str, ...] = ()
+    kind: type = str
+    low: float | None = None
+    high: float | None = None
+    metavar: str | None = None
+    many: bool = False
+    negated: str | None = None
+
+
+class Exporter:
+    """Writes the moments of a run into one file, which nobody else can write meanwhile.
+
+    Subclasses get ready in `open`, write to ``self.temporary`` in `take`, and complete it in `finish`.
+
+    Attributes
+    ----------
+    endings : tuple of str
+        Of file names; the longest that fits decides.
+    contents, opens_in : str
+        What is in the file and who opens it, for ``flockbrush export --help``.
+    fps : float
+        Moments per second unless told; 32 is every tick.
+    labels : bool
+        Whether it writes group and state, which take time to find.
+    needs : tuple of (module, package)
+        Beyond what Flockbrush itself needs.
+    choices : tuple of Option
+    """
+
+    endings: tuple[str, ...] = ()
+    contents = ""
+    opens_in = ""
+    fps = 32.0
+    labels = True
+    needs: tuple[tuple[str, str], ...] = ()
+    choices: tuple[Option, ...] = ()
+
+    def __init__(self, path, simulation, fps, **options):
+        self.path, self.simulation, self.fps = Path(path), simulation, float(fps)
+        self.options = {option.name: option.default for option in self.choices}
+        self.options |= {name: value for name, value in options.items() if value is not None}
+        self.frames = 0
+        self._work = hold(path)
+        self.temporary = self._work.new
+
+    @classmethod
+    def beside(cls, path) -> list[Path]:
+        """Files that are written beside the one that was named."""
+        return []
+
+    @classmethod
+    def problems(cls, path, options) -> list[str]:
+        """What is wrong with a name or with options, said before the run begins."""
+        return []
+
+    def open(self):
+        """Get ready for the first moment."""
+
+    def take(self, moment: Moment):
+        """Write one moment."""
+        raise NotImplementedError
+
+    def finish(self):
+        """Complete the temporary file."""
+
+    def let_go(self):
+        """Close what is open without completing it."""
+
+    def close(self):
+        """Complete the file and give it its name."""
+        self.finish()
+        self._work.publish()
+        self._work.close()
+
+    def naming(self):
+        """A context in which errors of the system name the file that was asked for."""
+        return self._work.naming()
+
+    def abandon(self):
+        """Leave no trace; what had the name before keeps it."""
+        try:
+            self.let_go()
+        except Exception:  # noqa: BLE001  it is half written: it may complain about that
+            pass
+        self._work.close()
+
+
+_registry: dict[str, type[Exporter]] = {}
+
+
+def exporter(*endings):
+    """Register a class of `Exporter` for these endings of file names, lower case with the dot."""
+
+    def register(kind):
+        kind.endings = endings
+        for ending in endings:
+            if _registry.setdefault(ending, kind) is not kind:
+                raise ValueError(f"two exporters for {ending}: {_registry[ending].__name__} and {kind.__name__}")
+        return kind
+
+    return register
+
+
+@cache
+def exporters() -> dict[str, type[Exporter]]:
+    """{ending: exporter}, in alphabetical order of the endings."""
+    from flockbrush.output import formats
+
+    for module in pkgutil.iter_modules(formats.__path__):
+        importlib.import_module(f"{formats.__name__}.{module.name}")
+    for point in entry_points(group=ENTRY_POINTS):
+        point.load()
+    return dict(sorted(_registry.items()))
+
+
+def exporter_of(path) -> type[Exporter] | None:
+    """The exporter that writes a file of this name, None where there is none."""
+    name = Path(path).name.lower()
+    fitting = [ending for ending in exporters() if name.endswith(ending)]
+    return exporters()[max(fitting, key=len)] if fitting else None
+
+
+def all_options() -> list[tuple[Option, tuple[str, ...]]]:
+    """Options of all exporters, each once, with the endings that know it."""
+    found: dict[str, tuple[Option, tuple[str, ...]]] = {}
+    for ending, kind in exporters().items():
+        for option in kind.choices:
+            known, endings = found.get(option.name, (option, ()))
+            if known != option:
+                raise ValueError(f"two exporters declare --{option.name} differently: {endings[0]} and {ending}")
+            found[option.name] = option, (*endings, ending)
+    return list(found.values())

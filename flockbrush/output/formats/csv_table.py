@@ -1,0 +1,61 @@
+"""CSV: a row for each animal in each frame."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from flockbrush.engine.files import write_text
+from flockbrush.output.exporter import Exporter, exporter
+
+
+@exporter(".csv")
+class Csv(Exporter):
+    """A table for everybody: six decimals, and the metadata in ``NAME.csv.json`` beside it."""
+
+    contents = "a row for each animal in each frame; units in NAME.csv.json"
+    opens_in = "pandas, R, Excel, flockbrush play"
+
+    _ROW = "%d,%.6f,%d,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%s,%s,%s,%d"
+
+    @classmethod
+    def beside(cls, path):
+        return [Path(f"{path}.json")]
+
+    def open(self):
+        from flockbrush.output.trajectory_table import COLUMNS, column_names
+
+        self._file = open(self.temporary, "w", encoding="utf-8", newline="", buffering=1 << 20)
+        names = column_names(self.simulation)
+        self._row = self._ROW + ",%s" * (len(names) - len(COLUMNS)) + "\n"
+        self._file.write(",".join(names) + "\n")
+
+    def take(self, moment):
+        import numpy as np
+
+        from flockbrush.output.trajectory_table import table_of
+
+        table, words = table_of(self.simulation, moment, self.frames)
+        for name in ("x", "y", "z", "vx", "vy", "vz", "heading", "speed"):
+            table[name] = np.round(table[name], 6) + 0.0  # no "-0.000000"
+        for name, said in words.items():
+            quoted = [_quoted(word) for word in said]
+            table[name] = [quoted[k] for k in table[name]]
+        columns = [column if isinstance(column, list) else column.tolist() for column in table.values()]
+        self._file.writelines(map(self._row.__mod__, zip(*columns, strict=True)))
+        self.frames += 1
+
+    def finish(self):
+        from flockbrush.output.trajectory_table import metadata_of
+
+        self._file.close()
+        text = json.dumps(metadata_of(self.simulation, self.fps) | {"frames": self.frames}, indent=2)
+        write_text(self.beside(self.path)[0], text + "\n")
+
+    def let_go(self):
+        self._file.close()
+
+
+def _quoted(name):
+    """A name as one field of a CSV."""
+    return '"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\r\n') else name

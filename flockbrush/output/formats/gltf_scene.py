@@ -1,0 +1,43 @@
+"""glTF: the scene of a run, for the web, games and every tool of three dimensions."""
+
+from __future__ import annotations
+
+from flockbrush.output.exporter import Exporter, Option, exporter
+from flockbrush.output.picture_exporter import CAMERA, LOOKS, camera_problems
+
+THEME, _, AZIMUTH, ELEVATION = LOOKS
+
+
+@exporter(".glb")
+class GltfScene(Exporter):
+    """A binary glTF 2.0 scene; `flockbrush.output.gltf` writes it."""
+
+    contents = "the scene: ground, obstacles, guides, camera, animals with gait; y up; or a crowd buffer"
+    opens_in = "three.js, Godot, Unity, Blender, every glTF viewer"
+    fps = 16.0
+    choices = (
+        Option(
+            "gltf_mode", "nodes", "nodes: an animated node for each animal, up to 1,000; crowd: a buffer of records "
+            "for readers as in examples/.", ("nodes", "crowd"),
+        ),
+        THEME, AZIMUTH, ELEVATION, CAMERA,
+    )  # fmt: skip
+
+    @classmethod
+    def problems(cls, path, options):
+        return camera_problems(options)
+
+    def open(self):
+        from flockbrush.output.gltf.scene import GltfNodes
+
+        self._scene = GltfNodes(self.temporary, self.simulation, self.fps, self.options)
+
+    def take(self, moment):
+        self._scene.take(moment)
+        self.frames += 1
+
+    def finish(self):
+        self._scene.finish()
+
+    def let_go(self):
+        self._scene.close()

@@ -1,0 +1,92 @@
+"""SQLite as JuPedSim writes it: trajectories and the walkable area, for PedPy."""
+
+from __future__ import annotations
+
+import sqlite3
+
+from flockbrush.output.exporter import Exporter, exporter
+
+VERSION = 2  # of JuPedSim's schema
+SCHEMA = """
+CREATE TABLE trajectory_data (frame INTEGER NOT NULL, id INTEGER NOT NULL, pos_x REAL NOT NULL, pos_y REAL NOT NULL,
+                              ori_x REAL NOT NULL, ori_y REAL NOT NULL, pos_z REAL NOT NULL, names INTEGER NOT NULL);
+CREATE TABLE names (names INTEGER NOT NULL, kind TEXT NOT NULL, name TEXT NOT NULL);
+CREATE TABLE metadata (key TEXT NOT NULL UNIQUE PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE geometry (hash INTEGER NOT NULL, wkt TEXT NOT NULL);
+CREATE TABLE frame_data (frame INTEGER NOT NULL, geometry_hash INTEGER NOT NULL);
+"""
+
+
+@exporter(".sqlite")
+class Sqlite(Exporter):
+    """A database in JuPedSim's layout; the geometry is the level without its obstacles."""
+
+    contents = "trajectories and walkable area (WKT) in JuPedSim's schema, metres"
+    opens_in = "PedPy, JuPedSim, DB Browser for SQLite"
+    fps = 16.0
+    needs = (("shapely", "shapely"),)
+
+    def open(self):
+        self.temporary.unlink(missing_ok=True)
+        self._base = sqlite3.connect(self.temporary)
+        self._base.executescript(SCHEMA)
+        self._hash, text = 1, walkable(self.simulation)
+        self._base.execute("INSERT INTO geometry VALUES (?, ?)", (self._hash, text))
+        self._known: dict[tuple, int] = {}
+
+    def take(self, moment):
+        from flockbrush.runs.snapshots import words_of
+
+        words = words_of(self.simulation)
+        codes = {"species": moment.species, "brush": moment.brush, **moment.labels}
+        kinds = list(codes)
+        numbers = [
+            self._number(tuple((kind, words[kind][code]) for kind, code in zip(kinds, row, strict=True)))
+            for row in zip(*(codes[kind].tolist() for kind in kinds), strict=True)
+        ]
+        x, y, z = moment.xyz.T.tolist()
+        ahead, aside = moment.forward[:, 0].tolist(), moment.forward[:, 1].tolist()
+        rows = zip([self.frames] * len(moment), moment.ids.tolist(), x, y, ahead, aside, z, numbers, strict=True)
+        self._base.executemany("INSERT INTO trajectory_data VALUES (?, ?, ?, ?, ?, ?, ?, ?)", rows)
+        self._base.execute("INSERT INTO frame_data VALUES (?, ?)", (self.frames, self._hash))
+        self.frames += 1
+
+    def _number(self, names):
+        """Number of a set of names that an animal bears: rows of the table ``names``."""
+        if names not in self._known:
+            self._known[names] = len(self._known)
+            rows = [(self._known[names], kind, name) for kind, name in names]
+            self._base.executemany("INSERT INTO names VALUES (?, ?, ?)", rows)
+        return self._known[names]
+
+    def finish(self):
+        from flockbrush.output.trajectory_table import metadata_of
+
+        about = metadata_of(self.simulation, self.fps)
+        level = self.simulation.level
+        told = {"version": VERSION, "fps": self.fps, "xmin": 0, "ymin": 0, "xmax": level.width, "ymax": level.height}
+        told |= {f"flockbrush_{key}": value for key, value in about.items() if key != "fps"}
+        self._base.executemany("INSERT INTO metadata VALUES (?, ?)", [(key, str(told[key])) for key in told])
+        self._base.execute("CREATE INDEX frame_id_idx ON trajectory_data(frame, id)")
+        self._base.commit()
+        self._base.close()
+
+    def let_go(self):
+        self._base.close()
+
+
+def walkable(simulation) -> str:
+    """WKT of the level without its obstacles: the part in which most animals are, where they divide it."""
+    import shapely
+
+    from flockbrush.components import Position
+    from flockbrush.render.scenery import Scenery
+
+    level = simulation.level
+    stones = [shapely.Polygon(o.polygon).buffer(0) for o in Scenery(simulation).obstacles if o.solid]
+    whole = shapely.box(0, 0, level.width, level.height)
+    left = whole.difference(shapely.union_all(stones)) if stones else whole
+    parts = [part for part in shapely.get_parts(left) if part.area > 0]
+    points = shapely.points(simulation.agents[Position.xyz][:, :2])
+    best = max(parts, key=lambda part: (shapely.contains(part, points).sum(), part.area), default=whole)
+    return shapely.to_wkt(best, rounding_precision=6)

@@ -1,0 +1,32 @@
+"""HTML: a page to share, self-contained."""
+
+from __future__ import annotations
+
+from flockbrush.output.exporter import Exporter, exporter
+from flockbrush.output.picture_exporter import THEME
+
+
+@exporter(".html")
+class Html(Exporter):
+    """One page with the run in it; `flockbrush.output.page` writes it."""
+
+    contents, opens_in = "a page with the run: play, scrub, orbit, charts, cards", "every browser, also offline"
+    fps = 16.0
+    choices = (THEME,)
+
+    def open(self):
+        from flockbrush.output.page.writer import PageWriter
+
+        self._file = open(self.temporary, "wb")
+        self._page = PageWriter(self._file, self.simulation, self.fps, self.options)
+
+    def take(self, moment):
+        self._page.take(moment)
+        self.frames += 1
+
+    def finish(self):
+        self._page.finish()
+        self._file.close()
+
+    def let_go(self):
+        self._file.close()

@@ -1,0 +1,22 @@
+"""PNG: a picture of the last frame."""
+
+from __future__ import annotations
+
+from flockbrush.output.exporter import exporter
+from flockbrush.output.picture_exporter import Pictures
+
+
+@exporter(".png")
+class Png(Pictures):
+    """A picture of the last moment."""
+
+    contents, opens_in = "a picture of the last frame", "everything"
+
+    def take(self, moment):
+        self._frame = self.draw(moment)
+        self.frames += 1
+
+    def finish(self):
+        from flockbrush.render import write_png
+
+        write_png(self.temporary, self._frame)

@@ -1,0 +1,64 @@
+"""PNG sequences: a numbered picture for each frame, for compositing."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from flockbrush.output.exporter import exporter
+from flockbrush.output.picture_exporter import ALPHA, Pictures
+
+MARK = "####"
+
+
+@exporter(".####.png")
+class PngSequence(Pictures):
+    """Numbered pictures: ``shot.####.png`` becomes ``shot.0000.png``, ``shot.0001.png`` and so on."""
+
+    contents = "a picture for each frame, #### is its number; --alpha for transparent ground"
+    opens_in = "Nuke, After Effects, Blender, DaVinci Resolve, ffmpeg"
+    fps = 24.0
+    choices = (*Pictures.choices, ALPHA)
+
+    @classmethod
+    def problems(cls, path, options):
+        found = super().problems(path, options)
+        first = numbered(path, 0)
+        if first.exists():
+            found.append(f"{first.name} is there already; choose another name, or an empty folder")
+        return found
+
+    def open(self):
+        super().open()
+        self._folder = self.temporary.parent / "frames"
+        self._folder.mkdir(exist_ok=True)
+
+    def take(self, moment):
+        from flockbrush.render.picture_files import png_bytes
+
+        picture = self.cut_out(moment) if self.options["alpha"] else self.draw(moment)
+        (self._folder / f"{self.frames}.png").write_bytes(png_bytes(picture))
+        self.frames += 1
+
+    def close(self):
+        """Give all pictures their names; one that is taken meanwhile keeps what it has, and this is an error."""
+        for frame in range(self.frames):
+            source, target = self._folder / f"{frame}.png", numbered(self.path, frame)
+            if target.exists():
+                raise FileExistsError(17, "a picture of this number is there already", str(target))
+            os.replace(source, target)
+        self.let_go()
+        self._work.close()
+
+    def let_go(self):
+        if self._folder.is_dir():
+            for picture in self._folder.iterdir():
+                picture.unlink()
+            self._folder.rmdir()
+
+
+def numbered(path, frame) -> Path:
+    """The name of a frame."""
+    path = Path(path)
+    head, mark, tail = path.name.rpartition(MARK)
+    return path.with_name(f"{head}{frame:04d}{tail}") if mark else path

@@ -1,0 +1,87 @@
+"""USD: the scene of a run, for film and games."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+from contextlib import contextmanager
+from pathlib import Path
+
+from flockbrush.engine.files import write_bytes
+from flockbrush.output.exporter import Exporter, Option, exporter
+from flockbrush.output.picture_exporter import CAMERA, LOOKS, camera_problems
+
+THEME, _, AZIMUTH, ELEVATION = LOOKS
+
+FULL = 1 << 16  # bytes: a disk with less room is full
+
+
+@exporter(".usdc", ".usda")
+class UsdScene(Exporter):
+    """A USD scene; `flockbrush.output.usd` writes it, and is imported only when it is asked for."""
+
+    contents = "the scene: ground, obstacles, guides, camera, animals with gait; z up; picture in NAME.ground.jpg"
+    opens_in = "Blender, Houdini, Maya, Unreal, Omniverse"
+    fps = 24.0
+    needs = (("pxr", "usd-core"),)
+    choices = (
+        Option(
+            "usd_mode", "instancer", "instancer: poses switch; xforms: a prim for each animal, for Maya and Blender; "
+            "skel: a skeleton for each.", ("instancer", "xforms", "skel"),
+        ),
+        Option("prototype", None, "A file that replaces the look of a species.", many=True, metavar="SPECIES=FILE"),
+        THEME, AZIMUTH, ELEVATION, CAMERA,
+    )  # fmt: skip
+
+    @classmethod
+    def beside(cls, path):
+        return [Path(path).with_suffix(".ground.jpg")]
+
+    @classmethod
+    def problems(cls, path, options):
+        found = camera_problems(options)
+        if options.get("prototype"):
+            from flockbrush.output.usd.scene import problems_of
+
+            found += problems_of(options["prototype"])
+        return found
+
+    def open(self):
+        from flockbrush.levels.build import Simulation
+        from flockbrush.output.scene_meshes import SceneMeshes
+        from flockbrush.output.usd.scene import UsdStage
+
+        self.temporary.unlink(missing_ok=True)  # USD makes the file itself
+        picture = self.beside(self.path)[0]
+        self._picture = None
+        if isinstance(self.simulation, Simulation):
+            self._picture = SceneMeshes(self.simulation, self.options["theme"]).jpeg()
+        self._scene = UsdStage(self.temporary, self.simulation, self.fps, self.options, self._picture and picture.name)
+
+    def take(self, moment):
+        with _in_words(self.temporary.parent):
+            self._scene.take(moment)
+        self.frames += 1
+
+    def finish(self):
+        with _in_words(self.temporary.parent):
+            self._scene.finish()
+        if self._picture is not None:
+            write_bytes(self.beside(self.path)[0], self._picture)
+
+    def let_go(self):
+        self._scene = None
+
+
+@contextmanager
+def _in_words(folder):
+    """What USD cannot write, or read back when the disk is full, as an error of the system."""
+    from pxr import Tf
+
+    try:
+        yield
+    except Tf.ErrorException as error:
+        full = "No space left" in str(error) or shutil.disk_usage(folder).free < FULL
+        number = errno.ENOSPC if full else errno.EIO
+        raise OSError(number, os.strerror(number)) from None

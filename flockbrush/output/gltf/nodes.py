@@ -1,0 +1,166 @@
+"""The herd in glTF as animated nodes: an animal is a node with a body for each brush it wears, and jointed limbs."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from flockbrush.engine.files import refused
+from flockbrush.output.gltf.bodies import scale_of
+from flockbrush.output.gltf.records import PHASE, PRESENT, TURN
+from flockbrush.output.joints import posture
+from flockbrush.render.animal_looks import mesh_of
+from flockbrush.runs.snapshots import words_of
+
+MOST = 1000  # animals: more need the crowd buffer
+STEPS = 256  # of a cycle: as finely as joints are posed
+SAME = 1e-6  # what changes by less does not move
+
+
+class Herd:
+    """Writes the animals of a run into a document, one after another.
+
+    Parameters
+    ----------
+    document : Document
+    bodies : Bodies
+    records : Records
+    world : int
+        The node whose axes are ours.
+    fps : float
+    """
+
+    def __init__(self, document, bodies, records, world, fps):
+        if len(records.slots) > MOST:
+            message = f"animated nodes are for up to {MOST} animals, here are {len(records.slots)}"
+            raise refused("--gltf-mode nodes", f"{message}; use --gltf-mode crowd")
+        self.document, self.bodies, self.records, self.fps = document, bodies, records, fps
+        self.words = words_of(bodies.simulation)
+        self.poses = list(bodies.poses)
+        self.channels, self.samplers = [], []
+        self.root = document.node("Herd", world)
+        if not records.slots:
+            return
+        times = np.arange(records.frames, dtype=np.float32) / np.float32(fps)
+        self.times = document.numbers(times, bounds=True)
+        table = records.by_animal()
+        for row, animal in enumerate(records.slots):
+            self._animal(animal, records.bodies[row], table[row])
+        del table
+        if self.channels:
+            document.add("animations", name="run", channels=self.channels, samplers=self.samplers)
+
+    def _animal(self, animal, body, track):
+        kind, length, width = body
+        look = self.bodies.looks()[kind]
+        node = self.document.node(f"animal {animal}", self.root, extras=self._about(animal, kind, track))
+        self._animate(node, "translation", track["place"])
+        self._animate(node, "rotation", np.maximum(track["turn"], -TURN))
+        brushes = list(dict.fromkeys(track["brush"].tolist()))
+        present = (track["flags"] & PRESENT) != 0
+        joints = self._joints(look, track)
+        for brush in brushes:
+            shown = present & (track["brush"] == brush)
+            inner = self.document.node(self.bodies.brush_name(brush), node, scale=scale_of(length, width))
+            self._appear(inner, shown, scale_of(length, width))
+            self._limbs(inner, look, brush, joints)
+
+    def _about(self, animal, kind, track):
+        """What is told of an animal beside its motion: its names, and when they changed."""
+        told = {"id": animal, "species": self.words["species"][kind]}
+        for name in ("brush", *self.records.labels):
+            told[name] = [[round(frame / self.fps, 4), self.words[name][code]] for frame, code in changes(track[name])]
+        return told
+
+    def _appear(self, node, shown, scale):
+        """Let a node have no size while it is not shown."""
+        frames = [frame for frame, _ in changes(shown)]
+        if len(frames) == 1 and shown[0]:
+            return
+        times = np.array([frame / self.fps for frame in frames], np.float32)
+        sizes = np.array([np.multiply(scale, bool(shown[frame])) for frame in frames], np.float32)
+        self._channel(node, "scale", self.document.numbers(sizes), self.document.numbers(times, bounds=True), "STEP")
+
+    def _joints(self, look, track):
+        """{part: (translations, rotations, scales)} of all frames, part -1 the body; each an accessor or a constant."""
+        clips = [self.poses[number][1] for number in track["pose"].tolist()]
+        steps = np.round(track["phase"] / PHASE * STEPS).astype(int) % STEPS
+        frames = [stance(look, clip, step) for clip, step in zip(clips, steps.tolist(), strict=True)]
+        places, turns, scales = (np.stack(part) for part in zip(*frames, strict=True))
+        turns = np.round(hemisphere(turns) * TURN).astype(np.int16)
+        return {
+            k - 1: [self._track(values[:, k]) for values in (places, turns, scales)] for k in range(places.shape[1])
+        }
+
+    def _track(self, values):
+        """(accessor, first value): no accessor for what does not move."""
+        values = values if values.dtype == np.int16 else values.astype(np.float32)
+        first = values[0].astype(float) / TURN if values.dtype == np.int16 else values[0].astype(float)
+        if np.ptp(values.astype(float), axis=0).max() <= SAME:
+            return None, first
+        return self.document.numbers(values, normalized=values.dtype == np.int16 or None), first
+
+    def _limbs(self, inner, look, brush, joints):
+        """The parts of one body below its node; those that other parts carry hang on them."""
+        mesh = mesh_of(look)
+        nodes: dict[str, int] = {}
+        for k in range(-1, len(mesh.parts)):
+            name = mesh.parts[k].name if k >= 0 else "body"
+            tracks = joints[k]
+            rest = {"translation": tracks[0][1], "rotation": unit(tracks[1][1]), "scale": tracks[2][1]}
+            told = {path: values.tolist() for path, values in rest.items() if not np.allclose(values, STILL[path])}
+            parent = nodes[mesh.parts[k].parent] if k >= 0 and mesh.parts[k].parent else inner
+            if k >= 0 and not mesh.parts[k].parent and mesh.parts[k].kind != "leg":
+                parent = nodes["body"]
+            nodes[name] = self.document.node(name, parent, mesh=self.bodies.part_mesh(look, k, brush), **told)
+            for path, (accessor, _) in zip(rest, tracks, strict=True):
+                if accessor is not None:
+                    self._channel(nodes[name], path, accessor, self.times, "LINEAR")
+
+    def _animate(self, node, path, values):
+        accessor, first = self._track(values)
+        first = unit(first) if path == "rotation" else first
+        self.document.lists["nodes"][node][path] = first.tolist()
+        if accessor is not None:
+            self._channel(node, path, accessor, self.times, "LINEAR")
+
+    def _channel(self, node, path, output, times, interpolation):
+        key = {"input": times, "output": output, "interpolation": interpolation}
+        self.samplers.append(key)
+        self.channels.append({"sampler": len(self.samplers) - 1, "target": {"node": node, "path": path}})
+
+
+STILL = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
+
+
+@cache
+def stance(look, clip, step):
+    """(translations, quaternions x y z w, scales) of the body and its parts, at a step of a cycle.
+
+    Legs are told against the animal and not against its body, which goes up and down: their feet stay on the ground.
+    """
+    places, turns, scales = posture(look, clip, step / STEPS)
+    for k, part in enumerate(mesh_of(look).parts):
+        if part.kind == "leg":
+            places[k + 1] += places[0]
+    return places, np.roll(turns, -1, axis=1), scales
+
+
+def hemisphere(turns):
+    """Quaternions (frames, joints, 4) with the signs that make them go on smoothly from frame to frame."""
+    dots = (turns[1:] * turns[:-1]).sum(axis=-1)
+    signs = np.cumprod(np.where(dots < 0, -1.0, 1.0), axis=0)
+    return np.concatenate([turns[:1], turns[1:] * signs[..., None]])
+
+
+def unit(quaternion):
+    """A quaternion of length 1."""
+    return quaternion / np.linalg.norm(quaternion)
+
+
+def changes(values) -> list[tuple[int, int]]:
+    """[(frame, value)] of the first frame, and of every frame whose value differs from the one before."""
+    values = np.asarray(values)
+    frames = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
+    return [(int(frame), values[frame].item()) for frame in frames]

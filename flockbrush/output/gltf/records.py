@@ -1,0 +1,107 @@
+"""Moments on disk while a scene is written: a record for each animal in each frame.
+
+Records are written frame by frame and read animal by animal, so memory does not grow with the length of the run.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flockbrush.output.attitude import AttitudeTurns
+
+PRESENT, LEADER = 1, 2  # bits of `flags`
+TURN = 32767  # of a quaternion's component 1
+PHASE = 65535  # of a whole cycle
+BASE = (
+    ("place", "<f4", (3,)),  # m, z up
+    ("turn", "<i2", (4,)),  # quaternion x, y, z, w times `TURN`
+    ("pose", "<u2"),  # which mesh shows it
+    ("phase", "<u2"),  # of its gait, times `PHASE`
+    ("flags", "<u2"),
+    ("brush", "<u2"),
+    ("speed", "<f2"),  # m/s
+    ("pad", "<u2"),  # to whole words
+)
+
+
+def record_type(labels) -> np.dtype:
+    """The dtype of a record: `BASE`, and a code for each label."""
+    return np.dtype([*BASE, *((name, "<u4") for name in labels)])
+
+
+class Records:
+    """The records of a run.
+
+    Parameters
+    ----------
+    folder : Path
+        Of temporary files.
+    simulation : Simulation
+    labels : sequence of str
+        Names of the codes that animals bear beside their brush.
+
+    Attributes
+    ----------
+    frames : int
+    slots : dict of int to int
+        Row of each animal that was ever there, by id, in the order in which they came.
+    bodies : list of (species, length, width)
+        By row: index, m, m; as they were when they came.
+    """
+
+    def __init__(self, folder, simulation, labels):
+        self.labels = tuple(labels)
+        self.type = record_type(labels)
+        self.frames, self.slots, self.bodies = 0, {}, []
+        self._turns, self._folder, self._counts = AttitudeTurns(simulation), folder, []
+        self._spool = open(folder / "frames", "w+b")
+
+    def take(self, moment, pose, phase):
+        """Keep one moment, with pose and phase of the gait of each animal."""
+        for row, animal in enumerate(moment.ids.tolist()):
+            if animal not in self.slots:
+                self.slots[animal] = len(self.slots)
+                self.bodies.append((int(moment.species[row]), float(moment.length[row]), 2 * float(moment.radius[row])))
+        record = np.zeros(len(moment), self.type)
+        record["place"] = moment.xyz
+        record["turn"] = np.round(np.roll(self._turns.of(moment), -1, axis=1) * TURN)
+        record["pose"], record["brush"] = pose, moment.brush
+        record["phase"] = np.round(phase * PHASE)
+        record["flags"] = PRESENT + LEADER * moment.leader
+        record["speed"] = np.linalg.norm(moment.velocity, axis=1)
+        for name in self.labels:
+            record[name] = moment.labels.get(name, 0)
+        rows = np.array([self.slots[animal] for animal in moment.ids.tolist()], "<u4")
+        self._spool.write(rows.tobytes() + record.tobytes())
+        self._counts.append(len(moment))
+        self.frames += 1
+
+    def by_frame(self):
+        """Each frame as an array of records, one for each animal that is ever there; ``flags`` 0: not now."""
+        self._spool.flush()
+        self._spool.seek(0)
+        last = np.zeros(len(self.slots), self.type)
+        last["turn"][:, 3] = TURN
+        for count in self._counts:
+            rows = np.frombuffer(self._spool.read(4 * count), "<u4")
+            here = np.frombuffer(self._spool.read(self.type.itemsize * count), self.type)
+            last["flags"] = 0
+            last[rows] = here
+            yield last
+
+    def by_animal(self):
+        """All records as a memory map (animals, frames); who is absent keeps the last place, or the first."""
+        shape = (len(self.slots), self.frames)
+        table = np.memmap(self._folder / "animals", self.type, "w+", shape=shape)
+        for frame, here in enumerate(self.by_frame()):
+            table[:, frame] = here
+        for row in range(shape[0]):
+            first = int(np.argmax(table[row]["flags"] & PRESENT))
+            before = table[row, :first]
+            before[:] = table[row, first]
+            before["flags"] = 0
+        return table
+
+    def close(self):
+        """Close the temporary file."""
+        self._spool.close()

@@ -1,0 +1,120 @@
+"""Messages of the live link: what clients may ask, and what they are told, as JSON."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from flockbrush.engine.commands import from_json
+from flockbrush.runs.snapshots import words_of
+from flockbrush.systems.landscape import Landscape
+
+PROTOCOL = 1
+_ID = 64  # characters
+_ASKED = ("command", "undo", "play")
+
+
+class RequestError(ValueError):
+    """A message that is not a request; the text says why, `id` is the client's name for it."""
+
+    def __init__(self, message, id=None):
+        super().__init__(message)
+        self.id = id
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a client asks: a command, to take the last one back, or to go on or pause."""
+
+    id: Any
+    command: Any = None
+    undo: bool = False
+    play: bool | None = None
+
+
+def read_request(message) -> Request:
+    """The request in a message; RequestError.
+
+    A command is checked as those of a recording are: `flockbrush.engine.commands.from_json`.
+    """
+    if not isinstance(message, str):
+        raise RequestError("a request is a text with JSON in it, got bytes")
+    try:
+        asked = json.loads(message, parse_constant=_no_number)
+    except RequestError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise RequestError(f"this is not JSON: {error}") from None
+    if not isinstance(asked, dict):
+        raise RequestError('a request is an object such as {"id": 1, "command": ["NAME", {...}]}')
+    number = asked.pop("id", None)
+    if not (number is None or type(number) in (int, str)) or len(str(number)) > _ID:
+        raise RequestError(f"id must be a whole number or a text of at most {_ID} characters")
+    if len(asked) != 1 or next(iter(asked)) not in _ASKED:
+        raise RequestError(f"a request has one of {', '.join(_ASKED)}", number)
+    try:
+        return _request(number, **asked)
+    except ValueError as error:
+        raise RequestError(str(error.args[0]), number) from None
+
+
+def _request(number, command=None, undo=None, play=None):
+    if command is not None:
+        return Request(number, from_json(json.dumps(command)))
+    if undo is not None:
+        if undo is not True:
+            raise ValueError('undo must be true: {"undo": true}')
+        return Request(number, undo=True)
+    if not isinstance(play, bool):
+        raise ValueError("play must be true or false")
+    return Request(number, play=play)
+
+
+def _no_number(word):
+    raise RequestError(f"{word} is not a number that a command can hold")
+
+
+# what clients are told ---------------------------------------------------------------------
+
+
+def hello(simulation, fps):
+    """The first message."""
+    level = simulation.level
+    return {
+        "type": "hello",
+        "protocol": PROTOCOL,
+        "level": level.name,
+        "seed": simulation.origin["seed"],
+        "width": level.width,
+        "height": level.height,
+        "boundary": level.boundary,
+        "tick": simulation.clock.dt,
+        "fps": fps,
+        "axes": "x east, y north, z up, metres; angles in rad, heading counter-clockwise from east",
+    }
+
+
+def names(simulation):
+    """What the numbers in frames mean."""
+    words = words_of(simulation)
+    return {"type": "names", **{key: list(words.get(key, [])) for key in ("species", "brush", "state")}}
+
+
+def place(simulation):
+    """What stands in the level, as it is now: outlines in metres."""
+    land = simulation.world.resource(Landscape)
+    return {
+        "type": "place",
+        "obstacles": [
+            {"name": o.name, "outline": _points(o.polygon), "solid": bool(o.solid), "z_min": o.z_min, "z_max": o.z_max}
+            for o in (*land.barriers, *land.overhead)
+        ],
+        "guides": [{"name": g.name, "points": _points(g.points), "loop": bool(g.loop)} for g in land.guides],
+        "goals": [{"name": g.name, "xy": [float(v) for v in g.xy], "radius": g.radius} for g in land.goals],
+        "exits": [{"name": e.name, "outline": _points(e.polygon)} for e in land.exits],
+    }
+
+
+def _points(points):
+    return [[round(float(x), 3), round(float(y), 3)] for x, y in points]

@@ -1,0 +1,146 @@
+"""Running a level at its own pace for the programs at the other end of the live link."""
+
+from __future__ import annotations
+
+import json
+import queue
+import time
+from collections import deque
+
+from flockbrush.engine import limits
+from flockbrush.engine.commands import CommandError, Commands
+from flockbrush.output.live.frame import pack
+from flockbrush.output.live.link import Link
+from flockbrush.output.live.messages import hello, names, place
+from flockbrush.runs.snapshots import between, moment_of
+from flockbrush.systems.landscape import Landscape
+
+FASTEST = 60.0  # frames a second
+_BEHIND = 0.25  # s; a machine that is slower than the herd drops what it is behind
+_AT_ONCE = 64  # requests that are answered between two ticks
+_LOOK_AGAIN = 0.5  # s between two looks at what stands in the level
+
+
+class Serving:
+    """A simulation that clients watch and steer.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        As `flockbrush.start` makes it.
+    host, port, token
+        As `flockbrush.output.live.link.Link`; call ``link.start()`` before `run`.
+    fps : float
+        Frames per second; between two ticks animals are where they pass.
+    after_tick : function (), optional
+        Called after every tick, by a recorder.
+    """
+
+    def __init__(self, simulation, host="127.0.0.1", port=0, fps=FASTEST, after_tick=None, token=None):
+        self.simulation, self.fps = simulation, fps
+        self.after_tick = after_tick or (lambda: None)
+        self.wrap = simulation.world.resource(Landscape).wrap
+        self.playing = True
+        self.undone: deque = deque(maxlen=int(limits.LIVE_UNDO))  # what takes commands back, the last one last
+        self.unrecorded = False  # commands since the last tick
+        self._texts = self._described()
+        self.link = Link(host, port, lambda: list(self._texts.values()), token)
+        self._moments = [moment_of(simulation)] * 2
+        self._made = time.time()
+        self._looked = time.monotonic()
+
+    def _described(self):
+        told = hello(self.simulation, self.fps), names(self.simulation), place(self.simulation)
+        return {message["type"]: json.dumps(message) for message in told}
+
+    def run(self, stop, seconds=None):
+        """Serve until ``stop()`` is true or so many simulated seconds are over; the link is open meanwhile."""
+        dt = self.simulation.clock.dt
+        last = None if seconds is None else round(seconds / dt)
+        tick_due = frame_due = time.monotonic()
+        try:
+            while not stop() and (last is None or self.simulation.clock.tick < last):
+                now = time.monotonic()
+                if now >= tick_due:
+                    self.answer()
+                    if self.playing:
+                        self.tick()
+                    tick_due += dt
+                    if now - tick_due > _BEHIND:
+                        tick_due = now
+                if now >= frame_due:
+                    self.show(tick_due)
+                    frame_due = max(frame_due + 1 / self.fps, now)
+                time.sleep(max(0.0, min(tick_due, frame_due) - time.monotonic()))
+            if self.unrecorded:
+                self.tick()  # a recording holds commands with the tick that they come before
+        finally:
+            self.link.close()
+
+    def tick(self):
+        """One step of the world."""
+        self.simulation.tick()
+        self._made = time.time()
+        self.unrecorded = False
+        self.after_tick()
+        self._moments = [self._moments[1], moment_of(self.simulation)]
+
+    def show(self, tick_due):
+        """Send the animals as they are now."""
+        if not self.link.clients:
+            return
+        self._tell_changes()
+        before, after = self._moments
+        share = 1 - min(max((tick_due - time.monotonic()) / self.simulation.clock.dt, 0.0), 1.0)
+        if self.playing and after.time > before.time and share < 1:
+            after = between(before, after, before.time + share * (after.time - before.time), self.wrap)
+        self.link.show(pack(after, self.simulation.clock.tick, self._made))
+
+    def _tell_changes(self):
+        """Send what has another meaning or place since the last look: names before the frame that uses them."""
+        kinds = [names]
+        if time.monotonic() - self._looked >= _LOOK_AGAIN:
+            self._looked = time.monotonic()
+            kinds.append(place)
+        for describe in kinds:
+            message = describe(self.simulation)
+            text = json.dumps(message)
+            if text != self._texts[message["type"]]:
+                self._texts = {**self._texts, message["type"]: text}
+                self.link.tell_all(text)
+
+    # what clients ask -------------------------------------------------------------------
+
+    def answer(self):
+        """Do what clients have asked for, and tell them."""
+        for _ in range(_AT_ONCE):
+            try:
+                client, request = self.link.requests.get_nowait()
+            except queue.Empty:
+                return
+            self.link.tell(client, json.dumps(self._done(request)))
+
+    def _done(self, request):
+        clock = self.simulation.clock
+        try:
+            self._do(request)
+        except CommandError as error:
+            return {"type": "error", "id": request.id, "message": error.reason}
+        return {"type": "done", "id": request.id, "tick": clock.tick}
+
+    def _do(self, request):
+        commands = self.simulation.world.resource(Commands)
+        if request.play is not None:
+            self.playing = request.play
+        elif request.undo:
+            if not self.undone:
+                raise CommandError(self.simulation.clock.tick, None, "there is nothing to take back")
+            commands.perform(self.simulation.world, self.undone.pop())
+            self.unrecorded = True
+        else:
+            back = commands.perform(self.simulation.world, [request.command])
+            if back:
+                self.undone.append(back)
+            self.unrecorded = True
+        if not self.playing:
+            self._moments = [moment_of(self.simulation)] * 2

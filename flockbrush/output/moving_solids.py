@@ -1,0 +1,115 @@
+"""Obstacles that are moved, put down or taken away while a run goes on: where each is in each frame."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flockbrush.output.scene_meshes import SceneMeshes
+from flockbrush.render.solid_meshes import Faces
+
+SAME = 1e-6  # m; what moves by less stands
+
+
+class SolidKey(NamedTuple):
+    """Where an obstacle is from a frame on; between two keys it goes evenly.
+
+    Attributes
+    ----------
+    frame : int
+    shown : bool
+    offset : (x, y, z)
+        From where it was first, m.
+    """
+
+    frame: int
+    shown: bool
+    offset: tuple[float, float, float]
+
+
+class MovingSolid:
+    """An obstacle with its faces, as it was when it was first there.
+
+    Attributes
+    ----------
+    name : str
+    faces : Faces
+    lit : ndarray (m, 3)
+        Colours of the faces in the sun, 0 to 255.
+    keys : list of Key
+        One for an obstacle that never moves.
+    """
+
+    def __init__(self, thing, name, faces, lit, first):
+        self.thing, self.name, self.faces, self.lit = thing, name, faces, lit
+        self.keys = [SolidKey(0, first == 0, (0.0, 0.0, 0.0))]
+        self.outline = _outline(thing)
+        if first > 0:
+            self.keys += [SolidKey(first - 1, False, (0.0, 0.0, 0.0))] * (first > 1)
+            self.keys.append(SolidKey(first, True, (0.0, 0.0, 0.0)))
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything ever changes."""
+        return len(self.keys) > 1
+
+
+class MovingSolids:
+    """All obstacles of a run, followed frame by frame.
+
+    Parameters
+    ----------
+    place : SceneMeshes
+        Of the simulation that goes on.
+    """
+
+    def __init__(self, place: SceneMeshes):
+        self.place, self.frame = place, 0
+        self.solids: list[MovingSolid] = []
+        self.tall = place.wall()
+        self._known: dict[int, MovingSolid] = {}
+        for thing in place.scenery.obstacles:
+            self._add(thing)
+
+    def take(self) -> list[tuple[MovingSolid, list[SolidKey]]]:
+        """Look at them for the next frame; what is new: (obstacle, its new keys)."""
+        here, news = {id(thing): thing for thing in self.place.scenery.obstacles}, []
+        for thing in here.values():
+            if id(thing) not in self._known:
+                solid = self._add(thing)
+                if solid.moves:
+                    news.append((solid, list(solid.keys)))
+        for solid in self.solids:
+            count = len(solid.keys)
+            self._follow(solid, id(solid.thing) in here)
+            if len(solid.keys) > count:
+                news.append((solid, solid.keys[count:]))
+        self.frame += 1
+        return news
+
+    def _add(self, thing):
+        faces, lit = self.place.faces_of_thing(thing, self.tall)
+        name = getattr(thing, "name", "") or f"obstacle_{len(self.solids)}"
+        solid = MovingSolid(thing, name, faces, lit, self.frame)
+        self._known[id(thing)] = solid
+        self.solids.append(solid)
+        return solid
+
+    def _follow(self, solid, shown):
+        last, offset, outline = solid.keys[-1], solid.keys[-1].offset, _outline(solid.thing)
+        if outline != solid.outline:
+            solid.outline = outline
+            faces: Faces = self.place.faces_of_thing(solid.thing, self.tall)[0]
+            x, y, z = (faces.corners.mean(axis=(0, 1)) - solid.faces.corners.mean(axis=(0, 1))).tolist()
+            offset = (x, y, z)
+        if shown == last.shown and np.allclose(offset, last.offset, atol=SAME):
+            return
+        if last.frame < self.frame - 1:
+            solid.keys.append(SolidKey(self.frame - 1, last.shown, last.offset))  # until then it stood
+        solid.keys.append(SolidKey(self.frame, shown, offset))
+
+
+def _outline(thing) -> Any:
+    """What changes when a thing is moved."""
+    return thing.polygon.tobytes(), float(thing.z_min), float(thing.z_max)

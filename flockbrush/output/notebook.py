@@ -1,0 +1,65 @@
+"""Simulations and recordings as a notebook shows them: the page of the run, or a still picture where that is large.
+
+Importing this file gives `Simulation` and `RecordedRun` their ``_repr_html_``; `flockbrush` does so in a notebook.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import tempfile
+from pathlib import Path
+
+from flockbrush.engine.recording import RecordedRun, resume
+from flockbrush.levels.build import Simulation
+from flockbrush.output.export import Exports
+from flockbrush.runs.run import rebuild, source_of
+
+HIGH = 560  # pixels of the frame in the notebook
+MOST = 200_000  # animals times frames: a longer run is shown as a still picture
+FPS = 8.0
+
+
+def simulation_html(simulation) -> str:
+    """A frame with the page of this moment of a simulation."""
+    return _frame(_exported(simulation, "now.html", FPS))
+
+
+def recording_html(run) -> str:
+    """A frame with the page of a recording; a picture of its end and how to write the page where that is too large."""
+    simulation = rebuild(run)
+    resume(run, simulation.world)
+    seconds = run.last_tick * simulation.clock.dt
+    small = len(simulation.agents) * seconds * FPS <= MOST
+    name = "run.html" if small else "run.png"
+    data = _exported(simulation, name, FPS if small else 0.5, run.last_tick, source=source_of(run.path))
+    if small:
+        return _frame(data)
+    picture = base64.b64encode(data).decode()
+    path = html.escape(str(run.path))
+    return (
+        f'<img style="max-width:100%" alt="the last moment" src="data:image/png;base64,{picture}">'
+        f"<p>{len(simulation.agents):,} animals, {seconds:g} s: too much to show here. "
+        f"<code>flockbrush export {path} --to run.html</code> writes the page.</p>"
+    )
+
+
+def _exported(simulation, name, fps, last_tick=0, **options) -> bytes:
+    """The bytes of an export of a simulation up to a tick."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        with Exports([path], simulation, fps, **options) as exports:
+            exports.take()
+            while simulation.clock.tick < last_tick:
+                simulation.tick()
+                exports.take()
+        return path.read_bytes()
+
+
+def _frame(page: bytes) -> str:
+    source = html.escape(page.decode(), quote=True)
+    return f'<iframe style="width:100%;height:{HIGH}px;border:0" sandbox="allow-scripts" srcdoc="{source}"></iframe>'
+
+
+Simulation._repr_html_ = simulation_html  # type: ignore[attr-defined]
+RecordedRun._repr_html_ = recording_html  # type: ignore[attr-defined]

@@ -1,0 +1,228 @@
+"""Writes a run as one page that needs nothing else: no network, no server."""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from flockbrush.engine.recording import state_hash
+from flockbrush.output.attitude import held
+from flockbrush.output.moving_solids import MovingSolids
+from flockbrush.output.page.frames import COLUMNS, FRAMES, packed, row_of
+from flockbrush.output.scene_meshes import SceneMeshes
+from flockbrush.output.trajectory_table import metadata_of
+from flockbrush.render.animal_looks import CLIPS, mesh_of, poses_of
+from flockbrush.render.gaits import Gaits, looks_of
+from flockbrush.render.space_view import sky_of
+from flockbrush.render.style import PALETTE, mix, theme_of
+from flockbrush.runs.run import versions
+from flockbrush.runs.snapshots import words_of
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.measures import compute_milling, compute_polarization
+from flockbrush.systems.palette import Palette
+
+HERE = Path(__file__).parent
+SCRIPTS = ("unpack.js", "shaders.js", "place.js", "animals.js", "charts.js", "card.js", "main.js")
+MEASURES = (
+    ("polarization", "1", "0: each its own way, 1: all the same way"),
+    ("milling", "1", "0: none, 1: all turn about the centre"),
+    ("speed", "m/s", "mean speed"),
+    ("spread", "m", "from the centroid, root mean square"),
+    ("animals", "", "how many there are"),
+)
+
+
+class PageWriter:
+    """A page, written chunk by chunk.
+
+    Parameters
+    ----------
+    file : binary file
+    simulation : Simulation
+    fps : float
+    options : dict
+        ``theme``; ``source``: what is known of the recording it comes from, by name.
+    """
+
+    def __init__(self, file, simulation, fps, options):
+        self.file, self.simulation, self.fps, self.options = file, simulation, fps, options
+        self.theme = theme_of(options.get("theme") or "light")
+        self.gaits, self.frames, self.times = Gaits(simulation), 0, []
+        self.rows, self.sizes, self.measures = [], {}, {name: [] for name, _, _ in MEASURES}
+        self.labels: list[str] = []
+        self._head()
+
+    def take(self, moment):
+        """Add one moment."""
+        self.moving.take()
+        self.rows.append(row_of(moment, held(self.simulation, moment), *self.gaits.of(moment)))
+        sizes = zip(moment.length.tolist(), (2 * moment.radius).tolist(), strict=True)
+        self.sizes.update(zip(moment.ids.tolist(), sizes, strict=True))
+        self.labels += [name for name in moment.labels if name not in self.labels]
+        self.times.append(round(moment.time, 6))
+        for name, value in measured(moment).items():
+            self.measures[name].append(None if value is None else float(f"{value:.4g}"))
+        if len(self.rows) == FRAMES:
+            self._chunk()
+
+    def finish(self):
+        """Write what is left, the place, the names and the programs."""
+        self._chunk()
+        self._data("about", json.dumps(self._about(), separators=(",", ":")).encode())
+        for name in SCRIPTS:
+            self._write(f"<script>\n{(HERE / name).read_text(encoding='utf-8')}</script>\n")
+        self._write("</body>\n</html>\n")
+
+    # parts -----------------------------------------------------------------------------
+
+    def _write(self, text):
+        self.file.write(text.encode())
+
+    def _data(self, kind, data, compressed=False):
+        """Bytes that the page finds by their kind."""
+        data = data if compressed else zlib.compress(data, 9)
+        self._write(f'<script type="application/octet-stream" data-kind="{kind}">')
+        self.file.write(base64.b64encode(data))
+        self._write("</script>\n")
+
+    def _head(self):
+        look = self.theme
+        names = ("paper", "ink", "muted", "frame", "guide", "goal", "exit", "leader", "predator", "ground")
+        colours = "".join(f"--{name}:rgb{getattr(look, name)};" for name in names)
+        style = (HERE / "style.css").read_text(encoding="utf-8")
+        text = (HERE / "page.html").read_text(encoding="utf-8")
+        title = f"{self.simulation.level.name} · Flockbrush"
+        for mark, said in (("TITLE", _escaped(title)), ("STYLE", f":root{{{colours}}}\n{style}"), ("MODE", look.name)):
+            text = text.replace(f"{{{{{mark}}}}}", said)
+        self._write(text)
+        self._write(f"<!--\n{(HERE / 'three.LICENSE.txt').read_text(encoding='utf-8')}-->\n")
+        self._data("three", (HERE / "three.min.js").read_bytes())
+        place = SceneMeshes(self.simulation, self.theme.name)
+        self.moving = MovingSolids(place)
+        self._data("ground", place.jpeg(), compressed=True)
+        self._data("place", json.dumps(_place(place), separators=(",", ":")).encode())
+
+    def _chunk(self):
+        if self.rows:
+            self._data("frames", packed(self.rows, self.sizes, self.labels), compressed=True)
+            self._data("labels", json.dumps(self.labels).encode())
+            self.frames += len(self.rows)
+            self.rows = []
+
+    def _about(self):
+        simulation, look = self.simulation, self.theme
+        palette, words = simulation.world.resource(Palette), words_of(simulation)
+        looks = looks_of(simulation)
+        wrap = simulation.world.resource(Landscape).wrap
+        return {
+            **metadata_of(simulation, self.fps),
+            "title": simulation.level.name,
+            "versions": versions(),
+            "state_hash": state_hash(simulation.world),
+            "source": self.options.get("source") or {},
+            "times": self.times,
+            "columns": COLUMNS,
+            "words": words,
+            "brush_colours": [brush.colour for brush in palette.brushes],
+            "predators": [bool(danger) for danger in palette.danger],
+            "other_colours": PALETTE,
+            "leader": look.leader,
+            "predator": look.predator,
+            "looks": looks,
+            "clips": CLIPS,
+            "meshes": {name: _mesh(name) for name in sorted({*looks, "beast"})},
+            "wrap": None if wrap is None else [float(side) for side in wrap],
+            "measures": [
+                {"name": name, "unit": unit, "meaning": meaning, "values": self.measures[name]}
+                for name, unit, meaning in MEASURES
+            ],
+            "moving": _moving(self.moving.solids, self.times),
+            "sky": [list(colour) for colour in sky_of(look)],
+            "land": mix(mix(look.ground, look.paper, 0.45), look.ground, 0.3),
+            "shadow": [*look.shadow, look.shadow_alpha],
+            "dark": look.name == "dark",
+        }
+
+
+def measured(moment):
+    """{measure: number} of one moment, None where nobody is."""
+    if not len(moment):
+        return {name: 0 if name == "animals" else None for name, _, _ in MEASURES}
+    away = moment.xyz - moment.xyz.mean(axis=0)
+    return {
+        "polarization": compute_polarization(moment.forward),
+        "milling": compute_milling(moment.xyz[:, :2], moment.forward),
+        "speed": float(np.linalg.norm(moment.velocity, axis=1).mean()),
+        "spread": float(np.sqrt((away**2).sum(1).mean())),
+        "animals": len(moment),
+    }
+
+
+def _place(place: SceneMeshes):
+    """What stands still, as numbers for the page."""
+    ground = place.ground()
+    faces, lit = place.obstacles()
+    return {
+        "width": place.width,
+        "height": place.height,
+        "columns": ground.points.shape[1],
+        "heights": np.round(ground.points[..., 2], 3).ravel().tolist() if len(ground.points) > 2 else [],
+        "rows": ground.points.shape[0],
+        **_faces(faces, lit),
+        "goals": [{"name": g.name, "at": np.round(g.at, 3).tolist(), "radius": g.radius} for g in place.goals()],
+        "guides": [_line(line) for line in place.guides()],
+        "areas": [_line(line) for line in place.areas()],
+    }
+
+
+def _moving(solids, times):
+    """Obstacles that do not stand where they are all the time: their faces, and where they are when.
+
+    Those of the place as it begins are told by the number of their first face; others bring their faces.
+    """
+    found, first = [], 0
+    for solid in solids:
+        count, began = len(solid.faces.alphas), solid.keys[0].shown
+        if solid.moves:
+            track = [[times[key.frame], int(key.shown), *(round(part, 4) for part in key.offset)] for key in solid.keys]
+            told = {"first": first, "count": count} if began else _faces(solid.faces, solid.lit)
+            found.append({"name": solid.name, "track": track, **told})
+        first += count if began else 0
+    return found
+
+
+def _faces(faces, lit):
+    """Faces as numbers for the page."""
+    return {
+        "faces": np.round(faces.corners, 3).ravel().tolist(),
+        "face_colours": np.round(lit).astype(int).ravel().tolist(),
+        "alphas": np.round(faces.alphas, 2).tolist(),
+    }
+
+
+def _line(line):
+    return {"name": line.name, "points": np.round(line.points, 3).tolist(), "closed": line.closed}
+
+
+def _mesh(look):
+    """A look with its poses, one after the other, as the page's shader wants them."""
+    mesh, poses = mesh_of(look), poses_of(look)
+    first, count, at = {}, {}, 0
+    for clip, points in poses.items():
+        first[clip], count[clip], at = at, len(points), at + len(points)
+    return {
+        "triangles": mesh.triangles.ravel().tolist(),
+        "shade": mesh.shade.tolist(),
+        "points": np.round(np.concatenate(list(poses.values())), 4).ravel().tolist(),
+        "vertices": len(mesh.points),
+        "first": [first.get(clip, first.get("rest", 0)) for clip in CLIPS],
+        "count": [count.get(clip, 1) for clip in CLIPS],
+    }
+
+
+def _escaped(text):
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")

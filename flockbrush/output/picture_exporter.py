@@ -1,0 +1,125 @@
+"""What exporters of pictures and films share: looks, cameras, clean and transparent pictures."""
+
+from __future__ import annotations
+
+import re
+
+from flockbrush.output.exporter import Exporter, Option
+
+THEME = Option("theme", "light", "Colours.", ("light", "dark"))
+LOOKS = (
+    THEME,
+    Option("view", "plan", "From straight above, or going with the herd.", ("plan", "space")),
+    Option("azimuth", 90.0, "In space: where one looks; 0 is east, 90 north.", low=-360, high=360, metavar="DEG"),
+    Option("elevation", None, "In space: how high above the herd one is.", kind=float, low=0, high=90, metavar="DEG"),
+)
+CAMERA = Option("camera", None, "A camera with keyframes: a .camera.toml file (docs/exports.md).", metavar="FILE")
+CLEAN = (
+    CAMERA,
+    Option("overlays", True, "Ground, obstacles and animals alone: no words, guides, trails.", negated="no_overlays"),
+    Option("size", None, "Pixels of the picture, as 1920x1080.", metavar="WxH"),
+)
+ALPHA = Option("alpha", False, "Animals and their shadows alone, on transparent ground; no words, guides, trails.")
+
+
+class Pictures(Exporter):
+    """Draws every moment, for trails need them all."""
+
+    choices: tuple[Option, ...] = (*LOOKS, *CLEAN)
+    labels = False
+
+    @classmethod
+    def problems(cls, path, options):
+        return [*camera_problems(options), *_size_problems(options.get("size"))]
+
+    def open(self):
+        from flockbrush.output.pictures import painter_of
+
+        told = {name: self.options.get(name) for name in ("size", *(option.name for option in LOOKS))}
+        told["size"] = size_of(told["size"])
+        self.camera = camera_of(self.options)
+        if self.camera is not None:
+            told["view"] = "space"
+        self.space = told["view"] == "space"
+        told["clean"] = self.options.get("alpha", False) or not self.options["overlays"]
+        self._painter = painter_of(self.simulation, **{n: value for n, value in told.items() if value is not None})
+
+    def draw(self, moment):
+        """The picture of a moment, (h, w, 3) uint8."""
+        measures = _measured(moment) if len(moment) else None
+        return self._painter.frame(self._seen(moment), time=moment.time, measures=measures)
+
+    def cut_out(self, moment):
+        """The animals of a moment and their shadows alone, (h, w, 4) uint8: opacity last, colours not multiplied."""
+        import numpy as np
+
+        herd, pictures = self._seen(moment), []
+        for grey in (0, 255):
+            self._painter.backdrop = np.full((*self._painter.size[::-1], 3), grey, np.uint8)
+            pictures.append(self._painter.frame(herd, time=moment.time).astype(float))
+        return matte(*pictures)
+
+    def _seen(self, moment):
+        """The animals of a moment for the painter, whose camera is brought to where it is then."""
+        from flockbrush.output.pictures import herd_of
+
+        herd = herd_of(self.simulation, moment)
+        if self.camera is not None:
+            self._painter.look(self.camera.at(moment.time, self._painter.size, self._painter.view, self._painter.floor))
+        elif self.space and len(moment):
+            self._painter.chase(herd, 1 / self.fps if self.frames else None)
+        return herd
+
+
+def matte(on_black, on_white):
+    """(h, w, 4) uint8 of what was drawn over black and over white."""
+    import numpy as np
+
+    alpha = np.clip(1 - (on_white - on_black).mean(axis=2) / 255, 0, 1)
+    colour = on_black / np.maximum(alpha, 1e-6)[..., None]
+    return np.dstack([np.where(alpha[..., None] > 0, np.clip(colour, 0, 255), 0), 255 * alpha]).round().astype(np.uint8)
+
+
+def camera_of(options):
+    """The camera with keyframes that was asked for, None for none."""
+    if not options.get("camera"):
+        return None
+    from flockbrush.render.camera_path import read_camera
+
+    return read_camera(options["camera"])
+
+
+def camera_problems(options) -> list[str]:
+    """What is wrong with the file of a camera, said before the run begins."""
+    from flockbrush.engine.problems import ProblemsError
+
+    try:
+        camera_of(options)
+    except (ProblemsError, OSError) as error:
+        return [f"--camera: {line}" for line in str(error).splitlines()]
+    return []
+
+
+def size_of(size):
+    """(width, height) of a text as 1920x1080, or of two numbers; None for None."""
+    if not isinstance(size, str):
+        return size
+    width, height = size.lower().split("x")
+    return int(width), int(height)
+
+
+def _size_problems(size):
+    if not isinstance(size, str):
+        return []
+    good = re.fullmatch(r"[0-9]{1,5}[xX][0-9]{1,5}", size) and all(8 <= side <= 16384 for side in size_of(size))
+    return [] if good else [f"--size is WIDTHxHEIGHT, 8 to 16384 pixels each, as 1920x1080; got {size!r}"]
+
+
+def _measured(moment):
+    """What is written above the ground."""
+    from flockbrush.systems.measures import compute_milling, compute_polarization
+
+    return {
+        "polarization": compute_polarization(moment.forward),
+        "milling": compute_milling(moment.xyz[:, :2], moment.forward),
+    }

@@ -1,0 +1,87 @@
+"""Pictures of a running simulation: the herd as painters take it, and painters."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from flockbrush.components import Body, Position
+from flockbrush.runs.snapshots import Moment
+
+BEAT, FASTEST_BEAT = 3.4, 6.0  # wing beats a second: of a bird 1 m long, and as many as can be seen in a video
+WALKING = 2.0  # body lengths a second: a bird on the ground that is faster flies
+IN_SPACE = (1280, 720)  # pixels of a picture in space
+WORDS = 90  # pixels for title, legend and scale
+
+
+def herd_of(simulation, moment: Moment):
+    """The animals of a moment as the painter wants them."""
+    from flockbrush.render.drawn_herd import DrawnHerd
+    from flockbrush.systems.palette import Palette
+
+    palette = simulation.world.resource(Palette)
+    danger = palette.danger.astype(bool)
+    return DrawnHerd(
+        xy=moment.xyz[:, :2],
+        forward=moment.forward,
+        length=moment.length,
+        radius=moment.radius,
+        leader=moment.leader,
+        brush=moment.brush,
+        species=moment.species,
+        brush_colours=tuple(brush.colour for brush in palette.brushes),
+        brush_names=tuple(palette.names),
+        predator=danger[moment.brush] if len(danger) else None,
+        ids=moment.ids,
+        z=moment.xyz[:, 2],
+        wings=_wings(moment, palette),
+        up=moment.up,
+    )
+
+
+def _wings(moment, palette):
+    """How high wings are, as `Herd` wants it: those of animals under brushes that fly beat, small ones faster."""
+    kinds = palette.flies & ~palette.grounded
+    birds = kinds[moment.brush] if len(kinds) else np.zeros(len(moment), bool)
+    fast = np.linalg.norm(moment.velocity, axis=1) > WALKING * moment.length
+    birds = birds & ((moment.xyz[:, 2] > 0) | fast)  # on flat ground who is fast is taken to fly
+    if not birds.any():
+        return None
+    rate = np.minimum(BEAT / np.sqrt(moment.length), FASTEST_BEAT)
+    turn = rate * moment.time + 0.381966 * moment.ids  # no two neighbours at once
+    return np.where(birds, np.sin(2 * np.pi * (turn % 1.0)), np.nan)
+
+
+def painter_of(simulation, size=None, theme="light", view="plan", azimuth=90.0, elevation=None, clean=False):
+    """A painter for a running world: of the plan with the level's proportions unless a size is given, or of space.
+
+    `azimuth` and `elevation`, in degrees, say from where one looks in space: counter-clockwise from east, and upwards;
+    flocks in the air are looked at from lower down than herds on the ground unless told.  `clean` leaves out words,
+    trails and all that only the designer sees.
+    """
+    from flockbrush.render import Painter, Scenery
+    from flockbrush.render.scenery import BareScenery
+
+    scenery = BareScenery(simulation) if clean else Scenery(simulation)
+    drawn = {"words": False, "trails": None} if clean else {}
+    if view != "space":
+        size = size or picture_size(simulation.level, words=0 if clean else WORDS)
+        return Painter(scenery, size=size, theme=theme, **drawn)
+    from flockbrush.render.space_view import SpacePainter
+
+    painter = SpacePainter(scenery, size or IN_SPACE, theme, **drawn)
+    painter.bare = clean
+    if elevation is None:
+        agents = simulation.agents
+        flying = len(agents) and (agents[Position.xyz][:, 2] > agents[Body.length]).mean() > 0.5
+        elevation = 14.0 if flying else 30.0
+    painter.look(replace(painter.camera, azimuth=np.radians(azimuth), elevation=np.radians(elevation)))
+    return painter
+
+
+def picture_size(level, across=1920, ground=960, words=WORDS):
+    """(width, height) in even pixels of a picture with a level's proportions, and room above and below for words."""
+    scale = min(across / level.width, ground / level.height)
+    width, height = max(640.0, scale * level.width), max(200.0, scale * level.height)
+    return 2 * round(width / 2), 2 * round((height + words) / 2)

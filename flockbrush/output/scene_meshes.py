@@ -1,0 +1,168 @@
+"""What stands still in a run, as meshes for exporters of scenes: ground, obstacles, guides, goals, exits, areas."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flockbrush.components import Body
+from flockbrush.render import Painter, Scenery
+from flockbrush.render.body_meshes import SUN
+from flockbrush.render.orbit import OrbitCamera
+from flockbrush.render.solid_meshes import Faces, stood_up, together
+from flockbrush.render.style import mix, theme_of
+from flockbrush.systems.ground_height import heights_of_ground
+
+TEXTURE = 2048  # pixels of the longer side of the ground's picture
+CELLS = 160  # of the longer side of the ground's mesh, where it is not flat
+PICTURE = (1280, 720)  # pixels that the camera is for
+WALL = 1.6  # m, or body lengths if those are longer: obstacles without a told height
+
+
+class GroundMesh(NamedTuple):
+    """The ground as a grid of points.
+
+    Attributes
+    ----------
+    points : ndarray (rows, columns, 3)
+        Metres, from the south-west corner.
+    """
+
+    points: np.ndarray
+
+    @property
+    def triangles(self) -> np.ndarray:
+        """(t, 3) indices into the points, row by row; their outside is above."""
+        rows, columns = self.points.shape[:2]
+        i = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+        return np.concatenate(
+            [np.column_stack([i, i + 1, i + columns + 1]), np.column_stack([i, i + columns + 1, i + columns])]
+        )
+
+    @property
+    def uv(self) -> np.ndarray:
+        """(points, 2): places in the picture, from its lower left corner."""
+        rows, columns = self.points.shape[:2]
+        u, v = np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows))
+        return np.column_stack([u.ravel(), v.ravel()])
+
+
+class SceneLine(NamedTuple):
+    """A guide, an outline or a way."""
+
+    name: str
+    points: np.ndarray  # (k, 3) m
+    closed: bool
+
+
+class SceneGoal(NamedTuple):
+    """A goal."""
+
+    name: str
+    at: np.ndarray  # (3,) m
+    radius: float  # m
+
+
+class SceneMeshes:
+    """The place of a simulation as it is now.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    theme : str
+    """
+
+    def __init__(self, simulation, theme="light"):
+        self.simulation, self.level, self.theme = simulation, simulation.level, theme_of(theme)
+        self.scenery = Scenery(simulation)
+        self.width, self.height = float(self.level.width), float(self.level.height)
+
+    def heights(self, xy) -> np.ndarray:
+        """Height of the ground (n,) under points (n, 2), m."""
+        land = self.scenery.land
+        if land.relief.shape[:2] == (1, 1):
+            return np.zeros(len(xy))
+        return heights_of_ground(land.relief, land.relief_cell, np.column_stack([xy, np.zeros(len(xy))]))
+
+    def ground(self) -> GroundMesh:
+        """The ground; two triangles where it is flat."""
+        cells = 1
+        if self.scenery.land.relief.shape[:2] != (1, 1):
+            cells = CELLS
+        longer = max(self.width, self.height)
+        columns, rows = (max(2, round(cells * side / longer) + 1) for side in (self.width, self.height))
+        x, y = np.meshgrid(np.linspace(0, self.width, columns), np.linspace(0, self.height, rows))
+        z = self.heights(np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape)
+        return GroundMesh(np.stack([x, y, z], axis=-1))
+
+    def picture(self, side=TEXTURE) -> np.ndarray:
+        """The ground from above as the playground draws it, (h, w, 3) uint8; the level fills it."""
+        scale = side / max(self.width, self.height)
+        size = [int(np.clip(round(length * scale), 8, side)) for length in (self.width, self.height)]
+        return Painter(self.scenery, size, self.theme, trails=None, words=False, labels=False).ground.copy()
+
+    def jpeg(self) -> bytes:
+        """The same picture as a file."""
+        import cv2
+
+        return cv2.imencode(".jpg", self.picture()[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
+
+    def obstacles(self) -> tuple[Faces, np.ndarray]:
+        """(faces, colours (m, 3) 0 to 255 in the sun) of what stands there."""
+        return self._faces(list(self.scenery.obstacles))
+
+    def wall(self) -> float:
+        """How high obstacles are that have been told no height, m."""
+        agents = self.simulation.agents
+        return max(WALL, float(np.median(agents[Body.length])) if len(agents) else 0.0)
+
+    def faces_of_thing(self, thing, tall) -> tuple[Faces, np.ndarray]:
+        """(faces, colours (m, 3) 0 to 255 in the sun) of one obstacle where it is now."""
+        return self._faces([thing], tall)
+
+    def _faces(self, things, tall=None):
+        tall = self.wall() if tall is None else tall
+        faces = together(self._stood(thing, tall) for thing in things)
+        return faces, faces.lit(mix(self.theme.obstacle, self.theme.paper, 0.22), SUN)
+
+    def _stood(self, thing, tall):
+        """The faces of one thing, on the ground: its foot at the lowest point below it, its top above the highest."""
+        faces = stood_up(thing, tall)
+        under = self.heights(faces.corners[:, :, :2].reshape(-1, 2))
+        z = faces.corners[:, :, 2]
+        foot = z <= z.min() + 1e-9
+        z[foot] += under.min()
+        z[~foot] += under.max()
+        return faces
+
+    def guides(self) -> list[SceneLine]:
+        """The arrows that leaders follow."""
+        return [
+            self._line(getattr(g, "name", "") or f"guide_{k}", g.points, g.loop)
+            for k, g in enumerate(self.scenery.guides)
+        ]
+
+    def areas(self) -> list[SceneLine]:
+        """Outlines of exits and areas."""
+        named = [*self.scenery.exits, *self.level.areas]
+        return [self._line(thing.name, thing.polygon, True) for thing in named]
+
+    def goals(self) -> list[SceneGoal]:
+        """Where the way leads."""
+        return [
+            SceneGoal(goal.name, self._line("", np.asarray(goal.xy)[None], False).points[0], float(goal.radius))
+            for goal in self.scenery.goals
+        ]
+
+    def camera(self, azimuth=None, elevation=None) -> OrbitCamera:
+        """The camera that shows the whole level; degrees, from the south and 40° up unless told."""
+        corners = self.ground().points[:: max(1, CELLS // 8), :: max(1, CELLS // 8)].reshape(-1, 3)
+        edge = [[0, 0, 0], [self.width, 0, 0], [self.width, self.height, 0], [0, self.height, 0]]
+        points = np.vstack([corners, edge])
+        angles = np.radians([90.0 if azimuth is None else azimuth, 40.0 if elevation is None else elevation])
+        return OrbitCamera.of(points, PICTURE, azimuth=float(angles[0]), elevation=float(angles[1]))
+
+    def _line(self, name, points, closed):
+        points = np.asarray(points, float)[:, :2]
+        return SceneLine(name, np.column_stack([points, self.heights(points)]), bool(closed))

@@ -1,0 +1,70 @@
+"""The table of a run: a row for each animal in each frame, the same in every format that is a table."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+
+import flockbrush
+from flockbrush.runs.snapshots import Moment, words_of
+
+SCHEMA = "flockbrush.trajectory/1"
+
+COLUMNS = (
+    "frame", "time", "id", "x", "y", "z", "vx", "vy", "vz", "heading", "speed", "species", "brush", "role", "reference",
+)  # fmt: skip
+
+ROLES = ("follower", "leader")
+TEXTS = ("species", "brush", "role", "group", "state")  # columns whose values are names
+
+
+def column_names(simulation) -> tuple[str, ...]:
+    """`COLUMNS`, and behind them those that only some worlds have: group, state."""
+    return COLUMNS + tuple(name for name in words_of(simulation) if name not in COLUMNS)
+
+
+def table_of(simulation, moment: Moment, frame):
+    """({column: array}, {column: names}) of one moment; columns of names hold indices into these names."""
+    words = {**words_of(simulation), "role": list(ROLES)}
+    x, y, z = moment.xyz.T
+    vx, vy, vz = moment.velocity.T
+    n = len(moment)
+    table = {
+        "frame": np.full(n, frame, np.int32),
+        "time": np.full(n, moment.time),
+        "id": moment.ids,
+        "x": x, "y": y, "z": z, "vx": vx, "vy": vy, "vz": vz,
+        "heading": np.arctan2(moment.forward[:, 1], moment.forward[:, 0]),
+        "speed": np.linalg.norm(moment.velocity, axis=1),
+        "species": moment.species,
+        "brush": moment.brush,
+        "role": moment.leader.astype(int),
+        "reference": moment.reference,
+    }  # fmt: skip
+    for name in words:
+        if name not in table:
+            table[name] = moment.labels[name]
+    return table, words
+
+
+def metadata_of(simulation, fps):
+    """What a reader of a table must know beside its columns."""
+    level = simulation.level
+    first = next(iter(level.files.values()), b"")
+    return {
+        "schema": SCHEMA,
+        "fps": fps,
+        "unit": "m",
+        "unit_time": "s",
+        "unit_angle": "rad",
+        "axes": "x east, y north, z up; heading counter-clockwise from east",
+        "level": level.name,
+        "level_sha256": hashlib.sha256(first).hexdigest(),
+        "width": level.width,
+        "height": level.height,
+        "boundary": level.boundary,
+        "seed": simulation.origin["seed"],
+        "dt": simulation.clock.dt,
+        "version": flockbrush.__version__,
+    }

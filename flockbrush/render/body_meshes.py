@@ -1,0 +1,301 @@
+"""Animals as little bodies in space: birds with wings that beat and bank, beasts on four legs.
+
+A body is a handful of triangles in its own axes (ahead, left, up; one body length is 1), lit by the sun and drawn from
+back to front; nothing is kept from frame to frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flockbrush.render.facets import deep, draw_triangle, haze_at
+from flockbrush.render.shapes import kernel
+from flockbrush.render.sprites import KINDS, LEADER, NO_WINGS, WINGSPAN
+
+SMALLEST = 6.0  # pixels; animals farther away are drawn as long as this, to be seen at all
+FINE = 13.0  # pixels; shorter bodies have fewer triangles
+LEGS = 16.0  # pixels; shorter beasts have no legs
+SUN = np.array([-0.42, -0.38, 0.824])  # unit vector to the sun: light from the south-west, as the plan's shadows fall
+BELLY, BACK = 0.26, 0.62  # body lengths above its feet, of a beast
+BEATS = 0.62  # rad that a wing goes up and down at the shoulder
+
+
+@kernel
+def draw_bodies(frame, depth, clip, cam, order, xyz, forward, up, length, radius, beat, walks, look, colours, clear,
+                haze, sun, smallest):  # fmt: skip
+    """Draw animals in an order from far to near.
+
+    Parameters
+    ----------
+    xyz, forward, up : (n, 3)
+        Metres, and unit vectors; a beast's position is that of its feet.
+    length, radius, beat : (n,)
+        Metres; how high wings are, -1 to 1, `NO_WINGS` for none.
+    walks : (n,) bool
+        Beasts on the ground.
+    look : (n,) int64
+        Row of `colours` (k, 7, 3), as `Stamps` has them.
+    clear : float
+        How far one sees well, m; `haze` is the colour beyond.
+    smallest : float
+        Pixels; no animal is drawn shorter.
+    """
+    points, places = np.empty((20, 3)), np.empty((20, 2))
+    light, seen = np.empty(3), np.empty(3)
+    ink = np.empty((4, 3))
+    for i in order:
+        rx, ry, rz = deep(cam, xyz[i, 0], xyz[i, 1], xyz[i, 2])
+        if rz < cam[15] + 1.2 * length[i]:
+            continue
+        share = cam[12] / rz
+        long = max(length[i] * share, smallest)
+        x, y = cam[13] + rx * share, cam[14] - ry * share
+        if x < clip[0] - 1.5 * long or x > clip[2] + 1.5 * long or y < clip[1] - 1.5 * long or y > clip[3] + 1.5 * long:
+            continue
+        fx, fy, fz = _unit(forward[i, 0], forward[i, 1], forward[i, 2], 1.0, 0.0, 0.0)
+        ux, uy, uz = up[i, 0], up[i, 1], up[i, 2]
+        lx, ly, lz = _unit(uy * fz - uz * fy, uz * fx - ux * fz, ux * fy - uy * fx, -fy, fx, 0.0)
+        ux, uy, uz = fy * lz - fz * ly, fz * lx - fx * lz, fx * ly - fy * lx
+        size = long / share
+        bx, by, bz = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+        light[0] = sun[0] * fx + sun[1] * fy + sun[2] * fz
+        light[1] = sun[0] * lx + sun[1] * ly + sun[2] * lz
+        light[2] = sun[0] * ux + sun[1] * uy + sun[2] * uz
+        ex, ey, ez = (cam[0] - bx) / size, (cam[1] - by) / size, (cam[2] - bz) / size
+        seen[0] = ex * fx + ey * fy + ez * fz
+        seen[1] = ex * lx + ey * ly + ez * lz
+        seen[2] = ex * ux + ey * uy + ez * uz
+        fog = haze_at(rz, clear)
+        _inks(ink, colours[look[i]], look[i] % KINDS, haze, fog, beat[i] > NO_WINGS)
+        thick = min(max(radius[i] / length[i], 0.06), 0.5)
+        if walks[i]:
+            count = _beast(points, thick, long)
+        else:
+            count = _bird(points, beat[i], long)
+        for k in range(count):
+            px, py, pz = points[k, 0] * size, points[k, 1] * size, points[k, 2] * size
+            rx, ry, rz = deep(
+                cam,
+                bx + px * fx + py * lx + pz * ux,
+                by + px * fy + py * ly + pz * uy,
+                bz + px * fz + py * lz + pz * uz,
+            )
+            places[k, 0], places[k, 1] = cam[13] + cam[12] * rx / rz, cam[14] - cam[12] * ry / rz
+        near = share / cam[12] * 1.002
+        if walks[i]:
+            _draw_beast(frame, depth, clip, points, places, light, seen, uz, ink, near, long)
+        else:
+            _draw_bird(frame, depth, clip, points, places, light, seen, uz, ink, near, long, beat[i] > NO_WINGS)
+
+
+@kernel
+def _unit(x, y, z, ox, oy, oz):
+    """A vector of length 1, or the other one when it has none."""
+    size = np.sqrt(x * x + y * y + z * z)
+    if size < 1e-9:
+        return ox, oy, oz
+    return x / size, y / size, z / size
+
+
+@kernel
+def _inks(ink, colours, kind, haze, fog, winged):
+    """Colours of body, head, wings and wing tips (or legs), in the haze."""
+    body, head, edge, mark = colours[0], colours[1], colours[2], colours[3]
+    for c in range(3):
+        skin = mark[c] if kind == LEADER else body[c]
+        ink[0, c] = body[c]
+        ink[1, c] = mark[c] if kind == LEADER and not winged else head[c]
+        ink[2, c] = skin
+        ink[3, c] = skin + (edge[c] - skin) * (0.75 if winged else 0.9)
+        if kind == LEADER and not winged:
+            ink[0, c] = mark[c]
+        for k in range(4):
+            ink[k, c] += (haze[c] - ink[k, c]) * fog * 0.85
+
+
+@kernel
+def _put(points, k, x, y, z):
+    """Set one corner."""
+    points[k, 0], points[k, 1], points[k, 2] = x, y, z
+
+
+@kernel
+def _facet(frame, depth, clip, points, places, light, seen, lift, a, b, c, ink, near, closed):
+    """One triangle of a body; the outside of a closed one is where its corners go round to the left."""
+    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+    vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    toward = nx * (seen[0] - points[a, 0]) + ny * (seen[1] - points[a, 1]) + nz * (seen[2] - points[a, 2])
+    if toward < 0:
+        if closed:
+            return
+        nx, ny, nz = -nx, -ny, -nz
+    size = max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-12)
+    facing = (nx * light[0] + ny * light[1] + nz * light[2]) / size
+    shine = 0.60 + 0.12 * nz / size * lift + (0.42 * facing if facing > 0 else 0.10 * facing)
+    draw_triangle(
+        frame, depth, clip, places[a, 0], places[a, 1], places[b, 0], places[b, 1], places[c, 0], places[c, 1], near,
+        min(ink[0] * shine, 255.0), min(ink[1] * shine, 255.0), min(ink[2] * shine, 255.0), 1.0,
+    )  # fmt: skip
+
+
+# birds ---------------------------------------------------------------------------------
+
+
+@kernel
+def _bird(points, beat, long):
+    """Corners of a bird, wings as high as they are; how many."""
+    fat = 0.085 + 0.35 / long  # small ones need their room for colour
+    _put(points, 0, 0.46, 0.0, 0.01)  # bill
+    _put(points, 1, -0.40, 0.0, 0.02)  # where the tail begins
+    for k in range(4):  # shoulders and neck: right, above, left, below
+        y, z = (-1.0, 0.0, 1.0, 0.0)[k], (0.0, 0.85, 0.0, -1.0)[k]
+        _put(points, 2 + k, 0.04, y * fat, z * fat)
+        _put(points, 6 + k, 0.27, 0.62 * y * fat, 0.62 * z * fat + 0.01)
+    _put(points, 10, -0.56, 0.11, 0.02)
+    _put(points, 11, -0.56, -0.11, 0.02)
+    if beat > NO_WINGS:
+        arm, hand = BEATS * beat, BEATS * beat * 1.25 - 0.10
+        ca, sa, ch, sh = np.cos(arm), np.sin(arm), np.cos(hand), np.sin(hand)
+        half = 0.5 * WINGSPAN
+        wrist, root = 0.40 * half, 0.7 * fat
+        for side in range(2):
+            s, k = (1.0, -1.0)[side], 12 + 4 * side
+            _put(points, k, 0.16, s * root, 0.02)
+            _put(points, k + 1, -0.13, s * root, 0.02)
+            _put(points, k + 2, 0.19, s * (root + wrist * ca), 0.02 + wrist * sa)
+            rest = half - wrist
+            _put(points, k + 3, -0.17, s * (root + wrist * ca + rest * ch), 0.02 + wrist * sa + rest * sh)
+    return 20 if beat > NO_WINGS else 12
+
+
+@kernel
+def _draw_bird(frame, depth, clip, points, places, light, seen, lift, ink, near, long, winged):
+    """The wing on the far side, tail and trunk, then the wing on the near side."""
+    left_first = seen[1] < 0
+    bill, rump, tail = np.int64(0), np.int64(1), np.int64(10)  # numbers as such are types, to be compiled for each
+    flat, trunk = np.bool_(False), np.bool_(True)
+    if winged:
+        _wing(frame, depth, clip, points, places, light, seen, lift, ink, near, 12 if left_first else 16)
+    if seen[0] >= -0.4:
+        _facet(frame, depth, clip, points, places, light, seen, lift, rump, tail, tail + 1, ink[3], near, flat)
+    for k in range(4):
+        m = (k + 1) % 4
+        _facet(frame, depth, clip, points, places, light, seen, lift, rump, 2 + k, 2 + m, ink[0], near, trunk)
+        if long < FINE:
+            _facet(frame, depth, clip, points, places, light, seen, lift, bill, 2 + m, 2 + k, ink[1], near, trunk)
+        else:
+            _facet(frame, depth, clip, points, places, light, seen, lift, 2 + k, 6 + m, 2 + m, ink[0], near, trunk)
+            _facet(frame, depth, clip, points, places, light, seen, lift, 2 + k, 6 + k, 6 + m, ink[0], near, trunk)
+            _facet(frame, depth, clip, points, places, light, seen, lift, bill, 6 + m, 6 + k, ink[1], near, trunk)
+    if seen[0] < -0.4:
+        _facet(frame, depth, clip, points, places, light, seen, lift, rump, tail, tail + 1, ink[3], near, flat)
+    if winged:
+        _wing(frame, depth, clip, points, places, light, seen, lift, ink, near, 16 if left_first else 12)
+
+
+@kernel
+def _wing(frame, depth, clip, points, places, light, seen, lift, ink, near, k):
+    """One wing: an arm, and a darker hand."""
+    flat = np.bool_(False)
+    _facet(frame, depth, clip, points, places, light, seen, lift, k, k + 2, k + 1, ink[2], near, flat)
+    _facet(frame, depth, clip, points, places, light, seen, lift, k + 1, k + 2, k + 3, ink[3], near, flat)
+
+
+# beasts --------------------------------------------------------------------------------
+
+
+@kernel
+def _beast(points, thick, long):
+    """Corners of a beast: a trunk, a head, and where the legs are; how many."""
+    wide = max(thick, 0.14)
+    for k in range(8):  # bit 0: left, bit 1: above, bit 2: in front
+        side, high, front = 1.0 if k & 1 else -1.0, k & 2, k & 4
+        x = 0.28 if front else -0.46
+        y = side * wide * (0.78 if high else 1.0) * (0.85 if front else 1.0)
+        _put(points, k, x, y, (BACK if high else BELLY) - (0.03 if not front and high else 0.0))
+    for k in range(8):
+        side, high, front = 1.0 if k & 1 else -1.0, k & 2, k & 4
+        x = 0.56 if front else 0.24
+        y = side * wide * (0.30 if front else 0.52)
+        z = (BACK + 0.06 if high else BACK - 0.24) if not front else (BACK - 0.04 if high else BACK - 0.20)
+        _put(points, 8 + k, x, y, z)
+    for k in range(4):
+        _put(points, 16 + k, (0.19, -0.36)[k >> 1], (1.0, -1.0)[k & 1] * wide * 0.72, 0.0)
+    return 20
+
+
+@kernel
+def _draw_beast(frame, depth, clip, points, places, light, seen, lift, ink, near, long):
+    """Legs, then trunk and head, the farther one first."""
+    if long >= LEGS:
+        half = 0.035 * long
+        shine = 0.55
+        for k in range(4):
+            x, y = places[16 + k, 0], places[16 + k, 1]
+            hip = _hip(places, k)
+            for part in range(2):
+                ax, bx = (x - half, x + half)[part], (x + half, x - half)[part]
+                ay = y if part == 0 else hip[1]
+                cx, cy = (hip[0] - half, hip[1]) if part == 0 else (x + half, y)
+                if part == 0:
+                    draw_triangle(frame, depth, clip, ax, ay, bx, ay, cx, cy, near, ink[3, 0] * shine,
+                                  ink[3, 1] * shine, ink[3, 2] * shine, 1.0)  # fmt: skip
+                else:
+                    draw_triangle(frame, depth, clip, hip[0] - half, hip[1], hip[0] + half, hip[1], cx, cy, near,
+                                  ink[3, 0] * shine, ink[3, 1] * shine, ink[3, 2] * shine, 1.0)  # fmt: skip
+    if seen[0] > 0.3:
+        _block(frame, depth, clip, points, places, light, seen, lift, 0, ink[0], near)
+        _block(frame, depth, clip, points, places, light, seen, lift, 8, ink[1], near)
+    else:
+        _block(frame, depth, clip, points, places, light, seen, lift, 8, ink[1], near)
+        _block(frame, depth, clip, points, places, light, seen, lift, 0, ink[0], near)
+
+
+@kernel
+def _hip(places, k):
+    """Where a leg meets the trunk, in pixels."""
+    corner = (5, 4, 1, 0)[k]
+    other = (1, 0, 5, 4)[k]
+    return places[corner, 0] * 0.88 + places[other, 0] * 0.12, places[corner, 1] * 0.88 + places[other, 1] * 0.12
+
+
+@kernel
+def _block(frame, depth, clip, points, places, light, seen, lift, first, ink, near):
+    """A block of eight corners, see `_beast` for their order."""
+    trunk = np.bool_(True)
+    for face in range(6):
+        a, b, c, d = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (1, 3, 7, 5), (0, 4, 6, 2))[face]
+        _facet(frame, depth, clip, points, places, light, seen, lift, first + a, first + b, first + c, ink, near, trunk)
+        _facet(frame, depth, clip, points, places, light, seen, lift, first + a, first + c, first + d, ink, near, trunk)
+
+
+def standing(forward: np.ndarray) -> np.ndarray:
+    """Unit vectors out of the backs of animals that do not bank, (n, 3), from their headings (n, 3)."""
+    up = np.zeros_like(forward)
+    up[:, 2] = 1.0
+    up -= (forward[:, 2] / np.maximum((forward**2).sum(1), 1e-12))[:, None] * forward
+    size = np.sqrt((up**2).sum(1))
+    steep = size < 1e-6
+    up[steep] = (-1.0, 0.0, 0.0)
+    return up / np.where(steep, 1.0, size)[:, None]
+
+
+def attitude_of(heading, pitch, bank) -> tuple[np.ndarray, np.ndarray]:
+    """Headings and backs, (n, 3) unit vectors each, of animals that climb and lean.
+
+    Parameters
+    ----------
+    heading : (n,)
+        Counter-clockwise from east, rad.
+    pitch : (n,)
+        Upwards, rad.
+    bank : (n,)
+        With the right wing down, rad.
+    """
+    heading, pitch, bank = (np.asarray(angle, float) for angle in (heading, pitch, bank))
+    flat, climb = np.cos(pitch), np.sin(pitch)
+    forward = np.stack([flat * np.cos(heading), flat * np.sin(heading), climb], axis=-1)
+    level = np.stack([-climb * np.cos(heading), -climb * np.sin(heading), flat], axis=-1)
+    right = np.stack([np.sin(heading), -np.cos(heading), np.zeros_like(heading)], axis=-1)
+    return forward, np.cos(bank)[..., None] * level + np.sin(bank)[..., None] * right

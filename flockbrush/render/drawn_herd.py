@@ -1,0 +1,108 @@
+"""What a picture of animals needs to know about them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class DrawnHerd(NamedTuple):
+    """The animals of one moment, in metres, one row each; rows are drawn in order, later ones on top.
+
+    Parameters
+    ----------
+    xy : (n, 2) or (n, 3) array
+        Position, m.
+    forward : (n, 2) or (n, 3) array
+        Heading, a unit vector.
+    length, radius : (n,) array or float
+        Of the body, m; the length is from tip to tip.
+    leader : (n,) bool array, optional
+    brush : (n,) int array, optional
+        Which of `brush_colours` the animal has; -1 for none.
+    species : (n,) int array, optional
+    z : (n,) array, optional
+        Height over the ground, m; moves the shadow.
+    brush_colours : (k, 3) uint8 array or k strings "#rrggbb"
+    brush_names : k strings
+        For the legend.
+    predator : (n,) bool array, optional
+    wings : (n,) array, optional
+        How high the wings of a bird in flight are, from -1 to 1; NaN for who has none, or keeps them folded.
+    up : (n, 3) array, optional
+        Unit vector out of the back, for those that bank; seen in space only.
+    ids : (n,) int array, optional
+        Lets trails follow their animals when others are born or die.
+    """
+
+    xy: np.ndarray
+    forward: np.ndarray
+    length: np.ndarray | float = 1.0
+    radius: np.ndarray | float = 0.3
+    leader: np.ndarray | None = None
+    brush: np.ndarray | None = None
+    species: np.ndarray | None = None
+    z: np.ndarray | None = None
+    brush_colours: np.ndarray | tuple = ()
+    brush_names: tuple = ()
+    predator: np.ndarray | None = None
+    ids: np.ndarray | None = None
+    wings: np.ndarray | None = None
+    up: np.ndarray | None = None
+
+
+EMPTY = DrawnHerd(np.zeros((0, 2)), np.zeros((0, 2)))
+
+
+def column(values, count: int, dtype, default, name: str) -> np.ndarray:
+    """Values as one contiguous column of `count` rows; ValueError when they cannot be."""
+    values = default if values is None else values
+    array = np.asarray(values, dtype)
+    if array.ndim == 0:
+        return np.full(count, array, dtype)
+    if array.shape != (count,):
+        raise ValueError(f"{name} of {count} animals has shape ({count},), got {array.shape}")
+    return np.ascontiguousarray(array)
+
+
+def plane(values, name: str) -> np.ndarray:
+    """East and north of (n, 2) or (n, 3) values; ValueError naming the first row that is not finite."""
+    array = np.asarray(values, np.float64)
+    if array.ndim != 2 or array.shape[1] not in (2, 3):
+        raise ValueError(f"{name} has shape (n, 2) or (n, 3), got {array.shape}")
+    array = np.ascontiguousarray(array[:, :2])
+    refuse_nan(array, name)
+    return array
+
+
+def refuse_nan(array: np.ndarray, name: str):
+    """ValueError naming the first row of the array that is not finite."""
+    good = np.isfinite(array)
+    if not good.all():
+        row = int(np.argwhere(~good)[0, 0])
+        raise ValueError(f"animal in row {row} cannot be drawn: its {name} is {array[row]}")
+
+
+def checked(herd: DrawnHerd) -> DrawnHerd:
+    """The herd with every column filled, contiguous and finite; ValueError says which animal is not."""
+    xy, forward = plane(herd.xy, "position"), plane(herd.forward, "heading")
+    count = len(xy)
+    if len(forward) != count:
+        raise ValueError(f"{count} animals need as many headings, got {len(forward)}")
+    length = column(herd.length, count, np.float64, 1.0, "length")
+    radius = column(herd.radius, count, np.float64, 0.3, "radius")
+    z = column(herd.z, count, np.float64, 0.0, "z")
+    for values, name in ((length, "length"), (radius, "radius"), (z, "z")):
+        refuse_nan(values, name)
+    return herd._replace(
+        xy=xy,
+        forward=forward,
+        length=length,
+        radius=radius,
+        z=z,
+        leader=column(herd.leader, count, np.bool_, False, "leader"),
+        predator=column(herd.predator, count, np.bool_, False, "predator"),
+        wings=column(herd.wings, count, np.float64, np.nan, "wings"),
+        brush=column(herd.brush, count, np.int64, -1, "brush"),
+    )

@@ -1,0 +1,362 @@
+"""Kernels for pictures in perspective: the ground under a sky, flat faces, soft shadows, lines in space.
+
+Pixels are those of the rest of this folder.  A camera comes as the sixteen numbers of `OrbitCamera.numbers`, `depth`
+(h, w) float32 is 1 / m: what lies nearer is larger, and 0 is endlessly far.  Haze takes away colour with distance.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flockbrush.render.shapes import kernel, over, window
+from flockbrush.render.strokes import _thin
+
+NEARER = 1.002  # of the depth that hides: so much a thing may lie in what it stands on
+GROWN = 0.9  # pixels by which faces are larger all around, that no ground shows between two
+CORNERS = 8  # of a face that the near plane has cut, at most
+
+
+@kernel
+def deep(cam, x, y, z):
+    """Where a point (m) lies in the camera's axes: right, up, ahead."""
+    dx, dy, dz = x - cam[0], y - cam[1], z - cam[2]
+    return (
+        cam[3] * dx + cam[4] * dy + cam[5] * dz,
+        cam[6] * dx + cam[7] * dy + cam[8] * dz,
+        cam[9] * dx + cam[10] * dy + cam[11] * dz,
+    )
+
+
+@kernel
+def haze_at(depth, clear):
+    """Share of the haze in what is seen from so far; `clear` (m) is how far one sees well."""
+    ratio = depth / clear
+    return 1.0 - 1.0 / (1.0 + ratio * ratio)
+
+
+# the ground ------------------------------------------------------------------------
+
+
+@kernel
+def paint_sky(frame, clip, cam, floor, clear, inks):
+    """Sky, and bare ground to the horizon; `inks` (3, 3): sky at the horizon and above, ground."""
+    for row in range(clip[1], clip[3]):
+        y = (cam[14] - row - 0.5) / cam[12]
+        fall = cam[11] + y * cam[8]
+        if fall > -1e-6:
+            first, second, share = 0, 1, min(max(fall, 0.0) / 0.55, 1.0) ** 0.7
+        else:
+            first, second, share = 2, 0, haze_at((cam[2] - floor) / -fall, clear)
+        red = np.uint8(inks[first, 0] + (inks[second, 0] - inks[first, 0]) * share + 0.5)
+        green = np.uint8(inks[first, 1] + (inks[second, 1] - inks[first, 1]) * share + 0.5)
+        blue = np.uint8(inks[first, 2] + (inks[second, 2] - inks[first, 2]) * share + 0.5)
+        for col in range(clip[0], clip[2]):
+            frame[row, col, 0] = red
+            frame[row, col, 1] = green
+            frame[row, col, 2] = blue
+
+
+@kernel
+def hide_in_haze(line, haze, fog):
+    """Take colour away from one row (k, 3): `fog` of 256 is haze."""
+    keep = np.uint16(256 - fog)
+    h0, h1, h2 = np.uint16(haze[0] * fog), np.uint16(haze[1] * fog), np.uint16(haze[2] * fog)
+    for k in range(len(line)):
+        line[k, 0] = np.uint8((np.uint16(line[k, 0]) * keep + h0) >> 8)
+        line[k, 1] = np.uint8((np.uint16(line[k, 1]) * keep + h1) >> 8)
+        line[k, 2] = np.uint8((np.uint16(line[k, 2]) * keep + h2) >> 8)
+
+
+@kernel
+def haze_ground(frame, clip, cam, floor, clear, haze):
+    """Lay the haze over ground that is drawn without."""
+    for row in range(clip[1], clip[3]):
+        fall = cam[11] + (cam[14] - row - 0.5) / cam[12] * cam[8]
+        if fall < -1e-6:
+            fog = int(256 * haze_at((cam[2] - floor) / -fall, clear) + 0.5)
+            hide_in_haze(frame[row, clip[0] : clip[2]], haze, fog)
+
+
+@kernel
+def draw_grid(frame, clip, cam, floor, x, y, spacing, reach, ink, alpha):
+    """Lines on the ground, `spacing` m apart, every fifth thick; they fade towards `reach` m from the point (x, y)."""
+    pieces = 32
+    first = int(np.ceil(-reach / spacing))
+    for way in range(2):
+        middle, other = (x, y) if way == 0 else (y, x)
+        start = int(np.floor(middle / spacing + 0.5))
+        for k in range(first, -first + 1):
+            at = (start + k) * spacing
+            half = reach * reach - (at - middle) ** 2
+            if half <= 0:
+                continue
+            half = np.sqrt(half)
+            strong = 1.0 if (start + k) % 5 == 0 else 0.5
+            for piece in range(pieces):
+                a = other - half + 2 * half * piece / pieces
+                b = a + 2 * half / pieces
+                far = ((a + b) / 2 - other) ** 2 + (at - middle) ** 2
+                fresh = alpha * strong * (1.0 - far / (reach * reach)) ** 1.5
+                if way == 0:
+                    _ground_line(frame, clip, cam, floor, at, a, at, b, ink, fresh)
+                else:
+                    _ground_line(frame, clip, cam, floor, a, at, b, at, ink, fresh)
+
+
+@kernel
+def _ground_line(frame, clip, cam, floor, ax, ay, bx, by, ink, alpha):
+    """A thin line between two points of the ground, m; the part before the eye."""
+    au, av, aw = deep(cam, ax, ay, floor)
+    bu, bv, bw = deep(cam, bx, by, floor)
+    near = cam[15]
+    if aw < near and bw < near:
+        return
+    if aw < near:
+        share = (near - aw) / (bw - aw)
+        au, av, aw = au + (bu - au) * share, av + (bv - av) * share, near
+    elif bw < near:
+        share = (near - bw) / (aw - bw)
+        bu, bv, bw = bu + (au - bu) * share, bv + (av - bv) * share, near
+    focal, mx, my = cam[12], cam[13], cam[14]
+    _stroke(
+        frame, clip, mx + focal * au / aw, my - focal * av / aw, mx + focal * bu / bw, my - focal * bv / bw, alpha,
+        ink, ink, 0.0,
+    )  # fmt: skip
+
+
+# faces -------------------------------------------------------------------------------
+
+
+@kernel
+def draw_faces(frame, depth, clip, cam, faces, order, colours, alphas, clear, haze):
+    """Draw flat faces (m, 4, 3) m, a triangle with its last corner twice, in an order from far to near.
+
+    `colours` (m, 3) are as lit, `alphas` (m,); faces that one sees through hide nothing.
+    """
+    near = cam[15]
+    solid, cut = np.empty((4, 3)), np.empty((CORNERS, 3))
+    for f in order:
+        for k in range(4):
+            solid[k] = deep(cam, faces[f, k, 0], faces[f, k, 1], faces[f, k, 2])
+        count = _before_the_eye(solid, near, cut)
+        if count > 2:
+            _face(frame, depth, clip, cam, cut[:count], colours[f], alphas[f], clear, haze)
+
+
+@kernel
+def _before_the_eye(corners, near, cut):
+    """The part of a face (k, 3) deeper than `near`, into `cut`; how many corners it has. Double corners go."""
+    count = 0
+    for k in range(len(corners)):
+        a, b = corners[k], corners[(k + 1) % len(corners)]
+        if a[0] == b[0] and a[1] == b[1] and a[2] == b[2]:
+            continue
+        if a[2] >= near:
+            cut[count] = a
+            count += 1
+        if (a[2] >= near) != (b[2] >= near):
+            share = (near - a[2]) / (b[2] - a[2])
+            cut[count] = a + (b - a) * share
+            count += 1
+    return count
+
+
+@kernel
+def _face(frame, depth, clip, cam, corners, colour, alpha, clear, haze):
+    """A convex face in the camera's axes, with soft edges, hidden by what lies nearer."""
+    count = len(corners)
+    focal, mx, my = cam[12], cam[13], cam[14]
+    px, py = np.empty(count), np.empty(count)
+    left, right, top, bottom = 1e9, -1e9, 1e9, -1e9
+    for k in range(count):
+        px[k], py[k] = mx + focal * corners[k, 0] / corners[k, 2], my - focal * corners[k, 1] / corners[k, 2]
+        left, right, top, bottom = min(left, px[k]), max(right, px[k]), min(top, py[k]), max(bottom, py[k])
+    # n . p = d in the camera's axes makes 1 / depth flat over the picture
+    nx, ny, nz, d = 0.0, 0.0, 0.0, 0.0
+    for k in range(1, count - 1):
+        e, g = corners[k] - corners[0], corners[k + 1] - corners[0]
+        nx, ny, nz = nx + e[1] * g[2] - e[2] * g[1], ny + e[2] * g[0] - e[0] * g[2], nz + e[0] * g[1] - e[1] * g[0]
+    d = nx * corners[0, 0] + ny * corners[0, 1] + nz * corners[0, 2]
+    if abs(d) < 1e-12:
+        return  # seen from its edge
+    ix, iy, i0 = nx / (d * focal), -ny / (d * focal), nz / d
+    sign = 0.0
+    for k in range(count):
+        m = (k + 1) % count
+        sign += px[k] * py[m] - px[m] * py[k]
+    sign = 1.0 if sign > 0 else -1.0
+    c0, c1, r0, r1 = window(
+        clip, (left + right) / 2, (top + bottom) / 2, (right - left) / 2 + 1, (bottom - top) / 2 + 1
+    )
+    fog_flat = haze_at(corners[:, 2].mean(), clear)
+    deepest, nearest = 1.0 / corners[:, 2].max(), 1.0 / corners[:, 2].min()
+    same = nearest - deepest < 0.05 * nearest
+    for row in range(r0, r1):
+        y = row + 0.5
+        low, high, inner_low, inner_high = float(c0), float(c1), float(c0), float(c1)
+        for k in range(count):
+            m = (k + 1) % count
+            ex, ey = (px[m] - px[k]) * sign, (py[m] - py[k]) * sign
+            long = np.sqrt(ex * ex + ey * ey)
+            if long < 1e-9:
+                continue
+            # inside is ex * (y - py) - ey * (x - px) > 0, here by so many pixels more
+            base, slope = (ex * (y - py[k]) + ey * px[k]) / long + GROWN, -ey / long
+            if abs(slope) < 1e-9:
+                if base <= 0:
+                    high = low
+                if base < 1:
+                    inner_high = inner_low - 1
+            elif slope > 0:
+                low, inner_low = max(low, -base / slope), max(inner_low, (1 - base) / slope)
+            else:
+                high, inner_high = min(high, -base / slope), min(inner_high, (1 - base) / slope)
+        for col in range(max(int(low - 0.5), c0), min(int(high + 0.5), c1)):
+            x = col + 0.5
+            if x <= low or x >= high:
+                continue
+            inside = 1.0
+            if x < inner_low or x > inner_high:
+                for k in range(count):
+                    m = (k + 1) % count
+                    ex, ey = px[m] - px[k], py[m] - py[k]
+                    long = np.sqrt(ex * ex + ey * ey)
+                    if long > 1e-9:
+                        inside = min(inside, sign * (ex * (y - py[k]) - ey * (x - px[k])) / long + GROWN)
+                if inside <= 0:
+                    continue
+            here = min(max(i0 + ix * (x - mx) + iy * (y - my), deepest), nearest)
+            if here < depth[row, col] / NEARER:
+                continue
+            fog = fog_flat if same else haze_at(1.0 / here, clear)
+            over(
+                frame, row, col, colour[0] + (haze[0] - colour[0]) * fog, colour[1] + (haze[1] - colour[1]) * fog,
+                colour[2] + (haze[2] - colour[2]) * fog, inside * alpha,
+            )  # fmt: skip
+            if alpha > 0.99 and inside > 0.5:
+                depth[row, col] = here
+
+
+@kernel
+def draw_triangle(frame, depth, clip, ax, ay, bx, by, cx, cy, near, red, green, blue, alpha):
+    """A triangle in pixels, half a pixel larger all around, hidden where `depth` is above `near` (1 / m)."""
+    twice = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    if twice < 0:
+        bx, by, cx, cy = cx, cy, bx, by
+    left, right = min(ax, bx, cx) - 0.5, max(ax, bx, cx) + 0.5
+    top, bottom = min(ay, by, cy) - 0.5, max(ay, by, cy) + 0.5
+    c0, c1 = max(int(np.floor(left)), clip[0]), min(int(np.ceil(right)), clip[2])
+    r0, r1 = max(int(np.floor(top)), clip[1]), min(int(np.ceil(bottom)), clip[3])
+    ux, uy, vx, vy, wx, wy = bx - ax, by - ay, cx - bx, cy - by, ax - cx, ay - cy
+    lu = 1.0 / max(np.sqrt(ux * ux + uy * uy), 1e-9)
+    lv = 1.0 / max(np.sqrt(vx * vx + vy * vy), 1e-9)
+    lw = 1.0 / max(np.sqrt(wx * wx + wy * wy), 1e-9)
+    ux, uy, vx, vy, wx, wy = ux * lu, uy * lu, vx * lv, vy * lv, wx * lw, wy * lw
+    for row in range(r0, r1):
+        y = row + 0.5
+        u, v, w = ux * (y - ay) + uy * ax + 1.0, vx * (y - by) + vy * bx + 1.0, wx * (y - cy) + wy * cx + 1.0
+        for col in range(c0, c1):
+            x = col + 0.5
+            inside = min(min(u - uy * x, v - vy * x), w - wy * x)
+            if inside <= 0 or depth[row, col] > near:
+                continue
+            over(frame, row, col, red, green, blue, min(inside, 1.0) * alpha)
+
+
+# shadows and trails --------------------------------------------------------------------
+
+
+@kernel
+def draw_spots(frame, depth, clip, cam, floor, xyz, forward, along, aside, red, green, blue, alpha):
+    """Soft dark ellipses on the ground straight beneath points (n, 3), `along` and `aside` (n,) m from their middle.
+
+    They lie along `forward` (n, 3); `alpha` (n,) is how dark they are in the middle.
+    """
+    focal, mx, my = cam[12], cam[13], cam[14]
+    for i in range(len(xyz)):
+        rx, ry, rz = deep(cam, xyz[i, 0], xyz[i, 1], floor)
+        if rz <= 2 * along[i] or alpha[i] <= 0.004:
+            continue
+        x, y = mx + focal * rx / rz, my - focal * ry / rz
+        fx, fy = forward[i, 0], forward[i, 1]
+        flat = max(np.sqrt(fx * fx + fy * fy), 1e-9)
+        fx, fy = fx / flat, fy / flat
+        # what a metre along and a metre aside are in pixels
+        d0, e0 = cam[3] * fx + cam[4] * fy, -cam[3] * fy + cam[4] * fx
+        d1, e1 = cam[6] * fx + cam[7] * fy, -cam[6] * fy + cam[7] * fx
+        d2, e2 = cam[9] * fx + cam[10] * fy, -cam[9] * fy + cam[10] * fx
+        a, b = focal * (d0 - rx * d2 / rz) / rz * along[i], focal * (e0 - rx * e2 / rz) / rz * aside[i]
+        c, d = -focal * (d1 - ry * d2 / rz) / rz * along[i], -focal * (e1 - ry * e2 / rz) / rz * aside[i]
+        turn = a * d - b * c
+        reach_x, reach_y = np.sqrt(a * a + b * b), np.sqrt(c * c + d * d)
+        if abs(turn) < 0.02:  # pixels: too flat or too far to be seen
+            continue
+        left, right, top, bottom = window(clip, x, y, reach_x + 1, reach_y + 1)
+        for row in range(top, bottom):
+            for col in range(left, right):
+                dx, dy = col + 0.5 - x, row + 0.5 - y
+                u, v = (d * dx - b * dy) / turn, (a * dy - c * dx) / turn
+                far = u * u + v * v
+                if far >= 1.0 or depth[row, col] > NEARER / rz:
+                    continue
+                soft = 1.0 - far
+                over(frame, row, col, red, green, blue, alpha[i] * min(1.6 * soft, 1.0) * soft**0.5)
+
+
+@kernel
+def draw_ways(frame, depth, clip, cam, ways, first, last, colour, inks, strength, longest, clear, haze):
+    """Draw where each animal has been: `ways` (k, n, 3) m, a ring of moments from `first` to `last` going round.
+
+    `colour` (n,) rows of `inks` (k, 3); old parts are faint.  NaN and steps over `longest` m leave a gap.
+    """
+    focal, mx, my = cam[12], cam[13], cam[14]
+    room = len(ways)
+    count = (last - first) % room
+    near = cam[15]
+    for i in range(ways.shape[1]):
+        before = False
+        bx, by = 0.0, 0.0
+        for k in range(count + 1):
+            at = (first + k) % room
+            rx, ry, rz = deep(cam, ways[at, i, 0], ways[at, i, 1], ways[at, i, 2])
+            if not (rz > near):
+                before = False
+                continue
+            x, y = mx + focal * rx / rz, my - focal * ry / rz
+            was = (at - 1) % room
+            gap = 0.0
+            for c in range(3):
+                gap += (ways[at, i, c] - ways[was, i, c]) ** 2
+            if before and k < count and (x - bx) ** 2 + (y - by) ** 2 < 9.0 and gap <= longest * longest:
+                continue  # pixels: too short a step to be drawn alone
+            if before and gap <= longest * longest:
+                col, row = int((x + bx) / 2), int((y + by) / 2)
+                seen = clip[0] <= col < clip[2] and clip[1] <= row < clip[3] and depth[row, col] <= NEARER / rz
+                if seen:
+                    fog = haze_at(rz, clear)
+                    fresh = strength * (k / (count + 1.0)) * (1.0 - 0.7 * fog)
+                    ink = inks[colour[i]]
+                    _stroke(frame, clip, bx, by, x, y, fresh, ink, haze, fog)
+            before, bx, by = True, x, y
+
+
+@kernel
+def _stroke(frame, clip, ax, ay, bx, by, alpha, ink, haze, fog):
+    """A line one pixel wide from a to b."""
+    dx, dy = bx - ax, by - ay
+    long = np.sqrt(dx * dx + dy * dy)
+    if not long > 0.0 or long > 1e4:
+        return
+    steep = abs(dy) > abs(dx)
+    if steep:
+        ax, ay, bx, by, dx, dy = ay, ax, by, bx, dy, dx
+    if bx < ax:
+        ax, ay, bx, by, dx, dy = bx, by, ax, ay, -dx, -dy
+    low, high = (clip[1], clip[3]) if steep else (clip[0], clip[2])
+    left, right = (clip[0], clip[2]) if steep else (clip[1], clip[3])
+    red, green, blue = (
+        np.int32(ink[0] + (haze[0] - ink[0]) * fog),
+        np.int32(ink[1] + (haze[1] - ink[1]) * fog),
+        np.int32(ink[2] + (haze[2] - ink[2]) * fog),
+    )
+    _thin(frame, low, high, left, right, steep, ax, ay, bx, dy / dx, abs(dx) / long, 256.0 * alpha, red, green, blue)

@@ -1,0 +1,93 @@
+"""Which overlays there are: ours, and classes that others register."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Any, NamedTuple
+
+from flockbrush.render.canvas import Canvas
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """One thing that can be shown: its name, and what a designer reads."""
+
+    name: str
+    title: str
+    tip: str
+    below: bool = False  # lies between ground and animals
+    of_one: bool = False  # shows something of the selected animal
+    in_space: bool = False  # drawn over the animals in space, too; others lie on the ground there, or are left out
+    draw: Callable[[OverlayView], None] | None = None  # of those registered with `overlay`
+
+
+class OverlayView(NamedTuple):
+    """What an overlay draws into, and what it may draw."""
+
+    canvas: Canvas
+    camera: Any  # `camera.pixels(xyz)` gives pixels (n, 2)
+    moment: Any  # what is shown: ids, xyz, forward ...
+    world: Any
+    theme: Any
+    selected: int | None
+
+
+OVERLAYS = {
+    overlay.name: overlay
+    for overlay in (
+        Overlay("forces", "Forces", "Why the selected animal turns: one arrow for each reason", of_one=True),
+        Overlay("field_of_view", "Field of view", "How far and how wide the selected animal sees", of_one=True),
+        Overlay("occlusion", "Hidden places", "What bodies and obstacles hide from the selected animal", of_one=True),
+        Overlay(
+            "links", "Who sees whom", "A line between animals that see each other; those of the selected one stand out"
+        ),
+        Overlay(
+            "leaders", "Leaders", "Leaders ringed, and a line from each animal to its reference bird", in_space=True
+        ),
+        Overlay(
+            "saved",
+            "Power saved",
+            "What each bird of a line formation saves by flying in the upwash of others",
+            in_space=True,
+        ),
+        Overlay("density", "Density", "How crowded it is, in animals per square metre", below=True),
+        Overlay(
+            "walkable",
+            "Walkable",
+            "Where no animal can walk: hatched water, rock and obstacles",
+            below=True,
+        ),
+        Overlay("regions", "Brush regions", "The painted brushes, strong and with their names", below=True),
+        Overlay("caps", "Speed caps", "Speed limits, and where they hold", below=True),
+        Overlay("navigation", "Ways", "The field that leaders follow to their guides and goals", below=True),
+    )
+}
+
+
+def overlay(cls):
+    """Register a class with ``name``, ``title``, ``tip`` and ``draw(self, view: OverlayView)`` as an overlay.
+
+    ``below = True`` draws it under the animals, ``in_space = True`` in space as well.  The View tab lists it, and
+    `Overlays` draws it where its name is shown.  A class of the same name and module replaces the one before.
+
+    Raises
+    ------
+    ValueError
+        When the name is taken.
+    """
+    known = OVERLAYS.get(cls.name)
+    if known is not None and (known.draw is None or known.draw.__self__.__class__.__module__ != cls.__module__):
+        raise ValueError(f"overlay {cls.name!r} is registered already")
+    below, in_space = getattr(cls, "below", False), getattr(cls, "in_space", False)
+    OVERLAYS[cls.name] = Overlay(cls.name, cls.title, cls.tip, below, False, in_space, cls().draw)
+    return cls
+
+
+@cache
+def load_overlays():
+    """Import what others have under the entry point group ``flockbrush.overlays``."""
+    for point in sorted(entry_points(group="flockbrush.overlays"), key=lambda p: p.name):
+        point.load()

@@ -1,0 +1,593 @@
+"""What can be laid over a running herd to understand it: who sees whom, where the ways lead, how dense it is.
+
+::
+
+    overlays = Overlays(scenery, theme)
+    frame = painter.frame(herd, under=lambda frame: overlays.under(frame, painter.camera, {"density"}, moment))
+    overlays.over(frame, painter.camera, {"links", "forces"}, moment, selected)
+"""
+
+from __future__ import annotations
+
+from dataclasses import is_dataclass
+
+import numpy as np
+
+from flockbrush.components import Body, Destination, FormationPlace, Position
+from flockbrush.render.canvas import Canvas
+from flockbrush.render.drawn_ground import Sketcher, placed
+from flockbrush.render.drawn_terrain import nice
+from flockbrush.render.forces import draw_forces, reason_colour
+from flockbrush.render.overlay_registry import OVERLAYS, OverlayView, load_overlays
+from flockbrush.render.strokes import (
+    RAYS,
+    count_in_cells,
+    draw_lines,
+    draw_plate,
+    draw_rings,
+    how_far,
+    lay_mask,
+    lay_over,
+    links_of,
+    part_colours,
+    part_mask,
+    sight_mask,
+)
+from flockbrush.render.style import mix, rgb, scale_colours, theme_of
+from flockbrush.render.text import words
+from flockbrush.render.walkable_overlay import walkable_layer
+from flockbrush.runs.power_savings import savings_of
+from flockbrush.systems.explain import explain
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.senses import Sight
+
+LINKS = 60_000  # lines at most
+INK = 100_000  # pixels of lines at most: beyond, only some animals show theirs
+LATTICE = 40  # pixels between two arrows of the navigation field
+DENSITY_CELL = 12  # pixels of a cell in which animals are counted
+REFRESH = 0.1  # s between two countings
+
+
+MOST_TOLD = 200  # birds whose savings are written beside them
+SAVES_MUCH, SAVES_LITTLE = rgb("#0f7a5a"), rgb("#b8721f")
+
+
+class Overlays:
+    """Draws overlays over the frames of one world.
+
+    What depends only on ground and camera is kept ready, and made anew when either changes.
+
+    Parameters
+    ----------
+    scenery : Scenery
+    theme : {"light", "dark"} or Theme
+    unit : float
+        Pixels of a hairline.
+    """
+
+    def __init__(self, scenery, theme="light", unit=1.0):
+        load_overlays()
+        self.scenery, self.theme, self.unit = scenery, theme_of(theme), unit
+        self._layers: dict[str, tuple] = {}
+        self._counted = (None, None, None)
+        self._asked: tuple = (None, None)
+
+    @property
+    def world(self):
+        """The running world."""
+        return self.scenery.simulation.world
+
+    def under(self, frame, camera, shown, moment=None):
+        """Draw those that lie below the animals; `shown` holds names, unknown ones are left out."""
+        foot = camera.view[3] - 12 * self.unit
+        if "walkable" in shown:
+            self._kept(frame, camera, "walkable", (self.scenery.land.blocked,), self._walkable)
+        if "regions" in shown:
+            self._kept(frame, camera, "regions", self._brushes(camera), self._regions)
+        if "caps" in shown:
+            caps = self._caps(camera)
+            self._kept(frame, camera, "caps", caps, self._cap_layer)
+            foot = self._cap_legend(frame, camera, caps[0], foot)
+        if "density" in shown:
+            foot = self._density(frame, camera, moment, foot)
+        if "navigation" in shown:
+            self._kept(frame, camera, "navigation", self._ways(), self._way_layer)
+        self._registered(frame, camera, shown, moment, None, below=True)
+
+    def over(self, frame, camera, shown, moment, selected=None):
+        """Draw those that lie above the animals of a moment; `selected` is an entity or None."""
+        row = self._row(moment, selected)
+        at = camera.pixels(moment.xyz)
+        if "links" in shown:
+            self._links(frame, camera, moment, at, row)
+        if "leaders" in shown:
+            self._leaders(frame, camera, moment, at)
+        if "saved" in shown:
+            self._saved(frame, camera, moment, at)
+        if row is not None:
+            self._one(frame, camera, shown, moment, at, row)
+        self._registered(frame, camera, shown, moment, selected, below=False)
+
+    def _registered(self, frame, camera, shown, moment, selected, below):
+        """Those of others, in the order in which they were registered."""
+        for name, known in OVERLAYS.items():
+            if name in shown and known.draw is not None and known.below == below:
+                known.draw(OverlayView(Canvas(frame), camera, moment, self.world, self.theme, selected))
+
+    def _row(self, moment, selected):
+        if selected is None or not len(moment):
+            return None
+        row = int(np.searchsorted(moment.ids, selected))
+        return row if row < len(moment) and moment.ids[row] == selected else None
+
+    # kept layers -------------------------------------------------------------------
+
+    def _kept(self, frame, camera, name, made_of, prepare):
+        """Lay over what `prepare(camera, made_of)` says, made once for the same things and camera."""
+        known = self._layers.get(name)
+        if known is None or known[0] != camera or not _same(known[1], made_of):
+            draw = prepare(camera, made_of)
+            self._layers[name] = known = (camera, made_of, layer(camera, self._ground(camera), draw))
+        top, alpha, ink = known[2]
+        if len(alpha):
+            lay_over(frame[top : top + len(alpha)].reshape(-1), alpha.reshape(-1), ink.reshape(-1))
+
+    def _sketcher(self, camera):
+        """What draws regions with the very outlines that the ground has."""
+        sketcher = Sketcher(
+            self.scenery, camera, self.theme, self.unit, {}, np.empty((*camera.size[::-1], 3), np.uint8)
+        )
+        sketcher.aim(camera.view)
+        return sketcher
+
+    def _ground(self, camera):
+        """The part of the picture that shows the level."""
+        return self._sketcher(camera).canvas.clip
+
+    def _cells(self, camera):
+        """(rows, columns) slices of the cells in view, in steps so that they are never more than some thousand."""
+        land = self.scenery.land
+        left, top, right, bottom = camera.view
+        low, high = camera.metres((left, bottom)) / land.cell, camera.metres((right, top)) / land.cell
+        ny, nx = land.brush.shape
+        sides = [(max(int(low[k]) - 1, 0), min(int(high[k]) + 2, n)) for k, n in ((1, ny), (0, nx))]
+        step = max(1, *(-(-(stop - start) // 256) for start, stop in sides))
+        return tuple(slice(start // step * step, max(stop, start), step) for start, stop in sides)
+
+    def _brushes(self, camera):
+        rows, columns = self._cells(camera)
+        colours = tuple(self.scenery.brush_colours.items())
+        return self.scenery.land.brush[rows, columns].copy(), rows, columns, colours
+
+    def _caps(self, camera):
+        rows, columns = self._cells(camera)
+        return self.scenery.land.surface[rows, columns, 1].copy(), rows, columns
+
+    def _walkable(self, camera, made_of):
+        return walkable_layer(self._sketcher(camera), self.scenery.land, self.theme, self.unit)
+
+    # regions and caps ----------------------------------------------------------------
+
+    def _regions(self, camera, made_of):
+        _, rows, columns, colours = made_of
+        told = [(k, name, _strong(rgb(colour), self.theme)) for k, (name, colour) in enumerate(colours)]
+        return self._filled(camera, self.scenery.land.brush, rows, columns, told, 0.34)
+
+    def _cap_layer(self, camera, made_of):
+        values, rows, columns = made_of
+        said = np.unique(values[np.isfinite(values)])
+        told = [(value, f"max {value:g} m/s", self._cap_colour(value, said)) for value in said]
+        return self._filled(camera, self.scenery.land.surface[..., 1], rows, columns, told, 0.45)
+
+    def _filled(self, camera, raster, rows, columns, told, alpha):
+        """Draws regions of cells that have a value: (value, name, colour) each, filled, outlined and named."""
+        sketcher, cell = self._sketcher(camera), self.scenery.cell
+        fills, names = [], []
+        if sketcher.canvas.clip[2] > sketcher.canvas.clip[0]:
+            around = sketcher.cells(cell, raster.shape)
+            near, seen = raster[around], raster[rows, columns]
+            for value, name, colour in told:
+                if not (seen == value).any():
+                    continue
+                edge = sketcher.region(near == value, cell, (around[0].start, around[1].start))
+                fills.append((np.clip(edge + 0.5, 0, 1) * alpha, np.clip(1.8 * self.unit - np.abs(edge), 0, 1), colour))
+                for at in _hearts(seen == value):
+                    names.append((name, self._pixel(camera, rows, columns, at), colour))
+
+        def draw(canvas):
+            left, top = sketcher.canvas.clip[:2]
+            for inside, edge, colour in fills:
+                canvas.blend(inside, left, top, colour)
+                canvas.blend(edge, left, top, colour, 0.95)
+            self._names(canvas, names, 15)
+
+        return draw
+
+    def _cap_colour(self, value, values):
+        """Slow is dark on light ground, and light on dark ground: what stands out is where one is held up."""
+        share = 0.0 if len(values) < 2 else float(np.searchsorted(values, value)) / (len(values) - 1)
+        return tuple(int(c) for c in scale_colours(self.theme.name)[round(255 * (0.95 - 0.8 * share))])
+
+    def _cap_legend(self, frame, camera, values, foot):
+        said = np.unique(values[np.isfinite(values)])
+        if not len(said):
+            return self._note(frame, camera, "no speed caps in view", foot)
+        canvas, u = Canvas(frame, camera.view), self.unit
+        chosen = said if len(said) <= 6 else said[np.linspace(0, len(said) - 1, 6).astype(int)]
+        left, wide, tall = camera.view[0] + 12 * u, 62 * u, 16 * u
+        box = (left, foot - 46 * u, left + max(len(chosen) * wide + 16 * u, 140 * u), foot)
+        self._panel(canvas, box, "speed caps, m/s")
+        for k, value in enumerate(chosen):
+            x = left + 8 * u + k * wide
+            canvas.area(_box(x, foot - 22 * u, x + tall, foot - 22 * u + tall), self._cap_colour(value, said), 0.85)
+            canvas.words(
+                f"{value:g}", (x + tall + 5 * u, foot - 14 * u), round(13 * u), self.theme.ink, anchor=(0, 0.5)
+            )
+        return box[1] - 8 * u
+
+    def _pixel(self, camera, rows, columns, at):
+        iy, ix = at
+        cell = self.scenery.cell
+        return camera.pixels(
+            ((columns.start + (ix + 0.5) * columns.step) * cell, (rows.start + (iy + 0.5) * rows.step) * cell)
+        )
+
+    def _names(self, canvas, names, height):
+        height = round(height * self.unit)
+        clip = np.array(canvas.clip, np.int64)
+        for text, x, y, colour in placed(names, canvas.clip, height):
+            tall, wide = words(text, height).shape
+            box = (x - 6, y - 4, x + wide + 6, y + tall + 4)
+            draw_plate(canvas.image, clip, *box, np.array(self.theme.paper, float), 0.85, np.array(colour, float), 0.9)
+            canvas.words(text, (x, y), height, mix(colour, self.theme.ink, 0.8))
+
+    # ways ----------------------------------------------------------------------------
+
+    def _ways(self):
+        """(navigation, goal) of the field that most animals follow."""
+        goals = self.world.agents[Destination.goal]
+        count = np.bincount(goals + 1) if len(goals) else np.zeros(1, int)
+        return self.scenery.land.navigation, int(np.argmax(count)) - 1
+
+    def _way_layer(self, camera, made_of):
+        lines = self._arrows(camera, *made_of)
+        colour = mix(self.theme.guide, self.theme.ink, 0.15)
+
+        def draw(canvas):
+            clip = np.array(canvas.clip, np.int64)
+            for segments, alpha in lines:
+                draw_lines(canvas.image, clip, segments, 3.4 * self.unit, *map(float, self.theme.paper), 0.5 * alpha)
+                draw_lines(canvas.image, clip, segments, 1.7 * self.unit, *map(float, colour), alpha)
+
+        return draw
+
+    def _arrows(self, camera, navigation, goal):
+        """[(lines, opacity)] of arrows on a lattice that stays where it is on the ground; strong ones are long."""
+        land, step = self.scenery.land, LATTICE * self.unit
+        at = _lattice(camera, step)
+        xy = camera.metres(at)
+        inside = ((xy > 0) & (xy < (land.width, land.height))).all(axis=1)
+        at, xy = at[inside], xy[inside]
+        if not len(at) or navigation is None:
+            return []
+        ny, nx = land.brush.shape
+        iy, ix = (np.minimum((xy[:, k] / land.cell).astype(int), n - 1) for k, n in ((1, ny), (0, nx)))
+        way = navigation.at(xy, goal if goal < len(navigation.times) else -1) * (1, -1)
+        strength = np.hypot(*way.T)
+        kept = (strength > 0.02) & ~land.blocked[iy, ix]
+        at, strength = at[kept], strength[kept]
+        along = way[kept] / strength[:, None]
+        long = (0.30 + 0.34 * np.minimum(strength, 1))[:, None] * step
+        tail, tip, aside = at - along * long / 2, at + along * long / 2, along[:, ::-1] * (-1, 1) * 0.14 * step
+        back = tip - along * 0.24 * step
+        lines = np.stack([np.hstack([tail, tip]), np.hstack([tip, back + aside]), np.hstack([tip, back - aside])])
+        classes = ((0.0, 0.25, 0.5), (0.25, 0.6, 0.7), (0.6, np.inf, 0.95))
+        parts = [
+            (lines[:, (strength > low) & (strength <= high)].reshape(-1, 4), alpha) for low, high, alpha in classes
+        ]
+        return [(segments, alpha) for segments, alpha in parts if len(segments)]
+
+    # density -------------------------------------------------------------------------
+
+    def _density(self, frame, camera, moment, foot):
+        """A coloured map of animals per square metre, with its legend."""
+        import cv2
+
+        xy = self.world.agents[Position.xyz] if moment is None else moment.xyz
+        now = self.scenery.simulation.clock.now if moment is None else moment.time
+        seen, then, kept = self._counted
+        length = float(self.world.agents[Body.length].mean()) if len(xy) else 1.0
+        most = nice(2.5 / length**2)
+        if kept is None or seen != camera or not 0 <= now - then < REFRESH:
+            left, top, right, bottom = camera.view
+            step = DENSITY_CELL * self.unit
+            shape = (-(-int(bottom - top) // int(step)), -(-int(right - left) // int(step)))
+            counts = np.zeros(shape, np.float32)
+            west, north = camera.metres((left, top))
+            cell = step / camera.scale
+            count_in_cells(np.ascontiguousarray(xy[:, :2]), west, north, cell, counts)
+            blur = max(1.0, 1.6 * length * camera.scale / step)
+            smooth = cv2.GaussianBlur(counts, (0, 0), blur) / cell**2
+            index = np.clip(smooth / most * 255, 0, 255)
+            alpha = np.clip(smooth / most * 6, 0, 1) * 0.72
+            alpha = alpha.astype(np.float32)
+            ink = scale_colours(self.theme.name)[index.astype(np.uint8)].astype(np.float32) * alpha[..., None]
+            size = (round(shape[1] * step), round(shape[0] * step))
+            wide = cv2.resize(np.dstack([alpha * 255, ink]).astype(np.uint8), size, interpolation=cv2.INTER_LINEAR)
+            wide = wide[: bottom - top, : right - left]
+            kept = _full_width(wide, camera)
+            self._counted = (camera, now, kept)
+        top, alpha, ink = kept
+        if len(alpha):
+            lay_over(frame[top : top + len(alpha)].reshape(-1), alpha.reshape(-1), ink.reshape(-1))
+        return self._density_legend(frame, camera, most, foot)
+
+    def _density_legend(self, frame, camera, most, foot):
+        canvas, u = Canvas(frame, camera.view), self.unit
+        left, wide, tall = round(camera.view[0] + 12 * u), round(170 * u), round(11 * u)
+        box = (left, foot - 52 * u, left + wide + 20 * u, foot)
+        self._panel(canvas, box, "animals per m²")
+        x, y = left + round(10 * u), round(foot - 30 * u)
+        colours = scale_colours(self.theme.name)[np.linspace(0, 255, wide).astype(int)]
+        right, low = min(x + wide, frame.shape[1]), min(y + tall, frame.shape[0])
+        if y >= 0 and right > x:
+            frame[y:low, x:right] = colours[None, : right - x]
+        for share in (0, 0.5, 1):
+            text = f"{share * most:g}" + ("+" if share == 1 else "")
+            canvas.words(text, (x + share * wide, foot - 10 * u), round(12 * u), self.theme.ink, anchor=(share, 0.5))
+        return box[1] - 8 * u
+
+    def _panel(self, canvas, box, title):
+        """A quiet box with a title, for a legend."""
+        left, top, right, bottom = box
+        u = self.unit
+        canvas.area(_box(left, top, right, bottom), self.theme.paper, 0.82)
+        canvas.words(title, (left + 10 * u, top + 11 * u), round(12 * u), self.theme.muted, anchor=(0, 0.5))
+
+    def _note(self, frame, camera, text, foot):
+        """A line where a legend would stand."""
+        canvas, u = Canvas(frame, camera.view), self.unit
+        left = camera.view[0] + 12 * u
+        canvas.words(
+            text, (left + 4 * u, foot - 10 * u), round(13 * u), self.theme.muted, anchor=(0, 0.5), halo=self.theme.paper
+        )
+        return foot - 26 * u
+
+    # the many --------------------------------------------------------------------------
+
+    def _clip(self, camera):
+        return np.array(camera.view, np.int64)
+
+    def _lists(self, moment):
+        """Who sees whom, if the lists are of these animals."""
+        lists = self.world.resource(Sight).lists
+        if lists is None or len(lists.first) != len(moment) + 1 or len(self.world.agents) != len(moment):
+            return None
+        return lists
+
+    def _links(self, frame, camera, moment, at, row):
+        lists = self._lists(moment)
+        if lists is None:
+            return
+        left, top, right, bottom = camera.view
+        shown = (at[:, 0] > left) & (at[:, 0] < right) & (at[:, 1] > top) & (at[:, 1] < bottom)
+        if not shown.any():
+            return
+        some = lists.offset[:: max(1, len(lists.offset) // 1000)]
+        long = float(np.hypot(*some.T).mean()) * camera.scale if len(some) else 0.0
+        many = float((lists.first[1:] - lists.first[:-1])[shown].sum()) * long / 2  # each is drawn once
+        every = max(1, int(np.ceil(many / INK)))
+        segments = np.empty((LINKS, 4))
+        some = shown & (moment.ids % every == 0)
+        count = links_of(lists.first, lists.near, lists.offset, at, some, camera.scale, segments)
+        faint = (0.4 if row is None else 0.25) * min(1.0, np.sqrt(50_000 / max(many / every, 1.0)))
+        draw_lines(frame, self._clip(camera), segments[:count], 0.8 * self.unit, *map(float, self.theme.link), faint)
+        if row is not None:
+            mine = np.zeros(len(at), bool)
+            mine[row] = True
+            count = links_of(lists.first, lists.near, lists.offset, at, mine, camera.scale, segments)
+            strong = segments[:count]
+            draw_lines(frame, self._clip(camera), strong, 3.6 * self.unit, *map(float, self.theme.paper), 0.55)
+            draw_lines(frame, self._clip(camera), strong, 1.7 * self.unit, *map(float, self.theme.link), 0.95)
+            ends = np.ascontiguousarray(strong[:, 2:])
+            ring = np.full(count, max(3.5 * self.unit, 0.62 * float(moment.length[row]) * camera.scale))
+            draw_rings(frame, self._clip(camera), ends, ring, 1.2 * self.unit, *map(float, self.theme.link), 0.9)
+
+    def _leaders(self, frame, camera, moment, at):
+        """Lines to the reference birds, rings around leaders."""
+        there = np.clip(np.searchsorted(moment.ids, moment.reference), 0, max(len(moment) - 1, 0))
+        linked = (moment.reference > 0) & (moment.ids[there] == moment.reference) if len(moment) else np.zeros(0, bool)
+        tail, tip = at[linked], at[there[linked]]
+        if self.scenery.land.wrap is not None:
+            near = np.abs(moment.xyz[linked] - moment.xyz[there[linked]])[:, :2] < np.array(self.scenery.land.wrap) / 2
+            tail, tip = tail[near.all(axis=1)], tip[near.all(axis=1)]
+        clip, u = self._clip(camera), self.unit
+        draw_lines(frame, clip, np.hstack([tail, tip]), 1.1 * u, *map(float, self.theme.link), 0.6)
+        leaders = at[moment.leader]
+        radius = np.maximum(6.0 * u, 0.8 * moment.length[moment.leader] * camera.scale)
+        draw_rings(frame, clip, leaders, radius, 4.2 * u, *map(float, self.theme.outline), 0.75)
+        draw_rings(frame, clip, leaders, radius, 2.2 * u, *map(float, self.theme.leader), 1.0)
+        self._note_leaders(frame, camera, moment)
+
+    def _note_leaders(self, frame, camera, moment):
+        canvas, u = Canvas(frame, camera.view), self.unit
+        count = int(moment.leader.sum())
+        text = f"{count:,} leader{'' if count == 1 else 's'} of {len(moment):,}"
+        at = (camera.view[2] - 14 * u, camera.view[3] - 22 * u)
+        canvas.words(text, at, round(13 * u), self.theme.ink, anchor=(1, 0.5), halo=self.theme.paper)
+
+    def _saved(self, frame, camera, moment, at):
+        """A per cent beside each bird in a formation, where there is room, and the mean in the corner."""
+        agents = self.world.agents
+        flying = np.flatnonzero(agents[FormationPlace.track].any(axis=1))
+        if not len(flying) or len(agents) != len(moment):
+            return
+        saved, canvas, u = savings_of(self.world), Canvas(frame, camera.view), self.unit
+        for row in flying if len(flying) <= MOST_TOLD else ():
+            beside = (at[row, 0] + max(9.0 * u, 0.9 * float(moment.length[row]) * camera.scale), at[row, 1])
+            ink = mix(SAVES_LITTLE, SAVES_MUCH, float(np.clip(saved[row] / 0.35, 0.0, 1.0)))
+            share = f"{100 * saved[row]:.0f} %"
+            canvas.words(share, beside, round(11 * u), ink, anchor=(0, 0.5), halo=self.theme.paper)
+        text = f"{100 * saved[flying].mean():.0f} % of induced power saved, mean of {len(flying):,}"
+        corner = (camera.view[2] - 14 * u, camera.view[3] - 40 * u)
+        canvas.words(text, corner, round(13 * u), self.theme.ink, anchor=(1, 0.5), halo=self.theme.paper)
+
+    # the one --------------------------------------------------------------------------
+
+    def _one(self, frame, camera, shown, moment, at, row):
+        """What is shown of the selected animal."""
+        told = None
+        if shown & {"forces", "field_of_view", "occlusion"}:
+            told = self._explained(int(moment.ids[row]), moment.time)
+        x, y = (float(side) for side in at[row])
+        if told is not None and shown & {"field_of_view", "occlusion"}:
+            self._sight(frame, camera, shown, moment, row, told)
+        ring = np.array([max(8.0 * self.unit, 0.95 * float(moment.length[row]) * camera.scale)])
+        here, clip = np.array([[x, y]]), self._clip(camera)
+        draw_rings(frame, clip, here, ring, 4.4 * self.unit, *map(float, self.theme.paper), 0.8)
+        draw_rings(frame, clip, here, ring, 2.0 * self.unit, *map(float, self.theme.ink), 1.0)
+        if told is not None and "forces" in shown:
+            forward = moment.forward[row, :2] * (1, -1)
+            draw_forces(frame, camera, (x, y), forward, told, self.theme, self.unit, float(ring[0]))
+
+    def _explained(self, entity, time):
+        """The explanation of an animal, asked once for each tick."""
+        key = (entity, self.scenery.simulation.clock.tick, id(self.world))
+        if self._asked[0] != key:
+            try:
+                self._asked = (key, explain(self.world, entity))
+            except KeyError:
+                self._asked = (key, None)
+        return self._asked[1]
+
+    def _sight(self, frame, camera, shown, moment, row, told):
+        """The field of view as a wedge; what is hidden in it shaded."""
+        reach, scale = told.view_range, camera.scale
+        depth = self._depth(moment, row, reach) * scale if "occlusion" in shown else np.full(RAYS, np.inf)
+        cosine = np.cos(min(told.field_of_view, 2 * np.pi) / 2) if told.field_of_view < 2 * np.pi - 1e-9 else -1.0
+        x, y = (float(side) for side in camera.pixels(moment.xyz[row]))
+        fx, fy = float(moment.forward[row, 0]), -float(moment.forward[row, 1])
+        lit = 0.18 if "field_of_view" in shown else 0.0
+        self._lay_sight(frame, camera, (x, y, fx, fy, cosine, depth, reach * scale), lit)
+        self._wedge(frame, camera, (x, y), (fx, fy), told.field_of_view, reach * scale)
+
+    def _lay_sight(self, frame, camera, view, lit):
+        """Lay what is seen and what is hidden over the frame; large views are worked out coarsely and smoothed."""
+        import cv2
+
+        x, y, *_, far = view
+        low = np.maximum(np.floor((x - far - 1, y - far - 1)), camera.view[:2]).astype(int)
+        high = np.minimum(np.ceil((x + far + 1, y + far + 1)), camera.view[2:]).astype(int)
+        if (high <= low).any():
+            return
+        step = float(np.clip(np.sqrt((high - low).prod()) // 200, 1, 3))
+        size = np.ceil((high - low) / step).astype(int)
+        colours = np.array(self.theme.sight, float), np.array(self.theme.hidden, float)
+        mask = sight_mask(*size, step, x - low[0], y - low[1], *view[2:], *colours, lit, 0.45)
+        if step > 1:
+            mask = cv2.resize(mask, None, fx=step, fy=step, interpolation=cv2.INTER_LINEAR)
+        lay_mask(frame, self._clip(camera), *low, mask)
+
+    def _wedge(self, frame, camera, at, forward, angle, reach):
+        """The outline of the field of view."""
+        middle = np.arctan2(forward[1], forward[0])
+        turn = np.linspace(middle - angle / 2, middle + angle / 2, int(np.clip(reach * angle / 6, 12, 200)))
+        arc = np.array(at) + reach * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        if angle < 2 * np.pi - 1e-9:
+            arc = np.vstack([at, arc, at])
+        segments = np.hstack([arc[:-1], arc[1:]])
+        draw_lines(frame, self._clip(camera), segments, 1.6 * self.unit, *map(float, self.theme.sight), 0.85)
+
+    def _depth(self, moment, row, reach):
+        """How far the animal sees in every direction, m."""
+        agents, land = self.world.agents, self.world.resource(Landscape)
+        offset = moment.xyz[:, :2] - moment.xyz[row, :2]
+        if land.wrap is not None:
+            offset = offset - np.round(offset / land.wrap) * land.wrap
+        size = moment.length
+        near = (np.abs(offset) < (reach + size)[:, None]).all(axis=1)
+        near[row] = False
+        palette = self.world.resource(Palette)
+        if bool(palette.sees_through[moment.brush].all()):
+            near[:] = False
+        axis = np.where(near, 0.5 * size - moment.radius, 0.0)
+        if len(agents) == len(moment):
+            axis = agents[Body.axis]
+        edges = land.opaque.ends - np.tile(moment.xyz[row, :2], 2)
+        low, high = np.minimum(edges[:, :2], edges[:, 2:]), np.maximum(edges[:, :2], edges[:, 2:])
+        edges = edges[((low < reach) & (high > -reach)).all(axis=1)]
+        bodies = (offset[near], moment.forward[near, :2], axis[near], moment.radius[near])
+        return how_far(*(np.ascontiguousarray(part, np.float64) for part in (*bodies, edges)), float(reach))
+
+
+def layer(camera, clip, draw):
+    """(top, alpha, ink) of what `draw(canvas)` draws: its rows of the picture, ready to be laid over frames.
+
+    Drawn once over black and once over white: what black shows is ink, and the difference is how much shines through.
+    """
+    width, height = camera.size
+    black, white = np.zeros((height, width, 3), np.uint8), np.full((height, width, 3), 255, np.uint8)
+    for picture in (black, white):
+        draw(Canvas(picture, clip))
+    some = np.zeros(height, np.bool_)
+    part_colours(black, white, some)
+    rows = np.flatnonzero(some)
+    part = slice(rows[0], rows[-1] + 1) if len(rows) else slice(0, 0)
+    return int(part.start), white[part], black[part]
+
+
+def _full_width(picture, camera):
+    """(top, alpha, ink), as `layer` gives them, of a picture (h, w, 4) of opacity and ink that fills the view."""
+    left, top, _, _ = camera.view
+    rows = np.flatnonzero(picture[..., 0].any(axis=1))
+    part = picture[rows[0] : rows[-1] + 1] if len(rows) else picture[:0]
+    alpha, ink = np.zeros((2, len(part), camera.size[0], 3), np.uint8)
+    part_mask(part, left, alpha, ink)
+    return int(top + (rows[0] if len(rows) else 0)), alpha, ink
+
+
+def _lattice(camera, step):
+    """Pixels (k, 2) all over the view, `step` apart, that stay where they are on the ground while it is dragged."""
+    left, top, right, bottom = camera.view
+    x0, y0 = camera.pixels((0, 0)) % step
+    columns, rows = (
+        np.arange(left - left % step + x0 - step, right + step, step),
+        np.arange(top - top % step + y0 - step, bottom + step, step),
+    )
+    return np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+
+
+def _same(one, other):
+    """Whether two tuples are alike: arrays and plain values by what they are, fields only when they are one."""
+    for a, b in zip(one, other, strict=True):
+        if isinstance(a, np.ndarray):
+            if a.shape != b.shape or not np.array_equal(a, b):
+                return False
+        elif a is not b and (is_dataclass(a) or a != b):
+            return False
+    return True
+
+
+def _hearts(cells, most=4):
+    """(iy, ix) of the cell farthest from the edge of each of the largest pieces of a region."""
+    import cv2
+
+    count, pieces, stats, _ = cv2.connectedComponentsWithStats(cells.astype(np.uint8), connectivity=8)
+    largest = 1 + np.argsort(-stats[1:, cv2.CC_STAT_AREA], kind="stable")[:most]
+    for piece in largest:
+        deep = cv2.distanceTransform(np.pad(pieces == piece, 1).astype(np.uint8), cv2.DIST_L2, 3)[1:-1, 1:-1]
+        heart = np.argwhere(deep > 0.95 * deep.max())
+        yield heart[np.argmin(np.abs(heart - heart.mean(axis=0)).sum(axis=1))]
+
+
+def _box(left, top, right, bottom):
+    return np.array([[left, top], [right, top], [right, bottom], [left, bottom]], float)
+
+
+def _strong(colour, theme):
+    """A brush's colour, light enough for dark ground."""
+    return mix(colour, (255, 255, 255), theme.lift)
+
+
+__all__ = ["OVERLAYS", "Overlays", "layer", "reason_colour"]

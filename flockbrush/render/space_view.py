@@ -1,0 +1,638 @@
+"""Pictures of herds in space: ground and grid to the horizon, what stands there, animals that climb and bank.
+
+::
+
+    painter = SpacePainter(level, size=(1280, 720))      # or without a level: a grid and the flock
+    painter.look(painter.around(herd))                   # as near as all of them fit in
+    frame = painter.frame(herd, time=2.0, selected=17)
+
+A herd is that of the plan, with heights and headings in space: `Herd.xy` and `Herd.forward` of shape (n, 3), and
+`Herd.up` for those that bank.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flockbrush.render.body_meshes import SMALLEST, SUN, draw_bodies, standing
+from flockbrush.render.canvas import Canvas
+from flockbrush.render.drawn_herd import EMPTY, DrawnHerd, checked, refuse_nan
+from flockbrush.render.drawn_terrain import nice
+from flockbrush.render.facets import draw_faces, draw_grid, draw_spots, draw_ways, haze_ground, paint_sky
+from flockbrush.render.hud import Hud, Layout
+from flockbrush.render.orbit import OrbitCamera, box_corners
+from flockbrush.render.painter import Painter, brush_rgb
+from flockbrush.render.shapes import bilinear
+from flockbrush.render.solid_meshes import stood_up, together
+from flockbrush.render.sprites import KINDS, NO_WINGS, look_colours
+from flockbrush.render.strokes import draw_lines, draw_rings
+from flockbrush.render.style import mix, theme_of
+from flockbrush.render.view_camera import ViewCamera, checked_size
+from flockbrush.render.ways import Ways
+
+TEXTURE = 1536  # pixels of the longer side of a level's picture on the ground
+CLOSE = 1536  # pixels of a side of the picture of what one looks at, which is finer
+FINER = 1.4  # times finer it must be than the whole to be worth drawing
+SIGHT = 7.0  # times the size of the scene: what is farther is more haze than colour
+LINES = 90.0  # pixels between two thin lines of the grid, about
+GRID = 42.0  # lines from its middle to where it has faded
+MANY = 30  # animals: the ways of more are fainter, that one still sees who flies there
+WALL = 1.6  # m, or body lengths if those are longer: what has been told no height
+TRAILS = 1.5  # s; in space there is less room for them than on the plan
+GLIDE = 0.8  # s in which a camera that chases a herd has made up for most of what it is behind
+ELBOW = 1.5  # body lengths free around a herd that is looked at
+
+
+class SpaceHerd(NamedTuple):
+    """The animals of one moment in space, a row each."""
+
+    xyz: np.ndarray  # (n, 3) m above the drawn ground
+    forward: np.ndarray  # (n, 3)
+    up: np.ndarray  # (n, 3)
+    walks: np.ndarray  # (n,) bool
+
+
+class SpacePainter:
+    """Draws the animals of a level, or of no place at all, as a camera sees them that circles about them.
+
+    What does not move is drawn once for each camera and copied; a frame costs what its animals cost.
+
+    Parameters
+    ----------
+    level : Level, optional
+        Or a `Scenery`, or anything with `width` and `height` in metres; its ground lies flat, hills and all.
+    size : (int, int)
+        Width and height of the picture, pixels.
+    theme : {"light", "dark"} or Theme
+    brushes : dict of str to "#rrggbb", optional
+        Colours of brushes by name.
+    trails : float or None
+        How long trails are, seconds; None or 0 for no trails.
+    words : bool
+        Leave room for title, clock and legend.
+    shadows : bool
+    live : bool
+        For a window: the ground is shown as far as it is drawn, and `refine` goes on with it.
+    floor : float
+        Height of the ground where there is no level, m.
+
+    Attributes
+    ----------
+    camera : OrbitCamera
+        Change it with `look`.
+    plan : Painter or None
+        Draws the picture that lies on the ground.
+    """
+
+    def __init__(
+        self, level=None, size=(1280, 720), theme="light", brushes=None, trails=TRAILS, words=True, shadows=True,
+        live=False, floor=0.0,
+    ):  # fmt: skip
+        self.level, self.size, self.theme = level, checked_size(size), theme_of(theme)
+        self.shadows, self.live, self.floor = shadows, live, 0.0 if level is not None else float(floor)
+        unit = float(np.clip(min(self.size[0] / 1280, self.size[1] / 720), 0.45, 6))
+        self.layout = Layout.of(self.size) if words else Layout(self.size, unit, 0, 0, 0)
+        self.hud = Hud(self.layout, self.theme)
+        self.trails = Ways(trails) if trails else None
+        self.plan = None if level is None else _plan(level, self.theme, brushes, live)
+        self._close = None if self.plan is None else _close(self.plan)
+        self._ground, self._near = _Texture(), _Texture()
+        self._stood: tuple = (None, None)
+        self._world: tuple = (None, None, None)
+        self._sheets = np.empty((*self.size[::-1], 3), np.uint8), np.zeros(self.size[::-1], np.float32)
+        self._sheets[0][:] = self.theme.paper
+        self._colours: tuple = (None, None)
+        self._bodies: SpaceHerd | None = None
+        self._chased: np.ndarray | None = None
+        self.bare = False  # without grid and compass
+        self.backdrop: np.ndarray | None = None  # a picture instead of sky and ground; obstacles hide what is behind
+        self.camera = self.home
+
+    # the camera --------------------------------------------------------------------
+
+    @property
+    def view(self):
+        """Left, top, right and bottom of the part of the picture that shows the scene."""
+        return tuple(int(side) for side in self.layout.view)
+
+    @property
+    def home(self) -> OrbitCamera:
+        """The camera that shows the whole level, from the south."""
+        return self.whole(np.pi / 2, np.radians(30.0))
+
+    def whole(self, azimuth, elevation) -> OrbitCamera:
+        """The camera in this direction that shows the whole level."""
+        if self.level is None:
+            low, high = np.array([-20.0, -20.0, self.floor]), np.array([20.0, 20.0, self.floor + 10.0])
+        else:
+            low, high = np.zeros(3), np.array([self.level.width, self.level.height, 0.0])
+        return OrbitCamera.of(
+            box_corners(low, high), self.size, self.view, azimuth, elevation, floor=self.floor, margin=0.02
+        )
+
+    def around(self, herd: DrawnHerd, camera: OrbitCamera | None = None) -> OrbitCamera:
+        """A camera in the direction of another one (that of now, unless told) that shows all of a herd."""
+        camera = camera or self.camera
+        bodies = self.bodies_of(checked(herd), herd)
+        if not len(bodies.xyz):
+            return self.whole(camera.azimuth, camera.elevation)
+        room = ELBOW * float(np.max(herd.length))
+        corners = [box_corners(point - room, point + room) for point in bodies.xyz]
+        return camera.fitted(np.concatenate(corners))
+
+    def look(self, camera: OrbitCamera):
+        """Look from somewhere else from now on."""
+        self.camera = camera
+
+    def chase(self, herd: DrawnHerd, passed=None):
+        """Let the camera go with a herd, and glide to where it shows all of it.
+
+        `passed` is how many seconds ago it was there last; None lets it jump.
+        """
+        wanted = self.around(herd)
+        middle = np.append(np.median(np.asarray(herd.xy, float)[:, :2], axis=0), 0.0)
+        share, step = 1.0, np.zeros(3)
+        if passed is not None and self._chased is not None:
+            share, step = 1 - np.exp(-passed / GLIDE), middle - self._chased
+        self._chased = middle
+        target = (np.asarray(self.camera.target) + step) * (1 - share) + np.asarray(wanted.target) * share
+        distance = self.camera.distance ** (1 - share) * wanted.distance**share
+        self.look(replace(wanted, distance=float(distance)).at(*target))
+
+    # what lies there -----------------------------------------------------------------
+
+    def repaint(self, box):
+        """Draw a part of the ground anew: (west, south, east, north) in metres, or "all"."""
+        for painter, texture in self._pictures():
+            painter.repaint(box)
+            texture.stale = True
+
+    def refine(self, budget=0.004) -> bool:
+        """Go on drawing the ground for about so many seconds; True when nothing is left to draw."""
+        done = True
+        for painter, texture in self._pictures():
+            if painter.tiles.camera is None or painter.tiles.stale:
+                texture.stale = True
+                done &= painter.refine(budget)
+        return done
+
+    def _pictures(self):
+        """(painter, texture) of the whole level, and of what one looks at where that is too coarse."""
+        if self.plan is None:
+            return []
+        aim = self._aim()
+        if aim is None:
+            self._near.sizes = []
+            return [(self.plan, self._ground)]
+        if aim != self._close.camera:
+            self._close.look(aim)
+            self._near.stale = True
+        return [(self.plan, self._ground), (self._close, self._near)]
+
+    def _aim(self):
+        """The view straight down on what the camera looks at, None where the picture of the whole level will do.
+
+        It moves in quarters of its side and by powers of two, so that it is seldom drawn anew, and then in part.
+        """
+        wanted = 2.0 ** np.floor(np.log2(0.8 * self.camera.scale))
+        scale = float(min(wanted, 512.0))
+        if scale < FINER * self.plan.camera.scale:
+            return None
+        side = CLOSE / scale
+        x, y = np.round(self._grid_middle() / (side / 4)) * (side / 4)
+        if not (-side / 2 < x < self.level.width + side / 2 and -side / 2 < y < self.level.height + side / 2):
+            return None
+        return ViewCamera((float(x), float(y)), scale, (CLOSE, CLOSE), (0, 0, CLOSE, CLOSE))
+
+    def ground_height(self, xy) -> np.ndarray:
+        """Height of the ground under points (n, 2), m: what is drawn flat."""
+        land = getattr(self.level, "land", None)
+        relief = getattr(land, "relief", None)
+        if land is None or relief is None or relief.shape[:2] == (1, 1):
+            return np.full(len(xy), self.floor)
+        at = np.asarray(xy, float) / land.relief_cell - 0.5
+        heights = np.ascontiguousarray(relief[..., 0], np.float32)
+        return np.array([bilinear(heights, 0, 0, np.array([x]), np.array([y]))[0, 0] for x, y in at], float)
+
+    def faces(self, tall):
+        """(faces, colours, lid colours) of the obstacles; those without a told height are `tall` m high."""
+        obstacles = list(getattr(self.level, "obstacles", None) or [])
+        key = (round(tall, 2), tuple(_identity(o) for o in obstacles))
+        if self._stood[0] != key:
+            faces = together(stood_up(obstacle, tall) for obstacle in obstacles)
+            self._stood = (key, (faces, faces.lit(mix(self.theme.obstacle, self.theme.paper, 0.22), SUN)))
+        return self._stood[1]
+
+    # a frame -----------------------------------------------------------------------------
+
+    def bodies_of(self, herd: DrawnHerd, told: DrawnHerd) -> SpaceHerd:
+        """Places and attitudes in space of a herd that is `checked`, as it was `told`; ValueError names a bad row."""
+        count = len(herd.xy)
+        height = np.asarray(herd.z, float)
+        if told.z is None and np.ndim(told.xy) == 2 and np.shape(told.xy)[1] == 3:
+            height = np.ascontiguousarray(np.asarray(told.xy, float)[:, 2])
+            refuse_nan(height, "height")
+        forward = np.zeros((count, 3))
+        forward[:, : np.shape(told.forward)[1]] = told.forward
+        refuse_nan(forward, "heading")
+        above = height - (self.ground_height(herd.xy) if self.level is not None else 0.0)
+        winged = np.isfinite(np.asarray(herd.wings, float))
+        ground = self.floor
+        walks = ~winged & (above < ground + 0.5 * herd.length)
+        if self.level is not None:
+            above = np.where(winged, np.maximum(above, 0.6 * herd.length), above)
+        forward[walks, 2] = 0.0
+        up = standing(forward)
+        if told.up is not None:
+            given = np.asarray(told.up, float)
+            if given.shape != (count, 3):
+                raise ValueError(f"up of {count} animals has shape ({count}, 3), got {given.shape}")
+            refuse_nan(given, "back")
+            up = np.where(walks[:, None], up, given)
+        return SpaceHerd(np.column_stack([herd.xy, above]), forward, up, walks)
+
+    def frame(
+        self, herd: DrawnHerd = EMPTY, time=None, title=None, measures=None, legend=True, trails=True, out=None,
+        under=None, news=None, selected=None,
+    ):  # fmt: skip
+        """The animals of one moment.
+
+        Parameters
+        ----------
+        herd : Herd
+        time : float, optional
+            Seconds on the clock.
+        title : str, optional
+            The level's name unless given.
+        measures : str or dict of str to float, optional
+        legend, trails : bool
+        out : (h, w, 3) uint8 array, optional
+            Draw into this one, and return it.
+        under : callable, optional
+            Draws on a picture of the ground, given that and its `Camera`; `news` changes when it would draw otherwise.
+        selected : int, optional
+            Of `Herd.ids`: who is marked.
+
+        Returns
+        -------
+        (h, w, 3) uint8
+
+        Raises
+        ------
+        ValueError
+            When a column does not fit or is not finite, naming the animal.
+        """
+        told, herd = herd, checked(herd)
+        bodies = self._bodies = self.bodies_of(herd, told)
+        if self.plan is not None:
+            self.plan._learn(herd)
+        frame, depth = self._backdrop(herd, out, under, news)
+        colours = self._looks(herd)
+        kind = np.where(np.asarray(herd.predator), 2, np.asarray(herd.leader, np.int64))
+        known = len(colours) // KINDS - 1
+        own = np.asarray(herd.brush)
+        brush = np.where((own >= 0) & (own < known), own + 1, 0)
+        clip, cam = np.array(self.view, np.int64), self.camera.numbers()
+        if self.shadows:
+            self._shadows(frame, depth, clip, cam, herd, bodies)
+        if trails and self.trails is not None:
+            self.trails.go(bodies.xyz, told.ids, time)
+            self._ways(frame, depth, clip, cam, herd, brush, colours)
+        row = self._row(told, selected)
+        if row is not None:
+            self._stand(frame, clip, herd, bodies, row)
+        self._animals(frame, depth, clip, cam, herd, bodies, brush * KINDS + kind, colours)
+        if row is not None:
+            self._ring(frame, clip, herd, bodies, row)
+        self._words(frame, herd, title, time, measures, legend, colours)
+        return frame
+
+    def pick(self, pixel, reach=9.0):
+        """Row of the animal of the last frame that is drawn at a pixel, the nearest to the eye; None for none.
+
+        `reach` is how far (pixels) from its body one may miss it.
+        """
+        bodies = self._bodies
+        if bodies is None or not len(bodies.xyz):
+            return None
+        at, depth = self.camera.project(self._middles(bodies))
+        half = 0.5 * np.maximum(self._lengths * self.camera.focal / np.maximum(depth, 1e-9), SMALLEST)
+        away = np.hypot(*(at - pixel).T)
+        hit = (depth > 0) & (away <= half + reach)
+        if not hit.any():
+            return None
+        rows = np.flatnonzero(hit)
+        inside = away[rows] <= half[rows]
+        if inside.any():
+            rows = rows[inside]
+            return int(rows[np.argmin(depth[rows])])
+        return int(rows[np.argmin(away[rows] - half[rows])])
+
+    # its parts ---------------------------------------------------------------------------
+
+    def _backdrop(self, herd, out, under, news):
+        """A copy of everything that does not move, and its depths."""
+        tall = max(WALL, float(np.median(herd.length)) if len(herd.xy) else 0.0)
+        faces, lit = self.faces(tall)
+        if self.plan is not None and not self.live:
+            for box in getattr(self.level, "changes", list)():
+                self.repaint(box)
+        for painter, texture in self._pictures():
+            self._take(painter, texture, under, news)
+        key = (self.camera, self._ground.version, self._near.version, id(faces), self.bare, id(self.backdrop))
+        if self._world[0] != key:
+            self._world = (key, *self._paint_world(faces, lit))
+        _, image, depth = self._world
+        if out is None:
+            return image.copy(), depth
+        if out.shape != image.shape or out.dtype != np.uint8 or not out.flags.c_contiguous:
+            raise ValueError(
+                f"out must be a contiguous uint8 array of shape {image.shape}, got {out.dtype} {out.shape}"
+            )
+        np.copyto(out, image)
+        return out, depth
+
+    def _take(self, painter, texture, under, news):
+        """Bring a picture of the ground up to date, with what lies upon it."""
+        picture = painter.ground
+        news = None if under is None else news
+        if not texture.stale and texture.source is picture and texture.news == news and texture.sizes:
+            return
+        if under is not None:
+            laid = picture.copy()
+            under(laid, painter.camera)
+            texture.take(laid, painter.camera, self.level, news)
+        else:
+            texture.take(picture, painter.camera, self.level)
+        texture.source = picture
+
+    def _paint_world(self, faces, lit):
+        theme, camera = self.theme, self.camera
+        image, depth = self._sheets
+        depth[:] = 0.0
+        sky, zenith = sky_of(theme)
+        land = mix(theme.ground, theme.paper, 0.45)
+        clip, cam = np.array(self.view, np.int64), camera.numbers()
+        haze = np.array(sky, float)
+        if self._ground.sizes:
+            land = mix(land, theme.ground, 0.3)
+            paint_sky(image, clip, cam, self.floor, 1e12, np.array([sky, zenith, land], float))
+            for texture in (self._ground, self._near):
+                if texture.sizes:
+                    texture.lay(image, self.view, camera)
+            haze_ground(image, clip, cam, self.floor, self.clear, haze)
+        else:
+            paint_sky(image, clip, cam, self.floor, self.clear, np.array([sky, zenith, land], float))
+        if not self.bare:
+            x, y = self._grid_middle()
+            line = np.array(mix(theme.muted, theme.ground, 0.1), float)
+            draw_grid(image, clip, cam, self.floor, x, y, self.spacing, GRID * self.spacing, line, 0.75)
+        order = faces.seen(camera)
+        draw_faces(image, depth, clip, cam, faces.corners, order, lit, faces.alphas, self.clear, haze)
+        if not self.bare:
+            self._compass(image)
+        if self.backdrop is not None:
+            image[:] = self.backdrop
+        return image, depth
+
+    @property
+    def clear(self) -> float:
+        """How far one sees well, m."""
+        size = 0.0 if self.level is None else max(self.level.width, self.level.height)
+        return SIGHT * max(self.camera.distance, 0.4 * size)
+
+    @property
+    def spacing(self) -> float:
+        """Metres between two thin lines of the grid."""
+        return nice(LINES * self.layout.unit / self.camera.scale_at(self._grid_middle()))
+
+    def _grid_middle(self):
+        """The point of the ground about which the grid is drawn: under the middle of the view, if it is not too far."""
+        camera = self.camera
+        target, seen = np.asarray(camera.target[:2]), camera.metres(camera.middle)
+        away = seen - target
+        return target + away * min(1.0, 2 * camera.distance / max(float(np.hypot(*away)), 1e-9))
+
+    def _looks(self, herd):
+        colours = brush_rgb(herd.brush_colours)
+        if self._colours[0] != colours.tobytes():
+            self._colours = (colours.tobytes(), look_colours(colours, self.theme))
+        return self._colours[1]
+
+    def _shadows(self, frame, depth, clip, cam, herd, bodies):
+        high = np.maximum(bodies.xyz[:, 2] - self.floor, 0.0)
+        grown = self._grown(herd, bodies)
+        long = herd.length * grown
+        soft = high / (high + 12.0 * long)  # the higher, the larger and fainter
+        along = long * (0.55 + 0.5 * soft)
+        spread = np.where(bodies.walks, np.maximum(herd.radius * grown, 0.18 * long), 0.42 * long)
+        aside = spread * (1.0 + 0.6 * soft)
+        alpha = 2.0 * self.theme.shadow_alpha * (1.0 - 0.72 * soft)
+        shade = (float(c) for c in self.theme.shadow)
+        draw_spots(
+            frame, depth, clip, cam, self.floor, bodies.xyz, bodies.forward, along, aside, *shade, np.minimum(alpha, 1)
+        )
+
+    def _grown(self, herd, bodies):
+        """How much larger than life each animal is drawn, (n,), to be seen at all."""
+        depth = np.maximum((bodies.xyz - self.camera.eye) @ self.camera.axes[2], 1e-3)
+        return np.maximum(SMALLEST * self.layout.unit * depth / (self.camera.focal * herd.length), 1.0)
+
+    def _ways(self, frame, depth, clip, cam, herd, brush, colours):
+        ways = self.trails
+        size = 1e9 if self.level is None else 0.4 * min(self.level.width, self.level.height)
+        inks = np.ascontiguousarray(colours[::KINDS, 0])
+        longest = float(max(min(size, 1e9), 1.0))
+        strength = self.theme.trail * min(1.0, (MANY / max(len(brush), 1)) ** 0.35)
+        draw_ways(
+            frame, depth, clip, cam, ways.places, ways.first, ways.last, brush, inks, strength, longest,
+            self.clear, np.array(sky_of(self.theme)[0], float),
+        )  # fmt: skip
+
+    def _animals(self, frame, depth, clip, cam, herd, bodies, look, colours):
+        self._lengths = herd.length
+        far = (bodies.xyz - self.camera.eye) @ self.camera.axes[2]
+        beat = np.where(np.isfinite(herd.wings), herd.wings, NO_WINGS)
+        draw_bodies(
+            frame, depth, clip, cam, np.argsort(-far, kind="stable"), bodies.xyz, bodies.forward, bodies.up,
+            herd.length, herd.radius, beat, bodies.walks, look, colours, self.clear,
+            np.array(sky_of(self.theme)[0], float), SUN, SMALLEST * self.layout.unit,
+        )  # fmt: skip
+
+    # who is selected ------------------------------------------------------------------------
+
+    def _row(self, herd, selected):
+        """Row of the selected animal, None if it is not there."""
+        if selected is None or herd.ids is None:
+            return None
+        rows = np.flatnonzero(np.asarray(herd.ids) == selected)
+        return int(rows[0]) if len(rows) else None
+
+    def _middles(self, bodies):
+        """The middle of each body (n, 3): beasts stand on their place."""
+        middles = bodies.xyz.copy()
+        middles[:, 2] += np.where(bodies.walks, 0.4 * self._lengths, 0.0)
+        return middles
+
+    def _stand(self, frame, clip, herd, bodies, row):
+        """A circle on the ground under the selected animal, and a line down to it."""
+        camera, (x, y, z) = self.camera, bodies.xyz[row]
+        turn = np.linspace(0, 2 * np.pi, 49)
+        long = float((herd.length * self._grown(herd, bodies))[row])
+        ring = np.column_stack([x + 0.9 * long * np.cos(turn), y + 0.9 * long * np.sin(turn), 0 * turn + self.floor])
+        if (camera.project(ring)[1] < camera.numbers()[15]).any():
+            return
+        for width, ink, alpha in ((3.0, self.theme.paper, 0.6), (1.4, self.theme.ink, 0.9)):
+            at = camera.pixels(ring)
+            colour = (float(c) for c in ink)
+            draw_lines(frame, clip, np.hstack([at[:-1], at[1:]]), width * self.layout.unit, *colour, alpha)
+        if z - self.floor > 0.5 * long:
+            canvas = Canvas(frame, self.view)
+            ends = camera.pixels([[x, y, self.floor], [x, y, z]])
+            canvas.line(ends, 1.2 * self.layout.unit, self.theme.ink, 0.75, dash=(5, 4))
+
+    def _ring(self, frame, clip, herd, bodies, row):
+        """A ring in the picture around the selected animal."""
+        at, depth = self.camera.project(self._middles(bodies)[row : row + 1])
+        if depth[0] <= self.camera.numbers()[15]:
+            return
+        long = float((herd.length * self._grown(herd, bodies))[row])
+        radius = np.array([max(8.0 * self.layout.unit, 0.95 * long * self.camera.focal / depth[0])])
+        for width, ink, alpha in ((4.4, self.theme.paper, 0.8), (2.0, self.theme.ink, 1.0)):
+            draw_rings(frame, clip, at, radius, width * self.layout.unit, *(float(c) for c in ink), alpha)
+
+    # words ------------------------------------------------------------------------------------
+
+    def _compass(self, frame):
+        """Where east, north and up are, and how wide a square of the grid is, in the upper right corner."""
+        theme, unit, camera = self.theme, self.layout.unit, self.camera
+        canvas = Canvas(frame, self.view)
+        long = 26.0 * unit
+        middle = np.array([self.view[2] - 52.0 * unit, self.view[1] + 50.0 * unit])
+        right, up, ahead = camera.axes
+        tips = np.stack([right, -up], axis=1) * long
+        inks = (theme.predator, theme.exit, theme.link)
+        for k in np.argsort(-ahead, kind="stable"):
+            tip = middle + tips[k]
+            canvas.line([middle, tip], 2.2 * unit, inks[k], 0.95)
+            word = middle + tips[k] * 1.42
+            height = max(10, round(12 * unit))
+            canvas.words(("E", "N", "up")[k], word, height, theme.ink, anchor=(0.5, 0.5), halo=theme.paper)
+        text = f"grid {_metres(self.spacing)}"
+        at = (self.view[2] - 52 * unit, self.view[1] + 106.0 * unit)
+        canvas.words(text, at, max(10, round(12 * unit)), theme.ink, anchor=(0.5, 1), halo=theme.paper)
+
+    def _words(self, frame, herd, title, time, measures, legend, colours):
+        name = getattr(self.level, "name", "") if title is None else title
+        self.hud.above(frame, name, time, measures)
+        if legend:
+            self.hud.legend(frame, self.size[0] - self.layout.pad, herd, colours)
+
+
+class _Texture:
+    """A picture that lies on the ground, in ever smaller sizes, so that what is far does not glitter."""
+
+    def __init__(self):
+        self.source, self.stale, self.version = None, True, 0
+        self.sizes: list = []
+        self.camera: Any = None  # Camera, of the picture
+        self.news: Any = None
+
+    def take(self, picture, camera, level, news=None):
+        """Take over the part of a picture (h, w, 3) that shows the level, and the camera that drew it."""
+        import cv2
+
+        (left, bottom), (right, top) = camera.pixels(((0, 0), (level.width, level.height)))
+        left, top = max(round(left), 0), max(round(top), 0)
+        right, bottom = min(round(right), camera.size[0]), min(round(bottom), camera.size[1])
+        self.stale, self.news = False, news
+        self.version += 1
+        self.sizes = []
+        if right - left < 2 or bottom - top < 2:
+            return
+        middle = tuple(camera.metres(((left + right) / 2, (top + bottom) / 2)).tolist())
+        size = (right - left, bottom - top)
+        camera = ViewCamera(middle, camera.scale, size, (0, 0, *size))
+        sizes, image = [], picture[top:bottom, left:right]
+        while True:
+            sizes.append(image)
+            height, width = image.shape[:2]
+            if max(height, width) <= 16:
+                break
+            image = cv2.resize(image, (max(1, width // 2), max(1, height // 2)), interpolation=cv2.INTER_AREA)
+        self.sizes, self.camera = sizes, camera
+
+    def lay(self, image, view, camera):
+        """Draw it on the ground as a camera sees it, in bands of rows: a row is of one depth, and takes one size."""
+        left, top, right, bottom = view
+        rows = np.arange(top, bottom) + 0.5
+        fall = camera.rays(np.column_stack([np.zeros(len(rows)), rows]))[:, 2]
+        depth = (camera.eye[2] - camera.floor) / np.maximum(-fall, 1e-9)
+        flat = depth / camera.focal  # m of ground in a pixel across, and down
+        down = np.minimum(flat * depth / max(camera.eye[2] - camera.floor, 1e-9), 6.0 * flat)
+        texels = np.sqrt(flat * down) * self.camera.scale
+        level = np.floor(np.log2(np.maximum(texels, 1e-9)) + 0.4)
+        level = np.where(fall < -1e-6, np.clip(level, 0, len(self.sizes) - 1), -1).astype(int)
+        ends = np.flatnonzero(np.diff(level)) + 1
+        for start, stop in zip([0, *ends], [*ends, len(level)], strict=True):
+            if level[start] >= 0:
+                self._band(image[top + start : top + stop, left:right], level[start], (left, top + start), camera)
+
+    def _band(self, part, level, corner, camera):
+        """Draw some rows of the picture, whose upper left pixel is `corner`, from one of the sizes."""
+        import cv2
+
+        size = self.sizes[level]
+        right, up, ahead = camera.axes
+        (mx, my), focal, eye = camera.middle, camera.focal, camera.eye
+        # a pixel's ray, then where it meets the ground, then the pixel of the picture there: three matrices
+        ray = np.column_stack([right / focal, -up / focal, ahead - right * mx / focal + up * my / focal])
+        high = eye[2] - camera.floor
+        ground = np.array([[high, 0, -eye[0]], [0, high, -eye[1]], [0, 0, -1.0]])
+        own = self.camera
+        wide, tall = size.shape[1] / self.sizes[0].shape[1], size.shape[0] / self.sizes[0].shape[0]
+        x, y = own.middle
+        texel = np.array(
+            [
+                [own.scale * wide, 0, (x - own.centre[0] * own.scale) * wide - 0.5],
+                [0, -own.scale * tall, (y + own.centre[1] * own.scale) * tall - 0.5],
+                [0, 0, 1.0],
+            ]
+        )
+        shift = np.array([[1.0, 0, corner[0] + 0.5], [0, 1.0, corner[1] + 0.5], [0, 0, 1.0]])
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        whole = texel @ ground @ ray @ shift
+        cv2.warpPerspective(size, whole, part.shape[1::-1], dst=part, flags=flags, borderMode=cv2.BORDER_TRANSPARENT)
+
+
+def sky_of(theme):
+    """(at the horizon, above) of a theme."""
+    return mix(theme.paper, theme.water, 0.30), mix(theme.paper, theme.water, 0.95)
+
+
+def _plan(level, theme, brushes, live):
+    """What draws the ground's picture."""
+    scale = TEXTURE / max(level.width, level.height)
+    size = [int(np.clip(round(side * scale), 8, TEXTURE)) for side in (level.width, level.height)]
+    return Painter(level, size, theme, brushes, trails=None, words=False, labels=False, live=live)
+
+
+def _close(plan):
+    """What draws a finer picture of a part of the level, in the colours that the whole has."""
+    painter = Painter(plan.level, (CLOSE, CLOSE), plan.theme, trails=None, words=False, labels=False, live=plan.live)
+    painter.brushes = painter.tiles.brushes = plan.brushes
+    return painter
+
+
+def _identity(obstacle):
+    """What an obstacle's faces depend on."""
+    told = (getattr(obstacle, name, None) for name in ("z_min", "z_max", "shape", "blocks_view"))
+    corners = getattr(obstacle, "corners", None)
+    return (np.asarray(obstacle.polygon).tobytes(), *told, None if corners is None else np.asarray(corners).tobytes())
+
+
+def _metres(value):
+    return f"{value:g} m" if value < 1000 else f"{value / 1000:g} km"

@@ -1,0 +1,293 @@
+"""Files with edits of a recorded run: ``RUN.edits.toml`` beside ``RUN.flock``.
+
+::
+
+    recording = "run.flock"
+    sha256 = "0f3c..."        # of the recording: edits of another one are refused
+
+    [[layers]]
+    name = "edits"
+    on = true
+
+    [[layers.edits]]
+    kind = "move"
+    ids = "1-40, 52"
+    by = [0, 5, 0]
+    because = "brush swarm at 2 s"
+
+Tables ``[[undone]]`` hold what ``--undo`` took back, with the name of their layer.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import re
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+
+from flockbrush.behaviours.tomlfile import TomlFile, parse_toml, read_bytes
+from flockbrush.engine.files import write_bytes
+from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
+from flockbrush.runs.run_edits import ALWAYS, KINDS, Edit, Layer
+
+SUFFIX = ".edits.toml"
+FIRST = "edits"  # name of the layer that there is unless told
+USES = {
+    "delete": (), "move": ("by", "turn", "about", "over"), "retime": ("speed",), "freeze": (), "delay": ("seconds",),
+    "look": ("brush", "species", "size"),
+}  # fmt: skip
+BOUNDS = {
+    "start": (0.0, 1e6), "end": (0.0, 1e6), "turn": (-36000.0, 36000.0), "over": (0.0, 1e4), "speed": (0.01, 100.0),
+    "seconds": (-1e6, 1e6), "size": (0.01, 100.0),
+}  # fmt: skip
+FARTHEST = 1e6  # m
+
+
+@dataclass
+class EditFile:
+    """Layers of edits of one recording.
+
+    Attributes
+    ----------
+    path : Path
+    sha256 : str
+        Of the recording.
+    recording : str
+        Its name.
+    layers : list of Layer
+        The first applies first.
+    undone : list of (str, Edit)
+        Layer and edit of what was taken back, the last is the next to be done again.
+    order : list of str
+        The layer of each edit in the order in which they were made.
+    """
+
+    path: Path
+    sha256: str
+    recording: str
+    layers: list[Layer] = field(default_factory=list)
+    undone: list[tuple[str, Edit]] = field(default_factory=list)
+    order: list[str] = field(default_factory=list)
+
+    def edits(self) -> list[Edit]:
+        """Edits of all layers that are on, in the order in which they apply."""
+        return [edit for layer in self.layers if layer.on for edit in layer.edits]
+
+    def layer(self, name) -> Layer | None:
+        """The layer of a name."""
+        return next((layer for layer in self.layers if layer.name == name), None)
+
+    def add(self, edit: Edit, name=FIRST):
+        """Put an edit on a layer, which is made where there is none; what was undone cannot be done again."""
+        self._put(edit, name)
+        self.undone = []
+
+    def undo(self) -> Edit | None:
+        """Take back the edit that was made last; None where there is none."""
+        if not self.order:
+            return None
+        name = self.order.pop()
+        layer = self.layer(name)
+        assert layer is not None
+        edit = layer.edits.pop()
+        self.undone.append((name, edit))
+        return edit
+
+    def redo(self) -> Edit | None:
+        """Make the edit again that was taken back last; None where there is none."""
+        if not self.undone:
+            return None
+        name, edit = self.undone.pop()
+        self._put(edit, name)
+        return edit
+
+    def remove(self, name):
+        """Remove a layer with its edits, for good."""
+        self.layers = [layer for layer in self.layers if layer.name != name]
+        self.order = [other for other in self.order if other != name]
+        self.undone = [(other, edit) for other, edit in self.undone if other != name]
+
+    def _put(self, edit, name):
+        layer = self.layer(name)
+        if layer is None:
+            layer = Layer(name)
+            self.layers.append(layer)
+        layer.edits.append(edit)
+        self.order.append(name)
+
+    def save(self):
+        """Write the file; where nothing is left in it too."""
+        write_bytes(self.path, _text(self).encode())
+
+
+def beside(recording) -> Path:
+    """The file with the edits of a recording."""
+    return Path(recording).with_suffix(SUFFIX)
+
+
+def sha256_of(recording) -> str:
+    """What tells a recording from others."""
+    with open(recording, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def edits_of(recording) -> EditFile:
+    """The edits beside a recording; an empty file object where there are none.
+
+    Raises
+    ------
+    ProblemsError
+        With everything that is wrong with the file; when it is of another recording.
+    """
+    path = beside(recording)
+    if not path.exists():
+        return EditFile(path, sha256_of(recording), Path(recording).name)
+    found = parse_edits(read_bytes(path), path)
+    if found.sha256 != sha256_of(recording):
+        message = f"these are edits of another recording than {Path(recording).name}: rename or remove this file"
+        raise ProblemsError([Problem(str(path), None, "sha256", message)])
+    return found
+
+
+def parse_edits(data: bytes, path) -> EditFile:
+    """Edits from the bytes of a file; ProblemsError."""
+    toml = parse_toml(data, str(path))
+    problems = _unknown(toml, (), toml.data, ("recording", "sha256", "order", "layers", "undone"))
+    sha256 = toml.data.get("sha256")
+    if not isinstance(sha256, str) or not re.fullmatch("[0-9a-f]{64}", sha256):
+        problems.append(toml.problem(("sha256",), "must be the SHA-256 of the recording, 64 digits"))
+    layers, undone = _tables(toml, "layers", problems), _tables(toml, "undone", problems)
+    made = EditFile(Path(path), str(sha256), str(toml.data.get("recording", "")))
+    for k, table in enumerate(layers):
+        made.layers.append(_layer(toml, ("layers", k), table, problems))
+    for k, table in enumerate(undone):
+        told = {name: value for name, value in table.items() if name != "layer"}
+        edit = _edit(toml, ("undone", k), told, problems)
+        if edit is not None:
+            made.undone.append((str(table.get("layer", FIRST)), edit))
+    names = [layer.name for layer in made.layers]
+    if len(set(names)) < len(names):
+        problems.append(toml.problem(("layers",), "two layers have one name"))
+    every = [layer.name for layer in made.layers for _ in layer.edits]
+    made.order = toml.data.get("order", every)
+    if not isinstance(made.order, list) or sorted(map(str, made.order)) != sorted(every):
+        problems.append(toml.problem(("order",), "must name the layer of each edit, in the order they were made"))
+    if problems:
+        raise ProblemsError(problems)
+    return made
+
+
+def _tables(toml, name, problems):
+    tables = toml.data.get(name, [])
+    if isinstance(tables, list) and all(isinstance(table, dict) for table in tables):
+        return tables
+    problems.append(toml.problem((name,), f"must be [[{name}]] tables"))
+    return []
+
+
+def _layer(toml: TomlFile, at, table, problems):
+    problems += _unknown(toml, at, table, ("name", "on", "edits"))
+    name, on, edits = table.get("name"), table.get("on", True), table.get("edits", [])
+    if not isinstance(name, str) or not name.strip():
+        problems.append(toml.problem((*at, "name"), "a layer has a name"))
+    if not isinstance(on, bool):
+        problems.append(toml.problem((*at, "on"), f"must be true or false, got {on!r}"))
+    made = Layer(str(name), bool(on))
+    if not isinstance(edits, list) or not all(isinstance(edit, dict) for edit in edits):
+        problems.append(toml.problem((*at, "edits"), "must be [[layers.edits]] tables"))
+        return made
+    found = [_edit(toml, (*at, "edits", k), edit, problems) for k, edit in enumerate(edits)]
+    made.edits = [edit for edit in found if edit is not None]
+    return made
+
+
+def _edit(toml, at, table, problems) -> Edit | None:
+    """One edit of a file, None when something is wrong with it."""
+    kind, before = table.get("kind"), len(problems)
+    if kind not in KINDS:
+        problems.append(toml.problem((*at, "kind"), f"must be one of {', '.join(KINDS)}, got {kind!r}"))
+        return None
+    problems += _unknown(toml, at, table, ("kind", "ids", "start", "end", "because", *USES[kind]))
+    told = dict(table)
+    try:
+        told["ids"] = ids_of(table.get("ids"))
+    except ValueError as error:
+        problems.append(toml.problem((*at, "ids"), str(error)))
+    for name, (low, high) in BOUNDS.items():
+        if name in told and not (_is_number(told[name]) and low <= told[name] <= high):
+            problems.append(toml.problem((*at, name), f"must be a number from {low:g} to {high:g}, got {told[name]!r}"))
+    for name, count in (("by", 3), ("about", 2)):
+        if name in told:
+            if not _is_point(told[name], count):
+                problems.append(toml.problem((*at, name), f"must be {count} numbers in metres, got {told[name]!r}"))
+            else:
+                told[name] = tuple(map(float, told[name]))
+    for name in ("brush", "species", "because"):
+        if not isinstance(told.get(name, ""), str):
+            problems.append(toml.problem((*at, name), f"must be a text, got {told[name]!r}"))
+    if len(problems) == before and told.get("start", 0.0) >= told.get("end", ALWAYS):
+        problems.append(toml.problem((*at, "end"), "must be later than the start"))
+    return Edit(**told) if len(problems) == before else None
+
+
+def ids_of(text) -> tuple[int, ...]:
+    """The ids of a text as "1-40, 52"; ValueError."""
+    if not isinstance(text, str) or not re.fullmatch(r"\s*\d+(-\d+)?(\s*,\s*\d+(-\d+)?)*\s*", text):
+        raise ValueError(f'must name animals as "1-40, 52", got {text!r}')
+    found: set[int] = set()
+    for part in text.split(","):
+        low, _, high = part.strip().partition("-")
+        first, last = int(low), int(high or low)
+        if not 1 <= first <= last <= 10**9 or last - first > 10**7:
+            raise ValueError(f'must name animals as "1-40, 52", the smaller id first; got {part.strip()!r}')
+        found.update(range(first, last + 1))
+    return tuple(sorted(found))
+
+
+def ids_text(ids) -> str:
+    """Ids as `ids_of` reads them."""
+    parts: list[list[int]] = []
+    for animal in sorted(set(ids)):
+        if parts and animal == parts[-1][1] + 1:
+            parts[-1][1] = animal
+        else:
+            parts.append([animal, animal])
+    return ", ".join(f"{low}" if low == high else f"{low}-{high}" for low, high in parts)
+
+
+def _text(edits: EditFile) -> str:
+    lines = [f"recording = {json.dumps(edits.recording)}", f'sha256 = "{edits.sha256}"']
+    if edits.order:
+        lines.append(f"order = {json.dumps(edits.order)}")
+    for layer in edits.layers:
+        lines += ["", "[[layers]]", f"name = {json.dumps(layer.name)}", f"on = {str(layer.on).lower()}"]
+        for edit in layer.edits:
+            lines += ["", "[[layers.edits]]", *_lines(edit)]
+    for name, edit in edits.undone:
+        lines += ["", "[[undone]]", f"layer = {json.dumps(name)}", *_lines(edit)]
+    return "\n".join(lines) + "\n"
+
+
+def _lines(edit: Edit):
+    lines = [f'kind = "{edit.kind}"', f'ids = "{ids_text(edit.ids)}"']
+    for one in fields(edit):
+        value = getattr(edit, one.name)
+        if one.name not in ("kind", "ids") and value != one.default:
+            lines.append(f"{one.name} = {json.dumps(list(value) if isinstance(value, tuple) else value)}")
+    return lines
+
+
+def _unknown(toml, at, table, names):
+    return [
+        toml.problem((*at, name), f"unknown name{did_you_mean(name, names)}") for name in table if name not in names
+    ]
+
+
+def _is_number(value):
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_point(value, count):
+    return isinstance(value, list) and len(value) == count and all(_is_number(v) and abs(v) <= FARTHEST for v in value)

@@ -1,0 +1,52 @@
+"""What a level itself asks to be measured: crossings of its lines, animals in its areas."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flockbrush.components import Position
+from flockbrush.levels.geometry import inside
+from flockbrush.systems.measures import compute_crossings
+from flockbrush.systems.program_reports import state_codes, state_names
+
+
+class Counts:
+    """What the level itself asks to be measured: crossings of its lines, animals in its areas.
+
+    Crossings add up from tick to tick, each animal by its id; who crosses the seam of a periodic map crosses no line.
+    """
+
+    def __init__(self, simulation):
+        self.simulation, self.level = simulation, simulation.level
+        self.crossed = {line.name or f"line {line.id}": [0, 0] for line in self.level.lines}
+        self._ids, self._xy = self._now()
+
+    def _now(self):
+        agents = self.simulation.agents
+        return agents.ids.copy(), agents[Position.xyz][:, :2].copy()
+
+    def take(self):
+        """Count what was crossed since the last time: call it after every tick."""
+        if not self.crossed:
+            return
+        ids, xy = self._now()
+        _, old, new = np.intersect1d(self._ids, ids, assume_unique=True, return_indices=True)
+        before, after = self._xy[old], xy[new]
+        near = np.abs(after - before).max(1, initial=0) < 0.5 * min(self.level.width, self.level.height)
+        for (_, total), line in zip(self.crossed.items(), self.level.lines, strict=True):
+            left, right = compute_crossings(before[near], after[near], line.points)
+            total[0] += left
+            total[1] += right
+        self._ids, self._xy = ids, xy
+
+    def values(self):
+        """{"line NAME, to its left": so far, "area NAME": animals in it now}."""
+        found = {}
+        for name, (left, right) in self.crossed.items():
+            found |= {f"crossed {name} to its left": left, f"crossed {name} to its right": right}
+        _, xy = self._now()
+        for area in self.level.areas:
+            found[f"in {area.name or f'area {area.id}'}"] = int(np.sum(inside(xy, area.polygon)))
+        names = state_names(self.simulation.world)
+        tally = np.bincount(state_codes(self.simulation.world), minlength=len(names)) if names else []
+        return found | {f"state {name}": int(n) for name, n in zip(names, tally, strict=True) if name}

@@ -1,0 +1,315 @@
+"""Running levels: by name or path, recorded, timed, and built again from a recording alone."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import posixpath
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+import flockbrush
+from flockbrush import levels
+from flockbrush.behaviours.brush import SUFFIX, load_brush
+from flockbrush.engine import limits
+from flockbrush.engine.files import refused
+from flockbrush.engine.problems import ProblemsError, did_you_mean
+from flockbrush.engine.recording import RecordedRun, Recorder, Recording, RecordingError, resume
+from flockbrush.levels.build import Simulation, build
+from flockbrush.levels.reader import brush_library, parsed_document, read_level, read_level_files, recorded_library
+from flockbrush.runs.builds import build_of_run
+
+SHIPPED = Path(levels.__path__[0]) / "shipped"
+KEYFRAME_SECONDS = 10  # s; going to any moment of a recording lives at most so much again,
+KEYFRAME_STEPS = 800_000  # and where there are many animals at most so many of theirs: a second or two,
+KEYFRAME_LEAST = 32  # but no fewer ticks, or recordings of very many would be mostly snapshots
+PACKED_ANIMAL = 180  # bytes of an animal in a snapshot: 142 to 183 on shipped levels
+PACKED_TICK = 700  # bytes of a tick's hash and sums: 320 to 700 on shipped levels
+
+
+# levels ------------------------------------------------------------------------
+
+
+def shipped_levels() -> list[str]:
+    """Names of the levels that come with Flockbrush."""
+    return sorted(path.stem for path in SHIPPED.glob("*.tmj"))
+
+
+def find_level(name) -> Path:
+    """The file of a level given as a path, or as the name of a shipped one.
+
+    Raises
+    ------
+    ProblemsError
+        When there is neither.
+    """
+    path = Path(name)
+    if str(name) in shipped_levels() and not path.is_file():
+        return SHIPPED / f"{name}.tmj"
+    if path.exists() or path.suffix or path.name != str(name):
+        return path  # the reader says what is wrong with it
+    hint = did_you_mean(str(name), shipped_levels())
+    raise refused(name, f"there is no such file, and no shipped level of that name{hint}")
+
+
+def open_level(name):
+    """(level, library of brushes) of a path or a shipped name; ProblemsError."""
+    import flockbrush.systems.commands  # noqa: F401  the commands a script may give
+
+    path = find_level(name)
+    level = read_level(path)
+    return level, brush_library(path, level.files)
+
+
+def start(
+    name: str | os.PathLike, seed: int | None = None, agents: int | None = None, brush: str | os.PathLike | None = None
+) -> Simulation:
+    """The world of a level, ready for its first tick.
+
+    Parameters
+    ----------
+    name : str or path
+        A level file, or the name of a shipped level.
+    seed : int, optional
+        Instead of the level's own.
+    agents : int, optional
+        So many animals in all, at the level's density.
+    brush : str or path, optional
+        What all animals of the level's spawns are given instead of their own: a name, or a .brush.toml file.
+
+    Raises
+    ------
+    ProblemsError
+    """
+    level, library = open_level(name)
+    if brush is not None:
+        level, library = _with_brush(level, library, brush)
+    return begin(level, library, seed, agents)
+
+
+def _with_brush(level, library, brush):
+    """(level, library) with the brush of every spawn replaced in the level's file, so that a recording embeds it."""
+    path = Path(brush)
+    asset = load_brush(path) if path.name.endswith(SUFFIX) else library.get(str(brush))
+    built = build(level, library=library)
+    files = built.assets()
+    built.close()
+    name = next(iter(files))
+    spawns, document = {spawn.id for spawn in level.spawns}, parsed_document(files[name])
+    for thing in _objects(document):
+        if thing["id"] in spawns:
+            others = [entry for entry in thing.get("properties", []) if entry["name"] != "brush"]
+            thing["properties"] = [*others, {"name": "brush", "type": "string", "value": asset.name}]
+    files[name] = json.dumps(document).encode()
+    files[f"brushes/{asset.name}{SUFFIX}"] = asset.source
+    library = recorded_library(files)
+    return read_level_files(files, library), library
+
+
+def _objects(layer):
+    """All objects of a map, also those in groups of layers."""
+    yield from layer.get("objects", [])
+    for inner in layer.get("layers", []):
+        yield from _objects(inner)
+
+
+def begin(level, library, seed=None, agents=None) -> Simulation:
+    """The world of a level that was read, as `start` makes it; ProblemsError."""
+    simulation = _built(level, seed, agents, library)
+    simulation.origin = {"seed": level.seed if seed is None else seed, "agents": agents}
+    return simulation
+
+
+def from_files(files, seed=None, agents=None) -> Simulation:
+    """The world of a level from nothing but the bytes of its files (`Simulation.assets`), the level first.
+
+    Raises
+    ------
+    ProblemsError
+    """
+    import flockbrush.systems.commands  # noqa: F401  the commands its script may give
+
+    library = recorded_library(files)
+    level = read_level_files(files, library)
+    return _built(level, level.seed if seed is None else seed, agents, library)
+
+
+def _built(level, seed, agents, library):
+    if agents is None:
+        return build(level, seed, library=library)
+    if not 1 <= agents <= limits.ANIMALS:
+        raise refused(level.path, f"there can be 1 to {limits.ANIMALS} animals, got {agents}")
+    try:
+        return build(level, seed, agents, library)
+    except ValueError as error:
+        raise refused(level.path, str(error)) from None
+
+
+# recordings ------------------------------------------------------------------------
+
+
+def record(path: str | os.PathLike, simulation: Simulation, keyframes: int | None = None) -> Recorder:
+    """Begin to record a simulation that `start` or `rebuild` has made; call ``take()`` after every tick.
+
+    A hash and sums are kept for every tick, so that a replay can name the very tick that differs; ``keyframes`` is the
+    number of ticks between snapshots, `usual_keyframes` unless told.
+    """
+    every = keyframes or usual_keyframes(simulation)
+    return Recorder(Recording.create(path, *beginning_of(simulation)), simulation.world, 1, every)
+
+
+def usual_keyframes(simulation) -> int:
+    """Ticks between the snapshots of a recording: ten seconds, or less where a tick of so many animals takes long."""
+    few = KEYFRAME_STEPS // max(1, len(simulation.agents))
+    return min(round(KEYFRAME_SECONDS / simulation.clock.dt), max(KEYFRAME_LEAST, few))
+
+
+def recording_size(simulation, ticks: int, keyframes: int | None = None) -> int:
+    """About how many bytes a recording of so many ticks will have, if the herd stays as large as it is."""
+    snapshots = 3 + ticks // (keyframes or usual_keyframes(simulation))
+    files = sum(map(len, simulation.assets().values()))
+    return files // 4 + ticks * PACKED_TICK + snapshots * len(simulation.agents) * PACKED_ANIMAL
+
+
+def beginning_of(simulation):
+    """(header, assets) of the recording of a simulation before its first tick."""
+    name, assets = rooted(simulation.assets(), simulation.level.path)
+    header = {
+        **simulation.origin,
+        "dt": simulation.clock.dt,
+        "level": name,
+        "flockbrush": flockbrush.__version__,
+        "build": {key: value for key, value in build_of_run().as_json().items() if key != "packages"},
+    }
+    return header, assets
+
+
+def rebuild(run: RecordedRun) -> Simulation:
+    """The world of a recording before its first tick, from nothing but what the recording embeds.
+
+    Call `flockbrush.engine.recording.resume` next: it replaces the level's script by the commands as they were applied.
+
+    Raises
+    ------
+    RecordingError
+        When the files embedded are no level, or the recording is of something else.
+    ProblemsError
+        With everything that is wrong with the embedded files.
+    """
+    import flockbrush.systems.commands  # noqa: F401  a recording's commands
+
+    level, library = embedded_level(run)
+    seed, agents = run.header["seed"], run.header.get("agents")
+    if agents is not None and not isinstance(agents, int):
+        raise RecordingError(f"{run.path}: the header says {agents!r} animals; it must be a whole number")
+    simulation = begin(level, library, seed, agents)
+    if run.header["dt"] != simulation.clock.dt:
+        raise RecordingError(
+            f"{run.path}: recorded with a tick of {run.header['dt']} s; this version has {simulation.clock.dt} s"
+        )
+    return simulation
+
+
+def go_to(run: RecordedRun, simulation: Simulation, tick: int, stop=lambda tick: None):
+    """Bring the world of a recording to this tick, from the nearest snapshot before it."""
+    resume(run, simulation.world, tick)
+    while simulation.clock.tick < tick:
+        simulation.tick()
+        stop(simulation.clock.tick)
+
+
+def rooted(files, level_path):
+    """(name of the level, files) with names that stay below one folder, where a level's own may begin with "../".
+
+    >>> rooted({"a.tmj": b"", "../tilesets/t.tsj": b""}, Path("/designs/shipped/a.tmj"))[0]
+    'shipped/a.tmj'
+    """
+    climbs = max(PurePosixPath(posixpath.normpath(name)).parts.count("..") for name in files)
+    above = Path(os.path.abspath(level_path)).parent.parts[1:]
+    home = "/".join((("level",) * climbs + above)[-climbs:]) if climbs else ""
+    home = home.replace("\\", "_").replace(":", "_")
+    renamed = {posixpath.normpath(posixpath.join(home, name)): data for name, data in files.items()}
+    return posixpath.join(home, next(iter(files))), renamed
+
+
+def source_of(path) -> dict[str, str]:
+    """What tells a recording from others: its name and its SHA-256, by the words for people."""
+    with open(path, "rb") as file:
+        return {"recording": Path(path).name, "recording SHA-256": hashlib.file_digest(file, "sha256").hexdigest()}
+
+
+def embedded_level(run: RecordedRun):
+    """(level, library of brushes) from the files of a recording; RecordingError, and ProblemsError that names it."""
+    files = embedded(run)
+    try:
+        library = recorded_library(files)
+        return read_level_files(files, library), library
+    except ProblemsError as error:
+        raise ProblemsError(replace(one, file=f"{run.path}: {one.file}") for one in error.problems) from None
+
+
+def embedded(run: RecordedRun) -> dict[str, bytes]:
+    """The files of a recording by their names relative to the level, the level first."""
+    name = run.header.get("level")
+    if not isinstance(name, str) or name not in run.assets:
+        raise RecordingError(f"{run.path}: this is a recording, but not of a level")
+    home = posixpath.dirname(name) or "."
+    others = {posixpath.relpath(other, home): data for other, data in run.assets.items() if other != name}
+    return {posixpath.basename(name): run.assets[name]} | others
+
+
+# how long it takes --------------------------------------------------------------------
+
+
+class Stopwatch:
+    """Seconds of every tick; the first one, which loads the kernels, counts as part of the start."""
+
+    def __init__(self, simulation):
+        self.simulation = simulation
+        self.seconds: list[float] = []
+        self.startup = float("nan")  # s, from the start of the program to the end of the first tick
+        self._loading: dict[str, int] = {}
+
+    def tick(self):
+        """One tick, timed."""
+        begin = time.perf_counter()
+        self.simulation.tick()
+        end = time.perf_counter()
+        if np.isnan(self.startup):
+            self.startup = end - flockbrush.BEGAN
+            self._loading = dict(self.simulation.schedule.nanoseconds)
+            self._first = end - begin
+        else:
+            self.seconds.append(end - begin)
+
+    def per_tick(self):
+        """{median, p95} in seconds, after the first tick."""
+        seconds = self.seconds or ([self._first] if self._loading else [float("nan")])
+        return {"median": float(np.median(seconds)), "p95": float(np.percentile(seconds, 95))}
+
+    def systems(self):
+        """Seconds spent in each system after the first tick."""
+        total = self.simulation.schedule.nanoseconds
+        return {name: (spent - self._loading.get(name, 0)) / 1e9 for name, spent in total.items()}
+
+
+def peak_memory():
+    """MiB this process has held at most, or NaN where the system does not say."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return float("nan")
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
+
+
+def versions():
+    """{package: version} of what may change a run, and of Flockbrush."""
+    from flockbrush.engine.fingerprint import package_versions
+
+    return {"flockbrush": flockbrush.__version__} | package_versions()

@@ -1,0 +1,225 @@
+"""The animals of one moment, kept apart from the world that goes on; and moments between two ticks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from flockbrush.components import (
+    Airborne,
+    Body,
+    BrushBinding,
+    Heading,
+    Position,
+    ReferenceBird,
+    Role,
+    Species,
+    Velocity,
+)
+from flockbrush.systems.groups import group_names, groups_of
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.population import SpeciesList
+from flockbrush.systems.program_reports import state_codes, state_names
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Copies of what leaves us: one row for each animal, in order of id.
+
+    Attributes
+    ----------
+    time : float
+        Seconds since the start.
+    ids : ndarray (n,) int64
+    xyz, velocity, forward : ndarray (n, 3)
+        Metres, metres per second, unit vectors.
+    length, radius : ndarray (n,)
+        Metres.
+    species, brush : ndarray (n,) int
+        Indices into the names.
+    leader : ndarray (n,) bool
+    reference : ndarray (n,) int64
+        Id of the animal it keeps its place by, 0 for none.
+    up : ndarray (n, 3), optional
+        Unit vector out of the back: where it leans, the animal banks.
+    labels : dict of str to ndarray (n,) int
+        Further names that animals bear (`label`), as indices into `words_of`: only those that the world has.
+    """
+
+    time: float
+    ids: np.ndarray
+    xyz: np.ndarray
+    velocity: np.ndarray
+    forward: np.ndarray
+    length: np.ndarray
+    radius: np.ndarray
+    species: np.ndarray
+    brush: np.ndarray
+    leader: np.ndarray
+    reference: np.ndarray
+    up: np.ndarray | None = None
+    labels: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def __len__(self):
+        return len(self.ids)
+
+
+_SOON = 1e-9  # s; rounding of times that are not whole ticks
+_COLUMNS = {
+    "xyz": Position.xyz,
+    "velocity": Velocity.xyz,
+    "forward": Heading.forward,
+    "length": Body.length,
+    "radius": Body.radius,
+    "species": Species.index,
+    "brush": BrushBinding.brush,
+    "leader": Role.leader,
+    "reference": ReferenceBird.entity,
+    "up": Airborne.up,
+}
+
+
+class Label(NamedTuple):
+    """A name that every animal of some worlds bears.
+
+    Attributes
+    ----------
+    names : function (simulation) -> list of str
+        All there are; empty in a world without this label.
+    codes : function (simulation) -> ndarray (n,) int
+        A new array: which of them each animal bears.
+    """
+
+    names: Callable
+    codes: Callable
+
+
+LABELS: dict[str, Label] = {  # by name; who declares such a column registers it here
+    "group": Label(
+        lambda simulation: group_names(simulation.world), lambda simulation: groups_of(simulation.world) - 1
+    ),
+    "state": Label(lambda simulation: state_names(simulation.world), lambda simulation: state_codes(simulation.world)),
+}
+
+
+def _present(simulation):
+    """The labels that a world has, with their names."""
+    return [(name, label) for name, label in LABELS.items() if label.names(simulation)]
+
+
+def words_of(simulation) -> dict[str, list[str]]:
+    """{column: names by index} of species, brush and the labels of a world, as they are now."""
+    species, brushes = names_of(simulation)
+    more = {name: label.names(simulation) for name, label in _present(simulation)}
+    return {"species": species, "brush": list(brushes), **more}
+
+
+def moment_of(simulation, labels=True) -> Moment:
+    """The animals as they are now; without labels it costs a fraction of a tick less."""
+    agents = simulation.agents
+    columns = {name: agents[column].copy() for name, column in _COLUMNS.items()}
+    columns["leader"] = columns["leader"].astype(bool)
+    codes = {name: label.codes(simulation) for name, label in _present(simulation)} if labels else {}
+    return Moment(simulation.clock.now, agents.ids.copy(), **columns, labels=codes)
+
+
+def between(before: Moment, after: Moment, time, wrap=None) -> Moment:
+    """The animals at a time between two moments, those of ``after``; one that is new there is where it was born.
+
+    Parameters
+    ----------
+    time : float
+        Seconds, from ``before.time`` to ``after.time``.
+    wrap : (width, height), optional
+        Of a periodic map, metres: who crossed the seam takes the short way.
+    """
+    share = (time - before.time) / (after.time - before.time)
+    if share >= 1:
+        return after
+    both: slice | np.ndarray = slice(None)  # when nobody was born or died, nothing need be picked
+    rows: slice | np.ndarray = slice(None)
+    if not np.array_equal(before.ids, after.ids):
+        there = np.searchsorted(before.ids, after.ids)
+        there[there == len(before.ids)] = 0
+        both = before.ids[there] == after.ids if len(before.ids) else np.zeros(len(after.ids), bool)
+        rows = there[both]
+    xyz, velocity, forward = after.xyz.copy(), after.velocity.copy(), after.forward.copy()
+    way = after.xyz[both] - before.xyz[rows]
+    if wrap is not None:
+        way[:, :2] -= np.round(way[:, :2] / wrap) * wrap
+    way *= 1 - share
+    xyz[both] -= way
+    if wrap is not None:
+        xyz[:, :2] %= wrap
+    for column, was in ((velocity, before.velocity), (forward, before.forward)):
+        change = was[rows] - column[both]
+        change *= 1 - share
+        column[both] += change
+    x, y, z = forward.T
+    size = np.sqrt(x * x + y * y + z * z)
+    faint = size <= 1e-9  # they turn about
+    forward /= np.maximum(size, 1e-9)[:, None]
+    if faint.any():
+        forward[faint] = after.forward[faint]
+    return replace(
+        after, time=time, xyz=xyz, velocity=velocity, forward=forward, up=_leaning(before, after, both, rows, share)
+    )
+
+
+def _leaning(before, after, both, rows, share):
+    """How animals bank a share of the way from one moment to the next."""
+    if before.up is None or after.up is None:
+        return after.up
+    up = after.up.copy()
+    up[both] += (1 - share) * (before.up[rows] - up[both])
+    size = np.sqrt((up**2).sum(1))
+    return np.where(size[:, None] > 1e-9, up / np.maximum(size, 1e-9)[:, None], after.up)
+
+
+class Sampler:
+    """Moments at a steady rate, whatever the length of a tick.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    fps : float
+        Moments per second.  A rate that divides the ticks per second gives the very states of the simulation.
+    labels : bool
+        Whether moments bear labels (`words_of`).
+    """
+
+    def __init__(self, simulation, fps, labels=True):
+        self.simulation, self.fps, self.labels = simulation, float(fps), labels
+        self.wrap = simulation.world.resource(Landscape).wrap
+        self.taken = 0
+        self._first = simulation.clock.now
+        self._last: Moment | None = None
+
+    def due(self):
+        """The moments that have come since the last call: call it at the start and after every tick."""
+        now = self.simulation.clock.now
+        if self._time() > now + _SOON and self._exact():
+            return
+        current = moment_of(self.simulation, self.labels)
+        while (time := self._time()) <= now + _SOON:
+            exact = self._last is None or time >= now - _SOON
+            yield current if exact else between(self._last, current, time, self.wrap)
+            self.taken += 1
+        self._last = current
+
+    def _time(self):
+        return self._first + self.taken / self.fps
+
+    def _exact(self):
+        """Whether every moment falls on a tick: then the ticks between need not be kept."""
+        ticks = 1 / self.simulation.clock.dt / self.fps
+        return ticks == round(ticks)
+
+
+def names_of(simulation):
+    """(species, brushes): names by index, as they are now."""
+    return list(simulation.world.resource(SpeciesList).names), simulation.world.resource(Palette).names

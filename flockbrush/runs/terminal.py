@@ -1,0 +1,291 @@
+"""What people see while a command runs: progress, notices, mistakes in plain words; and how a run is stopped.
+
+Everything here goes to stderr: stdout is for results alone.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+import warnings
+from contextlib import contextmanager
+
+import flockbrush
+from flockbrush.engine.locks import Advice
+from flockbrush.engine.plain_text import plain, plain_json
+from flockbrush.runs.streams import speaks_unicode
+
+PROBLEM, USAGE, INTERRUPTED, PIPE = 1, 2, 130, 141
+
+
+class Stopped(Exception):
+    """A run was asked to end before its time; what is open has been closed in good order."""
+
+
+def debugging():
+    """Whether the person wants tracebacks."""
+    return os.environ.get("FLOCKBRUSH_DEBUG", "") not in ("", "0")
+
+
+def say(text):
+    """One line to the person, never in the way of results."""
+    if sys.stderr is None:  # print would take stdout
+        return
+    try:
+        print(plain(text), file=sys.stderr, flush=True)
+    except (OSError, ValueError):  # nobody listens
+        pass
+
+
+def show_advice_plainly():
+    """Show `Advice` as a line to the person, and other warnings as Python does."""
+    usual = warnings.showwarning
+
+    def shown(message, category, *rest):
+        say(str(message)) if issubclass(category, Advice) else usual(message, category, *rest)
+
+    warnings.showwarning = shown
+
+
+def is_terminal(stream):
+    try:
+        return stream.isatty()
+    except (AttributeError, ValueError):
+        return False
+
+
+def print_line(text):
+    """Print a text as a result."""
+    print(plain(text))
+
+
+def styled(pattern, *values):
+    """A text with rich's markup in it, as ``styled("[bold]{}[/]", title)``: what stands in the values is no markup."""
+    from rich.markup import escape
+    from rich.text import Text
+
+    return Text.from_markup(pattern.format(*(escape(plain(value)) for value in values)), emoji=False)
+
+
+def show(renderable):
+    """Print a table or a text as a result, as wide as it needs where nobody set a width; a string is not markup."""
+    from rich.console import Console
+
+    if isinstance(renderable, str):
+        renderable = styled("{}", renderable)
+    wide = None if is_terminal(sys.stdout) or "COLUMNS" in os.environ else 160
+    Console(width=wide, highlight=False, soft_wrap=False).print(renderable)
+
+
+def table(*columns, title=None, right=()):
+    """A plain table; the columns named in ``right`` hold numbers.  Strings are not markup: `styled` makes that."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    class Plain(Table):
+        def add_row(self, *cells, **options):
+            super().add_row(*(styled("{}", cell) if isinstance(cell, str) else cell for cell in cells), **options)
+
+    title = title and styled("{}", title)
+    made = Plain(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, title_style="bold")
+    for column in columns:
+        made.add_column(styled("{}", column), justify="right" if column in right else "left", overflow="fold")
+    return made
+
+
+def number(value, digits=4):
+    """A number for people: four digits that count, "-" for one without meaning."""
+    if value is None or value != value:
+        return "-"
+    if isinstance(value, int):
+        return f"{value:,}"
+    return f"{value:.{digits}g}" if 1e-3 <= abs(value) < 1e5 or value == 0 else f"{value:.{digits - 1}e}"
+
+
+def measure(value, digits=3):
+    """A measure for people: so many places after the point, however small, fewer where it is large."""
+    if value is None or not abs(value) < float("inf"):
+        return "-"
+    places = digits if abs(value) < 10 else max(0, digits - len(f"{abs(value):.0f}") + 1)
+    return f"{value:.{places}f}".replace("-0.000", "0.000")
+
+
+def finite(values):
+    """A copy fit for JSON: NaN and infinity become None, numpy's numbers become plain ones."""
+    if isinstance(values, dict):
+        return {str(key): finite(value) for key, value in values.items()}
+    if isinstance(values, (list, tuple)):
+        return [finite(value) for value in values]
+    if hasattr(values, "tolist"):
+        return finite(values.tolist())
+    if isinstance(values, float) and not abs(values) < float("inf"):
+        return None
+    return values
+
+
+def print_json(values):
+    """One JSON object on stdout."""
+    import json
+
+    print(plain_json(json.dumps(finite(values), indent=2, ensure_ascii=not speaks_unicode(sys.stdout))))
+
+
+# progress --------------------------------------------------------------------------
+
+
+class _Silent:
+    """Progress that nobody sees."""
+
+    def __call__(self, done, text=None):
+        pass
+
+
+class _Bar:
+    """A bar on stderr, drawn at most a few times a second."""
+
+    def __init__(self, bar, task):
+        self._bar, self._task, self._next = bar, task, 0.0
+
+    def __call__(self, done, text=None):
+        now = time.monotonic()
+        if text is not None or now >= self._next:
+            self._next = now + 0.1
+            self._bar.update(self._task, completed=done, **({"description": plain(text)} if text else {}))
+
+
+@contextmanager
+def progress(text, total):
+    """A function ``(done, text=None)`` that moves a bar, where stderr is a terminal."""
+    if not is_terminal(sys.stderr) or total <= 1:
+        yield _Silent()
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        yield _Bar(bar, bar.add_task(plain(text), total=total))
+
+
+def tell_kernel_cache():
+    """Say where kernels are kept if that is not usual."""
+    if flockbrush.KERNEL_CACHE:
+        say(flockbrush.KERNEL_CACHE)
+
+
+@contextmanager
+def compiling():
+    """Say so when numba has to compile, before the wait begins, and where kernels are kept if that is not usual."""
+    tell_kernel_cache()
+    from numba.core import event
+
+    listener = _listener(event)()
+    event.register("numba:compile", listener)
+    try:
+        yield
+    finally:
+        event.unregister("numba:compile", listener)
+
+
+def _listener(event):
+    class Compiles(event.Listener):
+        """Tells of the first compilation; those that follow belong to it."""
+
+        said = False
+
+        def on_start(self, event):
+            if not Compiles.said:
+                Compiles.said = True
+                say("compiling kernels for the first time, about a minute ...")
+
+        def on_end(self, event):
+            pass
+
+    return Compiles
+
+
+# being stopped ---------------------------------------------------------------------------
+
+
+class Interrupts:
+    """Ctrl-C and a polite kill: the first ends a run between two ticks, the second at once.
+
+    Until `gently` is called, the first one too ends at once: nothing has been written yet that it could cut.
+    """
+
+    def __init__(self):
+        self.asked = 0
+        self._gentle = False
+        self._before: dict[int, object] = {}
+
+    def __enter__(self):
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                self._before[number] = signal.signal(number, self._hear)
+        return self
+
+    def __exit__(self, *_):
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _hear(self, number, frame):
+        self.asked += 1
+        if not self._gentle or self.asked > 1:
+            raise KeyboardInterrupt
+
+    def gently(self):
+        """From now on wait for the end of a tick."""
+        self._gentle = True
+
+    def check(self):
+        """Between two ticks: Stopped, if somebody asked."""
+        if self.asked:
+            raise Stopped
+
+
+# mistakes ------------------------------------------------------------------------------------
+
+
+def exit_code_of(error) -> int:
+    """Tell a person what went wrong; the exit code."""
+    from flockbrush.engine.commands import CommandError
+    from flockbrush.engine.problems import ProblemsError
+    from flockbrush.engine.recording import RecordingError
+
+    steer = sys.modules.get(
+        "flockbrush.systems.steer"
+    )  # a model that breaks has been loaded; otherwise it would take a second
+    told = (ProblemsError, RecordingError, CommandError) + ((steer.NotFinite,) if steer else ())
+    if debugging():
+        import traceback
+
+        traceback.print_exception(error)
+        return PROBLEM
+    if isinstance(error, told) or type(error) is LookupError:
+        say(str(error))
+    elif isinstance(error, MemoryError):
+        say("there is not enough memory for this; try fewer animals (--agents)")
+    elif isinstance(error, OSError):
+        say(_of_system(error))
+    else:
+        say(f"this is a bug in flockbrush, not your mistake: {type(error).__name__}: {error}")
+        say("run it again with FLOCKBRUSH_DEBUG=1 in the environment to see where, and send us what it says")
+    return PROBLEM
+
+
+def _of_system(error):
+    name = getattr(error, "filename", None)
+    reason = error.strerror or str(error)
+    if isinstance(error, FileNotFoundError) and _is_gone(os.curdir):
+        return f"{name or 'working folder'}: the folder this was started in is gone; change to another one"
+    return f"{name}: {reason}" if name else reason
+
+
+def _is_gone(folder):
+    try:
+        return not os.stat(folder).st_nlink
+    except OSError:
+        return True

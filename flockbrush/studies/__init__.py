@@ -1,0 +1,1 @@
+"""Sweeps and experiments: every combination, every seed."""

@@ -1,0 +1,358 @@
+"""What a sweep can do a thousand times over: run a level, or let flocks fly by the V rules.
+
+An experiment is a class with a name; third parties register theirs under the entry point group
+``flockbrush.experiments``.  `Experiment.run` happens in another process, perhaps on another machine: it gets plain
+numbers and the bytes of files, and nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+import platform
+import threading
+import time
+from collections.abc import Mapping
+from functools import cache, lru_cache
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from flockbrush.behaviours.behaviour import Parameters, quantity
+from flockbrush.behaviours.brush import load_brush, shipped
+from flockbrush.behaviours.v_rules.flights import fly, starts
+from flockbrush.behaviours.v_rules.indicators import CLUTTERED, GROUPS, OTHER, SHAPES, indicators
+from flockbrush.behaviours.validation import validated
+from flockbrush.engine.problems import ProblemsError, did_you_mean
+from flockbrush.levels.build import plane
+from flockbrush.runs.builds import build_of_worker
+from flockbrush.runs.v_measures import v_indicators
+from flockbrush.studies.flock_parameters import FlockParameters
+from flockbrush.systems.measures import measures
+from flockbrush.systems.palette import Palette
+
+_ONE_WORLD = threading.Lock()  # esper has one world at a time; workers of a cluster may have several threads
+Row = dict[str, Any]  # what one run gave, by name of measure
+
+
+class Mistakes(Exception):
+    """What is wrong with parameters: [(name, message)]."""
+
+    def __init__(self, found):
+        self.found = list(found)
+        super().__init__("; ".join(f"{name}: {message}" for name, message in self.found))
+
+
+class Ready(NamedTuple):
+    """A scenario that can be run: every parameter, and the files it needs."""
+
+    parameters: dict[str, Any]
+    files: dict[str, bytes]
+    measures: list[str]  # those it can give
+
+
+class Experiment:
+    """One kind of run."""
+
+    name: ClassVar[str]
+    batch: ClassVar[int] = 1  # runs handed to a worker at once
+    units: Mapping[str, str] = {}  # of measures, for plots and tables
+
+    def ready(self, parameters: dict[str, Any], folder: Path) -> Ready:
+        """Check parameters as a file gives them, by dotted name; `Mistakes`."""
+        raise NotImplementedError
+
+    def run(self, parameters, files, seeds) -> list[Row]:
+        """One row for each seed."""
+        raise NotImplementedError
+
+    def pictures(self, sweep, rows, folder, theme) -> list[Path]:
+        """Pictures beyond the plots that every sweep gets."""
+        return []
+
+
+@cache
+def experiments() -> dict[str, Experiment]:
+    """All experiments by name."""
+    found: list[Experiment] = [LevelRuns(), VRules()]
+    found += [point.load()() for point in sorted(entry_points(group="flockbrush.experiments"), key=lambda p: p.name)]
+    return {experiment.name: experiment for experiment in found}
+
+
+# levels ----------------------------------------------------------------------------------
+
+
+PLANE_AGENTS = 60  # of a herd on a plane when nobody says
+
+
+class LevelParameters(Parameters):
+    """What a sweep may set of a level, beside ``brush.NAME.PARAMETER``."""
+
+    level: str | None = Field(None, description="a .tmj file beside the sweep, or the name of a shipped level")
+    plane: str | None = Field(
+        None, description="instead of a level: the brush of one herd on an endless plane, by name or as a file"
+    )
+    density: float = quantity(0.7, "animals/BL²", "on a plane: how close the animals stand at the start", 0.001, 10)
+    seconds: float = quantity(30.0, "s", "how long a run is", 0, 1e6)
+    agents: int | None = Field(None, ge=1, description="so many animals instead of the level's counts")
+    every: float | None = Field(None, gt=0, description="s; also give the mean over moments so far apart")
+
+    @model_validator(mode="after")
+    def _one_world(self):
+        if (self.level is None) == (self.plane is None):
+            raise ValueError("takes level, or plane")
+        return self
+
+
+class LevelRuns(Experiment):
+    """Runs a level and takes the measures of its last moment."""
+
+    name = "level"
+
+    @property
+    def units(self):
+        """Units of measures by name, and of their means over time."""
+        units = {name: found.unit for name, found in measures().items() if found.unit}
+        return units | {f"mean {name}": unit for name, unit in units.items()}
+
+    def ready(self, parameters, folder):
+        plain = {name: value for name, value in parameters.items() if not name.startswith("brush.")}
+        spec, mistakes = validated(LevelParameters, plain)
+        if spec is None:
+            raise Mistakes((".".join(map(str, path)), message) for path, message in mistakes)
+        given, brushes, names = _opened(spec.level, spec.plane, str(folder))
+        files, changed = dict(given), {}
+        for name, value in parameters.items():
+            if name.startswith("brush."):
+                brush, field = _brush_of(name, brushes)
+                changed[brush] = _changed(changed.get(brush, brushes[brush]), name, field, value)
+        for brush, asset in changed.items():
+            file = next(name for name in files if name.rsplit("/", 1)[-1] == f"{brush}.brush.toml")
+            files[file] = asset.source
+        measures = names + (["mean " + name for name in names] if spec.every else [])
+        others = {name: value for name, value in parameters.items() if name.startswith("brush.")}
+        return Ready(spec.model_dump() | others, files, measures)
+
+    def run(self, parameters, files, seeds):
+        with _ONE_WORLD:
+            return [self._one(parameters, files, seed) for seed in seeds]
+
+    @staticmethod
+    def _one(parameters, files, seed) -> Row:
+        from flockbrush.runs import run as running
+
+        if parameters["plane"] is None:
+            simulation = running.from_files(files, seed, parameters["agents"])
+        else:
+            ((name, source),) = files.items()
+            herd = load_brush(source, name), parameters["agents"] or PLANE_AGENTS
+            simulation = plane(*herd, density=parameters["density"], seed=seed)
+        ticks = round(parameters["seconds"] / simulation.clock.dt)
+        gap = max(1, round(parameters["every"] / simulation.clock.dt)) if parameters["every"] else 0
+        watch = _LevelMeasures(simulation)
+        series: dict[str, list] = {}
+        try:
+            for tick in range(ticks + 1):
+                if tick:
+                    simulation.tick()
+                    watch.counts.take()
+                if gap and (tick % gap == 0 or tick == ticks):
+                    for name, value in watch.values().items():
+                        series.setdefault("mean " + name, []).append(value)
+            return watch.values() | {name: _mean(values) for name, values in series.items()}
+        finally:
+            simulation.close()
+
+
+class _LevelMeasures:
+    """Everything that can be measured of a level at a moment."""
+
+    def __init__(self, simulation):
+        from flockbrush.runs.level_counts import Counts
+
+        self.simulation, self.counts = simulation, Counts(simulation)
+
+    def values(self) -> Row:
+        return {**self.simulation.measures(), **self.counts.values(), **v_indicators(self.simulation)}
+
+
+@lru_cache(maxsize=64)
+def _opened(level_name, plane_brush, folder):
+    """(files, brushes by name, names of measures) of a level, or of a herd on a plane; `Mistakes`."""
+    from flockbrush.runs import run as running
+
+    beside = Path(folder, level_name or plane_brush)
+    try:
+        if level_name is not None:
+            level, library = running.open_level(beside if beside.is_file() else level_name)
+            simulation = running.build(level, library=library)
+        else:
+            simulation = plane(load_brush(beside) if beside.is_file() else shipped().get(plane_brush), 1)
+    except ProblemsError as error:
+        key = "level" if level_name is not None else "plane"
+        raise Mistakes([(key, str(problem)) for problem in error.problems]) from None
+    brushes = {brush.name: brush for brush in simulation.world.resource(Palette).brushes}
+    files, names = simulation.assets(), list(_LevelMeasures(simulation).values())
+    simulation.close()
+    return files, brushes, names
+
+
+def _brush_of(name, brushes):
+    """("march", ("speed", "mean")) of "brush.march.speed.mean"."""
+    _, brush, *field = name.split(".")
+    if brush not in brushes:
+        raise Mistakes([(name, f"the level uses no brush '{brush}'{did_you_mean(brush, brushes)}")])
+    if not field or len(field) > 2:
+        raise Mistakes([(name, "must be brush.NAME.PARAMETER, or brush.NAME.speed.mean")])
+    return brush, field
+
+
+def _changed(brush, name, field, value):
+    """A brush with one number changed."""
+    try:
+        if len(field) == 1:
+            return brush.with_parameters(**{field[0]: value})
+    except ProblemsError as error:
+        raise Mistakes([(name, problem.message) for problem in error.problems]) from None
+    table = getattr(brush, field[0]) if field[0] in ("speed", "body", "vision") else None
+    if table is None:
+        raise Mistakes(
+            [(name, f"a brush has no table '{field[0]}'{did_you_mean(field[0], ('speed', 'body', 'vision'))}")]
+        )
+    made, mistakes = validated(type(table), table.model_dump() | {field[1]: value})
+    if made is None:
+        raise Mistakes((name, message) for _, message in mistakes)
+    return brush.model_copy(update={field[0]: made})
+
+
+def _mean(values):
+    """Mean of the numbers that have a meaning; of words, none."""
+    numbers = [value for value in values if isinstance(value, (int, float)) and value == value]
+    return sum(numbers) / len(numbers) if numbers else math.nan
+
+
+# V rules ----------------------------------------------------------------------------------
+
+
+class VRules(Experiment):
+    """Flocks of Nathan & Barbosa 2008 without a world, many to a job."""
+
+    name = "v_rules"
+    batch = 50
+    units = {
+        "time": "steps",
+        "distance": "wingspans",
+        "own_distance": "wingspans",
+        "settled_distance": "wingspans",
+        "persistence": "steps",
+        "stabilised": "share",
+        "v_like": "share of time",
+    }
+    plain = (
+        "time",
+        "stabilised",
+        "leads",
+        "groups",
+        "segments",
+        "distance",
+        "own_distance",
+        "settled_distance",
+        "shape",
+    )
+    lasting = ("v_like", "persistence", "mean_leads", "mean_groups")
+
+    def ready(self, parameters, folder):
+        spec, mistakes = validated(FlockParameters, parameters)
+        if spec is None:
+            raise Mistakes((".".join(map(str, path)), message) for path, message in mistakes)
+        flat = ("flatness",) if spec.layer else ()
+        return Ready(spec.model_dump(), {}, [*self.plain, *flat, *(self.lasting if spec.every else ())])
+
+    def run(self, parameters, files, seeds):
+        spec = FlockParameters(**parameters)
+        begin = starts(seeds, spec.birds, spec, spec.side, spec.start == "apart")
+        flights = fly(begin, seeds, spec, spec.steps, spec.every)
+        found = indicators(flights.xyz, spec)
+        rows: list[Row] = [
+            {
+                "time": int(flights.steps[k]),
+                "stabilised": int(flights.settled[k]),
+                "leads": int(found.leads[k]),
+                "groups": int(found.groups[k]),
+                "segments": int(found.segments[k]),
+                "distance": float(found.distance[k]),
+                "own_distance": float(found.own_distance[k]),
+                "settled_distance": float(found.own_distance[k]) if flights.settled[k] else math.nan,
+                "shape": SHAPES[found.shape[k]],
+            }
+            for k in range(len(seeds))
+        ]
+        for row, xyz, series in zip(rows, flights.xyz, flights.series, strict=True):
+            if spec.layer:
+                row["flatness"] = flatness(xyz)
+            if spec.every:
+                row.update(lasting(series, spec, spec.every))
+        return rows
+
+    def pictures(self, sweep, rows, folder, theme):
+        from flockbrush.studies.v_pictures import draw_sweep
+
+        return draw_sweep(sweep, rows, folder, theme)
+
+
+def flatness(xyz):
+    """1 - height / spread: 1 when all fly at one height, 0 when they fill all directions alike."""
+    deviations = np.asarray(xyz).std(0)
+    return float(1.0 - deviations[2] / max(deviations[:2].max(), 1e-12))
+
+
+def lasting(series, rules, every):
+    """What a flock that never settles keeps up, over the second half of its moments (moments, birds, 3)."""
+    found = indicators(series[len(series) // 2 :], rules)
+    v_like = (found.shape != GROUPS) & (found.shape != CLUTTERED) & (found.shape != OTHER)
+    changes = int(np.sum(found.shape[1:] != found.shape[:-1]))
+    return {
+        "v_like": float(v_like.mean()),
+        "persistence": every * len(found.shape) / (changes + 1),  # steps that a shape lasts, on average
+        "mean_leads": float(found.leads.mean()),
+        "mean_groups": float(found.groups.mean()),
+    }
+
+
+def perform(name: str, parameters: dict, files: dict[str, bytes], seeds: tuple[int, ...], wanted: tuple[str, ...]):
+    """What a worker does: [(seed, row or None, what went wrong or None, seconds of the processor)].
+
+    A run that fails takes nobody with it: when a batch fails, its runs are tried one by one.
+    """
+    experiment = experiments()[name]
+    begin = time.process_time()
+    try:
+        rows = experiment.run(parameters, files, seeds)
+    except Exception as error:  # noqa: BLE001  whatever a run raises is told in its row
+        if len(seeds) > 1:
+            return [entry for seed in seeds for entry in perform(name, parameters, files, (seed,), wanted)]
+        return [(seeds[0], None, _in_words(error), time.process_time() - begin)]
+    each = (time.process_time() - begin) / max(len(seeds), 1)
+    return [
+        (seed, {measure: row.get(measure) for measure in wanted}, None, each)
+        for seed, row in zip(seeds, rows, strict=True)
+    ]
+
+
+class OtherCode(Exception):
+    """This process runs other code than the one that hands out the work."""
+
+
+def perform_as(code: str, *work):
+    """`perform`, unless this process runs other code (`flockbrush.runs.builds.build_of_worker`); OtherCode."""
+    here = build_of_worker().code
+    if here != code:
+        raise OtherCode(f"a worker on {platform.node()} has code {here[:12]}; here it is {code[:12]}")
+    return perform(*work)
+
+
+def _in_words(error):
+    text = " ".join(str(error).split()) or "no reason given"
+    return text if isinstance(error, ProblemsError) else f"{type(error).__name__}: {text}"

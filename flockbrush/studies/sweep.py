@@ -1,0 +1,462 @@
+"""Sweeps: the same thing run many times, on every core or on many machines.
+
+`run_jobs` takes any ``concurrent.futures.Executor``.  What comes back is written to a journal at once, a line for each
+run, so whatever dies, nothing that was done is lost: ``--resume`` goes on where it stopped.  A worker that dies takes
+nothing with it either: what it was doing is done again, alone, to find out which run it is that kills.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import logging
+import multiprocessing
+import os
+import re
+import signal
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from flockbrush.engine import limits
+from flockbrush.engine.files import held, refused
+from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.runs.builds import build_of_sweep, build_of_worker, differences
+from flockbrush.runs.terminal import finite, say
+from flockbrush.studies.experiments import OtherCode, perform_as
+from flockbrush.studies.sweep_file import Scenario, Sweep, read_sweep
+
+JOURNAL = "runs.jsonl"
+ATTEMPTS = 3  # how often a worker may die of the same run before it is listed as failed
+ADDRESS = re.compile(r"(?:(?:tcp|tls|ucx|wss?)://)?(?:\[[0-9a-fA-F:]+\]|[\w.-]+):\d{1,5}")
+ANSWERS = "10s"  # a scheduler that says nothing for so long is not there
+BEAT = 0.2  # s between looks at the keyboard
+
+
+@dataclass(frozen=True)
+class SweepJob:
+    """Some runs of one scenario, done by one worker in one go."""
+
+    experiment: str
+    scenario: Scenario
+    seeds: tuple[int, ...]
+    deaths: int = 0  # workers that died while they had it
+
+    def submit(self, executor: Executor) -> Future:
+        s = self.scenario
+        code = build_of_worker().code
+        return executor.submit(perform_as, code, self.experiment, s.parameters, s.files, self.seeds, s.measures)
+
+    def rows(self, entries):
+        """Rows for the journal of what `perform` gave."""
+        for seed, values, error, seconds in entries:
+            status = "ok" if error is None else "failed"
+            yield {
+                "scenario": self.scenario.hash,
+                "seed": seed,
+                "status": status,
+                "seconds": round(seconds, 6),
+                **({"measures": values} if error is None else {"error": error}),
+            }
+
+
+class MixedCode(ProblemsError):
+    """A worker runs other code: its results cannot be compared with the others."""
+
+
+class ClusterGone(ProblemsError):
+    """Nobody is left to do the work."""
+
+
+# the engine --------------------------------------------------------------------------------
+
+
+def run_jobs(
+    jobs: Iterable[SweepJob], open_executor: Callable[[], Executor], width: int, look=lambda: None
+) -> Iterator[dict]:
+    """Do all jobs; yields the rows as they come, in any order.
+
+    Parameters
+    ----------
+    jobs : iterable of Job
+    open_executor : callable
+        Makes a ``concurrent.futures.Executor``; called again when one breaks because a worker died.
+    width : int
+        How many workers there are; twice as many jobs are under way.
+    look : callable
+        Called several times a second; what it raises ends the work.
+    """
+    waiting: Iterator[SweepJob] = iter(jobs)
+    suspects: deque[SweepJob] = deque()
+    running: dict[Future, SweepJob] = {}
+    executor = open_executor()
+    try:
+        while True:
+            whole = _fill(executor, running, waiting, suspects, 2 * width)
+            if whole and not running:
+                return
+            done, _ = wait(running, timeout=BEAT, return_when=FIRST_COMPLETED)
+            died: list[tuple[SweepJob, Exception]] = []
+            for future in done:
+                job = running.pop(future)
+                try:
+                    rows = list(job.rows(future.result()))
+                except CancelledError:
+                    raise ClusterGone([Problem("workers", None, None, "no worker is left")]) from None
+                except OtherCode as error:
+                    raise MixedCode([Problem("workers", None, None, str(error))]) from None
+                except Exception as error:  # noqa: BLE001  `perform` raises nothing: the worker died, or could not begin
+                    died.append((job, error))
+                else:
+                    yield from rows
+            if not whole or any(isinstance(error, BrokenExecutor) for _, error in died):
+                died += [(job, died[0][1] if died else BrokenExecutor()) for job in running.values()]
+                running.clear()
+                _let_go(executor)
+                executor = open_executor()
+            for job, reason in died:
+                guilty = len(died) == 1 or not isinstance(reason, BrokenExecutor)
+                yield from _blame(replace(job, deaths=job.deaths + guilty), reason, suspects)
+            look()
+    finally:
+        _let_go(executor)
+
+
+def _let_go(executor):
+    """Ask for nothing more; those of clusters know no ``cancel_futures``."""
+    try:
+        executor.shutdown(wait=False, cancel_futures=True)
+    except TypeError:
+        executor.shutdown(wait=False)
+
+
+def _fill(executor, running, waiting, suspects, width):
+    """Hand out work, and say whether the executor took it.
+
+    Jobs at which a worker died are done one at a time, so that the next death tells which of them it was.
+    """
+    while len(running) < (1 if suspects else width):
+        job = suspects.popleft() if suspects else next(waiting, None)
+        if job is None:
+            return True
+        try:
+            running[job.submit(executor)] = job
+        except BrokenExecutor:
+            suspects.appendleft(job)
+            return False
+        if suspects or job.deaths:
+            return True
+    return True
+
+
+def _blame(job, error, suspects):
+    """What becomes of a job whose worker died; yields its rows when it is given up."""
+    if job.deaths < ATTEMPTS:
+        suspects.append(job)
+    elif len(job.seeds) > 1:  # one of them is to blame: the others shall not suffer for it
+        suspects.extend(replace(job, seeds=(seed,), deaths=ATTEMPTS - 1) for seed in job.seeds)
+    else:
+        reason = f"the worker died {job.deaths} times ({type(error).__name__}: {' '.join(str(error).split())[:200]})"
+        yield from job.rows([(job.seeds[0], None, reason, 0.0)])
+
+
+def _begin_worker():
+    """A worker leaves Ctrl-C to its master and other cores to other workers, and does not outlive its master."""
+    from flockbrush.engine.parallel import set_threads
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    set_threads(1)
+    build_of_worker()  # what this process has loaded, whatever is edited later
+    threading.Thread(target=_end_with_master, daemon=True).start()
+
+
+def _end_with_master():
+    master = multiprocessing.parent_process()
+    if master is not None:
+        master.join()
+        os._exit(1)
+
+
+def processes(count) -> Executor:
+    """Spawned processes on this machine."""
+    context = multiprocessing.get_context("spawn")
+    return ProcessPoolExecutor(count, mp_context=context, initializer=_begin_worker)
+
+
+@dataclass(frozen=True)
+class Tls:
+    """The files of an encrypted connection to a scheduler, in PEM; what is None comes from the settings of Dask."""
+
+    ca: Path | None = None  # certificate of who signed those of the cluster
+    cert: Path | None = None  # of this program
+    key: Path | None = None  # of this program
+
+
+@contextmanager
+def cluster(address, tls=None):
+    """(opener of executors, workers) of a Dask cluster.
+
+    Parameters
+    ----------
+    address : str
+        Of its scheduler.
+    tls : Tls, optional
+        Nothing is sent unless it is encrypted, and both sides show a certificate.
+
+    Raises
+    ------
+    ProblemsError
+        When dask is not installed, nobody answers, or its workers run other code.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise refused("--cluster", "dask is missing: pip install 'flockbrush[cluster]'") from None
+    if not ADDRESS.fullmatch(address):
+        raise refused("--cluster", f"an address is a host and a port, such as tcp://host:8786, got {address!r}")
+    _silence("distributed", "tornado", "asyncio")  # what matters of it is said in our own words
+    client = Client.__new__(Client)
+    try:
+        client.__init__(address, timeout=ANSWERS, set_as_default=False, security=_security(address, tls))  # type: ignore[misc]
+    except (OSError, ValueError, TypeError, TimeoutError) as error:
+        client.status = "closed"  # or its destructor prints a traceback
+        raise refused(address, f"no Dask scheduler answers there{_needs(address, tls)}: {error}") from None
+    try:
+        try:
+            _same_code(client, address)
+            workers = sum(client.nthreads().values())
+        except (OSError, ValueError, CancelledError) as error:  # TimeoutError is an OSError
+            raise refused(address, f"the scheduler there is gone, or has no workers: {error}") from None
+        yield (lambda: client.get_executor(pure=False)), workers
+    finally:
+        client.close(timeout=2)
+
+
+def _security(address, tls):
+    """What Dask is told about encryption; None leaves it to the address and to the settings of Dask."""
+    if tls is None or tls == Tls():
+        return None
+    from distributed.security import Security
+
+    if not address.startswith(("tls://", "wss://")):
+        raise refused("--cluster", f"with --tls-... the address begins with tls://, got {address!r}")
+    for name, path in (("--tls-ca", tls.ca), ("--tls-cert", tls.cert), ("--tls-key", tls.key)):
+        if path is not None and not Path(path).is_file():
+            raise refused(path, f"there is no such file; {name} names one in PEM")
+    told = {"tls_ca_file": tls.ca, "tls_client_cert": tls.cert, "tls_client_key": tls.key}
+    return Security(require_encryption=True, **{name: str(path) for name, path in told.items() if path is not None})
+
+
+def _needs(address, tls):
+    """What an encrypted scheduler may be waiting for."""
+    return (
+        " without --tls-ca, --tls-cert and --tls-key" if address.startswith("tls://") and tls in (None, Tls()) else ""
+    )
+
+
+def _silence(*libraries):
+    """Keep libraries from writing log lines and tracebacks between ours."""
+    for name in list(logging.root.manager.loggerDict):
+        if name.split(".")[0] in libraries:
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+
+
+def _same_code(client, address):
+    """Workers of other code would mix results that cannot be compared; other libraries are named."""
+    if not client.nthreads():
+        client.wait_for_workers(1, timeout=30)
+    libraries = set()
+    for worker, there in sorted(client.run(_build, on_error="return").items()):
+        if not isinstance(there, dict):
+            raise refused(address, f"worker {worker} runs another flockbrush, or none: {' '.join(str(there).split())}")
+        apart = differences(there, build_of_worker())
+        if "code" in apart:
+            raise refused(address, f"worker {worker} has {apart['code']}; install the same there and start it again")
+        libraries |= {apart[name] for name in ("libraries",) if name in apart}
+    for found in sorted(libraries):
+        say(f"{address}: workers have {found}: the last bits of their results may differ")
+
+
+def _build():
+    return build_of_worker().as_json()
+
+
+# the journal ---------------------------------------------------------------------------------
+
+
+class Journal:
+    """A line for every run that was done, written as soon as it was, after one that says by which build.
+
+    A line that was cut off when the program died is left out, and the run is done again.
+    """
+
+    def __init__(self, path):
+        self.path = Path(path)
+        self.rows: dict[tuple[str, int], dict] = {}
+        self.build: dict = {}  # the last one that went on with it, as `Build.as_json`
+        self.cut = 0
+        if self.path.is_file():
+            self._read()
+
+    def _read(self):
+        good = 0
+        with open(self.path, "rb") as file:
+            for number in itertools.count(1):
+                line = file.readline(limits.JOURNAL_LINE)
+                if not line:
+                    break
+                if not line.endswith(b"\n") and len(line) < limits.JOURNAL_LINE:
+                    self.cut = 1
+                    break
+                row = _row(line)
+                if row is None:
+                    message = "is no row of a sweep; name another folder with --out"
+                    raise ProblemsError([Problem(str(self.path), number, None, message)])
+                if "build" in row:
+                    self.build = row["build"]
+                else:
+                    self.rows[row["scenario"], row["seed"]] = row
+                good += len(line)
+        if self.cut:
+            with open(self.path, "r+b") as file:
+                file.truncate(good)
+
+    def begin(self, build):
+        """Note that this build goes on from here.
+
+        Raises
+        ------
+        ProblemsError
+            When the runs that are there were made by other code.
+        """
+        apart = differences(self.build, build)
+        if self.rows and "code" in apart:
+            raise refused(self.path, f"its {len(self.rows):,} runs were made by {apart['code']}; name another --out")
+        if self.rows and "libraries" in apart:
+            say(f"{self.path}: begun with {apart['libraries']}: the last bits of its runs may differ")
+        if apart:
+            self.build = build.as_json()
+            with open(self.path, "ab", buffering=0) as file:
+                file.write(json.dumps({"build": self.build}, ensure_ascii=False).encode() + b"\n")
+
+    def done(self, scenario: Scenario, seed) -> bool:
+        """Whether this run went well, and gave all that is asked for."""
+        row = self.rows.get((scenario.hash, seed))
+        return row is not None and row["status"] == "ok" and all(name in row["measures"] for name in scenario.measures)
+
+    @contextmanager
+    def writing(self):
+        """A function that takes rows; each is in the file when it returns."""
+        with open(self.path, "ab", buffering=0) as file:
+
+            def add(row):
+                line = json.dumps(finite(row), ensure_ascii=False, default=_plain)
+                file.write(line.encode() + b"\n")
+                self.rows[row["scenario"], row["seed"]] = json.loads(line)
+
+            yield add
+
+
+def _row(line):
+    """The row of a line of the journal, or {"build": table}; None when it is neither."""
+    try:
+        row = json.loads(line, object_pairs_hook=_interned)
+    except (ValueError, RecursionError):
+        return None
+    if isinstance(row, dict) and isinstance(row.get("build"), dict):
+        return {"build": row["build"]}
+    known = isinstance(row, dict) and isinstance(row.get("scenario"), str) and type(row.get("seed")) is int
+    if not known or type(row.get("seconds")) not in (int, float):
+        return None
+    if row.get("status") == "failed":
+        return row if isinstance(row.get("error"), str) else None
+    values = row["measures"].values() if row.get("status") == "ok" and isinstance(row.get("measures"), dict) else [{}]
+    return row if all(value is None or isinstance(value, (int, float, str)) for value in values) else None
+
+
+def _interned(pairs):
+    """An object whose names are kept once for all rows."""
+    return {sys.intern(name): value for name, value in pairs}
+
+
+def _plain(value):
+    """Nothing else may be in a row."""
+    raise TypeError(f"a measure must be a number or a word, got {type(value).__name__}")
+
+
+# a whole sweep ---------------------------------------------------------------------------------
+
+
+def jobs_of(sweep: Sweep, journal: Journal) -> Iterator[SweepJob]:
+    """What is left to do, made as it is asked for."""
+    for scenario in _different(sweep):
+        left = (seed for seed in sweep.seeds if not journal.done(scenario, seed))
+        while seeds := tuple(itertools.islice(left, sweep.experiment.batch)):
+            yield SweepJob(sweep.experiment.name, scenario, seeds)
+
+
+def runs_done(sweep: Sweep, journal: Journal) -> int:
+    """How many runs of a sweep went well before."""
+    scenarios, seeds = {s.hash: s for s in _different(sweep)}, sweep.seeds
+    listed = seeds if isinstance(seeds, range) else frozenset(seeds)
+    return sum(
+        scenario in scenarios and seed in listed and journal.done(scenarios[scenario], seed)
+        for scenario, seed in journal.rows
+    )
+
+
+def _different(sweep):
+    """The scenarios of a sweep, each once."""
+    return {scenario.hash: scenario for scenario in sweep.scenarios}.values()
+
+
+def sweep_to(sweep: Sweep, folder, open_executor, width, resume=False, look=lambda: None, step=lambda done: None):
+    """Do what is left of a sweep; its journal.
+
+    Parameters
+    ----------
+    folder : path
+        Where the journal is.
+    resume : bool
+        Go on with the journal that is there.
+    look, step : callable
+        See `run_jobs`; ``step(done)`` after every run.
+
+    Raises
+    ------
+    ProblemsError
+        When there are runs already and it should not go on with them, or another program writes there.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    with held(folder / JOURNAL):
+        journal = Journal(folder / JOURNAL)
+        if journal.rows and not resume:
+            raise refused(
+                journal.path,
+                f"there are {len(journal.rows):,} runs already; continue with --resume, or name another --out",
+            )
+        journal.begin(build_of_sweep())
+        done = sweep.runs - len(_different(sweep)) * len(sweep.seeds) + runs_done(sweep, journal)
+        with journal.writing() as add:
+            for row in run_jobs(jobs_of(sweep, journal), open_executor, width, look):
+                add(row)
+                done += 1
+                step(done)
+    return journal
+
+
+__all__ = ["SweepJob", "Journal", "cluster", "jobs_of", "processes", "read_sweep", "run_jobs", "sweep_to"]

@@ -1,0 +1,348 @@
+"""What came of a sweep: means, expectations, tables and plots."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+
+import flockbrush
+from flockbrush.engine.files import whole
+from flockbrush.output.line_charts import ChartCurve, ChartPanel, draw_chart
+from flockbrush.runs.terminal import number, print_line, styled, table
+from flockbrush.runs.terminal import show as print_table
+from flockbrush.studies.sweep import Journal
+from flockbrush.studies.sweep_file import Sweep
+
+SHOWN_FAILURES = 10
+MOST_CURVES = 8
+WIDE = 160  # characters of a table; more stands in the files
+
+
+# in numbers ------------------------------------------------------------------------------
+
+
+def rows_of(sweep: Sweep, journal: Journal):
+    """(scenario, row) of every run of the sweep that the journal has, scenario by scenario, seed by seed."""
+    for scenario in sweep.scenarios:
+        for seed in sweep.seeds:
+            row = journal.rows.get((scenario.hash, seed))
+            if row is not None:
+                yield scenario, row
+
+
+def summarise(sweep: Sweep, journal: Journal, wall=math.nan, workers=1) -> dict:
+    """Everything that is printed: means by scenario, failures, expectations, speed."""
+    by_scenario: list[dict] = []
+    good, failed, seconds = 0, [], 0.0
+    for scenario in sweep.scenarios:
+        keys = ((scenario.hash, seed) for seed in sweep.seeds)
+        rows = [journal.rows[key] for key in keys if key in journal.rows]
+        fine = [row for row in rows if row["status"] == "ok"]
+        failed += [
+            {**scenario.varied, "seed": row["seed"], "error": row["error"]} for row in rows if row["status"] != "ok"
+        ]
+        means, shares = {}, {}
+        for name in scenario.measures:
+            values = [row["measures"].get(name) for row in fine]
+            if any(isinstance(value, str) for value in values):
+                shares[name] = _shares(values)
+            else:
+                means[name] = _moments(values)
+        spent = sum(row["seconds"] for row in fine)
+        usual = float(np.median([row["seconds"] for row in fine])) if fine else math.nan  # kernels load in the first
+        rate = 1.0 / usual if usual > 0 else math.nan
+        by_scenario.append(
+            {
+                "parameters": scenario.varied,
+                "runs": len(fine),
+                "means": means,
+                "shares": shares,
+                "runs_per_core_second": rate,
+            }
+        )
+        good, seconds = good + len(fine), seconds + spent
+    return {
+        "sweep": sweep.name,
+        "title": sweep.title,
+        "version": flockbrush.__version__,
+        "build": {name: journal.build.get(name) for name in ("code", "packages", "cpu")},
+        "runs": sweep.runs,
+        "done": good,
+        "failed": len(failed),
+        "failures": failed[:1000],
+        "wall_seconds": wall,
+        "core_seconds": seconds,
+        "workers": workers,
+        "scenarios": by_scenario,
+        "expected": [line for expectation in sweep.expect for line in _kept(expectation, by_scenario)],
+    }
+
+
+def _moments(values):
+    numbers = np.array([math.nan if value is None else value for value in values], float)
+    numbers = numbers[np.isfinite(numbers)]
+    if not len(numbers):
+        return {"mean": math.nan, "std": math.nan, "error": math.nan}
+    spread = float(numbers.std(ddof=1)) if len(numbers) > 1 else math.nan
+    return {"mean": float(numbers.mean()), "std": spread, "error": spread / math.sqrt(len(numbers))}
+
+
+def _shares(values):
+    words = sorted({str(value) for value in values})
+    return {word: sum(str(value) == word for value in values) / len(values) for word in words}
+
+
+def mean_of(scenario, measure):
+    """The mean of a measure in one scenario of a summary; of ``NAME=WORD``, how often it was that word."""
+    name, _, word = measure.partition("=")
+    if word:
+        return scenario["shares"].get(name, {}).get(word, 0.0 if name in scenario["shares"] else math.nan)
+    return scenario["means"].get(name, {}).get("mean", math.nan)
+
+
+def _fits(parameters, where):
+    return all(parameters.get(name) == value for name, value in where.items())
+
+
+def _kept(expectation, scenarios):
+    """One line for each scenario that an expectation speaks of."""
+    for scenario in scenarios:
+        parameters = scenario["parameters"]
+        if not _fits(parameters, expectation.where):
+            continue
+        mean = mean_of(scenario, expectation.measure)
+        line = {"measure": expectation.measure, "parameters": parameters, "mean": mean}
+        if expectation.mean is not None:
+            low, high = expectation.mean
+            yield line | {"expected": f"{low:g} to {high:g}", "kept": bool(low <= mean <= high)}
+            continue
+        other = parameters | expectation.more_than
+        twin = next((s for s in scenarios if s["parameters"] == other), None)
+        if twin is not None and twin is not scenario:
+            least = mean_of(twin, expectation.measure)
+            said = ", ".join(
+                f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
+                for name, value in expectation.more_than.items()
+            )
+            yield line | {"expected": f"more than {least:.4g} ({said})", "kept": bool(mean > least)}
+
+
+# for people ------------------------------------------------------------------------------
+
+
+def show(sweep: Sweep, found):
+    """Print the summary."""
+    names = list(sweep.varied)
+    worded = [name for name in sweep.measures if any(name in s["shares"] for s in found["scenarios"])]
+    numbers = [name for name in sweep.measures if name not in worded]
+    plotted = [name for name in sweep.plot.measures if name in numbers] or numbers
+    for shown, spread in ((numbers, True), (numbers, False), (plotted, True), (plotted, False)):  # as much as fits
+        columns = [*names, "runs", "a second", *shown]
+        rows = [
+            [
+                *_cells(scenario, names),
+                number(scenario["runs"]),
+                number(scenario["runs_per_core_second"]),
+                *(_cell(scenario, name, spread) for name in shown),
+            ]
+            for scenario in found["scenarios"]
+        ]
+        widths = [max(map(len, column)) for column in zip(columns, *rows, strict=True)]
+        if sum(widths) + 3 * len(widths) <= WIDE:
+            break
+    made = table(*columns, title=found["title"] or found["sweep"], right=[name for name in columns if name != "case"])
+    for column in made.columns:
+        column.no_wrap = column.justify == "right"
+    for cells in rows:
+        made.add_row(*cells)
+    print_table(made)
+    for name in worded:
+        _show_shares(found, names, name)
+    if found["expected"]:
+        made = table("", "measure", *names, "mean", "expected", title="expected", right=["mean", *names])
+        for line in found["expected"]:
+            cells = _cells(line, names)
+            made.add_row(
+                "kept" if line["kept"] else styled("[bold]MISSED[/]"),
+                line["measure"],
+                *cells,
+                number(line["mean"]),
+                line["expected"],
+            )
+        print_table(made)
+    for failure in found["failures"][:SHOWN_FAILURES]:
+        where = ", ".join(f"{name} {_plain(value)}" for name, value in failure.items() if name != "error")
+        print_line(f"failed: {where}: {failure['error']}")
+    if found["failed"] > SHOWN_FAILURES:
+        print_line(f"... and {found['failed'] - SHOWN_FAILURES} more failed runs; runs.csv has them all")
+    rate = found["done"] / found["core_seconds"] if found["core_seconds"] > 0 else math.nan
+    print_line(
+        f"{found['done']:,} of {found['runs']:,} runs, {number(found['core_seconds'])} s of the processor: "
+        f"{number(rate)} runs a second and core"
+    )
+    for file in found["files"]:
+        print_line(f"wrote {file}")
+
+
+def _plain(value):
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _cells(scenario, names):
+    return [_plain(scenario["parameters"].get(name, "-")) for name in names]
+
+
+def _cell(scenario, name, spread=True):
+    """Mean and deviation, with the digits that the deviation leaves."""
+    means = scenario["means"].get(name)
+    if means is None or not math.isfinite(means["mean"]):
+        return "-"
+    if not (spread and means["std"] > 0):
+        return f"{means['mean']:,.0f}" if abs(means["mean"]) >= 1000 else number(means["mean"], 3)
+    digits = max(0, 1 - math.floor(math.log10(means["std"])))
+    return f"{means['mean']:.{digits}f} ± {means['std']:.{digits}f}" if digits < 6 else number(means["mean"])
+
+
+def _show_shares(found, names, name):
+    """How often a measure that is a word was which."""
+    totals: dict[str, float] = {}
+    for scenario in found["scenarios"]:
+        for word, share in scenario["shares"].get(name, {}).items():
+            totals[word] = totals.get(word, 0.0) + share
+    words = sorted(totals, key=lambda word: -totals[word])
+    made = table(
+        *names, *words, title=f"{name}, share of the runs", right=[*(name for name in names if name != "case"), *words]
+    )
+    for scenario in found["scenarios"]:
+        shares = scenario["shares"].get(name, {})
+        made.add_row(*_cells(scenario, names), *(f"{shares.get(word, 0.0):.3f}" for word in words))
+    print_table(made)
+
+
+# as files --------------------------------------------------------------------------------
+
+
+def write_files(sweep: Sweep, journal: Journal, found, folder, theme="light") -> list[Path]:
+    """Tables, summary and pictures in a folder."""
+    folder = Path(folder)
+    rows = list(rows_of(sweep, journal))
+    columns = _columns(sweep, rows)
+    written = [folder / "runs.csv", folder / "summary.json"]
+    with whole(written[0]) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(zip(*([_for_csv(value) for value in values] for values in columns.values()), strict=True))
+    with whole(written[1]) as temporary:
+        from flockbrush.runs.terminal import finite
+
+        temporary.write_text(json.dumps(finite(found), indent=1, ensure_ascii=False), encoding="utf-8")
+    if importlib.util.find_spec("pyarrow"):
+        written.append(_write_parquet(folder / "runs.parquet", sweep, columns))
+    panels = panels_of(sweep, found)
+    if panels:
+        written.append(folder / "means.png")
+        with whole(written[-1]) as temporary:
+            draw_chart(temporary, sweep.title or sweep.name, panels, theme)
+    return written + sweep.experiment.pictures(sweep, rows, folder, theme)
+
+
+def _for_csv(value):
+    return "" if value is None else value
+
+
+def _columns(sweep, rows):
+    """{column: values}: who it was, what was varied, everything else that was set, what was measured."""
+    columns = {
+        "scenario": [scenario.hash for scenario, _ in rows],
+        "seed": [row["seed"] for _, row in rows],
+        "status": [row["status"] for _, row in rows],
+    }
+    if any("case" in scenario.varied for scenario in sweep.scenarios):
+        columns["case"] = [scenario.varied.get("case") for scenario, _ in rows]
+    for name in dict.fromkeys(name for scenario in sweep.scenarios for name in scenario.parameters):
+        columns[name] = [scenario.parameters.get(name) for scenario, _ in rows]
+    for name in sweep.measures:
+        columns[name if name not in columns else f"measured {name}"] = [
+            row["measures"].get(name) if row["status"] == "ok" else None for _, row in rows
+        ]
+    columns["core_seconds"] = [row["seconds"] for _, row in rows]
+    columns["error"] = [row.get("error") for _, row in rows]
+    return columns
+
+
+def _write_parquet(path, sweep, columns):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    about = {
+        "schema": "flockbrush.runs/1",
+        "sweep": sweep.name,
+        "title": sweep.title,
+        "version": flockbrush.__version__,
+    }
+    arrays = {name: pa.array(_of_one_kind(values)) for name, values in columns.items()}
+    with whole(path) as temporary:
+        pq.write_table(pa.table(arrays).replace_schema_metadata(about), temporary)
+    return path
+
+
+def _of_one_kind(values):
+    """Whole numbers among floats as floats, anything among words as words."""
+    kinds = {type(value) for value in values if value is not None}
+    if len(kinds) <= 1:
+        return values
+    if kinds <= {int, float}:
+        return [None if value is None else float(value) for value in values]
+    return [None if value is None else str(value) for value in values]
+
+
+# as plots --------------------------------------------------------------------------------
+
+
+def panels_of(sweep: Sweep, found) -> list[ChartPanel]:
+    """A panel for each measure: its mean, with the error of the mean, over one parameter."""
+    varied = {name: values for name, values in sweep.varied.items() if len(values) > 1}
+    if not varied:
+        return []
+    across = sweep.plot.across or max(varied, key=lambda name: len(varied[name]))
+    lines = sweep.plot.lines or next((name for name in varied if name != across), None)
+    values = sweep.varied[across]
+    words = (
+        None
+        if all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values)
+        else [str(v) for v in values]
+    )
+    panels = []
+    for measure in sweep.plot.measures or sweep.measures:
+        curves = []
+        for group in sweep.varied[lines] if lines else [None]:
+            points = [s for s in found["scenarios"] if lines is None or s["parameters"].get(lines) == group]
+            points = [s for s in points if across in s["parameters"] and measure in s["means"]]
+            if len(sweep.varied) > 2:
+                points = _first_of_each(points, across)
+            if not points:
+                continue
+            x = np.array(
+                [values.index(s["parameters"][across]) if words else s["parameters"][across] for s in points], float
+            )
+            order = np.argsort(x)
+            y, e = (np.array([s["means"][measure][what] for s in points], float) for what in ("mean", "error"))
+            name = "" if lines is None else f"{lines} {_plain(group)}"
+            curves.append(ChartCurve(name, x[order], y[order], e[order]))
+        if curves:
+            unit = sweep.experiment.units.get(measure)
+            title = measure.replace("_", " ") + (f", {unit}" if unit else "")
+            panels.append(ChartPanel(title, across, curves[:MOST_CURVES], words))
+    return panels
+
+
+def _first_of_each(points, across):
+    """With more than two parameters varied: those with the first values of all others."""
+    first = points[0]["parameters"] if points else {}
+    others = {name: value for name, value in first.items() if name != across}
+    return [s for s in points if all(s["parameters"].get(name) == value for name, value in others.items())]

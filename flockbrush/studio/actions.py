@@ -1,0 +1,343 @@
+"""What keys and buttons do: time, undo, files, pictures, the look of the window."""
+
+from __future__ import annotations
+
+import datetime
+import io
+from pathlib import Path
+
+import pygame
+
+from flockbrush.engine.files import write_bytes
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.render.style import THEMES
+from flockbrush.studio.dialogs import Dialog
+from flockbrush.studio.help import Help
+from flockbrush.studio.video_recorder import RunningVideo
+
+LEVELS = (".tmj", ".json")  # what level files end in
+RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+
+
+class Deeds:
+    """The part of the App that actions talk to."""
+
+    # time --------------------------------------------------------------------------
+
+    def toggle_play(self):
+        """Play or pause."""
+        (self.session.pause if self.session.playing else self.session.play)()
+
+    def step(self, ticks):
+        """Go on, or back, by so many ticks, and stop there."""
+        self.session.pause()
+        self.session.step(ticks)
+
+    def scrub(self, tick):
+        """Look at another moment."""
+        self.session.scrub(tick, 0.008)
+
+    def restart(self):
+        """Begin the level again."""
+        playing = self.session.playing
+        self.session.restart()
+        if playing:
+            self.session.play()
+
+    def change_rate(self, factor):
+        """Let time go faster or slower."""
+        now = min(range(len(RATES)), key=lambda k: abs(RATES[k] - self.session.rate))
+        self.session.rate = RATES[min(max(now + (1 if factor > 1 else -1), 0), len(RATES) - 1)]
+
+    def branch(self):
+        """Try something else from here."""
+        self.notify(f"this is branch {self.session.branch()!r} now; the one before is kept")
+
+    def switch(self, name):
+        """Go to another branch."""
+        if name != self.branch_name():
+            self.session.switch(name)
+
+    def branch_name(self):
+        """The branch that is shown."""
+        return self.session.branch_name
+
+    def current_branch(self):
+        """The branch that is shown, as the session keeps it."""
+        return self.session.branches[self.branch_name()]
+
+    def forks(self):
+        """Branches that left the one that is shown, and itself where it left another."""
+        name = self.branch_name()
+        return [b for b in self.session.branches.values() if b.parent == name or (b.name == name and b.parent)]
+
+    # edit --------------------------------------------------------------------------
+
+    def do(self, label, commands, join=None):
+        """Do something to the world; whether it was done.  What stands against it becomes a message."""
+        done = self.session.do(label, list(commands), join=join)
+        self.tell()
+        return done
+
+    def undo(self):
+        """Take back the last change."""
+        self.tool.cancel()
+        label = self.session.undo_label
+        self.session.undo()
+        self.notify(f"taken back: {label}" if label else "there is nothing to undo")
+
+    def redo(self):
+        """Do again what was taken back."""
+        self.tool.cancel()
+        label = self.session.redo_label
+        self.session.redo()
+        self.notify(f"done again: {label}" if label else "there is nothing to redo")
+
+    def delete(self):
+        """Take away what the tool has hold of."""
+        if not self.tool.delete() and not self.tools["select"].delete():
+            self.notify("nothing is selected: click a thing with the Select tool first")
+
+    def cancel(self):
+        """Drop the uppermost thing that can be dropped."""
+        if self.help is not None and self.help.alive():
+            self.help.kill()
+        elif not self.tool.cancel():
+            self.tools["select"].cancel()
+
+    def finish(self):
+        """End a shape."""
+        self.tool.finish()
+
+    # files -------------------------------------------------------------------------
+
+    def title(self):
+        """What the window is called."""
+        return f"{self.level_name()} – Flockbrush"
+
+    def level_name(self):
+        """What the title says."""
+        return Path(self.session.path).stem if self.session.path else self.session.level.name
+
+    def save(self):
+        """Write the level where it came from; a shipped level somewhere else."""
+        return self.save_as() if self.session.lent else self._save(None)
+
+    def save_as(self, then=lambda: None):
+        """Ask where to write the level; what to do `then`, when it is written."""
+        lent = self.session.lent
+        start = Path.cwd() / f"{self.level_name()}.tmj" if lent else self.session.path
+        why = "This level is part of Flockbrush or of a recording and is not changed.\n" if lent else ""
+        self.ask_text("Save the level", f"{why}File to write:", str(start), lambda text: self._save_to(text, then))
+
+    def _save_to(self, text, then):
+        if not text:
+            self.notify("a file needs a name", "warning")
+            return False
+        path = Path(text).expanduser()
+        path = path if path.suffix.lower() in LEVELS else path.with_name(f"{path.name}.tmj")
+        if path.exists() and path.resolve() != Path(self.session.path or "").resolve():
+            answers = [("Replace it", lambda: self._save(path) and then()), ("Cancel", None)]
+            return self.ask("Save the level", f"{path} is there already.", answers)
+        return self._save(path) and then()
+
+    def _save(self, path):
+        written = self.session.save(path)
+        self.tell()
+        if written:
+            self._told_disk = ""
+            pygame.display.set_caption(self.title())
+            self.notify(f"saved {written}")
+        return written
+
+    def reload(self):
+        """Read the level file again; what is not saved is asked for."""
+        if not self.session.dirty:
+            return self._reload()
+        answers = [("Reload", self._reload), ("Cancel", None)]
+        question = f"What you have changed since the last save is kept as {Path(self.session.path).name}.mine.bak."
+        return self.ask("Reload the level from disk?", question, answers)
+
+    def _reload(self, keep="theirs"):
+        self.tool.cancel()
+        self.session.reload(keep)
+        self.tell()
+        if keep == "theirs":
+            self.select(None)
+            self.tool_changed()
+
+    def reload_live(self):
+        """Another program has written the level, and nothing here would be lost: begin again with what it wrote."""
+        self._reload()
+        if not self.session.changed_on_disk():
+            self.notify("the level was changed by another program: here it is, the run before is kept as a branch")
+
+    def offer_reload(self, how):
+        """The level file was changed by another program, or is gone."""
+        if how == "deleted":
+            answers = [("Save it again", self.save), ("Go on", None)]
+            self.ask("The level is gone", f"{self.session.path} is not there any more.", answers)
+            return
+        answers = [("Reload", self._reload), ("Keep mine", lambda: self._reload("mine"))]
+        kept = "  Nothing is lost: yours is kept as a file that ends in .mine.bak, theirs in .theirs.bak."
+        kept = kept if self.session.dirty else ""
+        self.ask("The level has changed on disk", f"Another program has written this level.{kept}", answers)
+
+    def offer_recovery(self, left):
+        """A crash has ended a session with this level: one may go on from there."""
+        answers = [("Recover", lambda: self._recover(left)), ("Discard", left.discard), ("Not now", None)]
+        why = f"A session with this level ended before its work was saved:\n{left}"
+        self.ask("Unsaved work", why, answers)
+
+    def _recover(self, left):
+        from flockbrush.engine.recording import RecordingError
+        from flockbrush.studio.session import Session
+
+        try:
+            session = Session.recover(left)
+        except RecordingError as error:
+            return self.notify(f"this work cannot be brought back: {error}", "error")
+        self.session.close()
+        self.session = session
+        self.empty(self.brush if self.brush in self.brush_names() else None)
+        self.select(None)
+        self.build()
+        self.tell()
+        return self.notify("your work is restored")
+
+    def export_recording(self):
+        """Ask where to write the recording."""
+        start = Path.cwd() / f"{self.level_name()}-{stamp()}.flock"
+        self.ask_text("Export the recording", "File to write:", str(start), self._export)
+
+    def _export(self, text):
+        if not text:
+            self.notify("a file needs a name", "warning")
+            return False
+        written = self.session.export_recording(Path(text).expanduser())
+        self.tell()
+        return written
+
+    # pictures ------------------------------------------------------------------------
+
+    def screenshot(self):
+        """Write the window as a picture into the folder one works in."""
+        path = free_path(Path.cwd() / f"flockbrush-{self.level_name()}-{stamp()}.png")
+        picture = io.BytesIO()
+        try:
+            pygame.image.save(self.screen, picture, "picture.png")
+            write_bytes(path, picture.getvalue(), overwrite=False)
+        except (pygame.error, ProblemsError) as error:
+            return self.notify(f"no picture: {error}", "error")
+        return self.notify(f"wrote {path}")
+
+    def toggle_video(self):
+        """Begin a video, or end it."""
+        if self.film is None:
+            path = free_path(Path.cwd() / f"flockbrush-{self.level_name()}-{stamp()}.mp4")
+            self.film = RunningVideo(path, self.canvas.rect.size)
+            self.notify("recording a video of the canvas; F9 ends it")
+        else:
+            self.end_video()
+
+    def end_video(self):
+        """End the video, if there is one."""
+        film, self.film = self.film, None
+        if film is not None:
+            said = film.close()
+            self.notify(said, "error" if film.problem else "info")
+
+    # the window ------------------------------------------------------------------------
+
+    def set_theme(self, name):
+        """Light or dark."""
+        self.theme = THEMES[name]
+        self.remember(theme=name)
+        self.build()
+
+    def set_scale(self, scale):
+        """The size of words and buttons; None: as window and screen suggest."""
+        self.wanted_scale = scale
+        self.remember(ui_scale=scale)
+        self.build()
+
+    def toggle_theme(self):
+        """The other theme."""
+        self.set_theme("dark" if self.theme.name == "light" else "light")
+
+    def toggle_columns(self):
+        """Hide the columns, or show them again."""
+        self.columns = not self.columns
+        self.build()
+
+    def toggle_space(self):
+        """Look at the herd in space, or at the plan."""
+        self.let_go()
+        self.canvas.toggle_space()
+
+    def toggle_follow(self):
+        """Let the view go with the herd, or stay."""
+        self.canvas.follow()
+        self.notify("the view goes with the herd; T lets it stay" if self.canvas.follows else "the view stays")
+
+    def toggle_fullscreen(self):
+        """Fill the screen, or come back."""
+        pygame.display.toggle_fullscreen()
+
+    def toggle_help(self):
+        """Show the keys, or hide them."""
+        if self.help is not None and self.help.alive():
+            self.help.kill()
+        else:
+            self.help = Help(self)
+
+    def pan_by(self, right, down):
+        """Move the view by a step of the arrow keys."""
+        self.canvas.pan(60 * right * self.scale, 60 * down * self.scale)
+
+    # questions ---------------------------------------------------------------------------
+
+    def ask_text(self, title, question, default, on_ok):
+        """Ask for a text, and give it to a function."""
+        self._open_dialog(Dialog(self, title, question, [("OK", on_ok), ("Cancel", None)], default))
+
+    def ask(self, title, question, answers):
+        """Ask for one of some answers (text, function or None); the first is the proposed one."""
+        self._open_dialog(Dialog(self, title, question, answers))
+
+    def _open_dialog(self, dialog):
+        self.let_go()
+        if self.dialog is not None and self.dialog.alive():
+            self.dialog.kill()
+        self.dialog = dialog
+
+    def ask_to_quit(self):
+        """Close the window, unless something is not saved yet and the person wants to keep it."""
+        if not self.session.dirty:
+            self.quit()
+            return
+        answers = [("Save", self._save_and_quit), ("Do not save", self.quit), ("Cancel", None)]
+        self.ask("Quit", f"{self.level_name()} has changes that are not saved.", answers)
+
+    def _save_and_quit(self):
+        if self.session.lent:
+            self.save_as(then=self.quit)
+        elif self._save(None):
+            self.quit()
+
+    def quit(self):
+        """Close the window after this frame."""
+        self.running = False
+
+
+def stamp():
+    """Date and time for names of files."""
+    return datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
+
+
+def free_path(path: Path) -> Path:
+    """The path, or with a number when there is such a file."""
+    candidate, n = path, 2
+    while candidate.exists():
+        candidate, n = path.with_name(f"{path.stem}-{n}{path.suffix}"), n + 1
+    return candidate

@@ -1,0 +1,319 @@
+"""What the designer has in hand: a tool, a brush, a speed limit, a surface, and how large the stroke is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flockbrush.behaviours.brush import shipped
+from flockbrush.render.style import palette as fallback_colours
+from flockbrush.studio.hunters import hunters
+from flockbrush.studio.tools import TOOLS
+from flockbrush.studio.tools import world_tools as lookup
+from flockbrush.studio.tools.tool import CHOICES
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
+
+
+class Hand:
+    """The part of the App that tools talk to."""
+
+    def empty(self, brush=None):
+        """Take the usual things: the paint brush, with the brush that was asked for or the first of the level."""
+        level = self.session.simulation.level
+        self.options = {
+            "shape": "pen", "solid": True, "blocks_view": True, "erase": "usual", "layer": "brush", "count": 10,
+            "hunter": "",
+        }  # fmt: skip
+        self.size = self.settings.brush_size or max(2 * level.cell, round(min(level.width, level.height) / 24, 1))
+        self.set_size(self.size)
+        self.softness = 0.0
+        names = self.brush_names()
+        if brush is not None and brush not in names:
+            from flockbrush.engine.problems import did_you_mean
+
+            raise LookupError(f"there is no brush {brush!r}{did_you_mean(brush, names)}")
+        surfaces = self.surface_names()
+        self.paint = {
+            "brush": brush or self._first_brush(names),
+            "cap": 1.0,
+            "surface": surfaces[1] if len(surfaces) > 1 else "",
+        }
+        self.tools = {kind.name: kind(self) for kind in TOOLS}
+        self.tool = self.tools["brush"]
+
+    def _first_brush(self, names):
+        """A brush that does something else than what the animals do already, so that a first stroke is seen.
+
+        One that binds the species of the level, if there is any.
+        """
+        spawns = self.session.simulation.level.spawns
+        used = {spawn.brush for spawn in spawns}
+        danger = set(self._dangerous())
+        quiet = [name for name in names if name not in danger]
+        quiet = [name for name in quiet if self._binds(name, {spawn.species for spawn in spawns})] or quiet
+        others = [name for name in quiet if name not in used]
+        for wished in ("mill-hollow", "swarm", "mill-filled"):
+            if wished in others:
+                return wished
+        return (others or quiet or names or [""])[0]
+
+    def _binds(self, name, present):
+        """Whether paint of a brush binds any of some species, as far as these are known."""
+        from flockbrush.systems.population import SpeciesList
+
+        brush, library = self.find_brush(name), self.session.simulation.world.resource(SpeciesList).library
+        known = [asset for asset in map(library.find, present) if asset is not None]
+        return brush is not None and (not known or any(brush.is_made_for(one.name, one.tags) for one in known))
+
+    # the hand ----------------------------------------------------------------------
+
+    @property
+    def brush(self):
+        """Name of the brush in hand."""
+        return self.paint["brush"]
+
+    @brush.setter
+    def brush(self, name):
+        self.paint["brush"] = name
+
+    def take_tool(self, name):
+        """Take another tool; what the one before had half done is dropped."""
+        if name == self.tool.name:
+            if name == "obstacle":
+                self._next_pen()
+            return
+        self.tool.cancel()
+        self.tool = self.tools[name]
+        if self.tool.palette in ("cap", "surface", "brush") and name in ("brush", "cap", "surface"):
+            self.options["layer"] = name
+        self.tool_changed()
+
+    def _next_pen(self):
+        pens = ["pen", "rectangle", "polygon"]
+        self.set_option("shape", pens[(pens.index(self.options["shape"]) + 1) % 3])
+
+    def set_option(self, name, value):
+        """Set what the tool in hand asks for."""
+        if value != self.options[name]:
+            self.options[name] = value
+            self.tool.cancel()
+            self.tool_changed()
+
+    def choose(self, layer, value):
+        """Take what was chosen in a palette."""
+        self.paint[layer] = value
+        self.tool_changed(palette=False)
+
+    def take(self, layer, value):
+        """Take something up from the ground, and the tool that paints with it."""
+        self.paint[layer] = value
+        keep = self.tool.palette == layer
+        if not keep:
+            self.take_tool(layer)
+        self.tool_changed()
+        self.notify(f"selected: {value:g} m/s" if layer == "cap" else f"selected: {value}")
+
+    def next_paint(self, step):
+        """Take the next thing of the palette."""
+        layer = self.options["layer"] if self.tool.palette == "layer" else self.tool.palette
+        if not layer:
+            return
+        entries = {"brush": self.brush_names, "cap": self.caps, "surface": self.surface_names}[layer]()
+        now = entries.index(self.paint[layer]) if self.paint[layer] in entries else -step
+        self.choose(layer, entries[(now + step) % len(entries)])
+
+    def caps(self):
+        """The speed limits of the palette."""
+        from flockbrush.studio.brush_palette import CAPS
+
+        return list(CAPS)
+
+    # sizes -------------------------------------------------------------------------
+
+    def sizes(self):
+        """The smallest and the largest radius of a stroke, m."""
+        level = self.session.simulation.level
+        low = max(0.25, 0.5 * level.cell)
+        return low, max(4 * low, 0.25 * max(level.width, level.height))
+
+    def set_size(self, size):
+        """The radius of round tools, m."""
+        low, high = self.sizes()
+        self.size = float(np.clip(size, low, high))
+
+    def change_size(self, factor):
+        """Make round tools larger by a factor."""
+        self.set_size(self.size * factor)
+
+    def set_softness(self, softness):
+        """How much a stroke thins out towards its rim, 0 to 1."""
+        self.softness = float(np.clip(softness, 0, 1))
+
+    def change_softness(self, step):
+        """Make the rim softer by so much."""
+        self.set_softness(round(self.softness + step, 3))
+
+    def set_count(self, count):
+        """How many animals come at once."""
+        self.options["count"] = round(count)
+
+    def usual_radius(self):
+        """Metres of what is placed with a click: to be seen on this map."""
+        level = self.session.simulation.level
+        return round(max(1.5 * level.cell, min(level.width, level.height) / 30), 1)
+
+    # brushes ------------------------------------------------------------------------
+
+    @property
+    def library(self):
+        """The brushes there are, in the world or on disk."""
+        return getattr(self.session, "library", None) or shipped()
+
+    def world_palette(self):
+        """The brushes of the running world."""
+        return self.session.simulation.world.resource(Palette)
+
+    def brush_names(self):
+        """Names of all brushes one can paint with: the designer's own, those of the level, the other shipped ones."""
+        names = list(dict.fromkeys([*self.world_palette().names, *self.library.names()]))
+        usual = set(shipped().names())
+        return sorted(names, key=lambda name: name in usual)
+
+    def find_brush(self, name):
+        """The brush of this name, or None."""
+        palette = self.world_palette()
+        if name in palette.index:
+            return palette.brushes[palette.index[name]]
+        try:
+            return self.library.get(name)
+        except (LookupError, ValueError):
+            return None
+
+    def brush_needed(self, name):
+        """Commands that bring a brush into the world, if it is not there yet."""
+        if name in self.world_palette().index:
+            return []
+        from flockbrush.systems.edits import UseBrush
+
+        brush = self.library.get(name)
+        source = brush.source.decode() if isinstance(brush.source, bytes) else brush.source
+        return [UseBrush(name, source)]
+
+    def colour_of(self, name):
+        """The colour "#rrggbb" of a brush."""
+        brush = self.find_brush(name)
+        return brush.colour if brush is not None else tuple(fallback_colours(1)[0])
+
+    def brush_of(self, animal):
+        """Name of the brush an animal moves by now."""
+        from flockbrush.components import BrushBinding
+
+        simulation = self.session.simulation
+        index = simulation.world.component_for_entity(animal, BrushBinding).brush
+        return self.world_palette().names[int(index)]
+
+    def choices(self, option):
+        """{value: what a person reads} of an option that is a choice of several; {} of others."""
+        if option == "hunter":
+            return {name: name.capitalize() for name in hunters(self)}
+        return CHOICES.get(option, {})
+
+    def hunter(self):
+        """The predator that is put down: the chosen one, else the one that the animals here fear most; or None."""
+        known = hunters(self)
+        return known.get(self.options["hunter"], next(iter(known.values()), None))
+
+    def body_length(self, hunter):
+        """Nose to tail of a predator, m."""
+        from flockbrush.systems.population import SpeciesList, body_of
+
+        library = self.session.simulation.world.resource(SpeciesList).library
+        return body_of(self.find_brush(hunter.brush), library.find(hunter.species)).length
+
+    def _dangerous(self):
+        from flockbrush.behaviours.behaviour import behaviours
+
+        models = behaviours()
+        found = ((name, self.find_brush(name)) for name in self.brush_names())
+        return [name for name, brush in found if brush is not None and models[brush.model].danger]
+
+    def painted_under(self, xy, species):
+        """Name of the brush that a point of the ground gives to a species, or ""."""
+        from flockbrush.systems.population import SpeciesList
+
+        world = self.session.simulation.world
+        land, palette = world.resource(Landscape), world.resource(Palette)
+        iy, ix = (min(max(int(v / land.cell), 0), n - 1) for v, n in zip(xy[::-1], land.brush.shape, strict=True))
+        index = int(land.brush[iy, ix])
+        if index < 0:
+            return ""
+        asset = world.resource(SpeciesList).library.find(species)
+        binds = asset is None or palette.brushes[index].is_made_for(asset.name, asset.tags)
+        return palette.names[index] if binds else ""
+
+    def species_of(self, brush):
+        """What animals that are put down with a brush are: those that start with it, or that it is made for."""
+        from flockbrush.behaviours.species import usual_species
+        from flockbrush.systems.population import SpeciesList
+
+        spawns = self.session.simulation.level.spawns
+        same = [spawn.species for spawn in spawns if spawn.brush == brush]
+        if same:
+            return same[0]
+        asset, fauna = self.find_brush(brush), self.session.simulation.world.resource(SpeciesList)
+        made_for = usual_species(asset.made_for, fauna.library, fauna.names) if asset is not None else ""
+        if made_for:
+            return made_for
+        return "predator" if brush in self._dangerous() else spawns[0].species if spawns else "animal"
+
+    # surfaces -------------------------------------------------------------------------
+
+    def surface_names(self):
+        """Names of the kinds of ground one can paint; the first is bare ground."""
+        land = self.session.simulation.world.resource(Landscape)
+        return ["", *(kind.name for kind in getattr(land, "kinds", ()))]
+
+    def surface_colour(self, name):
+        """The colour of a kind of ground."""
+        from flockbrush.render.style import mix, rgb
+
+        land = self.session.simulation.world.resource(Landscape)
+        for kind in getattr(land, "kinds", ()):
+            if kind.name == name and kind.colour:
+                return mix(rgb(kind.colour), self.theme.wash, 0.5 * self.theme.wash_share)
+        return self.theme.ground
+
+    # what lies where --------------------------------------------------------------------
+
+    def things_at(self, places, reach, kinds):
+        """(kind, thing) under any of some points of the ground, topmost first."""
+        return lookup.things_at(self.session.simulation, places, reach, kinds)
+
+    def animal_at(self, xy, reach):
+        """Id of the animal nearest to a point of the ground, or None; in space, of the one under the mouse."""
+        if self.canvas.in_space:
+            return self.canvas.pick()
+        return lookup.animal_at(self.session.simulation, xy, reach)
+
+    def is_off_map(self, start, stop, radius):
+        """Whether a stroke from here to there touches no ground of the map."""
+        level = self.session.simulation.level
+        return any(
+            max(a, b) + radius < 0 or min(a, b) - radius > side
+            for a, b, side in zip(start, stop, (level.width, level.height), strict=True)
+        )
+
+    def new_id(self):
+        """A number for a new object of the level file."""
+        editor = getattr(self.session, "editor", None)
+        if editor is not None:
+            return editor.new_id()
+        return 1 + max(
+            (int(getattr(thing, "id", 0) or 0) for _, thing in lookup.things(self.session.simulation)), default=0
+        )
+
+    def select(self, animal):
+        """Look at an animal more closely; None: at none."""
+        self.selected = animal
+        if animal is not None and self.column is not None:
+            self.column.show_titled("Animal")

@@ -1,0 +1,543 @@
+"""The playground's window: its parts, its main loop, and who hears which event."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import os
+import time
+import warnings
+
+import numpy as np
+import pygame
+import pygame_gui
+from pygame_gui.elements import UIPanel, UITextEntryBox, UITextEntryLine
+
+from flockbrush.render.style import theme_of
+from flockbrush.studio.actions import Deeds
+from flockbrush.studio.active_tool import Hand
+from flockbrush.studio.brush_palette import Thumbnails
+from flockbrush.studio.column import Column
+from flockbrush.studio.layout import places
+from flockbrush.studio.legend import Legend, ScaleBar
+from flockbrush.studio.manager import Manager
+from flockbrush.studio.settings import load_settings
+from flockbrush.studio.shortcuts import BY_KEY, key_of
+from flockbrush.studio.theme import chrome, look, scale_of
+from flockbrush.studio.timebar import TimeBar
+from flockbrush.studio.toasts import Toasts
+from flockbrush.studio.toolbox import Toolbox
+from flockbrush.studio.tools import TOOLS
+from flockbrush.studio.topbar import TopBar
+from flockbrush.studio.viewport import Viewport
+from flockbrush.studio.widgets import NO_MARGINS, words
+
+SLOWEST = 1 / 25  # s; a frame whose simulation would take longer lets the simulation lag instead
+LEAST = 0.008  # s of a frame that the simulation has in any case
+CALM = 0.1  # s between two drawings of controls that nobody touches
+OVERLAYS = ("trails", "shadows", "forces", "field_of_view")  # shown at first
+QUICK = 0.03  # s, while the mouse moves over them
+FRESH = 0.15  # s between two looks at labels
+DISK = 1.0  # s between two looks at the level file
+SMALLEST = (200, 120)  # pixels of a window
+TOOL_KEYS = {kind.key: kind.name for kind in TOOLS}
+
+
+class App(Hand, Deeds):
+    """A window on a session.
+
+    Parameters
+    ----------
+    session : Session
+    size : (int, int)
+        Of the window, pixels.
+    theme : {"light", "dark"}, optional
+        The one of last time unless told.
+    scale : float, optional
+        Of the controls; found from window and screen unless told.
+    brush : str, optional
+        The brush in hand at first.
+
+    Attributes
+    ----------
+    canvas : Canvas
+    tool : Tool
+        The one in hand.
+    selected : int or None
+        Id of the animal one looks at more closely.
+    overlays : set of str
+        Names of what is drawn above the ground and the animals.
+    seconds : dict
+        Of the last frame: ``simulation``, ``drawing`` and ``interface``.
+    memory : dict
+        What panels keep when they are made anew.
+    now : float
+        Seconds since the window was opened.
+    """
+
+    def __init__(self, session, size=(1280, 720), theme=None, scale=None, brush=None):
+        self.session = session
+        self.settings, problem = load_settings()
+        self.theme = theme_of(theme or self.settings.theme or "light")
+        self.wanted_scale = scale or self.settings.ui_scale
+        self.overlays = set(OVERLAYS if self.settings.overlays is None else self.settings.overlays)
+        self.selected: int | None = None
+        self.memory: dict = {}
+        self.seconds = {"simulation": 0.0, "drawing": 0.0, "interface": 0.0}
+        self.running, self.columns = True, True
+        self.now = self._calm = self._fresh = self._unseen = 0.0
+        self._disk = DISK
+        self.film = self.dialog = self.help = self.hint = None
+        self._panning = self._turning = self._space = self._space_used = self._stroking = False
+        self._button = 0  # the one that holds the stroke
+        self._told_disk: tuple | str = ""  # what of the level's file on disk the person knows
+        self._covered = False
+        self.toasts, self.thumbnails = Toasts(), Thumbnails(self)
+        self.column = None
+        self._open(size)
+        self.canvas, self.legend, self.scale_bar = Viewport(self), Legend(self), ScaleBar(self)
+        self.empty(brush)
+        self.build()
+        self._guarded(self.canvas.show_flyers)
+        if problem:
+            self.notify(problem, "warning")
+
+    # making the window -------------------------------------------------------------
+
+    def _open(self, size):
+        pygame.display.init()
+        pygame.font.init()
+        pygame.display.set_caption(self.title())
+        self.screen = pygame.display.set_mode(_least(size), pygame.RESIZABLE)
+        pygame.key.set_repeat(350, 40)
+        pygame.event.set_blocked([pygame.JOYDEVICEADDED, pygame.AUDIODEVICEADDED])
+
+    def build(self):
+        """Make all controls for the window's size, the theme and the scale."""
+        for panel in self.panels:
+            self._guarded(panel.close)
+        size = self.screen.get_size()
+        self.scale = scale_of(size, _screen_height(), self.wanted_scale)
+        self.manager = Manager(size, look(self.theme, self.scale))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of labels that are shorter than their words, which are cut in time
+            self._build_parts(size)
+        self.canvas.resize(self.places.canvas)
+        self._guarded(self.canvas.prepare)
+        self.legend.picture, self.legend._said = None, None
+        self._calm = self._fresh = 0.0
+
+    def _build_parts(self, size):
+        self.places = place = places(size, self.scale, self.columns)
+        self.buttons: dict = {}  # of the action table
+        self.dialog = self.help = None
+        self.top = None if place.top is None else TopBar(self, place.top)
+        self.toolbox = None if place.left is None else Toolbox(self, place.left)
+        self.timebar = None if place.time is None else TimeBar(self, place.time)
+        self.column = None if place.right is None else Column(self, self.manager, place.right)
+        self.hint = self.place = None
+        if place.hint is not None:
+            self._build_hint(place.hint)
+
+    def _build_hint(self, rect):
+        """The line under the canvas: what to do now on the left, what lies under the mouse on the right."""
+        back = UIPanel(rect, 1, self.manager, margins=NO_MARGINS, object_id="@bar")
+        pad, tall = round(10 * self.scale), rect.height
+        right = round(190 * self.scale) if rect.width > 660 * self.scale else 0
+        inside = pygame.Rect(pad, 0, rect.width - right - 2 * pad, tall)
+        self.hint = words(self, inside, self.tool.hint, back, "@note")
+        if right:
+            self.place = words(self, pygame.Rect(rect.width - right - pad, 0, right, tall), "", back, "@note_right")
+
+    def close(self, keep=False):
+        """Take the window away; whether what is not saved was kept for next time, if that is asked for."""
+        self.end_video()
+        self.thumbnails.close()
+        for panel in self.panels:
+            self._guarded(panel.close)
+        kept = self.session.close(keep)
+        if pygame.display.get_init():
+            pygame.event.get()  # clear() and quit() would keep for ever the controls that waiting events speak of
+            pygame.display.quit()
+        return kept
+
+    # one frame -------------------------------------------------------------------------
+
+    def run(self, frames=None, stop=lambda: False):
+        """Go on until the window is closed, for so many frames, or until `stop()`."""
+        clock = pygame.time.Clock()
+        self.session.play()
+        self.thumbnails.start()
+        gc.freeze()  # what was made until now stays; looking through it again and again would make frames stutter
+        while self.running and frames != 0 and not stop():
+            self.frame(min(clock.tick(60) / 1000, 0.25))
+            frames = None if frames is None else frames - 1
+
+    def frame(self, dt):
+        """One frame, `dt` seconds after the last one, without waiting."""
+        begin = time.perf_counter()
+        self.now += dt
+        for event in _merged(pygame.event.get()):
+            self._guarded(self.handle, event)
+        handled = time.perf_counter()
+        self._guarded(self._live, dt)
+        lived = time.perf_counter()
+        self._guarded(self.canvas.draw)
+        drawn = time.perf_counter()
+        self._guarded(self._show, dt)
+        shown = time.perf_counter()
+        self.seconds = {
+            "simulation": lived - handled,
+            "drawing": drawn - lived,
+            "interface": handled - begin + shown - drawn,
+        }
+
+    def _live(self, dt):
+        """Let the session run, with what time the frame has left."""
+        rest = SLOWEST - self.seconds["drawing"] - self.seconds["interface"]
+        self.session.advance(dt, max(LEAST, rest))
+        self.session.autosave()
+        self.tell()
+        self._disk -= dt
+        if self._disk <= 0:
+            self._disk = DISK
+            self._look_at_disk()
+
+    def _look_at_disk(self):
+        changed = self.session.changed_on_disk()
+        version = changed and (changed, _written(self.session.path))
+        if self.dialog is None:
+            if changed == "changed" and not self.session.dirty and version != self._told_disk:
+                self.reload_live()
+            elif changed and version != self._told_disk:
+                self.offer_reload(changed)
+            self._told_disk = version
+
+    def tell(self):
+        """Show what the session has to say."""
+        for notice in self.session.notices():
+            self.notify(notice.text, notice.kind)
+
+    def _show(self, dt):
+        """Controls and canvas onto the screen; controls that nobody touches are drawn ten times a second."""
+        self.toasts.update(dt)
+        if self.column is not None:
+            self._guarded(self.column.update, dt)
+        self._fresh -= dt
+        if self._fresh <= 0:
+            self._fresh = FRESH
+            self._freshen()
+        self._calm, self._unseen = self._calm - dt, self._unseen + dt
+        touched = self._calm <= 0
+        if touched:
+            self.manager.update(self._unseen)
+            self._calm, self._unseen, self._covered = CALM, 0.0, self._is_covered()
+        whole = touched or self._covered
+        if whole:
+            self.screen.fill(chrome(self.theme).panel)
+        self.screen.blit(self.canvas.surface, self.canvas.rect)
+        self._above(self.screen.subsurface(self.canvas.rect.clip(self.screen.get_rect())), dt)
+        if whole:
+            if self.timebar is not None:
+                self.timebar.draw()
+            self.manager.draw_ui(self.screen)
+        self.toasts.draw(self.screen, self.canvas.rect, self.theme, self.scale)
+        if self.film is not None:
+            self.film.take(self.canvas.frame, dt)
+        pygame.display.flip()
+
+    def _freshen(self):
+        """Labels and buttons that follow the session."""
+        for part in (self.top, self.toolbox, self.timebar):
+            if part is not None:
+                part.update()
+        if self.place is not None:
+            self.place.say(self._under_mouse())
+
+    def _under_mouse(self):
+        """Where the mouse is, and what is painted there."""
+        at = self.tool.at
+        animal = self.canvas.pick()
+        if animal is not None:
+            return self._animal_in_space(animal)
+        if at is None or self.is_off_map(at, at, 0.0):
+            return ""
+        from flockbrush.systems.landscape import Landscape
+
+        land = self.session.simulation.world.resource(Landscape)
+        iy, ix = (min(int(v / land.cell), n - 1) for v, n in zip((at[1], at[0]), land.brush.shape, strict=True))
+        index = int(land.brush[iy, ix])
+        painted = self.world_palette().names[index] + "   " if index >= 0 else ""
+        return f"{painted}{at[0]:.1f}, {at[1]:.1f} m"
+
+    def _animal_in_space(self, animal):
+        """Who is under the mouse, and how high above the ground."""
+        herd = self.canvas.herd
+        row = int(np.searchsorted(herd.ids, animal))
+        name = herd.brush_names[herd.brush[row]] if herd.brush[row] >= 0 else "animal"
+        return f"{name} {animal}   {herd.z[row]:.1f} m up"
+
+    def _above(self, surface, dt):
+        """Legend, scale bar and the tool's cursor on the canvas; not on videos."""
+        self.legend.update(dt)
+        self.legend.draw(surface)
+        if not self.canvas.in_space:  # there it is the grid that says how long a metre is
+            self.scale_bar.draw(surface, self.canvas.camera)
+        self._guarded(self.tool.cursor, surface, self.canvas.camera)
+
+    def _is_covered(self):
+        """Whether a tooltip, menu or dialog lies above the canvas."""
+        root, area = self.manager.get_root_container(), self.canvas.rect
+        return any(
+            sprite.visible and sprite is not root and sprite.rect.colliderect(area)
+            for sprite in self.manager.get_sprite_group().sprites()
+        )
+
+    def _guarded(self, do, *arguments):
+        """Do something; what goes wrong becomes a message, and the window goes on."""
+        try:
+            return do(*arguments)
+        except Exception as error:
+            from flockbrush.runs.terminal import debugging
+
+            if debugging():
+                raise
+            self.notify(said(error), "error")
+
+    # events ----------------------------------------------------------------------------
+
+    def handle(self, event):
+        """Answer one event."""
+        if event.type != pygame.MOUSEMOTION:
+            self._calm = 0.0
+        elif not self.canvas.rect.collidepoint(event.pos):
+            self._calm = min(self._calm, QUICK)
+        if event.type == pygame.QUIT:
+            self.ask_to_quit()
+        elif event.type == pygame.VIDEORESIZE:
+            self.resize(event.size)
+        elif event.type in (pygame.WINDOWFOCUSLOST, pygame.WINDOWLEAVE):
+            self._let_go(event)
+        elif not self._is_of_controls(event):
+            self._of_canvas(event)
+
+    def _is_of_controls(self, event):
+        """Whether dialogs, controls or panels have taken an event."""
+        if self.dialog is not None and self.dialog.alive():
+            self.manager.process_events(event)
+            self.dialog.handle(event)
+            return True
+        self.dialog = None
+        key = event.type in (pygame.KEYDOWN, pygame.KEYUP)
+        if key and not self._is_typing():
+            return False
+        if self._stroking or self._panning:  # a stroke that leaves the canvas goes on
+            return False
+        if self.timebar is not None and not self._covered and self.timebar.mouse(event):
+            return True
+        # no control wants to hear of movements (they look where the mouse is), and asking them all takes long
+        taken = event.type != pygame.MOUSEMOTION and self.manager.process_events(event)
+        if event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.buttons:
+            self.buttons[event.ui_element].do(self)
+            return True
+        parts = (self.timebar, self.toolbox, self.column)
+        heard = taken or any(part is not None and part.handle(event) for part in parts)
+        return heard or key  # letters that are typed are no keys of tools
+
+    def _is_typing(self):
+        focus = self.manager.get_focus_set() or ()
+        return any(isinstance(element, (UITextEntryLine, UITextEntryBox)) for element in focus)
+
+    def _of_canvas(self, event):
+        """Mouse and keys that are not for a control."""
+        if event.type == pygame.KEYDOWN:
+            self._key(event)
+        elif event.type == pygame.KEYUP:
+            self._key_up(event)
+        elif event.type == pygame.MOUSEBUTTONDOWN:
+            self._press(event)
+        elif event.type == pygame.MOUSEBUTTONUP:
+            self._release(event)
+        elif event.type == pygame.MOUSEMOTION:
+            self._move(event)
+        elif event.type == pygame.MOUSEWHEEL:
+            self._wheel(event)
+
+    def _key(self, event):
+        key = key_of(event)
+        if key == "space":  # alone it is play or pause; held while dragging it moves the view
+            if not self._space:
+                self._space, self._space_used = True, False
+        elif key in TOOL_KEYS:
+            self.take_tool(TOOL_KEYS[key])
+        elif key in BY_KEY:
+            BY_KEY[key].do(self)
+
+    def _key_up(self, event):
+        if event.key == pygame.K_SPACE and self._space:
+            self._space = False
+            if not self._space_used:
+                self.toggle_play()
+
+    def _press(self, event):
+        if self._stroking or self._panning:
+            if event.button != self._button:
+                return  # one thing at a time
+            self._release(event)  # it came up where nobody heard it
+        if not self.canvas.rect.collidepoint(event.pos) or event.button > 3:
+            return
+        if event.button == 1 and self.toasts.click(event.pos):
+            return
+        self.manager.set_focus_set(None)  # keys are for tools again, not for a field one has typed in
+        self._button = event.button
+        mods = pygame.key.get_mods()
+        around = self.canvas.in_space and not mods & pygame.KMOD_SHIFT and not self._space
+        self._turning = around and (event.button == 2 or (event.button == 1 and bool(mods & pygame.KMOD_ALT)))
+        if event.button == 2 or self._turning or (event.button == 1 and self._space):
+            self._panning = self._space_used = True
+            return
+        self._stroking = True
+        self.canvas.pointer = event.pos
+        xy = self.tool.at = self.canvas.metres(event.pos)
+        self.tool.press(xy, event.button, mods)
+
+    def _release(self, event):
+        if event.button != self._button:
+            return
+        if self._panning:
+            self._panning = False
+        elif self._stroking:
+            self._stroking = False
+            self.tool.release(self.canvas.metres(event.pos))
+
+    def _move(self, event):
+        inside = self.canvas.rect.collidepoint(event.pos)
+        self.canvas.pointer = event.pos if inside else None
+        xy = self.canvas.metres(event.pos)
+        if self._panning:
+            (self.canvas.orbit if self._turning else self.canvas.pan)(*event.rel)
+        elif self._stroking:
+            self.tool.at = xy
+            self.tool.drag(xy)
+        else:
+            self.tool.at = xy if inside else None
+            if inside:
+                self.tool.move(xy)
+
+    def _wheel(self, event):
+        position = pygame.mouse.get_pos()
+        turn = getattr(event, "precise_y", 0.0) or event.y
+        if pygame.key.get_mods() & pygame.KMOD_CTRL:
+            self.change_size(1.15**turn)
+        elif self.canvas.rect.collidepoint(position):
+            self.canvas.zoom(1.2**turn, position)
+
+    def _let_go(self, event):
+        """The mouse has left the window, or the window has lost the keyboard: what is being drawn ends here."""
+        if event.type == pygame.WINDOWFOCUSLOST:
+            self.let_go()
+        if not self._stroking:
+            self.tool.at = None
+
+    def let_go(self):
+        """End what mouse and keys hold: whoever looks elsewhere now may not tell us when they come up."""
+        self._space = self._panning = False
+        if self._stroking:
+            self._stroking = False
+            self.tool.release(self.tool.at)
+        if self.timebar is not None:
+            self.timebar.dragging = False
+
+    def resize(self, size):
+        """The window has another size; what is being drawn ends here."""
+        self.let_go()
+        size = _least(size)
+        if size != self.screen.get_size():
+            self.screen = pygame.display.set_mode(size, pygame.RESIZABLE)
+        self.build()
+
+    # what panels and tools use ---------------------------------------------------------
+
+    @property
+    def panels(self):
+        """The panels of the right-hand column that have been made."""
+        return [] if self.column is None else self.column.panels
+
+    @property
+    def painter(self):
+        """Draws the herd on its ground."""
+        return self.canvas.painter
+
+    @property
+    def accent(self):
+        """The colour of what is selected."""
+        return chrome(self.theme).accent
+
+    def notify(self, text, kind="info"):
+        """Show a message."""
+        self.toasts.say(text, kind)
+
+    def set_hint(self, text):
+        """Say what to do now."""
+        if self.hint is not None:
+            self.hint.say(text)
+
+    def tool_changed(self, palette=True):
+        """Another tool is in hand, or another paint: show it."""
+        if self.toolbox is not None:
+            (self.toolbox.show if palette else self.toolbox.update)()
+        self.set_hint(getattr(self.tool, "HINTS", {}).get(self.options["shape"], self.tool.hint))
+        self._calm = 0.0
+
+    def remember(self, **choices):
+        """Keep choices for next time; a disk that refuses is no reason to stop."""
+        for name, value in choices.items():
+            with contextlib.suppress(ValueError):
+                setattr(self.settings, name, value)
+        try:
+            self.settings.save()
+        except (AttributeError, OSError):
+            pass
+
+
+def _merged(events):
+    """Events without movements and sizes that the next one makes old; the mouse's way in a stroke stays whole."""
+    kept = []
+    for event in events:
+        if event.type == pygame.VIDEORESIZE and kept and kept[-1].type == pygame.VIDEORESIZE:
+            kept.pop()
+        kept.append(event)
+    return kept
+
+
+def _written(path):
+    """When a file was last written, ns; 0 when it is not there."""
+    try:
+        return os.stat(path).st_mtime_ns
+    except OSError:
+        return 0
+
+
+def _least(size):
+    return max(SMALLEST[0], int(size[0])), max(SMALLEST[1], int(size[1]))
+
+
+def said(error) -> str:
+    """An exception in words for a person."""
+    known = isinstance(error, (ValueError, OSError)) or type(error) is LookupError
+    text = str(error.args[0] if type(error) is LookupError and error.args else error)
+    return text if known and text else f"that did not work: {type(error).__name__}: {text}"
+
+
+def _screen_height():
+    try:
+        return max((height for _, height in pygame.display.get_desktop_sizes()), default=0)
+    except pygame.error:
+        return 0
+
+
+def open_session(name, **options):
+    """The session of a level."""
+    from flockbrush.studio.session import Session
+
+    return Session.open(name, **options)

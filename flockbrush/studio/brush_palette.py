@@ -1,0 +1,222 @@
+"""What one can paint with: brushes as pictures of what they do, speed limits, surfaces."""
+
+from __future__ import annotations
+
+import html
+
+import numpy as np
+import pygame
+import pygame_gui
+
+from flockbrush.render.style import mix
+from flockbrush.studio.theme import chrome, px
+from flockbrush.studio.widgets import PictureButton, Shelf
+
+CAPS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # m/s
+ACROSS = 2  # pictures side by side
+
+
+def whence(brush) -> str:
+    """Where a brush's numbers come from, and how well a learned one kept to its clip, for a tooltip."""
+    told = brush.provenance
+    lines = [f"{told.kind}: {told.clip or told.source}"]
+    if told.clip and told.frames:
+        lines[0] += f", frames {told.frames[0]} to {told.frames[1]}"
+    for name in ("polarization", "milling"):
+        pair = [told.report.get(f"held-out {name}, {whose}") for whose in ("clip", "simulated")]
+        if None not in pair:
+            lines.append(f"{name} {pair[0]:.2f} in frames held out, {pair[1]:.2f} simulated")
+    return "<br>".join(map(html.escape, lines))
+
+
+class PaletteButtons:
+    """Buttons for what can be painted on one layer; one of them is in hand."""
+
+    def __init__(self, app, rect, container, layer):
+        self.app, self.layer = app, layer
+        self.back = Shelf(rect, app.manager, container=container, object_id="@clear")
+        self.entries = {"brush": app.brush_names, "cap": lambda: list(CAPS), "surface": app.surface_names}[layer]()
+        bar = 24  # pixels of pygame_gui's scroll bar, whatever the scale
+        gap = px(app.scale, 4)
+        wide = (rect.width - bar - (ACROSS - 1) * gap) // ACROSS
+        side = min(wide - px(app.scale, 10), px(app.scale, 76))
+        self.picture = (side, side) if layer == "brush" else (wide - px(app.scale, 10), round(0.55 * side))
+        tall = self.picture[1] + px(app.scale, 28)
+        rows = -(-len(self.entries) // ACROSS)
+        self.back.set_scrollable_area_dimensions((rect.width - bar, max(1, rows * (tall + gap))))
+        self._made, self._waiting = {}, []
+        self._places = {
+            entry: pygame.Rect(k % ACROSS * (wide + gap), k // ACROSS * (tall + gap), wide, tall)
+            for k, entry in enumerate(self.entries)
+        }
+        for entry, place in self._places.items():
+            self.back.hold(place.top, place.bottom, lambda entry=entry: self._make(entry))
+        self._marked = self.app.paint[self.layer]
+        self._scroll_to_chosen(tall + gap, rows, rect.height)
+
+    def _scroll_to_chosen(self, row, rows, height):
+        """Show what is in hand, if it lies below what can be seen."""
+        bar, chosen = self.back.vert_scroll_bar, self.app.paint[self.layer]
+        if bar is None or chosen not in self.entries:
+            return
+        at = self.entries.index(chosen) // ACROSS
+        if (at + 1) * row > height:
+            bar.set_scroll_from_start_percentage(min(max(at - 0.4, 0) * row, rows * row - height) / (rows * row))
+
+    @property
+    def buttons(self):
+        """{button: what it stands for} of all, whether they have been looked at or not."""
+        return {self._make(entry): entry for entry in self.entries}
+
+    def _make(self, entry):
+        """The button of an entry, made if it is not there yet."""
+        if entry in self._made:
+            return self._made[entry]
+        app, place = self.app, self._places[entry]
+        title, tip = self._words(entry)
+        if self.layer == "brush":
+            picture, ready = app.thumbnails.get(entry, self.picture)
+        else:
+            picture, ready = self._swatch(entry), True
+        button = PictureButton(
+            place, fitted(title, place.width - px(app.scale, 6), app.scale), app.manager, self.back,
+            tool_tip_text=tip, object_id="@swatch", pictures=[picture], at=(0.5, 0.12),
+        )  # fmt: skip
+        self._made[entry] = button
+        if not ready:
+            self._waiting.append(entry)
+        if entry == self._marked:
+            button.select()
+        return button
+
+    def _words(self, entry):
+        """(what is written, tooltip)."""
+        app = self.app
+        if self.layer == "cap":
+            return f"{entry:g} m/s", f"Nobody goes faster than {entry:g} metres a second here"
+        if self.layer == "surface":
+            return (entry or "bare ground"), ("Ground without a kind" if not entry else f"Ground of the kind {entry}")
+        brush = app.find_brush(entry)
+        title = getattr(brush, "title", "") or entry
+        return entry, f"<b>{html.escape(title)}</b><br>model {brush.model}<br>{whence(brush)}" if brush else entry
+
+    def _swatch(self, entry):
+        """A speed limit as stripes the closer the slower; a surface as its colour."""
+        app, (width, height) = self.app, self.picture
+        surface = pygame.Surface(self.picture)
+        theme = app.theme
+        if self.layer == "surface":
+            surface.fill(app.surface_colour(entry))
+        else:
+            surface.fill(theme.ground)
+            step = max(4, round(px(app.scale, 6) * (1 + 0.8 * np.log2(entry / CAPS[0]))))
+            for x in range(-height, width + height, step):
+                pygame.draw.aaline(
+                    surface, mix(theme.cap, theme.ground, 0.15), (x, height), (x + height, 0), px(app.scale, 2)
+                )
+        pygame.draw.rect(surface, chrome(theme).border, surface.get_rect(), 1)
+        return surface
+
+    def handle(self, event) -> bool:
+        """Take what was pressed into the hand."""
+        if event.type == pygame_gui.UI_BUTTON_PRESSED:
+            for entry, button in self._made.items():
+                if event.ui_element is button:
+                    self.app.choose(self.layer, entry)
+                    return True
+        return False
+
+    def update(self):
+        """Mark what is in hand; show pictures that have become ready."""
+        chosen = self.app.paint[self.layer]
+        if chosen != self._marked:
+            self._marked = chosen
+            for entry, button in self._made.items():
+                (button.select if entry == chosen else button.unselect)()
+        for entry in self._waiting[:]:
+            picture, ready = self.app.thumbnails.get(entry, self.picture)
+            if ready:
+                self._waiting.remove(entry)
+                self._made[entry].picture(picture, at=(0.5, 0.12))
+
+
+class Thumbnails:
+    """Pictures of what brushes do: at once where they have been made before, otherwise from another process.
+
+    Until `start` is called nothing is made: tests and pictures of the window take what there is.
+    """
+
+    SIDE = 128  # pixels, whatever the size on the screen: one picture serves every window
+
+    def __init__(self, app):
+        self.app = app
+        self.made: dict = {}
+        self._plain: dict = {}
+        self._working = False
+        self._makers: dict = {}  # process by theme
+        self._thread = None
+
+    def start(self):
+        """From now on make what is missing."""
+        self._working = True
+
+    def get(self, name, size):
+        """(surface, whether it is the final one)."""
+        from flockbrush.studio import thumbnails
+
+        brush, theme = self.app.find_brush(name), self.app.theme
+        if brush is None:
+            return pygame.Surface(size, pygame.SRCALPHA), True
+        key = (brush.source, size, theme.name)
+        if key in self.made:
+            return self.made[key], True
+        array = thumbnails.cached(brush, self.SIDE, theme)
+        if array is not None:
+            self.made[key] = surface_of(array, size)
+            return self.made[key], True
+        if self._working:
+            self._make(brush, theme)
+        if key not in self._plain:
+            self._plain[key] = surface_of(thumbnails.placeholder(brush, self.SIDE, theme), size)
+        return self._plain[key], False
+
+    def _make(self, brush, theme):
+        """Have a picture made: of shipped brushes by another process, of others by a thread, one after the other."""
+        from threading import Thread
+
+        from flockbrush.behaviours.brush import shipped
+        from flockbrush.studio import thumbnails
+
+        if theme.name not in self._makers:
+            self._makers[theme.name] = thumbnails.make_in_background((), self.SIDE, theme)
+        library = shipped()
+        ours = brush.name in library.names() and library.get(brush.name).source == brush.source
+        if not ours and (self._thread is None or not self._thread.is_alive()):
+            self._thread = Thread(target=thumbnails.thumbnail, args=(brush, self.SIDE, theme), daemon=True)
+            self._thread.start()
+
+    def close(self):
+        """Make no more."""
+        self._working = False
+        for process in self._makers.values():
+            process.kill()  # what is half written has another name
+            process.wait()
+
+
+def surface_of(array, size):
+    """A picture (h, w, 4) as a surface of this size, as pygame_gui wants it."""
+    array = np.ascontiguousarray(array)
+    surface = pygame.image.frombuffer(array.tobytes(), array.shape[1::-1], "RGBA")
+    return pygame.transform.smoothscale(surface, size).premul_alpha()
+
+
+def fitted(text, room, scale):
+    """The text as far as there is room for it on a picture's button."""
+    from flockbrush.studio.theme import font
+
+    letters = font(px(scale, 12))
+    if letters.size(text)[0] <= room:
+        return text
+    while text and letters.size(text + "…")[0] > room:
+        text = text[:-1]
+    return text + "…"

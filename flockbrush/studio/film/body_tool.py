@@ -1,0 +1,123 @@
+"""A body shown to the program: its colour by a click, its length by a drag along it."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from flockbrush.film.body_marks import body_mask, colour_at
+from flockbrush.studio.film.clip_column import enabled
+from flockbrush.studio.film.mask_tool import lay_over
+from flockbrush.studio.film.mode import Mode
+from flockbrush.studio.theme import px
+
+STILL = 4  # pixels of the screen: a shorter way of the mouse is a click
+GLOW = (255, 0, 180)  # of the mask: no animal and no meadow has it
+
+
+class BodyMode(Mode):
+    """Colour and length of the animals."""
+
+    name = "body"
+    title = "Body"
+    hint = "Click an animal: its colour   Drag from tail to head: its length   M: show or hide the mask"
+
+    def __init__(self, window):
+        super().__init__(window)
+        self.held = None
+        self.shown = True
+        self._mask: tuple = ((), None)
+
+    def fill(self, column):
+        column.heading("Colour")
+        self.chips = [column.chip(self.state.marks.body_colour)]
+        self.colour = column.line()
+        self.mask = column.button("Hide mask", self.toggle_mask, "Show which pixels have this colour (M)")
+        self.no_colour = column.button("Find it automatically", self.forget_colour, "Let the command find the colour")
+        column.heading("Length")
+        self.length = column.line()
+        self.no_length = column.button("Measure it automatically", self.forget_length, "Let the command find it")
+        column.heading("Learn with it")
+        column.button(
+            "Copy command", self.window.copy_line, "Put the line for flockbrush learn into the clipboard (Ctrl+C)"
+        )
+
+    def freshen(self):
+        marks = self.state.marks
+        self.chips[0].colour = marks.body_colour
+        if marks.body_colour is None:
+            self.colour.say("found by the command")
+        else:
+            share = 100 * float(self._masked().mean())
+            self.colour.say(f"{', '.join(map(str, marks.body_colour))}: {share:.1f} % of the picture")
+        self.length.say("found by the command" if marks.body_length is None else f"{marks.body_length:.1f} pixels")
+        text = "Hide mask" if self.shown else "Show mask"
+        if self.mask.text != text:
+            self.mask.set_text(text)
+        for button, can in (
+            (self.mask, marks.body_colour), (self.no_colour, marks.body_colour), (self.no_length, marks.body_length),
+        ):  # fmt: skip
+            enabled(button, can is not None)
+
+    def toggle_mask(self):
+        """Show or hide which pixels have the body's colour."""
+        self.shown = not self.shown
+
+    def forget_colour(self):
+        """Let the command find the colour."""
+        self.mark("colour forgotten", body_colour=None)
+
+    def forget_length(self):
+        """Let the command find the length."""
+        self.mark("length forgotten", body_length=None)
+
+    def key(self, key):
+        if key == "m":
+            self.toggle_mask()
+        return key == "m"
+
+    def _masked(self):
+        """The mask of the frame that is shown, made once."""
+        key = self.window.k, self.state.marks.body_colour
+        if key != self._mask[0]:
+            self._mask = key, body_mask(self.window.film.frame(self.window.k), self.state.marks.body_colour)
+        return self._mask[1]
+
+    def press(self, place, at):
+        self.held = np.array(place), np.array(place), at, at
+        return True
+
+    def drag(self, place, at):
+        if self.held is not None:
+            self.held = self.held[0], np.array(place), self.held[2], at
+
+    def release(self, place, at):
+        held, self.held = self.held, None
+        if held is None:
+            return
+        if np.hypot(*(held[2] - held[3])) > px(self.window.scale, STILL):
+            self.mark("body length", body_length=float(np.hypot(*(held[1] - held[0]))))
+            return
+        wide, high = self.window.film.size
+        if 0 <= place[0] < wide and 0 <= place[1] < high:
+            self.mark("body colour", body_colour=colour_at(self.window.film.frame(self.window.k), *place))
+
+    def let_go(self):
+        self.held = None
+
+    def draw(self, canvas):
+        if self.shown and self.state.marks.body_colour is not None:
+            labels = self.window.warped(self._masked().astype(np.uint8), None, cv2.INTER_NEAREST)
+            lay_over(canvas.image, labels, np.array([(0, 0, 0), GLOW], np.uint8), 0.6)
+        if self.held is not None and np.hypot(*(self.held[2] - self.held[3])) > px(self.window.scale, STILL):
+            self._draw_length(canvas)
+
+    def _draw_length(self, canvas):
+        u, theme = self.window.scale, self.window.theme
+        start, end = self.held[2], self.held[3]
+        canvas.line([start, end], 4.5 * u, theme.paper, 0.8)
+        canvas.line([start, end], 2.0 * u, theme.ink)
+        for point in (start, end):
+            canvas.disc(point, 3.5 * u, theme.ink)
+        length = float(np.hypot(*(self.held[1] - self.held[0])))
+        canvas.words(f"{length:.1f} px", end + 10 * u, px(u, 15), theme.ink, halo=theme.paper)

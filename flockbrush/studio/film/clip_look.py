@@ -1,0 +1,42 @@
+"""Look at a film: play it, scrub, choose the frames that are used."""
+
+from __future__ import annotations
+
+from flockbrush.studio.film.mode import Mode
+from flockbrush.studio.theme import chrome
+
+
+class LookMode(Mode):
+    """What the film is, and which part of it is used."""
+
+    name = "look"
+    title = "Look"
+    hint = "Space: play   Left, Right: step   Page Up, Page Down: ten   Wheel: zoom   Drag: move   I, O: use from, to"
+
+    def fill(self, column):
+        film = self.window.film
+        column.line(film.name)
+        column.line(f"{film.size[0]} x {film.size[1]} pixels")
+        column.line(f"{len(film)} frames, {film.fps:g} a second")
+        column.heading("Frames that are used")
+        self.used = column.line()
+        column.pair(
+            ("From here", self.window.use_from, "Begin with this frame (I)"),
+            ("To here", self.window.use_to, "End with this frame (O)"),
+            ("All", self.window.use_all, "Use the whole film"),
+        )
+        column.heading("Learn from it")
+        column.note("Mark landmarks if the camera moves, paint obstacles, show a body. The command with all of it:")
+        column.button(
+            "Copy command", self.window.copy_line, "Put the line for flockbrush learn into the clipboard (Ctrl+C)"
+        )
+
+    def freshen(self):
+        marks = self.state.marks
+        last = len(self.window.film) - 1 if marks.last is None else marks.last
+        self.used.say(f"{marks.first or 0} to {last}")
+
+    def moments(self):
+        colour = chrome(self.window.theme).accent
+        marks = self.state.marks
+        return [(k, colour) for k in (marks.first, marks.last) if k is not None]

@@ -1,0 +1,436 @@
+"""The window over a film: its parts, its main loop, and who hears which event."""
+
+from __future__ import annotations
+
+import warnings
+
+import cv2
+import numpy as np
+import pygame
+import pygame_gui
+from pygame_gui.elements import UIButton, UIPanel
+
+from flockbrush.film.clip_document import Book
+from flockbrush.film.clip_jobs import ClipJob
+from flockbrush.render.canvas import Canvas
+from flockbrush.studio.bird_marking_window import PictureView
+from flockbrush.studio.dialogs import Dialog
+from flockbrush.studio.film.bird_tool import BirdsMode
+from flockbrush.studio.film.body_tool import BodyMode
+from flockbrush.studio.film.clip_column import ClipColumn, chosen
+from flockbrush.studio.film.clip_look import LookMode
+from flockbrush.studio.film.frame_strip import FilmBar
+from flockbrush.studio.film.landmark_tool import LandmarksMode
+from flockbrush.studio.film.lifting import Lifting
+from flockbrush.studio.film.mask_tool import PaintMode
+from flockbrush.studio.film.sketch_tool import SketchMode
+from flockbrush.studio.plain_window import PlainWindow
+from flockbrush.studio.theme import chrome, px
+from flockbrush.studio.widgets import NO_MARGINS, icon_button
+
+MODES = (LookMode, LandmarksMode, PaintMode, BodyMode, BirdsMode, SketchMode)
+OF_THE_SKY = (LookMode, SketchMode)  # where there is no film
+
+
+class ClipWindow(PlainWindow):
+    """The window on the marks of a film.
+
+    Parameters
+    ----------
+    book : Book
+    size : (int, int)
+        Pixels.
+    theme : {"light", "dark"}, optional
+        The one of the playground unless told.
+    camera : path, optional
+        Of the camera that filmed, for lifting.
+    mode : str
+        Name of the first mode.
+
+    Attributes
+    ----------
+    k : int
+        The frame that is shown.
+    now : float
+        Seconds since the window was opened.
+    jobs : dict of str to Job
+        Work that goes on beside the window.
+    """
+
+    repeat = 300, 33
+
+    def __init__(self, book: Book, size=(1280, 720), theme=None, camera=None, mode="look"):
+        self.book, self.film = book, book.film
+        super().__init__(theme)
+        self.k, self.playing, self.now = 0, False, 0.0
+        self.view = PictureView()
+        self.jobs: dict = {}
+        self.lifting = Lifting(self, camera)
+        self._shown: tuple = ()
+        self._late = 0.0  # s that playing is ahead of the frame shown
+        self.modes = [kind(self) for kind in (MODES if self.film.path is not None else OF_THE_SKY)]
+        self.mode = next((one for one in self.modes if one.name == mode), self.modes[0])
+        self.open(size)
+
+    # controls ---------------------------------------------------------------------------
+
+    def build(self):
+        """Make all controls for the window's size and mode."""
+        size = self.begin()
+        bar, foot = px(self.scale, 42), px(self.scale, 68)
+        wide = min(px(self.scale, 250), size[0] // 2)
+        self.area = pygame.Rect(0, bar, size[0] - wide, max(20, size[1] - bar - foot))
+        self._side = pygame.Rect(self.area.right, bar, wide, self.area.height)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of labels that are shorter than their words
+            self._build_top(pygame.Rect(0, 0, size[0], bar))
+            self.bar = FilmBar(self, pygame.Rect(0, size[1] - foot, size[0], foot))
+            self._build_column()
+        self._shown = ()
+        self._freshen()
+
+    def _build_top(self, rect):
+        back = UIPanel(rect, 1, self.manager, margins=NO_MARGINS, object_id="@bar")
+        side, pad = px(self.scale, 32), px(self.scale, 5)
+        self.buttons, right = {}, rect.width - pad - side
+        for picture, tip, do in (
+            ("save", "Save everything (Ctrl+S)", self.save), ("redo", "Redo (Ctrl+Shift+Z)", self.redo),
+            ("undo", "Undo (Ctrl+Z)", self.undo), ("fit", "Show the whole picture (0)", self.fit),
+        ):  # fmt: skip
+            self.buttons[icon_button(self, pygame.Rect(right, pad, side, side), picture, tip, back)] = do
+            right -= side + pad
+        wide = min(px(self.scale, 108), (right - pad) // len(self.modes))
+        self.tabs = []
+        for n, mode in enumerate(self.modes):
+            place = pygame.Rect(pad + n * wide, pad, wide - pad // 2, side)
+            tab = UIButton(
+                place, mode.title, self.manager, back, tool_tip_text=f"{mode.title} ({n + 1})", object_id="@plain"
+            )
+            self.buttons[tab] = lambda mode=mode: self.take(mode.name)
+            self.tabs.append(tab)
+
+    def _build_column(self):
+        self.column = ClipColumn(self, self._side)
+        self.column.title(self.mode.title)
+        self.mode.column = self.column
+        self.mode.fill(self.column)
+        chosen(self.tabs, self.modes.index(self.mode))
+
+    def take(self, name):
+        """Take another mode."""
+        self.let_go()
+        if name != self.mode.name:
+            self.mode.leave()
+            self.mode = next(mode for mode in self.modes if mode.name == name)
+        self.rebuild_column()
+
+    def rebuild_column(self):
+        """Make the controls of the mode anew."""
+        self.column.close()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            self._build_column()
+        self._freshen()
+
+    def _freshen(self):
+        """Labels and buttons say how things are."""
+        self.bar.freshen()
+        self.mode.freshen()
+        for button, do in self.buttons.items():
+            can = {self.undo: self.book.undo_label, self.redo: self.book.redo_label}.get(do, True)
+            if bool(can) != bool(button.is_enabled):
+                (button.enable if can else button.disable)()
+        star = " *" if self.book.dirty else ""
+        pygame.display.set_caption(f"{self.film.name}{star} – {self.mode.title} – Flockbrush")
+
+    def jobs_said(self):
+        """What goes on beside the window, in words; "" when nothing does."""
+        return "   ".join(f"{job.name}: {100 * job.share:.0f} %" for job in self.jobs.values())
+
+    # one frame ---------------------------------------------------------------------------
+
+    def frame(self, dt):
+        """One frame, without waiting."""
+        self.now += dt
+        if self.film.path is None and len(self.film) != self.book.state.sketch.frames:
+            self.film.lasts(self.book.state.sketch.frames)
+            self.k = min(self.k, len(self.film) - 1)
+        self.events()
+        self._play(dt)
+        self._look_at_jobs()
+        self.guarded(self.lifting.look)
+        self.toasts.update(dt)
+        self.manager.update(dt)
+        self._freshen()
+        self.guarded(self.draw)
+
+    def guarded(self, do, *arguments):
+        """Do something; what goes wrong becomes a message, and the window goes on with everything marked so far."""
+        try:
+            return super().guarded(do, *arguments)
+        except Exception as error:
+            from flockbrush.runs.terminal import debugging
+
+            if debugging():
+                raise
+            self.toasts.say(f"this is a bug in flockbrush: {type(error).__name__}: {error}", "error")
+        return None
+
+    def _play(self, dt):
+        if not self.playing:
+            return
+        self._late += dt
+        k = self.k
+        while k + 1 < len(self.film) and self.film.time(k + 1) - self.film.time(self.k) <= self._late:
+            k += 1
+        if k > self.k:
+            self._late -= self.film.time(k) - self.film.time(self.k)
+            self._show(k)
+        if self.k == len(self.film) - 1:
+            self.playing = False
+
+    def job(self, key, name, do, then):
+        """Begin work beside the window; an older piece of the same key is dropped."""
+        if key in self.jobs:
+            self.jobs.pop(key).stop()
+        self.jobs[key] = ClipJob(name, do, then)
+
+    def _look_at_jobs(self):
+        for key, job in list(self.jobs.items()):
+            over = self.guarded(job.look)
+            if over is not False and self.jobs.get(key) is job:
+                del self.jobs[key]
+
+    # drawing -----------------------------------------------------------------------------
+
+    def draw(self):
+        """Picture, marks and controls onto the screen."""
+        self.screen.fill(chrome(self.theme).panel)
+        image = self._picture().copy()
+        self.guarded(self.mode.draw, Canvas(image))
+        self.screen.blit(pygame.image.frombuffer(image.tobytes(), self.area.size, "RGB"), self.area)
+        self.toasts.draw(self.screen, self.area, self.theme, self.scale)
+        self.manager.draw_ui(self.screen)
+        if not self.asking:
+            self.bar.draw(self.screen)
+            for chip in getattr(self.mode, "chips", ()):
+                chip.draw(self.screen)
+        pygame.display.flip()
+
+    def matrix(self):
+        """From pixels of the film to those of the canvas, (2, 3)."""
+        scale, left, top = self.view.matrix(self.film.size, self.area)
+        return np.array([[scale, 0, left], [0, scale, top]])
+
+    def warped(self, picture, matrix=None, flags=cv2.INTER_NEAREST, border=0):
+        """A picture of the film's size as it lies on the canvas; `matrix` moves it within the film first."""
+        whole = self.matrix()
+        if matrix is not None:
+            whole = whole @ np.vstack([matrix, [0, 0, 1]])
+        whole = whole.copy()
+        whole[:, 2] += 0.5 * whole[:, :2].sum(1) - 0.5  # middles of pixels
+        return cv2.warpAffine(
+            picture, whole, self.area.size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=border
+        )
+
+    def _picture(self):
+        """The part of the frame that is shown, (h, w, 3) red first, made once."""
+        key = self.k, self.area.size, self.matrix().tobytes()
+        if key != self._shown:
+            how = cv2.INTER_AREA if self.matrix()[0, 0] < 1 else cv2.INTER_LINEAR
+            paper = tuple(map(float, self.theme.paper[::-1]))
+            self._image = cv2.cvtColor(self.warped(self.film.frame(self.k), None, how, paper), cv2.COLOR_BGR2RGB)
+            self._shown = key
+        return self._image
+
+    def at(self, place) -> np.ndarray:
+        """Pixels of the canvas of places in the film, (..., 2)."""
+        scale, left, top = self.view.matrix(self.film.size, self.area)
+        return np.asarray(place, float) * scale + (left, top)
+
+    def place(self, at):
+        """The place in the film of a pixel of the canvas."""
+        scale, left, top = self.view.matrix(self.film.size, self.area)
+        return (at[0] - left) / scale, (at[1] - top) / scale
+
+    @property
+    def zoom(self):
+        """Pixels of the canvas for one of the film."""
+        return self.view.matrix(self.film.size, self.area)[0]
+
+    # what a person does ---------------------------------------------------------------------
+
+    def handle(self, event):
+        """Answer one event; who looks elsewhere lets go of what is held."""
+        if event.type == pygame.WINDOWFOCUSLOST and not self.asking:
+            self.let_go()
+        else:
+            super().handle(event)
+
+    def _file(self):
+        return self.book.folder
+
+    def _of_controls(self, event):
+        return self.bar.mouse(event) or super()._of_controls(event)
+
+    def _key(self, key):
+        step = {"left": -1, "right": 1, "pageup": -10, "pagedown": 10, "home": -len(self.film), "end": len(self.film)}
+        does = {
+            "ctrl+z": self.undo, "ctrl+shift+z": self.redo, "ctrl+y": self.redo, "ctrl+s": self.save, "0": self.fit,
+            "space": self.toggle_play, "ctrl+q": self.ask_to_quit, "escape": self.let_go, "ctrl+c": self.copy_line,
+            "i": self.use_from, "o": self.use_to,
+        }  # fmt: skip
+        if self.mode.key(key):
+            pass
+        elif key in step:
+            self.step(step[key])
+        elif key in does:
+            does[key]()
+        elif key.isdigit() and 1 <= int(key) <= len(self.modes):
+            self.take(self.modes[int(key) - 1].name)
+
+    def _mouse(self, event):
+        if event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.bar.buttons:
+            self.bar.buttons[event.ui_element]()
+        elif self.column.handle(event):
+            pass
+        elif event.type == pygame.MOUSEBUTTONDOWN and self.area.collidepoint(event.pos) and self._held is None:
+            if not self.toasts.click(event.pos):
+                self._press(self._inside(event.pos), event.button)
+        elif event.type == pygame.MOUSEMOTION and self._held is not None:
+            self._drag(self._inside(event.pos))
+        elif event.type == pygame.MOUSEBUTTONUP and self._held is not None and event.button == self._held[2]:
+            at = self._inside(event.pos)
+            self._drag(at)
+            who, self._held = self._held[0], None
+            if who == "mode":
+                self.mode.release(self.place(at), at)
+        elif event.type == pygame.MOUSEWHEEL and self.area.collidepoint(pygame.mouse.get_pos()):
+            self.view.wheel(event.y, self._inside(pygame.mouse.get_pos()), self.film.size, self.area)
+
+    def _inside(self, position):
+        return np.array([position[0] - self.area.x, position[1] - self.area.y], float)
+
+    def _press(self, at, button):
+        if button == 3:
+            self.mode.click_right(self.place(at), at)
+        elif button in (1, 2):
+            mine = button == 1 and self.mode.press(self.place(at), at)
+            self._held = "mode" if mine else "view", at, button
+
+    def _drag(self, at):
+        who, last, button = self._held
+        if who == "view":
+            self.view.shift += at - last
+        else:
+            self.mode.drag(self.place(at), at)
+        self._held = who, at, button
+
+    def let_go(self):
+        """Drop what is half done."""
+        self._held = None
+        self.mode.let_go()
+
+    def go(self, k):
+        """Show another frame; playing stops."""
+        self.playing = False
+        self._show(min(max(k, 0), len(self.film) - 1))
+
+    def _show(self, k):
+        if k != self.k:
+            self.k = k
+
+    def step(self, frames):
+        """So many frames on."""
+        self.go(self.k + frames)
+
+    def toggle_play(self):
+        """Play, from the beginning if it is over, or stop."""
+        self.playing = not self.playing
+        self._late = 0.0
+        if self.playing and self.k == len(self.film) - 1:
+            self._show(0)
+
+    def fit(self):
+        """Show the whole picture."""
+        self.view = PictureView()
+
+    def use_from(self):
+        """The film is used from this frame on."""
+        last = self.book.state.marks.last
+        self._use(self.k or None, last if last is None or last > self.k else None, f"used from frame {self.k}")
+
+    def use_to(self):
+        """The film is used up to this frame."""
+        first = self.book.state.marks.first
+        last = self.k if self.k < len(self.film) - 1 else None
+        self._use(first if first is None or first < self.k else None, last, f"used up to frame {self.k}")
+
+    def use_all(self):
+        """The whole film is used."""
+        self._use(None, None, "the whole film is used")
+
+    def _use(self, first, last, label):
+        marks, state = self.book.state.marks, self.book.state
+        if first != marks.first and not (state.obstacles.blank and state.regions.blank):
+            self.toasts.say("The mask belongs to the first frame that is used, which is another one now.", "warning")
+        self.book.mark(label, self.mode.name, self.k, first=first, last=last)
+
+    def undo(self):
+        """Take the last step back."""
+        self._after(self.book.undo(), "undone")
+
+    def redo(self):
+        """Do again what was taken back."""
+        self._after(self.book.redo(), "done again")
+
+    def _after(self, step, how):
+        self.let_go()
+        if step is not None:
+            self.toasts.say(f"{step.label}: {how}")
+            self.go(step.frame)
+            self.take(step.mode)
+
+    def copy_line(self):
+        """Put the command that learns from the film into the clipboard."""
+        line = self.book.learn_line()
+        try:
+            pygame.scrap.put_text(line)
+            self.toasts.say(f"Copied: {line}")
+        except (pygame.error, AttributeError):
+            self.toasts.say(f"There is no clipboard here; the line is: {line}", "warning")
+
+    def save(self) -> bool:
+        """Write everything that was marked; whether that went well."""
+        written = self.guarded(self.book.save)
+        if written is None:
+            return False
+        names = ", ".join(path.name for path in written)
+        self.toasts.say(f"Saved in {self.book.folder.resolve()}: {names}")
+        return True
+
+    def ask(self, title, question, answers, entry=None):
+        """Ask something in a window of its own."""
+        self.let_go()
+        self.playing = False
+        self.dialog = Dialog(self, title, question, answers, entry)
+
+    def ask_to_quit(self):
+        """Close the window, unless there is something that is not saved and the person wants to keep it."""
+        if not self.book.dirty:
+            self.quit()
+            return
+        answers = [("Save", self._save_and_quit), ("Do not save", self.quit), ("Cancel", None)]
+        self.ask("Quit", f"What was marked in {self.film.name} is not saved.", answers)
+
+    def _save_and_quit(self):
+        if self.save():
+            self.quit()
+
+    def close(self):
+        """Take the window away, and all work beside it."""
+        for job in self.jobs.values():
+            job.stop(wait=True)
+        self.jobs.clear()
+        self.mode.leave()
+        super().close()

@@ -1,0 +1,146 @@
+"""Landmarks: rectangles on things that stand still, seen as CSRT follows them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flockbrush.film.landmarks import MOST, between, followed, motion
+from flockbrush.render.style import PALETTE, rgb
+from flockbrush.studio.film.clip_column import enabled
+from flockbrush.studio.film.mode import Mode
+from flockbrush.studio.theme import px
+
+COLOURS = tuple(rgb(PALETTE[k]) for k in (5, 0, 2, 1, 4, 3, 7, 6))
+
+
+class LandmarksMode(Mode):
+    """Rectangles are drawn, followed, and taken away."""
+
+    name = "landmarks"
+    title = "Landmarks"
+    hint = "Drag a rectangle around something that stands still   Right click: remove   Two are enough, in any frames"
+
+    def __init__(self, window):
+        super().__init__(window)
+        self.held = None  # where the rectangle was begun and where it is now, pixels of the film
+        self.found: dict = {}  # of each landmark, (F, 4)
+        self._film = None
+
+    def fill(self, column):
+        column.note(
+            "A drifting, turning, zooming camera is held still by two rectangles on the ground, far from each other,"
+            " where no animal passes."
+        )
+        self.rows = [
+            column.pair((f"{k + 1}", lambda k=k: self.go(k), "Show the frame it was drawn in"))[0] for k in range(4)
+        ]
+        self.all_gone = column.button("Remove all", self.clear)
+        column.heading("Learn with them")
+        column.button(
+            "Copy command", self.window.copy_line, "Put the line for flockbrush learn into the clipboard (Ctrl+C)"
+        )
+
+    def freshen(self):
+        marks = self.state.marks.landmarks
+        for k, row in enumerate(self.rows):
+            there = k < len(marks)
+            text = f"{k + 1}: frame {marks[k].frame}, {self._said(marks[k])}" if there else "–"
+            if row.text != text:
+                row.set_text(text)
+            enabled(row, there)
+        enabled(self.all_gone, marks)
+        for mark in marks:
+            if mark not in self.found and f"landmark {mark.told}" not in self.window.jobs:
+                self._follow(mark)
+
+    def _said(self, mark):
+        found = self.found.get(mark)
+        if found is None:
+            return "following"
+        lost = int((~np.isfinite(found[:, 0])).sum())
+        return f"lost in {lost}" if lost else "in all frames"
+
+    def _follow(self, mark):
+        if any(key.startswith("landmark") for key in self.window.jobs):
+            return  # one after the other
+        self._film = self._film or self.window.film.again()
+        film = self._film
+        self.window.job(
+            f"landmark {mark.told}",
+            "following landmarks",
+            lambda say: followed(film, mark, say),
+            lambda found: self.found.__setitem__(mark, found),
+        )
+
+    def motion(self, a, b):
+        """How the picture moved between two frames, (2, 3), by the landmarks followed so far; None if not known."""
+        return motion([self.found[mark] for mark in self.state.marks.landmarks if mark in self.found], a, b)
+
+    def go(self, k):
+        """Show the frame a landmark was drawn in."""
+        self.window.go(self.state.marks.landmarks[k].frame)
+
+    def clear(self):
+        """Take all landmarks away."""
+        self.mark("all landmarks removed", landmarks=())
+
+    def moments(self):
+        return [(mark.frame, COLOURS[k % 8]) for k, mark in enumerate(self.state.marks.landmarks)]
+
+    def draw(self, canvas):
+        for k, mark in enumerate(self.state.marks.landmarks):
+            own = mark.frame == self.window.k
+            found = self.found.get(mark)
+            box = mark[1:] if own else None if found is None else found[self.window.k]
+            if box is not None and np.isfinite(box[0]):
+                self._draw_box(canvas, np.array(box[:2]), np.array(box[:2]) + box[2:], COLOURS[k % 8], str(k + 1), own)
+        if self.held is not None:
+            self._draw_box(canvas, *map(np.array, self.held), COLOURS[len(self.state.marks.landmarks) % 8], "", True)
+
+    def _draw_box(self, canvas, one, other, colour, name, own):
+        u, (low, high) = (
+            self.window.scale,
+            (self.window.at(np.minimum(one, other)), self.window.at(np.maximum(one, other))),
+        )
+        corners = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
+        canvas.line(corners, 4.4 * u, self.window.theme.paper, 0.7, closed=True)
+        canvas.line(corners, 2.4 * u, colour, closed=True, dash=None if own else (7 * u, 5 * u))
+        if name:
+            canvas.words(name, low + (0, -2), px(u, 16), colour, anchor=(0, 1), halo=self.window.theme.paper)
+
+    def press(self, place, at):
+        if len(self.state.marks.landmarks) >= MOST:
+            self.window.toasts.say(f"There are {MOST} landmarks; more do not help.", "warning")
+            return False
+        self.held = np.array(place), np.array(place)
+        return True
+
+    def drag(self, place, at):
+        if self.held is not None:
+            self.held = self.held[0], np.clip(place, 0, self.window.film.size)
+
+    def release(self, place, at):
+        held, self.held = self.held, None
+        made = None if held is None else between(self.window.k, *held, self.window.film.size)
+        if made is not None:
+            marks = (*self.state.marks.landmarks, made)
+            self.mark(f"landmark {len(marks)}", landmarks=marks)
+        elif held is not None:
+            self.window.toasts.say("Drag from one corner of the rectangle to the other.")
+
+    def click_right(self, place, at):
+        for k, mark in enumerate(self.state.marks.landmarks):
+            box = self._box(mark)
+            if box is not None and (box[:2] <= place).all() and (place <= box[:2] + box[2:]).all():
+                rest = self.state.marks.landmarks[:k] + self.state.marks.landmarks[k + 1 :]
+                self.mark(f"landmark {k + 1} removed", landmarks=rest)
+                return
+
+    def _box(self, mark):
+        """Where a landmark is in the frame shown, (4,), or None."""
+        found = self.found.get(mark)
+        box = np.array(mark[1:]) if mark.frame == self.window.k else None if found is None else found[self.window.k]
+        return box if box is not None and np.isfinite(box[0]) else None
+
+    def let_go(self):
+        self.held = None

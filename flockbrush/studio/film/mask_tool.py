@@ -1,0 +1,201 @@
+"""Obstacles and regions, painted over the film."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from flockbrush.film.clip_layers import OBSTACLE, REGIONS, MaskLayer, fill, stroke
+from flockbrush.film.landmarks import back, moved
+from flockbrush.studio.film.clip_column import chosen, enabled
+from flockbrush.studio.film.mode import Mode
+from flockbrush.studio.theme import px
+
+TOOLS = ("brush", "erase", "fill")
+WALL = (176, 48, 32)  # what obstacles are painted in on the screen
+SEEN = 0.42  # opacity
+SIZES = (2.0, 160.0)  # pixels of the film
+
+
+class PaintMode(Mode):
+    """A mask is painted; it belongs to the first frame that is used and moves with the landmarks."""
+
+    name = "paint"
+    title = "Mask"
+
+    def __init__(self, window):
+        super().__init__(window)
+        self.layer, self.region, self.tool = "obstacles", 1, "brush"
+        self.radius = max(SIZES[0], 0.02 * min(window.film.size))
+        self.array = None  # the layer while a stroke is painted, (h, w) uint8
+        self._last = None
+        self._cover: tuple = ((), None)
+        self._mouse = None
+
+    @property
+    def hint(self):
+        """What the mouse does; where the mask belongs, when nobody knows where it has gone."""
+        if self._to_first() is None:
+            return "The mask belongs to the first used frame; landmarks locate it in this one"
+        return "Drag: paint   Right click: fill   B, E, F: brush, eraser, fill   [ ]: size   Wheel: zoom"
+
+    def fill(self, column):
+        self.layers = column.pair(
+            ("Obstacles", lambda: self.take_layer("obstacles"), "Where no animal walks: trees, water, walls"),
+            ("Regions", lambda: self.take_layer("regions"), "One brush is learned from each colour"),
+        )
+        self.swatches = column.swatches(REGIONS, self.take_region) if self.layer == "regions" else []
+        self.tools = column.pair(
+            ("Brush", lambda: self.take_tool("brush"), "B"),
+            ("Erase", lambda: self.take_tool("erase"), "E"),
+            ("Fill", lambda: self.take_tool("fill"), "Fill a connected area (F): draw its outline, then fill it"),
+        )
+        self.size = column.slider(
+            "Size", 2 * self.radius, *SIZES, lambda v: f"{v:.0f} px", self.set_size, power=True, tip="[ and ]"
+        )
+        self.gone = column.button("Clear", self.clear, "Take all paint of this layer away")
+        self.share = column.line()
+        column.note(
+            "The mask belongs to the first frame that is used. In other frames it is shown where the landmarks say that"
+            " it has moved."
+            if self.layer == "obstacles"
+            else "Animals in each colour are learned apart. What is not painted belongs to none."
+        )
+
+    def freshen(self):
+        chosen(self.layers, ("obstacles", "regions").index(self.layer))
+        chosen(self.tools, TOOLS.index(self.tool))
+        chosen(self.swatches, self.region - 1)
+        if self.array is None:
+            layer = getattr(self.state, self.layer)
+            self.share.say(f"{100 * layer.share:.1f} % of the picture is painted")
+            enabled(self.gone, not layer.blank)
+        self.size.set(2 * self.radius)
+
+    # choices ------------------------------------------------------------------------------
+
+    def take_layer(self, name):
+        """Paint obstacles or regions."""
+        self.layer = name
+        self.window.rebuild_column()
+
+    def take_region(self, number):
+        """Paint with another colour."""
+        self.region, self.tool = number, "brush" if self.tool == "erase" else self.tool
+
+    def take_tool(self, name):
+        """Brush, eraser or fill."""
+        self.tool = name
+
+    def set_size(self, size):
+        """Width of the stroke, pixels of the film."""
+        self.radius = float(np.clip(size, *SIZES)) / 2
+
+    def clear(self):
+        """Take all paint of this layer away."""
+        self.edit(f"{self.layer} cleared", **{self.layer: MaskLayer.empty(self.window.film.size)})
+
+    def key(self, key):
+        does = {"b": "brush", "e": "erase", "f": "fill"}
+        if key in does:
+            self.take_tool(does[key])
+        elif key in ("[", "]"):
+            self.set_size(2 * self.radius * (1.25 if key == "]" else 0.8))
+        else:
+            return False
+        return True
+
+    # painting -----------------------------------------------------------------------------
+
+    def _array(self):
+        return getattr(self.state, self.layer).array if self.array is None else self.array
+
+    def _first(self):
+        return self.state.marks.first or 0
+
+    def _to_first(self):
+        """The motion from this frame to the one that the mask belongs to, (2, 3); None where it is not known."""
+        marks = next(mode for mode in self.window.modes if mode.name == "landmarks")
+        return marks.motion(self.window.k, self._first())
+
+    def _there(self, place):
+        matrix = self._to_first()
+        return np.array(place) if matrix is None else moved(matrix, place)
+
+    def _value(self):
+        return 0 if self.tool == "erase" else OBSTACLE if self.layer == "obstacles" else self.region
+
+    def press(self, place, at):
+        self.array = self._array().copy()
+        self._last = self._there(place)
+        if self.tool == "fill":
+            fill(self.array, self._last, self._value())
+        else:
+            stroke(self.array, self._last, self._last, self.radius, self._value())
+        return True
+
+    def drag(self, place, at):
+        if self.array is not None and self.tool != "fill":
+            there = self._there(place)
+            stroke(self.array, self._last, there, self.radius, self._value())
+            self._last = there
+
+    def release(self, place, at):
+        array, self.array = self.array, None
+        if array is not None and not np.array_equal(array, self._array()):
+            what = {"brush": "painted", "erase": "erased", "fill": "filled"}[self.tool]
+            self.edit(f"{self.layer} {what}", **{self.layer: MaskLayer.of(array)})
+
+    def click_right(self, place, at):
+        array = self._array().copy()
+        fill(array, self._there(place), self._value())
+        if not np.array_equal(array, self._array()):
+            self.edit(f"{self.layer} filled", **{self.layer: MaskLayer.of(array)})
+
+    def let_go(self):
+        self.array = None
+
+    # drawing ------------------------------------------------------------------------------
+
+    def moments(self):
+        return [(self._first(), WALL)] if not self.state.obstacles.blank or not self.state.regions.blank else ()
+
+    def draw(self, canvas):
+        matrix = self._to_first()
+        matrix = None if matrix is None else back(matrix)
+        for name in ("regions", "obstacles"):
+            layer = getattr(self.state, name)
+            array = self._array() if name == self.layer else layer.array
+            if self.array is not None or not layer.blank:
+                lay_over(
+                    canvas.image,
+                    self.window.warped(array, matrix),
+                    self._table(name),
+                    SEEN if name == self.layer else 0.2,
+                )
+        self._draw_cursor(canvas)
+
+    @staticmethod
+    def _table(name):
+        return np.array([(0, 0, 0), *(REGIONS if name == "regions" else [WALL])], np.uint8)
+
+    def _draw_cursor(self, canvas):
+        import pygame
+
+        at = np.array(pygame.mouse.get_pos(), float) - self.window.area.topleft
+        if self.tool != "fill" and (at >= 0).all() and (at < self.window.area.size).all():
+            radius = max(1.5, self.radius * self.window.zoom)
+            canvas.ring(at, radius, px(self.window.scale, 3), self.window.theme.paper, 0.7)
+            canvas.ring(at, radius, px(self.window.scale, 1), self.window.theme.ink)
+
+
+def lay_over(image, labels, table, alpha):
+    """Lay colours over a picture (h, w, 3), in place, where labels (h, w) uint8 are not 0."""
+    x, y, wide, high = cv2.boundingRect(labels)
+    if not wide:
+        return
+    part, label = image[y : y + high, x : x + wide], np.ascontiguousarray(labels[y : y + high, x : x + wide])
+    colours = np.zeros((1, 256, 3), np.uint8)
+    colours[0, : len(table)] = table
+    mixed = cv2.addWeighted(part, 1 - alpha, cv2.LUT(cv2.merge([label] * 3), colours), alpha, 0)
+    cv2.copyTo(mixed, label, part)

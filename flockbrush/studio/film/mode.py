@@ -1,0 +1,85 @@
+"""What every mode of the window over a film can do."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flockbrush.studio.film.clip_column import ClipColumn
+
+
+class Mode:
+    """One way to work on a film.  Places are pixels of the film, `at` is in pixels of the canvas.
+
+    Parameters
+    ----------
+    window : ClipWindow
+    """
+
+    name = "mode"
+    title = "Mode"
+    hint = ""
+
+    def __init__(self, window):
+        self.window = window
+        self.column: ClipColumn
+
+    @property
+    def book(self):
+        """The marks of the film."""
+        return self.window.book
+
+    @property
+    def state(self):
+        """All marks as they are now."""
+        return self.window.book.state
+
+    def fill(self, column: ClipColumn):
+        """Put controls into the column."""
+
+    def freshen(self):
+        """Let the controls show how things are."""
+
+    def draw(self, canvas):
+        """Draw onto the picture of the frame."""
+
+    def moments(self):
+        """(frame, colour) of what is to be marked on the strip."""
+        return ()
+
+    def press(self, place, at) -> bool:
+        """The left button goes down; whether the mode has a use for it (else the view is moved)."""
+        return False
+
+    def drag(self, place, at):
+        """The mouse moves with the left button down."""
+
+    def release(self, place, at):
+        """The left button goes up."""
+
+    def click_right(self, place, at):
+        """The right button went down."""
+
+    def key(self, key) -> bool:
+        """A key; whether the mode knows it."""
+        return False
+
+    def let_go(self):
+        """Drop what is half done."""
+
+    def leave(self):
+        """Another mode is taken."""
+
+    # help for modes -----------------------------------------------------------------------
+
+    def edit(self, label, **changes):
+        """A step that replaces parts of the state."""
+        self.book.do(label, self.name, self.window.k, **changes)
+
+    def mark(self, label, **changes):
+        """A step that changes the marks."""
+        self.book.mark(label, self.name, self.window.k, **changes)
+
+    def near(self, at, places, reach):
+        """The key of the place (in pixels of the film) that is nearest to a pixel of the canvas, within reach."""
+        far = {key: float(np.hypot(*(self.window.at(place) - at))) for key, place in places.items()}
+        return min((key for key in far if far[key] <= reach), key=lambda key: far[key], default=None)

@@ -1,0 +1,55 @@
+"""Which predators can be put down: species that hunt, each with the brush that makes it hunt."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from flockbrush.behaviours.behaviour import behaviours
+from flockbrush.systems.population import SpeciesList
+
+
+class Hunter(NamedTuple):
+    """A species that hunts, and the brush that it follows."""
+
+    species: str
+    brush: str
+
+
+def hunters(app):
+    """{species: Hunter} of all species that hunt by a brush of theirs, those that the animals of the level fear first.
+
+    Where no such species is known (a level of brushes and species of one's own), brushes of dangerous models are
+    offered under the species "predator".
+    """
+    models, library = behaviours(), app.session.simulation.world.resource(SpeciesList).library
+    brushes = [(name, app.find_brush(name)) for name in app.brush_names()]
+    dangerous = [(name, brush) for name, brush in brushes if brush is not None and models[brush.model].danger]
+    found = {}
+    for species in map(library.get, library.names()):
+        if any(relation.verb == "hunt" for relation in species.relations.values()):
+            fitting = (name for name, brush in dangerous if _fits(species, brush))
+            name = next(fitting, None)
+            if name is not None:
+                found[species.name] = Hunter(species.name, name)
+    if not found:
+        return {name: Hunter("predator", name) for name, _ in dangerous}
+    present = {spawn.species for spawn in app.session.simulation.level.spawns}
+    return dict(sorted(found.items(), key=lambda pair: (-_frightens(pair[0], present, library), pair[0])))
+
+
+def _fits(species, brush):
+    """Whether a brush is made for a species, and not for everybody."""
+    return bool(brush.made_for) and brush.is_made_for(species.name, species.tags)
+
+
+def _frightens(name, present, library):
+    """How many of the species that are present are its prey or fear it; those without a file fear all on foot."""
+    hunter, count = library.get(name), 0
+    for other in present:
+        prey = library.find(other)
+        if prey is None:
+            count += hunter.can("walk")
+            continue
+        hunts, fears = hunter.relation_to(prey.name, prey.tags), prey.relation_to(hunter.name, hunter.tags)
+        count += (hunts is not None and hunts.verb == "hunt") or (fears is not None and fears.verb == "fear")
+    return count

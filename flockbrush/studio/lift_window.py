@@ -1,0 +1,493 @@
+"""The window in which a lifted flight is looked at from all sides, solved anew with other wishes, and kept."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pygame
+import pygame_gui
+from pygame_gui.elements import UIHorizontalSlider, UIPanel
+
+from flockbrush.lifting.flight_show import ENDINGS, METHODS, Show, Solver, with_wish
+from flockbrush.render.canvas import Canvas
+from flockbrush.render.orbit import OrbitCamera
+from flockbrush.render.space_view import SpacePainter
+from flockbrush.render.style import mix
+from flockbrush.studio.dialogs import Dialog
+from flockbrush.studio.film.clip_column import ClipColumn
+from flockbrush.studio.plain_window import PlainWindow
+from flockbrush.studio.theme import chrome, px
+from flockbrush.studio.widgets import NO_MARGINS, icon_button, set_icon, words
+
+HINT = "Drag: go round   Right drag: move   Wheel: nearer   Click: pick a bird   Space: play   C: from the camera"
+STILL = 4  # pixels: a shorter way of the mouse is a click
+TRAIL = 2.0  # s
+SETTLE = 0.25  # s after the last move of a slider until all frames are solved
+SLIDERS = (  # name, what is set, lowest, highest, whether equal steps multiply, how it is written, tip
+    ("Smooth paths", "smoothness", 0.03, 30.0, True, "{:.2g}", "λ_t: weight of smooth paths"),
+    ("Fly as one", "flock", 0.03, 30.0, True, "{:.2g}", "λ_f: weight of alignment and cohesion"),
+    ("Even pace", "evenness", 0.0, 3.0, False, "{:.2f}", "Weight of the flock's speed being even"),
+    ("Separation", "separation", 0.0, 1.0, False, "{:.2f}", "Weight of keeping apart: for looks"),
+    ("Separation distance", "separation_distance", 0.1, 10.0, True, "{:.2g} m", "Nearer birds are too close"),
+    ("Near", "near", 0.5, 500.0, True, "{:.3g} m", "Least distance from the camera"),
+    ("Far", "far", 5.0, 5000.0, True, "{:.4g} m", "Largest distance from the camera"),
+)
+
+
+class LiftWindow(PlainWindow):
+    """The window on a flight.
+
+    Parameters
+    ----------
+    show : Show
+    size : (int, int)
+        Pixels.
+    theme : {"light", "dark"}, optional
+        The one of the playground unless told.
+
+    Attributes
+    ----------
+    k : int
+        The frame that is shown.
+    bird : int or None
+        Number of the bird that is picked.
+    """
+
+    def __init__(self, show: Show, size=(1280, 720), theme=None):
+        self.show, self.solver = show, Solver(show)
+        super().__init__(theme)
+        self.playing, self.late, self.bird = True, 0.0, None
+        self.wanted = show.wanted
+        self.at = 0.0  # frames: where playing is
+        self._due = np.inf  # s until all frames are solved
+        self._camera: OrbitCamera | None = None
+        self._levels: list[subprocess.Popen] = []
+        self.open(size)
+        for note in show.flight.notes:
+            self.toasts.say(note, "warning")
+
+    @property
+    def k(self):
+        """The frame that is shown."""
+        return int(self.at)
+
+    # controls ---------------------------------------------------------------------------
+
+    def build(self):
+        """Make all controls for the window's size."""
+        size = self.begin()
+        self._letter = ""  # of the key that has opened the dialog; it comes once more, as text
+        foot, wide = px(self.scale, 66), min(px(self.scale, 270), size[0] // 2)
+        self.area = pygame.Rect(0, 0, size[0] - wide, max(20, size[1] - foot))
+        self.column: ClipColumn | None = None
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of labels that are shorter than their words
+            self._build_foot(pygame.Rect(0, size[1] - foot, size[0], foot))
+            self._build_column(pygame.Rect(self.area.right, 0, wide, self.area.height))
+        self.painter = SpacePainter(
+            None, self.area.size, self.theme, trails=None, words=False, live=True, floor=self.show.floor
+        )
+        self._frame = np.empty((self.area.height, self.area.width, 3), np.uint8)
+        self.look_from(self._camera)
+        self._freshen()
+
+    def _build_foot(self, rect):
+        back = UIPanel(rect, 1, self.manager, margins=NO_MARGINS, object_id="@bar")
+        side, gap, x = px(self.scale, 34), px(self.scale, 3), px(self.scale, 8)
+        self.buttons, self._icon = {}, ""
+        for picture, tip, do in (
+            ("back", "One frame back (Left)", lambda: self.step(-1)), ("play", "Play or stop (Space)", self.toggle),
+            ("step", "One frame on (Right)", lambda: self.step(1)), ("fit", "Show all of it (0)", self.fit),
+            ("camera", "As the camera saw it (C)", self.from_camera),
+        ):  # fmt: skip
+            made = icon_button(self, pygame.Rect(x, px(self.scale, 6), side, side), picture, tip, back)
+            self.buttons[made] = do
+            if picture == "play":
+                self.play = made
+            if picture == "camera" and self.show.camera is None:
+                made.disable()
+            x += side + gap
+        wide = px(self.scale, 200)
+        self.clock = words(
+            self, pygame.Rect(rect.width - wide - 3 * gap, px(self.scale, 10), wide, px(self.scale, 24)), "", back,
+            "@right",
+        )  # fmt: skip
+        track = pygame.Rect(x + 3 * gap, px(self.scale, 14), 0, px(self.scale, 18))
+        track.width = max(20, rect.width - wide - 6 * gap - track.x)
+        self.scrub = UIHorizontalSlider(
+            track, self.k, (0, len(self.show) - 1), self.manager, back, object_id="@slider", click_increment=1
+        )
+        below = pygame.Rect(px(self.scale, 10), px(self.scale, 42), rect.width - px(self.scale, 20), px(self.scale, 20))
+        self.hint = words(self, below, HINT, back, "@note")
+
+    def _build_column(self, rect):
+        column = self.column = ClipColumn(self, rect)
+        column.title(Path(self.show.name).name)
+        self.facts = [column.line("", 0) for _ in range(4)]
+        if self.show.camera is not None:
+            column.heading("Lifted from one camera")
+            for name, key, low, high, power, form, tip in SLIDERS:
+                column.slider(
+                    name, self._value(key), low, high, form.format, lambda value, key=key: self.wish(key, value),
+                    power=power, tip=tip,
+                )  # fmt: skip
+            self.method = column.button(self._method(), self.other_method, "One global solve, or the thesis' descent")
+            self.buttons_in_column = column.buttons
+            column.button("Initial state", self.reset, "All sliders back")
+        column.heading(f"{self.show.animal.capitalize()}s")
+        column.slider(
+            self.show.sized_by, self.show.span, 0.1, 4.0, "{:.2f} m".format, self.resize, power=True,
+            tip="Of what is drawn, and of the formation",
+        )  # fmt: skip
+        column.pair(
+            ("Export…", self.ask_export, f"Write the flight: {', '.join(ENDINGS)} (Ctrl+S)"),
+            ("Formation…", self.ask_brush, "A formation brush from the birds of this frame (B)"),
+        )
+        self.solved = column.line("")
+
+    def _value(self, key):
+        return getattr(self.wanted if key in ("near", "far") else self.wanted.wish, key)
+
+    def _method(self):
+        return "Method: one global solve" if self.wanted.method == METHODS[0] else "Method: Algorithm 3 (COBYLA)"
+
+    def _freshen(self):
+        """Labels and buttons say how things are."""
+        flight = self.show.flight
+        self.clock.say(f"frame {flight.first + self.k}   {self.k / flight.fps:.2f} of {self.show.seconds:.2f} s")
+        told = self.show.facts(self.k)
+        lines = [*told, *[""] * (3 - len(told)), self.show.about(self.k, self.bird)]
+        for label, text in zip(self.facts, lines, strict=True):
+            label.say(text)
+        if self.show.camera is not None:
+            busy = "solving …" if self.solver.busy else ""
+            self.solved.say(busy or (f"solved in {self.solver.seconds:.2f} s" if self.solver.seconds else ""))
+        wanted = "pause" if self.playing else "play"
+        if wanted != self._icon:
+            self._icon = wanted
+            set_icon(self, self.play, wanted)
+        if self.scrub.get_current_value() != self.k and not self.scrub.has_moved_recently:
+            self.scrub.set_current_value(self.k)
+            self.scrub.has_moved_recently = False
+        pygame.display.set_caption(f"{self.show.name} – Flight – Flockbrush")
+
+    # one frame ---------------------------------------------------------------------------
+
+    def frame(self, dt):
+        """One frame, without waiting."""
+        self.events()
+        self._go_on(dt)
+        self._due -= dt
+        if self._due <= 0:
+            self._due = np.inf
+            self.solver.ask(self.wanted)
+        if self.guarded(self.solver.look):
+            self.painter.floor = self.show.floor
+        self._look_at_levels()
+        self.toasts.update(dt)
+        self.manager.update(dt)
+        self._freshen()
+        self.draw()
+
+    def _go_on(self, dt):
+        if self.playing:
+            self.at += dt * self.show.flight.fps
+            if self.at >= len(self.show):
+                self.at = 0.0
+
+    def draw(self):
+        """The flight and the controls onto the screen."""
+        self.screen.fill(chrome(self.theme).panel)
+        herd = self.show.herd(self.k)
+        image = self.painter.frame(herd, title="", legend=False, out=self._frame, selected=self.bird)
+        canvas = Canvas(image)
+        self._draw_ways(canvas)
+        if self.show.camera is not None:
+            self._draw_camera(canvas)
+        self.screen.blit(pygame.image.frombuffer(image.tobytes(), self.area.size, "RGB"), self.area)
+        self.toasts.draw(self.screen, self.area, self.theme, self.scale)
+        self.manager.draw_ui(self.screen)
+        pygame.display.flip()
+
+    def _draw_ways(self, canvas):
+        """Where everybody was in the last seconds, fainter the longer ago."""
+        way = self.show.way(self.k, TRAIL)
+        if len(way) < 2:
+            return
+        colour = mix(self.theme.ink, self.theme.paper, 0.25)
+        for begin, end, alpha in _thirds(len(way)):
+            part = way[begin:end]
+            canvas.segments(self._segments(part[:-1], part[1:]), 1.2 * self.scale, colour, alpha)
+
+    def _draw_camera(self, canvas):
+        """The camera, its picture in space, and the lines of sight through that."""
+        corners, spots = self.show.frustum(self.k)
+        ink, soft = chrome(self.theme).accent, mix(chrome(self.theme).accent, self.theme.paper, 0.35)
+        home = np.zeros((1, 3))
+        canvas.segments(self._segments(np.repeat(home, 4, 0), corners), 1.3 * self.scale, ink, 0.6)
+        canvas.segments(self._segments(corners, np.roll(corners, -1, 0)), 1.6 * self.scale, ink, 0.9)
+        self._fill(canvas, corners, soft)
+        row = None if self.bird is None else self.show.row(self.bird)
+        rows = self.show.there(self.k)
+        if row is not None and row in rows:
+            bird = self.show.flight.xyz[self.k, row : row + 1]
+            canvas.segments(self._segments(home, bird), 1.4 * self.scale, ink, 0.9)
+        if len(spots):
+            places, depth = self.painter.camera.project(spots)
+            for place in places[depth > self._near()]:
+                if (np.abs(place) < 1e4).all():
+                    canvas.disc(place, max(1.6, 2.0 * self.scale), ink, 0.9)
+        at, depth = self.painter.camera.project(home)
+        if depth[0] > self._near() and (np.abs(at[0]) < 1e4).all():
+            canvas.disc(at[0], 5 * self.scale, self.theme.paper)
+            canvas.disc(at[0], 3.6 * self.scale, ink)
+
+    def _fill(self, canvas, corners, colour):
+        places, depth = self.painter.camera.project(corners)
+        if (depth > self._near()).all() and (np.abs(places) < 1e4).all():
+            canvas.area(places, colour, 0.12)
+
+    def _near(self):
+        return self.painter.camera.numbers()[15]
+
+    def _segments(self, begin, end):
+        """Lines between points (..., 3) m as pixels (m, 4): those before the eye, cut off there."""
+        begin, end = (np.asarray(points, float).reshape(-1, 3) for points in (begin, end))
+        good = np.isfinite(begin).all(-1) & np.isfinite(end).all(-1)
+        begin, end = begin[good], end[good]
+        if not len(begin):
+            return np.zeros((0, 4))
+        camera, near = self.painter.camera, 1.01 * self._near()
+        one, two = ((points - camera.eye) @ camera.axes[2] for points in (begin, end))
+        seen = (one > near) | (two > near)
+        begin, end, one, two = begin[seen], end[seen], one[seen], two[seen]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.clip((near - one) / (two - one), 0.0, 1.0)[:, None]
+        cut = begin + share * (end - begin)
+        begin, end = np.where((one < near)[:, None], cut, begin), np.where((two < near)[:, None], cut, end)
+        lines = np.hstack([camera.project(begin)[0], camera.project(end)[0]])
+        return lines[(np.abs(lines) < 2e4).all(1)]
+
+    # what a person does ---------------------------------------------------------------------
+
+    def handle(self, event):
+        """Answer one event; nothing can be lost, so that a dialog does not keep the window open."""
+        if event.type == pygame.QUIT:
+            self.quit()
+        else:
+            super().handle(event)
+
+    def _file(self):
+        return self.show.name
+
+    def _pressed(self, event):
+        super()._pressed(event)
+        self._letter = event.unicode if self.asking else ""
+
+    def _of_dialog(self, event):
+        """Give an event to the dialog, but not the letter of the key that has opened it."""
+        if event.type == pygame.TEXTINPUT and event.text == self._letter:
+            self._letter = ""
+            return
+        if event.type == pygame.KEYUP:
+            self._letter = ""
+        super()._of_dialog(event)
+
+    def _key(self, key):
+        steps = {"left": -1, "right": 1, "pageup": -10, "pagedown": 10, "home": -len(self.show), "end": len(self.show)}
+        does = {
+            "space": self.toggle, "0": self.fit, "c": self.from_camera, "ctrl+s": self.ask_export, "b": self.ask_brush,
+            "ctrl+q": self.quit, "escape": self._let_go,
+        }  # fmt: skip
+        if key in steps:
+            self.step(steps[key])
+        elif key in does:
+            does[key]()
+
+    def _mouse(self, event):
+        if event.type == pygame_gui.UI_HORIZONTAL_SLIDER_MOVED and event.ui_element is self.scrub:
+            self.playing = False
+            self.at = float(round(event.value))
+        elif self.column is not None and self.column.handle(event):
+            pass
+        elif event.type == pygame.MOUSEBUTTONDOWN and event.button <= 3 and self.area.collidepoint(event.pos):
+            if not self.toasts.click(event.pos):
+                moves = event.button != 1 or pygame.key.get_mods() & pygame.KMOD_SHIFT
+                self._held = ("move" if moves else "turn", event.pos, event.pos, event.button)
+        elif event.type == pygame.MOUSEMOTION and self._held is not None:
+            self._drag(event.pos)
+        elif event.type == pygame.MOUSEBUTTONUP and self._held is not None and event.button == self._held[3]:
+            self._release(event.pos)
+        elif event.type == pygame.MOUSEWHEEL and self.area.collidepoint(pygame.mouse.get_pos()):
+            self.look_from(self.painter.camera.zoomed(1.15**event.y))
+
+    def _drag(self, pos):
+        what, start, last, button = self._held
+        if np.hypot(*np.subtract(pos, start)) <= STILL and last == start:
+            return
+        across, down = np.subtract(pos, last)
+        camera = self.painter.camera
+        if what == "turn":
+            per = np.pi / max(self.area.height, 1)
+            self.look_from(camera.turned(across * per, down * per))
+        else:
+            right, up, _ = camera.axes
+            x, y, z = np.asarray(camera.target) + (-across * right + down * up) / camera.scale
+            self.look_from(camera.at(x, y, z))
+        self._held = what, start, pos, button
+
+    def _release(self, pos):
+        what, start, _, _ = self._held
+        self._held = None
+        if what == "turn" and np.hypot(*np.subtract(pos, start)) <= STILL:
+            row = self.painter.pick((pos[0] - self.area.x, pos[1] - self.area.y))
+            rows = self.show.there(self.k)
+            self.bird = None if row is None else int(self.show.flight.ids[rows[row]])
+
+    def _let_go(self):
+        self._held, self.bird = None, None
+
+    def step(self, frames):
+        """Stop, and go so many frames on."""
+        self.playing = False
+        self.at = float(np.clip(self.k + frames, 0, len(self.show) - 1))
+
+    def toggle(self):
+        """Play or stop; from the end, begin anew."""
+        self.playing = not self.playing
+        if self.playing and self.k == len(self.show) - 1:
+            self.at = 0.0
+
+    # looking ----------------------------------------------------------------------------------
+
+    def look_from(self, camera=None):
+        """Look from there; from beside the whole flight and its camera unless told."""
+        if camera is None or camera.size != tuple(self.area.size):
+            camera = self._all(camera)
+        self._camera = camera
+        self.painter.look(camera)
+
+    def _all(self, like=None):
+        xyz = self.show.flight.xyz.reshape(-1, 3)
+        points = xyz[np.isfinite(xyz).all(-1)]
+        if self.show.camera is not None:
+            points = np.vstack([points, np.zeros((1, 3))])
+        azimuth, elevation = (np.radians(140.0), np.radians(24.0)) if like is None else (like.azimuth, like.elevation)
+        return OrbitCamera.of(
+            points, self.area.size, self.painter.view, azimuth, elevation, floor=self.show.floor, margin=0.07
+        )
+
+    def fit(self):
+        """Show the whole flight."""
+        self.look_from(self._all(self.painter.camera))
+
+    def from_camera(self):
+        """Look from where the camera stood, with about its field of view."""
+        lens = self.show.camera
+        if lens is None:
+            return
+        far = 0.4 * float(np.nanmedian(self.show.flight.xyz[..., 1]))
+        fov = 2 * np.arctan(0.5 * lens.height / lens.focal * 1.06)
+        view, floor = self.painter.view, self.show.floor
+        target, north = (0.0, far, 0.0), np.pi / 2
+        self.look_from(OrbitCamera(target, far, north, 0.0, tuple(self.area.size), view, fov=fov, floor=floor))
+
+    # wishes -----------------------------------------------------------------------------------
+
+    def wish(self, key, value):
+        """Solve anew with another weight or bound: a glance at once, all frames when the hand rests."""
+        self.wanted = self.guarded(lambda: with_wish(self.wanted, **{key: float(value)})) or self.wanted
+        if self.wanted.method == METHODS[0]:
+            self.solver.ask(self.wanted, glance=True)
+        self._due = SETTLE
+
+    def other_method(self):
+        """The global solve, or the thesis' descent."""
+        self.wanted = with_wish(self.wanted, method=METHODS[1 - METHODS.index(self.wanted.method)])
+        self.method.set_text(self._method())
+        self.solver.ask(self.wanted)
+
+    def reset(self):
+        """All sliders as they were at first."""
+        from flockbrush.lifting.flight_show import Wanted
+
+        lens = self.show.camera
+        self.wanted = Wanted(near=lens.near, far=lens.far)
+        for slider, (_, key, *_rest) in zip(self.column.sliders, SLIDERS, strict=False):
+            slider.set(self._value(key))
+        self.method.set_text(self._method())
+        self.solver.ask(self.wanted)
+
+    def resize(self, span):
+        """Draw birds of another wingspan."""
+        self.show.span = float(span)
+
+    # keeping ----------------------------------------------------------------------------------
+
+    def ask_export(self):
+        """Ask for the file of the flight."""
+        name = str(Path(self.show.name).with_suffix("").with_suffix("")) + ".flock.csv"
+        question = f"Write the flight to ({', '.join(ENDINGS)}):"
+        self.dialog = Dialog(self, "Export", question, [("Write", self._export), ("Cancel", None)], name)
+
+    def _export(self, path):
+        self.guarded(self._finish_solving)
+        self.show.export(path)
+        self.toasts.say(f"wrote {path}")
+
+    def _finish_solving(self):
+        """What is kept is solved in all its frames."""
+        if self._due < np.inf:
+            self._due = np.inf
+            self.solver.ask(self.wanted)
+        self.solver.wait()
+
+    def ask_brush(self):
+        """Ask for the file of the brush."""
+        self.playing = False
+        found = self.guarded(lambda: self.show.formation(self.k))
+        if found is None:
+            return
+        kind = found.frames[0].kind
+        name = f"{Path(self.show.name).name.split('.')[0]}-{kind.lower().replace(' ', '-')}.brush.toml"
+        question = f"The birds of this frame fly as a {kind} ({found.frames[0].why}). Write the brush to:"
+        answers = [("Write", self._brush), ("Write and fly", None), ("Cancel", None)]
+        where = str(Path(self.show.name).parent / name)
+        self.dialog = dialog = Dialog(self, "Formation brush", question, answers, where)
+        dialog.answers[list(dialog.answers)[1]] = lambda: self._fly(dialog.entry.get_text().strip())
+
+    def _brush(self, path):
+        self.guarded(self._finish_solving)
+        self.toasts.say(self.show.formation_brush(self.k, path))
+
+    def _fly(self, path):
+        """Write brush and level, and open that in a window of its own."""
+        self.guarded(self._finish_solving)
+        level = self.show.formation_level(self.k, path)
+        self.toasts.say(f"{level}: a window of its own opens")
+        self._levels.append(subprocess.Popen(self.command(level), stderr=subprocess.PIPE, stdout=subprocess.DEVNULL))
+
+    def command(self, level):
+        """What opens a level, a list of words."""
+        brush = level.name.removesuffix(".tmj")
+        return [sys.executable, "-m", "flockbrush", "play", str(level), "--brush", brush]
+
+    def _look_at_levels(self):
+        for process in list(self._levels):
+            if process.poll() is None:
+                continue
+            self._levels.remove(process)
+            said = process.stderr.read().decode(errors="replace").strip()
+            process.stderr.close()
+            if process.returncode:
+                self.toasts.say(said.splitlines()[-1] if said else "the level could not be opened", "error")
+
+
+def _thirds(count):
+    """(begin, end, alpha) of parts of a way, the older the fainter."""
+    edges = np.linspace(0, count - 1, 4).round().astype(int)
+    return [(edges[n], edges[n + 1] + 1, alpha) for n, alpha in enumerate((0.15, 0.35, 0.6))]

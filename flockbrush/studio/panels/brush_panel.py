@@ -1,0 +1,289 @@
+"""The Brush panel: every number of a brush as a slider, turned on the living herd, compared with its asset, saved."""
+
+from __future__ import annotations
+
+import datetime
+import html
+import re
+
+import pygame
+from pygame_gui import UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED
+from pygame_gui.core import ObjectID
+from pygame_gui.elements import UIButton, UIDropDownMenu
+
+from flockbrush.behaviours.brush import Brush
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.studio.brush_palette import whence
+from flockbrush.studio.panels.knobs import TABLES, Knob, knobs_of
+from flockbrush.studio.panels.panel import Panel, Picture, blank, palette_of, write
+from flockbrush.studio.panels.rows import PanelRow, row_of
+from flockbrush.studio.panels.tuning import as_new, changes, command_of, turned, use
+from flockbrush.studio.widgets import Shelf
+
+
+class BrushPanel(Panel):
+    """Tunes the brush in hand."""
+
+    title = "Brush"
+    tip = "Tune every parameter of the selected brush while the herd runs, and save it as a new brush"
+    name: str | None
+    rows: list[PanelRow]
+    heads: list[Picture]
+    menu: UIDropDownMenu | None
+    scroll: Shelf | None
+
+    def make(self):
+        self.name = None
+        self.known = ""  # what the rows were made for
+        self.drag, self.held = 0, False  # counts strokes of the mouse: one drag is one step of undo
+        self.rows, self.heads = [], []
+        self.menu = self.scroll = None
+        px, area, pad = self.px, self.area, self.px(8)
+        common = dict(manager=self.manager, container=self.container)
+        self.about = Picture(pygame.Rect(pad, px(42), area.width - 2 * pad, px(20)), self.manager, self.container)
+        y, wide = area.height - px(30) - pad, (area.width - 3 * pad) // 2
+        self.save = UIButton(
+            pygame.Rect(pad, y, wide, px(30)),
+            "Save as new…",
+            object_id=ObjectID("#save_brush_button", "@small_button"),
+            tool_tip_text="Save these numbers as a new brush: a file that says from which brush it came",
+            **common,
+        )
+        self.drop = UIButton(
+            pygame.Rect(2 * pad + wide, y, wide, px(30)),
+            "Revert",
+            object_id=ObjectID("#drop_changes_button", "@small_button"),
+            tool_tip_text="Take back every change of this brush: all numbers as in its asset",
+            **common,
+        )
+        self.refresh()
+
+    def close(self):
+        self._clear_rows()
+        for thing in (self.menu, self.scroll, self.save, self.drop, self.about):
+            if thing is not None:
+                thing.kill()
+        self.menu = self.scroll = None
+
+    # what is shown ----------------------------------------------------------------
+
+    @property
+    def brush(self) -> Brush | None:
+        """The brush in hand as it is in the running world; as its file has it, if nobody has brought it there yet."""
+        return self._found(self.name)
+
+    def _found(self, name) -> Brush | None:
+        palette = palette_of(self.app.session)
+        if name in palette.index:
+            return palette.brushes[palette.index[name]]
+        try:
+            return self.app.session.library.get(name) if name else None
+        except ProblemsError:
+            return None
+
+    @property
+    def is_in_world(self) -> bool:
+        """Whether the running world has the brush in hand."""
+        return self.name in palette_of(self.app.session).index
+
+    def asset_of(self, brush: Brush) -> Brush:
+        """A brush as its file has it; as it was when first seen, if it has none."""
+        first = self.app.memory.setdefault("first seen brushes", {})
+        try:
+            asset = self.app.session.library.get(brush.name)
+        except ProblemsError:
+            asset = first.setdefault(brush.name, brush)
+        return asset if asset.model == brush.model else first.setdefault(brush.name, brush)
+
+    def refresh(self):
+        for row in self.rows:
+            row.settle()
+        self._show()
+
+    def _show(self):
+        """The brush as it is now."""
+        names = palette_of(self.app.session).names
+        found = (self._found(name) for name in (self.app.brush, self.name, *names))
+        brush = next((brush for brush in found if brush is not None), None)
+        if brush is None:
+            return
+        self.name = brush.name
+        self._offer(names if self.name in names else [*names, self.name])
+        asset = self.asset_of(brush)
+        kind = f"{brush.name} {brush.model}"
+        if kind != self.known:
+            self._make_rows(brush)
+            self.known = kind
+        for row in self.rows:
+            row.show(row.knob.value(brush), row.knob.value(asset))
+        self._say(brush, asset)
+
+    def _offer(self, names):
+        """A drop-down of the world's brushes."""
+        if self.menu is not None and self.offered == names and self.menu.selected_option[0] == self.name:
+            return
+        if self.menu is not None:
+            if self.menu.current_state is not self.menu.menu_states["closed"] and self.offered == names:
+                return  # somebody is choosing
+            self.menu.kill()
+        pad, self.offered = self.px(8), list(names)
+        rect = pygame.Rect(pad, pad, self.area.width - 2 * pad, self.px(28))
+        self.menu = UIDropDownMenu(names, self.name, rect, self.manager, container=self.container, object_id="@choice")
+
+    def _say(self, brush, asset):
+        count = len(changes(brush, asset))
+        animals = self._animals(brush)
+        said = f"{brush.model} · {brush.provenance.kind} · {animals}", f"{count} changed" if count else "unchanged"
+        if self.about.said != (said, self.app.theme.name):
+            surface, height, px = blank(self.about.size), self.px(13), self.px
+            middle = surface.get_height() / 2
+            colour = self.colours.accent if count else self.colours.muted
+            right = surface.get_width() - write(
+                surface, said[1], (surface.get_width(), middle), height, colour, (1, 0.5)
+            )
+            pygame.draw.circle(surface, brush.colour, (px(7), middle), px(6))
+            write(surface, said[0], (px(18), middle), height, self.colours.muted, room=right - px(24))
+            self.about.show(surface, (said, self.app.theme.name))
+            title, more = brush.title or brush.name, brush.description or "No description."
+            self.about.element.set_tooltip(f"<b>{html.escape(title)}</b><br>{html.escape(more)}<br>{whence(brush)}")
+        (self.drop.enable if count else self.drop.disable)() if self.drop.is_enabled != bool(count) else None
+
+    def _animals(self, brush):
+        from flockbrush.components import BrushBinding
+
+        if not self.is_in_world:
+            return "not on this level yet"
+        world = self.app.session.simulation.world
+        count = int((world.agents[BrushBinding.brush] == palette_of(self.app.session).index[brush.name]).sum())
+        return f"{count:,} {'animal' if count == 1 else 'animals'}"
+
+    # rows -------------------------------------------------------------------------
+
+    def _make_rows(self, brush):
+        self._clear_rows()
+        px, area, pad = self.px, self.area, self.px(8)
+        top, bottom = px(66), area.height - px(30) - 2 * pad
+        if self.scroll is not None:
+            self.scroll.kill()
+        place = pygame.Rect(pad, top, area.width - pad, max(px(40), bottom - top))
+        self.scroll = Shelf(place, self.manager, container=self.container)
+        width, y, table = self.inner, 0, None
+        for knob in knobs_of(brush):
+            if knob.table != table:
+                table, y = knob.table, self._head(knob.table, brush, y, width)
+            row = row_of(self, knob, self.scroll, y, width, self.turn)
+            y += row.height
+            self.rows.append(row)
+        self.scroll.set_scrollable_area_dimensions((width + px(2), y + px(6)))
+        if not self.container.visible:
+            self.scroll.hide()
+
+    def _head(self, table, brush, y, width) -> int:
+        """A heading over the knobs of one table; returns where the first of them begins."""
+        px = self.px
+        tall = px(26)
+        words = TABLES[table] + (f": {brush.model}" if table == "params" else "")
+        head = Picture(pygame.Rect(0, y, width, tall), self.manager, self.scroll)
+        surface = blank((width, tall))
+        x = write(surface, words, (0, tall - px(9)), px(12), self.colours.muted, bold=True) + px(8)
+        pygame.draw.line(surface, self.colours.border, (x, tall - px(9)), (width, tall - px(9)))
+        head.show(surface)
+        self.heads.append(head)
+        return y + tall
+
+    def _clear_rows(self):
+        for row in self.rows:
+            row.kill()
+        for head in self.heads:
+            head.kill()
+        self.rows, self.heads, self.known = [], [], ""
+
+    def update(self, dt):
+        held = any(getattr(row, "held", False) for row in self.rows)
+        self.drag += self.held and not held
+        self.held = held
+        super().update(dt)
+
+    # what is done -----------------------------------------------------------------
+
+    def turn(self, knob: Knob, value, done: bool):
+        """Turn a knob of the running brush; one drag of the mouse is one step of undo."""
+        brush = self.brush
+        if brush is None or knob.value(brush) == value:
+            return
+        label = f"{knob.words} of {brush.name}: {knob.said(value)}"
+        self._do(label, lambda: [self._command(brush, knob, value)], f"tune {brush.name} {knob.name} {self.drag}")
+        if done:
+            self.drag += 1
+
+    def _command(self, brush, knob, value):
+        """A brush that the world has not yet is brought there, with the knob turned."""
+        return command_of(brush, knob, value) if self.is_in_world else use(turned(brush, knob, value))
+
+    def _do(self, label, commands, join=None):
+        """Submit what was asked for, and show what came of it."""
+        try:
+            made = commands()
+        except ValueError as error:
+            self.app.notify(str(error), "warning")
+        else:
+            self.app.session.do(label, made, join=join)
+        self._show()
+
+    def handle(self, event):
+        if event.type == UI_DROP_DOWN_MENU_CHANGED and event.ui_element is self.menu:
+            self.app.brush = self.name = event.text
+            self.refresh()
+            return True
+        if event.type == UI_BUTTON_PRESSED and event.ui_element is self.drop:
+            self.drop_changes()
+            return True
+        if event.type == UI_BUTTON_PRESSED and event.ui_element is self.save:
+            self.ask_name()
+            return True
+        return any(row.handle(event) for row in self.rows)
+
+    def drop_changes(self):
+        """Every number as in the asset."""
+        brush = self.brush
+        if brush is not None:
+            asset = self.asset_of(brush)
+            self._do(f"changes of {asset.name} dropped", lambda: [use(asset)])
+            self.drag += 1
+
+    def ask_name(self):
+        """Ask what the new brush shall be called, and save it."""
+        brush = self.brush
+        if brush is not None:
+            question = f"Name of the new brush, made from '{brush.name}' (letters, digits, - and _):"
+            self.app.ask_text("Save as new brush", question, self._free_name(brush.name), self.save_as)
+
+    def _free_name(self, name):
+        """A name like this one that no brush has: march-2, and after that march-3."""
+        taken = {*self.app.session.library.names(), *palette_of(self.app.session).names}
+        stem = re.sub(r"-\d+$", "", name)[:58]
+        return next(f"{stem}-{k}" for k in range(2, 10_000) if f"{stem}-{k}" not in taken)
+
+    def save_as(self, name: str):
+        """Save the running numbers under a new name, bring them into the world, and take them in hand.
+
+        False when the name is not accepted.
+        """
+        name, brush = name.strip().removesuffix(".brush.toml"), self.brush
+        if brush is None:
+            return None
+        try:
+            made = as_new(brush, self.asset_of(brush), name, datetime.date.today())
+            if name in {*self.app.session.library.names(), *palette_of(self.app.session).names}:
+                raise ValueError(f"there is a brush {name!r} already; choose another name")
+        except ValueError as error:
+            self.app.notify(str(error), "error")
+            return False
+        path = self.app.session.save_brush(made)
+        if path is None:
+            return None  # the session has said why
+        self.app.session.do(f"new brush {name}", [use(made)])
+        self.app.brush = self.name = name
+        self.app.notify(f"Saved {path}; '{name}' is selected")
+        self.refresh()
+        return None

@@ -1,0 +1,132 @@
+"""The Charts panel: order, rotation, speed and the number of animals under each brush, over the whole run."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pygame
+from pygame_gui.elements import UIScrollingContainer
+
+from flockbrush.studio.panels.panel import FRESH, Panel, Picture, blank, write
+from flockbrush.studio.panels.panel_strip import Strip, axis_picture, end_of, strip_picture, top_of, value_at
+from flockbrush.systems.program_reports import state_colours
+
+MEASURES = {
+    "polarization": ("polarization", "", "How much all face one way: 0 every way, 1 all the same"),
+    "milling": ("milling", "", "How much all go round their middle: 0 not at all, 1 a perfect mill"),
+    "speed": ("speed", " m/s", "Mean speed, metres per second"),
+}
+UNITY = {"polarization", "milling"}  # measures from 0 to 1
+DRAWN = (*MEASURES, "animals", "axis", "legend")
+MOST = 5  # brushes in the legend
+
+
+class ChartsPanel(Panel):
+    """Shows how the herd has been, and where in that the present is."""
+
+    title = "Charts"
+    tip = "Polarization, milling, speed and the number of animals per brush, over the whole run"
+    strips: dict[str, Picture]
+
+    def make(self):
+        px, area = self.px, self.area
+        self.scroll = UIScrollingContainer(
+            pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8)), self.manager, container=self.container,
+            allow_scroll_x=False,
+        )  # fmt: skip
+        self.wide, y, gap, legend = self.inner, px(4), px(10), (MOST + 1) * px(19)
+        room = area.height - px(46) - 3 * gap - legend
+        tall = int(min(max(room / 4.3, px(56)), px(120)))
+        self.strips = {}
+        for name, (_, _, tip) in MEASURES.items():
+            y = self._strip(name, y, tall, tip) + gap
+        y = self._strip(
+            "animals", y, round(1.3 * tall), "How many animals each brush moves, laid on top of one another"
+        )
+        y = self._strip("axis", y, px(18), None)
+        self._strip("legend", y + px(4), legend, None)
+        self.scroll.set_scrollable_area_dimensions((self.wide, y + px(4) + legend))
+        self.next = len(DRAWN) - 1
+        self.refresh()
+
+    def close(self):
+        self.scroll.kill()
+
+    def _strip(self, name, y, tall, tip) -> int:
+        self.strips[name] = Picture(pygame.Rect(0, y, self.wide, tall), self.manager, self.scroll, tip)
+        return y + tall
+
+    def update(self, dt):
+        self._stale -= dt
+        if self._stale <= 0:
+            self._stale = FRESH / len(DRAWN)  # one after the other: no frame draws them all
+            self.next = (self.next + 1) % len(DRAWN)
+            if self.next == 0:
+                self._look()
+            self._draw(DRAWN[self.next])
+
+    def refresh(self):
+        self._look()
+        for name in DRAWN:
+            self._draw(name)
+
+    def _look(self):
+        """The moment that all charts show, though they are drawn one after the other."""
+        session = self.app.session
+        now = session.clock.now
+        self.seen = session.chart, now, max(session.last_tick * session.clock.dt, now)
+
+    def _draw(self, name):
+        """Draw one chart anew, if what it shows has changed."""
+        chart, now, last = self.seen
+        said = (len(chart.time), chart.time[-1] if len(chart.time) else 0.0, now, last, self.app.theme.name)
+        if self.strips[name].said == said:
+            return
+        if name == "axis":
+            self.strips[name].show(axis_picture(end_of(last), self.strips[name].size, self.px(11), self.colours))
+        elif name == "legend":
+            self._legend(chart, now)
+        else:
+            strip = (self._measure if name in MEASURES else self._animals)(name, chart, now, end_of(last))
+            self.strips[name].show(strip_picture(strip, self.strips[name].size, self.px(12), self.colours))
+        self.strips[name].said = said
+
+    def _measure(self, name, chart, now, end) -> Strip:
+        title, unit, _ = MEASURES[name]
+        values = chart.values.get(name, np.zeros(0))
+        value = value_at(chart.time, values, now)
+        said = f"{value:.2f}{unit}" if math.isfinite(value) else "–"
+        top = 1.0 if name in UNITY else top_of(1.1 * values)
+        return Strip(title, chart.time, [(values, self.colours.accent)], now, end, top, said)
+
+    def _animals(self, name, chart, now, end) -> Strip:
+        what, counted, colours = self._counted(chart)
+        lines = [(counts, colours.get(name, self.colours.muted)) for name, counts in counted.items()]
+        total = sum((counts for counts, _ in lines), np.zeros(len(chart.time)))
+        count = value_at(chart.time, total, now)
+        said = f"{count:,.0f}" if math.isfinite(count) else "–"
+        return Strip(f"animals by {what}", chart.time, lines, now, end, top_of(1.15 * total), said, stacked=True)
+
+    def _counted(self, chart):
+        """(what counts are by, {name: counts}, {name: colour}): states where there are programs, else brushes."""
+        if not chart.states:
+            return "brush", chart.counts, self.brush_colours
+        return "state", chart.states, state_colours(self.app.session.simulation.world)
+
+    def _legend(self, chart, now):
+        """Names of the brushes or states with their numbers at present, most first."""
+        px, surface = self.px, blank(self.strips["legend"].size)
+        _, counted, colours = self._counted(chart)
+        counts = {name: value_at(chart.time, counts, now) for name, counts in counted.items()}
+        known = {name: count for name, count in counts.items() if count and math.isfinite(count)}
+        order = sorted(known, key=lambda name: -known[name])
+        for k, name in enumerate(order[:MOST]):
+            y = (k + 0.5) * px(19)
+            pygame.draw.circle(surface, colours.get(name, self.colours.muted), (px(6), y), px(5))
+            write(surface, name, (px(18), y), px(12), self.colours.ink, room=0.6 * self.wide)
+            write(surface, f"{known[name]:,.0f}", (self.wide, y), px(12), self.colours.muted, (1, 0.5))
+        if len(order) > MOST:
+            more = f"and {len(order) - MOST} more"
+            write(surface, more, (px(18), (MOST + 0.5) * px(19)), px(12), self.colours.muted)
+        self.strips["legend"].show(surface)

@@ -1,0 +1,165 @@
+"""What a panel of the right-hand column is, and how panels draw what no widget draws."""
+
+from __future__ import annotations
+
+import pygame
+from pygame_gui.elements import UIImage
+
+from flockbrush.studio.theme import chrome, font, px
+
+FRESH = 0.25  # s; numbers that change faster than this cannot be read, and cost time
+SCROLL_BAR = 20  # pixels, whatever the scale
+
+
+class Panel:
+    """One tab of the column.  It makes its widgets inside a container, and reads the app; it never writes the world.
+
+    Parameters
+    ----------
+    app : App
+        The panels use ``session``, ``selected``, ``brush``, ``theme``, ``scale``, ``overlays``, ``settings``,
+        ``seconds``, ``memory``, ``remember``, ``notify``, ``ask_text``, ``set_theme`` and ``set_scale``.
+    manager : pygame_gui.UIManager
+    container : pygame_gui.elements.UIPanel
+    """
+
+    title = ""
+    tip = ""
+
+    def __init__(self, app, manager, container):
+        self.app, self.manager, self.container = app, manager, container
+        self._stale = 0.0
+        self._know_bold()
+        self.make()
+
+    def make(self):
+        """Make the widgets, for the container's size and the app's scale."""
+
+    def _know_bold(self):
+        """Load the letters of the names in tooltips now: pygame_gui warns when it meets them unprepared."""
+        size, fonts = self.px(13), self.manager.get_theme().get_font_dictionary()
+        if not fonts.check_font_preloaded(f"noto_sans_bold_aa_{size}"):
+            font = {"name": "noto_sans", "point_size": size, "style": "bold", "antialiased": "1"}
+            self.manager.preload_fonts([font])
+
+    def handle(self, event) -> bool:
+        """Answer an event; True when it was meant for this panel."""
+        return False
+
+    def refresh(self):
+        """Show what is so now.  Called at most four times a second."""
+
+    def update(self, dt):
+        """One frame of the shown tab; `dt` are seconds."""
+        self._stale -= dt
+        if self._stale <= 0:
+            self._stale = FRESH
+            self.refresh()
+
+    def soon(self):
+        """Refresh in the next frame."""
+        self._stale = 0.0
+
+    def resize(self):
+        """The container has another size, or the look has changed: the widgets are made anew."""
+        self.close()
+        self.make()
+        self.soon()
+
+    def close(self):
+        """Take all widgets away."""
+
+    # sizes -----------------------------------------------------------------------
+
+    @property
+    def area(self) -> pygame.Rect:
+        """Where widgets may be, in the container's own pixels."""
+        width, height = self.container.get_container().get_size()
+        return pygame.Rect(0, 0, int(width), int(height))
+
+    @property
+    def inner(self) -> int:
+        """Width that a column of widgets has beside its scroll bar, pixels."""
+        return self.area.width - SCROLL_BAR - self.px(14)
+
+    def px(self, size: float) -> int:
+        """So many pixels at the app's scale."""
+        return px(self.app.scale, size)
+
+    @property
+    def colours(self):
+        """The colours of the controls."""
+        return chrome(self.app.theme)
+
+    @property
+    def brush_colours(self) -> dict:
+        """Colours "#rrggbb" of the world's brushes by name."""
+        return {brush.name: brush.colour for brush in palette_of(self.app.session).brushes}
+
+
+def palette_of(session):
+    """The brushes of the running world."""
+    from flockbrush.systems.palette import Palette
+
+    return session.simulation.world.resource(Palette)
+
+
+class Picture:
+    """A see-through drawing of our own among the widgets; drawn anew only when asked."""
+
+    def __init__(self, rect, manager, container, tip=None):
+        self.element = UIImage(rect, blank(rect[2:]), manager, container=container)
+        if tip:
+            self.element.set_tooltip(tip)
+        self.said = None
+
+    def show(self, surface, said=None):
+        """Show a surface; `said` is what it says, so that the same need not be drawn again."""
+        self.element.set_image(surface)
+        self.said = said
+
+    @property
+    def size(self):
+        """Width and height, pixels."""
+        return self.element.relative_rect.size
+
+    def kill(self):
+        """Take it away."""
+        self.element.kill()
+
+
+def blank(size) -> pygame.Surface:
+    """A see-through surface."""
+    return pygame.Surface((max(1, int(size[0])), max(1, int(size[1]))), pygame.SRCALPHA)
+
+
+def write(surface, text, at, height, colour, anchor=(0.0, 0.5), bold=False, room=None) -> int:
+    """Write on a surface; `at` is the point of the text's box at `anchor`. Returns the width taken, pixels.
+
+    `room` shortens the text with three dots to so many pixels.
+    """
+    letters = font(int(height), bold)
+    if room is not None:
+        text = fitted(text, letters, room)
+    if not text:
+        return 0
+    image = letters.render(text, True, colour)
+    width, tall = image.get_size()
+    surface.blit(image, (round(at[0] - anchor[0] * width), round(at[1] - anchor[1] * tall)))
+    return width
+
+
+def fitted(text, letters, room) -> str:
+    """The text, or its beginning with three dots when it is wider than the room."""
+    if letters.size(text)[0] <= room:
+        return text
+    while text and letters.size(text.rstrip() + "…")[0] > room:
+        text = text[:-1]
+    return text.rstrip() + "…" if text else ""
+
+
+def picture_on(button, surface):
+    """Give a button a picture instead of words."""
+    button.normal_images = button.hovered_images = button.selected_images = [surface.premul_alpha()]
+    button.disabled_images = button.normal_images
+    button.rebuild()

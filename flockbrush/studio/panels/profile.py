@@ -1,0 +1,88 @@
+"""The Profile panel: where the time goes, system by system and frame by frame."""
+
+from __future__ import annotations
+
+import re
+
+import pygame
+from pygame_gui.elements import UILabel, UIScrollingContainer
+
+from flockbrush.studio.panels.bars import Bar, bars_picture
+from flockbrush.studio.panels.panel import Panel, Picture
+
+FRAME = {
+    "simulation": "living: the ticks that fell into a frame",
+    "drawing": "ground, animals, overlays",
+    "interface": "buttons, panels, this text",
+}
+MEMORY = 0.3  # share of the newest frame in the mean: a second's frames matter
+
+
+class ProfilePanel(Panel):
+    """Shows milliseconds as bars."""
+
+    title = "Profile"
+    tip = "Milliseconds for each part of a frame, and for each system of a tick"
+    systems: Picture | None
+
+    def make(self):
+        px, area = self.px, self.area
+        self.means = dict.fromkeys(FRAME, 0.0)
+        self.scroll = UIScrollingContainer(
+            pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8)), self.manager, container=self.container,
+            allow_scroll_x=False,
+        )  # fmt: skip
+        self.wide, self.row = self.inner, px(22)
+        self._head("A frame, mean ms", 0)
+        tip = "<br>".join(f"<b>{name}</b>: {meaning}" for name, meaning in FRAME.items())
+        self.frame = Picture(
+            pygame.Rect(0, px(28), self.wide, 5 * self.row), self.manager, self.scroll, f"{tip}<br>60 a second: 16.7 ms"
+        )
+        self._head("A tick by system, mean ms", px(36) + 5 * self.row)
+        self.systems = None
+        self.refresh()
+
+    def close(self):
+        self.scroll.kill()
+
+    def update(self, dt):
+        for name, seconds in self.app.seconds.items():
+            if name in self.means:
+                self.means[name] += MEMORY * (1000 * seconds - self.means[name])
+        super().update(dt)
+
+    def refresh(self):
+        self._show_frame()
+        self._show_systems(self.app.session.profile())
+
+    def _show_frame(self):
+        colours = dict(zip(FRAME, (self.app.theme.guide, self.app.theme.exit, self.colours.accent), strict=True))
+        total = sum(self.means.values())
+        most = max(total, 1000 / 60)
+        bars = [Bar(name, ms / most, f"{ms:.2f}", colours[name]) for name, ms in self.means.items()]
+        bars.append(Bar("together", total / most, f"{total:.2f}", self.colours.muted, True))
+        self.frame.show(bars_picture(bars, self.frame.size, self.row, self.px(13), self.colours))
+
+    def _show_systems(self, profile):
+        px, ordered = self.px, sorted(profile.items(), key=lambda item: -item[1])
+        total = sum(profile.values())
+        bars = [Bar("a whole tick", 1.0 if total else 0.0, f"{total:.2f}", self.colours.muted, True)]
+        most = max(total, 1e-9)
+        bars += [Bar(words_of(name), ms / most, f"{ms:.2f}", self.app.theme.guide) for name, ms in ordered]
+        tall = len(bars) * self.row
+        if self.systems is None or self.systems.size[1] != tall:
+            if self.systems is not None:
+                self.systems.kill()
+            top = px(64) + 5 * self.row
+            self.systems = Picture(pygame.Rect(0, top, self.wide, tall), self.manager, self.scroll)
+            self.scroll.set_scrollable_area_dimensions((self.wide, top + tall))
+        self.systems.show(bars_picture(bars, self.systems.size, self.row, self.px(13), self.colours))
+
+    def _head(self, words, y):
+        rect = pygame.Rect(0, y, self.wide, self.px(26))
+        UILabel(rect, words, self.manager, container=self.scroll, object_id="@heading")
+
+
+def words_of(name) -> str:
+    """The name of a system as words: "See by hidden points"."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).capitalize()

@@ -1,0 +1,210 @@
+"""The States panel: a program of the running world as cards and rows, changed while it runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pygame
+from pygame_gui import UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED, UI_TEXT_ENTRY_FINISHED
+from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UIScrollingContainer, UITextEntryLine
+
+from flockbrush.behaviours.program import SUFFIX, load_program, save_program, shipped_programs
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.studio.panels.panel import Panel
+from flockbrush.studio.panels.program_form import cards_of, changed, with_state, with_trigger, without
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.program_commands import Event, GiveProgram, UseProgram, heard
+from flockbrush.systems.program_reports import counts
+from flockbrush.systems.programs import Programs
+from flockbrush.systems.undo import UseBrush
+
+
+class StatesPanel(Panel):
+    """Shows one program, and changes it by commands: every change is live, and undone as any other."""
+
+    title = "States"
+    tip = "States of animals and the triggers between them, changed while the herd runs"
+
+    def make(self):
+        px, area = self.px, self.area
+        place = pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8))
+        self.scroll = UIScrollingContainer(place, self.manager, container=self.container, allow_scroll_x=False)
+        self.number, self.shown, self.parts, self.rows, self.buttons = 0, None, [], {}, {}
+        self.counted: dict = {}
+        self.refresh()
+
+    def close(self):
+        self.scroll.kill()
+
+    # the world ---------------------------------------------------------------------
+
+    @property
+    def world(self):
+        return self.app.session.simulation.world
+
+    @property
+    def program(self):
+        """The program that is shown, or None."""
+        programs = self.world.resource(Programs).programs
+        return programs[min(self.number, len(programs) - 1)] if programs else None
+
+    def put(self, label, source, name, more=()):
+        """Bring a program's file into the world, with the brushes of its states; whether it was done."""
+        palette, library = self.world.resource(Palette), self.app.session.library
+        wanted = load_program(source.encode(), f"{name}.program.toml").brushes
+        brushes = [library.get(b) for b in wanted if b not in palette.index]
+        commands = [UseBrush(b.name, b.source.decode()) for b in brushes]
+        done = self.app.session.do(label, [*commands, UseProgram(name, source), *more])
+        self.shown = None
+        self.soon()
+        return done
+
+    def give(self, name):
+        """Have all animals follow a shipped program."""
+        try:
+            program = shipped_programs().get(name.strip())
+        except ProblemsError as error:
+            self.app.notify(error.problems[0].message)
+            return
+        self.put(f"program {program.name}", program.source.decode(), program.name, [GiveProgram(program.name)])
+
+    # events ------------------------------------------------------------------------
+
+    def handle(self, event):
+        element = getattr(event, "ui_element", None)
+        if event.type in (UI_TEXT_ENTRY_FINISHED, UI_DROP_DOWN_MENU_CHANGED) and element in self.rows:
+            self._change(self.rows[element], event.text)
+            return True
+        if event.type == UI_BUTTON_PRESSED and element in self.buttons:
+            self.buttons[element]()
+            return True
+        return False
+
+    def _change(self, row, text):
+        if text != row.text:
+            self._edit(f"{row.label} of {row.path[1]}", lambda: changed(self.program, row, text))
+
+    def _edit(self, label, make):
+        """Do what makes a new file; what is wrong with it becomes a message, and the form says what is so."""
+        try:
+            source = make()
+            self.put(label, source, self.program.name)
+        except (ValueError, ProblemsError) as error:
+            self.app.notify(str(error).splitlines()[0])
+            self.shown = None
+            self.soon()
+
+    def _ask_state(self):
+        add = lambda name: self._edit(f"state {name}", lambda: with_state(self.program, name.strip()))  # noqa: E731
+        self.app.ask_text("State", "Name of the new state:", "new", add)
+
+    def _ask_program(self):
+        names = ", ".join(shipped_programs().names())
+        self.app.ask_text("Program", f"All animals follow the program ({names}):", "stampede", self.give)
+
+    def _ask_folder(self):
+        folder = str(self.app.session.path.parent / "programs")
+        self.app.ask_text("Save program", f"Folder for {self.program.name}{SUFFIX}:", folder, self.save)
+
+    def save(self, folder):
+        """Write the program's file; one that is there is left alone."""
+        try:
+            Path(folder).mkdir(exist_ok=True)
+            self.app.notify(f"saved {save_program(self.program, Path(folder))}")
+        except ProblemsError as error:
+            self.app.notify(str(error.problems[0]))
+        except OSError as error:
+            self.app.notify(f"{folder}: {error.strerror or error}")
+
+    def _next(self):
+        self.number = (self.number + 1) % max(len(self.world.resource(Programs)), 1)
+        self.shown = None
+        self.soon()
+
+    # layout ------------------------------------------------------------------------
+
+    def refresh(self):
+        program = self.program
+        known = (None if program is None else (program.name, program.source), tuple(self._brushes()))
+        if known != self.shown:
+            self.shown = known
+            self._lay_out(program)
+        if program is not None:
+            here = counts(self.world)[program.name]
+            for state, label in self.counted.items():
+                said = f"{state}   {here.get(state, 0):,}"
+                if label.text != said:
+                    label.set_text(said)
+
+    def _brushes(self):
+        return self.app.session.library.names()
+
+    def _lay_out(self, program):
+        """Make the widgets of a program's cards."""
+        for part in self.parts:
+            part.kill()
+        self.parts, self.rows, self.buttons, self.counted = [], {}, {}, {}
+        y = self._top(program)
+        if program is not None:
+            for card in cards_of(program, self._brushes()):
+                y = self._card(card, y)
+            half = (self.inner - self.px(6)) // 2
+            self._button("Add state", self._ask_state, 0, y, half)
+            add = lambda: self._edit("trigger", lambda: with_trigger(self.program))  # noqa: E731
+            self._button("Add trigger", add, half + self.px(6), y, half)
+            y += self.px(34)
+            self._button("Save program", self._ask_folder, 0, y, self.inner)
+            y += self.px(34)
+        self.scroll.set_scrollable_area_dimensions((self.inner, y + self.px(6)))
+
+    def _top(self, program):
+        px, half = self.px, (self.inner - self.px(6)) // 2
+        if program is None:
+            self._label("No animal follows a program.", 0, 0, self.inner)
+            self._button("Give a program", self._ask_program, 0, px(30), self.inner)
+            return px(66)
+        self._label(program.title or program.name, 0, 0, self.inner, "@heading")
+        y, events = px(28), heard(self.world)
+        if len(self.world.resource(Programs)) > 1:
+            self._button("Next program", self._next, 0, y, half)
+            y += px(32)
+        for k, name in enumerate(events):
+            event = lambda name=name: self.app.session.do(f"event {name}", [Event(name)])  # noqa: E731
+            self._button(f"Event: {name}", event, (k % 2) * (half + px(6)), y + (k // 2) * px(32), half)
+        return y + -(-len(events) // 2) * px(32) + px(4)
+
+    def _card(self, card, y):
+        px = self.px
+        label = self._label(card.title, 0, y, self.inner - px(34), "@heading")
+        if card.path[0] == "state":
+            self.counted[card.title] = label
+        remove = lambda: self._edit(f"remove {card.title}", lambda: without(self.program, card.path))  # noqa: E731
+        self._button("×", remove, self.inner - px(28), y, px(26))
+        y += px(28)
+        for row in card.rows:
+            self._row(row, y)
+            y += px(28)
+        return y + px(8)
+
+    def _row(self, row, y):
+        px, left = self.px, round(0.42 * self.inner)
+        self._label(row.label, px(6 + 10 * row.depth), y, left - px(8 + 10 * row.depth))
+        place = pygame.Rect(left, y, self.inner - left, px(26))
+        if row.choices and row.text in row.choices:
+            made = UIDropDownMenu(list(row.choices), row.text, place, self.manager, container=self.scroll)
+        else:
+            made = UITextEntryLine(place, self.manager, container=self.scroll, initial_text=row.text)
+        self.rows[made] = row
+        self.parts.append(made)
+
+    def _label(self, text, x, y, wide, kind="@row"):
+        place = pygame.Rect(x, y, wide, self.px(26))
+        label = UILabel(place, text, self.manager, container=self.scroll, object_id=kind)
+        self.parts.append(label)
+        return label
+
+    def _button(self, words, action, x, y, wide):
+        place = pygame.Rect(x, y, wide, self.px(28))
+        button = UIButton(place, words, self.manager, container=self.scroll, object_id="@small_button")
+        self.buttons[button] = action
+        self.parts.append(button)

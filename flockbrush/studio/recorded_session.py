@@ -1,0 +1,131 @@
+"""A session of a recording: its level unpacked from it, its run known from the first tick to the last."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path, PurePosixPath
+
+from flockbrush.engine.files import write_bytes
+from flockbrush.engine.recording import RecordingError, open_recording
+from flockbrush.engine.state import StateError, check_beginning
+from flockbrush.runs import run as running
+from flockbrush.studio.gauges import sample_of
+from flockbrush.studio.recovery import Shelter
+from flockbrush.studio.session import Session
+from flockbrush.studio.session_files import LevelFile, SessionNotice
+from flockbrush.studio.timeline import KEYFRAME_BYTES, Beginning, Branch, Timeline, WentWrong
+
+SUFFIX = ".flock"
+FOLDER = "recorded"  # in the folder of the session
+
+
+class RecordedSession(Session):
+    """A session whose level was unpacked into its own folder."""
+
+    unpacked: tuple[Path, ...] = ()
+
+    def close(self, keep=False):
+        """As `Session.close`; the files that were unpacked go, unless unsaved work needs them."""
+        if not keep and not self.dirty:
+            for file in self.unpacked:
+                file.unlink(missing_ok=True)
+                remove_empty(file.parent, self._shelter.folder)
+        return super().close(keep)
+
+
+def remove_empty(folder, below):
+    """Remove a folder and those around it, as long as they are empty and below another one."""
+    while folder != below and below in folder.parents:
+        try:
+            folder.rmdir()
+        except OSError:
+            return
+        folder = folder.parent
+
+
+def is_recording(path) -> bool:
+    """Whether a file is a recording, by its name."""
+    return str(path).lower().endswith(SUFFIX)
+
+
+def open_recorded(path, state_folder=None) -> Session:
+    """Open a recording at its first tick: what it knows can be scrubbed, what is done then begins a branch.
+
+    The level is unpacked into the session's own folder; it is saved under another name.  The recording is only read.
+
+    Raises
+    ------
+    RecordingError, ProblemsError
+        When it cannot be read, or is not of a level.
+    OSError
+        When there is no place for its level.
+    """
+    run = open_recording(path)
+    simulation = running.rebuild(run)
+    shelter = None
+    try:
+        level, library = running.embedded_level(run)
+        shelter = Shelter(Path(path).with_suffix(".tmj"), state_folder)
+        files = unpacked(run, shelter.folder / FOLDER)
+        branch = Branch.begun(
+            "main", Beginning(level, library, run.header["seed"], run.header.get("agents")), simulation
+        )
+        branch.header, branch.assets = run.header, run.assets
+        branch.take_over(run)
+        _keep_snapshots(run, branch, simulation.world)
+        timeline = Timeline.resumed({"main": branch}, "main", shelter.folder, sample_of, at=0)
+    except WentWrong as error:
+        if shelter is not None:
+            shelter.close()
+        raise RecordingError(f"{path}: {error}") from None
+    except BaseException:
+        if shelter is not None:
+            shelter.close()
+        raise
+    finally:
+        simulation.close()
+    home = shelter.folder / FOLDER / run.header["level"]
+    session = RecordedSession(home, timeline, shelter, [SessionNotice("info", _told(run))])
+    session.lent, session.library, session.unpacked = True, library, files
+    session._file = LevelFile(home, level.files[level.path.name])
+    session._edit()
+    return session
+
+
+def unpacked(run, folder) -> tuple[Path, ...]:
+    """Write the files that a recording embeds below a folder; their paths.
+
+    Raises
+    ------
+    RecordingError
+        When a name leads out of the folder.
+    """
+    files = []
+    for name, data in run.assets.items():
+        parts = PurePosixPath(name).parts
+        if not parts or name.startswith("/") or ".." in parts or "\\" in name or ":" in name or "\0" in name:
+            raise RecordingError(f"{run.path}: embeds a file called {name!r}, which leads out of its folder")
+        to = folder.joinpath(*parts)
+        to.parent.mkdir(parents=True, exist_ok=True)
+        files.append(write_bytes(to, data))
+    return tuple(files)
+
+
+def _keep_snapshots(run, branch, world):
+    """Know the recorded snapshots, so that any moment is near one."""
+    size = 0
+    for tick in sorted(run.keyframes):
+        try:
+            data = run.keyframes.read(tick, partial(check_beginning, world))
+        except StateError:
+            continue  # of another version: the run is lived again from the one before
+        size += len(data)
+        if size > KEYFRAME_BYTES // 2:
+            break
+        branch.keyframes.keep(tick, bytes(data))
+
+
+def _told(run):
+    seconds = run.last_tick * run.header["dt"]
+    text = f"recording {Path(run.path).name}: {seconds:g} s. Drag in the time bar; what you do begins a branch"
+    return f"{text}. {run.notice}" if run.notice else text

@@ -1,0 +1,541 @@
+"""A level that is played: its world in time, its document, and what a designer does to both.
+
+Nothing here draws.  The window asks for `Session.view` and hands in what the designer does with `Session.do`; whatever
+goes wrong becomes a `Notice`, never a traceback.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+
+from flockbrush.engine.commands import CommandError
+from flockbrush.engine.files import output_problems
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.recording import RecordingError
+from flockbrush.levels.editor import EditError, Editor, JournalError
+from flockbrush.levels.reader import brush_library, read_level_text
+from flockbrush.runs import run as running
+from flockbrush.runs.snapshots import between, moment_of, names_of
+from flockbrush.studio.gauges import Pacemaker, Profile, chart_of, sample_of
+from flockbrush.studio.history import History
+from flockbrush.studio.recovery import leftovers, recovered_branches
+from flockbrush.studio.session_files import Keeping, LevelFile, SessionNotice, editor_of, sheltered
+from flockbrush.studio.timeline import Beginning, Timeline, WentWrong
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.undo import UseBrush
+
+RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # of simulated to real time
+_SOON = 1e-9  # of a tick; rounding of what real time adds up to
+
+
+class Session(Keeping):
+    """A level that is open in the playground.  Make one with `open`.
+
+    Attributes
+    ----------
+    timeline : Timeline
+    path : Path
+        The level's file.
+    library : BrushLibrary
+        The brushes there are.
+    playing : bool
+    lent : bool
+        Whether the level's file is not the designer's: it comes with Flockbrush, or out of a recording.
+    """
+
+    def __init__(self, path, timeline, shelter, notices):
+        self.path, self.timeline, self._shelter = Path(path), timeline, shelter
+        self._notices: list[SessionNotice] = notices
+        self.timeline.tell = lambda text: self._say("warning", text)
+        self.library = timeline.current.beginning.library
+        self._file = LevelFile(self.path)
+        self.playing = False
+        self.lent = self.path.resolve().parent == running.SHIPPED.resolve()
+        self._rate = 1.0
+        self._owed = 0.0  # ticks of real time that have not been simulated yet
+        self._goal: int | None = None  # the tick we are scrubbing to
+        self._cost = 0.0  # s of a tick, recent mean
+        self._pace = Pacemaker()
+        self._profile = Profile()
+        self._charted: tuple = (None, None)
+        self._flushed = time.monotonic()
+        self._look()
+
+    @classmethod
+    def open(cls, name, seed=None, agents=None, record=None, state_folder=None) -> Session:
+        """Open a level.
+
+        Parameters
+        ----------
+        name : str or path
+            A file, or the name of a shipped level.
+        seed, agents : int, optional
+            As `flockbrush.runs.run.start`.
+        record : path, optional
+            Record the run there, and each branch in a file of its own beside it.
+        state_folder : path, optional
+            Where what a crash must not take is kept; `recovery.state_folder` unless told.
+
+        Raises
+        ------
+        ProblemsError
+            With everything that is wrong with the level, or when the recording cannot be written.
+        """
+        level, library = running.open_level(name)
+        record = None if record is None else Path(record)
+        problems = output_problems([record] if record else [], [level.path])
+        if problems:
+            raise ProblemsError(problems)
+        notices: list[SessionNotice] = []
+        with sheltered(level.path, state_folder, notices) as shelter:
+            folder = shelter and shelter.folder if record is None else record.parent
+            beginning = Beginning(level, library, seed, agents)
+            timeline = Timeline(beginning, record.stem if record else level.name, folder, sample_of)
+        session = cls(level.path, timeline, shelter, notices)
+        session._file = LevelFile(level.path, level.files[level.path.name])
+        session._edit()
+        return session
+
+    @classmethod
+    def recover(cls, left, state_folder=None) -> Session:
+        """Go on where a crash ended a session, with all that it knew.
+
+        Parameters
+        ----------
+        left : recovery.Leftover
+
+        Raises
+        ------
+        RecordingError, ProblemsError
+            When too little is left of it; nothing is thrown away then.
+        """
+        branches = recovered_branches(left)
+        notices: list[SessionNotice] = []
+        with sheltered(left.level, state_folder, notices) as shelter:
+            try:
+                timeline = Timeline.resumed(branches, left.current, shelter and shelter.folder, sample_of)
+            except WentWrong as error:
+                raise RecordingError(f"{left.level}: {error}") from None
+        session = cls(left.level, timeline, shelter, notices)
+        session.library = brush_library(session.path, session.level.files)
+        for name, branch in timeline.branches.items():
+            session._adopt(session._recovered_editor(name, left.branches[name].journal), branch)
+        session._note()
+        left.discard()
+        return session
+
+    def _recovered_editor(self, name, journal):
+        """The editor whose journal a crash left."""
+        try:
+            if journal is None:
+                raise JournalError("there is no journal of it")
+            return Editor.recover(journal)
+        except (JournalError, ProblemsError) as error:
+            self._say("warning", f"{name}: what was done to the level is lost: {error}")
+            return History(self.path, "its edits were lost in a crash; open it again to edit it")
+
+    @staticmethod
+    def recoverable(name=None, state_folder=None, tell=lambda text: None):
+        """What crashes left unsaved of a level, or of all: `recovery.Leftover`, the latest first.
+
+        What they left of sessions without unsaved work goes to the trash.  ``tell`` is told what was set aside.
+        """
+        found = leftovers(None if name is None else running.find_level(name), state_folder, tell)
+        wanted = [left for left in found if left.unsaved]
+        for left in found:
+            if left not in wanted:
+                left.discard()
+        return wanted
+
+    def _edit(self):
+        """Begin to edit the level's file on a branch that has just begun."""
+        editor, why = editor_of(self.path, self.simulation, self.timeline.current.beginning, self.library)
+        if why:
+            self._say("warning", why)
+        self._adopt(editor)
+        self._note()
+
+    # what there is ----------------------------------------------------------------
+
+    @property
+    def editor(self):
+        """The document of the branch we are on (`flockbrush.levels.editor.Editor`, or `History` where it cannot be
+        edited)."""
+        return self.timeline.current.editor
+
+    @property
+    def simulation(self):
+        """The world that is shown.  Another object after a restart or a switch: ask again rather than keep it."""
+        return self.timeline.simulation
+
+    @property
+    def level(self):
+        """The level as it was when this run began."""
+        return self.simulation.level
+
+    @property
+    def clock(self):
+        return self.simulation.clock
+
+    @property
+    def tick(self):
+        """Ticks since the beginning."""
+        return self.timeline.tick
+
+    @property
+    def last_tick(self):
+        """The end of what is known of this branch."""
+        return self.timeline.current.last_tick
+
+    @property
+    def in_past(self):
+        """Whether what comes next is known."""
+        return not self.timeline.at_end
+
+    @property
+    def wrap(self):
+        """(width, height) of a periodic map, m, or None."""
+        return self.simulation.world.resource(Landscape).wrap
+
+    def names(self):
+        """(species, brushes): names by index, as they are now."""
+        return names_of(self.simulation)
+
+    @property
+    def moment(self):
+        """The animals as they exactly are."""
+        return self._after
+
+    def view(self):
+        """The animals for drawing, between the last two ticks while time goes on."""
+        if not self.playing or self._before is None:
+            return self._after
+        start, end = self._before.time, self._after.time
+        return between(self._before, self._after, start + min(self._owed, 1.0) * (end - start), self.wrap)
+
+    def notices(self):
+        """What the designer should know, each once."""
+        told, self._notices = self._notices, []
+        return told
+
+    def ground_changes(self):
+        """Where the ground looks different now: boxes (west, south, east, north) in metres, or "all"; each once."""
+        boxes, self.timeline.moved = self.timeline.moved, []
+        return ["all"] if "all" in boxes else list(dict.fromkeys(boxes))
+
+    # time -----------------------------------------------------------------------------
+
+    @property
+    def rate(self):
+        """Simulated seconds per real second that are wished for, 1/4 to 8."""
+        return self._rate
+
+    @rate.setter
+    def rate(self, rate):
+        self._rate = min(max(float(rate), RATES[0]), RATES[-1])
+        self._pace.restart()
+
+    @property
+    def pace(self):
+        """Simulated seconds per real second as it goes; below `rate` when the machine is too slow."""
+        return self._pace.pace if self.playing else 0.0
+
+    def play(self):
+        """Let time go on.  In the past, what was recorded is watched again, up to its end, and then goes on."""
+        self.playing, self._owed = True, 0.0
+        self._finish()
+        self._pace.restart()
+
+    def pause(self):
+        """Stand still."""
+        self.playing = False
+        self.timeline.settle()
+        self._look()
+
+    def step(self, n=1):
+        """So many single ticks; negative ones go back."""
+        self.playing = False
+        self._finish()
+        if n < 0:
+            self.scrub(self.tick + n)
+            return
+        for _ in range(n):
+            if not self._tick():
+                break
+        self.timeline.settle()
+        self._look()
+
+    def scrub(self, tick, budget_s=None):
+        """Go to a tick that is known; whether it is there already.
+
+        With a budget in seconds, the rest of a long way is gone in the next calls of `advance`.  The past stays as it
+        was; whatever is done there begins a branch.
+        """
+        self.playing, self._goal = False, int(tick)
+        return self._go(budget_s)
+
+    def restart(self):
+        """Begin anew with the level and the brushes as they are now; the run so far stays as a branch."""
+        now, editor = self.timeline.current.beginning, self.editor
+        try:
+            beginning = Beginning(self._level_now(), self.library, now.seed, now.agents)
+            self._begin(beginning, editor.restarted(), self.simulation.world.resource(Palette).brushes)
+        except ProblemsError as error:
+            self._say("error", f"{error}\nThe level cannot begin so; the run goes on.")
+
+    def _level_now(self):
+        """The level with all that was done to it."""
+        level = self.timeline.current.beginning.level
+        if isinstance(self.editor, History):
+            return level
+        return read_level_text(self.editor.text().encode(), self.path, self.library, level.files)
+
+    def _begin(self, beginning, editor, brushes=()):
+        """A branch with a beginning of its own, and these brushes in the hand; ProblemsError, and nothing changed."""
+        playing, self.playing, self._goal = self.playing, False, None
+        outdated = self.timeline.current.outdated and editor is not None
+        self.timeline.begin(beginning)
+        self.timeline.current.outdated = outdated
+        known = {brush.name: brush for brush in self.simulation.world.resource(Palette).brushes}
+        tuned = [brush for brush in brushes if known.get(brush.name) != brush]
+        self.timeline.perform([UseBrush(brush.name, brush.source.decode()) for brush in tuned])
+        if editor is None:
+            self._edit()
+        else:
+            self._adopt(editor)
+            self._note()
+        self._look()
+        self.playing = playing
+
+    def advance(self, wall_seconds, budget_s):
+        """Simulate what real time asks for, as far as the budget allows.
+
+        At least one tick, if one is due, and never one that is not expected to fit; what could not be done is
+        forgotten, so a slow machine plays slower and never falls behind.
+
+        Parameters
+        ----------
+        wall_seconds : float
+            Real time since the last call.
+        budget_s : float
+            Seconds this may take.
+
+        Returns
+        -------
+        int
+            Ticks that have passed.
+        """
+        if self._goal is not None:
+            self._go(budget_s)
+            return 0
+        if not self.playing:
+            return 0
+        asked = wall_seconds * self._rate / self.clock.dt
+        self._owed += asked
+        done = self._live(time.perf_counter() + budget_s)
+        self._owed %= 1.0  # what is more than a tick is forgotten
+        self._pace.passed(wall_seconds, done * self.clock.dt)
+        return done
+
+    def _live(self, deadline):
+        done = 0
+        while self._owed > 1.0 - _SOON and self.playing:
+            begin = time.perf_counter()
+            if done and begin + self._cost > deadline:
+                break
+            if not self._tick():
+                break
+            done += 1
+            self._owed = max(self._owed - 1.0, 0.0)
+            self._cost += 0.2 * (time.perf_counter() - begin - self._cost)
+        return done
+
+    def _tick(self):
+        """One tick, or a notice and a pause."""
+        try:
+            self.timeline.step()
+        except (CommandError, WentWrong) as error:
+            self._stop(str(error))
+            return False
+        self._before, self._after = self._after, moment_of(self.simulation, labels=False)
+        self._profile.passed(self.simulation.schedule)
+        return True
+
+    def _stop(self, text):
+        self.playing, self._owed = False, 0.0
+        self._say("error", text)
+        self._look()
+
+    def _go(self, budget_s):
+        deadline = math.inf if budget_s is None else time.perf_counter() + budget_s
+        try:
+            there = self.timeline.go_to(self._goal, deadline)
+        except WentWrong as error:
+            self._stop(str(error))
+            there = True  # as near as one can come
+        if there:
+            self._goal = None
+        self._look()
+        return there
+
+    def _finish(self):
+        """Be where a scrub wanted to be."""
+        if self._goal is not None:
+            self._go(None)
+
+    def _look(self):
+        """The world was changed from outside of its ticks: there is nothing before it to draw from."""
+        self._before, self._after = None, moment_of(self.simulation, labels=False)
+
+    # branches -----------------------------------------------------------------------------
+
+    @property
+    def branches(self):
+        """The courses of events there are, by name (`timeline.Branch`)."""
+        return self.timeline.branches
+
+    @property
+    def branch_name(self):
+        """The branch we are on."""
+        return self.timeline.current.name
+
+    def branch(self, name=None):
+        """Begin another course of events here; its name.  The old one stays in `branches`."""
+        self._finish()
+        self._fork(name)
+        self._look()
+        return self.branch_name
+
+    def _fork(self, name=None):
+        """Another branch from here, its document as it was at this tick."""
+        editor, outdated = self.editor, self.timeline.current.outdated
+        then = editor.at(self.tick, after=True)
+        self.timeline.fork(name)
+        self.timeline.current.outdated = outdated
+        self._adopt(then)
+        self._note()
+
+    def switch(self, name):
+        """Go to the end of another branch."""
+        self.playing, self._goal = False, None
+        try:
+            self.timeline.switch(name)
+        except (LookupError, WentWrong) as error:
+            self._say("error", str(error.args[0]))
+        self._look()
+        self._note()
+
+    # doing ----------------------------------------------------------------------------------
+
+    def do(self, label, commands, join=None):
+        """Do something to the world and to the level, all of it or nothing; whether it was done.
+
+        In the past this begins a branch.
+
+        Parameters
+        ----------
+        label : str
+            What undo is to call it.
+        commands : sequence of command
+        join : str, optional
+            Steps of one key that follow each other are undone as one: the pieces of a stroke.
+        """
+        commands = list(commands)
+        forked = self._leave_past()
+        try:
+            self.editor.check(commands)
+            back = self.timeline.perform(commands)
+        except (CommandError, EditError, ValueError, LookupError, TypeError) as error:
+            self._say("error", _reason(error))
+            self._stay(forked)
+            return False
+        self.editor.do(label, commands, back, self.tick, join)
+        self._done()
+        return True
+
+    def undo(self):
+        """Take back the last step; whether there was one."""
+        forked = self._leave_past()
+        label, commands = self.editor.undo_label, self.editor.undo_commands
+        if commands is None:
+            self._stay(forked)
+            return False
+        try:
+            again = self.timeline.perform(commands)
+        except CommandError as error:
+            self._say("warning", f"{label}: taken back in the level; the herd cannot follow: {_reason(error)}")
+            again = None
+        self.editor.undo(self.tick, again)
+        self._done()
+        return True
+
+    def redo(self):
+        """Do the step last taken back again; whether there was one, and it could be."""
+        forked = self._leave_past()
+        commands = self.editor.redo_commands
+        try:
+            if commands is None:
+                raise LookupError
+            back = self.timeline.perform(commands)
+            self.editor.redo(self.tick, back)
+        except (CommandError, EditError, LookupError) as error:
+            if commands is not None:
+                self._say("error", _reason(error))
+            self._stay(forked)
+            return False
+        self._done()
+        return True
+
+    @property
+    def undo_label(self):
+        """What undo would take back, or None."""
+        return self.editor.undo_label
+
+    @property
+    def redo_label(self):
+        """What redo would do again, or None."""
+        return self.editor.redo_label
+
+    def _leave_past(self):
+        """What is done in the past is another course of events; whether a branch was begun for it."""
+        self._finish()
+        forked = self.in_past
+        if forked:
+            self._fork()
+        return forked
+
+    def _stay(self, forked):
+        """Nothing was done after all."""
+        if forked:
+            self.editor.close_journal()
+            self.timeline.give_up()
+            self._note()
+        self._after = moment_of(self.simulation, labels=False)
+
+    def _done(self):
+        """Something was done: what was before it is still drawn from, and a crash cannot take it."""
+        self._after = moment_of(self.simulation, labels=False)
+        self.timeline.flush()
+
+    # numbers --------------------------------------------------------------------------------
+
+    @property
+    def chart(self):
+        """Measures over the whole branch (`Chart`), as far as it is known."""
+        samples = self.timeline.current.samples
+        known = self.branch_name, samples[-1].tick if samples else -1
+        if self._charted[0] != known:
+            self._charted = known, chart_of(samples)
+        return self._charted[1]
+
+    def profile(self):
+        """Milliseconds a tick of each system, recent mean."""
+        return self._profile.milliseconds
+
+
+def _reason(error):
+    """A sentence for the designer, without the command's own spelling."""
+    return error.reason if isinstance(error, CommandError) else str(error)

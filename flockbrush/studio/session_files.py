@@ -1,0 +1,313 @@
+"""The files of a session: the level on the disk, recordings, brushes of one's own, and what a crash must not take."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from flockbrush.behaviours.brush import SUFFIX, Brush, save_brush
+from flockbrush.engine.files import refused, write_bytes
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.recording import RecordingError
+from flockbrush.levels.build import brushes_used
+from flockbrush.levels.editor import Editor
+from flockbrush.levels.files import project_folder
+from flockbrush.levels.reader import brush_library, read_level_text
+from flockbrush.levels.schema import PROJECT_FILE
+from flockbrush.levels.tiled import renew_brushes
+from flockbrush.runs import run as running
+from flockbrush.studio.history import History
+from flockbrush.studio.recovery import Shelter
+from flockbrush.studio.timeline import Beginning, plain_name
+
+AUTOSAVE_SECONDS = 1.0  # s; what a crash may take at most
+
+
+@dataclass(frozen=True)
+class SessionNotice:
+    """Something the designer should know."""
+
+    kind: str  # "info", "warning" or "error"
+    text: str
+
+
+class LevelFile:
+    """A level's file as this session last knew it, to notice when another program writes it.
+
+    Parameters
+    ----------
+    path : path
+    data : bytes, optional
+        What was read from it; what is there now unless told.
+    """
+
+    def __init__(self, path, data=None):
+        self.path = Path(path)
+        self._known = _digest(self._bytes() if data is None else data)
+        self._seen = None  # of the file's time and size, when it was last compared
+
+    def changed(self):
+        """ "" as long as it is the same, "changed" or "deleted"."""
+        try:
+            status = os.stat(self.path)
+        except OSError:
+            return "deleted" if self._known else ""
+        seen = status.st_mtime_ns, status.st_size
+        if seen == self._seen:
+            return ""
+        if _digest(self._bytes()) != self._known:
+            return "changed"
+        self._seen = seen
+        return ""
+
+    def beside(self, ending):
+        """A path for another version of it."""
+        return self.path.with_name(f"{self.path.name}.{ending}")
+
+    def _bytes(self):
+        try:
+            return self.path.read_bytes()
+        except OSError:
+            return None
+
+
+def _digest(data):
+    return "" if data is None else hashlib.sha256(data).hexdigest()
+
+
+class Keeping:
+    """The part of a session that has to do with files."""
+
+    # the level -----------------------------------------------------------------
+
+    @property
+    def dirty(self):
+        """Whether the level's file is not what is seen here."""
+        return self.editor.dirty or self.timeline.current.outdated
+
+    def save(self, path=None):
+        """Write the level, in its place or elsewhere; the path, or False and a notice.
+
+        What was there before is kept as NAME.tmj.bak.
+        """
+        to = Path(os.path.abspath(self.path if path is None else path))
+        try:
+            if to.parent == running.SHIPPED:  # whatever is open
+                raise refused(to, "is part of Flockbrush and is not changed; save under another name")
+            self.editor.save(to)
+        except (ProblemsError, OSError, ValueError) as error:
+            self._say("error", f"{error}\nThe level was not saved; nothing of your work is lost.")
+            return False
+        self._bring_along(to)
+        self.path, self._file, self.lent = to, LevelFile(to), False
+        for branch in self.branches.values():
+            branch.outdated = branch is not self.timeline.current
+        self._note()
+        return to
+
+    def _bring_along(self, to):
+        """In another folder: brushes of one's own, and tilesets that are lost at the old place."""
+        if to.parent == self.path.parent and all((to.parent / name).exists() for name in self.level.files):
+            return
+        try:
+            level = read_level_text(self.editor.text().encode(), to, self.library, self.level.files)
+            files = dict(list(level.files.items())[1:])
+            there = brush_library(to).names()
+            own = [name for name in brushes_used(level) if name not in there]
+            files |= {f"brushes/{name}{SUFFIX}": self.library.path(name).read_bytes() for name in own}
+            for name, data in files.items():
+                if not (to.parent / name).exists():
+                    (to.parent / name).parent.mkdir(parents=True, exist_ok=True)
+                    write_bytes(to.parent / name, data, overwrite=False)
+        except (ProblemsError, OSError) as error:
+            self._say("warning", f"{to} is saved, but does not open yet: {error}")
+
+    def changed_on_disk(self):
+        """ "" as long as the level's file is as we know it, "changed" or "deleted" when another program did that."""
+        return self._file.changed()
+
+    def reload(self, keep="theirs"):
+        """Settle whose level counts when the file was changed by another program; whether that worked.
+
+        Parameters
+        ----------
+        keep : {"theirs", "mine"}
+            "theirs": begin anew with the file as it is; what was not saved here is kept as NAME.tmj.mine.bak, and the
+            run as a branch.  "mine": go on; the file as it is now is kept as NAME.tmj.theirs.bak.
+        """
+        try:
+            self._keep_mine() if keep == "mine" else self._take_theirs()
+        except (ProblemsError, OSError) as error:
+            self._say("error", f"{error}\nWhat you have here stays as it is.")
+            return False
+        return True
+
+    def _keep_mine(self):
+        data = self._file._bytes()
+        if data is not None:
+            write_bytes(self._file.beside("theirs.bak"), data)
+            self._say("info", f"the other version is kept as {self._file.beside('theirs.bak').name}")
+        self._file = LevelFile(self.path)
+        self.timeline.current.outdated = True
+
+    def _take_theirs(self):
+        level, library = running.open_level(self.path)
+        if self.dirty:
+            write_bytes(self._file.beside("mine.bak"), self.editor.text().encode())
+            self._say("info", f"what you had not saved is kept as {self._file.beside('mine.bak').name}")
+        now, before, self.library = self.timeline.current.beginning, self.library, library
+        try:
+            self._begin(Beginning(level, library, now.seed, now.agents), None)
+        except ProblemsError:
+            self.library = before
+            raise
+        self._file = LevelFile(self.path, level.files[level.path.name])
+
+    # brushes ---------------------------------------------------------------------
+
+    def brush_folder(self):
+        """The folder for brushes of one's own, beside the level, made if it is not there; ProblemsError."""
+        folder = self.path.parent / "brushes"
+        if self.lent:
+            raise refused(
+                self.path,
+                "is part of Flockbrush or of a recording; save it elsewhere first, then brushes can be saved beside it",
+            )
+        try:
+            folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise refused(folder, f"cannot be made: {error.strerror}") from None
+        self.library = brush_library(self.path, self.level.files)
+        return folder
+
+    def save_brush(self, brush: Brush, overwrite=False):
+        """Save a brush beside the level; the path, or None and a notice."""
+        try:
+            path = save_brush(brush, self.brush_folder(), overwrite)
+        except ProblemsError as error:
+            self._say("error", str(error))
+            return None
+        self._tell_tiled(brush.name)
+        return path
+
+    def _tell_tiled(self, name):
+        """Bring brushes of one's own into the Tiled project that the level belongs to, if it has one."""
+        folder = project_folder(self.path)
+        try:
+            if renew_brushes(folder, brush_library(folder / self.path.name)):
+                told = f"Tiled finds the brush {name!r} when it opens the project again"
+                self._say("info", f"{folder / PROJECT_FILE}: {told}")
+        except (ProblemsError, OSError) as error:
+            self._say("warning", f"Tiled does not know the brush: {error}")
+
+    # the run ------------------------------------------------------------------------
+
+    def export_recording(self, path):
+        """Write the current branch as a recording that ``flockbrush replay --verify`` accepts; whether it worked."""
+        try:
+            self.timeline.export(path)
+        except (RecordingError, OSError) as error:
+            self._say("error", str(error))
+            return False
+        self._say("info", f"wrote {path}")
+        return True
+
+    def autosave(self):
+        """Once a second: hand what happened to the operating system, so that a crash cannot take it."""
+        if time.monotonic() - self._flushed < AUTOSAVE_SECONDS:
+            return
+        self._flushed = time.monotonic()
+        self.timeline.flush()
+        if self.editor.journal_problem:
+            self._say("warning", f"a crash would now lose what is new: {self.editor.journal_problem}")
+            self.editor.journal_problem = ""
+
+    def close(self, keep=False):
+        """End the recordings in good order; whether something is left to recover.
+
+        Parameters
+        ----------
+        keep : bool
+            Whether what is not saved stays for next time.
+        """
+        unsaved = self.dirty or any(branch.editor.dirty for branch in self.branches.values())
+        keep = keep and unsaved and self._shelter is not None
+        if keep:
+            self._note()
+        for branch in self.branches.values():
+            branch.editor.close_journal()
+        self.timeline.close()
+        if self._shelter is not None:
+            self._shelter.close(keep, unsaved)
+        return keep
+
+    def _adopt(self, editor, branch=None):
+        """Have this editor on a branch, with a journal that a crash leaves."""
+        branch = branch or self.timeline.current
+        branch.editor = editor
+        if self._shelter is None:
+            return
+        try:
+            editor.journal(self._journal_of(branch.name))
+        except OSError as error:
+            self._say("warning", f"a crash would now lose what is new: {error}")
+
+    def _journal_of(self, name):
+        return self._shelter.folder / f"{plain_name(name)}.journal"
+
+    def _note(self):
+        """Tell those who may have to recover which branches there are."""
+        if self._shelter is None:
+            return
+        self.timeline.flush()
+        self._shelter.level = self.path
+        try:
+            self._shelter.note(self.branch_name, {name: self._told(branch) for name, branch in self.branches.items()})
+        except ProblemsError as error:
+            self._say("warning", f"a crash would now lose what is new: {error}")
+
+    def _told(self, branch):
+        """Where the files of a branch lie."""
+        journal = self._journal_of(branch.name)
+        return {
+            "recording": branch.scribe and os.path.abspath(branch.scribe.path),
+            "journal": str(journal) if journal.exists() else None,
+            "parent": branch.parent,
+            "left": branch.left,
+        }
+
+    def _say(self, kind, text):
+        self._notices.append(SessionNotice(kind, text))
+
+
+def editor_of(path, simulation, beginning, library):
+    """(editor, why): the editor of a level, or of the run alone and the reason why its file cannot be edited."""
+    why = ""
+    if simulation.level.shape != beginning.level.shape:
+        why = f"the map had to grow for {beginning.agents:,} animals"
+    else:
+        try:
+            return Editor.open(path, library), ""
+        except ProblemsError as error:
+            why = error.problems[0].message
+    return History(path, why), f"what you do here changes this run, and not the level's file: {why}"
+
+
+@contextmanager
+def sheltered(level, root, notices):
+    """A folder for what a crash must not take, gone again when the body fails; None, and a notice, when none can be."""
+    try:
+        shelter = Shelter(level, root)
+    except OSError as error:
+        notices.append(SessionNotice("warning", f"a crash would lose your work: {error.filename}: {error.strerror}"))
+        shelter = None
+    try:
+        yield shelter
+    except BaseException:
+        if shelter is not None:
+            shelter.close()
+        raise

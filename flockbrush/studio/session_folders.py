@@ -1,0 +1,119 @@
+"""Folders of sessions: how they are recognised, set aside and discarded.
+
+    flockbrush/sessions/LEVEL-PROCESS-N/    a session that runs, or one that a crash ended
+    flockbrush/sessions/damaged/            what could not be read; never removed
+    flockbrush/sessions/trash/              what a person discarded, or what had no unsaved work; removed after 30 days
+
+Only a folder that has such a name and a lock file of ours is ever touched.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import sys
+import time
+from pathlib import Path
+
+from flockbrush.engine.files import clear_leftovers, home
+from flockbrush.engine.locks import abandoned, is_held, is_marked
+
+NOTE, LOCK = "session.json", "lock"
+TRASH, DAMAGED = "trash", "damaged"
+KEPT = 30 * 86400  # s that a folder stays in the trash
+LARGEST_TRASH = 2 << 30  # bytes; beyond, the oldest folders go sooner
+OURS = (".flock", ".journal")  # endings of the files that a session writes, besides the note and the lock
+_NAME = re.compile(r".+-\d+-\d+")
+
+
+def state_folder() -> Path:
+    """The folder for the sessions of this user, as the operating system wishes it; it need not be there yet."""
+    own = os.environ.get("FLOCKBRUSH_STATE")
+    if own:
+        base = Path(own)
+    elif sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or home())
+    elif sys.platform == "darwin":
+        base = home() / "Library" / "Application Support"
+    else:
+        base = Path(os.environ.get("XDG_STATE_HOME") or home() / ".local" / "state")
+    return base / "flockbrush" / "sessions"
+
+
+def early_sessions() -> list[Path]:
+    """Folders of sessions of an early version, which lie in $FLOCKBRUSH_STATE itself and are not looked at there."""
+    own = os.environ.get("FLOCKBRUSH_STATE")
+    try:
+        found = (
+            sorted(Path(entry.path) for entry in os.scandir(own) if entry.is_dir(follow_symlinks=False)) if own else []
+        )
+    except OSError:
+        return []
+    return [folder for folder in found if _NAME.fullmatch(folder.name) and (folder / NOTE).is_file()]
+
+
+def session_folders(root):
+    """Folders whose name is that of a session, and in which no session runs; OSError when they cannot be listed."""
+    if not Path(root).is_dir():
+        return []
+    found = sorted(Path(entry.path) for entry in os.scandir(root) if entry.is_dir(follow_symlinks=False))
+    return [folder for folder in found if _NAME.fullmatch(folder.name) and not is_held(folder / LOCK)]
+
+
+def is_ours(folder) -> bool:
+    """Whether this folder was made by a session."""
+    folder = Path(folder)
+    real = folder.is_dir() and not folder.is_symlink()
+    return real and bool(_NAME.fullmatch(folder.name)) and is_marked(folder / LOCK)
+
+
+def set_aside(folder, name) -> Path | None:
+    """Move the folder of an ended session into `TRASH` or `DAMAGED` beside it; its new place, None if it stays.
+
+    Raises
+    ------
+    OSError
+        When it cannot be moved.
+    """
+    folder = Path(folder)
+    lock = abandoned(folder / LOCK) if is_ours(folder) else None
+    if lock is None:
+        return None
+    os.utime(folder)  # since when it lies there
+    lock.release()
+    place = folder.parent / name
+    place.mkdir(exist_ok=True)
+    stem, number = folder.name.rsplit("-", 1)
+    for k in range(int(number), int(number) + 10_000):
+        to = place / f"{stem}-{k}"
+        if not to.exists():
+            os.rename(folder, to)
+            return to
+    return None
+
+
+def remove(folder):
+    """Remove the files that a session wrote, and its folder if nothing else is in it."""
+    folder = Path(folder)
+    clear_leftovers(folder)
+    for entry in list(os.scandir(folder)):
+        if entry.is_file(follow_symlinks=False) and (entry.name in (NOTE, LOCK) or entry.name.endswith(OURS)):
+            with contextlib.suppress(OSError):
+                os.unlink(entry.path)
+    with contextlib.suppress(OSError):
+        folder.rmdir()
+
+
+def empty_trash(root):
+    """Remove what has been in the trash for `KEPT` seconds, and the oldest of what is too much."""
+    try:
+        found = [folder for folder in session_folders(Path(root) / TRASH) if is_ours(folder)]
+        aged = sorted(((folder.stat().st_mtime, folder) for folder in found), reverse=True)
+        room = LARGEST_TRASH
+        for when, folder in aged:
+            room -= sum(entry.stat().st_size for entry in os.scandir(folder) if entry.is_file(follow_symlinks=False))
+            if room < 0 or when < time.time() - KEPT:
+                remove(folder)
+    except OSError:
+        return  # next time

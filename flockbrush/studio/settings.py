@@ -1,0 +1,94 @@
+"""What the playground remembers from one day to the next: theme, size of the words, size of the brush, overlays."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from flockbrush.behaviours.validation import validated
+from flockbrush.engine import limits
+from flockbrush.engine.files import home, write_bytes
+from flockbrush.engine.problems import ProblemsError
+
+
+class Settings(BaseModel):
+    """Choices of the person at the window.  None: the playground chooses."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, validate_assignment=True, allow_inf_nan=False)
+
+    theme: Literal["light", "dark"] | None = Field(default=None, description="colours of the window")
+    ui_scale: float | None = Field(default=None, ge=0.5, le=4, description="size of text and buttons; 1 is normal")
+    brush_size: float | None = Field(default=None, gt=0, le=10_000, description="radius of the brush, m")
+    overlays: tuple[str, ...] | None = Field(default=None, description="overlays that are shown", max_length=100)
+
+    def save(self, path=None) -> str:
+        """Keep them for the next time; returns a sentence about what went wrong, "" when nothing did."""
+        return save_settings(self, path)
+
+
+def settings_path() -> Path:
+    """Where the settings of this user lie."""
+    return config_folder() / "settings.json"
+
+
+def config_folder() -> Path:
+    """The folder for settings of this user, as the operating system wishes it; it need not be there yet."""
+    own = os.environ.get("FLOCKBRUSH_CONFIG")
+    if own:
+        return Path(own)
+    if sys.platform == "win32":
+        return Path(os.environ.get("APPDATA") or home()) / "flockbrush"
+    if sys.platform == "darwin":
+        return home() / "Library" / "Application Support" / "flockbrush"
+    return Path(os.environ.get("XDG_CONFIG_HOME") or home() / ".config") / "flockbrush"
+
+
+def load_settings(path=None) -> tuple[Settings, str]:
+    """The settings, and a sentence about what is wrong with their file ("" when nothing is).
+
+    What cannot be understood is ignored: nobody is kept from working by a broken settings file.
+    """
+    path = settings_path() if path is None else Path(path)
+    try:
+        with open(path, "rb") as file:
+            data = json.loads(file.read(limits.SETTINGS_BYTES).decode())
+    except FileNotFoundError:
+        return Settings(), ""
+    except OSError as error:
+        return Settings(), f"{path}: cannot be read: {error.strerror}; the usual settings are used"
+    except (ValueError, RecursionError) as error:
+        return Settings(), f"{path}: is no JSON ({error}); the usual settings are used"
+    if not isinstance(data, dict):
+        return Settings(), f"{path}: must be a table of settings; the usual settings are used"
+    return _understood(path, data)
+
+
+def _understood(path, data):
+    """The settings that are right, and a sentence about the first one that is wrong."""
+    said = ""
+    while True:
+        made, mistakes = validated(Settings, data)
+        if made is not None:
+            return made, said
+        key, message = mistakes[0]
+        said = said or f"{path}: {key[0] if key else 'settings'}: {message}; ignored"
+        wrong = {where[0] for where, _ in mistakes if where}
+        data = {name: value for name, value in data.items() if name not in wrong} if wrong else {}
+
+
+def save_settings(settings: Settings, path=None) -> str:
+    """Write the settings; returns a sentence about what went wrong, "" when nothing did."""
+    path = settings_path() if path is None else Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(path, (settings.model_dump_json(indent=2) + "\n").encode())
+    except OSError as error:
+        return f"{path}: the settings cannot be kept: {error.strerror}"
+    except ProblemsError as error:
+        return str(error)
+    return ""

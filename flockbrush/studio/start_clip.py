@@ -1,0 +1,100 @@
+"""From the command line to the window over a film, with plain words when there cannot be one."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import typer
+
+from flockbrush.engine.files import refused
+from flockbrush.film.clip_document import Book
+from flockbrush.film.clip_frames import SKY, Film, Sky
+from flockbrush.lifting.lens import read_camera
+from flockbrush.runs.terminal import USAGE, Interrupts, compiling, progress, say
+from flockbrush.studio.start import missing_display, size_of
+
+NO_SCREEN = (
+    "no window can be opened here: there is no display. Without one, `flockbrush track CLIP` follows birds, and"
+    " `flockbrush learn CLIP` takes --landmark, --body-colour and masks as they are."
+)
+MODES = ("look", "landmarks", "paint", "body", "birds", "sketch")
+
+
+def mark_clip(clip, out=None, tracks=None, camera=None, mode=None, theme=None, size="1280x720", frames=None) -> int:
+    """Open the window on a film, or on an empty sky, and stay until it is closed; the exit code, 2 without a display.
+
+    What was marked before is taken up.
+
+    Parameters
+    ----------
+    clip : path or "sky"
+    out : path, optional
+        The folder for what is made; the current one unless given.
+    tracks : path, optional
+        Tracks of birds to begin with.
+    camera : path, optional
+        The camera that filmed, for lifting; an empty sky has its size.
+    mode : str, optional
+        The first mode.
+
+    Raises
+    ------
+    ProblemsError
+        When film, tracks, camera or what was marked before cannot be read.
+    """
+    place = size_of(size)
+    if mode is not None and mode not in MODES:
+        raise typer.BadParameter(f"a mode is one of {', '.join(MODES)}, got {mode!r}", param_hint="--mode")
+    folder = Path(out or ".")
+    if folder.exists() and not folder.is_dir():
+        raise refused(folder, "is a file; --out names the folder for all that is made")
+    if not folder.exists() and not folder.parent.is_dir():
+        raise refused(folder, f"there is no folder {str(folder.parent)!r}")
+    lens = None if camera is None else read_camera(camera)
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    with Interrupts() as interrupts, compiling():
+        film = _opened(clip, lens)
+        try:
+            book = Book(film, folder)
+            book.load(tracks)
+            if lens is not None and (lens.width, lens.height) != tuple(film.size):
+                here = f"{film.size[0]} x {film.size[1]}"
+                raise refused(camera, f"has {lens.width} x {lens.height} pixels, the film {here}")
+            if missing_display():
+                say(NO_SCREEN)
+                return USAGE
+            interrupts.gently()
+            first = mode or ("sketch" if film.path is None else "birds" if tracks is not None else "look")
+            _stay(book, place, theme, camera, first, frames, interrupts)
+        finally:
+            film.close()
+        interrupts.check()
+    return 0
+
+
+def _opened(clip, lens):
+    """The film, or an empty sky of the camera's size."""
+    if str(clip) == SKY and not Path(clip).exists():
+        return Sky() if lens is None else Sky((lens.width, lens.height), fps=lens.fps)
+    with progress("reading the film", 0) as moved:
+        return Film(clip, moved)
+
+
+def _stay(book, size, theme, camera, mode, frames, interrupts):
+    """Keep the window open; who is interrupted, or whose window breaks, loses nothing."""
+    from flockbrush.studio.film.clip_window import ClipWindow
+
+    window, ended_well = ClipWindow(book, size, theme, camera, mode), False
+    try:
+        window.run(frames, stop=lambda: interrupts.asked)
+        ended_well = not interrupts.asked
+    finally:
+        window.close()
+        if not ended_well and book.dirty:
+            book.save()
+            say(f"{book.place('marks.toml')}: what was marked was saved before the end")
+    if line := book.lift_line(camera):
+        say(line)
+    elif book.place("marks.toml").is_file() and book.film.path is not None:
+        say(book.learn_line())

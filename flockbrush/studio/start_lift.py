@@ -1,0 +1,55 @@
+"""From the command line to the window of a flight, with plain words when there cannot be one."""
+
+from __future__ import annotations
+
+import os
+
+from flockbrush.runs.terminal import USAGE, Interrupts, compiling, say
+from flockbrush.studio.start import missing_display, size_of
+
+NO_SCREEN = (
+    "no window can be opened here: there is no display. Without one, `flockbrush lift TRACKS --camera CAM --out F.csv`"
+    " lifts a flock."
+)
+
+
+def show_flight(path, camera=None, theme=None, size="1280x720", frames=None, looking=None) -> int:
+    """Open the window on a flight, or on one lifted from tracks, and stay; the exit code, 2 where there is no display.
+
+    Parameters
+    ----------
+    path : path
+        A table of a flight, or of tracks in pixels; any file of tracks of animals on the ground.
+    camera : path, optional
+        That filmed the tracks.
+    looking : Looking, optional
+        Unit, frame rate and body length of tracks on the ground.
+
+    Raises
+    ------
+    ProblemsError
+        When table or camera cannot be read, or nothing can be lifted.
+    """
+    place = size_of(size)
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    from flockbrush.lifting.ground_show import open_show
+
+    with Interrupts() as interrupts, compiling():
+        show = open_show(path, camera, looking)
+        if missing_display():
+            say(NO_SCREEN)
+            return USAGE
+        interrupts.gently()
+        _stay(show, place, theme, frames, interrupts)
+        interrupts.check()
+    return 0
+
+
+def _stay(show, size, theme, frames, interrupts):
+    from flockbrush.studio.lift_window import LiftWindow
+
+    window = LiftWindow(show, size, theme)
+    try:
+        window.run(frames, stop=lambda: interrupts.asked)
+    finally:
+        window.close()

@@ -1,0 +1,59 @@
+"""From the command line to the window for marks, with plain words when there cannot be one."""
+
+from __future__ import annotations
+
+import os
+
+from flockbrush.engine.files import output_problems
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.film.bird_marking import Album, name_for, read_frames
+from flockbrush.runs.terminal import USAGE, Interrupts, compiling, progress, say
+from flockbrush.studio.start import missing_display, size_of
+
+NO_SCREEN = (
+    "no window can be opened here: there is no display. Without one, `flockbrush formation detect` writes the marks"
+    " of the birds that are found without help."
+)
+
+
+def mark_birds(paths, out=None, every=1, theme=None, size="1280x720", frames=None) -> int:
+    """Open the window on pictures or clips, and stay until it is closed; the exit code, 2 where there is no display.
+
+    Marks that `out` has already are taken up.
+
+    Raises
+    ------
+    ProblemsError
+        When a picture or the marks cannot be read, or could not be written.
+    """
+    place, out = size_of(size), out or name_for(paths)
+    problems = output_problems([out], paths)
+    if problems:
+        raise ProblemsError(problems)
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    with Interrupts() as interrupts, compiling():
+        with progress("finding birds", len(paths)) as moved:
+            album = Album(read_frames(paths, every, moved))
+        if out.exists():
+            album.load(out)
+        if missing_display():
+            say(NO_SCREEN)
+            return USAGE
+        interrupts.gently()
+        _stay(album, out, place, theme, frames, interrupts)
+        interrupts.check()
+    return 0
+
+
+def _stay(album, out, size, theme, frames, interrupts):
+    """Keep the window open; who is interrupted loses no correction."""
+    from flockbrush.studio.bird_marking_window import Marking
+
+    window = Marking(album, out, size, theme)
+    try:
+        window.run(frames, stop=lambda: interrupts.asked)
+    finally:
+        window.close()
+    if interrupts.asked and album.dirty:
+        album.save(out)
+        say(f"{out}: corrections were saved before the end")

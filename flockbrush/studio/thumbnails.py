@@ -1,0 +1,306 @@
+"""Small pictures of what brushes do, made by running them: for the palette of the playground, and as tiles for Tiled.
+
+A picture takes about a second to make and is kept in the user's cache folder, under a name that changes with the
+brush.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from contextlib import suppress
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+
+from flockbrush.behaviours.behaviour import behaviours
+from flockbrush.components import Heading, Position
+from flockbrush.engine import files, pictures
+from flockbrush.levels.build import plane
+from flockbrush.render.canvas import Canvas
+from flockbrush.render.drawn_herd import DrawnHerd
+from flockbrush.render.painter import Painter
+from flockbrush.render.style import mix, rgb, theme_of
+from flockbrush.render.view_camera import ViewCamera
+from flockbrush.systems.measures import compute_milling, compute_polarization
+
+ANIMALS, PACK = 40, 14
+SECONDS = 8.0  # after which a herd does what its brush makes it do
+TRAIL = 1.1  # s
+LARGER = 1.1  # animals are drawn so many times as large as they are
+FINE = 3  # drawn so many times as large, and shrunk
+WINDOW = (8.0, 14.0)  # body lengths across: those outside are left out rather than drawn too small to see
+TILE_WINDOW = (6.5, 9.0)  # the same for tiles, which are smaller
+SKY = 60.0  # body lengths across at most, of birds
+LEAST = 14.0  # a bird is drawn at least as large as the picture over this
+LEAST_WINGED = 18.0  # the same with its wings spread
+MILL = 0.7  # milling that makes a mill, of a herd that began on a ring
+MARCH, SOME = 0.75, 0.35  # polarization out of disorder that makes a march for certain; that makes one if no mill
+ALONG = np.pi / 7  # rad; marches go up to the right
+AS_STORED = -1  # cv2.IMREAD_UNCHANGED
+VERSION = 3  # of these pictures: counts up when they look otherwise
+
+
+def thumbnail(brush, size=64, theme="light") -> np.ndarray:
+    """What animals do under a brush: a disc with a moving group and short trails, ringed with the brush's colour.
+
+    Parameters
+    ----------
+    brush : Brush
+    size : int
+        Pixels.
+    theme : {"light", "dark"} or Theme
+
+    Returns
+    -------
+    (size, size, 4) uint8
+        Red, green, blue and opacity.
+    """
+    look = theme_of(theme)
+    path = cache_folder() / f"{_key(brush, size, look.name)}.png"
+    kept = _kept(path, size)
+    if kept is None:
+        kept = draw_thumbnail(brush, size, look)
+        _keep(path, kept)
+    return kept
+
+
+def cached(brush, size=64, theme="light") -> np.ndarray | None:
+    """The picture if it has been made before, else None; at once."""
+    return _kept(cache_folder() / f"{_key(brush, size, theme_of(theme).name)}.png", size)
+
+
+def placeholder(brush, size=64, theme="light") -> np.ndarray:
+    """What stands in for a picture that is still being made: the empty disc in the brush's ring."""
+    return _empty_disc(size, rgb(brush.colour), theme_of(theme))
+
+
+@lru_cache(maxsize=256)
+def _empty_disc(size, colour, theme):
+    image = np.empty((FINE * size, FINE * size, 3), np.uint8)
+    image[:] = theme.ground
+    disc = _ringed(image, size, colour, theme)
+    disc.flags.writeable = False  # many may hold it
+    return disc
+
+
+def make_in_background(names=(), size=64, theme="light") -> subprocess.Popen:
+    """Begin to make the pictures of shipped brushes (all unless named) in a process of its own; `cached` finds them."""
+    command = [
+        sys.executable,
+        "-m",
+        "flockbrush.studio.thumbnails",
+        "--size",
+        str(size),
+        "--theme",
+        theme_of(theme).name,
+    ]
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen([*command, *names], stdin=quiet, stdout=quiet, stderr=quiet)
+
+
+# the picture ---------------------------------------------------------------------
+
+
+def draw_thumbnail(brush, size, theme) -> np.ndarray:
+    """The picture of a brush, made now."""
+    look = replace(theme, texture=theme.texture / 2)
+    image = _picture(brush, FINE * size, look, brush.colour, WINDOW, winged=True)
+    return _ringed(image, size, rgb(brush.colour), look)
+
+
+def draw_tile(brush, size) -> np.ndarray:
+    """The tile of a brush for Tiled, (size, size, 4): white animals on its colour."""
+    colour = rgb(brush.colour)
+    flat = replace(
+        theme_of("light"), ground=colour, texture=0.0, trail=0.5, shadow_alpha=0.0, head_share=0.0, rim=0.0,
+        outline=mix(colour, (0, 0, 0), 0.5), predator=(255, 255, 255), leader=(255, 255, 255),
+    )  # fmt: skip
+    image = _picture(brush, FINE * size, flat, "#ffffff", TILE_WINDOW)
+    image = np.dstack([_shrunk(image, size), np.full((size, size), 255, np.uint8)])
+    edge = mix(colour, (0, 0, 0), 0.22)
+    image[[0, -1], :, :3] = image[:, [0, -1], :3] = edge
+    return image
+
+
+def _picture(brush, side, theme, colour, window, winged=False):
+    """Animals under a brush after some seconds, with trails, on a square of bare ground; birds with wings, if asked."""
+    simulation = _settled(brush)
+    try:
+        step = max(1, round(TRAIL / 16 / simulation.clock.dt))
+        moments = [_moment(simulation)]
+        for _ in range(16):
+            simulation.run(step)
+            moments.append(_moment(simulation))
+    finally:
+        simulation.close()
+    xy, length = moments[-1][0], brush.body.length
+    flies = behaviours()[brush.model].flight is not None  # birds keep apart by many lengths, and some stray
+    middle = _middle(xy, 0.4 * SKY * length if flies else None)
+    far = float(np.quantile(np.abs(xy - middle).max(axis=1), 0.6 if flies else 0.9)) / length
+    window = (window[0], SKY) if flies else window
+    across = float(np.clip(2.3 * far + 1.5, *window)) * length
+    winged = winged and _in_the_air(brush)
+    larger = max(LARGER, across / length / (LEAST_WINGED if winged else LEAST))
+    painter = Painter(SimpleNamespace(width=across, height=across, name=""), (side, side), theme, words=False)
+    painter.look(ViewCamera.fit(across, across, (side, side)))
+    painter.backdrop = np.empty((side, side, 3), np.uint8)
+    painter.backdrop[:] = theme.ground
+    danger = behaviours()[brush.model].danger
+    beats = np.sin(2 * np.pi * 0.381966 * np.arange(len(xy))) if winged else None
+    for k, (xy, forward) in enumerate(moments):
+        herd = DrawnHerd(
+            xy - middle + across / 2, forward, larger * length, larger * brush.body.radius,
+            brush=np.zeros(len(xy), int), brush_colours=(colour,), predator=np.full(len(xy), danger),
+            ids=np.arange(len(xy)), wings=beats,
+        )  # fmt: skip
+        frame = painter.frame(herd, time=k * step * simulation.clock.dt, legend=False)
+    return frame
+
+
+def _in_the_air(brush):
+    """Whether animals under a brush have wings: they fly, and are not held to the ground."""
+    flight = behaviours()[brush.model].flight
+    return flight is not None and not flight(brush.params).grounded
+
+
+def _middle(xy, reach=None):
+    """The middle of a herd, (2,) m; of birds, some of which stray, that of those within reach of each other."""
+    if reach is None:
+        return np.quantile(xy, (0.1, 0.9), axis=0).mean(axis=0)
+    away = np.linalg.norm(xy[:, None] - xy[None], axis=-1)
+    near = xy[away[np.argmax((away <= reach).sum(axis=1))] <= reach]
+    return 0.5 * (near.min(0) + near.max(0))
+
+
+def _settled(brush):
+    """A herd under the brush that shows what it does, some seconds after it stood there."""
+    disorder = _run(brush, "scatter", None)
+    order = compute_polarization(disorder.agents[Heading.forward])
+    if order < MARCH:
+        ring = _run(brush, "ring", None)
+        if compute_milling(ring.agents[Position.xyz][:, :2], ring.agents[Heading.forward]) > MILL:
+            disorder.close()
+            return ring
+        ring.close()
+    if order < SOME:
+        return disorder
+    disorder.close()
+    return _run(brush, "scatter", ALONG)
+
+
+def _run(brush, start, heading):
+    hunts = behaviours()[brush.model].danger
+    simulation = plane(brush, PACK if hunts else ANIMALS, start=start, seed=1, heading=heading)
+    simulation.run(round(SECONDS / simulation.clock.dt))
+    return simulation
+
+
+def _moment(simulation):
+    agents = simulation.agents
+    return agents[Position.xyz][:, :2].copy(), agents[Heading.forward][:, :2].copy()
+
+
+def _ringed(image, size, colour, theme):
+    """The disc in the middle of a square picture, in a ring of this colour, shrunk to so many pixels."""
+    side = len(image)
+    canvas = Canvas(image)
+    middle, wide = (side / 2, side / 2), 0.06 * side
+    canvas.ring(middle, side / 2 - wide / 2 - FINE, wide, colour)
+    canvas.ring(middle, side / 2 - wide - FINE, FINE * 0.7, theme.ink, 0.25)
+    away = np.hypot(*(np.indices((side, side)) + 0.5 - side / 2))
+    alpha = np.clip(side / 2 - FINE + 0.5 - away, 0, 1) * 255
+    return np.dstack([_shrunk(image, size), _shrunk(alpha.astype(np.uint8), size)])
+
+
+def _shrunk(image, size):
+    import cv2
+
+    return cv2.resize(image, (size, size), interpolation=cv2.INTER_AREA)
+
+
+# the cache -----------------------------------------------------------------------
+
+
+def cache_folder() -> Path:
+    """Where pictures are kept: FLOCKBRUSH_CACHE, or the folder that the system has for such files."""
+    own = os.environ.get("FLOCKBRUSH_CACHE")
+    return Path(own) if own else files.cache_folder() / "thumbnails"
+
+
+def _key(brush, size, look):
+    return hashlib.sha256(b"%d %d %s " % (VERSION, size, look.encode()) + brush.source).hexdigest()[:32]
+
+
+def _kept(path, size):
+    """The picture in a file; None when there is none, or none that can be used."""
+    from flockbrush.film.media import picture_size
+
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return None
+    image = pictures.decoded(data, AS_STORED) if picture_size(data) == (size, size) else None
+    if image is None or image.shape != (size, size, 4) or image.dtype != np.uint8:
+        return None
+    return np.ascontiguousarray(image[..., [2, 1, 0, 3]])
+
+
+def _keep(path, image):
+    """Write a picture into the cache; where that cannot be, it is made again next time."""
+    import cv2
+
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        files.write_bytes(path, cv2.imencode(".png", image[..., [2, 1, 0, 3]])[1].tobytes())
+
+
+def write_tiles(path, library):
+    """Put the pictures of a library's brushes into the tiles that Tiled shows; the file says which tile is whose."""
+    import cv2
+
+    from flockbrush.levels.tiled import BRUSHES_FILE, known_brushes
+    from flockbrush.levels.tilesets_data import COLUMNS, TILE
+
+    image = Path(path) / Path(BRUSHES_FILE).with_suffix(".png")
+    sheet = cv2.imread(str(image), cv2.IMREAD_UNCHANGED)
+    known = known_brushes(Path(path) / BRUSHES_FILE)
+    rows = -(-len(known) // COLUMNS) * TILE
+    sheet = np.pad(sheet[:rows], [(0, max(0, rows - len(sheet))), (0, 0), (0, 0)])
+    for number, name in enumerate(known):
+        if name in library.names():
+            y, x = (TILE * k for k in divmod(number, COLUMNS))
+            sheet[y : y + TILE, x : x + TILE] = draw_tile(library.get(name), TILE)[..., [2, 1, 0, 3]]
+    files.write_bytes(image, cv2.imencode(".png", sheet)[1].tobytes())
+
+
+def main(arguments=None):
+    """Make pictures of shipped brushes, or with ``--tiles FOLDER`` their tiles in a Tiled project."""
+    import argparse
+
+    from flockbrush.behaviours.brush import shipped
+
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("names", nargs="*")
+    parser.add_argument("--size", type=int, default=64)
+    parser.add_argument("--theme", default="light")
+    parser.add_argument("--tiles", metavar="FOLDER")
+    options = parser.parse_args(arguments)
+    library = shipped()
+    if options.tiles:
+        write_tiles(options.tiles, library)
+        return
+    window = os.getppid()
+    for name in options.names or library.names():
+        if os.getppid() != window:  # it has been killed, and nobody waits for pictures
+            return
+        thumbnail(library.get(name), options.size, options.theme)
+
+
+if __name__ == "__main__":
+    main()

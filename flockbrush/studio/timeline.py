@@ -1,0 +1,677 @@
+"""A run in which one can go back: kept moments, living again what lies between, and branches.
+
+The world is always at one tick of one branch.  At the branch's end a tick is new: it is hashed, kept and recorded.
+Before the end a tick is lived again from what was done then, compared with the hash that was kept, and changes
+nothing.  The state *at* a tick is the one after all that was done there while the run stood still.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from flockbrush.behaviours.brush import BrushLibrary
+from flockbrush.engine.commands import CommandError, Commands
+from flockbrush.engine.recording import Recording, RecordingError, packed_keyframe
+from flockbrush.engine.state import pieces, restore, snapshot, state_hash
+from flockbrush.levels.schema import Level
+from flockbrush.runs import run as running
+
+KEYFRAME_SECONDS = 2.0  # s between two kept moments
+KEYFRAME_BYTES = 384 << 20  # of all kept moments together: beside a window and numba they fit into 1 GB
+NEAR, NEAR_TICKS = 16, 8  # moments kept where one looks at the past, and the ticks between them
+FILED_SECONDS = 30.0  # s between two snapshots in a recording's file: packing one takes longer than a frame
+HASH_BYTES = 3 << 20  # a state larger than this is hashed less often
+SELDOM = 8  # ticks between two hashes of a large state
+
+
+class WentWrong(Exception):
+    """A tick that could not be lived; the world is as it was before it.  ``str()`` says why, for people."""
+
+
+@dataclass(frozen=True, eq=False)
+class Beginning:
+    """Where a run starts: a level with its brushes, the seed, and how many animals."""
+
+    level: Level
+    library: BrushLibrary
+    seed: int | None = None
+    agents: int | None = None
+
+    def build(self):
+        """The world before its first tick; ProblemsError."""
+        return running.begin(self.level, self.library, self.seed, self.agents)
+
+
+class Keyframes:
+    """Snapshots by tick.  What did not change between two of them is kept once."""
+
+    def __init__(self, kept=None):
+        self._kept: dict[int, list[bytes]] = kept or {}
+
+    def keep(self, tick, data):
+        """Keep a snapshot of this tick."""
+        cut, before = pieces(data), self.before(tick)
+        known = [] if before is None else self._kept[before]
+        if len(known) == len(cut):
+            cut = [old if old == new else new for old, new in zip(known, cut, strict=True)]
+        self._kept[tick] = cut
+
+    def before(self, tick):
+        """The last tick up to this one of which there is a snapshot."""
+        return max((t for t in self._kept if t <= tick), default=None)
+
+    def until(self, tick):
+        """Those up to a tick, for a branch that leaves there."""
+        return Keyframes({t: cut for t, cut in self._kept.items() if t <= tick})
+
+    def parts(self):
+        """{identity: bytes} of what is held, each part once."""
+        return {id(part): part for cut in self._kept.values() for part in cut}
+
+    def gaps(self):
+        """(ticks it would leave between its neighbours, tick) for each that could be spared: not the first or last."""
+        ticks = sorted(self._kept)
+        return [(after - before, tick) for before, tick, after in zip(ticks, ticks[1:], ticks[2:], strict=False)]
+
+    def cut(self, tick):
+        """The pieces of a snapshot, or None."""
+        return self._kept.get(tick)
+
+    def drop(self, tick):
+        """Forget one."""
+        del self._kept[tick]
+
+    def let_go(self, count):
+        """Keep only so many, the ones kept last."""
+        while len(self._kept) > count:
+            del self._kept[next(iter(self._kept))]
+
+    def __getitem__(self, tick):
+        return b"".join(self._kept[tick])
+
+    def __iter__(self):
+        return iter(sorted(self._kept))
+
+    def __len__(self):
+        return len(self._kept)
+
+
+@dataclass(eq=False)
+class Branch:
+    """One course of events: where it began, what was done when, and what is known of it.
+
+    Attributes
+    ----------
+    header, assets : dict
+        What a recording of it begins with.
+    script : list of (tick, command)
+        What the level itself will do.
+    commands : list of (tick, command)
+        As applied, in order; the script's among them.
+    hashes : dict of int to str
+        State hash after so many ticks, before anything was done there.
+    changes : list of (tick, box)
+        Where the ground changed: (west, south, east, north) in metres, or "all".
+    waiting : list of (tick, command)
+        What of the script is still to come at its end.
+    parent, left : str, int
+        The branch it comes from, and the tick at which it left that one.
+    editor : flockbrush.levels.editor.Editor
+        Of the level's document as it is at the branch's end.
+    outdated : bool
+        Another branch was saved since.
+    differs : int or None
+        The first tick that came out differently when it was lived again.
+    """
+
+    name: str
+    beginning: Beginning
+    header: dict
+    assets: dict[str, bytes]
+    script: list
+    keyframes: Keyframes = field(default_factory=Keyframes)
+    commands: list = field(default_factory=list)
+    hashes: dict[int, str] = field(default_factory=dict)
+    changes: list = field(default_factory=list)
+    samples: list = field(default_factory=list)
+    waiting: list = field(default_factory=list)
+    last_tick: int = 0
+    parent: str = ""
+    left: int = 0
+    editor: Any = None
+    scribe: Scribe | None = None
+    outdated: bool = False
+    differs: int | None = None
+
+    @classmethod
+    def begun(cls, name, beginning, simulation):
+        """A branch at its first tick."""
+        header, assets = running.beginning_of(simulation)
+        branch = cls(name, beginning, header, assets, simulation.world.resource(Commands).pending)
+        branch.waiting = branch.script
+        branch.hashes[0] = state_hash(simulation.world)
+        branch.keyframes.keep(0, snapshot(simulation.world))
+        return branch
+
+    def take_over(self, run):
+        """Know all that a recording knows."""
+        self.commands, self.hashes, self.last_tick = run.commands, dict(sorted(run.hashes.items())), run.last_tick
+        known = max([run.last_tick - 1, *(tick for tick, _ in run.commands)])
+        self.waiting = [(tick, cmd) for tick, cmd in self.script if tick > known]
+        self.changes = [(tick, "all") for tick, cmd in run.commands if hasattr(cmd, "ground_box")]
+        for tick in run.keyframes:
+            self.keyframes.keep(tick, run.keyframes[tick])
+
+    def done_at(self, tick):
+        """Commands that were applied at the start of this tick."""
+        return [cmd for _, cmd in _between(self.commands, tick, tick)]
+
+    def until(self, tick, name):
+        """A new branch with all that happened up to a tick, and what was done there."""
+        new = Branch(name, self.beginning, self.header, self.assets, self.script, self.keyframes.until(tick))
+        new.commands = _between(self.commands, 0, tick)
+        new.hashes = {t: digest for t, digest in self.hashes.items() if t <= tick}
+        new.changes = _between(self.changes, 0, tick)
+        new.samples = [sample for sample in self.samples if sample.tick <= tick]
+        new.waiting = [(when, cmd) for when, cmd in self.script if when > tick]
+        new.last_tick = new.left = tick
+        new.parent, new.differs = self.name, self.differs
+        return new
+
+
+def _between(entries, first, last):
+    """Entries (tick, ...) in order of tick, from the first tick to the last."""
+    return entries[bisect_left(entries, first, key=_tick) : bisect_right(entries, last, key=_tick)]
+
+
+def _tick(entry):
+    return entry[0]
+
+
+class Timeline:
+    """The branches of a run, and the world that stands at one tick of one of them.
+
+    Parameters
+    ----------
+    beginning : Beginning
+    name : str
+        Of the first branch; the others are called after it.
+    folder : path, optional
+        Where each branch is recorded, in a file of its name.
+    measure : callable, optional
+        ``measure(simulation)``: what is charted of this moment, with its ``tick``; None when none is due.
+    tell : callable, optional
+        Told sentences for the designer: differences, files that can no longer be written.
+    budget : int
+        Bytes of kept moments.
+
+    Attributes
+    ----------
+    simulation : Simulation
+        Another object after a switch to a branch with another beginning.
+    current : Branch
+    moved : list
+        Boxes of ground that look different since somebody emptied it.
+    """
+
+    def __init__(self, beginning, name="main", folder=None, measure=None, tell=None, budget=KEYFRAME_BYTES):
+        self._prepare(name, folder, measure, tell, budget)
+        self.simulation = beginning.build()
+        self._begin(beginning, name)
+
+    @classmethod
+    def resumed(cls, branches, current, folder=None, measure=None, tell=None, budget=KEYFRAME_BYTES, at=None):
+        """The timeline of branches that were known before, at the end of one of them, or at a tick of it.
+
+        Parameters
+        ----------
+        branches : dict of str to Branch
+        current : str
+        at : int, optional
+
+        Raises
+        ------
+        WentWrong
+            When its end cannot be reached.
+        """
+        timeline = cls.__new__(cls)
+        timeline._prepare(next(iter(branches)), folder, measure, tell, budget)
+        timeline.branches = dict(branches)
+        timeline.simulation = branches[current].beginning.build()
+        for branch in [*branches.values(), branches[current]]:
+            timeline.current = branch
+            timeline._pace_of_keeping()
+            if branch.scribe is None:
+                timeline._record()
+        at = timeline.current.last_tick if at is None else at
+        timeline._stand(timeline.current.keyframes.before(at))
+        timeline.go_to(at)
+        return timeline
+
+    def _prepare(self, name, folder, measure, tell, budget):
+        self.measure: Callable = measure or (lambda simulation: None)
+        self.tell: Callable = tell or (lambda text: None)
+        self.folder = None if folder is None else Path(folder)
+        self.budget, self._first = budget, name
+        self._near, self._near_of = Keyframes(), None  # moments on the way of the last look back, and of which branch
+        self.branches: dict[str, Branch] = {}
+        self.moved: list = []
+
+    @property
+    def tick(self):
+        """Ticks since the beginning."""
+        return self.simulation.clock.tick
+
+    @property
+    def at_end(self):
+        """Whether nothing is known of what comes next."""
+        return self.tick >= self.current.last_tick
+
+    @property
+    def queue(self):
+        """The world's commands."""
+        return self.simulation.world.resource(Commands)
+
+    # living ----------------------------------------------------------------------
+
+    def step(self):
+        """One tick: new at the branch's end, lived again before it.
+
+        Raises
+        ------
+        CommandError
+            When a command that was due cannot be done.  It is dropped, and no tick has passed.
+        WentWrong
+            When a model or a system failed.  The world is as it was before the tick, or, should the way there fail
+            as well, at the last kept moment.
+        """
+        if self.at_end:
+            self._live()
+        else:
+            self._live_again()
+
+    def perform(self, commands):
+        """Do these at this tick, all or none; what takes them back.  CommandError, and nothing was done."""
+        if not self.at_end:
+            raise ValueError("the past cannot be changed; fork first")
+        self._mark_ground(commands)
+        try:
+            return self.queue.perform(self.simulation.world, commands)
+        finally:
+            self._take_log()
+
+    def _live(self):
+        now = self.tick
+        self._mark_ground(cmd for when, cmd in self.queue.pending if when <= now)
+        try:
+            self.simulation.tick()
+        except CommandError:
+            self._take_log()
+            raise
+        except Exception as error:  # a model is anybody's, and may fail in any way
+            self._take_log()
+            self._put_back(now)
+            raise WentWrong(_in_words(error)) from error
+        self._take_log()
+        self.current.last_tick = self.tick
+        self._keep()
+
+    def _live_again(self):
+        now, branch = self.tick, self.current
+        self._do_again()
+        self.moved += [box for _, box in _between(branch.changes, now, now)]
+        try:
+            self.simulation.tick()
+        except Exception as error:
+            self._stand(branch.keyframes.before(now))
+            raise WentWrong(_in_words(error)) from error
+        self.queue.log.clear()
+        self._compare()
+        if self.at_end:
+            self._arrive()
+
+    def _do_again(self):
+        """Hand in what was done at this tick, once."""
+        if self._done != self.tick:
+            for cmd in self.current.done_at(self.tick):
+                self.queue.submit(cmd, self.tick)
+            self._done = self.tick
+
+    def settle(self):
+        """Have done in the past what was done at this tick."""
+        if not self.at_end:
+            self._do_again()
+            self.queue.apply(self.simulation.world)
+            self.queue.log.clear()
+
+    def _arrive(self):
+        """At the branch's end: do what was done there, then wait for what waited."""
+        self._do_again()
+        self.queue.apply(self.simulation.world)
+        self.queue.log.clear()
+        self.queue.replace(self.current.waiting)
+
+    def _compare(self):
+        branch, now = self.current, self.tick
+        known = branch.hashes.get(now)
+        if known is not None and branch.differs is None and state_hash(self.simulation.world) != known:
+            branch.differs = now
+            self.tell(f"tick {now} of {branch.name} came out differently when lived again; please report this")
+
+    # going -----------------------------------------------------------------------
+
+    def go_to(self, tick, deadline=math.inf):
+        """Bring the world to a tick that is known, as far as time allows.
+
+        Parameters
+        ----------
+        tick : int
+            From 0 to the branch's end; beyond, the nearest of them.
+        deadline : float
+            `time.perf_counter` after which it may stop half-way.
+
+        Returns
+        -------
+        bool
+            Whether it is there.
+
+        Raises
+        ------
+        WentWrong
+            When a tick of the past cannot be lived again; the world is at the last kept moment before it.
+        """
+        tick, here = min(max(int(tick), 0), self.current.last_tick), self.tick
+        start = self._nearest(tick)
+        if not here <= tick or start > here:
+            self._leave()
+            self._stand(start)
+            self.moved += [box for _, box in _between(self.current.changes, min(here, start), max(here, start))]
+        while self.tick < tick:
+            if time.perf_counter() > deadline:
+                self.settle()
+                return False
+            self._live_again()
+            self._keep_near()
+        self.settle()
+        return True
+
+    def _nearest(self, tick):
+        """The last tick up to this one that can be restored."""
+        near = self._near.before(tick) if self._near_of is self.current else None
+        return max(self.current.keyframes.before(tick), -1 if near is None else near)
+
+    def _keep_near(self):
+        """Who looks at the past looks at what is near next: keep some moments on the way."""
+        if self._near_of is not self.current:
+            self._near_of, self._near = self.current, Keyframes()
+        if self.tick % NEAR_TICKS == 0 and self.current.keyframes.cut(self.tick) is None and not self.at_end:
+            self._near.keep(self.tick, snapshot(self.simulation.world))
+            self._near.let_go(NEAR)
+
+    def _leave(self):
+        """Before the world stands elsewhere: remember what waits at the branch's end."""
+        self.flush()
+        if self.at_end:
+            self.current.waiting = self.queue.pending
+
+    def _stand(self, tick):
+        """Put a kept moment of the current branch into the world."""
+        kept = self.current.keyframes if self.current.keyframes.cut(tick) is not None else self._near
+        restore(self.simulation.world, kept[tick])
+        self.queue.replace([])
+        self.queue.log.clear()
+        self._done = -1
+        if self.at_end:
+            self._arrive()
+
+    def _put_back(self, tick):
+        """Out of the middle of a tick that failed at the branch's end, to before it."""
+        self.current.waiting = self.queue.pending
+        self._stand(self.current.keyframes.before(tick))
+        while self.tick < tick:
+            self._live_again()
+
+    # branches --------------------------------------------------------------------
+
+    def fork(self, name=None):
+        """Leave the branch here: what follows is another course of events, and the old one stays."""
+        self.settle()
+        self._leave()
+        new = self.current.until(self.tick, self.free_name(name))
+        if self.at_end:
+            new.waiting = list(self.current.waiting)
+        self.queue.replace(new.waiting)
+        self.branches[new.name] = self.current = new
+        self._record()
+        return new
+
+    def give_up(self):
+        """Undo the last `fork`: the branch goes, and the world stands again where it left its parent."""
+        gone = self.branches.pop(self.current.name)
+        if gone.scribe is not None:
+            gone.scribe.discard()
+        self.current = self.branches[gone.parent]
+        self._stand(self.current.keyframes.before(gone.left))
+        self.go_to(gone.left)
+
+    def switch(self, name):
+        """Stand at the end of another branch; LookupError."""
+        if name not in self.branches:
+            raise LookupError(f"there is no branch {name!r}; there are {', '.join(self.branches)}")
+        self._leave()
+        branch = self.branches[name]
+        if branch.beginning is not self.current.beginning:
+            self.simulation.close()
+            self.simulation = branch.beginning.build()
+        self.current = branch
+        self._pace_of_keeping()
+        self._stand(branch.keyframes.before(branch.last_tick))
+        self.go_to(branch.last_tick)
+        self.moved = ["all"]
+
+    def begin(self, beginning, name=None):
+        """A new branch with a beginning of its own, at tick 0; ProblemsError, and nothing has changed then."""
+        simulation = beginning.build()
+        self._leave()
+        self.simulation.close()
+        self.simulation, self.moved = simulation, ["all"]
+        return self._begin(beginning, self.free_name(name))
+
+    def _begin(self, beginning, name):
+        self.current = self.branches[name] = Branch.begun(name, beginning, self.simulation)
+        self._done = -1
+        self._pace_of_keeping()
+        self._keep()
+        self._record()
+        return self.current
+
+    def _pace_of_keeping(self):
+        """How often to hash, to keep and to file a moment."""
+        dt, size = self.simulation.clock.dt, len(self.current.keyframes[0])
+        self._keep_every, self._file_every = round(KEYFRAME_SECONDS / dt), round(FILED_SECONDS / dt)
+        self._hash_every = SELDOM if size > HASH_BYTES else 1
+
+    def free_name(self, name=None):
+        """A name that no branch and no file has: as asked for, or with the next number."""
+        stem = name or self._first
+        names = (stem if number == 1 else f"{stem}-{number}" for number in range(1, 10**6))
+        return next(name for name in names if name not in self.branches and not self._file_of(name, True))
+
+    # keeping ---------------------------------------------------------------------
+
+    def _take_log(self):
+        """What was just applied goes from the queue's log into the branch."""
+        self.current.commands += self.queue.log
+        self.queue.log.clear()
+        self._write()
+
+    def _keep(self):
+        """Hash, snapshot and measures of a new tick."""
+        branch, world, now = self.current, self.simulation.world, self.tick
+        if now % self._hash_every == 0:
+            branch.hashes[now] = state_hash(world)
+        if now % self._keep_every == 0:
+            branch.keyframes.keep(now, snapshot(world))
+            self._thin()
+        sample = self.measure(self.simulation)
+        if sample is not None:
+            branch.samples.append(sample)
+        self._write()
+
+    def memory(self):
+        """Bytes of all kept moments."""
+        held: dict[int, bytes] = {}
+        for branch in self.branches.values():
+            held |= branch.keyframes.parts()
+        return sum(map(len, held.values()))
+
+    def _thin(self):
+        """Forget kept moments until they fit the budget: those that stand closest to others, the oldest first."""
+        while self.memory() > self.budget:
+            found = [(gap, tick, branch) for branch in self.branches.values() for gap, tick in branch.keyframes.gaps()]
+            if not found:
+                return
+            _, tick, branch = min(found, key=lambda entry: entry[:2])
+            cut = branch.keyframes.cut(tick)
+            for other in self.branches.values():  # branches hold in common what they have in common
+                if other.keyframes.cut(tick) is cut:
+                    other.keyframes.drop(tick)
+
+    def _mark_ground(self, commands):
+        """Note where commands about to be applied change the ground."""
+        for cmd in commands:
+            box = _ground_box(cmd, self.simulation.world)
+            if box is not None:
+                self.moved.append(box)
+                self.current.changes.append((self.tick, box))
+
+    # recording -------------------------------------------------------------------
+
+    def _file_of(self, name, taken=False):
+        """The file of a branch; with ``taken`` only if there is one already."""
+        path = None if self.folder is None else self.folder / f"{plain_name(name)}.flock"
+        return path if path is not None and (not taken or path.exists()) else None
+
+    def _record(self):
+        """Begin the file of the current branch."""
+        path = self._file_of(self.current.name)
+        if path is not None:
+            self._guarded(lambda: setattr(self.current, "scribe", Scribe(path, self.current)))
+
+    def _write(self):
+        """Hand what is new to the branch's file."""
+        if self.current.scribe is not None:
+            self._guarded(lambda: self.current.scribe.take(self.current, self._file_every))
+
+    def flush(self):
+        """Hand everything to the operating system: a crash of this program cannot take it back."""
+        if self.current.scribe is not None:
+            self._guarded(self.current.scribe.flush)
+
+    def _guarded(self, write):
+        """A file that cannot be written is let go, and said once; the run goes on."""
+        try:
+            write()
+        except (RecordingError, OSError) as error:
+            self.current.scribe = None
+            self.tell(f"the run continues, but is no longer recorded: {error}")
+
+    def export(self, path):
+        """Write a recording of the current branch, whole or not at all; RecordingError, OSError."""
+        branch = self.current
+        scribe = Scribe(path, branch)
+        scribe.close(branch.last_tick)
+
+    def close(self):
+        """End the files in good order, and forget the world."""
+        for branch in self.branches.values():
+            if branch.scribe is not None:
+                self.current = branch
+                self._guarded(lambda: self.current.scribe.close(self.current.last_tick))
+            branch.scribe, branch.keyframes = None, Keyframes()
+        self._near = Keyframes()
+        self.simulation.close()
+
+
+_beside = ThreadPoolExecutor(1, "packing")
+
+
+class Scribe:
+    """The recording of one branch in a file, from its beginning on."""
+
+    def __init__(self, path, branch):
+        self.path = Path(path)
+        self.recording = Recording.create(path, branch.header, branch.assets)
+        self._commands, self._hashed, self._filed = 0, -1, -1
+        self._packing: Future | None = None
+        self.take(branch, 1)
+
+    def take(self, branch, keyframe_every):
+        """Write what is new: hashes and commands in the order of time, and a snapshot now and then."""
+        events = [(tick, 0, digest) for tick, digest in self._new_hashes(branch)]
+        events += [(tick, 1, cmd) for tick, cmd in branch.commands[self._commands :]]
+        self._commands = len(branch.commands)
+        for tick, kind, what in sorted(events, key=lambda event: event[:2]):
+            (self.recording.command if kind else self.recording.hash)(tick, what)
+        self._file_keyframe(branch, keyframe_every)
+
+    def _new_hashes(self, branch):
+        new = []
+        for tick in reversed(branch.hashes):  # in order of tick, and few are new
+            if tick <= self._hashed:
+                break
+            new.append((tick, branch.hashes[tick]))
+        self._hashed = max([self._hashed, *(tick for tick, _ in new)])
+        return new
+
+    def _file_keyframe(self, branch, every):
+        """A snapshot now and then, packed beside the run: packing one takes longer than a frame."""
+        if self._packing is not None and self._packing.done():
+            self.recording.put(self._packing.result())
+            self._packing = None
+        newest = branch.keyframes.before(branch.last_tick)
+        if self._packing is None and newest >= max(self._filed, 0) + every:
+            self._filed = newest
+            self._packing = _beside.submit(packed_keyframe, newest, branch.keyframes[newest])
+
+    def flush(self):
+        """Hand what was written to the operating system."""
+        self.recording.flush()
+
+    def close(self, tick):
+        """End the file in good order."""
+        if self._packing is not None:
+            self.recording.put(self._packing.result())
+        self.recording.close(tick)
+
+    def discard(self):
+        """Take the file away again."""
+        self.recording.abandon()
+        self.path.unlink(missing_ok=True)
+
+
+def _ground_box(cmd, world):
+    """Where a command changes the ground: (west, south, east, north) in metres, "all", or None for nowhere."""
+    try:
+        return cmd.ground_box(world) if hasattr(cmd, "ground_box") else None
+    except (ValueError, LookupError, TypeError):
+        return None  # it cannot be done, and says so when it is
+
+
+def plain_name(name):
+    """A name as a file of every system may have it."""
+    return re.sub(r"[^\w.-]+", "-", name).strip("-.") or "branch"
+
+
+def _in_words(error):
+    """What a failed tick says to people."""
+    text = str(error) or "no reason given"
+    return text if isinstance(error, ArithmeticError) else f"{type(error).__name__}: {text}"

@@ -1,0 +1,178 @@
+"""Tools for animals themselves: add, remove, predators, select."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flockbrush.render.style import rgb
+from flockbrush.studio.tools.things import free_name, move_goal, rows
+from flockbrush.studio.tools.tool import Stroke, Tool
+from flockbrush.studio.tools.world_tools import outline, things
+
+
+class AddAnimalsTool(Stroke):
+    """Puts animals down."""
+
+    name, title, key, icon = "add", "Add animals", "n", "add"
+    tip = "Add animals with the selected behaviour"
+    hint = "Click or drag to put animals down."
+    palette = "brush"
+    options: tuple[str, ...] = ("size", "count")
+
+    def step(self):
+        return 1.6 * self.app.size
+
+    def release(self, xy):
+        self.last = None
+
+    def go(self, start, stop):
+        from flockbrush.systems.commands import AddAnimals as Add
+
+        app, brush = self.app, self.app.brush
+        if brush is None or app.is_off_map(stop, stop, app.size):
+            return
+        add = Add(brush, *stop, app.size, app.options["count"], app.species_of(brush))
+        if app.do("add animals", [*app.brush_needed(brush), add], self.join):
+            self._tell_of_paint(stop, brush)
+
+    def begin(self, xy):
+        self._told = False
+        super().begin(xy)
+
+    def _tell_of_paint(self, xy, brush):
+        """Say once a stroke that painted ground gives another brush to those who have come."""
+        app = self.app
+        painted = app.painted_under(xy, app.species_of(brush))
+        if painted not in ("", brush) and not self._told:
+            self._told = True
+            app.notify(f"the ground here is painted {painted}: animals on it follow that brush, and {brush} elsewhere")
+
+    def cursor(self, surface, camera):
+        brush = self.app.brush
+        self.ring(surface, camera, self.app.size, rgb(self.app.colour_of(brush)) if brush else self.app.theme.ink)
+
+
+class Predator(Tool):
+    """Puts one predator down, which belongs to the level from then on."""
+
+    name, title, key, icon = "predator", "Predator", "w", "predator"
+    tip = "Add a predator of the chosen species; others flee from it, and the level keeps it"
+    hint = "Click to put a predator down."
+    options = ("hunter",)
+
+    def press(self, xy, button, mods):
+        from flockbrush.systems.edits import MarkSpawn
+
+        app = self.app
+        if button != 1 or app.is_off_map(xy, xy, 0.0):
+            return
+        hunter = app.hunter()
+        if hunter is None:
+            app.notify("there is no brush of a predator; wolf-hunt is one that comes with Flockbrush", "warning")
+            return
+        name = free_name(app.session.simulation, hunter.species)
+        room = rows(self._room(xy, hunter))
+        mark = MarkSpawn(app.new_id(), name, room, hunter.brush, hunter.species, 1)
+        app.do(f"add a {hunter.species}", [*app.brush_needed(hunter.brush), mark])
+
+    def _room(self, xy, hunter):
+        """Corners of a square about a point, large enough for its body, within the map."""
+        level = self.app.session.simulation.level
+        half = min(1.2 * self.app.body_length(hunter), level.width / 2, level.height / 2)
+        x, y = (min(max(at, half), side - half) for at, side in zip(xy, (level.width, level.height), strict=True))
+        return np.array([[x - half, y - half], [x + half, y - half], [x + half, y + half], [x - half, y + half]])
+
+    def cursor(self, surface, camera):
+        if self.at is not None:
+            self.ring(surface, camera, 7 * self.app.scale / camera.scale_at(self.at), self.app.theme.predator)
+
+
+class RemoveAnimalsTool(Stroke):
+    """Takes animals away."""
+
+    name, title, key, icon = "remove", "Remove animals", "r", "remove"
+    tip = "Remove the animals within the circle"
+    hint = "Click or drag over animals to take them away."
+    options = ("size",)
+    spacing = 0.5
+
+    def go(self, start, stop):
+        from flockbrush.components import Position
+        from flockbrush.systems.commands import RemoveAnimals as Remove
+
+        app = self.app
+        away = np.hypot(*(app.session.simulation.agents[Position.xyz][:, :2] - stop).T)
+        if (away <= app.size).any():
+            app.do("remove animals", [Remove(*stop, app.size)], self.join)
+
+    def cursor(self, surface, camera):
+        self.ring(surface, camera, self.app.size, self.app.theme.predator)
+
+
+class Select(Tool):
+    """Takes hold of an animal to understand it, or of a thing to move or delete it."""
+
+    name, title, key, icon = "select", "Select", "v", "select"
+    tip = "Click an animal to see why it turns; click a thing to delete it, drag a goal to move it"
+    hint = "Click an animal to see why it turns; click a thing to delete it."
+
+    def __init__(self, app):
+        super().__init__(app)
+        self.thing: tuple[str, int] | None = None  # kind and id
+        self._pressed = None
+
+    def press(self, xy, button, mods):
+        if button != 1:
+            return
+        app = self.app
+        app.select(app.animal_at(xy, self.reach(9)))
+        found = [] if app.selected is not None else app.things_at(
+            [xy], self.reach(), kinds=("goal", "guide", "obstacle", "exit", "spawn")
+        )  # fmt: skip
+        self.thing = (found[0][0], found[0][1].id) if found else None
+        self._pressed = xy if self.thing else None
+        if found:
+            app.set_hint(f"{found[0][0]} {found[0][1].name!r}:  Delete takes it away.")
+
+    def drag(self, xy):
+        pass
+
+    def release(self, xy):
+        start, self._pressed = self._pressed, None
+        held = self.held()
+        if start is None or held is None or self.thing[0] != "goal":
+            return
+        if np.hypot(xy[0] - start[0], xy[1] - start[1]) > self.reach(6):
+            move_goal(self.app, held, (held.xy[0] + xy[0] - start[0], held.xy[1] + xy[1] - start[1]))
+
+    def held(self):
+        """The selected thing as it is now, or None."""
+        for kind, thing in things(self.app.session.simulation):
+            if self.thing == (kind, getattr(thing, "id", None)):
+                return thing
+        return None
+
+    def cancel(self) -> bool:
+        going = self.thing is not None or self.app.selected is not None
+        self.thing = None
+        self.app.select(None)
+        return going
+
+    def delete(self) -> bool:
+        from flockbrush.systems.edits import RemoveThing
+
+        if self.thing is None or self.held() is None:
+            return False
+        kind, number = self.thing
+        self.thing = None
+        self.app.do(f"remove the {kind if kind != 'spawn' else 'spawn area'}", [RemoveThing(kind, number)])
+        return True
+
+    def cursor(self, surface, camera):
+        held = self.held() if self.thing else None
+        if held is not None:
+            points, closed = outline(self.thing[0], held)
+            self.path(surface, camera, points, self.app.accent, closed, width=3)
+            if self._pressed is not None and self.at is not None and self.thing[0] == "goal":
+                shift = np.subtract(self.at, self._pressed)
+                self.path(surface, camera, points + shift, self.app.accent, closed, width=1.5)

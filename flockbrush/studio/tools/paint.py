@@ -1,0 +1,175 @@
+"""Tools that paint the ground: behaviour, speed caps, surfaces; erase, pick and fill."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flockbrush.render.style import rgb
+from flockbrush.studio.tools.tool import Stroke, Tool
+from flockbrush.systems.landscape import Landscape
+
+ERASES = {"usual": ("brush", "cap"), "everything": ("brush", "cap", "surface")}  # what the eraser takes, by its option
+LAYERS = {"brush": "behaviour", "cap": "speed caps", "surface": "surfaces"}
+
+
+class Painting(Stroke):
+    """Paints one layer."""
+
+    layer = ""
+    options = ("size", "softness")
+
+    def press(self, xy, button, mods):
+        if button == 3:  # the other button takes what is there, as in every paint program
+            self.app.tools["pick"].press(xy, 1, mods)
+        else:
+            super().press(xy, button, mods)
+
+    def value(self):
+        """What is painted."""
+        return self.app.paint[self.layer]
+
+    def go(self, start, stop):
+        from flockbrush.systems.edits import Paint
+
+        app = self.app
+        if app.is_off_map(start, stop, app.size):
+            return
+        what = Paint(self.layer, self.value(), *start, *stop, app.size, app.softness)
+        land = app.session.simulation.world.resource(Landscape)
+        if not len(what.cells(land.brush.shape, land.cell)[0]):
+            return  # between the last cells and the rim of the map
+        app.do(f"paint {LAYERS[self.layer]}", [*self.needed(), what], self.join)
+
+    def needed(self):
+        """Commands that must come before."""
+        return []
+
+    def colour(self):
+        """Of the cursor."""
+        return self.app.theme.ink
+
+    def cursor(self, surface, camera):
+        if self.at is None:
+            return
+        r = self.app.size * camera.scale_at(self.at)
+        self.ring(surface, camera, self.app.size, self.colour())
+        if self.app.softness > 0.05 and r > 12:
+            self.circle(surface, camera, self.at, self.app.size * (1 - self.app.softness), self.colour())
+
+
+class PaintBrushTool(Painting):
+    """Paints behaviour."""
+
+    name, title, key, icon = "brush", "Paint behaviour", "b", "brush"
+    tip = "Paint a behaviour: animals on it follow it"
+    hint = "Drag over the ground: animals that walk there behave like this."
+    layer = palette = "brush"
+
+    def needed(self):
+        return self.app.brush_needed(self.app.brush)
+
+    def colour(self):
+        return rgb(self.app.colour_of(self.app.brush))
+
+
+class PaintCapTool(Painting):
+    """Paints how fast animals may go."""
+
+    name, title, key, icon = "cap", "Paint a speed limit", "c", "cap"
+    tip = "Paint a speed limit"
+    hint = "Drag over the ground to limit the speed there."
+    layer = palette = "cap"
+
+    def colour(self):
+        return self.app.theme.cap
+
+
+class PaintSurface(Painting):
+    """Paints what the ground is made of."""
+
+    name, title, key, icon = "surface", "Paint a surface", "s", "surface"
+    tip = "Paint what the ground is made of: road, mud, water, rock"
+    hint = "Drag over the ground to change what it is made of."
+    layer = palette = "surface"
+
+
+class Erase(Stroke):
+    """Takes away what is painted, and things that are touched."""
+
+    name, title, key, icon = "erase", "Erase", "e", "erase"
+    tip = "Erase paint, and things that the centre touches"
+    hint = "Drag over paint, or over a thing, to take it away."
+    options = ("size", "erase")
+
+    def go(self, start, stop):
+        from flockbrush.systems.edits import Paint, RemoveThing
+
+        app, what = self.app, self.app.options["erase"]
+        blank = {"brush": "", "cap": 0.0, "surface": ""}
+        layers = [layer for layer in LAYERS if layer in ERASES.get(what, (what,))]
+        commands = [] if app.is_off_map(start, stop, app.size) else [
+            Paint(layer, blank[layer], *start, *stop, app.size) for layer in layers if self._is_painted(layer)
+        ]  # fmt: skip
+        if what in (*ERASES, "things"):
+            commands += [RemoveThing(kind, thing.id) for kind, thing in self._touched(start, stop)]
+        if commands:
+            app.do("erase", commands, self.join)
+
+    def _is_painted(self, layer):
+        """Whether there is anything of a layer, so that undo lists stay short."""
+        land = self.app.session.simulation.world.resource(Landscape)
+        if layer == "cap":
+            return bool(np.isfinite(land.surface[..., 1]).any())
+        return layer != "brush" or bool((land.brush >= 0).any())
+
+    def _touched(self, start, stop):
+        return self.app.things_at([start, stop], self.reach(5), kinds=("obstacle", "guide", "goal", "exit", "spawn"))
+
+
+class Pick(Tool):
+    """Takes what lies under the mouse into the hand."""
+
+    name, title, key, icon = "pick", "Pick from the ground", "i", "pick"
+    tip = "Pick the brush, speed limit or surface under the mouse, or the behaviour of an animal"
+    hint = "Click painted ground or an animal to take its brush."
+
+    def press(self, xy, button, mods):
+        from flockbrush.systems.edits import pick
+
+        app, world = self.app, self.app.session.simulation.world
+        animal = app.animal_at(xy, self.reach(8))
+        if animal is not None:
+            return app.take("brush", app.brush_of(animal))
+        for layer in ("cap", "brush", "surface"):
+            found = pick(world, layer, *xy)
+            if found:
+                return app.take(layer, found)
+        app.notify("there is nothing painted here")
+
+
+class Fill(Tool):
+    """Fills the region under the mouse."""
+
+    name, title, key, icon = "fill", "Fill a region", "f", "fill"
+    tip = "Fill a connected area of the same value"
+    hint = "Click a region: all of it takes what is chosen on the left."
+    palette, options = "layer", ("layer",)
+
+    def press(self, xy, button, mods):
+        from flockbrush.systems.edits import fill
+
+        if button != 1:
+            return
+        app = self.app
+        layer = app.options["layer"]
+        if app.is_off_map(xy, xy, 0.0):
+            return app.notify("this is outside the map")
+        needed = app.brush_needed(app.brush) if layer == "brush" else []
+        if needed:
+            app.do("take a brush", needed)
+        cells = fill(app.session.simulation.world, layer, *xy, app.paint[layer])
+        app.do(f"fill with {LAYERS[layer]}", [cells])
+
+    def cursor(self, surface, camera):
+        if self.at is not None:
+            self.ring(surface, camera, 5 / camera.scale_at(self.at), self.app.theme.ink)

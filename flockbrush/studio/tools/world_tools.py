@@ -1,0 +1,71 @@
+"""What tools ask of the world: which things there are, and which of them lies where."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flockbrush.studio.outlines import distance_to_line, is_inside
+
+
+def things(simulation) -> list[tuple[str, object]]:
+    """(kind, thing) of all obstacles, guides, goals, exits and spawn areas; the first are drawn below the last."""
+    from flockbrush.systems.landscape import Landscape
+    from flockbrush.systems.life import Nursery
+
+    land = simulation.world.resource(Landscape)
+    nursery = simulation.world.resource(Nursery)
+    found: list[tuple[str, object]] = [("spawn", spawn) for spawn in nursery.spawns if hasattr(spawn, "polygon")]
+    found += [("exit", thing) for thing in land.exits if hasattr(thing, "polygon")]
+    found += [("obstacle", thing) for thing in land.barriers]
+    found += [("guide", thing) for thing in land.guides]
+    found += [("goal", thing) for thing in land.goals]
+    return found
+
+
+def touches(kind, thing, xy, reach) -> bool:
+    """Whether a point of the ground lies on a thing, or not farther from it than so many metres."""
+    if kind == "guide":
+        return distance_to_line(xy, thing.points, getattr(thing, "loop", False))[0] <= reach
+    if kind == "goal":
+        return bool(np.hypot(*(np.asarray(thing.xy) - xy)) <= max(reach, 0.25 * thing.radius))
+    edge = distance_to_line(xy, thing.polygon, True)[0] <= reach
+    if kind == "obstacle":
+        return edge or is_inside(xy, thing.polygon)
+    return edge  # an exit or a spawn area is a large place where other things may be meant
+
+
+def things_at(simulation, places, reach, kinds) -> list[tuple[str, object]]:
+    """Things under any of some points of the ground, topmost first, each once."""
+    return [
+        (kind, thing)
+        for kind, thing in reversed(things(simulation))
+        if kind in kinds and any(touches(kind, thing, np.asarray(xy), reach) for xy in places)
+    ]
+
+
+def animal_at(simulation, xy, reach):
+    """Id of the animal nearest to a point, or None when none is within so many metres of it."""
+    from flockbrush.components import Body, Position
+
+    agents = simulation.agents
+    if not len(agents):
+        return None
+    away = np.hypot(*(agents[Position.xyz][:, :2] - xy).T) - 0.5 * agents[Body.length]
+    nearest = int(np.argmin(away))
+    return int(agents.ids[nearest]) if away[nearest] <= reach else None
+
+
+def outline(kind, thing):
+    """Points (k, 2) m around a thing, and whether they close."""
+    if kind == "guide":
+        return np.asarray(thing.points), bool(getattr(thing, "loop", False))
+    if kind == "goal":
+        turn = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+        return np.asarray(thing.xy) + max(thing.radius, 0.1) * np.stack([np.cos(turn), np.sin(turn)], axis=1), True
+    return np.asarray(thing.polygon), True
+
+
+def free_name(simulation, kind) -> str:
+    """A name that no thing of this kind has yet: "goal 2"."""
+    taken = {getattr(thing, "name", "") for there, thing in things(simulation) if there == kind}
+    return next(name for n in range(1, len(taken) + 2) if (name := f"{kind} {n}") not in taken)

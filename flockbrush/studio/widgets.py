@@ -1,0 +1,163 @@
+"""Buttons with pictures, and other small things made from pygame_gui's widgets."""
+
+from __future__ import annotations
+
+from itertools import zip_longest
+
+import pygame
+from pygame_gui.elements import UIButton, UIHorizontalSlider, UILabel, UIScrollingContainer
+
+from flockbrush.studio.icons import icon
+from flockbrush.studio.shortcuts import BY_NAME, tip_of
+from flockbrush.studio.theme import chrome, px
+
+NO_MARGINS = {"left": 0, "right": 0, "top": 0, "bottom": 0}
+
+
+class PictureButton(UIButton):
+    """A button with a picture for each of its states, which are there when it is drawn for the first time."""
+
+    def __init__(self, *arguments, pictures, at=(0.5, 0.5), **more):
+        self._pictures, self._at = pictures, at
+        super().__init__(*arguments, **more)
+
+    def picture(self, *pictures, at=(0.5, 0.5)):
+        """Show other surfaces."""
+        self._pictures, self._at = pictures, at
+        self.rebuild()
+
+    def rebuild(self):
+        normal = self._pictures[0]
+        for state, image in zip_longest(("normal", "hovered", "selected", "disabled"), self._pictures):
+            setattr(self, f"{state}_images", [image or normal])
+            setattr(self, f"{state}_image_positions", [self._at])
+        super().rebuild()
+
+
+def icon_button(app, rect, picture, tip, container, object_id="@tool", size=18) -> PictureButton:
+    """A button with one of our icons."""
+    return PictureButton(
+        rect, "", app.manager, container, tool_tip_text=tip, object_id=object_id, pictures=_icons(app, picture, size)
+    )
+
+
+def set_icon(app, button, picture, size=18):
+    """Show another icon on a button."""
+    button.picture(*_icons(app, picture, size))
+
+
+def _icons(app, picture, size):
+    c, side = chrome(app.theme), px(app.scale, size)
+    return [icon(picture, side, colour) for colour in (c.ink, c.ink, c.accent, c.faint)]
+
+
+def action_button(app, rect, name, container, size=18) -> PictureButton:
+    """The button of an action of the table; a press does it."""
+    action = BY_NAME[name]
+    button = icon_button(app, rect, action.icon, tip_of(action), container, size=size)
+    app.buttons[button] = action
+    return button
+
+
+class Shelf(UIScrollingContainer):
+    """A column to scroll through whose parts are made when they come into view: most are never looked at."""
+
+    def __init__(self, *arguments, **more):
+        self._coming: list = []  # (top, bottom, make) of the parts, pixels from the top of the whole column
+        super().__init__(*arguments, allow_scroll_x=False, **more)
+
+    def hold(self, top, bottom, make):
+        """Have something made as soon as what lies there comes into view."""
+        self._coming.append((top, bottom, make))
+
+    def update(self, time_delta):
+        super().update(time_delta)
+        if self._coming and self.visible:
+            low = -self.scrollable_container.relative_rect.top
+            high = low + self.rect.height
+            seen = [part for part in self._coming if part[1] > low and part[0] < high]
+            if seen:
+                self._coming = [part for part in self._coming if part not in seen]
+                for _, _, make in seen:
+                    make()
+
+
+class Words(UILabel):
+    """A label that is drawn anew only when it says something else."""
+
+    def say(self, text):
+        """Show this text, as much of it as there is room for."""
+        if text != getattr(self, "said", None):
+            self.said = text
+            self.set_text(self._fitted(text))
+
+    def _fitted(self, text):
+        room = self.relative_rect.width - 4
+        if room <= 0 or self.font.size(text)[0] <= room:
+            return text
+        while text and self.font.size(text.rstrip() + "…")[0] > room:
+            text = text[:-1]
+        return text.rstrip() + "…"
+
+
+def words(app, rect, text, container, object_id=None) -> Words:
+    """A label."""
+    label = Words(rect, "", app.manager, container, object_id=object_id)
+    label.say(text)
+    return label
+
+
+class Slider:
+    """A name, a value with its unit, and a slider; the value is a power of the way along it.
+
+    Parameters
+    ----------
+    low, high : float
+    show : callable
+        From a value to what is written.
+    power : bool
+        Whether equal steps multiply: for sizes.
+    """
+
+    def __init__(self, app, rect, name, value, low, high, show, changed, container, power=False, tip=None):
+        self.low, self.high, self.show, self.changed, self.power = low, high, show, changed, power
+        half = rect.height // 2
+        self.name = words(app, pygame.Rect(rect.x, rect.y, rect.width // 2, half), name, container, "@muted")
+        right = pygame.Rect(rect.x + rect.width // 2, rect.y, rect.width - rect.width // 2, half)
+        self.value = words(app, right, show(value), container, "@value")
+        track = pygame.Rect(rect.x, rect.y + half, rect.width, px(app.scale, 16))
+        self.slider = UIHorizontalSlider(
+            track, self._way(value), (0, 1000), app.manager, container, object_id="@slider", click_increment=20
+        )
+        if tip:
+            self.name.set_tooltip(tip)
+        self._set = None
+
+    def _way(self, value):
+        value = min(max(value, self.low), self.high)
+        if self.power:
+            import math
+
+            return round(1000 * math.log(value / self.low) / math.log(self.high / self.low))
+        return round(1000 * (value - self.low) / (self.high - self.low))
+
+    def _value(self, way):
+        share = way / 1000
+        return self.low * (self.high / self.low) ** share if self.power else self.low + (self.high - self.low) * share
+
+    def set(self, value):
+        """Show a value that was changed elsewhere."""
+        text = self.show(value)
+        if text != self._set:
+            self._set = text
+            self.value.say(text)
+            if abs(self.slider.get_current_value() - self._way(value)) > 1:
+                self.slider.set_current_value(self._way(value))
+                self.slider.has_moved_recently = False
+
+    def moved(self, event):
+        """Take the value of an event of this slider."""
+        value = self._value(event.value)
+        self._set = self.show(value)
+        self.value.say(self._set)
+        self.changed(value)

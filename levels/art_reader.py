@@ -1,0 +1,169 @@
+"""Reading layers that are not ours: what is drawn of them, and what the map's rules make of their tiles."""
+
+from __future__ import annotations
+
+import posixpath
+
+import numpy as np
+from flockbrush.levels import schema
+from flockbrush.levels.art import Art, ArtLayer, ArtObject, TilePictures
+from flockbrush.levels.files import FileRefused
+from flockbrush.levels.ground_arrays import bare_ground, put_ground
+from flockbrush.levels.ground_rules import GroundRules, dicts, facts_of
+from flockbrush.levels.schema import TerrainKind
+from flockbrush.levels.tile_data import FLIP_FLAGS
+
+_NO_FLAGS = np.uint32(~FLIP_FLAGS & 0xFFFFFFFF)
+_WHITE = (1.0, 1.0, 1.0)
+
+
+class ArtReader:
+    """Reads the layers of others into a level; leans on the level reader for structure and files.
+
+    Attributes
+    ----------
+    kinds : dict of str to TerrainKind
+        Those that rules make, by name.
+    """
+
+    def __init__(self, reader, frame, rules, place):
+        self.reader, self.frame, self.place = reader, frame, place
+        self.rules = GroundRules(rules, lambda message: place.say(message))
+        self.kinds: dict[str, TerrainKind] = {}
+        self._facts: dict[int, object] = {}
+        self._numbers: dict[str, int] = {}
+
+    def read(self, level, layers):
+        """Read layers, the lowest first; ours come after them."""
+        drawn, used = [], set()
+        for layer in layers:
+            layer.flags = True
+            art = self._layer(layer)
+            if art is None:
+                continue
+            if art.gids is not None and self.rules.rules:
+                self._paint(level, art)
+            if not layer.hidden and not _is_note(layer.name):
+                drawn.append(art)
+                used |= _tiles_of(art)
+        if drawn:
+            self._keep(level, drawn, used)
+
+    def finish(self, level):
+        """Tell the artwork where our own layers have painted ground over it."""
+        if level.art is not None:
+            level.art.painted = self.reader.painted
+
+    # ------------------------------------------------------------ layers
+
+    def _layer(self, layer):
+        look = layer.name, layer.opacity, layer.dx, layer.dy, _tint(layer.node.get("tintcolor"))
+        shift = self.frame.left * self.frame.tile, self.frame.top * self.frame.tile
+        if layer.kind == "tilelayer":
+            gids = self._gids(layer)
+            fraction = (layer.dx % self.frame.tile, layer.dy % self.frame.tile)
+            return ArtLayer(look[0], look[1], *fraction, look[4], gids=gids)
+        look = look[0], look[1], look[2] - shift[0], look[3] - shift[1], look[4]
+        if layer.kind == "imagelayer":
+            name = self.reader.text(layer.node, "image", layer.place)
+            colour = self.reader.text(layer.node, "transparentcolor", layer.place)
+            return ArtLayer(*look, image=name, transparent=colour) if self._read("", name, layer.place) else None
+        things = [self._object(node, layer.place) for node in dicts(layer.node, "objects") if "gid" in node]
+        return ArtLayer(*look, objects=[thing for thing in things if thing is not None]) if things else None
+
+    def _gids(self, layer):
+        """(ny, nx) with flip flags, north row first; offsets of whole tiles are in it."""
+        tile, frame = self.frame.tile, self.frame
+        whole = np.zeros((frame.ny, frame.nx), np.uint32)
+        sx, sy = int(layer.dx // tile), int(layer.dy // tile)
+        for x, y, piece in self.reader.chunks(layer):
+            left, top = x + sx - frame.left, y + sy - frame.top
+            part = piece[max(0, -top) : max(frame.ny - top, 0), max(0, -left) : max(frame.nx - left, 0)]
+            if part.size:
+                row, column = max(top, 0), max(left, 0)
+                into = whole[row : row + part.shape[0], column : column + part.shape[1]]
+                into[part > 0] = part[part > 0]
+        layer.pieces = []
+        return whole
+
+    def _object(self, node, place):
+        reader = self.reader
+        gid = reader.whole(node, "gid", place, 1, 2**32 - 1)
+        if gid is None or node.get("visible") is False:
+            return None
+        numbers = (reader.real(node, key, place) for key in ("x", "y", "width", "height", "rotation"))
+        return ArtObject(gid, *numbers)
+
+    # ------------------------------------------------------------ pictures
+
+    def _keep(self, level, drawn, used):
+        """Keep what is needed to draw: the pictures of the tilesets that are used, among the level's files."""
+        tilesets = []
+        for tileset in self.reader.tilesets:
+            numbers = [gid - tileset.firstgid for gid in used if self.reader.tileset_of(gid) is tileset]
+            pictures = TilePictures(tileset.node, tileset.folder, self.reader.files.got)
+            if numbers:
+                self._read_pictures(tileset, numbers)
+            tilesets.append((tileset.firstgid, pictures))
+        level.art = Art(drawn, tilesets, (self.frame.ny, self.frame.nx), self.frame.tile, self.reader.files.got)
+
+    def _read_pictures(self, tileset, numbers):
+        place = self.reader.place.at(tileset.node, f"tileset {tileset.name!r}")
+        if tileset.node.get("image"):
+            self._read(tileset.folder, tileset.node["image"], place)
+        wanted = set(numbers)
+        for tile in dicts(tileset.node, "tiles"):
+            if tile.get("id") in wanted and tile.get("image"):
+                self._read(tileset.folder, tile["image"], place)
+
+    def _read(self, folder, name, place):
+        """Whether a picture could be read; one that is missing is a warning, for nothing depends on it."""
+        try:
+            self.reader.files.read(posixpath.join(folder, name))
+        except (FileRefused, TypeError) as error:
+            place.warn(f"picture {str(name)[:200]!r} is not drawn: {error}")
+            return False
+        return True
+
+    # ------------------------------------------------------------ rules
+
+    def _paint(self, level, art):
+        """Give the cells of a layer the ground that the rules make of its tiles."""
+        gids = (art.gids & _NO_FLAGS)[::-1]
+        for gid in np.unique(gids[gids > 0]).tolist():
+            values = self._ground(gid, art.name)
+            if values is None:
+                continue
+            if level.terrain is None:
+                level.terrain = bare_ground(gids.shape)
+            name = values["name"]
+            self._numbers[name] = put_ground(level.terrain, gids == gid, values, self._numbers.get(name))
+            self.kinds.setdefault(name, TerrainKind(**values))
+
+    def _ground(self, gid, layer):
+        tileset = self.reader.tileset_of(gid)
+        if tileset is None:
+            return None
+        if tileset.firstgid not in self._facts:
+            self._facts[tileset.firstgid] = facts_of(tileset.node)
+        facts = self._facts[tileset.firstgid](gid - tileset.firstgid)
+        return self.rules.ground(layer.rsplit("/", 1)[-1], facts)
+
+
+def _tiles_of(art):
+    """Global tile ids, without flags, that a layer draws."""
+    found = {thing.gid & int(_NO_FLAGS) for thing in art.objects}
+    return found if art.gids is None else found | set(np.unique(art.gids[art.gids > 0] & _NO_FLAGS).tolist())
+
+
+def _is_note(name):
+    return name.rsplit("/", 1)[-1].strip().lower().startswith(schema.IGNORED[0])
+
+
+def _tint(colour):
+    """(red, green, blue), 0 to 1, of a tint such as #80ff0000."""
+    digits = colour[-6:] if isinstance(colour, str) and len(colour) in (7, 9) else ""
+    try:
+        return tuple(int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4))
+    except ValueError:
+        return _WHITE

@@ -1,0 +1,280 @@
+"""What tiles of a map that was not made for Flockbrush mean: rules in a property of the map, one in each line.
+
+    class Water = deep water
+    property walkable:false = walkable=false
+    property speed = speed_factor=property
+    terrain Road = road
+    tileset Desert 30-31, 37 = walkable=false, blocks_view=true
+    layer Walls = cliff
+    collision = walkable=false
+
+Left of the equals sign is which tiles, right of it a kind of ground by name, or properties of the class Terrain.  Of
+several rules for one tile the first counts, of several layers the uppermost that has a rule.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+
+from flockbrush.engine import limits
+from flockbrush.engine.problems import did_you_mean
+from flockbrush.levels.properties import Refused, convert
+from flockbrush.levels.schema import CLASSES
+from flockbrush.levels.tilesets_data import TERRAINS
+
+CONDITIONS = ("class", "property", "terrain", "tileset", "layer", "collision")
+OF_PROPERTY = "property"  # a value that the property itself gives
+_IDS = re.compile(r"\s((?:\d+(?:-\d+)?(?:,\s*)?)+)$")
+_TERRAIN = CLASSES["Terrain"]
+_SETTABLE = tuple(p.name for p in _TERRAIN.properties if p.name != "name")
+
+# words of other people's maps, and the ground they suggest
+_WORDS = {
+    "water": "deep water", "deep water": "deep water", "sea": "deep water", "ocean": "deep water", "lake": "deep water",
+    "river": "deep water", "shallow water": "shallows", "shallows": "shallows", "wall": "cliff", "walls": "cliff",
+    "cliff": "cliff", "mountain": "cliff", "sand": "sand", "desert": "sand", "beach": "sand", "road": "road",
+    "path": "road", "brick": "road", "cobblestone": "road", "mud": "mud", "swamp": "mud", "grass": "grass",
+    "snow": "snow", "dirt": "dirt", "rock": "rock", "gravel": "gravel", "forest": "forest floor",
+}  # fmt: skip
+_BLOCKS = ("collides", "collision", "solid", "blocked", "blocking", "obstacle", "impassable", "wall")
+_OPENS = ("walkable", "passable")
+
+
+class GroundRules:
+    """The rules of a map.
+
+    Parameters
+    ----------
+    text : str
+    tell : function (message)
+        Told of every line that is no rule.
+    """
+
+    def __init__(self, text, tell):
+        self.rules = []
+        for line in text.splitlines():
+            if line.strip() and not line.strip().startswith("#"):
+                try:
+                    self.rules.append(_rule(line))
+                except Refused as error:
+                    tell(f"ground_rules: {line.strip()[:60]!r}: {error}")
+        if len(self.rules) > limits.GROUND_RULES:
+            tell(f"ground_rules: there are more than {limits.GROUND_RULES.told}")
+
+    def ground(self, layer, facts):
+        """The values of class Terrain for a tile of a layer, or None.
+
+        Parameters
+        ----------
+        layer : str
+            Its name.
+        facts : TileFacts
+        """
+        for matches, ground, name in self.rules:
+            found = matches(layer, facts)
+            if found is None or found is False:
+                continue
+            values = {key: value for key, value in ground.items() if value != OF_PROPERTY}
+            for key in ground.keys() - values.keys():
+                try:
+                    values[key] = convert(_TERRAIN.property(key), found)
+                except Refused:
+                    return None
+            return {**{p.name: p.default for p in _TERRAIN.properties}, "name": name, **values}
+        return None
+
+
+class TileFacts:
+    """What a tileset says of one of its tiles."""
+
+    def __init__(self, tileset_name, number, node, terrains):
+        self.tileset, self.number, self.terrains = tileset_name, number, terrains
+        self.cls = class_of(node)
+        self.properties = {p["name"]: p.get("value") for p in dicts(node, "properties") if "name" in p}
+        self.collides = collides(node)
+
+
+def dicts(node, key):
+    """The objects in a list of a document, which may be anything."""
+    value = node.get(key)
+    return [one for one in value if isinstance(one, dict)] if isinstance(value, list) else []
+
+
+def class_of(node):
+    """The class of a tile, "" for none."""
+    cls = node.get("class") or node.get("type")
+    return cls if isinstance(cls, str) else ""
+
+
+def collides(node):
+    """Whether a tile has collision shapes."""
+    shapes = node.get("objectgroup")
+    return isinstance(shapes, dict) and bool(dicts(shapes, "objects"))
+
+
+def terrains_of(tileset):
+    """{tile: names of the terrains (Wang colours) that more than half of its corners and edges are}."""
+    found: dict[int, set] = {}
+    for wangset in dicts(tileset, "wangsets"):
+        names = {k + 1: str(colour.get("name", "")) for k, colour in enumerate(dicts(wangset, "colors"))}
+        for tile in dicts(wangset, "wangtiles"):
+            marks = tile.get("wangid")
+            marks = [mark for mark in marks if type(mark) is int and mark] if isinstance(marks, list) else []
+            for mark, count in Counter(marks).items():
+                if 2 * count > len(marks) and mark in names and type(tile.get("tileid")) is int:
+                    found.setdefault(tile["tileid"], set()).add(names[mark].lower())
+    return found
+
+
+def facts_of(tileset):
+    """A function (number) -> TileFacts of a tileset's document."""
+    nodes = {node["id"]: node for node in dicts(tileset, "tiles") if type(node.get("id")) is int}
+    terrains = terrains_of(tileset)
+    name = tileset.get("name", "")
+    return lambda number: TileFacts(name, number, nodes.get(number, {}), terrains.get(number, set()))
+
+
+# ---------------------------------------------------------------- reading a rule
+
+
+def _rule(line):
+    """(function (layer, facts) -> value or None, values of Terrain, name of the ground)."""
+    condition, equals, ground = line.partition("=")
+    if not equals:
+        raise Refused("a rule is 'CONDITION = GROUND', such as 'class Water = deep water'")
+    condition, ground = condition.strip(), ground.strip()
+    values, name = _ground(ground, condition)
+    return _condition(condition), values, name
+
+
+def _ground(text, condition):
+    known = {kind["name"]: kind for kind in TERRAINS}
+    if text.lower() in known:
+        return dict(known[text.lower()]), text.lower()
+    values = {}
+    for part in text.split(","):
+        key, equals, value = (word.strip() for word in part.partition("="))
+        if not equals:
+            raise Refused(f"there is no ground {part.strip()[:40]!r}{did_you_mean(part.strip(), known)}")
+        if key not in _SETTABLE:
+            raise Refused(f"ground has no {key[:40]!r}{did_you_mean(key, _SETTABLE)}")
+        values[key] = _value(key, value, condition)
+    return values, condition
+
+
+def _value(key, text, condition):
+    if text == OF_PROPERTY:
+        if not condition.startswith("property "):
+            raise Refused("only a rule for a property can take a value from it")
+        return OF_PROPERTY
+    kind = _TERRAIN.property(key)
+    try:
+        told = {"bool": {"true": True, "false": False}.get(text, text), "colour": text}.get(kind.kind)
+        return convert(kind, float(text) if told is None else told)
+    except Refused as error:
+        raise Refused(f"{key} {error}") from None
+    except ValueError:
+        raise Refused(f"{key} must be a number, got {text[:40]!r}") from None
+
+
+def _condition(text):
+    kind, _, rest = text.partition(" ")
+    rest = rest.strip()
+    if kind not in CONDITIONS:
+        raise Refused(f"there is no condition {kind[:40]!r}{did_you_mean(kind, CONDITIONS)}")
+    if not rest and kind != "collision":
+        raise Refused(f"{kind} needs a name, such as '{kind} Water'")
+    return _MATCHES[kind](rest)
+
+
+def _by_property(rest):
+    name, colon, wanted = (part.strip() for part in rest.partition(":"))
+
+    def matches(layer, facts):
+        value = facts.properties.get(name)
+        if colon:
+            return None if value is None or str(value).lower() != wanted.lower() else True
+        return None if value is False or value == "" else value
+
+    return matches
+
+
+def _by_tileset(rest):
+    ids = _IDS.search(rest)
+    name = rest[: ids.start()].strip() if ids else rest
+    wanted = None if ids is None else set().union(*map(_span, re.findall(r"\d+(?:-\d+)?", ids[1])))
+    return lambda layer, facts: facts.tileset == name and (wanted is None or facts.number in wanted)
+
+
+def _span(text):
+    low, _, high = text.partition("-")
+    low, high = int(low), int(high or low)
+    if high - low > limits.TILES:
+        raise Refused(f"{text} are too many tiles; a tileset has at most {int(limits.TILES)}")
+    return range(low, high + 1)
+
+
+_MATCHES = {
+    "class": lambda rest: lambda layer, facts: facts.cls.lower() == rest.lower(),
+    "property": _by_property,
+    "terrain": lambda rest: lambda layer, facts: rest.lower() in facts.terrains,
+    "tileset": _by_tileset,
+    "layer": lambda rest: lambda layer, facts: layer.lower() == rest.lower(),
+    "collision": lambda rest: lambda layer, facts: facts.collides,
+}
+
+
+# ---------------------------------------------------------------- suggestions
+
+
+def suggested(tilesets, layers) -> list[str]:
+    """Rules that the names in a map suggest.
+
+    Parameters
+    ----------
+    tilesets : list of documents
+    layers : list of str
+        Names of its tile layers.
+    """
+    rules = []
+    for tileset in tilesets:
+        rules += _of_tiles(tileset)
+        for wangset in dicts(tileset, "wangsets"):
+            names = [str(colour.get("name", "")) for colour in dicts(wangset, "colors")]
+            rules += [f"terrain {name} = {_WORDS[name.lower()]}" for name in names if name.lower() in _WORDS]
+    named = {name.rsplit("/", 1)[-1] for name in layers}
+    rules += [f"layer {name} = {_WORDS[_first_word(name)]}" for name in sorted(named) if _is_solid(_first_word(name))]
+    return list(dict.fromkeys(rules))[: limits.GROUND_RULES]
+
+
+def _of_tiles(tileset):
+    for node in dicts(tileset, "tiles"):
+        cls = class_of(node)
+        if cls.lower() in _WORDS:
+            yield f"class {cls} = {_WORDS[cls.lower()]}"
+        for entry in dicts(node, "properties"):
+            yield from _of_property(str(entry.get("name", "")), entry.get("value"))
+        if collides(node):
+            yield "collision = walkable=false"
+
+
+def _of_property(name, value):
+    word = name.lower()
+    if word in _OPENS:
+        yield f"property {name}:false = walkable=false"
+    elif word in _BLOCKS:
+        yield f"property {name}:true = walkable=false"
+    elif word in _WORDS:
+        yield f"property {name}:true = {_WORDS[word]}"
+    elif word in ("speed", "speed_factor") and isinstance(value, float | int) and not isinstance(value, bool):
+        yield f"property {name} = speed_factor=property"
+
+
+def _first_word(name):
+    return (name.lower().split() or [""])[0]
+
+
+def _is_solid(word):
+    """Whether a layer of this name is full of what nobody walks on."""
+    return _WORDS.get(word) in ("cliff", "deep water")

@@ -1,0 +1,105 @@
+"""Warnings of ``flockbrush level check``: what is allowed in a level and rarely what its designer meant."""
+
+from __future__ import annotations
+
+import numpy as np
+from flockbrush.levels import geometry
+from flockbrush.levels.properties import is_number
+
+_AHEAD = 2.0  # cells before the end of a guide in which a wall is looked for
+
+
+def layer_hints(layers):
+    """Warn about hidden layers and parallax of those layers that are read.
+
+    Parameters
+    ----------
+    layers : iterable of Layer
+    """
+    for layer in layers:
+        if layer.hidden:
+            layer.place.warn("is hidden and counts all the same; delete it, or call it 'notes ...' to leave it out")
+        if any(is_number(layer.node.get(key)) and layer.node[key] != 1 for key in ("parallaxx", "parallaxy")):
+            layer.place.warn("has a parallax factor, which is not used: the layer is read as it lies without scrolling")
+
+
+def level_hints(level, places):
+    """Warn about goals that no animal goes to and guides that lead into a wall.
+
+    Parameters
+    ----------
+    level : Level
+    places : dict of int to Place
+        By the id of the object.
+    """
+    for goal in _unlinked(level):
+        places[goal.id].warn(
+            f"no animal goes to goal {goal.name[:60]!r}: animals are born bound to the first goal, "
+            f"{level.goals[0].name[:60]!r}; name it as 'next' of a goal, or send animals there by the script"
+        )
+    for guide in level.guides:
+        wall = "" if guide.loop else _wall_after(level, guide)
+        if wall:
+            places[guide.id].warn(
+                f"ends at {wall}, where animals will jam; end it in a goal or an exit, or tick its 'loop'"
+            )
+
+
+def _unlinked(level):
+    """Goals that neither birth, nor a goal before them, nor the script leads to."""
+    if not level.goals:
+        return []
+    named = {value for key in level.script for value in key.args.values() if isinstance(value, str)}
+    followed = {goal.name: goal.next for goal in level.goals}
+    reached, waiting = set(), [level.goals[0].name, *named]
+    while waiting:
+        name = waiting.pop()
+        if name in followed and name not in reached:
+            reached.add(name)
+            waiting.append(followed[name])
+    if any(_may_send(program) for program in level.programs.values()):
+        return []
+    return [goal for goal in level.goals if goal.name not in reached]
+
+
+def _may_send(program):
+    """Whether a program speaks of goals at all."""
+    return b"goal" in program.source
+
+
+def _wall_after(level, guide):
+    """What stands at the end of a guide, in words; "" where animals get on."""
+    end, along = guide.points[-1], guide.points[-1] - guide.points[-2]
+    step = along / np.linalg.norm(along) * level.cell
+    if any(_ends_well(level, point) for point in end - step * np.linspace(0, 1, 5)[:, None]):
+        return ""
+    ahead = end + step * np.linspace(0, _AHEAD, 9)[:, None]
+    for k, point in enumerate(ahead):
+        if _ends_well(level, point):
+            return ""
+        wall = _wall_at(level, point)
+        if wall:
+            return "" if any(_ends_well(level, before) for before in ahead[: k + 1]) else wall
+    return ""
+
+
+def _ends_well(level, point):
+    """Whether animals arrive or leave here."""
+    for goal in level.goals:
+        if np.hypot(*(goal.xy - point)) <= goal.radius:
+            return True
+        if goal.polygon is not None and geometry.inside(point[None], goal.polygon)[0]:
+            return True
+    return any(geometry.inside(point[None], exit_.polygon)[0] for exit_ in level.exits)
+
+
+def _wall_at(level, point):
+    x, y = point
+    if not (0 <= x < level.width and 0 <= y < level.height):
+        return "the edge of the map" if level.boundary == "wall" else ""
+    for o in level.obstacles:
+        if o.solid and o.z_min <= 0 and geometry.inside(point[None], o.polygon)[0]:
+            return f"obstacle {o.name[:60] or o.id!r}"
+    if level.terrain is not None and not level.terrain.walkable[int(y / level.cell), int(x / level.cell)]:
+        return "ground that no animal walks on"
+    return ""

@@ -1,0 +1,163 @@
+"""Drives on top of models: prioritised allocation (Reynolds 1987, "Arbitrating independent behaviours").
+
+In the order of the brush each drive takes the share of the body that is as large as its urgency, as long as there is
+any left; the model has the rest.  On the ground and where a model wishes a heading, the wishes are velocities: the
+model's is its direction at the pace it wants, a drive's the one its acceleration leads to within
+`flockbrush.behaviours.drive.TAKES_UP`.  In the air they are accelerations, or, for models that say their velocity,
+changes of it.  Rows in which no drive acts are not touched.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from flockbrush.behaviours.behaviour import Bodies, Kinds, frozen
+from flockbrush.behaviours.drive import TAKES_UP
+from flockbrush.components import Alarm, Body, BrushBinding, Position, Species, Thrust, Transit, Urge, Velocity, Wish
+from flockbrush.components.agent import BY_ACCELERATION, BY_VELOCITY
+from flockbrush.systems.fauna import AIR, FEAR, NO_LIMIT, PLANE, WATER, SpeciesList, kin_of, kinds_of
+from flockbrush.systems.ground_height import heights_of_ground
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.noticing import Noticed
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.senses import Near
+
+FASTER = 2.0  # times its speed of the moment: the usual flight of a species that nobody has described
+
+
+class Shares(NamedTuple):
+    """What drives took of some rows, and what they made of it."""
+
+    rows: np.ndarray  # (k,)
+    names: list  # (d,) of the drives that acted
+    share: np.ndarray  # (d, k) of the body, 0 to 1
+    acceleration: np.ndarray  # (d, k, 3) m/s², as asked for and within what the body can do
+
+
+def relations_of(world):
+    """`Kinds` of all animals of a world, for models."""
+    agents, palette, fauna = world.agents, world.resource(Palette), world.resource(SpeciesList)
+    told = fauna.relations
+    kind = kinds_of(agents[Species.index], palette.danger[agents[BrushBinding.brush]])
+    return frozen(Kinds(kind, told.verb == FEAR, told.prey))
+
+
+def kin(world):
+    """(n,) int32: the same number for those who keep together."""
+    return kin_of(world.resource(SpeciesList).table, world.agents[Species.index])
+
+
+def dangers_of(world):
+    """(first, offset) of the dangers that each animal notices."""
+    lists, n = world.resource(Noticed).lists, len(world.agents)
+    if lists is None:
+        return np.zeros(n + 1, np.int64), np.zeros((0, 3))
+    feared = lists.verb == FEAR
+    if feared.all():
+        return lists.first, lists.offset
+    before = np.concatenate([[0], np.cumsum(feared)])
+    return before[lists.first], lists.offset[feared]
+
+
+def bodies_of(world, speed):
+    """`Bodies` of all animals; None where no drive could act.
+
+    Parameters
+    ----------
+    speed : ndarray (n,)
+        m/s, what the speed process says now.
+    """
+    agents, palette = world.agents, world.resource(Palette)
+    quiet = world.resource(Noticed).lists is None and not (agents[Alarm.level].any() or agents[Transit.kind].any())
+    near, hilly = world.resource(Near), world.resource(Landscape).relief.size > 3
+    if quiet and not palette.drives_asked.any() and not (hilly and near.aloft is not None):
+        return None
+    land, table = world.resource(Landscape), world.resource(SpeciesList).table
+    n, species, length = len(agents), agents[Species.index], agents[Body.length]
+    aloft = np.zeros(n, bool) if near.aloft is None else near.aloft & ~palette.grounded[agents[BrushBinding.brush]]
+    swims = table.media[species, WATER] & ~table.media[species, PLANE]
+    medium = np.where(aloft, AIR, np.where(swims, WATER, PLANE))
+    top, flee = table.speed[species, medium], table.flee[species, medium]
+    most, known = table.acceleration[species, medium], table.known[species]
+    usual = np.maximum(FASTER * speed, 4.0 * length)  # of those that nobody has described
+    return frozen(Bodies(
+        aloft=aloft,
+        height=agents[Position.xyz][:, 2] - heights_of_ground(land.relief, land.relief_cell, agents[Position.xyz]),
+        top=top,
+        flee=np.where(known, flee, usual),
+        acceleration=np.where(known, most, 4.0 * usual),
+        slowest=np.where(aloft, table.slowest[species], 0.0),
+        alarm=agents[Alarm.level],
+        place=agents[Alarm.place],
+        cruise=table.height[species],
+        climb=table.climb[species],
+        sink=table.sink[species],
+        walls=land.solid.ends,
+        relief=land.relief,
+        relief_cell=land.relief_cell,
+        transit=agents[Transit.kind],
+    ))  # fmt: skip
+
+
+def asked(scene, rows, drives) -> Shares | None:
+    """What the drives of one brush take of these rows; None when none of them acts."""
+    left = np.ones(len(rows))
+    names, shares, wishes = [], [], []
+    for drive, params in drives:
+        urges = drive.urge(scene, rows, params)
+        if urges is None or not np.any(urges.urgency > 0.0):
+            continue
+        share = np.minimum(np.clip(urges.urgency, 0.0, 1.0), left)
+        left = left - share
+        names.append(drive.name)
+        shares.append(share)
+        wishes.append(urges.acceleration)
+    if not names:
+        return None
+    return Shares(rows, names, np.array(shares), np.array(wishes))
+
+
+def allocate(world, scene, taken: Shares):
+    """Writes what is wished in the end where drives act: into `Wish`, `Thrust` and `Urge`."""
+    agents, bodies = world.agents, scene.bodies
+    total = taken.share.sum(axis=0)
+    acts = total > 0.0
+    rows, total = taken.rows[acts], total[acts]
+    left = (1.0 - total)[:, None]
+    pushed = (taken.share[:, acts, None] * taken.acceleration[:, acts]).sum(axis=0)
+    velocity, kind = agents[Velocity.xyz][rows], agents[Thrust.kind][rows]
+    direction, pace = agents[Wish.direction], agents[Wish.pace]
+    says = bodies.aloft[rows] & (kind == BY_VELOCITY)
+    own = model_velocity(scene, agents, rows)
+    own[says] = agents[Thrust.velocity][rows[says]]
+    wanted = left * own + total[:, None] * velocity + TAKES_UP * pushed
+    thrusts = bodies.aloft[rows] & (kind == BY_ACCELERATION)
+    some = rows[thrusts]
+    agents[Thrust.acceleration][some] = left[thrusts] * agents[Thrust.acceleration][some] + pushed[thrusts]
+    some = rows[says]  # at once as far as the model alone would, and as the body can
+    jump = np.sqrt(((left * (own - velocity))[says] ** 2).sum(axis=1))
+    change = cut((wanted - velocity)[says], np.maximum(jump, scene.dt * bodies.acceleration[some]))
+    wanted[says] = agents[Thrust.velocity][some] = cut(velocity[says] + change, bodies.top[some])
+    speed = np.sqrt((wanted**2).sum(axis=1))
+    moves = speed > 1e-9
+    direction[rows[moves]] = wanted[moves] / speed[moves, None]
+    pace[rows] = np.where(scene.speed[rows] > 1e-9, speed / np.maximum(scene.speed[rows], 1e-9), pace[rows])
+    agents[Urge.share][rows] = total
+    agents[Urge.speed][rows] = np.minimum(speed, bodies.top[rows])
+    agents[Urge.driven][rows] = 1
+
+
+def model_velocity(scene, agents, rows):
+    """(k, 3) m/s: what the model alone would have."""
+    size = (agents[Wish.pace][rows] * scene.speed[rows])[:, None]
+    return size * agents[Wish.direction][rows]
+
+
+def cut(vectors, most):
+    """(k, 3), none longer than ``most`` (k,)."""
+    size = np.sqrt((vectors**2).sum(axis=1))
+    return vectors * np.minimum(1.0, most / np.maximum(size, 1e-300))[:, None]
+
+
+__all__ = ["NO_LIMIT", "Shares", "allocate", "asked", "bodies_of", "dangers_of", "kin", "relations_of"]

@@ -1,0 +1,116 @@
+"""Groups: who belongs together by mutual perception.
+
+Two animals that keep together (of one kin, `flockbrush.systems.fauna`) are linked when each perceives the other, as
+their brushes perceive; a bird in line formation is linked with its reference bird as well.  A group is whoever is
+connected by links.  It is worked out from the present state alone, so that it is the same in a run, in its replay and
+after going back; its number is the smallest id in it, which stays while groups join and leave.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from flockbrush.components import Body, BrushBinding, Heading, Position, Species, Velocity
+from flockbrush.components.formation import FormationPlace
+from flockbrush.systems.fauna import SpeciesList, kin_of
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.measures import herd_measures
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.senses import FindNeighbours, Near, See, SeeInSpace, Sight, SightInSpace
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+
+class _Aside:
+    """A world with senses of its own: what animals perceive now, while those of the tick stay as they are."""
+
+    def __init__(self, world):
+        self.agents, self._world = world.agents, world
+        self._own = {Near: Near(), Sight: Sight(), SightInSpace: SightInSpace()}
+
+    def resource(self, kind):
+        return self._own[kind] if kind in self._own else self._world.resource(kind)
+
+
+def perceived(world):
+    """(`Lists` on the ground, `Lists` in the air or None): whom everybody perceives at this moment."""
+    aside = _Aside(world)
+    for system in (FindNeighbours(), See(), SeeInSpace()):
+        system.process(aside)
+    return aside.resource(Sight).lists, aside.resource(SightInSpace).lists
+
+
+def groups_of(world):
+    """(n,) int64: the group of each animal, as the smallest id in it."""
+    agents, n = world.agents, len(world.agents)
+    if not n:
+        return np.zeros(0, np.int64)
+    together = kin_of(world.resource(SpeciesList).table, agents[Species.index])
+    links = sum((mutual(lists, together) for lists in perceived(world) if lists is not None), csr_matrix((n, n)))
+    count, label = connected_components(links + _references(agents), directed=False)
+    smallest = np.full(count, np.iinfo(np.int64).max)
+    np.minimum.at(smallest, label, agents.ids)
+    return smallest[label]
+
+
+def group_names(world):
+    """Names of all groups there can be, by number - 1: the ids of all animals that have been born."""
+    return [str(number) for number in range(1, world.next_entity)]
+
+
+def mutual(lists, together):
+    """(n, n) sparse: 1 where two of the same number in ``together`` perceive each other."""
+    n = len(lists.first) - 1
+    seen = np.ones(len(lists.near), np.int8)
+    matrix = csr_matrix((seen, lists.near, lists.first), shape=(n, n)).tocoo()
+    same = together[matrix.row] == together[matrix.col]
+    matrix = coo_matrix((matrix.data[same], (matrix.row[same], matrix.col[same])), shape=(n, n)).tocsr()
+    return matrix.minimum(matrix.T)
+
+
+def _references(agents):
+    """(n, n) sparse: 1 from each bird in formation to the one it keeps its place by."""
+    ids, entity = agents.ids, agents[FormationPlace.reference]
+    row = np.minimum(np.searchsorted(ids, entity), len(ids) - 1)
+    follows = np.flatnonzero((entity > 0) & (ids[row] == entity))
+    return csr_matrix((np.ones(len(follows), np.int8), (follows, row[follows])), shape=(len(ids), len(ids)))
+
+
+# numbers of parts of a world ---------------------------------------------------------------
+
+
+def measures_of(world, rows=slice(None)):
+    """The measures of all, or of some animals by name (`flockbrush.systems.measures`)."""
+    agents = world.agents
+    length = float(agents[Body.length][rows].mean()) if len(agents.ids[rows]) else 1.0
+    columns = (agents[field][rows] for field in (Position.xyz, Velocity.xyz, Heading.forward))
+    flies = bool(world.resource(Palette).flies_free[agents[BrushBinding.brush][rows]].any())
+    return herd_measures(*columns, length, world.resource(Landscape).wrap, flies)
+
+
+def summary(world):
+    """{"species": {name: measures}, "brushes": {...}, "groups": [...]} of this moment, for reports.
+
+    Groups are sorted by size, the largest first, each with its number, species and measures.
+    """
+    agents = world.agents
+    kinds, brushes = world.resource(SpeciesList).names, world.resource(Palette).names
+    found = groups_of(world)
+    return {
+        "species": _by(world, agents[Species.index], kinds),
+        "brushes": _by(world, agents[BrushBinding.brush], brushes),
+        "groups": [
+            {"group": number, "species": sorted({kinds[k] for k in agents[Species.index][rows]})}
+            | measures_of(world, rows)
+            for number, rows in _rows_of_groups(found)
+        ],
+    }
+
+
+def _by(world, codes, names):
+    return {names[code]: measures_of(world, np.flatnonzero(codes == code)) for code in np.unique(codes)}
+
+
+def _rows_of_groups(found):
+    numbers, size = np.unique(found, return_counts=True)
+    order = np.lexsort((numbers, -size))
+    return [(int(numbers[k]), np.flatnonzero(found == numbers[k])) for k in order]

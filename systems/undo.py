@@ -1,0 +1,430 @@
+"""Commands that take others back: exactly these animals gone, there again, with their own brushes and goals."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+
+import numpy as np
+from flockbrush.behaviours.brush import load_brush
+from flockbrush.components import (
+    Body,
+    BrushBinding,
+    Destination,
+    Heading,
+    Leading,
+    Migration,
+    Position,
+    ProgramState,
+    Species,
+)
+from flockbrush.components.formation import FormationPlace
+from flockbrush.engine.commands import command
+from flockbrush.engine.problems import ProblemsError, did_you_mean
+from flockbrush.systems.binding import cannot
+from flockbrush.systems.contact import _nearest
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.population import SpeciesList, _bodies, _inset
+from flockbrush.systems.programs import Programs
+from flockbrush.systems.spawning import inside_polygon, nearest_free, outlines, touching
+from numba import njit
+
+MOST_AT_ONCE = 10_000  # animals that come back in one command, which must fit into one record
+PRESSED = 1e-6  # m that bodies may overlap by rounding
+
+
+def need(fine, message):
+    """ValueError with this message unless all is fine."""
+    if not fine:
+        raise ValueError(message)
+
+
+def goal_index(land, name):
+    """Index of the goal of this name; LookupError with what there is."""
+    names = [goal.name for goal in land.goals]
+    if name not in names:
+        raise LookupError(f"there is no goal {name!r}{did_you_mean(name, names)}")
+    return names.index(name)
+
+
+def need_entities(entities):
+    """ValueError unless these are ids of animals, each once."""
+    whole = all(type(e) is int and 0 < e < 2**62 for e in entities)
+    need(whole and len(set(entities)) == len(entities), "entities must be different whole numbers above 0")
+
+
+def rows_of(world, entities):
+    """(k,) rows of those of these animals that live."""
+    need_entities(entities)
+    ids = world.agents.ids
+    wanted = np.sort(np.array(entities, np.int64))
+    rows = np.minimum(np.searchsorted(ids, wanted), max(len(ids) - 1, 0))
+    return rows[ids[rows] == wanted] if len(ids) else rows[:0]
+
+
+@command
+class RemoveEntities:
+    """Take exactly these animals away; those that are gone already are passed over."""
+
+    entities: list
+
+    def inverse(self, world):
+        return bring_back(world, world.agents.ids[rows_of(world, self.entities)])
+
+    def apply(self, world):
+        for entity in world.agents.ids[rows_of(world, self.entities)].tolist():
+            world.delete_entity(entity)
+        world.flush()
+
+
+@command
+class BringBack:
+    """Have animals again that were taken away, as they were, under their own ids.
+
+    Who finds another in its place, or a wall, stands beside it.
+    """
+
+    entities: list
+    columns: dict  # of each component's field: its rows, packed
+
+    def inverse(self, world):
+        return [RemoveEntities(list(self.entities))]
+
+    def apply(self, world):
+        agents = world.agents
+        ids, columns = self.unpacked(agents)
+        need(not np.isin(ids, agents.ids).any(), "some of these animals are there already")
+        need(ids[-1] < world.next_entity, f"animal {ids[-1]} has never been in this world")
+        self.fit(world, columns)
+        make_place(world, columns)
+        everybody = np.concatenate([agents.ids, ids])
+        order = np.argsort(everybody, kind="stable")
+        merged = {f: np.concatenate([agents[f], columns[f]])[order] for f in agents.arrays}
+        world.become(everybody[order], merged, world.plain_entities(), world.next_entity)
+
+    def unpacked(self, agents):
+        """(ids, {field: rows}); ValueError when they are none."""
+        need(self.entities, "there are no animals to restore")
+        need_entities(self.entities)
+        ids, columns = np.array(self.entities, np.int64), {}
+        need((np.diff(ids) > 0).all(), "entities must ascend")
+        for field in agents.arrays:
+            columns[field] = _unpacked(field, self.columns, len(ids))
+        return ids, columns
+
+    @staticmethod
+    def fit(world, columns):
+        """What the rows count in must be there still."""
+        brushes, goals = len(world.resource(Palette)), len(world.resource(Landscape).goals)
+        for field in (BrushBinding.brush, BrushBinding.previous, BrushBinding.home):
+            need(((columns[field] >= 0) & (columns[field] < brushes)).all(), "a brush of these animals is gone")
+        kinds = len(world.resource(SpeciesList).names)
+        need(((columns[Species.index] >= 0) & (columns[Species.index] < kinds)).all(), "their species is unknown")
+        columns[Destination.goal][columns[Destination.goal] >= goals] = -1
+        need_known_programs(world, columns)
+
+
+def bring_back(world, entities):
+    """Commands that have these animals again, once they are gone."""
+    out = []
+    for first in range(0, len(entities), MOST_AT_ONCE):
+        some = entities[first : first + MOST_AT_ONCE]
+        rows = rows_of(world, some.tolist())
+        columns = {repr(f): _packed(world.agents[f][rows]) for f in sorted(world.agents.arrays, key=repr)}
+        out.append(BringBack(some.tolist(), columns))
+    return out
+
+
+def _packed(rows):
+    return base64.b64encode(zlib.compress(np.ascontiguousarray(rows).tobytes(), 1)).decode()
+
+
+def _unpacked(field, columns, count):
+    """The rows of a field as `_packed` packed them; ValueError."""
+    try:
+        data = zlib.decompress(base64.b64decode(columns[repr(field)], validate=True))
+        rows = np.frombuffer(data, field.default.dtype).reshape(count, *field.default.shape).copy()
+    except (KeyError, TypeError, ValueError, zlib.error):
+        raise ValueError(f"the column {field!r} of these animals is missing or damaged") from None
+    return field.checked_rows(rows, (count,)).astype(field.default.dtype)
+
+
+@command
+class GiveBrush:
+    """Give exactly these animals another brush of their own."""
+
+    brush: str
+    entities: list
+
+    def inverse(self, world):
+        rows = rows_of(world, self.entities)
+        return brushes_of(world, rows)
+
+    def apply(self, world):
+        palette, fauna, rows = world.resource(Palette), world.resource(SpeciesList), rows_of(world, self.entities)
+        index, kinds = palette.named(self.brush), world.agents[Species.index][rows]
+        for kind in np.unique(kinds).tolist():
+            why = cannot(palette, fauna, self.brush, fauna.names[kind])
+            need(not why, why)
+        world.agents[BrushBinding.home][rows] = index
+
+
+def brushes_of(world, rows):
+    """Commands that give the animals in these rows the brushes that are theirs now."""
+    home, ids = world.agents[BrushBinding.home][rows], world.agents.ids[rows]
+    names = world.resource(Palette).names
+    return [GiveBrush(names[k], ids[home == k].tolist()) for k in np.unique(home).tolist()]
+
+
+@command
+class Bind:
+    """Bind exactly these animals to a goal by its name; an empty name sets them free."""
+
+    goal: str
+    entities: list
+
+    def inverse(self, world):
+        return goals_of(world, rows_of(world, self.entities))
+
+    def apply(self, world):
+        goal = goal_index(world.resource(Landscape), self.goal) if self.goal else -1
+        world.agents[Destination.goal][rows_of(world, self.entities)] = goal
+
+
+def goals_of(world, rows):
+    """Commands that bind the animals in these rows to the goals that are theirs now."""
+    bound, ids = world.agents[Destination.goal][rows], world.agents.ids[rows]
+    names = [*(goal.name for goal in world.resource(Landscape).goals), ""]
+    return [Bind(names[k], ids[bound == k].tolist()) for k in np.unique(bound).tolist()]
+
+
+@command
+class PutColumns:
+    """Give exactly these animals some of their numbers back: where a flock was bound, what wind it felt."""
+
+    entities: list
+    columns: dict  # of a component's field: its rows, packed
+
+    def fields(self, world):
+        """The fields by name; ValueError for what may not be put back so."""
+        known = {repr(f): f for f in _MAY_BE_PUT}
+        stray = sorted(set(self.columns) - set(known))
+        need(not stray, f"{', '.join(stray)} cannot be put back" + did_you_mean(stray[0] if stray else "", known))
+        return [known[name] for name in sorted(self.columns)]
+
+    def inverse(self, world):
+        return columns_now(world, rows_of(world, self.entities), self.fields(world))
+
+    def apply(self, world):
+        rows = rows_of(world, self.entities)
+        given = {field: _unpacked(field, self.columns, len(rows)) for field in self.fields(world)}
+        need_known_programs(world, given)
+        for field, values in given.items():
+            world.agents[field][rows] = values
+
+
+def need_known_programs(world, columns):
+    """ValueError unless the programs and states in these columns are in the world."""
+    number = columns.get(ProgramState.program)
+    if number is None or not (number >= 0).any():
+        return
+    sizes = np.array([len(program.states) for program in world.resource(Programs).programs], int)
+    need((number < len(sizes)).all(), "the program of these animals is gone")
+    state, follow = columns.get(ProgramState.state, number), number >= 0
+    need(((state[follow] >= 0) & (state[follow] < sizes[number[follow]])).all(), "a state of these animals is gone")
+
+
+_MAY_BE_PUT = (
+    Leading.appointed, Leading.kind, Leading.target,
+    Migration.kind, Migration.target, Migration.next, Migration.left,
+    FormationPlace.gust, FormationPlace.wind, FormationPlace.felt, FormationPlace.lull,
+    *ProgramState.fields.values(),
+)  # fmt: skip
+
+
+def columns_now(world, rows, fields):
+    """Commands that give the animals in these rows back what these fields hold now."""
+    ids = world.agents.ids[rows]
+    parts = [slice(first, first + MOST_AT_ONCE) for first in range(0, len(rows), MOST_AT_ONCE)]
+    return [
+        PutColumns(ids[part].tolist(), {repr(f): _packed(world.agents[f][rows[part]]) for f in fields})
+        for part in parts
+    ]
+
+
+@command
+class PutGoal:
+    """Put a goal, by its name, exactly here: its middle, and its area if it has one."""
+
+    goal: str
+    x: float
+    y: float
+    points: list
+
+    def inverse(self, world):
+        return [place_of(world.resource(Landscape), self.goal)]
+
+    def ground_box(self, world):
+        return "all"
+
+    def apply(self, world):
+        land = world.resource(Landscape)
+        goal = land.goals[goal_index(land, self.goal)]
+        goal.xy = np.array([self.x, self.y])
+        goal.polygon = np.array(self.points, float).reshape(-1, 2) if self.points else None
+        land.navigate()
+
+
+def place_of(land, name):
+    """The command that puts this goal where it is now."""
+    goal = land.goals[goal_index(land, name)]
+    return PutGoal(name, *goal.xy.tolist(), [] if goal.polygon is None else goal.polygon.tolist())
+
+
+@command
+class UseBrush:
+    """Bring a brush into the world: its name, and the text of its file.  One of the same name is replaced."""
+
+    name: str
+    source: str
+
+    def check(self, world):
+        self.brush()
+
+    def ground_box(self, world):
+        return "all"
+
+    def brush(self):
+        """The asset; ValueError with what is wrong with it."""
+        try:
+            return load_brush(self.source.encode(), f"{self.name}.brush.toml")
+        except ProblemsError as error:
+            raise ValueError(str(error)) from None
+
+    def inverse(self, world):
+        palette = world.resource(Palette)
+        if self.name not in palette.index:
+            return [ForgetBrush(self.name)]
+        return [UseBrush(self.name, palette.brushes[palette.named(self.name)].source.decode())]
+
+    def apply(self, world):
+        palette, land, length = world.resource(Palette), world.resource(Landscape), world.agents[Body.length]
+        palette.add(self.brush())
+        if len(length):
+            land.see_to(float(length.max() * palette.view_range.max()))
+
+
+@command
+class ForgetBrush:
+    """Take the newest brush out of the palette again; one that is still about stays in it."""
+
+    name: str
+
+    def inverse(self, world):
+        palette = world.resource(Palette)
+        if self.name not in palette.index:
+            return []
+        return [UseBrush(self.name, palette.brushes[palette.named(self.name)].source.decode())]
+
+    def apply(self, world):
+        palette, land = world.resource(Palette), world.resource(Landscape)
+        index = palette.named(self.name)
+        bound = [world.agents[f] for f in (BrushBinding.brush, BrushBinding.previous, BrushBinding.home)]
+        about = (land.painted.brush == index).any() or any((column == index).any() for column in bound)
+        if not about and index == len(palette) - 1:
+            palette.forget(self.name)
+
+
+# room for bodies -----------------------------------------------------------------
+
+
+def make_room(world, trapped):
+    """Move these animals, (n,) bool, to the nearest free place.
+
+    Raises
+    ------
+    ValueError
+        When there is none nearby.  Nobody has moved then.
+    """
+    if not trapped.any():
+        return
+    agents = world.agents
+    half, radius = agents[Body.axis], agents[Body.radius]
+    bodies = [np.ascontiguousarray(c) for c in (*agents[Position.xyz][:, :2].T, *agents[Heading.forward][:, :2].T)]
+    x, y, fx, fy = bodies
+    find = _finder(world, 2.0 * float((half + radius).max()))
+    stands = ~trapped
+    for row in np.flatnonzero(trapped):
+        others = tuple(np.ascontiguousarray(c[stands]) for c in (x, y, fx, fy, half, radius))
+        found, x[row], y[row] = find(x[row], y[row], fx[row], fy[row], half[row], radius[row], others)
+        need(found, f"animal {agents.ids[row]} stands there, and has no room to step aside")
+        stands[row] = True
+    agents[Position.xyz][:, 0], agents[Position.xyz][:, 1] = x, y
+
+
+def make_place(world, columns):
+    """Move newcomers, given as columns, who would stand in others or in walls, to the nearest free place."""
+    land, agents = world.resource(Landscape), world.agents
+    xyz, forward = columns[Position.xyz], columns[Heading.forward]
+    half, radius = columns[Body.axis], columns[Body.radius]
+    reach = 2.0 * float((half + radius).max())
+    x, y, fx, fy, size, thick = _bodies(agents, land.wrap, reach)
+    others = [x, y, fx, fy, np.maximum(0.5 * size - thick, 0.0), thick]
+    walls = np.ascontiguousarray(land.solid.ends)
+    pressed = touching(xyz, forward, half, np.maximum(radius - PRESSED, 0.0), walls)
+    pressed |= pressing(xyz, forward, half, radius, *others)
+    for polygon in land.solids:
+        pressed |= inside_polygon(xyz, polygon)
+    iy, ix = cell_under(land, xyz)
+    pressed |= ~land.walkable[iy, ix] & on_map(land, xyz)
+    if not pressed.any():
+        return
+    find = _finder(world, reach)
+    mine = [xyz[:, 0].copy(), xyz[:, 1].copy(), forward[:, 0], forward[:, 1], half, radius]
+    stands = ~pressed
+    for row in np.flatnonzero(pressed):
+        around = tuple(np.ascontiguousarray(np.concatenate([o, m[stands]])) for o, m in zip(others, mine, strict=True))
+        found, mine[0][row], mine[1][row] = find(*(m[row] for m in mine), around)
+        need(found, "an animal cannot come back: there is no room where it stood")
+        stands[row] = True
+    xyz[:, 0], xyz[:, 1] = mine[0], mine[1]
+
+
+def _finder(world, reach):
+    """`nearest_free` for this landscape: (x, y, fx, fy, half, radius, others) to (found, x, y)."""
+    land = world.resource(Landscape)
+    walls, blocked, solids = land.walls_within(reach), ~land.walkable, outlines(land.solids)
+
+    def find(x, y, fx, fy, half, radius, others):
+        bounds = map(float, _inset(land, half + radius))
+        return nearest_free(x, y, fx, fy, half, radius, *walls, blocked, land.cell, *solids, *bounds, *others)
+
+    return find
+
+
+def cell_under(land, xyz):
+    """(iy, ix) of the cell under each animal, the nearest one for those off the map."""
+    ny, nx = land.brush.shape
+    return tuple(np.clip(np.floor(xyz[:, k] / land.cell), 0, n - 1).astype(np.int64) for k, n in ((1, ny), (0, nx)))
+
+
+def on_map(land, xyz):
+    """(n,) bool, who is on the map."""
+    return (xyz[:, 0] >= 0) & (xyz[:, 1] >= 0) & (xyz[:, 0] < land.width) & (xyz[:, 1] < land.height)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def pressing(xyz, forward, half, radius, ox, oy, ofx, ofy, ohalf, oradius):
+    """(n,) bool, whose body is inside one of the others'."""
+    out = np.zeros(len(xyz), np.bool_)
+    for i in range(len(xyz)):
+        for j in range(len(ox)):
+            gx, gy = _nearest(
+                xyz[i, 0], xyz[i, 1], forward[i, 0], forward[i, 1], half[i], ox[j], oy[j], ofx[j], ofy[j], ohalf[j]
+            )
+            touch = radius[i] + oradius[j] - PRESSED
+            if gx * gx + gy * gy < touch * touch:
+                out[i] = True
+                break
+    return out

@@ -1,0 +1,68 @@
+"""Stones on the ground are no animals, and animals that rest are no stones."""
+
+from dataclasses import replace
+
+import cv2
+import herd_film
+import numpy as np
+import pytest
+from herd_film import LOOKS, STILL, Camera, Truth, herd, shoot
+
+from flockbrush.film.clip_reader import open_clip
+from flockbrush.film.observations import CannotObserve
+from flockbrush.film.observe import observe
+from flockbrush.film.plain_ground import ground_alone
+
+HERD, RESTING = 24, 6
+
+
+def stony(plain, contrast):
+    """A ground with stones up to a body's size, that stand out from it so many times as much as animals do."""
+
+    def ground(look, seed=0, side=1024):
+        tile, rng = plain(look, seed, side), np.random.default_rng([seed, 8])
+        colour = np.array(look.ground, float) + contrast * (np.array(look.body, float) - look.ground)
+        for _ in range(150):
+            place, length = rng.uniform(20, side - 20, 2), rng.uniform(4, 12)
+            shape = np.zeros((side, side), np.uint8)
+            cv2.ellipse(
+                shape, (place, (length, length * rng.uniform(0.4, 0.9)), rng.uniform(0, 180)), 255, -1, cv2.LINE_AA
+            )
+            share = (shape / 255.0)[..., None]
+            tile = (tile * (1 - share) + share * colour).astype(np.float32)
+        return tile
+
+    return ground
+
+
+@pytest.mark.parametrize("contrast", [0.33, 0.6])
+def test_under_a_camera_that_turns_stones_are_no_animals_and_those_who_rest_are(contrast, tmp_path, monkeypatch):
+    monkeypatch.setattr(herd_film, "ground", stony(herd_film.ground, contrast))
+    band = herd("band", HERD, 1.2, 25, seed=3)
+    rest = np.column_stack([np.linspace(-9, 9, RESTING), np.full(RESTING, -9.0)]) + band.xy[15].mean(0)
+    xy = np.concatenate([band.xy, np.broadcast_to(rest, (30, RESTING, 2))], axis=1)
+    forward = np.concatenate([band.forward, np.broadcast_to([0.6, 0.8], (30, RESTING, 2))], axis=1)
+    truth = Truth("band", 25.0, xy, forward, np.zeros((30, HERD + RESTING)))
+    film = shoot(truth, tmp_path / "stones.mp4", (480, 480), 16.0, Camera(turn=0.25), LOOKS["sheep"], seed=5)
+    seen = observe(film.path)
+    found = np.diff(seen.sightings.first)
+    assert abs(np.median(found) - (HERD + RESTING)) <= 1, found
+    assert np.median(seen.fields.count) == pytest.approx(HERD + RESTING, rel=0.12)
+    assert seen.fields.holds_all
+
+
+@pytest.mark.parametrize(("texture", "told"), [(0.0, True), (8.0, False)])
+def test_of_plain_ground_it_is_told_that_the_camera_is_unknown_and_landmarks_are_named(tmp_path, texture, told):
+    look = replace(LOOKS["sheep"], texture=texture)
+    film = shoot(herd("band", 30, 0.4, 25, seed=3), tmp_path / "plain.mp4", (400, 400), 16.0, STILL, look, seed=5)
+    seen = observe(film.path, animals=False)
+    assert any("--landmark" in note for note in seen.notes) == told
+
+
+def test_animals_over_plain_ground_are_no_ground(tmp_path):
+    truth = herd("band", 30, 0.4, 25, seed=3)
+    film = shoot(truth, tmp_path / "plain.mp4", (400, 400), 16.0, STILL, replace(LOOKS["sheep"], texture=0.0), seed=5)
+    clip = open_clip(film.path)
+    hidden = np.ones((400, 400), bool)  # of what is left nothing can be followed
+    with pytest.raises(CannotObserve, match="--landmark"):
+        ground_alone(clip, lambda k, picture: hidden, np.tile(np.eye(2, 3), (10, 1, 1)))

@@ -1,0 +1,98 @@
+"""What is said of a brush: the truth is praised, another herd is not, and of what a clip cannot tell nothing."""
+
+import numpy as np
+import pytest
+from flockbrush.behaviours.brush import shipped
+from herd_film import evidence_of_truth, herd
+
+from flockbrush.learning import verdict
+from flockbrush.learning.battery import MEASURES, Battery, BatteryRow
+from flockbrush.learning.simulate import simulated
+from flockbrush.learning.verdict import IDLE, ONWARDS, STILL, Contender, combined, concluded, idle, judge
+
+BRUSH = "swarm"
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch):
+    for name, value in {"LONG_RUNS": 1, "RIVAL_RUNS": 1}.items():
+        monkeypatch.setattr(verdict, name, value)
+
+
+@pytest.fixture(scope="module")
+def clip():
+    """Two and a half seconds of forty animals under a shipped brush."""
+    return evidence_of_truth(herd(f"own:{BRUSH}", 40, 2.56, 12.5, 4))
+
+
+@pytest.fixture(scope="module")
+def judged(clip):
+    """The truth, and a brush of other herds, beside one another."""
+    march = shipped().get("march").model_copy(update={"speed": shipped().get(BRUSH).speed})
+    truth = judge(clip, shipped().get(BRUSH), {"march": march}, runs=3)
+    return truth, judge(clip, march, {}, runs=3)
+
+
+def test_the_truth_moves_like_the_film_and_another_herd_does_not(judged):
+    truth, other = judged
+    assert truth.kind == "like" and truth.sentence.startswith("It moves like the film: in "), truth
+    assert other.kind in ("partly", "rival") and other.missed
+    assert not truth.missed
+    assert {r.name for r in truth.rivals} == {*IDLE, "random numbers", "march"}
+
+
+def test_every_measure_has_limits_from_the_clip_and_from_chance(judged, clip):
+    rows = {row.name: row for row in judged[0].brush.rows}
+    assert set(rows) == set(MEASURES)
+    assert all(row.limit >= MEASURES[name].floor for name, row in rows.items())
+    assert rows["polarization"].by_chance == pytest.approx(1 / np.sqrt(40))
+    assert rows["polarization"].boot > 0
+
+
+def test_who_stands_and_who_goes_on_are_seen_as_that(clip):
+    battery = Battery.of(clip)
+    stand, on = (battery.measured(idle(clip, 0, moving)) for moving in IDLE.values())
+    assert stand["share standing"] == pytest.approx(1.0) and np.all(stand["speeds"] == 0.0)
+    assert np.all(on["turning"] < 1e-6) and on["growth"] > battery.values["growth"]
+    assert np.median(on["speeds"]) > np.median(battery.values["speeds"])  # nobody stands in the way
+
+
+def test_what_runs_do_alike_is_no_difference(clip):
+    run = simulated(clip, shipped().get(BRUSH), 3)
+    battery = Battery.of(clip)
+    one = battery.measured(run)
+    rows = Battery(clip, battery.every, battery.series, one, dict.fromkeys(one, 0.0), battery.chance).compared([one])
+    assert all(row.off == 0.0 and row.met for row in rows)
+
+
+def row(name, far):
+    return BatteryRow(name, 0.5, 0.5 + 0.1 * far, 0.1 * far, 0.1)
+
+
+def contender(name, *far, lasting=()):
+    return Contender(name, [row(n, f) for n, f in zip(MEASURES, far, strict=False)], list(lasting))
+
+
+def test_the_four_sentences():
+    others = [contender("march", 3, 3, 3, 3), contender(STILL, 4, 4, 4, 4), contender(ONWARDS, 2, 2, 2, 2)]
+    said = concluded(contender("x", 0.5, 0.5, 0.5, 0.9), others, 3.0, 30)
+    assert said.kind == "like"
+    said = concluded(contender("x", 0.5, 0.5, 0.5, 0.9, lasting=[row("milling", 2)]), others, 3.0, 30)
+    assert said.sentence.endswith("not in milling after 20 s alone.")
+    said = concluded(contender("x", 0.5, 1.5, 0.5, 0.9), others, 3.0, 30)
+    assert said.kind == "partly" and said.sentence.endswith("nearest neighbour and speeds, not in milling.")
+    said = concluded(contender("x", 0.5, 5, 5, 0.9), [*others, contender("mill", 0.5, 1.2, 0.5, 0.5)], 3.0, 30)
+    assert said.sentence == "It is no better than the brush mill."
+    assert concluded(contender("x", 0.5, 0.5, 0.5, 0.9), others, 0.5, 30).kind == "untold"
+    idle_too = [*others[:2], contender(ONWARDS, 0.2, 0.2, 0.2, 0.2)]
+    said = concluded(contender("x", 0.5, 0.5, 0.5, 0.9), idle_too, 3.0, 30)
+    assert said.kind == "untold" and ONWARDS in said.sentence
+
+
+def test_brushes_of_several_parts_are_judged_together():
+    others = [contender(STILL, 4, 4, 4, 4)]
+    parts = [concluded(contender("x", far, 0.1, 0.1, 0.1), others, 3.0, 30) for far in (0.2, 1.5)]
+    assert [p.kind for p in parts] == ["like", "partly"]
+    both = combined(parts)
+    assert both.kind == "like" and both.seconds == 6.0
+    assert both.brush.rows[0].far == pytest.approx(0.85)

@@ -1,0 +1,68 @@
+"""Several clips or parts of one: what is refused together, and what the report of a refitted brush shows."""
+
+from types import SimpleNamespace
+
+import pytest
+from flockbrush.engine.problems import ProblemsError
+from herd_film import evidence_of_truth, herd
+
+import flockbrush
+from flockbrush.learning import learn as learning
+from flockbrush.learning.learn import BrushTask, LearnOptions, _compare, _refitted, _refuse_strangers
+from flockbrush.learning.learned_parameters import Learned
+from flockbrush.learning.result import Findings
+from flockbrush.learning.rollout import theta_of
+from flockbrush.learning.verdict import judge
+
+
+@pytest.fixture(scope="module")
+def clips():
+    """A marching herd and a mill."""
+    made = [evidence_of_truth(herd(f"own:{name}", 30, 2.4, 12.5, 2), name=name) for name in ("march", "mill-filled")]
+    return dict(zip(("march", "mill"), made, strict=True))
+
+
+@pytest.fixture(scope="module")
+def march():
+    return flockbrush.shipped().get("march")
+
+
+def test_a_march_and_a_mill_are_refused_together_with_the_evidence(clips, march):
+    wholes = [clips["march"], clips["mill"]]
+    checks = [judge(clip, march, {}, runs=2) for clip in wholes]
+    with pytest.raises(ProblemsError) as told:
+        _refuse_strangers(wholes, checks, None)
+    assert "mill-filled: no one brush fits these clips" in str(told.value)
+    assert "simulated; learn them one by one" in str(told.value)
+
+
+def test_two_clips_of_one_herd_are_learned_together(clips, march):
+    wholes = [clips["march"], evidence_of_truth(herd("own:march", 30, 2.4, 12.5, 9), name="march 2")]
+    _refuse_strangers(wholes, [judge(clip, march, {}, runs=2) for clip in wholes], None)
+    with pytest.raises(ProblemsError):  # and one alone is never refused
+        _refuse_strangers([clips["mill"]] * 2, [judge(clips["mill"], march, {}, runs=2)] * 2, None)
+    _refuse_strangers([clips["mill"]], [judge(clips["mill"], march, {}, runs=2)], None)
+
+
+def learned_as(brush):
+    return Learned(brush.params, brush.speed, brush.body, brush.vision, theta_of(brush.params))
+
+
+def test_the_held_out_table_shows_the_brush_that_knew_nothing_of_these_frames(clips, march, monkeypatch, tmp_path):
+    """The judged brush is a march, the refitted one a mill; the frames held out are of a march."""
+    clip, mill = clips["march"], flockbrush.shipped().get("mill-filled")
+    wishes = LearnOptions([tmp_path / "a.mp4"], tmp_path / "a.brush.toml", quick=True)
+    verdict = judge(clip, march, {}, runs=2)
+    first = Findings(march, [clip], clip, learned_as(march), clip, judgement=verdict)
+    refit = Findings(mill, [clip], clip, learned_as(mill), clip)
+    monkeypatch.setattr(learning, "_learned", lambda *_, **__: refit.learned)
+    monkeypatch.setattr(learning, "_found", lambda *_: refit)
+    monkeypatch.setattr(learning, "_judged", lambda *_: verdict)
+    found = _refitted(
+        BrushTask(wishes.out, [SimpleNamespace(whole=clip)]), [first, first], wishes, SimpleNamespace(asked=0)
+    )
+    assert found.brush is mill and found.judged_brush is march
+    _compare(found, wishes, None, False)
+    shown = found.comparison.verdict("polarization")
+    assert shown.met and shown.herd > 0.9, shown
+    assert found.counts[-1]["milling"] > 0.5  # other numbers of animals: the brush of the file

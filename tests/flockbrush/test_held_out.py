@@ -1,0 +1,69 @@
+"""What is held out of a clip is unknown to the brush that is judged by it."""
+
+from dataclasses import replace
+
+import herd_film
+import numpy as np
+import pytest
+from herd_film import Camera, Look, herd, shoot
+
+from flockbrush.film.open_clip import Looking, look_at, looked_apart
+from flockbrush.learning.recipe import learn
+
+FRAMES = 40
+
+
+@pytest.fixture(scope="module")
+def mill(tmp_path_factory):
+    """A mill filmed without loss, and the same film with its second half replaced, backwards."""
+    folder = tmp_path_factory.mktemp("mill")
+    truth = herd("mill", count=14, seconds=FRAMES / 25, fps=25, seed=4)
+    film = shoot(truth, None, (256, 256), 13.0, Camera(), look=Look(crf=0), seed=2)
+    half = FRAMES // 2
+    paths = folder / "one.mp4", folder / "other.mp4"
+    backwards = film.frames[:half] + film.frames[: half - 1 : -1]
+    for path, pictures in zip(paths, (film.frames, backwards), strict=True):
+        writer = herd_film._Writer(path, 25, film.size, 0)
+        for picture in pictures:
+            writer.write(picture)
+        writer.close()
+    return paths
+
+
+@pytest.fixture(scope="module")
+def parts(mill):
+    how = Looking()
+    return [looked_apart(path, how, look_at(path, how), 0.5)[0] for path in mill]
+
+
+def test_held_out_frames_change_nothing_of_the_brush_that_they_judge(parts):
+    (one, held), (other, replaced) = parts
+    assert not np.array_equal(held.fields.density, replaced.fields.density)
+    for name in ("density", "velocity", "speed", "angular_variance", "seen", "count"):
+        assert np.array_equal(getattr(one.fields, name), getattr(other.fields, name), equal_nan=True), name
+    for name in ("xy", "forward", "speed", "turn", "track"):
+        assert np.array_equal(getattr(one.sightings, name), getattr(other.sightings, name), equal_nan=True), name
+    brushes = [learn(clip, seed=1, starts=1, budget_s=0.05, brushes=False) for clip in (one, other)]
+    first, second = ((b.theta.tolist(), b.extras, b.speed, b.body, b.vision) for b in brushes)
+    assert first == second
+
+
+def test_both_parts_are_measured_in_the_same_body_length(parts):
+    training, held = parts[0]
+    assert training.fields.frames.tolist() == list(range(FRAMES // 2))
+    assert held.fields.frames.tolist() == list(range(FRAMES // 2, FRAMES))
+    zoomed = held.clip_body_px / training.clip_body_px
+    assert zoomed == pytest.approx(np.sqrt(abs(np.linalg.det(held.camera[0][:, :2]))) ** -1, rel=0.02)
+
+
+def test_another_unit_of_length_changes_no_herd(parts):
+    training = parts[0][0]
+    twice = training.in_lengths_of(training.clip_body_px / 2)
+    assert twice.clip_body_px == pytest.approx(training.clip_body_px / 2)
+    assert twice.fields.count is training.fields.count
+    area = training.fields.cell**2, twice.fields.cell**2
+    assert np.nansum(twice.fields.density) * area[1] == pytest.approx(np.nansum(training.fields.density) * area[0])
+    points = [e.sightings.xy @ e.to_pixels[:, :2].T + e.to_pixels[:, 2] for e in (training, twice)]
+    assert np.allclose(*points)
+    assert twice.speed.mean == pytest.approx(2 * training.speed.mean)
+    assert replace(training, name="same").in_lengths_of(training.clip_body_px).fields is training.fields

@@ -1,0 +1,103 @@
+"""Learning from tracks: the command, the Python function, and how sure and how separate the numbers are."""
+
+import json
+
+import numpy as np
+import pytest
+
+import flockbrush
+from flockbrush.cli.main import called
+from flockbrush.learning.confounding import correlation_of, estimates_of
+from flockbrush.learning.learned_parameters import Learned
+
+
+def herd_tracks(count=12, seconds=3.0, fps=16, brush="march", seed=3):
+    """(T, N, 2) m of a simulated herd, from 5 s after its beginning."""
+    from flockbrush.components import Position
+
+    simulation = flockbrush.plane(flockbrush.shipped().get(brush), count, 0.6, "scatter", seed, 0.3)
+    simulation.run(160)
+    xy = []
+    for _ in range(round(seconds * fps)):
+        xy.append(simulation.agents[Position.xyz][:, :2].copy())
+        simulation.run(32 // fps)
+    return np.array(xy)
+
+
+@pytest.fixture(scope="module")
+def tracks():
+    xy = herd_tracks() + np.random.default_rng(1).normal(0, 0.005, (48, 12, 2))
+    xy[20:23, 4] = np.nan
+    xy[:14, 5] = np.nan
+    return xy
+
+
+@pytest.fixture(scope="module")
+def learned(tracks):
+    length = flockbrush.shipped().get("march").body.length
+    return flockbrush.learn(tracks, unit="m", fps=16, body_length=length, quick=True, starts=1, name="marchers")
+
+
+def test_python_learns_a_brush_from_an_array(learned, tmp_path):
+    path = flockbrush.save_brush(learned.brush, tmp_path)
+    assert flockbrush.load_brush(path).params == learned.brush.params
+    assert learned.brush.name == "marchers" and learned.brush.provenance.kind == "learned"
+    assert learned.brush.body.length == flockbrush.shipped().get("march").body.length
+    assert learned.verdict and learned.kind in ("like", "partly", "rival", "untold")
+    told = {row["name"]: row for row in learned.measures}
+    assert told["polarization"]["clip"] > 0.9 and told["polarization"]["met"]
+
+
+def test_each_number_has_an_error_and_what_stands_in_for_it(learned):
+    assert [one.name for one in learned.parameters][:3] == ["avoidance_weight", "avoidance_radial", "avoidance_angular"]
+    for one in learned.parameters:
+        assert one.told == ("not identifiable" if not one.identifiable else f"{one.value:.3f} ± {one.error:.3f}")
+        assert len(one.confounded_with) == len(one.correlation)
+        assert all(0.7 <= abs(r) <= 1 for r in one.correlation)
+    with pytest.raises(KeyError, match="alignment_weight"):
+        learned.parameter("aligment")
+
+
+def test_no_obstacle_is_identifiable_without_any(learned):
+    assert not any(one.identifiable for one in learned.parameters if one.name.startswith("obstacle"))
+
+
+def test_correlations_of_errors_are_those_of_the_inverse_information():
+    """Against a covariance that is known: errors of 1 and 2 go together, 3 is alone, 4 is not seen."""
+    covariance = np.array([[1.0, 0.9, 0.0], [0.9, 1.0, 0.0], [0.0, 0.0, 4.0]])
+    information = np.zeros((4, 4))
+    information[:3, :3] = np.linalg.inv(covariance)
+    found = correlation_of(information)
+    np.testing.assert_allclose(found[:3, :3], [[1, 0.9, 0], [0.9, 1, 0], [0, 0, 1]], atol=1e-9)
+    assert np.isnan(found[3]).all() and np.isnan(found[:, 3]).all()
+
+
+def test_numbers_whose_errors_go_together_are_named():
+    correlation = np.eye(12)
+    correlation[0, 3] = correlation[3, 0] = -0.95
+    correlation[0, 6] = correlation[6, 0] = 0.8
+    correlation[1, 2] = correlation[2, 1] = 0.5
+    blank = Learned(None, None, None, None, np.full(12, 0.5), deviation=np.full(12, 0.02), correlation=correlation)
+    found = estimates_of(blank)
+    assert found[0].confounded_with == ("cohesion_weight", "alignment_weight") and found[0].correlation == (-0.95, 0.8)
+    assert found[1].confounded_with == ()
+
+
+@pytest.mark.slow
+def test_the_command_learns_from_a_table_with_gaps(tracks, tmp_path, capsys):
+    path = tmp_path / "march.csv"
+    rows = [
+        f"{t},{t / 16},{n},{tracks[t, n, 0]:.4f},{tracks[t, n, 1]:.4f}"
+        for t in range(40) for n in range(12) if np.isfinite(tracks[t, n, 0])
+    ]  # fmt: skip
+    path.write_text("frame,time,id,x_m,y_m\n" + "\n".join(rows) + "\n")
+    out, report = tmp_path / "m.brush.toml", tmp_path / "r"
+    command = ["learn", str(path), "-o", str(out), "--report", str(report), "--quick", "--starts", "1", "--json"]
+    assert called([*command, "--body-length-m", "1.1", "--licence", "made up"]) == 0
+    told = json.loads(capsys.readouterr().out)["brushes"][0]
+    assert told["estimates"][0]["name"] == "avoidance_weight"
+    brush = flockbrush.load_brush(out)
+    assert brush.body.length == 1.1 and brush.provenance.licence == "made up" and brush.provenance.clip == "march.csv"
+    page = (report / "report.html").read_text()
+    assert "1.1 m, given" in page and "confounded with" in page and "smoothed over" in page
+    assert (report / "moment-1.png").stat().st_size > 0

@@ -1,0 +1,173 @@
+"""The scenes of docs/directing.md do what they promise: species, programs, events and terrain in one level."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flockbrush.behaviours.brush import shipped
+from flockbrush.components import Position, Species, Velocity
+from flockbrush.levels import reader
+from flockbrush.levels.build import build
+from flockbrush.levels.reader import read_level
+from flockbrush.systems.ground_height import height_of_ground
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.leaders import Steer
+from flockbrush.systems.population import SpeciesList
+
+from flockbrush.runs.run import start
+
+RATE = 32  # ticks a second
+
+
+def places(scene, species):
+    """(k, 3) m, of the animals of a species."""
+    names = scene.world.resource(SpeciesList).names
+    return scene.agents[Position.xyz][scene.agents[Species.index] == names.index(species)].copy()
+
+
+def went(scene, program, before, after):
+    """How often animals of a program have gone from one state to another."""
+    return scene.transitions()[program].get(before, {}).get(after, 0)
+
+
+def spread(xyz):
+    """m, mean distance from the middle in plan."""
+    return float(np.sqrt(((xyz[:, :2] - xyz[:, :2].mean(0)) ** 2).sum(1)).mean())
+
+
+def test_savanna_thirst_lions_contagion_and_calm():
+    scene = start("savanna")
+    scene.run(38 * RATE)
+    assert scene.states()["lion"]["lie"] > 0 and scene.states()["zebra"]["bolt"] == 0
+    assert went(scene, "zebra", "graze", "thirsty") > 60  # each at its own time
+    first, near = None, 0
+    while scene.clock.now < 80 and scene.states()["zebra"]["calm"] < 60:
+        scene.run(RATE // 4)
+        zebras, lions = places(scene, "zebra")[:, :2], places(scene, "lion")[:, :2]
+        away = np.sqrt(((zebras[:, None] - lions[None]) ** 2).sum(2)).min(1)
+        if scene.states()["zebra"]["bolt"]:
+            first = scene.clock.now if first is None else first
+            near = max(near, int((away <= 25).sum()))
+    assert went(scene, "zebra", "thirsty", "drink") >= 5  # some came to the water before
+    bolted = sum(went(scene, "zebra", state, "bolt") for state in ("graze", "thirsty", "drink"))
+    assert first is not None and scene.clock.now - first < 22
+    assert bolted >= 85 and near < 0.6 * bolted  # most of them from the others, not from the lions
+    assert went(scene, "zebra", "bolt", "calm") >= 60 and scene.states()["zebra"]["bolt"] < 30  # the herd calms
+    assert went(scene, "lion", "rush", "tired") + scene.states()["lion"]["rush"] >= 1
+    assert len(places(scene, "zebra")) == 90  # and nobody was caught
+
+
+def test_lake_skeins_meet_land_rest_and_leave_and_a_falcon_scatters_starlings():
+    scene = start("lake")
+    geese = places(scene, "goose")
+    assert abs(geese[:11, 1].mean() - geese[11:, 1].mean()) > 85  # they see 80 m far
+    scene.run(20 * RATE)
+    assert spread(places(scene, "goose")) < 20  # they have joined
+    scene.run(24 * RATE)
+    geese, flock = places(scene, "goose"), spread(places(scene, "starling"))
+    assert scene.states()["lake-goose"]["rest"] == 20 and (geese[:, 2] < 1).all()
+    assert (np.abs(geese[:, :2] - (640, 400)) < (150, 90)).all()
+    scattered = 0.0
+    for _ in range(8):
+        scene.run(2 * RATE)
+        scattered = max(scattered, spread(places(scene, "starling")))
+    assert scattered > 3 * flock
+    scene.run(19 * RATE)
+    assert scene.states()["lake-goose"]["rest"] == 20 and scene.states()["falcon"]["leave"] == 1
+    closed = scattered
+    for _ in range(7):
+        scene.run(3 * RATE)
+        closed = min(closed, spread(places(scene, "starling")))
+    assert scene.states()["lake-goose"]["away"] == 20 and (places(scene, "goose")[:, 2] > 25).all()
+    assert closed < 0.6 * scattered  # it is gone
+
+
+def test_merino_sheep_spread_slowly_and_pack_suddenly():
+    scene = start("merino")
+    before, packed = spread(places(scene, "sheep")), None
+    widest = before
+    for _ in range(40):
+        scene.run(3 * RATE)
+        now = spread(places(scene, "sheep"))
+        widest = max(widest, now)
+        if now < 0.85 * widest:
+            packed = scene.clock.now
+            break
+    assert widest > 1.01 * before and packed is not None
+    assert sum(row.get("run", 0) for row in scene.transitions()["merino"].values()) > 60
+
+
+def test_ridge_the_herd_takes_the_pass_and_birds_follow_the_slope():
+    scene = start("ridge")
+    land, highest, clear, crossed = scene.world.resource(Landscape), 0.0, np.inf, 0.0
+    for _ in range(240):
+        scene.run(RATE // 2)
+        highest = max(highest, places(scene, "reindeer")[:, 2].max())
+        birds = places(scene, "starling")
+        ground = [height_of_ground(land.relief, land.relief_cell, x, y) for x, y in birds[:, :2]]
+        clear, crossed = min(clear, (birds[:, 2] - ground).min()), max(crossed, max(ground))
+    assert highest < 14 and (places(scene, "reindeer")[:, 0] > 170).mean() > 0.9  # the ridge is 40 m high
+    assert crossed > 30 and clear > 0.04
+
+
+def test_ridge_a_dog_brings_the_sheep_together():
+    level = read_level(Path(reader.__file__).parent / "shipped" / "ridge.tmj")
+    level.spawns = [spawn for spawn in level.spawns if spawn.species in ("sheep", "dog", "human")]
+    level.script = [key for key in level.script if key.args.get("species") != "starling"]
+    scene = build(level, library=shipped())
+    apart, dog = spread(places(scene, "sheep")), places(scene, "dog")
+    scene.run(4 * RATE)
+    assert np.abs(places(scene, "dog") - dog).max() < 0.1  # until the event fetch
+    scene.run(96 * RATE)
+    assert spread(places(scene, "sheep")) < 0.5 * apart
+
+
+def test_the_shepherd_stands_until_it_is_steered():
+    scene = start("ridge")
+    scene.run(3 * RATE)
+    stood = places(scene, "human")[0]
+    scene.run(2 * RATE)
+    assert np.abs(places(scene, "human")[0] - stood).max() < 0.05
+    scene.submit(Steer(species="human", x=0.0, y=1.0))
+    scene.run(6 * RATE)
+    walked = places(scene, "human")[0] - stood
+    assert 4 < walked[1] < 8 and abs(walked[0]) < 2
+    scene.submit(Steer(species="human", x=0.0, y=0.0))
+    scene.run(2 * RATE)
+    stood = places(scene, "human")[0]
+    scene.run(RATE)
+    assert np.abs(places(scene, "human")[0] - stood).max() < 0.05
+
+
+def test_city_people_leave_by_all_gates_when_the_alarm_is_raised():
+    scene = start("city")
+    scene.run(11 * RATE)
+    there = len(scene.agents)
+    assert scene.states()["evacuation"] == {"stroll": there, "leave": 0} and there > 170
+    scene.run(5 * RATE)
+    assert scene.states()["evacuation"]["stroll"] == 0
+    last = {}
+    while scene.clock.now < 84 and len(scene.agents):
+        last.update(zip(scene.agents.ids.tolist(), scene.agents[Position.xyz][:, :2].tolist(), strict=True))
+        scene.run(RATE // 2)
+    assert len(scene.agents) <= 0.04 * there
+    gone = np.array([xy for entity, xy in last.items() if entity not in set(scene.agents.ids.tolist())])
+    south, west = gone[:, 1] < 24, gone[:, 0] < 30
+    assert min(south.sum(), (~south & west).sum(), (~south & ~west).sum()) > 15
+
+
+@pytest.mark.parametrize("name", ["savanna", "lake", "merino", "ridge", "city"])
+def test_nobody_is_faster_than_its_species_or_stands_in_the_air(name):
+    scene = start(name)
+    table, flies = scene.world.resource(SpeciesList).table, {"goose", "starling", "falcon"}
+    names = scene.world.resource(SpeciesList).names
+    for _ in range(6):
+        scene.run(2 * RATE)
+        kind = scene.agents[Species.index]
+        speed = np.sqrt((scene.agents[Velocity.xyz] ** 2).sum(1))
+        assert np.isfinite(speed).all() and (speed <= table.speed[kind].max(1) * 1.001).all()
+        for k, species in enumerate(names):
+            mine = kind == k
+            if species in flies and mine.any():
+                aloft = mine & (scene.agents[Position.xyz][:, 2] > 5.0)
+                assert (speed[aloft] > 0.5 * table.slowest[k]).all()

@@ -1,0 +1,220 @@
+"""The page of a run, opened in a real browser without a network; and what notebooks show."""
+
+import sys
+import time
+
+import cv2
+import numpy as np
+import pytest
+from browser import Browser, chromium
+from flockbrush.components import Heading, Position
+from flockbrush.engine.recording import open_recording, resume, state_hash
+from processes import other_process
+
+from flockbrush.runs.run import rebuild, start
+
+tools = [
+    pytest.mark.tools,
+    pytest.mark.skipif(chromium() is None, reason="chromium is not installed (apt-get install chromium)"),
+]
+LIMIT = 15e6  # bytes for 300 animals and 30 s
+
+
+@pytest.fixture(scope="module")
+def page(shared, recording):
+    path = shared / "pen.html"
+    done = other_process("export", recording, "--to", path)
+    assert done.returncode == 0, done.stderr
+    return path
+
+
+@pytest.fixture(scope="module")
+def shown(page):
+    """The page in a browser, loaded."""
+    with Browser() as browser:
+        browser.open(page)
+        until = time.monotonic() + 60
+        while browser.evaluate("typeof window.flockbrush") != "object" and time.monotonic() < until:
+            time.sleep(0.1)
+        browser.evaluate("window.flockbrush.then(() => 0)")
+        yield browser
+
+
+def asked(browser, expression):
+    return browser.evaluate(f"window.flockbrush.then(async (p) => {expression})")
+
+
+def drawn(browser):
+    """Wait for the next picture."""
+    asked(
+        browser,
+        "{ const n = p.frames; p.dirty = true; while (p.frames === n) await new Promise(requestAnimationFrame); }",
+    )
+
+
+def test_a_page_loads_nothing_from_elsewhere(page):
+    import re
+
+    text = page.read_text(encoding="utf-8")
+    visible = re.sub(r'<script type="application/octet-stream".*?</script>', "", text, flags=re.S)
+    assert re.findall(r"(?:src|href)=\"(?!data:)", visible) == []
+    assert "MIT License" in text or "The MIT License" in text
+
+
+@pytest.mark.parametrize("kind", ["html"])
+def test_the_same_recording_gives_the_same_page(cli, recording, tmp_path, kind):
+    (tmp_path / "again").mkdir()
+    for folder in (tmp_path, tmp_path / "again"):
+        assert cli("export", recording, "--to", folder / f"a.{kind}", "--fps", 4).code == 0
+    assert (tmp_path / f"a.{kind}").read_bytes() == (tmp_path / "again" / f"a.{kind}").read_bytes()
+
+
+class TestInABrowser:
+    pytestmark = tools
+
+    def test_frames_are_drawn_and_show_the_herd(self, shown, tmp_path):
+        asked(shown, "p.seek(0)")
+        drawn(shown)
+        assert asked(shown, "[p.frames > 0, p.run.count, p.run.times.length]") == [True, 24, 21]
+        shown.picture(tmp_path / "a.png")
+        with_herd = cv2.imread(str(tmp_path / "a.png")).astype(int)
+        asked(
+            shown,
+            "{ for (const look of Object.values(p.animals.looks)) look.meshes.forEach((m) => m.layers.disableAll()); }",
+        )
+        drawn(shown)
+        shown.picture(tmp_path / "b.png")
+        without = cv2.imread(str(tmp_path / "b.png")).astype(int)
+        asked(
+            shown,
+            "{ for (const look of Object.values(p.animals.looks)) look.meshes.forEach((m) => m.layers.enable(0)); }",
+        )
+        assert (np.abs(with_herd - without).max(axis=2) > 40).sum() > 500  # pixels
+        assert with_herd[150:550].std() > 10  # there is a ground to see
+
+    def test_positions_and_headings_are_those_of_the_simulation(self, shown, recording):
+        run = open_recording(recording)
+        simulation = rebuild(run)
+        resume(run, simulation.world)
+        simulation.run(40)
+        asked(shown, "{ p.seek(1.25); p.run.at(1.25); }")
+        told = asked(shown, "['ids', 'x', 'y', 'z', 'yaw'].map((n) => [...p.run[n].subarray(0, p.run.count)])")
+        assert told[0] == simulation.agents.ids.tolist()
+        assert np.allclose(np.transpose(told[1:4]), simulation.agents[Position.xyz], atol=1e-3)
+        forward = simulation.agents[Heading.forward]
+        assert np.allclose(np.exp(1j * np.array(told[4])), forward[:, 0] + 1j * forward[:, 1], atol=1e-3)
+
+    def test_scrubbing_moves_the_animals(self, shown, tmp_path):
+        pictures = []
+        for share in (0.0, 1.0):
+            shown.evaluate(f"{{ const s = document.getElementById('scrub'); s.value = {share}; s.oninput(); }}")
+            drawn(shown)
+            shown.picture(tmp_path / "a.png")
+            pictures.append(cv2.imread(str(tmp_path / "a.png")).astype(int)[100:560])
+        assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 40).sum() > 500
+
+    def test_it_plays_on_its_own(self, shown):
+        asked(shown, "{ p.seek(0); p.play(true); }")
+        until = time.monotonic() + 30
+        while asked(shown, "p.playing") and time.monotonic() < until:
+            time.sleep(0.2)
+        assert asked(shown, "[p.playing, p.time]") == [False, 1.25]
+
+    def test_a_click_on_an_animal_shows_its_card(self, shown):
+        asked(shown, "{ p.view('plan'); p.seek(0.5); }")
+        drawn(shown)
+        x, y, animal = asked(
+            shown,
+            """{ const v = new THREE.Vector3(p.run.x[3], p.run.y[3], 0.4 * p.run.length[3]).project(p.camera);
+               return [(v.x + 1) / 2 * innerWidth, (1 - v.y) / 2 * innerHeight, p.run.ids[3]]; }""",
+        )
+        shown.click(x, y)
+        drawn(shown)
+        card = shown.evaluate("document.getElementById('card').innerText")
+        assert f"animal {asked(shown, 'p.animals.selected')}" in card
+        assert asked(shown, "p.animals.selected") == animal
+        for word in ("species", "sheep", "brush", "swarm", "speed", "m/s"):
+            assert word in card
+        asked(shown, "p.select(null)")
+        drawn(shown)
+        assert shown.evaluate("document.getElementById('card').hidden")
+
+    def test_dragging_orbits_and_the_plan_looks_straight_down(self, shown):
+        asked(shown, "p.view('orbit')")
+        before = asked(shown, "p.camera.position.toArray()")
+        shown.drag((500, 300), (700, 320))
+        drawn(shown)
+        assert not np.allclose(before, asked(shown, "p.camera.position.toArray()"))
+        asked(shown, "p.view('plan')")
+        drawn(shown)
+        way = asked(shown, "p.camera.getWorldDirection(new THREE.Vector3()).toArray()")
+        assert way[2] < -0.999
+
+    def test_the_page_says_where_it_comes_from(self, shown, recording):
+        import hashlib
+
+        about = shown.evaluate("document.getElementById('about').textContent")
+        run = open_recording(recording)
+        for word in (
+            f"{run.header['seed']}",
+            run.hashes[40],
+            hashlib.sha256(recording.read_bytes()).hexdigest(),
+            "numba",
+        ):
+            assert word in about
+        assert "swarm" in shown.evaluate("document.getElementById('legend').textContent")
+
+    def test_nothing_is_complained_of(self, shown):
+        assert shown.complaints == []
+
+
+def test_feet_stay_where_they_stand():
+    from flockbrush.render.animal_looks import LOOKS, mesh_of, posed
+
+    for look in LOOKS:
+        mesh = mesh_of(look)
+        for clip, stride in mesh.strides.items():
+            for part in (p for p in mesh.parts if p.kind == "leg"):
+                sole = np.flatnonzero(mesh.part == mesh.parts.index(part))
+                sole = sole[mesh.points[sole, 2] < mesh.points[sole, 2].min() + 1e-9]
+                phases = (stride.offsets[part.number] + stride.duty * np.linspace(0.02, 0.98, 12)) % 1.0
+                way = stride.length * stride.duty * np.linspace(0.02, 0.98, 12)  # that the body has gone
+                feet = np.array([posed(mesh, clip, phase)[sole].mean(axis=0) for phase in phases])
+                assert np.ptp(feet[:, 0] + way) < 0.05 * stride.length
+                assert np.ptp(feet[:, 2]) < 1e-9  # on the ground
+
+
+def test_a_simulation_in_a_notebook_shows_itself_and_stays_as_it_is(level):
+    from flockbrush.output import notebook
+
+    simulation = start(level)
+    before = state_hash(simulation.world)
+    shown = simulation._repr_html_()
+    assert shown.startswith("<iframe") and "srcdoc=" in shown and "allow-scripts" in shown
+    assert state_hash(simulation.world) == before
+    assert notebook.MOST > 0
+
+
+def test_a_recording_in_a_notebook_is_a_page_or_a_picture_where_it_is_large(recording, monkeypatch):
+    from flockbrush.output import notebook
+
+    run = open_recording(recording)
+    assert run._repr_html_().startswith("<iframe")
+    monkeypatch.setattr(notebook, "MOST", 10)
+    shown = run._repr_html_()
+    assert shown.startswith("<img") and "flockbrush export" in shown
+
+
+def test_notebooks_get_their_pictures_when_flockbrush_is_used(monkeypatch):
+    import flockbrush
+
+    monkeypatch.setitem(sys.modules, "IPython", sys)
+    monkeypatch.delitem(sys.modules, "flockbrush.output.notebook", raising=False)
+    assert callable(flockbrush.start)
+    assert "flockbrush.output.notebook" in sys.modules
+
+
+@pytest.mark.slow
+def test_three_hundred_animals_and_thirty_seconds_fit_in_fifteen_megabytes(cli, tmp_path):
+    assert cli("run", "sheep-pasture", "--seconds", 30, "--export", tmp_path / "a.html").code == 0
+    assert (tmp_path / "a.html").stat().st_size < LIMIT

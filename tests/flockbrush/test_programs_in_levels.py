@@ -1,0 +1,159 @@
+"""Programs in level files and on the command line: run, recorded, replayed, exported, tried on a plane."""
+
+import csv
+import json
+
+import pytest
+from flockbrush.behaviours.program import load_program, save_program, shipped_programs
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.levels.reader import read_level
+
+from flockbrush.runs.run import start
+
+OWN = """schema = "flockbrush.program/1"
+[state.rest]
+brush = "graze"
+[state.go]
+brush = "march"
+[[trigger]]
+to = "go"
+when = { any = [{ event = "alarm" }, { event = "gate" }] }
+"""
+
+
+def thing(number, cls, x, y, width, height, name="", **values):
+    kinds = {int: "int", float: "float", str: "string"}
+    told = [{"name": k, "type": kinds[type(v)], "value": v} for k, v in values.items()]
+    return {
+        "id": number, "name": name, "type": cls, "x": x, "y": y, "width": width, "height": height, "rotation": 0,
+        "visible": True, "properties": told,
+    }  # fmt: skip
+
+
+def level(folder, program="own", **more):
+    """A level of 60 x 40 m with twelve sheep in a program, whose file lies in the folder ``programs``."""
+    (folder / "programs").mkdir(exist_ok=True)
+    (folder / "programs" / "own.program.toml").write_text(OWN)
+    spawn = thing(1, "Spawn", 100, 100, 100, 100, "herd", species="sheep", brush="graze", count=12, program=program)
+    zone = thing(2, "Zone", 400, 0, 100, 400, "gate", event="gate", event_reach=-1.0)
+    key = thing(3, "Key", 0, 0, 10, 10, "", at=0.5, command="SetState", program="own", state="go", **more)
+    layers = [
+        {"id": 1, "name": "spawns", "type": "objectgroup", "objects": [spawn]},
+        {"id": 2, "name": "zones", "type": "objectgroup", "objects": [zone]},
+        *([{"id": 3, "name": "script", "type": "objectgroup", "objects": [key]}] if more else []),
+    ]
+    document = {
+        "type": "map", "orientation": "orthogonal", "infinite": False, "width": 60, "height": 40, "tilewidth": 10,
+        "tileheight": 10, "tilesets": [], "layers": layers,
+        "properties": [{"name": "schema", "type": "string", "value": "flockbrush-level/1"}],
+    }  # fmt: skip
+    path = folder / "pen.tmj"
+    path.write_text(json.dumps(document, indent=1))
+    return path
+
+
+def test_a_spawn_names_a_program_and_a_zone_an_event(tmp_path):
+    found = read_level(level(tmp_path))
+    assert found.spawns[0].program == "own" and list(found.programs) == ["own"]
+    assert (found.zones[0].event, found.zones[0].event_reach) == ("gate", -1.0)
+    assert found.programs["own"] == load_program(OWN.encode(), "own.program.toml")
+
+
+def test_a_program_that_is_not_there_or_is_wrong_is_said_with_its_line(tmp_path):
+    with pytest.raises(ProblemsError, match=r"object 1 'herd'.*: program: there is no program 'onw'"):
+        read_level(level(tmp_path, "onw"))
+    path = level(tmp_path)
+    (tmp_path / "programs" / "own.program.toml").write_text(OWN.replace('to = "go"', 'to = "og"'))
+    with pytest.raises(ProblemsError, match=r"own.program.toml:7: trigger\[0\].to: there is no state 'og'"):
+        read_level(path)
+    (tmp_path / "programs" / "own.program.toml").write_text(OWN.replace('"march"', '"mrach"'))
+    with pytest.raises(ProblemsError, match="there is no brush 'mrach'"):
+        start(path)
+
+
+def test_a_script_puts_animals_into_states(tmp_path):
+    scene = start(level(tmp_path, species="sheep", radius=0.0))
+    scene.run(20)
+    assert scene.states() == {"own": {"rest": 0, "go": 12}} and scene.transitions() == {"own": {}}
+
+
+def test_a_run_with_an_event_is_told_exported_recorded_and_replayed(cli, tmp_path):
+    path, film, table = level(tmp_path), tmp_path / "pen.fbr", tmp_path / "pen.csv"
+    words = ("run", path, "--seconds", 2, "--event", "1:alarm", "--json", "--record", film, "--export", table)
+    told = json.loads(cli(*words).out)
+    assert told["states"] == {"own": {"rest": 0, "go": 12}}
+    assert told["transitions"] == {"own": {"rest": {"go": 12}}}
+    with open(table, newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["state"] for row in rows if float(row["time"]) <= 1.0} == {"rest"}
+    assert {row["state"] for row in rows if float(row["time"]) > 1.1} == {"go"}
+    (tmp_path / "programs" / "own.program.toml").unlink()  # the recording has it
+    replayed = cli("replay", film, "--verify", "--json")
+    assert json.loads(replayed.out)["verified"] is True
+    measured = json.loads(cli("measure", film, "--json").out)
+    assert measured["states"] == told["states"] and measured["transitions"] == told["transitions"]
+    assert measured["series"]["state go"][0] == 0 and measured["measures"]["state go"] == 12
+
+
+def test_an_export_as_parquet_carries_the_state(cli, tmp_path):
+    pq = pytest.importorskip("pyarrow.parquet")
+    table = tmp_path / "pen.parquet"
+    cli("run", level(tmp_path), "--seconds", 1, "--event", "0.5:alarm", "--export", table)
+    assert set(pq.read_table(table)["state"].to_pylist()) == {"rest", "go"}
+
+
+def test_a_level_without_programs_has_no_column_for_states(cli, tmp_path):
+    table = tmp_path / "meadow.csv"
+    told = json.loads(cli("run", "meadow", "--ticks", 2, "--agents", 4, "--json", "--export", table).out)
+    assert told["states"] == {} and "state" not in table.read_text().splitlines()[0].split(",")
+
+
+@pytest.mark.parametrize(
+    "event, said",
+    [
+        ("alarm", "must be SECONDS:NAME"),
+        ("x:alarm", "must be SECONDS:NAME"),
+        ("-1:alarm", "must be SECONDS:NAME"),
+        ("1:alarm@2,3", "must be SECONDS:NAME"),
+        ("1:alram", "did you mean 'alarm'?"),
+    ],
+)
+def test_an_event_that_cannot_be_is_refused_before_the_run(cli, tmp_path, event, said):
+    done = cli("run", level(tmp_path), "--seconds", 1, f"--event={event}")
+    assert done.code == 2 and said in " ".join(done.err.replace("│", " ").split())
+
+
+def test_an_event_in_a_place_is_heard_there(cli, tmp_path):
+    told = json.loads(cli("run", level(tmp_path), "--seconds", 1, "--event", "0.5:alarm@59,39,2", "--json").out)
+    assert told["states"]["own"]["go"] == 0
+
+
+# flockbrush program ----------------------------------------------------------------------------
+
+
+def test_programs_are_listed_shown_and_checked(cli):
+    assert all(name in cli("program", "list").out for name in shipped_programs().names())
+    shown = cli("program", "show", "stampede").out
+    assert "8..12 s" in shown and 'sees = "wolf"' in shown and "begins in graze" in shown
+    told = json.loads(cli("program", "show", "stampede", "--json").out)
+    assert told["triggers"][0]["from"] == ["graze", "calm"] and told["states"]["stampede"]["for"] == "8..12 s"
+    assert "stampede: ok: Stampede, 3 states, 2 triggers" in cli("program", "check", "stampede").out
+
+
+def test_a_wrong_program_is_said_with_its_line_and_a_strange_one_noted(cli, tmp_path):
+    wrong = tmp_path / "a.program.toml"
+    wrong.write_text(OWN.replace('"march"', '"mrach"'))
+    assert f"{wrong}:5: state.go.brush: there is no brush 'mrach'" in cli("program", "check", wrong).out
+    wrong.write_text(OWN + "[state.left]\n" + '[[trigger]]\nto = "go"\nwhen = { sees = "wofl" }\n')
+    done = cli("program", "check", wrong)
+    assert "state.left: no trigger leads to it" in done.err and "no shipped species is called 'wofl'" in done.err
+
+
+def test_a_program_is_tried_on_a_plane(cli, tmp_path):
+    save_program(shipped_programs().get("stampede"), tmp_path)
+    words = ("program", "test", tmp_path / "stampede.program.toml", "--animals", 20, "--seconds", 4)
+    told = json.loads(cli(*words, "--event", "1:alarm", "--json").out)
+    assert told["states"][0]["graze"] == 20 and told["transitions"]["graze"]["stampede"] == 20
+    assert "from \\ to" in cli(*words).out
+    assert "must be SPECIES:BRUSH" in " ".join(cli(*words, "--intruder", "wolf").err.split())
+    assert "there is no brush 'wolf-hnut'" in " ".join(cli(*words, "--intruder", "wolf:wolf-hnut").err.split())

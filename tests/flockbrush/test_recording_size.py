@@ -1,0 +1,94 @@
+"""How large a recording becomes, said beforehand, and how much memory writing it takes."""
+
+import tracemalloc
+
+import pytest
+from flockbrush.engine.recording import Recording, open_recording
+from flockbrush.engine.recording_format import KEYFRAME, record, record_of
+from flockbrush.engine.state import restore, snapshot, snapshot_parts, state_hash
+from pens import pen
+
+from flockbrush.cli import commands
+from flockbrush.runs import run as running
+
+
+@pytest.fixture(scope="module")
+def herd(tmp_path_factory):
+    simulation = running.start(pen(tmp_path_factory.mktemp("pen")), agents=300)
+    yield simulation
+    simulation.close()
+
+
+def recorded(simulation, path, ticks, keyframes):
+    """The bytes of a recording of so many more ticks."""
+    recorder = running.record(path, simulation, keyframes)
+    for _ in range(ticks):
+        simulation.tick()
+        recorder.take()
+    recorder.close()
+    return path.stat().st_size
+
+
+@pytest.mark.parametrize(("ticks", "keyframes"), [(64, 4), (200, 400)])
+def test_the_size_is_known_beforehand(tmp_path, herd, ticks, keyframes):
+    said = running.recording_size(herd, ticks, keyframes)
+    size = recorded(herd, tmp_path / "a.flock", ticks, keyframes)
+    assert 0.5 < said / size < 2
+
+
+@pytest.mark.parametrize(("animals", "ticks"), [(1, 320), (2500, 320), (10_000, 80), (100_000, 32), (1_000_000, 32)])
+def test_large_herds_have_snapshots_more_often(animals, ticks):
+    class Herd:
+        agents = range(animals)
+        clock = type("Clock", (), {"dt": 1 / 32})
+
+    assert running.usual_keyframes(Herd) == ticks
+
+
+def test_a_large_recording_is_announced(capsys, tmp_path, monkeypatch):
+    commands.tell_size(tmp_path / "a.flock", 10**6)
+    assert capsys.readouterr().err == ""
+    commands.tell_size(tmp_path / "a.flock", 10**8)
+    assert "a.flock: the recording will take about 100 MB\n" in capsys.readouterr().err
+    monkeypatch.setattr("shutil.disk_usage", lambda path: type("Usage", (), {"free": 5 * 10**7}))
+    commands.tell_size(tmp_path / "a.flock", 10**8)
+    assert "will take about 100 MB; the disk has 50 MB free\n" in capsys.readouterr().err
+
+
+def test_a_snapshot_packed_in_parts_is_the_snapshot(tmp_path, herd):
+    whole, before = snapshot(herd.world), state_hash(herd.world)
+    assert b"".join(snapshot_parts(herd.world)) == whole
+    header = {"seed": 1, "dt": 1 / 32, "level": "a.tmj", "agents": None}
+    with Recording.create(tmp_path / "a.flock", header, {}) as recording:
+        recording.put(record_of(KEYFRAME, 5, snapshot_parts(herd.world)))
+        recording.put(record(KEYFRAME, 6, whole))
+        recording.put(record_of(KEYFRAME, 7, [b"ab", b"c"]))
+    kept = open_recording(tmp_path / "a.flock").keyframes
+    assert kept[5] == kept[6] == whole and kept[7] == b"abc"
+    herd.tick()
+    restore(herd.world, kept[5])
+    assert state_hash(herd.world) == before
+
+
+def test_recording_longer_takes_no_more_memory(tmp_path, herd):
+    def peak(ticks):
+        tracemalloc.start()
+        recorded(herd, tmp_path / "a.flock", ticks, 8)
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most
+
+    peak(16)
+    short, long = peak(16), peak(160)
+    assert long < short + 100_000
+
+
+def test_a_snapshot_is_packed_without_a_copy_of_it(tmp_path):
+    simulation = running.start(pen(tmp_path), agents=4000)
+    size = len(snapshot(simulation.world))
+    tracemalloc.start()
+    record_of(KEYFRAME, 1, snapshot_parts(simulation.world))
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    simulation.close()
+    assert most < size

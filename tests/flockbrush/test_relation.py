@@ -1,0 +1,59 @@
+"""The relation to a danger, from tracks of herds whose relation is known."""
+
+import json
+
+import numpy as np
+import pytest
+
+from flockbrush.cli.main import called
+from flockbrush.film.track_files import Trajectories
+from flockbrush.learning.relation import _fear, learn_relation
+
+
+def herd(strength, notice, seed, frames=200, n=12, fps=10.0):
+    """Animals that turn to their neighbours and, with a share of their steering, away from a dog around them."""
+    rng = np.random.default_rng(seed)
+    xy, angle, dog, out = rng.normal(0, 2, (n, 2)), rng.uniform(-0.5, 0.5, n), np.array([-9.0, 0.0]), []
+    for t in range(frames):
+        forward = np.column_stack([np.cos(angle), np.sin(angle)])
+        fear = strength * _fear(np.hypot(*(xy - dog).T), notice)
+
+        def sine(way, forward=forward):
+            return (forward[:, 0] * way[:, 1] - forward[:, 1] * way[:, 0]) / np.maximum(np.hypot(*way.T), 1e-9)
+
+        social = 0.6 * sine(np.tile(forward.mean(0), (n, 1))) + 0.4 * sine(xy.mean(0) - xy)
+        angle += 3.0 * ((1 - strength) * social + fear * sine(xy - dog)) / fps + rng.normal(0, 0.08, n)
+        xy = xy + 1.5 * forward / fps
+        goal = xy.mean(0) + np.array([-np.cos(t / 60), np.sin(t / 35)]) * (4 + 3 * np.sin(t / 25))
+        dog = dog + 0.1 * (goal - dog)
+        out.append(np.vstack([xy, dog]))
+    return Trajectories(np.array(out), (*map(str, range(n)), "dog"), fps, "m")
+
+
+def test_notice_distance_and_strength_are_found():
+    found = learn_relation([herd(0.5, 6.0, k) for k in range(3)], "dog", 1.0)
+    assert found.told and found.notice == pytest.approx(6.0, rel=0.15)
+    assert found.strength == pytest.approx(0.5, abs=0.1)
+    assert found.line.startswith("dog = { fear = 0.")
+
+
+def test_a_herd_that_does_not_care_is_not_said_to_flee():
+    found = learn_relation([herd(0.0, 6.0, k) for k in range(3)], "dog", 1.0)
+    assert not found.told and "No reaction" in found.sentence
+
+
+def test_the_command_prints_a_line_for_a_species(tmp_path, capsys):
+    paths = []
+    for k in range(2):
+        one = herd(0.5, 6.0, k, 120)
+        rows = [
+            f"{t / 10},{who},{x:.4f},{y:.4f}"
+            for t in range(len(one)) for who, (x, y) in zip(one.ids, one.xy[t], strict=True)
+        ]  # fmt: skip
+        paths.append(tmp_path / f"{k}.csv")
+        paths[-1].write_text("time,id,x_m,y_m\n" + "\n".join(rows) + "\n")
+    assert called(["relation", *map(str, paths), "--danger", "dog", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["told"] and told["line"].startswith("dog = {")
+    assert called(["relation", str(paths[0]), "--danger", "wolf"]) == 1
+    assert "no recording has an animal 'wolf'" in capsys.readouterr().err

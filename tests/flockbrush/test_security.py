@@ -1,0 +1,153 @@
+"""What SECURITY.md promises: no code from files, no network unless asked, encryption where it is asked for."""
+
+import ast
+import subprocess
+import sys
+
+import pytest
+from clusters import dask_cluster
+from processes import HOUSE, environment, other_process
+from test_sweep import FLOCKS, sweep_file
+
+from flockbrush.studies.sweep import JOURNAL
+
+ROOMS = ("engine", "components", "behaviours", "systems", "levels", "flockbrush")
+RUNS_CODE = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "yaml", "code", "runpy"}
+TALKS = {
+    "urllib",
+    "http",
+    "requests",
+    "httpx",
+    "aiohttp",
+    "ftplib",
+    "smtplib",
+    "telnetlib",
+    "socketserver",
+    "xmlrpc",
+    "websockets",
+    "asyncio",
+}
+SERVE = "flockbrush/output/live/"  # the command that listens when it is asked to
+LISTENS_TO_NOBODY = """
+import sys
+sys.addaudithook(lambda name, given: (_ for _ in ()).throw(PermissionError(f"{name} {given}"))
+                 if name in ("socket.connect", "socket.bind", "socket.sendto", "socket.getaddrinfo", "urllib.Request")
+                 and (len(given) < 2 or not isinstance(given[1], (str, bytes))) else None)
+from flockbrush.cli.main import main
+sys.argv = ["flockbrush", *sys.argv[1:]]
+main()
+"""
+
+
+def sources():
+    return [path for room in ROOMS for path in (HOUSE / room).rglob("*.py")]
+
+
+def imported(tree):
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (name.name.split(".")[0] for name in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module.split(".")[0]
+
+
+def called(tree):
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            yield ast.unparse(node.func), {one.arg: ast.unparse(one.value) for one in node.keywords}
+
+
+@pytest.mark.parametrize("names", [RUNS_CODE, TALKS], ids=["code", "network"])
+def test_no_module_imports_what_runs_code_from_files_or_talks_to_the_network(names):
+    found = {str(path): names & set(imported(ast.parse(path.read_text(encoding="utf-8")))) for path in sources()}
+    assert len(found) > 200
+    assert not {path: used for path, used in found.items() if used and f"/{SERVE}" not in path.replace("\\", "/")}
+
+
+def test_nothing_is_evaluated_and_no_shell_is_started():
+    for path in sources():
+        for name, words in called(ast.parse(path.read_text(encoding="utf-8"))):
+            assert name not in ("eval", "exec", "os.system", "os.popen", "torch.load"), path
+            assert words.get("allow_pickle", "False") == "False", path
+            assert words.get("shell", "False") == "False", path
+            assert name not in ("np.load", "numpy.load") or words.get("allow_pickle") == "False", path
+
+
+@pytest.mark.parametrize(
+    "command", [("run", "LEVEL", "--ticks", "3"), ("doctor",), ("level", "check", "LEVEL")], ids=str
+)
+def test_no_command_opens_a_connection(level, command):
+    words = [str(level) if word == "LEVEL" else word for word in command]
+    done = subprocess.run(
+        [sys.executable, "-c", LISTENS_TO_NOBODY, *words],
+        env=environment(), capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "PermissionError" not in done.stderr
+
+
+# an encrypted cluster ------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def certificates(tmp_path_factory):
+    """(authority, certificate, key) of a cluster, and the same of somebody else."""
+    folder, both = tmp_path_factory.mktemp("certificates"), []
+    for name in ("ours", "theirs"):
+        cert, key = folder / f"{name}.pem", folder / f"{name}.key"
+        try:
+            subprocess.run(
+                ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost",
+                 "-addext", "subjectAltName=DNS:localhost,IP:127.0.0.1", "-keyout", key, "-out", cert],
+                check=True, capture_output=True, timeout=120,
+            )  # fmt: skip
+        except FileNotFoundError:
+            pytest.skip("openssl is not installed")
+        both.append((cert, cert, key))
+    return both
+
+
+def tls(files):
+    return ["--tls-ca", files[0], "--tls-cert", files[1], "--tls-key", files[2]]
+
+
+def test_a_sweep_runs_on_an_encrypted_cluster_and_nobody_else_gets_in(certificates, tmp_path):
+    ours, theirs = certificates
+    file = sweep_file(tmp_path, FLOCKS.replace("count = 6", "count = 2"))
+    with dask_cluster(1, tls=ours) as (address, _):
+        assert address.startswith("tls://")
+        done = other_process("sweep", file, "--out", tmp_path / "out", "--cluster", address, *tls(ours))
+        assert done.returncode == 0, done.stderr
+        assert (tmp_path / "out" / JOURNAL).is_file()
+        for files, hint in (([], " without --tls-ca, --tls-cert and --tls-key"), (tls(theirs), "")):
+            refused = other_process("sweep", file, "--out", tmp_path / "no", "--cluster", address, *files)
+            assert refused.returncode == 1
+            assert f"{address}: no Dask scheduler answers there{hint}: " in refused.stderr
+            assert "Traceback" not in refused.stderr and "Exception ignored" not in refused.stderr
+
+
+def test_dask_settings_are_enough(certificates, tmp_path):
+    ours, _ = certificates
+    file, prefix = sweep_file(tmp_path, FLOCKS.replace("count = 6", "count = 2")), "DASK_DISTRIBUTED__COMM__TLS__"
+    told = {"CA_FILE": ours[0], "CLIENT__CERT": ours[1], "CLIENT__KEY": ours[2]}
+    with dask_cluster(1, tls=ours) as (address, _):
+        settings = {f"{prefix}{name}": path for name, path in told.items()}
+        done = other_process("sweep", file, "--out", tmp_path / "out", "--cluster", address, **settings)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--cluster", "tcp://127.0.0.1:1", "--tls-ca", "HERE"], "with --tls-... the address begins with tls://"),
+        (["--cluster", "tls://127.0.0.1:1", "--tls-key", "none.pem"], "none.pem: there is no such file"),
+        (["--tls-cert", "HERE"], "these files are for --cluster tls://HOST:PORT"),
+    ],
+)
+def test_files_of_an_encrypted_connection_that_make_no_sense_are_refused(cli, tmp_path, words, said):
+    pytest.importorskip("distributed", reason="dask is not installed: pip install 'flockbrush[cluster]'")
+    (tmp_path / "here.pem").touch()
+    words = [tmp_path / "here.pem" if word == "HERE" else word for word in words]
+    done = cli("sweep", sweep_file(tmp_path), "--out", tmp_path / "out", *words)
+    assert done.code in (1, 2)
+    assert said in " ".join(done.err.split())

@@ -1,0 +1,96 @@
+"""Tables for other people's tools, opened by their own loaders where those are installed."""
+
+import csv
+import sqlite3
+
+import numpy as np
+import pytest
+from flockbrush.components import Position
+
+import flockbrush
+from flockbrush.runs.run import start
+
+
+@pytest.fixture(scope="module")
+def lived(level):
+    simulation = start(level)
+    simulation.run(40)
+    return simulation
+
+
+def test_a_database_holds_positions_headings_and_names(cli, recording, tmp_path, lived):
+    pytest.importorskip("shapely")
+    done = cli("export", recording, "--to", tmp_path / "a.sqlite", "--fps", 16)
+    assert done.code == 0, done.err
+    base = sqlite3.connect(tmp_path / "a.sqlite")
+    rows = base.execute("SELECT id, pos_x, pos_y, pos_z FROM trajectory_data WHERE frame = 20 ORDER BY id").fetchall()
+    assert [row[0] for row in rows] == lived.agents.ids.tolist()
+    assert np.array_equal([row[1:] for row in rows], lived.agents[Position.xyz])
+    names = "SELECT DISTINCT name FROM trajectory_data JOIN names USING (names) WHERE frame = 20 AND kind = 'brush'"
+    assert base.execute(names).fetchall() == [("swarm",)]
+    base.close()
+
+
+def test_pedpy_opens_the_database(cli, recording, tmp_path, lived):
+    pedpy = pytest.importorskip("pedpy")
+    assert cli("export", recording, "--to", tmp_path / "a.sqlite", "--fps", 16).code == 0
+    tracks = pedpy.load_trajectory_from_jupedsim_sqlite(trajectory_file=tmp_path / "a.sqlite")
+    area = pedpy.load_walkable_area_from_jupedsim_sqlite(trajectory_file=tmp_path / "a.sqlite")
+    assert tracks.frame_rate == 16
+    last = tracks.data[tracks.data.frame == 20].sort_values("id")
+    assert np.array_equal(last[["x", "y"]].to_numpy(), lived.agents[Position.xyz][:, :2])
+    assert area.area == pytest.approx(40 * 30 - 4 * 4)  # the pen without its stone
+
+
+def test_netcdf_has_movements_layout(cli, recording, tmp_path, lived):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("netCDF4")
+    done = cli("export", recording, "--to", tmp_path / "a.nc", "--fps", 16)
+    assert done.code == 0, done.err
+    with xarray.open_dataset(tmp_path / "a.nc") as data:
+        assert data.position.dims == ("time", "space", "keypoints", "individuals")
+        assert (data.attrs["ds_type"], data.attrs["fps"], data.attrs["time_unit"]) == ("poses", 16, "seconds")
+        assert data.space.values.tolist() == ["x", "y", "z"]
+        last = data.position.sel(time=1.25, keypoints="centroid")
+        assert np.array_equal(last.values.T, lived.agents[Position.xyz])
+        assert data.individuals.values.tolist() == [f"animal_{k}" for k in lived.agents.ids]
+
+
+def test_movement_takes_the_netcdf(cli, recording, tmp_path):
+    datasets = pytest.importorskip("movement.validators.datasets", exc_type=ImportError)
+    import xarray
+
+    assert cli("export", recording, "--to", tmp_path / "a.nc", "--fps", 16).code == 0
+    with xarray.open_dataset(tmp_path / "a.nc") as data:
+        datasets.ValidPosesInputs.validate(data)
+
+
+def test_movebank_rows_lie_where_the_origin_says(cli, recording, tmp_path, lived):
+    out = tmp_path / "a.movebank.csv"
+    done = cli("export", recording, "--to", out, "--fps", 16, "--origin", "47.5,8.25")
+    assert done.code == 0, done.err
+    with open(out, newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 21 * 24
+    last = [row for row in rows if row["timestamp"] == "2000-01-01 00:00:01.250"]
+    north = [(float(row["location-lat"]) - 47.5) * 111_319.49 for row in last]
+    assert np.allclose(north, lived.agents[Position.xyz][:, 1], atol=0.01)
+    assert {row["individual-taxon-canonical-name"] for row in rows} == {"sheep"}
+    assert list(tmp_path.iterdir()) == [out]  # and not the other CSV's metadata
+
+
+def test_an_origin_that_is_no_place_is_refused(cli, recording, tmp_path):
+    for text in ("north", "95,0", "1,2,3"):
+        done = cli("export", recording, "--to", tmp_path / "a.movebank.csv", "--origin", text)
+        assert done.code == 1 and "--origin" in done.err
+
+
+def test_a_recording_is_a_dataframe_and_a_dataset(recording, lived):
+    pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    run = flockbrush.open_recording(recording)
+    table = run.to_dataframe(fps=16)
+    assert np.array_equal(table[table.frame == 20][["x", "y", "z"]].to_numpy(), lived.agents[Position.xyz])
+    pytest.importorskip("xarray")
+    pytest.importorskip("netCDF4")
+    assert run.to_xarray(fps=4).position.shape == (6, 3, 1, 24)

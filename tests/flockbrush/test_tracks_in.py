@@ -1,0 +1,322 @@
+"""Tracks from files of other programs and from our own exports, read in one way by every command."""
+
+import json
+
+import numpy as np
+import pytest
+from flockbrush.engine.problems import ProblemsError
+
+from flockbrush.cli.main import called
+from flockbrush.film.open_clip import Looking, drawn_tracks, look_at, looked_apart
+from flockbrush.film.track_files import read_trajectories
+
+FPS, FRAMES, ANIMALS = 10.0, 40, 6
+
+
+def paths_of(seed=0):
+    """Animals that go round a middle with 2 m/s, (FRAMES, ANIMALS, 2) m."""
+    t = np.arange(FRAMES)[:, None] / FPS
+    radius = 3.0 + 0.5 * np.arange(ANIMALS)
+    angle = np.arange(ANIMALS) + seed + 2.0 * t / radius
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], -1)
+
+
+def long_rows(xy, name="id"):
+    """Rows frame, id, x, y of what is there."""
+    return [
+        (t, f"{name}{n}", *xy[t, n]) for t in range(len(xy)) for n in range(xy.shape[1]) if np.isfinite(xy[t, n, 0])
+    ]
+
+
+def written(path, head, rows):
+    path.write_text(head + "\n" + "\n".join(",".join(map(str, row)) for row in rows) + "\n", encoding="utf-8")
+    return path
+
+
+def same(found, xy, **close):
+    """Whether places are the same but for where the origin lies."""
+    a, b = found.xy - np.nanmean(found.xy, (0, 1)), xy - np.nanmean(xy, (0, 1))
+    np.testing.assert_allclose(a, b, **({"atol": 1e-6} | close))
+
+
+# formats ------------------------------------------------------------------------------------------------
+
+
+def test_a_table_with_frames_and_seconds_says_its_frame_rate(tmp_path):
+    xy = paths_of()
+    rows = [(t, t / FPS, who, x, y) for t, who, x, y in long_rows(xy)]
+    found = read_trajectories(written(tmp_path / "a.csv", "frame,time,id,x,y", rows), unit="m")
+    assert found.fps == pytest.approx(FPS) and found.ids == tuple(f"id{n}" for n in range(ANIMALS))
+    same(found, xy)
+
+
+def test_times_alone_become_frames(tmp_path):
+    """trackdf: id, t, x, y."""
+    xy = paths_of()
+    rows = [(who, t / FPS, x, y) for t, who, x, y in long_rows(xy)]
+    found = read_trajectories(written(tmp_path / "a.csv", "id,t,x,y", rows), unit="m")
+    assert found.fps == pytest.approx(FPS)
+    same(found, xy)
+
+
+def test_movebank_degrees_become_metres(tmp_path):
+    xy, east = paths_of(), np.cos(np.radians(47.0))
+    rows = [
+        (f"2024-05-01 10:00:{t / FPS:06.3f}", 8.0 + x / 111_319.49079 / east, 47.0 + y / 111_319.49079, who)
+        for t, who, x, y in long_rows(xy)
+    ]
+    head = "timestamp,location-long,location-lat,individual-local-identifier"
+    found = read_trajectories(written(tmp_path / "m.csv", head, rows))
+    assert found.unit == "m" and found.fps == pytest.approx(FPS)
+    same(found, xy, atol=1e-3)
+
+
+def test_deeplabcut_takes_the_middle_of_the_parts_that_are_sure(tmp_path):
+    xy = paths_of() * 20
+    who = [n for n in range(ANIMALS) for _ in range(6)]
+    head = [
+        ["scorer", *["net"] * len(who)],
+        ["individuals", *(f"a{n}" for n in who)],
+        ["bodyparts", *["nose", "nose", "nose", "tail", "tail", "tail"] * ANIMALS],
+        ["coords", *["x", "y", "likelihood"] * (2 * ANIMALS)],
+    ]
+    rows = [
+        [
+            t,
+            *(
+                v
+                for n in range(ANIMALS)
+                for v in (xy[t, n, 0] + 2, xy[t, n, 1], 0.9, xy[t, n, 0] - 2, xy[t, n, 1], 0.9)
+            ),
+        ]
+        for t in range(FRAMES)
+    ]
+    rows[3][4:7] = [9999, 9999, 0.1]  # the tail of a0, a guess
+    path = written(tmp_path / "dlc.csv", ",".join(head[0]), [*head[1:], *rows])
+    found = read_trajectories(path, unit="px", fps=25)
+    assert found.unit == "px" and found.xy.shape == (FRAMES, ANIMALS, 2)
+    np.testing.assert_allclose(found.xy[5, 2], xy[5, 2] * (1, -1), atol=1e-9)
+    np.testing.assert_allclose(found.xy[3, 0], (xy[3, 0] + (2, 0)) * (1, -1), atol=1e-9)
+
+
+def test_idtracker_has_a_column_for_each_coordinate(tmp_path):
+    xy = paths_of() * 20
+    xy[4, 1] = np.nan
+    head = "time," + ",".join(f"x{n + 1},y{n + 1}" for n in range(ANIMALS))
+    found = read_trajectories(
+        written(tmp_path / "i.csv", head, [(t / FPS, *xy[t].ravel()) for t in range(FRAMES)]), unit="px"
+    )
+    assert found.fps == pytest.approx(FPS) and not found.seen[4, 1]
+    same(found, xy * (1, -1))
+
+
+def test_a_folder_of_trex_files_is_one_herd(tmp_path):
+    xy = paths_of() * 100
+    for n in range(ANIMALS):
+        missing = np.zeros(FRAMES)
+        missing[7] = n == 2
+        np.savez(
+            tmp_path / f"film_fish{n}.npz", **{"X#wcentroid": xy[:, n, 0], "Y#wcentroid": xy[:, n, 1]},
+            frame=np.arange(FRAMES), missing=missing, frame_rate=np.array([FPS]),
+        )  # fmt: skip
+    found = read_trajectories(tmp_path)
+    assert found.unit == "m" and found.fps == FPS and not found.seen[7, 2]
+    expected = paths_of() * (1, -1)
+    expected[7, 2] = np.nan
+    same(found, expected)
+
+
+def test_an_array_is_frames_by_animals(tmp_path):
+    np.save(tmp_path / "a.npy", paths_of())
+    same(read_trajectories(tmp_path / "a.npy", unit="m", fps=FPS), paths_of())
+
+
+def test_sleap_has_animals_first(tmp_path):
+    netcdf = pytest.importorskip("netCDF4")
+    xy = paths_of() * 20
+    with netcdf.Dataset(tmp_path / "s.h5", "w") as data:
+        for name, size in (("a", ANIMALS), ("b", 2), ("c", 2), ("d", FRAMES)):
+            data.createDimension(name, size)
+        tracks = np.stack([xy + (3, 0), xy - (3, 0)])  # parts
+        data.createVariable("tracks", "f8", ("a", "b", "c", "d"))[:] = tracks.transpose(2, 3, 0, 1)
+    found = read_trajectories(tmp_path / "s.h5", fps=30)
+    assert found.unit == "px"
+    same(found, xy * (1, -1))
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet", ".nc"])
+def test_our_own_exports_are_read_back(tmp_path, ending):
+    pytest.importorskip({".parquet": "pyarrow", ".nc": "netCDF4"}.get(ending, "csv"))
+    out = tmp_path / f"run{ending}"
+    assert called(["run", "meadow", "--seconds", "3", "--agents", "20", "--seed", "1", "--export", str(out)]) == 0
+    found = read_trajectories(out)
+    from flockbrush.components import Position
+
+    import flockbrush
+
+    simulation = flockbrush.start("meadow", 1, 20)
+    simulation.run(96)
+    last = simulation.agents[Position.xyz][:, :2]
+    assert found.unit == "m" and found.heading is not None
+    assert sorted(map(tuple, np.round(found.xy[-1], 3).tolist())) == sorted(map(tuple, np.round(last, 3).tolist()))
+
+
+# what is refused ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("head", "rows", "words"),
+    [
+        ("frame,id,x", [(0, 1, 2)], "y: there is no such column"),
+        ("frame,id,x,y", [(0, 1, "two", 3)], ":2"),
+        ("frame,id,x,y", [(0.5, 1, 2, 3)], "whole number"),
+        ("frame,id,x,y", [(0, 1, 2, 3), (0, 1, 2, 3)], "twice"),
+        ("frame,id,x,y", [(t, 1, t, t) for t in range(3)], "at least 8"),
+        ("frame,id,x,y", [], "no row"),
+    ],
+)
+def test_what_is_wrong_with_a_table_is_said(tmp_path, head, rows, words):
+    with pytest.raises(ProblemsError) as caught:
+        read_trajectories(written(tmp_path / "a.csv", head, rows), "m", 10)
+    assert words in str(caught.value)
+
+
+def test_unit_and_frame_rate_are_asked_for(tmp_path):
+    path = written(tmp_path / "a.csv", "frame,id,x,y", long_rows(paths_of()))
+    for given, words in (({}, "--unit"), ({"unit": "m"}, "--fps")):
+        with pytest.raises(ProblemsError, match=words):
+            read_trajectories(path, **given)
+
+
+def test_pickled_arrays_are_refused(tmp_path):
+    np.save(tmp_path / "a.npy", np.array([{"trajectories": 1}], dtype=object), allow_pickle=True)
+    with pytest.raises(ProblemsError, match="never unpickled"):
+        read_trajectories(tmp_path / "a.npy", "px", 30)
+
+
+# what tracks tell ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def circling(tmp_path):
+    """Tracks with noise, gaps, an animal that comes late and one that was hardly seen."""
+    xy = paths_of() + np.random.default_rng(3).normal(0, 0.01, (FRAMES, ANIMALS, 2))
+    xy[10:13, 0] = np.nan
+    xy[:15, 1] = np.nan
+    xy[6:, 2] = np.nan
+    np.save(tmp_path / "c.npy", xy)
+    return tmp_path / "c.npy"
+
+
+HOW = Looking(unit="m", fps=FPS, body_length_m=0.5)
+
+
+def test_gaps_are_filled_and_late_animals_come_late(circling):
+    seen = look_at(circling, HOW).sightings
+    there = [seen.of(t).stop - seen.of(t).start for t in range(len(seen))]
+    assert there[0] == ANIMALS - 2 and there[11] == ANIMALS - 2 and there[20] == ANIMALS - 1
+    assert np.isfinite(seen.xy).all() and np.isfinite(seen.forward).all() and np.isfinite(seen.speed).all()
+
+
+def test_speed_heading_and_turning_are_those_of_the_animals(circling):
+    evidence = look_at(circling, HOW)
+    seen = evidence.sightings
+    assert np.median(seen.speed) == pytest.approx(2.0 / 0.5, rel=0.03)
+    radius = np.hypot(*seen.xy.T)
+    ahead = np.column_stack([-seen.xy[:, 1], seen.xy[:, 0]]) / radius[:, None]
+    middle = seen.frame[np.isfinite(seen.turn)]
+    inner = np.isfinite(seen.turn) & (seen.frame > 3) & (seen.frame < FRAMES - 4)
+    assert len(middle) and np.median((seen.forward * ahead).sum(1)) > 0.999
+    np.testing.assert_allclose(np.median(seen.turn[inner] * radius[inner]), 4.0, rtol=0.05)
+    assert 0.0 < evidence.place_noise < 0.02 / 0.5
+
+
+def test_another_unit_of_length_changes_nothing(circling, tmp_path):
+    np.save(tmp_path / "px.npy", np.load(circling) * (100.0, -100.0))
+    one = look_at(circling, HOW)
+    other = look_at(tmp_path / "px.npy", Looking(unit="px", fps=FPS, body_length_px=50.0))
+    np.testing.assert_allclose(one.sightings.xy, other.sightings.xy, atol=1e-6)
+    assert one.speed.mean == pytest.approx(other.speed.mean)
+
+
+def test_held_out_frames_of_tracks_change_nothing_of_what_is_learned_from(circling, tmp_path):
+    xy = np.load(circling)
+    xy[FRAMES // 2 :] = xy[: FRAMES // 2 - 1 : -1]
+    np.save(tmp_path / "other.npy", xy)
+    parts = [looked_apart(path, HOW, look_at(path, HOW), 0.5)[0] for path in (circling, tmp_path / "other.npy")]
+    (one, held), (other, replaced) = parts
+    assert not np.array_equal(held.sightings.xy, replaced.sightings.xy)
+    for name in ("xy", "forward", "speed", "turn", "track"):
+        assert np.array_equal(getattr(one.sightings, name), getattr(other.sightings, name), equal_nan=True), name
+
+
+def test_frames_are_drawn(circling):
+    evidence = look_at(circling, HOW)
+    image = drawn_tracks(evidence, 20)
+    assert image.shape == evidence.picture.shape and (image != evidence.picture).any()
+
+
+def test_two_recordings_in_one_file_are_noticed(tmp_path):
+    xy = paths_of()
+    xy[20:] += 50
+    np.save(tmp_path / "two.npy", xy)
+    assert any("jumps between frames 19 and 20" in note for note in look_at(tmp_path / "two.npy", HOW).notes)
+
+
+# commands -----------------------------------------------------------------------------------------------
+
+
+def test_measure_measures_tracks(circling, tmp_path, capsys):
+    options = ["--unit", "m", "--fps", "10", "--body-length-m", "0.5"]
+    plot = tmp_path / "p.png"
+    assert called(["measure", str(circling), *options, "--every", "1", "--json", "--plot", str(plot)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["unit"] == "m" and told["mean"]["milling"] > 0.9
+    assert told["mean"]["speed_mean"] == pytest.approx(2.0, rel=0.05) and plot.stat().st_size > 0
+
+
+def test_measures_of_an_export_are_those_of_the_run(tmp_path, capsys):
+    """Tracks are measured as the run they came from."""
+    record, table = tmp_path / "r.flock", tmp_path / "r.csv"
+    called(["run", "meadow", "--seconds", "4", "--agents", "30", "--record", str(record), "--export", str(table)])
+    capsys.readouterr()
+    assert called(["measure", str(record), "--every", "1", "--json"]) == 0
+    run = json.loads(capsys.readouterr().out)["mean"]
+    assert called(["measure", str(table), "--every", "1", "--json"]) == 0
+    tracks = json.loads(capsys.readouterr().out)["mean"]
+    for name in ("polarization", "milling", "nnd", "group_spread"):
+        assert tracks[name] == pytest.approx(run[name], abs=0.05, rel=0.03), name
+
+
+def test_play_shows_animals_on_the_ground(circling, capsys, monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    assert called(["play", str(circling), "--unit", "m", "--fps", "10", "--frames", "2", "--size", "640x480"]) == 0
+    assert called(["play", str(circling), "--frames", "2"]) == 1
+    assert "--unit" in capsys.readouterr().err
+
+
+def test_animals_on_the_ground_have_no_wings_and_stand_on_it(circling):
+    from flockbrush.lifting.ground_show import open_show
+
+    show = open_show(circling, None, HOW)
+    herd = show.herd(20)
+    assert herd.wings is None and show.floor == 0.0 and herd.length == 0.5
+    assert "animals" in show.facts(20)[0]
+
+
+def test_reenact_takes_tracks(circling, tmp_path, capsys):
+    out = tmp_path / "again.csv"
+    command = ["reenact", str(circling), "--brush", "swarm", "--unit", "m", "--fps", "10", "--body-length-m", "0.5"]
+    assert called([*command, "--runs", "1", "--export", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["figures"]["reenacted horizon, s"] == pytest.approx((FRAMES - 1) / FPS)
+    head, first = out.read_text().splitlines()[:2]
+    assert head.endswith("x_m,y_m")
+    cells = dict(zip(head.split(","), map(float, first.split(",")), strict=True))
+    assert cells["x_m"] == pytest.approx(0.5 * cells["x_bl"], rel=1e-3)
+
+
+def test_options_of_films_are_refused_for_tracks(circling, tmp_path, capsys):
+    command = ["learn", str(circling), "-o", str(tmp_path / "a.brush.toml"), "--unit", "m", "--fps", "10"]
+    assert called([*command, "--obstacles", str(tmp_path / "no.png")]) == 1
+    assert "--obstacles is for films" in capsys.readouterr().err

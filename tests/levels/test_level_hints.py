@@ -1,0 +1,102 @@
+"""What is allowed in a level and rarely meant is a warning, with the object it is about."""
+
+import pytest
+from small_level import herd, level, objects, polyline, problems, properties, read, thing, tiles, with_objects
+
+
+def warnings(document):
+    return [str(warning) for warning in read(document).warnings]
+
+
+def goal(number, name, x, y, **values):
+    return thing(number, "Goal", x, y, name=name, extra={"point": True}, **values)
+
+
+def guide(*points, **values):
+    return thing(2, "Guide", 0, 0, name="way", extra=polyline(*points), **values)
+
+
+def test_a_level_as_it_should_be_has_no_warnings():
+    assert warnings(level()) == []
+
+
+class TestGoals:
+    def test_one_that_no_animal_goes_to_is_named(self):
+        found = warnings(with_objects("goals", goal(2, "pond", 80, 80), goal(3, "shed", 20, 80)))
+        assert len(found) == 1
+        assert found[0].startswith("small.tmj:")
+        assert "object 3 'shed' in layer 'goals': warning: no animal goes to goal 'shed'" in found[0]
+        assert "bound to the first goal, 'pond'" in found[0]
+
+    def test_one_that_follows_another_is_linked(self):
+        first = goal(2, "pond", 80, 80, on_arrive="next", next="shed")
+        assert warnings(with_objects("goals", first, goal(3, "shed", 20, 80))) == []
+
+    def test_one_that_the_script_names_is_linked(self):
+        key = thing(4, "Key", 20, 20, extra={"point": True}, command="Gust", strength=1.0, radius=2.0, brush="graze")
+        document = with_objects("goals", goal(2, "pond", 80, 80), goal(3, "graze", 20, 80))
+        document["layers"].append(objects("script", key))
+        assert warnings(document) == []
+
+
+class TestGuides:
+    @pytest.mark.parametrize(
+        ("last", "wall"),
+        [
+            ((158, 80), "the edge of the map"),
+            ((110, 80), "obstacle 'rock'"),
+            ((80, 20), "ground that no animal walks on"),
+        ],
+    )
+    def test_one_that_ends_at_a_wall_names_it(self, last, wall):
+        ground = [2] * 10 + [1] * 90
+        document = level(tiles(gids=ground), objects("spawns", herd(count=3)))
+        rock = thing(3, "Obstacle", 118, 64, 24, 32, "rock")
+        document["layers"] += [objects("guides", guide((80, 80), last)), objects("obstacles", rock)]
+        if wall == "the edge of the map":
+            document["layers"][-1]["objects"] = []
+        assert [f"warning: ends at {wall}, where animals will jam" in w for w in warnings(document)] == [True]
+
+    def test_one_that_ends_in_the_open_or_goes_round_is_fine(self):
+        assert warnings(with_objects("guides", guide((20, 80), (80, 80)))) == []
+        assert warnings(with_objects("guides", guide((20, 80), (158, 80), (80, 20), loop=True))) == []
+
+    def test_one_that_ends_in_a_goal_or_an_exit_is_fine(self):
+        document = with_objects("guides", guide((20, 80), (158, 80)))
+        document["layers"].append(objects("exits", thing(3, "Exit", 144, 64, 16, 32)))
+        assert warnings(document) == []
+        document["layers"][-1] = objects("goals", goal(3, "pond", 155, 80))
+        assert warnings(document) == []
+
+    def test_one_that_leaves_an_open_map_is_fine(self):
+        document = with_objects("guides", guide((20, 80), (158, 80)))
+        document["properties"] = properties(schema="flockbrush-level/1", metres_per_tile=2.0, boundary="open")
+        assert warnings(document) == []
+
+
+class TestLayers:
+    def test_a_hidden_layer_counts_and_is_named(self):
+        document = level(tiles(visible=False), objects("spawns", herd()))
+        assert warnings(document) == [
+            "small.tmj:93: layer 'terrain': warning: is hidden and counts all the same; delete it, or call it"
+            " 'notes ...' to leave it out"
+        ]
+
+    def test_a_layer_in_a_hidden_group_is_hidden(self):
+        group = {"type": "group", "name": "all", "visible": False, "layers": [tiles(), objects("spawns", herd())]}
+        assert [w.count("is hidden") for w in warnings(level(group))] == [1, 1]
+
+    def test_the_designers_own_layers_may_be_hidden(self):
+        document = with_objects("notes", thing(9, "", 0, 0), visible=False)
+        assert warnings(document) == []
+
+    def test_parallax_is_told(self):
+        document = level(tiles(parallaxx=0.5), objects("spawns", herd()))
+        assert "has a parallax factor, which is not used" in warnings(document)[0]
+
+
+def test_a_moved_tileset_is_the_only_thing_that_is_wrong():
+    document = level(tilesets=[{"firstgid": 1, "source": "moved/kinds.tsj"}])
+    found = problems(document)
+    assert len(found) == 1
+    assert "tileset: tileset 'moved/kinds.tsj': " in found[0]

@@ -1,0 +1,105 @@
+"""A recording in the playground: every moment of it, branches from it, its level saved elsewhere; itself untouched."""
+
+import numpy as np
+import pytest
+import typer
+from flockbrush.engine.recording import RecordingError
+from flockbrush.engine.state import state_hash
+from small_pasture import pasture, stroke, verified
+from typer.testing import CliRunner
+from window import Window
+
+from flockbrush.cli.main import app as cli
+from flockbrush.studio.app import App
+from flockbrush.studio.recorded_session import open_recorded, unpacked
+from flockbrush.studio.start import StartOptions, refuse_wishes
+
+TICKS = 96
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """Three seconds of the pasture, with the script of its level."""
+    folder = tmp_path_factory.mktemp("recorded")
+    made = folder / "walk.flock"
+    ran = CliRunner().invoke(cli, ["run", str(pasture(folder)), "--seconds", "3", "--record", str(made)])
+    assert ran.exit_code == 0, ran.output
+    return made
+
+
+@pytest.fixture
+def session(recording, tmp_path):
+    session = open_recorded(recording, tmp_path / "state")
+    yield session
+    session.close()
+
+
+def test_it_begins_at_the_first_tick_with_all_of_the_run_known(session):
+    assert (session.tick, session.last_tick, session.in_past) == (0, TICKS, True)
+    assert any("walk.flock: 3 s" in notice.text for notice in session.notices())
+
+
+def test_any_moment_can_be_reached_and_is_what_was_recorded(session):
+    known = session.timeline.current.hashes
+    done = {tick for tick, _ in session.timeline.current.commands}  # there the recorded hash is of before it was done
+    assert done == {8}
+    for tick in np.random.default_rng(3).integers(0, TICKS + 1, 8):
+        session.scrub(int(tick))
+        assert session.tick == tick
+        assert (state_hash(session.simulation.world) == known[int(tick)]) == (tick not in done)
+    assert session.timeline.current.differs is None and len(session.branches) == 1
+
+
+def test_what_is_done_in_it_begins_a_branch_that_verifies(session, tmp_path):
+    session.scrub(40)
+    assert session.do("paint", [stroke("swarm", 6, 8, 3)])
+    session.step(8)
+    assert len(session.branches) == 2 and session.last_tick == 48
+    assert session.branches["main"].last_tick == TICKS
+    assert session.export_recording(tmp_path / "branch.flock")
+    assert verified(tmp_path / "branch.flock").last_tick == 48
+
+
+def test_time_goes_on_after_the_end_of_the_recording(session):
+    session.scrub(TICKS)
+    session.step(5)
+    assert session.tick == session.last_tick == TICKS + 5
+
+
+def test_its_level_is_saved_under_another_name_and_the_recording_stays(recording, tmp_path, monkeypatch):
+    before = recording.read_bytes()
+    monkeypatch.chdir(tmp_path)
+    window = Window.__new__(Window)
+    App.__init__(window, open_recorded(recording, tmp_path / "state"), (1000, 640), "light")
+    window.frames(2)
+    assert window.session.lent
+    window.key("ctrl+s")
+    assert window.dialog.entry.get_text() == str(tmp_path / "pasture.tmj")
+    window.key("return")
+    window.frames(2)
+    assert not window.session.lent and (tmp_path / "pasture.tmj").exists()
+    assert CliRunner().invoke(cli, ["level", "check", str(tmp_path / "pasture.tmj")]).exit_code == 0
+    assert window.said("error") == []
+    window.close()
+    assert recording.read_bytes() == before
+
+
+def test_nothing_of_it_stays_in_the_folder_of_sessions(recording, tmp_path):
+    open_recorded(recording, tmp_path / "state").close()
+    assert not [path for path in (tmp_path / "state").rglob("*.tmj") if "trash" not in path.parts]
+
+
+def test_names_that_lead_out_of_the_folder_are_refused(tmp_path):
+    for name in ("../evil", "/etc/evil", "a/../../b", "c:evil", "a\\b"):
+        run = type("Run", (), {"assets": {name: b"x"}, "path": "r.flock", "header": {"level": name}})
+        with pytest.raises(RecordingError, match="leads out"):
+            unpacked(run, tmp_path / "in")
+    assert not (tmp_path / "evil").exists()
+
+
+def test_what_is_no_recording_is_refused_in_words(tmp_path):
+    (tmp_path / "bad.flock").write_bytes(b"no recording")
+    with pytest.raises(RecordingError, match="bad.flock"):
+        open_recorded(tmp_path / "bad.flock", tmp_path / "state")
+    with pytest.raises(typer.BadParameter):
+        refuse_wishes(StartOptions("walk.flock", seed=3))

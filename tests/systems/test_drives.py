@@ -1,0 +1,189 @@
+"""Drives: each does what it says on top of a model, and takes no more of the body than its share."""
+
+import numpy as np
+import pytest
+from flockbrush.behaviours.drive import Urges, drives
+from flockbrush.behaviours.species import SpeciesLibrary, shipped_species
+from flockbrush.components import Heading, Position, Speed, Thrust, Urge, Velocity, Wish
+from flockbrush.engine.raster import Raster
+from flockbrush.systems.allocation import asked
+from flockbrush.systems.fauna import SpeciesList
+from small_herd import box, brush, meadow, obstacle, put, put_aloft, straight, xy_of
+
+GOOSE = {"mean": 20.0, "body": {"length": 0.8, "radius": 0.16, "contact": "disc"}, "vision": {"range": 60.0}}
+
+
+def driven(name, asset, **params):
+    """A brush with one drive."""
+    return asset.model_copy(update={"drives": {name: drives()[name].Params(**params)}})
+
+
+def speeds(simulation):
+    return np.linalg.norm(simulation.agents[Velocity.xyz], axis=1)
+
+
+def test_a_dog_that_hunts_comes_to_the_sheep_and_one_that_does_not_goes_on():
+    for asset, near in ((driven("hunt", straight(mean=1.0)), True), (straight(mean=1.0), False)):
+        simulation = meadow(asset, brush("stand", mean=0.0))
+        put(simulation, (5, 20), 0.0, species="dog", brush="straight")
+        put(simulation, (20, 26), species="sheep", brush="stand")
+        simulation.agents[Velocity.xyz][:] = 0.0
+        apart = []
+        for _ in range(20):
+            simulation.run(16)
+            xy = xy_of(simulation)
+            apart.append(np.hypot(*(xy[0] - xy[1])))
+        assert (min(apart) < 4.0) == near
+
+
+def test_a_dog_follows_its_shepherd_and_is_content_beside_him():
+    simulation = meadow(driven("follow", brush("stay", mean=0.2)), straight(mean=2.0))
+    put(simulation, (2, 20), species="dog", brush="stay")
+    put(simulation, (20, 20), 0.0, species="human", brush="straight")
+    simulation.run(32 * 12)
+    xy = xy_of(simulation)
+    assert 2.0 < np.hypot(*(xy[1] - xy[0])) < 9.0
+    assert xy[0, 0] > 25.0
+
+
+def test_a_stray_that_keeps_its_group_goes_back():
+    for asset, back in ((driven("keep_group", straight(vision={"range": 60.0}, mean=0.5)), True),
+                        (straight(vision={"range": 60.0}, mean=0.5), False)):  # fmt: skip
+        simulation = meadow(asset)
+        put(simulation, [(20, 20), (21, 21), (19, 21), (20, 22), (35, 20)], [0, 0, 0, 0, 0], species="sheep")
+        simulation.run(32 * 8)
+        xy = xy_of(simulation)
+        assert (np.hypot(*(xy[4] - xy[:4].mean(0))) < 10.0) == back
+
+
+def test_who_seeks_a_place_gets_there():
+    simulation = meadow(driven("seek", straight(mean=2.0), what="place", x=30.0, y=35.0))
+    put(simulation, (5, 5), np.pi, species="sheep")
+    simulation.run(32 * 20)
+    assert np.hypot(*(xy_of(simulation)[0] - (30, 35))) < 5.0
+
+
+def test_who_rests_stands_and_half_a_rest_is_half_the_speed():
+    for depth, speed in ((1.0, 0.0), (0.5, 1.0)):
+        simulation = meadow(driven("rest", straight(mean=2.0), depth=depth))
+        put(simulation, (5, 20), species="yak")
+        simulation.run(32 * 8)
+        assert speeds(simulation)[0] == pytest.approx(speed, abs=0.05)
+
+
+@pytest.mark.parametrize("model", ["line_formation", "v_rules"])
+def test_a_flock_that_keeps_its_height_comes_to_it(model):
+    simulation = meadow(driven("keep_height", brush("fly", model, **GOOSE), height=25.0))
+    put_aloft(simulation, [(20, 20 + 3 * k, 10.0) for k in range(4)], species="goose")
+    simulation.run(32 * 30)
+    assert simulation.agents[Position.xyz][:, 2] == pytest.approx(25.0, abs=2.0)
+
+
+def test_who_foresees_a_wall_goes_round_it_and_who_does_not_touches_it():
+    wall = obstacle(box(20, 14, 21, 26))
+    foresees = driven("avoid_obstacles", straight(mean=2.0, max_turn=3.0))
+    for asset, round_ in ((foresees, True), (straight(mean=2.0), False)):
+        simulation = meadow(asset, obstacles=[wall])
+        put(simulation, (5, 20.3), 0.0, species="yak")
+        least = np.inf
+        for _ in range(32 * 14):
+            simulation.tick()
+            x, y = xy_of(simulation)[0]
+            least = min(least, np.hypot(max(20 - x, 0, x - 21), max(14 - y, 0, y - 26)))
+        assert (least > 0.6) == round_
+        assert (xy_of(simulation)[0, 0] > 22.0) == round_
+
+
+@pytest.mark.parametrize("model", ["line_formation", "boids", "v_rules"])
+def test_birds_meet_a_cliff_and_are_not_faster_than_they_can(model):
+    heights = np.zeros((40, 40))
+    heights[:, 20:] = 80.0
+    more = {"min_speed": 2.0} if model == "boids" else {}
+    simulation = meadow(brush("fly", model, **GOOSE, **more), height_map=Raster(10.0, heights), width=400, height=400)
+    put_aloft(simulation, [(30, 200 + 3 * k, 20.0) for k in range(4)], species="goose")
+    fastest = 0.0
+    for _ in range(32 * 40):
+        simulation.tick()
+        fastest = max(fastest, speeds(simulation).max())
+        low = simulation.agents[Position.xyz][:, 2]
+        assert (low >= -1e-9).all()
+    assert fastest <= 40.0
+    over = simulation.agents[Position.xyz]
+    assert (over[:, 0] > 230).any() or model == "boids"  # a flock without a place to go may turn back
+    assert (over[over[:, 0] > 210, 2] >= 80.0 - 1e-6).all()
+
+
+def test_birds_that_foresee_a_slope_climb_before_they_touch_it():
+    heights = np.clip((np.arange(40) * 10.0 + 5 - 200) * 0.1, 0, 15)[None, :].repeat(40, 0)
+    simulation = meadow(
+        brush("fly", "line_formation", **GOOSE), height_map=Raster(10.0, heights), width=400, height=400
+    )
+    put_aloft(simulation, [(60, 200 + 3 * k, 6.0) for k in range(4)], species="goose")
+    least = np.inf
+    for _ in range(32 * 18):
+        simulation.tick()
+        xyz = simulation.agents[Position.xyz]
+        ground = Raster(10.0, heights).sample(xyz[:, :2])
+        least = min(least, (xyz[:, 2] - ground).min())
+    assert xyz[0, 0] > 300.0
+    assert least > 1.0
+
+
+def test_drives_take_their_shares_in_order_and_the_model_gets_the_rest():
+    class One:
+        def __init__(self, name, urgency):
+            self.name, self.urgency = name, urgency
+
+        def urge(self, scene, rows, params):
+            return Urges(np.ones((len(rows), 3)), np.full(len(rows), self.urgency))
+
+    order = [
+        (One("first", 0.7), None),
+        (One("nothing", 0.0), None),
+        (One("second", 0.6), None),
+        (One("third", 1.0), None),
+    ]
+    taken = asked(None, np.arange(2), order)
+    assert taken.names == ["first", "second", "third"]
+    assert taken.share.tolist() == [[0.7, 0.7], pytest.approx([0.3, 0.3]), [0.0, 0.0]]
+    assert asked(None, np.arange(2), order[1:2]) is None
+
+
+def test_a_drive_without_strength_changes_no_bit():
+    one = meadow(driven("rest", straight(mean=2.0), strength=0.0))
+    other = meadow(straight(mean=2.0))
+    for simulation in (one, other):
+        put(simulation, [(5, 20), (8, 22)], species="sheep")
+        simulation.run(40)
+    fields = (Position.xyz, Velocity.xyz, Heading.forward, Speed.target, Wish.pace, Urge.share, Thrust.acceleration)
+    assert all(np.array_equal(one.agents[f], other.agents[f]) for f in fields)
+
+
+def test_a_brush_names_its_drives_and_a_mistake_is_told_with_its_line(tmp_path):
+    from flockbrush.behaviours.brush import load_brush, shipped
+    from flockbrush.behaviours.brush_writer import brush_to_toml
+    from flockbrush.engine.problems import ProblemsError
+
+    asset = driven("flee", shipped().get("march"), strength=0.5)
+    text = brush_to_toml(asset)
+    assert load_brush(text.encode(), "march.brush.toml") == asset
+    wrong = text.replace("[drives.flee]", "[drives.flea]")
+    with pytest.raises(ProblemsError, match="there is no drive 'flea'; did you mean 'flee'"):
+        load_brush(wrong.encode(), "march.brush.toml")
+    with pytest.raises(ProblemsError, match=r"march.brush.toml:\d+: drives.flee.strength: must be from 0 to 1"):
+        load_brush(text.replace("strength = 0.5", "strength = 5.0").encode(), "march.brush.toml")
+
+
+@pytest.mark.parametrize("catch", ["none", "remove"])
+def test_a_catch_takes_the_prey_out_of_the_world_where_the_species_says_so(catch):
+    simulation = meadow(driven("hunt", straight(mean=1.0)), brush("stand", mean=0.0))
+    fauna = simulation.world.resource(SpeciesList)
+    text = (
+        'schema = "flockbrush.species/1"\nmedia = ["walk"]\n[body]\nlength = 1.5\nradius = 0.3\n[relations]\n'
+        f'sheep = {{ hunt = 1.0, notice = "60 m", catch = "{catch}" }}\n'
+    )
+    fauna.library = SpeciesLibrary(shipped_species().folders, {"tiger.species.toml": text.encode()})
+    put(simulation, (10, 20), 0.0, species="tiger", brush="straight")
+    put(simulation, (20, 20), species="sheep", brush="stand")
+    simulation.run(32 * 15)
+    assert len(simulation.agents) == (1 if catch == "remove" else 2)

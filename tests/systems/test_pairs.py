@@ -1,0 +1,92 @@
+"""Every shipped brush with every other thing: a sample of the matrix, and that its judge sees what is wrong.
+
+The whole matrix is ``python benchmarks/pairs.py``.
+"""
+
+import random
+
+import numpy as np
+import pytest
+from flockbrush.behaviours.brush import shipped
+from flockbrush.components import BrushBinding, Heading, Position, Velocity
+from flockbrush.levels.build import build
+from flockbrush.systems.palette import Palette
+from small_herd import box, level, obstacle, spawn
+
+from benchmarks.pairs import all_pairs, run_alone
+from benchmarks.pairs_watch import Watch
+
+SEED, SAMPLE = 14, 24  # pairs: about a minute
+KNOWN = {("evacuate", "cliff"): "is faster than its species"}  # of a pair: what is wrong with it
+
+
+def watched():
+    """(simulation of sheep and starlings, faults that a watch notes)."""
+    things = [spawn(box(5, 5, 15, 15), "march", 3, species="sheep"),
+              spawn(box(20, 20, 35, 35), "starlings", 3, species="starling", id=2, altitude=20.0)]  # fmt: skip
+    simulation = build(level(spawns=things, obstacles=[obstacle(box(30, 5, 34, 9))]), 1)
+    simulation.run(2)
+    faults = []
+    watch = Watch(simulation, lambda told, times=0.0: faults.append(told))
+    watch.look()
+    assert faults == []
+    return simulation, watch, faults
+
+
+def put_into(simulation, field, row, value):
+    simulation.agents[field][row] = value
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda s: put_into(s, Position.xyz, 0, np.nan), "not finite"),
+        (lambda s: put_into(s, Heading.forward, 0, (2.0, 0.0, 0.0)), "unit vector"),
+        (lambda s: put_into(s, Velocity.xyz, 0, (100.0, 0.0, 0.0)), "sheep on the ground is faster"),
+        (lambda s: put_into(s, Velocity.xyz, 3, (0.0, 100.0, 0.0)), "starling in the air is faster"),
+        (lambda s: put_into(s, Heading.forward, 0, -s.agents[Heading.forward][0]), "turns faster"),
+        (lambda s: put_into(s, Position.xyz, 1, (10.0, 10.0, 5.0)), "stands in the air"),
+        (lambda s: put_into(s, Position.xyz, 4, (25.0, 25.0, -1.0)), "under the ground"),
+        (lambda s: put_into(s, Position.xyz, 0, (32.0, 7.0, 0.0)), "in an obstacle"),
+        (lambda s: put_into(s, Position.xyz, 4, (32.0, 7.0, 5.0)), "flies is in an obstacle"),
+        (lambda s: put_into(s, BrushBinding.brush, 0, s.world.resource(Palette).named("starlings")), "cannot do"),
+    ],
+)
+def test_the_judge_of_pairs_sees_what_is_wrong(change, told):
+    simulation, watch, faults = watched()
+    change(simulation)
+    watch.look()
+    assert any(told in fault for fault in faults), faults
+
+
+def test_the_judge_of_pairs_sees_a_bird_that_hovers():
+    simulation, watch, faults = watched()
+    for _ in range(40):
+        put_into(simulation, Velocity.xyz, 4, 0.0)
+        watch.look()
+    assert set(faults) == {"somebody stands in the air"}
+
+
+def test_the_matrix_has_every_brush_with_every_other():
+    pairs = set(all_pairs())
+    names = shipped().names()
+    assert all((a, f"paint {b}") in pairs for a in names for b in names if a != b)
+    assert len(pairs) > 50 * len(names)
+
+
+@pytest.mark.parametrize(("brush", "thing"), [("geese", "goal"), ("stampede", "program"), ("skein", "obstacle sphere")])
+def test_pairs_that_once_broke_the_limits_of_a_species_keep_them(brush, thing):
+    assert run_alone(brush, thing, 3) == []
+
+
+@pytest.mark.slow
+def test_nothing_is_wrong_in_a_sample_of_pairs():
+    pairs = random.Random(SEED).sample([pair for pair in all_pairs() if pair not in KNOWN], SAMPLE)
+    found = {pair: run_alone(*pair, SEED) for pair in pairs}
+    assert {pair: faults for pair, faults in found.items() if faults} == {}
+
+
+@pytest.mark.parametrize("pair", KNOWN)
+def test_the_faults_that_are_known_are_still_there(pair):
+    """Whoever mends one takes it out of the list."""
+    assert any(KNOWN[pair] in fault for fault in run_alone(*pair, SEED))

@@ -1,0 +1,79 @@
+"""What the documentation takes from the code is what the code says, and our own files satisfy the schemas."""
+
+import dataclasses
+import importlib.util
+import json
+import tomllib
+from pathlib import Path
+
+import jsonschema
+import pytest
+from flockbrush.behaviours.behaviour import behaviours
+
+HOUSE = Path(__file__).parents[1]
+FILES = [
+    *sorted((HOUSE / "behaviours" / "brushes").glob("*.brush.toml")),
+    *sorted((HOUSE / "levels").glob("*.sweep.toml")),
+    *sorted((HOUSE / "levels" / "shipped").glob("*.tmj")),
+]
+
+
+@pytest.fixture(scope="module")
+def generate():
+    """The program docs/generate.py."""
+    spec = importlib.util.spec_from_file_location("generate", HOUSE / "docs" / "generate.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_generated_documentation_is_up_to_date(generate):
+    stale = [path.name for path, text in generate.texts().items() if path.read_text(encoding="utf-8") != text]
+    assert stale == [], "run: python docs/generate.py"
+
+
+def test_a_new_model_gets_a_section_of_its_own(generate, monkeypatch):
+    new = dataclasses.replace(behaviours()["herd"], name="invented")
+    monkeypatch.setattr(generate, "behaviours", lambda: {"invented": new})
+    page = generate.models_page("# Models\n")
+    assert "## `invented`\n\n" in page and "| `sensitivity` | 10.0 | 0 to 1000 | 1/s |" in page
+
+
+def schema_of(path):
+    kind = {".toml": path.name.split(".")[-2], ".tmj": "level"}[path.suffix]
+    return json.loads((HOUSE / "docs" / "schemas" / f"{kind}.schema.json").read_text(encoding="utf-8"))
+
+
+def content(path):
+    """A file as editors hand it to a schema: dates are texts."""
+    text = path.read_text(encoding="utf-8")
+    return json.loads(text) if path.suffix == ".tmj" else json.loads(json.dumps(tomllib.loads(text), default=str))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_shipped_files_satisfy_their_schema(path):
+    jsonschema.Draft202012Validator(schema_of(path)).validate(content(path))
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("march.brush.toml", lambda file: file["parameters"].update(sensitivity=-1)),
+        ("march.brush.toml", lambda file: file["parameters"].update(sensitivty=1)),
+        ("march.brush.toml", lambda file: file.update(model="heard")),
+        ("march.brush.toml", lambda file: file.pop("speed")),
+        ("v_rules.sweep.toml", lambda file: file["seeds"].update(count=0)),
+        ("meadow.tmj", lambda file: file["properties"][0].update(name="boundry")),
+        ("meadow.tmj", lambda file: file.update(orientation="isometric")),
+        ("meadow.tmj", lambda file: spawn(file)["properties"].append({"name": "count", "value": -5})),
+    ],
+)
+def test_schemas_refuse_mistakes(name, change):
+    (path,) = [path for path in FILES if path.name == name]
+    file = content(path)
+    change(file)
+    assert list(jsonschema.Draft202012Validator(schema_of(path)).iter_errors(file))
+
+
+def spawn(level):
+    return next(o for layer in level["layers"] for o in layer.get("objects", []) if o["type"] == "Spawn")

@@ -1,0 +1,137 @@
+"""What somebody meets who types in a notebook: lazy names, models defined again, objects that say what they are."""
+
+import ast
+import sys
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flockbrush.behaviours import behaviour as registry
+from flockbrush.components import BrushBinding, Heading, Position
+from flockbrush.engine.state import state_hash
+from flockbrush.systems.palette import Palette
+
+import flockbrush
+
+CELL = '''
+import numpy as np
+from flockbrush.behaviours.behaviour import Parameters, Wishes, behaviour, quantity
+
+class Params(Parameters):
+    pull: float = quantity(5.0, "1/s", "larger turns sooner", low=0, high=100)
+
+@behaviour("compass", Params)
+def steer(scene, rows, params):
+    """Turn to one side."""
+    direction = scene.forward[rows] + params.pull * scene.dt * np.array([0.0, SIGN, 0.0])
+    return Wishes(direction / np.linalg.norm(direction, axis=1, keepdims=True), np.ones(len(rows)))
+'''
+BRUSH = b"""
+schema = "flockbrush.brush/1"
+model = "compass"
+[speed]
+mean = 1.0
+[provenance]
+kind = "hand-set"
+source = "a test"
+date = 2026-11-22
+by = "a test"
+"""
+
+
+@pytest.fixture
+def notebook(monkeypatch):
+    """Runs cells as the module __main__."""
+    registry.behaviours()
+    monkeypatch.setattr(registry, "_registry", dict(registry._registry))
+    main = types.ModuleType("__main__")
+    monkeypatch.setitem(sys.modules, "__main__", main)
+    return lambda text: exec(text, main.__dict__)
+
+
+def north(simulation):
+    simulation.run(96)
+    return simulation.agents[Heading.forward][:, 1].mean()
+
+
+def test_a_cell_that_is_run_again_replaces_its_model(notebook):
+    notebook(CELL.replace("SIGN", "1.0"))
+    assert north(flockbrush.plane(flockbrush.load_brush(BRUSH, "c.brush.toml"), 9)) > 0.9
+    notebook(CELL.replace("SIGN", "-1.0"))
+    assert north(flockbrush.plane(flockbrush.load_brush(BRUSH, "c.brush.toml"), 9)) < -0.9
+
+
+def test_a_notebook_does_not_replace_a_model_of_ours_or_of_a_module(notebook):
+    with pytest.raises(ValueError, match=r"'herd' is already in flockbrush\.behaviours\.models\.herd"):
+        notebook(CELL.replace("SIGN", "1.0").replace('"compass"', '"herd"'))
+
+
+def test_objects_say_what_they_are(tmp_path):
+    march = flockbrush.shipped().get("march")
+    assert repr(march).startswith("<Brush march") and ": herd, 4 BL/s, " in repr(march)
+    meadow = flockbrush.start("meadow", seed=3, agents=5)
+    with flockbrush.record(tmp_path / "walk.flock", meadow) as recorder:
+        for _ in range(16):
+            meadow.tick()
+            recorder.take()
+    assert repr(meadow) == "<Simulation meadow: 5 animals, tick 16 (0.5 s)>"
+    run = flockbrush.open_recording(tmp_path / "walk.flock")
+    assert repr(run) == f"<RecordedRun {run.path}: {run.header['level']}, 16 ticks (0.5 s), seed 3, 0 commands>"
+
+
+def test_type_checkers_see_every_name_that_is_loaded_later():
+    tree = ast.parse(Path(flockbrush.__file__).read_text())
+    (block,) = [node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"]
+    seen = {alias.name: node.module for node in block.body for alias in node.names}
+    assert seen == flockbrush._HOMES
+    assert sorted(flockbrush.__all__) == sorted([*seen, "__version__"])
+    assert all(getattr(flockbrush, name) for name in flockbrush.__all__)
+
+
+def test_a_levels_brushes_are_overridden_and_recordings_know_it(tmp_path):
+    swarm = flockbrush.start("meadow", seed=3, agents=12, brush="swarm")
+    names = [brush.name for brush in swarm.world.resource(Palette).brushes]
+    assert {names[k] for k in swarm.agents[BrushBinding.brush]} <= {"swarm", "march"}  # march is painted there
+    assert {spawn.brush for spawn in swarm.level.spawns} == {"swarm"}
+    with flockbrush.record(tmp_path / "swarm.flock", swarm) as recorder:
+        for _ in range(8):
+            swarm.tick()
+            recorder.take()
+    hash = state_hash(swarm.world)
+    again = flockbrush.rebuild(flockbrush.open_recording(tmp_path / "swarm.flock"))
+    again.run(8)
+    assert state_hash(again.world) == hash
+
+
+def test_a_file_and_a_wrong_name_as_the_brush_of_a_level(tmp_path):
+    (tmp_path / "mine.brush.toml").write_bytes(flockbrush.shipped().get("march").source)
+    mine = flockbrush.start("crowded", seed=1, agents=4, brush=tmp_path / "mine.brush.toml")
+    assert {spawn.brush for spawn in mine.level.spawns} == {"mine"}
+    with pytest.raises(flockbrush.ProblemsError, match="did you mean 'march'"):
+        flockbrush.start("crowded", brush="marsh")
+
+
+def test_a_measure_is_one_function(monkeypatch):
+    from flockbrush.systems import measures
+
+    monkeypatch.setattr(measures, "_registry", dict(measures._registry))
+
+    @measures.measure("width", "m", low=0)
+    def width(herd):
+        """Extent from west to east."""
+        return float(np.ptp(herd.xy[:, 0])) if len(herd.xy) else np.nan
+
+    herd = flockbrush.plane(flockbrush.shipped().get("march"), 9, seed=1)
+    assert herd.measures()["width"] == pytest.approx(np.ptp(herd.agents[Position.xyz][:, 0]))
+    assert measures.measures()["width"].meaning == "Extent from west to east"
+
+    from flockbrush.cli.commands import meaning_of
+    from flockbrush.studies.experiments import experiments
+
+    assert meaning_of("width") == "Extent from west to east, m"
+    assert experiments()["level"].units["mean width"] == "m"
+    other = types.FunctionType(width.__code__, {"__name__": "elsewhere"})
+    other.__module__ = "elsewhere"
+    with pytest.raises(ValueError, match="measure 'width' is already in"):
+        measures.measure("width")(other)
