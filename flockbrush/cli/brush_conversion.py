@@ -9,7 +9,7 @@ import typer
 from flockbrush.behaviours.brush_conversion import convert
 from flockbrush.behaviours.species import SUFFIX, SpeciesLibrary, shipped_species
 from flockbrush.behaviours.tomlfile import read_bytes
-from flockbrush.engine.files import write_bytes
+from flockbrush.engine.files import held, write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.runs import terminal
 from flockbrush.runs.terminal import print_line
@@ -32,15 +32,21 @@ def _convert(path, species, output):
     """What became of one file."""
     folder = path.parent if output is None else Path(output)
     fauna = SpeciesLibrary([path.parent / "species", path.parent.parent / "species", *shipped_species().folders])
-    made = convert(read_bytes(path), str(path), fauna, species)
-    if made is None:
+    if convert(read_bytes(path), str(path), fauna, species) is None:
         return "nothing to convert"
     if not folder.is_dir():
         raise ProblemsError([Problem(str(folder), None, None, "there is no such folder")])
+    with held(folder / path.name):
+        made = convert(read_bytes(path), str(path), fauna, species)  # as it is now that nobody else writes it
+        return "nothing to convert" if made is None else _written(made, folder, path.name)
+
+
+def _written(made, folder, name):
+    """Write what was converted; what became of it."""
     said = f"made for {', '.join(made.made_for)}"
     if made.species:
         beside = folder / f"{made.made_for[0]}{SUFFIX}"
         write_bytes(beside, made.species.encode(), overwrite=False)
         said += f"; its body is now in {beside}: put it into a folder 'species' beside the level"
-    write_bytes(folder / path.name, made.text.encode(), overwrite=True)
+    write_bytes(folder / name, made.text.encode(), overwrite=True)
     return said

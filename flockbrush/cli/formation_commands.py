@@ -6,6 +6,7 @@ import csv
 import hashlib
 import io
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from flockbrush.behaviours.formation.formation_shapes import load_formation, tex
 from flockbrush.behaviours.formation.marks import read_marks
 from flockbrush.behaviours.formation.reaching import FormingRules
 from flockbrush.behaviours.formation.steady_flight import Drawing, SteadyFlight
-from flockbrush.engine.files import claimed, output_problems, refused, write_text
+from flockbrush.engine.files import claimed, held, output_problems, refused, write_text
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.output.formation_brush import write_brush
 from flockbrush.render import write_png
@@ -135,9 +136,9 @@ def fly(formation_path, birds, frames, fps, seed, left, exchange, method, epsilo
 
 def make_brush(formation_path, out, like):
     """A brush that flies as an example does."""
-    _allow([out], [formation_path])
-    formation = load_formation(formation_path)
-    learned = write_brush(formation, out, like, str(formation.provenance.get("marks", formation_path.name)))
+    with claimed([out], [formation_path]):
+        formation = load_formation(formation_path)
+        learned = write_brush(formation, out, like, str(formation.provenance.get("marks", formation_path.name)))
     say(
         f"{out}: "
         + ", ".join(f"{key} {value if isinstance(value, str) else round(value, 3)}" for key, value in learned.items())
@@ -148,10 +149,12 @@ def film_level(level, out, seconds, seed, theme):
     """A level's flock from close by."""
     if out.suffix.lower() not in (".mp4", ".png"):
         raise refused(out, "a film's name ends in .mp4, a picture's in .png")
-    _allow([out], [])
+    if problems := output_problems([out]):
+        raise ProblemsError(problems)
     from flockbrush.output.formation_film import film
 
-    with progress("filming", int(seconds * 16)) as moved:
+    alone = held(out) if out.suffix.lower() == ".png" else nullcontext()  # a film holds its own file
+    with alone, progress("filming", int(seconds * 16)) as moved:
         said = film(level, out, seconds, seed, theme=theme, say=moved)
     say(f"{out}: {said['frames']} frames; at the end a bird saves {number(said['saved'], 3)} (sum of g)")
 
@@ -222,12 +225,6 @@ def _cell(kind, birds, runs, seed, rules):
         "least_distance": min(one.least for one in flown),
         "longest_flock": max(one.longest for one in flown),
     }
-
-
-def _allow(outputs, inputs):
-    problems = output_problems(outputs, inputs)
-    if problems:
-        raise ProblemsError(problems)
 
 
 # pictures ---------------------------------------------------------------------------------

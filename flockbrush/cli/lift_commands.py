@@ -6,8 +6,7 @@ import time
 
 import numpy as np
 
-from flockbrush.engine.files import held, output_problems, refused
-from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.files import claimed, refused
 from flockbrush.film.tracks import read_tracks
 from flockbrush.lifting.flight_files import write_flight
 from flockbrush.lifting.lens import read_camera
@@ -38,15 +37,12 @@ def lift_tracks(tracks, camera, out, method="smooth", near=None, far=None, as_js
     ProblemsError
         With file, line and column; nothing has been written then.
     """
-    problems = output_problems([out, *(made or ())[:1]], [tracks, camera])
-    if problems:
-        raise ProblemsError(problems)
-    with held(out):
+    with claimed([out, *(made or ())[:1]], [tracks, camera]):
         _lift(tracks, camera, out, method, (near, far), as_json, made, wishes)
 
 
 def _lift(tracks, camera, out, method, bounds, as_json, made, wishes):
-    """What `lift_tracks` does while nobody else may write the flight."""
+    """What `lift_tracks` does while nobody else may write the flight or the brush."""
     lens = _with_bounds(camera, read_camera(camera), *bounds)
     seen = read_tracks(tracks)
     begin = time.perf_counter()

@@ -17,7 +17,7 @@ import numpy as np
 from flockbrush.behaviours.formation.extraction import Marks, extract
 from flockbrush.behaviours.tables import read_table
 from flockbrush.engine import limits
-from flockbrush.engine.files import refused
+from flockbrush.engine.files import claimed, refused
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.film.tracks import Tracks, read_tracks
 from flockbrush.lifting.flight_files import attitude, write_flight
@@ -301,7 +301,8 @@ class Show:
         name = path.name.removesuffix(".brush.toml")
         folder = path.parent.parent if path.parent.name == "brushes" else path.parent
         (folder / "brushes").mkdir(exist_ok=True)
-        self.formation_brush(k, folder / "brushes" / path.name, like)
+        with claimed([folder / "brushes" / path.name]):
+            self.formation_brush(k, folder / "brushes" / path.name, like)
         sky = LevelSketch(120, 40, 10.0, ".", [], boundary="despawn")
         sky.document.data["tilesets"] = []
         count = len(self.there(k))
@@ -315,7 +316,7 @@ class Show:
         return sky.save(folder / f"{name}.tmj")
 
     def formation_brush(self, k, path, like="geese") -> str:
-        """Write a brush whose birds fly as those of frame k; what was made, in words.
+        """Write a brush whose birds fly as those of frame k; what was made, in words.  The caller has claimed the file.
 
         Raises
         ------

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 
 import flockbrush
-from flockbrush.engine.files import output_problems, refused, write_text
-from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.files import refused, write_text
 
 
 def write_brush(formation, out, like, source):
-    """Write a brush that flies as a formation does; the parameters it took from that.
+    """Write a brush that flies as a formation does; the parameters it took from that.  The caller has claimed the file.
 
     Parameters
     ----------
@@ -36,8 +35,6 @@ def write_brush(formation, out, like, source):
     out = Path(out)
     if not out.name.endswith(".brush.toml"):
         raise refused(out, "a brush's name ends in .brush.toml")
-    if problems := output_problems([out]):
-        raise ProblemsError(problems)
     learned = parameters_of(formation)
     base = load_brush(like) if like.endswith(".brush.toml") else shipped().get(like)
     if base.model != "line_formation":

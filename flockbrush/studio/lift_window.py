@@ -12,6 +12,7 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIHorizontalSlider, UIPanel
 
+from flockbrush.engine.files import claimed
 from flockbrush.lifting.flight_show import ENDINGS, METHODS, Show, Solver, with_wish
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.orbit import OrbitCamera
@@ -462,7 +463,8 @@ class LiftWindow(PlainWindow):
 
     def _brush(self, path):
         self.guarded(self._finish_solving)
-        self.toasts.say(self.show.formation_brush(self.k, path))
+        with claimed([path]):
+            self.toasts.say(self.show.formation_brush(self.k, path))
 
     def _fly(self, path):
         """Write brush and level, and open that in a window of its own."""

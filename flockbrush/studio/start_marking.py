@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 
-from flockbrush.engine.files import output_problems
-from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.files import claimed
 from flockbrush.film.bird_marking import Album, name_for, read_frames
 from flockbrush.runs.terminal import USAGE, Interrupts, compiling, progress, say
 from flockbrush.studio.start import missing_display, size_of
@@ -27,11 +26,8 @@ def mark_birds(paths, out=None, every=1, theme=None, size="1280x720", frames=Non
         When a picture or the marks cannot be read, or could not be written.
     """
     place, out = size_of(size), out or name_for(paths)
-    problems = output_problems([out], paths)
-    if problems:
-        raise ProblemsError(problems)
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    with Interrupts() as interrupts, compiling():
+    with claimed([out], paths), Interrupts() as interrupts, compiling():
         with progress("finding birds", len(paths)) as moved:
             album = Album(read_frames(paths, every, moved))
         if out.exists():

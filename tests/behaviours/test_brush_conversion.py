@@ -4,6 +4,7 @@ import pytest
 from flockbrush.behaviours.brush import load_brush, shipped
 from flockbrush.behaviours.brush_conversion import convert
 from flockbrush.behaviours.species import load_species, shipped_species
+from flockbrush.engine.files import held, holder
 from flockbrush.engine.problems import ProblemsError
 from typer.testing import CliRunner
 
@@ -67,3 +68,15 @@ def test_the_command_rewrites_files_wholly_and_leaves_damaged_ones_alone(tmp_pat
     assert "brush convert" not in CliRunner().invoke(app, ["brush", "check", files[0]]).output
     (tmp_path / "march.brush.toml").write_bytes(old("march", 3.3, 0.7))
     assert "brush convert" in CliRunner().invoke(app, ["brush", "check", files[1]]).output.replace("\n", " ")
+
+
+def test_the_command_converts_no_file_that_somebody_writes(tmp_path, monkeypatch):
+    brush, before, holders = tmp_path / "geese.brush.toml", old("geese", 0.8, 0.16, "disc"), []
+    brush.write_bytes(before)
+    with held(brush):
+        said = CliRunner().invoke(app, ["brush", "convert", str(brush)])
+    assert said.exit_code == 1 and "this program is writing it already" in said.output
+    assert brush.read_bytes() == before
+    monkeypatch.setattr("flockbrush.cli.brush_conversion._written", lambda *given: holders.append(holder(brush)))
+    assert CliRunner().invoke(app, ["brush", "convert", str(brush)]).exit_code == 0
+    assert holders == ["this program is writing it already"] and holder(brush) == ""

@@ -3,9 +3,13 @@
 import pytest
 from flockbrush.engine.files import held, holder, refused
 
-COMMANDS = {
+COMMANDS = {  # the first function that each calls in its work
     "track": ("track IN.mp4 --out OUT.csv", "film.track_clip._follow"),
     "lift": ("lift IN.csv --camera IN.toml --out OUT.csv", "cli.lift_commands.read_camera"),
+    "lift's brush": (
+        "lift IN.csv --camera IN.toml --out flight.csv --brush OUT.brush.toml",
+        "cli.lift_commands.read_camera",
+    ),
     "fields": ("fields IN.mp4 --out OUT.npz", "cli.field_commands.look_at"),
     "reenact": ("reenact IN.mp4 --brush march --export OUT.csv", "learning.reenact.look_at"),
     "learn": ("learn IN.mp4 --out OUT.brush.toml", "learning.learn.look_at"),
@@ -13,13 +17,16 @@ COMMANDS = {
     "extract": ("formation extract IN.csv --out OUT.json", "cli.formation_commands.read_marks"),
     "plot": ("formation extract IN.csv --plot OUT.png", "cli.formation_commands.read_marks"),
     "fly": ("formation fly IN.json --out OUT.csv", "cli.formation_commands.load_formation"),
+    "brush": ("formation brush IN.json --out OUT.brush.toml", "cli.formation_commands.load_formation"),
+    "mark": ("formation mark IN.png --out OUT.csv", "studio.start_marking.read_frames"),
+    "film": ("formation film geese --out OUT.png", "output.formation_film.start"),
     "initiate": ("formation initiate --out OUT.csv", "cli.formation_commands._cell"),
 }
 
 
 def words(tmp_path, command):
     """(arguments, output) of a command; its inputs are there."""
-    found = [str(tmp_path / word) if word.startswith(("IN.", "OUT.")) else word for word in command.split()]
+    found = [str(tmp_path / word) if word.startswith(("IN.", "OUT.", "flight.")) else word for word in command.split()]
     for word in found:
         if "/IN." in word:
             open(word, "wb").close()
