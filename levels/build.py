@@ -17,7 +17,7 @@ from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.engine.raster import Raster
 from flockbrush.engine.schedule import Schedule
 from flockbrush.engine.world import World
-from flockbrush.levels.schema import Level, PaintBounds, Spawn, TerrainKind
+from flockbrush.levels.schema import Level, Spawn, TerrainKind
 from flockbrush.levels.tilesets_data import TERRAINS
 from flockbrush.systems import edits as _edits  # noqa: F401  a designer's commands are known wherever a level is
 from flockbrush.systems import program_commands as _program_commands
@@ -246,9 +246,7 @@ def landscape_of(level, palette):
     )
     cap = np.full(shape, np.inf) if level.cap is None else level.cap.values.copy()
     painted = Painted(
-        compose_brushes(
-            [b for b in level.brush_layers if b.bounds == PaintBounds()], [], shape, level.cell, palette.names
-        ),
+        compose_brushes([b for b in level.brush_layers if b.plain], [], shape, level.cell, palette.names),
         cap,
         np.full(shape, NATIVE, np.int16),
     )

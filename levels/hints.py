@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.behaviours.brush import flies_free
 from flockbrush.levels import geometry
 from flockbrush.levels.properties import is_number
 
@@ -21,6 +22,28 @@ def layer_hints(layers):
             layer.place.warn("is hidden and counts all the same; delete it, or call it 'notes ...' to leave it out")
         if any(is_number(layer.node.get(key)) and layer.node[key] != 1 for key in ("parallaxx", "parallaxy")):
             layer.place.warn("has a parallax factor, which is not used: the layer is read as it lies without scrolling")
+
+
+def paint_hints(thing, place, library):
+    """Warn about ground paint that makes birds land and lets them go on their way down.
+
+    Parameters
+    ----------
+    thing : BrushLayer or Zone
+    place : Place
+        Of the layer or zone.
+    library : BrushLibrary
+    """
+    bounds = thing.bounds
+    if bounds.medium not in ("air", "any") or not 0.0 < bounds.z_min < np.inf:
+        return
+    names = getattr(thing, "assets", [thing.brush] if getattr(thing, "brush", None) else [])
+    for name in names:
+        if not flies_free(library.get(name)):
+            place.warn(
+                f"brush {name!r} makes birds land and binds from {bounds.z_min:g} m up only: below that they take off "
+                "again; set z_min to 0"
+            )
 
 
 def level_hints(level, places):

@@ -211,7 +211,7 @@ class EditedMap:
         for node, dx, dy, weight in self.layers():
             if node.get("type") != "tilelayer" or kind_of(node.get("name", "")) != HOME[layer]:
                 continue
-            if layer == "brush" and weight <= 0:
+            if layer == "brush" and (weight <= 0 or _binds_some(node)):
                 continue
             left, top = round(dx / tile) + node.get("x", 0), round(dy / tile) + node.get("y", 0)
             grid = self.grid(node)
@@ -645,6 +645,16 @@ def _drawn(thing):
 def _is_class(entry, cls):
     """Whether a property holds all of a class as one value."""
     return (entry.get("propertytype") or entry["name"]).lower() == cls.name.lower()
+
+
+def _binds_some(node):
+    """Whether a brush layer says whom it binds or how strongly: what is painted by hand belongs to none of those."""
+    cls, told = CLASSES["BrushLayer"], {}
+    for entry in node.get("properties", []):
+        told |= entry["value"] if _is_class(entry, cls) and isinstance(entry["value"], dict) else {
+            entry["name"]: entry["value"]
+        }  # fmt: skip
+    return any(told.get(one.name, one.default) != one.default for one in cls.properties)
 
 
 def _nodes(nodes):

@@ -23,7 +23,7 @@ from flockbrush.levels.art_reader import ArtReader
 from flockbrush.levels.checks import check_level
 from flockbrush.levels.files import DiskFiles, FileRefused, MemoryFiles, UnsavedFiles, project_folder
 from flockbrush.levels.ground_arrays import bare_ground, put_ground
-from flockbrush.levels.hints import layer_hints, level_hints
+from flockbrush.levels.hints import layer_hints, level_hints, paint_hints
 from flockbrush.levels.json_lines import JsonError, Node, parse
 from flockbrush.levels.objects import ObjectReader, bounds_of
 from flockbrush.levels.properties import FilePlace, Report, Values, is_number, read_properties, shown
@@ -216,6 +216,8 @@ class LevelReader:
         if not self.report.problems:
             layer_hints(layer for layer in layers if not plain_name(layer.name).startswith(schema.IGNORED))
             level_hints(level, self.objects.places)
+            for zone in level.zones:
+                paint_hints(zone, self.objects.places[zone.id], self.library)
         level.warnings = sorted(self.report.warnings, key=lambda p: (p.file, p.line or 0))
         return level
 
@@ -610,7 +612,10 @@ class LevelReader:
         for gid, name in names.items():
             index[gids == gid] = assets.index(name)
         values = read_properties(layer.node, CLASSES["BrushLayer"], layer.place)
-        return BrushLayer(layer.name, layer.opacity, assets, index, bounds_of(values))
+        made = BrushLayer(layer.name, layer.opacity, assets, index, bounds_of(values))
+        if not self.report.problems:
+            paint_hints(made, layer.place, self.library)
+        return made
 
     def tile_brush(self, tile):
         """The brush of a painted tile; looked up only now, since a tileset may know brushes that are gone."""

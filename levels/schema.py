@@ -79,6 +79,11 @@ class BrushLayer:
     index: np.ndarray  # int16
     bounds: PaintBounds = PaintBounds()  # whom it binds
 
+    @property
+    def plain(self):
+        """Whether it binds as what is painted by hand does."""
+        return self.bounds == PaintBounds()
+
 
 @dataclass
 class Obstacle:

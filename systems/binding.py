@@ -108,7 +108,7 @@ def sheets_of(level, palette_names):
     for layer in level.brush_layers:
         if layer.weight > 0.0:
             sheet = _sheet(indexed(layer), layer.bounds)
-            (above if layer.bounds != type(layer.bounds)() else below).append((layer.weight, sheet))
+            (below if layer.plain else above).append((layer.weight, sheet))
     above, below = (_from_the_top(some) for some in (above, below))
     for zone in level.zones:
         if zone.brush:

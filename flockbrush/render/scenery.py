@@ -39,10 +39,11 @@ class Scenery:
 
     @property
     def brush_layers(self):
-        """What is painted, in one layer; zones lie above it."""
+        """What is painted by hand in one layer, and above it the layers that say whom they bind; zones lie above."""
         names = self.simulation.world.resource(Palette).names
         weight = max((layer.weight for layer in self.level.brush_layers), default=_FAINT)
-        return [SimpleNamespace(name="brush", weight=weight, assets=names, index=self.land.painted.brush)]
+        painted = SimpleNamespace(name="brush", weight=weight, assets=names, index=self.land.painted.brush)
+        return [painted, *(layer for layer in self.level.brush_layers if layer.weight > 0.0 and not layer.plain)]
 
     @property
     def brush_colours(self):

@@ -5,6 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from flockbrush.engine.raster import Raster
+from flockbrush.levels.schema import BrushLayer, PaintBounds
+from flockbrush.systems.palette import Palette
 
 from flockbrush.render.canvas import Canvas, dashes, smooth
 from flockbrush.render.drawn_ground import brush_key
@@ -12,11 +14,24 @@ from flockbrush.render.drawn_herd import DrawnHerd
 from flockbrush.render.drawn_terrain import nice
 from flockbrush.render.hud import GLYPHS, Layout, clock, say, things_of
 from flockbrush.render.painter import Painter
+from flockbrush.render.scenery import Scenery
 from flockbrush.render.shapes import cover_polygon, cover_segments
 from flockbrush.render.sheet import contact_sheet, level_sheet, preview
 from flockbrush.render.style import DARK, LIGHT, PALETTE, rgb, theme_of
 from flockbrush.render.text import shortened, width_of, words
 from flockbrush.render.tiles import paint_ground
+
+
+def test_layers_that_say_whom_they_bind_are_drawn_above_what_is_painted():
+    bounded, bare = (BrushLayer("high", 0.7, ["graze"], np.full((2, 2), k), PaintBounds(z_min=5.0)) for k in (0, -1))
+    palette = SimpleNamespace(names=["march"], brushes=[])
+    land = SimpleNamespace(painted=SimpleNamespace(brush=np.zeros((2, 2), int)))
+    scenery = Scenery.__new__(Scenery)
+    world = SimpleNamespace(resource=lambda kind: palette if kind is Palette else land)
+    plain = BrushLayer("brush", 0.4, ["march"], np.zeros((2, 2), int))
+    scenery.simulation = SimpleNamespace(world=world)
+    scenery.level = SimpleNamespace(brush_layers=[plain, bounded, bare])
+    assert [layer.assets for layer in scenery.brush_layers] == [["march"], ["graze"], ["graze"]]
 
 
 def box(left, low, right, high):

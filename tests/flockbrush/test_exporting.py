@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from flockbrush.components import BrushBinding, Heading, Position, Role, Velocity
 from flockbrush.engine.recording import open_recording, resume
+from flockbrush.levels.writer import Document
 from flockbrush.systems.groups import groups_of
 from pens import pen
 from processes import other_process
@@ -329,3 +330,17 @@ def test_exports_that_cannot_all_be_opened_leave_nothing(level, tmp_path, monkey
     with pytest.raises(OSError, match="Permission denied"):
         Exports([tmp_path / "a.csv", tmp_path / "a.parquet"], start(level))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_paint_bounded_in_height_is_lived_again_and_exported(cli, tmp_path):
+    document = Document.load(pen(tmp_path, script=False))
+    document.data["layers"].append({"id": 99, "name": "zones", "type": "objectgroup", "objects": []})
+    for z_max, brush in ((5.0, "graze"), (-1.0, "swarm")):
+        bounds = {"z_min": -2.0, "z_max": z_max}
+        document.add_object("zones", "Zone", [(0, 0), (40, 0), (40, 30), (0, 30)], "low", brush=brush, **bounds)
+    document.save()
+    recording, table = tmp_path / "high.flock", tmp_path / "high.csv"
+    assert cli("run", document.path, "--seconds", 0.25, "--record", recording).code == 0
+    assert cli("replay", recording).code == 0
+    assert cli("export", recording, "--to", table, "--fps", 32).code == 0
+    assert {row["brush"] for row in rows_of(table) if row["frame"] != "0"} == {"graze"}

@@ -797,3 +797,17 @@ def test_a_document_is_laid_out_as_before(tmp_path):
         objects("exits", thing(5, "Exit", 0, 0, extra=polygon((0, 0), (9, 0), (9, 9)))),
     )
     assert edit.text() == dump(small(*edit.document.data["layers"]))
+
+
+def test_strokes_by_hand_lie_in_no_layer_that_says_whom_it_binds():
+    bounded = tiles("brush high", [MARCH] * 100, opacity=0.9, properties=properties(z_min=5.0))
+    stroke = Paint("brush", "graze", 9.0, 9.0, 9.0, 9.0, 3.0)
+    edit = done(editor(tiles(), bounded, objects("spawns", herd())), stroke)
+    high, painted = read(edit).brush_layers
+    assert high.assets == ["march"] and (high.index == 0).all()
+    assert painted.plain and painted.assets == ["graze"] and (painted.index >= 0).any()
+    before = edit.text()
+    erased = done(edit, Paint("brush", "", 9.0, 9.0, 9.0, 9.0, 3.0))
+    assert (read(erased).brush_layers[0].index == 0).all()
+    edit.undo()
+    assert edit.text() == before

@@ -100,3 +100,17 @@ def test_a_moved_tileset_is_the_only_thing_that_is_wrong():
     found = problems(document)
     assert len(found) == 1
     assert "tileset: tileset 'moved/kinds.tsj': " in found[0]
+
+
+class TestPaint:
+    @pytest.mark.parametrize(
+        ("values", "named"),
+        [({"medium": "any", "z_min": 5.0}, True), ({"medium": "any", "z_max": 9.0}, False), ({"z_min": 5.0}, False)],
+    )
+    def test_ground_paint_that_lets_birds_go_on_their_way_down_is_named(self, values, named):
+        zone = thing(2, "Zone", 16, 16, 64, 64, "pond", brush="graze", **values)
+        layer = tiles("brush", [3] * 100, properties=properties(**values))
+        for document in (with_objects("zones", zone), level(tiles(), layer, objects("spawns", herd()))):
+            found = warnings(document)
+            assert len(found) == named
+            assert not named or "makes birds land and binds from 5 m up only" in found[0]

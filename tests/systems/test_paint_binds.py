@@ -6,6 +6,7 @@ from flockbrush.behaviours.brush import shipped
 from flockbrush.components import BrushBinding, Position, Transit, Velocity
 from flockbrush.components.agent import LANDING, SETTLED, TAKING_OFF
 from flockbrush.engine.commands import CommandError, Commands
+from flockbrush.engine.state import state_hash
 from flockbrush.levels.build import build
 from flockbrush.levels.schema import BrushLayer, PaintBounds, Zone
 from flockbrush.systems.commands import AddAnimals, PaintBrush, SwitchBrush
@@ -184,3 +185,31 @@ def test_wolves_on_painted_meadow_stay_wolves():
     agents, names = simulation.agents, simulation.world.resource(Palette).names
     assert [names[k] for k in agents[BrushBinding.brush][-3:]] == ["wolf-hunt"] * 3
     assert {names[k] for k in agents[BrushBinding.brush][:140]} == {"graze"}
+
+
+def test_paint_bounded_in_height_lets_birds_pass_above_and_makes_those_below_land_once():
+    low = PaintBounds(medium="any", z_max=15.0)
+    simulation = world(painted("graze", bounds=low))
+    (high, under) = put_aloft(simulation, [(20, 20, 31), (20, 10, 10)], species="goose", brush="flock")
+    took = []
+    for _ in range(32 * 12):
+        simulation.tick()
+        x = simulation.agents[Position.xyz]
+        x[:, :2] = [(20, 20), (20, 10)]  # held over the paint: the map is small and geese are fast
+        took.append([brush_of(simulation, one) for one in (high, under)])
+    assert {names[0] for names in took} == {"flock"}
+    changes = [k for k in range(1, len(took)) if took[k][1] != took[k - 1][1]]
+    assert len(changes) == 1 and took[-1][1] == "graze"  # it lands, and stays
+
+
+def test_a_switch_under_bounded_paint_is_undone():
+    simulation = world(painted("graze", bounds=PaintBounds(medium="any", z_max=15.0)))
+    (sheep,) = put(simulation, (5, 5), species="sheep", brush="walk")
+    simulation.run(2)
+    before = state_hash(simulation.world)
+    commands = simulation.world.resource(Commands)
+    back = SwitchBrush("hunt").inverse(simulation.world)
+    commands.perform(simulation.world, [SwitchBrush("hunt")])
+    assert brush_of(simulation, sheep) == "graze"  # paint stands above the animal's own brush
+    commands.perform(simulation.world, back)
+    assert state_hash(simulation.world) == before
