@@ -36,6 +36,7 @@ from pydantic import BaseModel, Field, PrivateAttr, SerializeAsAny, model_valida
 
 SCHEMA = "flockbrush.brush/1"
 SUFFIX = ".brush.toml"
+PATH_SUFFIX = ".path.toml"  # of a measured path between two brushes
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
@@ -416,6 +417,16 @@ class BrushLibrary:
         path = self.path(name)
         data = self._files[path.name] if path.name in self._files else read_bytes(path)
         return _parsed(str(path), data, _models() if self._models is None else self._models)
+
+    def path_between(self, start: str, end: str) -> tuple[str, bytes] | None:
+        """(file, bytes) of the measured path between two brushes, either way; None where nobody measured it."""
+        for base in (f"{start}--{end}{PATH_SUFFIX}", f"{end}--{start}{PATH_SUFFIX}"):
+            if base in self._files:
+                return base, self._files[base]
+            for folder in self.folders:
+                if (folder / base).exists():
+                    return base, read_bytes(folder / base)
+        return None
 
     def problems(self) -> list[Problem]:
         """Everything that is wrong with any brush of the library."""

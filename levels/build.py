@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 from flockbrush.behaviours.brush import Brush, BrushLibrary, shipped
+from flockbrush.behaviours.mixture import path_between
 from flockbrush.behaviours.program import known_brushes
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.components import AGENT
@@ -21,7 +22,7 @@ from flockbrush.levels.schema import Level, Spawn, TerrainKind
 from flockbrush.levels.tilesets_data import TERRAINS
 from flockbrush.systems import edits as _edits  # noqa: F401  a designer's commands are known wherever a level is
 from flockbrush.systems import program_commands as _program_commands
-from flockbrush.systems.binding import sheets_of
+from flockbrush.systems.binding import mixed_brushes, sheets_of
 from flockbrush.systems.commands import ApplyCommands
 from flockbrush.systems.decide import Roles
 from flockbrush.systems.foresight import Ahead, Migrate, SeeAhead
@@ -102,7 +103,7 @@ class Simulation:
         """Every file this world was made from, by name, as bytes: what a recording embeds."""
         palette = self.world.resource(Palette)
         species = [one for one in self.world.resource(SpeciesList).assets if one is not None]
-        named = {f"brushes/{b.name}.brush.toml": b.source for b in palette.brushes}
+        named = {f"brushes/{b.name}.brush.toml": b.source for b in palette.own} | self.level.paths
         named |= {f"species/{one.name}.species.toml": one.source for one in species}
         programs = self.world.resource(Programs).programs
         return self.level.files | named | {f"programs/{p.name}.program.toml": p.source for p in programs}
@@ -179,7 +180,7 @@ def build(
     if agents is not None:
         level = scaled(level, agents)
     world = World(AGENT, capacity=max(256, level.agents))
-    palette = Palette([library.get(name) for name in brushes_used(level)])
+    palette = _palette(level, library)
     for resource in (
         Clock(DT),
         Noise(level.seed if seed is None else seed),
@@ -202,6 +203,20 @@ def build(
     _bear_first(world, level)
     _queue_script(simulation, level)
     return simulation
+
+
+def _palette(level, library):
+    """The brushes of a level, and those between two that its paint of part weight gives."""
+    paths = level.paths = {}
+
+    def path(start, end):
+        found = path_between(library, start, end)
+        if found is not None:
+            name, source = library.path_between(start, end)
+            paths[f"brushes/{name}"] = source
+        return found
+
+    return Palette([library.get(name) for name in brushes_used(level)], mixed_brushes(level), path)
 
 
 def brushes_used(level):
@@ -241,8 +256,11 @@ def landscape_of(level, palette):
     zones = compose_caps(
         shape, level.cell, None, None if level.factor is None else level.factor.values, None, level.zones
     )
+    covering = [zone for zone in level.zones if zone.bounds.covers]
     above = Above(
-        compose_brushes([], level.zones, shape, level.cell, palette.names), zones[..., 1].copy(), zones[..., 0].copy()
+        compose_brushes([], covering, shape, level.cell, palette.names),
+        zones[..., 1].copy(),
+        zones[..., 0].copy(),
     )
     cap = np.full(shape, np.inf) if level.cap is None else level.cap.values.copy()
     painted = Painted(

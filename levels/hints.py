@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from flockbrush.behaviours.brush import flies_free
+from flockbrush.behaviours.mixture import can_mix, path_between
 from flockbrush.levels import geometry
 from flockbrush.levels.properties import is_number
 
@@ -44,6 +45,40 @@ def paint_hints(thing, place, library):
                 f"brush {name!r} makes birds land and binds from {bounds.z_min:g} m up only: below that they take off "
                 "again; set z_min to 0"
             )
+
+
+def mixing_hints(level, places, library, place):
+    """Warn about paint of part weight whose brush is of another model than the herd's, or that nobody has measured.
+
+    Parameters
+    ----------
+    level : Level
+    places : dict of int to Place
+        By the id of a zone.
+    library : BrushLibrary
+    place : Place
+        Of the map, for layers.
+    """
+    for thing in [*level.brush_layers, *level.zones]:
+        if thing.bounds.blend != "mix":
+            continue
+        here = places[thing.id] if hasattr(thing, "polygon") else place
+        for start in sorted({spawn.brush for spawn in level.spawns}):
+            for end in getattr(thing, "assets", [getattr(thing, "brush", None)]):
+                told = "" if end in (None, start) else _mixing_hint(library, start, end)
+                if told:
+                    here.warn(f"{thing.name!r}: {told}")
+
+
+def _mixing_hint(library, start, end):
+    if not can_mix(library.get(start), library.get(end)):
+        return f"brushes {start!r} and {end!r} are of unlike models: a share of the animals takes {end!r} altogether"
+    if path_between(library, start, end) is None:
+        return (
+            f"nobody has measured the way from {start!r} to {end!r}: numbers are mixed in a straight line, along which "
+            f"herds may jump; flockbrush brush morph {start} {end} measures it"
+        )
+    return ""
 
 
 def level_hints(level, places):

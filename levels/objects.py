@@ -309,7 +309,12 @@ def bounds_of(v):
     species = tuple(word.strip() for word in v["species"].split(",") if word.strip())
     low = -math.inf if v["z_min"] <= -schema.FAR else v["z_min"]
     high = math.inf if v["z_max"] >= schema.FAR else v["z_max"]
-    return PaintBounds(species, v["medium"], low, high)
+    if isinstance(v["blend"], str):  # of a layer
+        blend, strength = v["blend"], 1.0
+    else:
+        strength = v["strength"]
+        blend = "share" if v["share"] else "mix" if strength < 1.0 or v["edge"] > 0.0 else "cover"
+    return PaintBounds(species, v["medium"], low, high, blend, v["edge"], strength)
 
 
 def article(name):

@@ -23,7 +23,7 @@ from flockbrush.levels.art_reader import ArtReader
 from flockbrush.levels.checks import check_level
 from flockbrush.levels.files import DiskFiles, FileRefused, MemoryFiles, UnsavedFiles, project_folder
 from flockbrush.levels.ground_arrays import bare_ground, put_ground
-from flockbrush.levels.hints import layer_hints, level_hints, paint_hints
+from flockbrush.levels.hints import layer_hints, level_hints, mixing_hints, paint_hints
 from flockbrush.levels.json_lines import JsonError, Node, parse
 from flockbrush.levels.objects import ObjectReader, bounds_of
 from flockbrush.levels.properties import FilePlace, Report, Values, is_number, read_properties, shown
@@ -218,6 +218,7 @@ class LevelReader:
             level_hints(level, self.objects.places)
             for zone in level.zones:
                 paint_hints(zone, self.objects.places[zone.id], self.library)
+            mixing_hints(level, self.objects.places, self.library, place)
         level.warnings = sorted(self.report.warnings, key=lambda p: (p.file, p.line or 0))
         return level
 
@@ -749,11 +750,11 @@ def program_folders(path):
 
 def recorded_library(files):
     """The brushes a recording has embedded, and the shipped for what it has not."""
-    from flockbrush.behaviours.brush import SUFFIX, BrushLibrary, shipped
+    from flockbrush.behaviours.brush import PATH_SUFFIX, SUFFIX, BrushLibrary, shipped
     from flockbrush.behaviours.species import SpeciesLibrary, shipped_species
 
     species = SpeciesLibrary(shipped_species().folders, files)
-    brushes = {name: data for name, data in files.items() if name.endswith(SUFFIX)}
+    brushes = {name: data for name, data in files.items() if name.endswith((SUFFIX, PATH_SUFFIX))}
     return BrushLibrary(shipped().folders, brushes, species=species)
 
 

@@ -61,12 +61,23 @@ class TerrainKind:
 
 @dataclass(frozen=True)
 class PaintBounds:
-    """Whom paint binds: those its brush is made for, in the medium of its brush, unless it says otherwise."""
+    """Whom paint binds, and how much.
+
+    Those its brush is made for, in the medium of its brush, unless it says otherwise.
+    """
 
     species: tuple[str, ...] = ()  # names and tags; empty: those the brush is made for
     medium: str = "brush"  # brush | ground | air | any
     z_min: float = -np.inf  # m above the ground
     z_max: float = np.inf  # m above the ground
+    blend: str = "cover"  # cover: all the way | mix: part of the way to its brush | share: a share of the animals
+    edge: float = 0.0  # m from the border inwards over which it grows to full weight, unless it covers
+    strength: float = 1.0  # of a zone: its weight
+
+    @property
+    def covers(self):
+        """Whether whom it binds takes its brush altogether."""
+        return self.blend == "cover"
 
 
 @dataclass
@@ -233,6 +244,7 @@ class Level:
     kinds: list[TerrainKind] = field(default_factory=list)  # of ground, in all tilesets, painted or not
     programs: dict[str, Any] = field(default_factory=dict)  # {name: Program}, all that the level names
     files: dict[str, bytes] = field(default_factory=dict, repr=False)  # all that was read; the level itself first
+    paths: dict[str, bytes] = field(default_factory=dict, repr=False)  # measured paths that its world follows
     warnings: list[Problem] = field(default_factory=list)  # what may be and is rarely meant
     art: Any = None  # `flockbrush.levels.art.Art` of layers that are not ours
 
@@ -306,6 +318,7 @@ ENUMS: dict[str, tuple[str, ...]] = {
     "Boundary": ("wall", "wrap", "open", "despawn"),
     "ObstacleShape": ("box", "cylinder", "sphere", "plane", "hull"),
     "OnArrive": ("stay", "despawn", "next", "disperse"),
+    "Blend": ("cover", "mix", "share"),
     "Medium": ("brush", "ground", "air", "any"),
     "Formation": ("scatter", "grid", "ring", "mill", "line"),
 }
@@ -323,6 +336,8 @@ _BOUNDS = (
     Property("z_min", "number", -FAR, "it binds from so high above the ground", "m", low=-FAR, high=FAR),
     Property("z_max", "number", FAR, "it binds up to so high above the ground", "m", low=-FAR, high=FAR),
 )
+
+_EDGE = Property("edge", "number", 0.0, "soft border: the weight grows to full over this length", "m", low=0, high=1000)
 
 CLASSES: dict[str, ObjectClass] = {
     c.name: c
@@ -387,7 +402,25 @@ CLASSES: dict[str, ObjectClass] = {
             "a grey picture stretched over the map: slope slows and steers",
             (Property("metres_per_level", "number", 0.1, "height of one grey level", "m", above=0, high=1000),),
         ),
-        ObjectClass("BrushLayer", "layer", "brush", "#c05a7a", "species that a painted layer binds", _BOUNDS),
+        ObjectClass(
+            "BrushLayer",
+            "layer",
+            "brush",
+            "#c05a7a",
+            "species that a painted layer binds, and how much",
+            (
+                *_BOUNDS,
+                Property(
+                    "blend",
+                    "enum",
+                    "cover",
+                    "mix: the layer's opacity is how far animals go towards its brush; share: the share of "
+                    "animals that take it; cover: all, altogether",
+                    enum="Blend",
+                ),
+                _EDGE,
+            ),
+        ),
         ObjectClass(
             "Obstacle",
             "object",
@@ -462,6 +495,11 @@ CLASSES: dict[str, ObjectClass] = {
                     high=FAR,
                 ),
                 *_BOUNDS,
+                Property(
+                    "strength", "number", 1.0, "how far animals go from what they would do to its brush", low=0, high=1
+                ),
+                _EDGE,
+                Property("share", "bool", False, "strength is the share of animals that take its brush"),
             ),
             shapes=("area",),
         ),

@@ -5,6 +5,10 @@ level's own layers one by one.  An animal looks down through them and takes the 
 made for its species (or that the sheet gives to it), that its species can do, in the medium and at the height where the
 animal is.
 
+Paint of part weight (``blend`` mix or share, a soft edge, a zone's ``strength``) lies above all that.  It gives brushes
+between what is below and its own (`flockbrush.behaviours.mixture`), one step of eight nearer for as many animals as the
+weight lies between two steps; where models differ it takes a share of the animals.
+
 A brush of another medium comes on purpose alone: as the animal's own, from a program, or from paint whose ``medium``
 says so.  Who flies then lands first, who walks takes off.  Birds that fly as low as `LOW` let themselves down on
 painted ground.
@@ -13,12 +17,16 @@ painted ground.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
+from flockbrush.behaviours.mixture import STEPS
 from flockbrush.components.agent import LANDING, SETTLED, TAKING_OFF
+from flockbrush.engine.noise import uniform_
 from flockbrush.systems.fauna import AIR, PLANE, WATER
 from flockbrush.systems.terrain import NO_BRUSH, rasterise_polygon
 from numba import njit
+from scipy.ndimage import distance_transform_edt
 
 LOW = 1.0  # body lengths: who flies no higher may be bound by paint of the ground
 TOUCH = 0.25  # body lengths besides the radius: so low a bird stands
@@ -37,6 +45,8 @@ class Sheet:
     medium: int = BY_BRUSH
     z_min: float = -np.inf  # m above the ground
     z_max: float = np.inf
+    weight: np.ndarray | None = None  # (ny, nx) 0 to 1; None: it covers
+    shares: bool = False  # whether the weight is a share of the animals
 
 
 @dataclass
@@ -45,14 +55,51 @@ class Sheets:
 
     above: list[Sheet] = field(default_factory=list)
     below: list[Sheet] = field(default_factory=list)
+    mixing: list[Sheet] = field(default_factory=list)  # of part weight, above all others
     _told: tuple = (None, None)
+    _mixing_told: tuple = (None, None)
 
     def packed(self, palette, fauna):
         """(rasters above, rasters below, allowed (sheets, b, s), medium, z_min, z_max), the painted sheet between."""
-        about = (tuple(b.made_for for b in palette.brushes), tuple(palette.flies), tuple(fauna.names))
+        about = _about(palette, fauna)
         if self._told[0] != about:
             self._told = about, _packed(self, palette, fauna)
         return self._told[1]
+
+    def packed_mixing(self, palette, fauna):
+        """`Mixing` of the sheets of part weight, from the top down."""
+        about = _about(palette, fauna)
+        if self._mixing_told[0] != about:
+            self._mixing_told = about, _packed_mixing(self.mixing, palette, fauna)
+        return self._mixing_told[1]
+
+
+class Mixing(NamedTuple):
+    """Sheets of part weight for a kernel."""
+
+    brush: np.ndarray  # (k, ny, nx) int32
+    weight: np.ndarray  # (k, ny, nx) 0 to 1
+    shares: np.ndarray  # (k,) bool, whether the weight is a share of the animals
+    allowed: np.ndarray  # (k, b, s) uint8
+    medium: np.ndarray  # (k,) uint8
+    z_min: np.ndarray  # (k,) m
+    z_max: np.ndarray  # (k,) m
+
+
+def _about(palette, fauna):
+    return tuple(b.made_for for b in palette.brushes), tuple(palette.flies), tuple(fauna.names)
+
+
+def _packed_mixing(sheets, palette, fauna):
+    return Mixing(
+        np.array([s.brush for s in sheets], np.int32),
+        np.array([s.weight for s in sheets]),
+        np.array([s.shares for s in sheets], np.bool_),
+        np.array([_allowed(s, palette, fauna) for s in sheets], np.uint8),
+        np.array([s.medium for s in sheets], np.uint8),
+        np.array([s.z_min for s in sheets]),
+        np.array([s.z_max for s in sheets]),
+    )
 
 
 def _packed(sheets, palette, fauna):
@@ -104,18 +151,44 @@ def sheets_of(level, palette_names):
         own = np.array([palette_names.index(name) for name in layer.assets] + [NO_BRUSH], np.int32)
         return own[layer.index]
 
-    above, below = [], []
+    above, below, mixing = [], [], []
     for layer in level.brush_layers:
-        if layer.weight > 0.0:
+        if layer.weight > 0.0 and layer.bounds.covers:
             sheet = _sheet(indexed(layer), layer.bounds)
             (below if layer.plain else above).append((layer.weight, sheet))
+        elif layer.weight > 0.0:
+            mixing.insert(0, _weighted(indexed(layer), layer.bounds, layer.weight, level.cell))
     above, below = (_from_the_top(some) for some in (above, below))
     for zone in level.zones:
         if zone.brush:
             raster = np.full(level.shape, NO_BRUSH, np.int32)
             raster[rasterise_polygon(zone.polygon, level.shape, level.cell)] = palette_names.index(zone.brush)
-            _lay_over(above, _sheet(raster, zone.bounds))
-    return Sheets(above, below if len(below) > 1 else [])
+            if zone.bounds.covers:
+                _lay_over(above, _sheet(raster, zone.bounds))
+            else:
+                mixing.insert(0, _weighted(raster, zone.bounds, zone.bounds.strength, level.cell))
+    return Sheets(above, below if len(below) > 1 else [], mixing)
+
+
+def mixed_brushes(level):
+    """Names of the brushes that paint of part weight mixes with others."""
+    names = {name for layer in level.brush_layers if layer.bounds.blend == "mix" for name in layer.assets}
+    return sorted(names | {zone.brush for zone in level.zones if zone.brush and zone.bounds.blend == "mix"})
+
+
+def _weighted(raster, bounds, weight, cell):
+    """A sheet of part weight: its weight grows from 0 at the border over the length of its edge.
+
+    Cells beside painted ones get their brush with weight 0, so that the weight between cells ends nowhere abruptly.
+    """
+    inside = raster >= 0
+    far, nearest = distance_transform_edt(~inside, return_indices=True)
+    spread = np.where(far < 1.5, raster[tuple(nearest)], NO_BRUSH).astype(np.int32) if inside.any() else raster
+    depth = (distance_transform_edt(inside) - 0.5) * cell if not inside.all() else np.full(raster.shape, np.inf)
+    share = np.clip(depth / bounds.edge, 0.0, 1.0) if bounds.edge > 0.0 else 1.0
+    sheet = _sheet(spread, bounds)
+    sheet.weight, sheet.shares = np.where(inside, weight * share, 0.0), bounds.blend == "share"
+    return sheet
 
 
 def _sheet(raster, bounds):
@@ -171,12 +244,78 @@ def painted_for(
                 break  # erased, or never painted
             if b < 0 or not allowed[s, b, species[i]] or not z_min[s] <= height[i] <= z_max[s]:
                 continue
-            asked = medium[s]
-            if asked == BY_BRUSH:
-                asked = IN_AIR if air[b] else ON_GROUND
-            if asked == ANYWHERE or (asked == IN_AIR and aloft) or (asked == ON_GROUND and (not aloft or low)):
+            if _is_in(medium[s], air[b], aloft, low):
                 out[i] = b
                 break
+
+
+@njit(cache=True, nogil=True)
+def _is_in(medium, air, aloft, low):
+    """Whether an animal is in the medium that a sheet asks for; ``air``: the brush moves there."""
+    asked = medium
+    if asked == BY_BRUSH:
+        asked = IN_AIR if air else ON_GROUND
+    return asked == ANYWHERE or (asked == IN_AIR and aloft) or (asked == ON_GROUND and (not aloft or low))
+
+
+@njit(cache=True, nogil=True)
+def mix_paint(lo, hi, xyz, cell, sheets, air, mixes, key, ids, species, brush, home, length, radius, height, out):
+    """Lay paint of part weight over what other paint has given to rows ``lo`` to ``hi``.
+
+    The uppermost sheet that binds an animal mixes with what is below; those below it take a share of the animals.
+
+    Parameters
+    ----------
+    sheets : Mixing
+    mixes : (b, b) int32
+        `Palette.mixes`.
+    key : uint64
+        Of the animals' own numbers: who belongs to a share, and who is the next step further on between two.
+    home : (n,) int32
+        The brush where there is no paint.
+    out : (n,) int32
+        In: what other paint gives, -1 for none; out: the brush, -1 still for none.
+    """
+    count, ny, nx = sheets.brush.shape
+    for i in range(lo, hi):
+        u = min(max(xyz[i, 0] / cell - 0.5, 0.0), nx - 1.0)
+        v = min(max(xyz[i, 1] / cell - 0.5, 0.0), ny - 1.0)
+        iy, ix = int(v + 0.5), int(u + 0.5)
+        aloft, low = air[brush[i]], height[i] <= LOW * length[i] + radius[i]
+        top = -1
+        for s in range(count):
+            b = sheets.brush[s, iy, ix]
+            if b < 0 or not sheets.allowed[s, b, species[i]] or not sheets.z_min[s] <= height[i] <= sheets.z_max[s]:
+                continue
+            if _is_in(sheets.medium[s], air[b], aloft, low):
+                top = s
+                break
+        if top < 0:
+            continue
+        for s in range(count - 1, top - 1, -1):
+            b = sheets.brush[s, iy, ix]
+            if b < 0 or not sheets.allowed[s, b, species[i]] or not sheets.z_min[s] <= height[i] <= sheets.z_max[s]:
+                continue
+            if not _is_in(sheets.medium[s], air[b], aloft, low):
+                continue
+            weight, own = _bilinear(sheets.weight[s], u, v), uniform_(key, ids[i], s)
+            under = out[i] if out[i] >= 0 else home[i]
+            if s == top and not sheets.shares[s] and under != b and mixes[under, b] >= 0:
+                step = int(weight * STEPS + own)
+                out[i] = b if step >= STEPS else mixes[under, b] + step - 1 if step > 0 else out[i]
+            elif own < weight:
+                out[i] = b
+
+
+@njit(cache=True, nogil=True)
+def _bilinear(raster, u, v):
+    """The value between the centres of cells; u, v count them."""
+    west, south = int(u), int(v)
+    east, north = min(west + 1, raster.shape[1] - 1), min(south + 1, raster.shape[0] - 1)
+    a, b = u - west, v - south
+    return (1.0 - b) * ((1.0 - a) * raster[south, west] + a * raster[south, east]) + b * (
+        (1.0 - a) * raster[north, west] + a * raster[north, east]
+    )
 
 
 @njit(cache=True, nogil=True)

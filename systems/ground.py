@@ -20,9 +20,10 @@ from flockbrush.components import (
 )
 from flockbrush.components.agent import Body
 from flockbrush.engine.clock import Clock
+from flockbrush.engine.noise import Noise
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
-from flockbrush.systems.binding import painted_for, through_media
+from flockbrush.systems.binding import mix_paint, painted_for, through_media
 from flockbrush.systems.fauna import AIR, PLANE, WATER, SpeciesList
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.leaders import hold_back, steer_leaders
@@ -48,6 +49,7 @@ class Underfoot(System):
         Palette,
         Landscape,
         Clock,
+        Noise,
     )
     writes = (Ground, BrushBinding, Vision, Transit, Speed, Urge, Leading)
 
@@ -102,6 +104,14 @@ class Underfoot(System):
                 painted_for, len(agents), agents[Position.xyz], land.cell, above, land.painted.brush, below, *bounds,
                 palette.flies_free, agents[Species.index], agents[BrushBinding.brush], agents[Body.length],
                 agents[Body.radius], height, painted,
+            )  # fmt: skip
+        if land.sheets.mixing:
+            over_rows(
+                mix_paint, len(agents), agents[Position.xyz], land.cell,
+                land.sheets.packed_mixing(palette, world.resource(SpeciesList)), palette.flies_free, palette.mixes,
+                world.resource(Noise).key("paint", 0), agents.ids, agents[Species.index],
+                agents[BrushBinding.brush], agents[BrushBinding.home], agents[Body.length], agents[Body.radius],
+                height, painted,
             )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from flockbrush.behaviours.behaviour import GUIDED, Flight, behaviours
 from flockbrush.behaviours.brush import load_brush
 from flockbrush.behaviours.brush_tables import SIGHTS
 from flockbrush.behaviours.drive import drives_of
+from flockbrush.behaviours.mixture import can_mix, is_step, step_name, steps_between
 from flockbrush.engine.maths import sincos_
 
 
@@ -19,34 +20,67 @@ class Palette:
     ----------
     brushes : iterable of Brush
         `flockbrush.behaviours.brush.Brush` assets.
+    over : iterable of str
+        Names of those that paint of part weight may give: from every other brush of the same model to these there are
+        brushes between, which stand behind in the palette.
+    path : callable, optional
+        ``path(start, end)``: the measured path between two brushes by name, or None.
+
+    Attributes
+    ----------
+    mixes : ndarray, (b, b) int32
+        The first of the brushes between one and another; -1 where there are none.
     """
 
-    def __init__(self, brushes=()):
+    def __init__(self, brushes=(), over=(), path=lambda start, end: None):
         self.brushes = []
         self.index = {}
-        self._tabulate()  # a world may have no brush at all
+        self.over, self.path = tuple(over), path
         for brush in brushes:
-            self.add(brush)
+            self._put(brush)
+        self._mix(self.brushes)
+        self._tabulate()  # a world may have no brush at all
 
     def __len__(self):
         return len(self.brushes)
 
     def add(self, brush):
         """Index of this brush; one of the same name is replaced, so that whoever has it moves by the new one."""
+        self._put(brush)
+        self._mix([brush])
+        self._tabulate()
+        return self.index[brush.name]
+
+    def _put(self, brush):
         if brush.name in self.index:
             self.brushes[self.index[brush.name]] = brush
         else:
             self.index[brush.name] = len(self.brushes)
             self.brushes.append(brush)
-        self._tabulate()
-        return self.index[brush.name]
+
+    def _mix(self, changed):
+        """Make the brushes between these and those that are mixed with others."""
+        names = {brush.name for brush in changed}
+        for start in self.own if self.over else ():
+            for end in self.over:
+                known = end in self.index and end != start.name and not names.isdisjoint((start.name, end))
+                if known and can_mix(start, self.brushes[self.index[end]]):
+                    for brush in steps_between(start, self.brushes[self.index[end]], self.path(start.name, end)):
+                        self._put(brush)
+
+    @property
+    def own(self):
+        """The brushes without those between two."""
+        return [brush for brush in self.brushes if not (self.over and is_step(brush.name))]
 
     def forget(self, name):
         """Drop the newest brush again; whoever has it would be lost, so nobody may."""
-        if self.brushes[-1].name != name:
-            raise ValueError(f"{name} is not the newest brush; that is {self.brushes[-1].name}")
-        del self.index[name]
-        self.brushes.pop()
+        newest = self.own[-1].name
+        if newest != name:
+            raise ValueError(f"{name} is not the newest brush; that is {newest}")
+        for brush in self.brushes[self.index[name] :]:
+            del self.index[brush.name]
+        del self.brushes[len(self.index) :]
         self._tabulate()
 
     def state(self):
@@ -57,10 +91,10 @@ class Palette:
         """Take back what `state` gave."""
         before = {b.name: b for b in self.brushes}
         self.brushes, self.index = [], {}
-        self._tabulate()
         for name, source in json.loads(data):
             same = name in before and before[name].source.decode() == source
-            self.add(before[name] if same else load_brush(source.encode(), f"{name}.brush.toml"))
+            self._put(before[name] if same else load_brush(source.encode(), f"{name}.brush.toml"))
+        self._tabulate()
 
     @property
     def names(self):
@@ -85,6 +119,12 @@ class Palette:
             return np.array([value(b) for b in self.brushes])
 
         models = behaviours()
+        self.mixes = np.full((len(self.brushes),) * 2, -1, np.int32)
+        for start in self.own if self.over else ():
+            for end in self.over:
+                first = self.index.get(step_name(start.name, end, 1), -1)
+                if first >= 0:
+                    self.mixes[self.index[start.name], self.index[end]] = first
         self.models = [models[b.model] for b in self.brushes]
         self.by_slot = np.array([m.by_slot for m in self.models], bool)
         self.mean = column(lambda b: b.speed.mean)  # body lengths / s

@@ -331,8 +331,8 @@ class ForgetBrush:
         palette, land = world.resource(Palette), world.resource(Landscape)
         index = palette.named(self.name)
         bound = [world.agents[f] for f in (BrushBinding.brush, BrushBinding.previous, BrushBinding.home)]
-        about = (land.painted.brush == index).any() or any((column == index).any() for column in bound)
-        if not about and index == len(palette) - 1:
+        about = (land.painted.brush == index).any() or any((column >= index).any() for column in bound)
+        if not about and palette.own[-1].name == self.name:
             palette.forget(self.name)
 
 

@@ -114,3 +114,20 @@ class TestPaint:
             found = warnings(document)
             assert len(found) == named
             assert not named or "makes birds land and binds from 5 m up only" in found[0]
+
+    def test_paint_of_part_weight_names_pairs_that_nobody_has_measured(self):
+        layer = tiles("brush", [3] * 100, opacity=0.5, properties=properties(blend="mix", edge=4.0))
+        document = level(tiles(), layer, objects("spawns", herd(brush="graze")))
+        found = read(document)
+        (made,) = found.brush_layers
+        assert (made.bounds.blend, made.bounds.edge, made.weight, made.plain) == ("mix", 4.0, 0.5, False)
+        assert len(found.warnings) == 1
+        assert "nobody has measured the way from 'graze' to 'march'" in str(found.warnings[0])
+
+    @pytest.mark.parametrize(
+        ("values", "blend"),
+        [({}, "cover"), ({"strength": 0.5}, "mix"), ({"edge": 3.0}, "mix"), ({"share": True, "edge": 3.0}, "share")],
+    )
+    def test_a_zone_weighs_as_its_properties_say(self, values, blend):
+        zone = thing(2, "Zone", 16, 16, 64, 64, "pond", brush="march", **values)
+        assert read(with_objects("zones", zone)).zones[0].bounds.blend == blend

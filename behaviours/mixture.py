@@ -1,0 +1,187 @@
+"""Brushes between two brushes of one model: what paint of part weight gives to an animal.
+
+Without anything measured all numbers go in a straight line from one brush to the other.  A path (``A--B.path.toml``,
+`BrushPath`) says for even steps of the behaviour how far along that line the numbers are, and what some of them have
+on top: it is measured by ``flockbrush brush morph``.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+import zlib
+from typing import Annotated, Any
+
+import numpy as np
+from flockbrush.behaviours.brush import Brush, BrushLibrary, flies_free
+from flockbrush.behaviours.spec import Finite, Line, Spec, Text, spec_field
+from flockbrush.behaviours.tomlfile import parse_toml
+from flockbrush.behaviours.validation import validated
+from flockbrush.engine.problems import ProblemsError
+from pydantic import BaseModel, Field, model_validator
+
+STEPS = 8  # brushes between two, and one of them
+PATH_SCHEMA = "flockbrush.path/1"
+_STEP = re.compile(r"([A-Za-z0-9_-]+)--([A-Za-z0-9_-]+)--([1-7])of8")
+Share = Annotated[Finite, Field(ge=0, le=1)]
+
+
+class BrushPath(Spec):
+    """How the numbers go from one brush to another so that the behaviour changes evenly."""
+
+    start: Line = spec_field(..., "the brush at 0")
+    end: Line = spec_field(..., "the brush at 1")
+    along: tuple[Share, ...] = spec_field(
+        ..., "at even steps from 0 to 1: how far the numbers are along the straight line", min_length=2, max_length=65
+    )
+    detour: dict[Line, tuple[Finite, ...]] = spec_field({}, "at the same steps: added to a parameter")
+    even: bool = spec_field(True, "whether it met its bounds when it was measured; false: it jumps")
+    measured: Text = spec_field("", "command and table")
+
+    @model_validator(mode="after")
+    def _goes_on(self):
+        if self.along[0] != 0.0 or self.along[-1] != 1.0 or any(b < a for a, b in itertools.pairwise(self.along)):
+            raise ValueError("'along' must go from 0 to 1 without going back")
+        for name, values in self.detour.items():
+            if len(values) != len(self.along) or values[0] or values[-1]:
+                raise ValueError(f"detour.{name} must have {len(self.along)} numbers, 0 at both ends")
+        return self
+
+    def at(self, share: float) -> tuple[float, dict[str, float]]:
+        """How far along the line at a share of the way, 0 to 1, and what is added to parameters."""
+        steps = np.linspace(0.0, 1.0, len(self.along))
+        extra = {name: float(np.interp(share, steps, values)) for name, values in self.detour.items()}
+        return float(np.interp(share, steps, self.along)), extra
+
+    def reversed(self) -> BrushPath:
+        """The same way back."""
+        back = {name: values[::-1] for name, values in self.detour.items()}
+        update = {"start": self.end, "end": self.start, "along": tuple(1.0 - x for x in self.along[::-1])}
+        return self.model_copy(update={**update, "detour": back})
+
+
+def load_path(source: bytes, file: str) -> BrushPath:
+    """Read a path; ProblemsError with what is wrong with the file."""
+    toml = parse_toml(source, file)
+    document = dict(toml.data)
+    if document.pop("schema", None) != PATH_SCHEMA:
+        raise ProblemsError([toml.problem(("schema",), f"must be '{PATH_SCHEMA}'")])
+    path, mistakes = validated(BrushPath, document)
+    if path is None:
+        raise ProblemsError([toml.problem(where, message) for where, message in mistakes])
+    return path
+
+
+def path_between(library: BrushLibrary, start: str, end: str) -> BrushPath | None:
+    """The measured path from one brush to another, if there is one; ProblemsError."""
+    found = library.path_between(start, end) if hasattr(library, "path_between") else None
+    if found is None:
+        return None
+    path = load_path(found[1], found[0])
+    return path if path.start == start else path.reversed()
+
+
+def path_to_toml(path: BrushPath) -> str:
+    """The text of a path's file."""
+
+    def numbers(values):
+        return "[" + ", ".join(f"{value:.6g}" for value in values) + "]"
+
+    lines = [f'schema = "{PATH_SCHEMA}"', f'start = "{path.start}"', f'end = "{path.end}"']
+    lines += [
+        f"even = {str(path.even).lower()}",
+        f"along = {numbers(path.along)}",
+        f'measured = """\n{path.measured}"""',
+    ]
+    if path.detour:
+        lines += ["", "[detour]", *(f"{name} = {numbers(values)}" for name, values in path.detour.items())]
+    return "\n".join(lines) + "\n"
+
+
+def can_mix(start: Brush, end: Brush) -> bool:
+    """Whether there are brushes between two: of one model, in one medium."""
+    return start.model == end.model and flies_free(start) == flies_free(end)
+
+
+def mixed(start: Brush, end: Brush, share: float, path: BrushPath | None = None, name: str = "") -> Brush:
+    """The brush at a share of the way from one to another.
+
+    Numbers are mixed; what is no number (who is guided, whom sight takes) changes half-way.  The body stays that of
+    the first.
+
+    Parameters
+    ----------
+    share : float
+        0 to 1.
+    path : BrushPath, optional
+        A straight line without it.
+    """
+    along, extra = (share, {}) if path is None else path.at(share)
+    made = start.model_copy(
+        update={
+            "name": name or start.name,
+            "title": f"{share:.0%} of the way from {start.name} to {end.name}",
+            "params": _between(start.params, end.params, along, extra),
+            "speed": _between(start.speed, end.speed, along, {}),
+            "vision": _between(start.vision, end.vision, along, {}),
+            "drives": _drives_between(start.drives, end.drives, along),
+            "transition": _number(start.transition, end.transition, along),
+            "colour": _colour(start.colour, end.colour, share),
+        }
+    )
+    return made
+
+
+def _number(a, b, share):
+    return float(a + share * (b - a)) if a != b else float(a)
+
+
+def _between(a: BaseModel, b: BaseModel, share: float, extra: dict[str, float]) -> Any:
+    """Parameters between two of one kind, within the bounds of both and what a detour adds."""
+    told = {}
+    for name in type(a).model_fields:
+        one, two = getattr(a, name), getattr(b, name)
+        if all(isinstance(value, int | float) and not isinstance(value, bool) for value in (one, two)):
+            value = _number(one, two, share) + extra.get(name, 0.0)
+            told[name] = round(value) if isinstance(one, int) and isinstance(two, int) else value
+        else:
+            told[name] = one if share < 0.5 else two
+    made, mistakes = validated(type(a), told)
+    if made is None:
+        raise ValueError("; ".join(f"{'.'.join(map(str, where))}: {message}" for where, message in mistakes))
+    return made
+
+
+def _drives_between(a: dict, b: dict, share: float) -> dict:
+    """Drives of both; one that only one of them has grows or fades with its strength."""
+    out = {}
+    for name in [*a, *(name for name in b if name not in a)]:
+        if name in a and name in b:
+            out[name] = _between(a[name], b[name], share, {})
+        else:
+            only, weight = (a[name], 1.0 - share) if name in a else (b[name], share)
+            out[name] = only.model_copy(update={"strength": only.strength * weight})
+    return out
+
+
+def _colour(a: str, b: str, share: float) -> str:
+    one, two = (np.array([int(c[k : k + 2], 16) for k in (1, 3, 5)]) for c in (a, b))
+    return "#" + "".join(f"{int(v):02x}" for v in np.rint(one + share * (two - one)))
+
+
+def step_name(start: str, end: str, step: int) -> str:
+    """The name of the brush at a step of `STEPS` between two."""
+    name = f"{start}--{end}--{step}of{STEPS}"
+    if len(name) > 64:  # names end there
+        name = f"{start[:20]}--{end[:20]}-{zlib.crc32(name.encode()):08x}--{step}of{STEPS}"
+    return name
+
+
+def is_step(name: str) -> bool:
+    """Whether a name may be one of `step_name`."""
+    return _STEP.fullmatch(name) is not None
+
+
+def steps_between(start: Brush, end: Brush, path: BrushPath | None = None) -> list[Brush]:
+    """The brushes at steps 1 to ``STEPS - 1``."""
+    return [mixed(start, end, k / STEPS, path, step_name(start.name, end.name, k)) for k in range(1, STEPS)]

@@ -1,0 +1,155 @@
+"""Paint of part weight: opacity and soft edges move animals part of the way to the painted brush."""
+
+import numpy as np
+import pytest
+from flockbrush.behaviours.mixture import STEPS, BrushPath, load_path, mixed, path_to_toml, step_name
+from flockbrush.components import BrushBinding, Position
+from flockbrush.engine.commands import Commands
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.state import restore, snapshot, state_hash
+from flockbrush.levels.schema import BrushLayer, PaintBounds, Zone
+from flockbrush.systems.commands import SetParameter
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.undo import ForgetBrush, UseBrush
+from small_herd import box, brush, meadow, put, straight
+
+WALK, RUN = straight("walk", mean=1.0, max_turn=2.0), straight("run", mean=5.0, max_turn=10.0)
+FLOCK = brush("flock", "boids", mean=20.0, min_speed=5.0)
+MIX = PaintBounds(blend="mix")
+
+
+def layer(name="run", weight=0.25, bounds=MIX, west=0):
+    index = np.full((40, 40), -1)
+    index[:, west:] = 0
+    return BrushLayer("brush", weight, [name], index, bounds)
+
+
+def herd(*layers, zones=(), many=400, **more):
+    simulation = meadow(WALK, RUN, FLOCK, brush_layers=list(layers), zones=list(zones), **more)
+    put(simulation, np.random.default_rng(1).uniform(1, 39, (many, 2)), brush="walk")
+    return simulation
+
+
+def names_of(simulation):
+    names = simulation.world.resource(Palette).names
+    return np.array([names[k] for k in simulation.agents[BrushBinding.brush]])
+
+
+def test_half_way_between_two_brushes_numbers_lie_half_way():
+    half = mixed(WALK, RUN, 0.5)
+    assert (half.params.max_turn, half.speed.mean) == (6.0, 3.0)
+    assert mixed(WALK, RUN, 0.0).params == WALK.params and mixed(WALK, RUN, 1.0).speed == RUN.speed
+
+
+def test_a_path_says_how_far_along_the_line_and_what_is_added():
+    path = BrushPath(start="walk", end="run", along=(0, 0.1, 1), detour={"wander": (0, 0.5, 0)})
+    half = mixed(WALK, RUN, 0.5, path)
+    assert half.speed.mean == pytest.approx(1.4) and half.params.wander == 0.5
+    assert mixed(RUN, WALK, 0.5, path.reversed()).speed.mean == pytest.approx(1.4)
+    assert load_path(path_to_toml(path).encode(), "walk--run.path.toml") == path
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("along = [0, 0.5]", "'along' must go from 0 to 1"),
+        ("along = [0, 0.6, 0.5, 1]", "without going back"),
+        ("along = [0, 1]\n[detour]\nwander = [0, 1]", "detour.wander must have 2 numbers, 0 at both ends"),
+    ],
+)
+def test_a_path_that_is_none_is_refused(line, said):
+    text = f'schema = "flockbrush.path/1"\nstart = "walk"\nend = "run"\n{line}\n'
+    with pytest.raises(ProblemsError, match=said):
+        load_path(text.encode(), "walk--run.path.toml")
+
+
+def test_opacity_moves_all_animals_part_of_the_way():
+    simulation = herd(layer(weight=0.25))
+    simulation.tick()
+    assert set(names_of(simulation)) == {step_name("walk", "run", 2)}
+    assert simulation.world.resource(Palette).brushes[simulation.agents[BrushBinding.brush][0]].speed.mean == 2.0
+
+
+def test_between_two_steps_as_many_animals_are_a_step_further_as_the_weight_says():
+    simulation = herd(layer(weight=0.3))
+    simulation.tick()
+    names, counts = np.unique(names_of(simulation), return_counts=True)
+    assert list(names) == [step_name("walk", "run", 2), step_name("walk", "run", 3)]
+    assert counts[1] / counts.sum() == pytest.approx(0.4, abs=0.08)
+
+
+def test_share_takes_a_share_of_the_animals_always_the_same_ones():
+    simulation = herd(layer(weight=0.3, bounds=PaintBounds(blend="share")))
+    simulation.tick()
+    first = names_of(simulation)
+    assert (first == "run").mean() == pytest.approx(0.3, abs=0.08) and set(first) == {"walk", "run"}
+    simulation.run(40)
+    assert (names_of(simulation) == first).all()
+
+
+def test_a_soft_edge_grows_evenly_inwards_and_is_there_from_outside_too():
+    simulation = herd(layer(weight=1.0, bounds=PaintBounds(blend="mix", edge=16.0), west=20), many=0)
+    put(simulation, np.column_stack([np.linspace(15, 39.5, 200), np.full(200, 20.0)]), brush="walk")
+    simulation.tick()
+    palette, x = simulation.world.resource(Palette), np.linspace(15, 39.5, 200)
+    mean = np.array([palette.mean[k] for k in simulation.agents[BrushBinding.brush]])
+    weight = (mean - 1.0) / 4.0
+    np.testing.assert_allclose(weight, np.clip((x - 20) / 16, 0, 1), atol=1.01 / STEPS + 0.02)
+    assert (weight[x < 19] == 0).all() and (weight[x > 37] == 1).all()
+
+
+def test_a_zone_has_a_strength_and_unlike_models_fall_back_to_a_share():
+    bounds = PaintBounds(blend="mix", strength=0.5, medium="any")
+    simulation = herd(zones=[Zone(1, "half", box(0, 0, 40, 40), "run", np.inf, 1.0, 0.5, bounds=bounds)])
+    simulation.tick()
+    assert set(names_of(simulation)) == {step_name("walk", "run", 4)}
+    simulation = herd(layer("flock", 0.5, bounds))
+    assert not (simulation.world.resource(Palette).mixes[0] >= 0).any()
+    simulation.tick()
+    assert (names_of(simulation) == "flock").mean() == pytest.approx(0.5, abs=0.08)
+    assert set(names_of(simulation)) == {"walk", "flock"}
+
+
+def test_the_uppermost_mixes_with_what_covers_below():
+    below = layer("run", 0.4, PaintBounds())
+    third = straight("third", mean=9.0)
+    index = np.zeros((40, 40), int)
+    simulation = meadow(WALK, RUN, third, brush_layers=[below, BrushLayer("brush 2", 0.5, ["third"], index, MIX)])
+    put(simulation, (20, 20), brush="walk")
+    simulation.tick()
+    assert list(names_of(simulation)) == [step_name("run", "third", 4)]
+
+
+def test_tuning_a_brush_and_taking_it_back_reaches_the_brushes_between():
+    simulation = herd(layer(weight=0.5), many=3)
+    simulation.tick()
+    palette = simulation.world.resource(Palette)
+    middle = palette.index[step_name("walk", "run", 4)]
+    before = state_hash(simulation.world)
+    queue = simulation.world.resource(Commands)
+    back = queue.perform(simulation.world, [SetParameter("run", "max_turn", 4.0)])
+    assert palette.max_turn[middle] == 3.0
+    queue.perform(simulation.world, back)
+    assert palette.max_turn[middle] == 6.0 and state_hash(simulation.world) == before
+
+
+def test_a_new_brush_is_mixed_too_and_can_be_forgotten():
+    simulation = herd(layer(weight=0.5), many=1)
+    palette, queue = simulation.world.resource(Palette), simulation.world.resource(Commands)
+    count = len(palette)
+    back = queue.perform(simulation.world, [UseBrush("trot", straight("trot", mean=3.0).source.decode())])
+    assert palette.mixes[palette.named("trot"), palette.named("run")] >= 0 and len(palette) == count + STEPS
+    assert [type(one) for one in back] == [ForgetBrush]
+    queue.perform(simulation.world, back)
+    assert len(palette) == count and palette.names == list(palette.index)
+
+
+def test_a_world_goes_on_from_its_state_with_the_same_bits():
+    one, two = (herd(layer(weight=0.3, bounds=PaintBounds(blend="mix", edge=8.0), west=10), many=30) for _ in "ab")
+    one.run(8)
+    saved = snapshot(one.world)
+    one.run(8)
+    restore(two.world, saved)
+    two.run(8)
+    assert state_hash(one.world) == state_hash(two.world)
+    assert (one.agents[Position.xyz] == two.agents[Position.xyz]).all()
