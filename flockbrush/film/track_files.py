@@ -1,12 +1,15 @@
 """Tracks of animals on the ground, from the file formats of tracking programs: one reader for every command.
 
-Each format is a function of `flockbrush.film.track_formats`.  Nothing in a file is ever unpickled.
+Each format is a function of `flockbrush.film.track_formats` or of `flockbrush.film.track_arrays`.  Nothing in a file is
+ever unpickled.
 """
 
 from __future__ import annotations
 
 import hashlib
 import math
+import tokenize
+import warnings
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -16,11 +19,16 @@ from flockbrush.behaviours.tomlfile import check_plain
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import ProblemsError
+from flockbrush.film import track_arrays as arrays
 from flockbrush.film import track_formats as formats
 from flockbrush.film.track_table import TrackTable
 
 UNITS = "m", "px", "bl"
 ENDINGS = ".csv", ".tsv", ".parquet", ".nc", ".h5", ".hdf5", ".npy", ".npz"
+DAMAGE = (  # what libraries raise at files that are not whole
+    OSError, ValueError, LookupError, ArithmeticError, MemoryError, TypeError, AttributeError, RuntimeError, EOFError,
+    SyntaxError, tokenize.TokenError,
+)  # fmt: skip
 FEWEST = 8  # frames in which an animal must be seen
 
 
@@ -106,10 +114,12 @@ def read_trajectories(path, unit: str | None = None, fps: float | None = None) -
     """
     path = Path(path)
     try:
-        table = _table_of(path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of libraries, about attributes; what is read is checked below
+            table = _table_of(path)
     except ProblemsError:
         raise
-    except (OSError, ValueError, KeyError, IndexError, MemoryError, TypeError, RuntimeError, EOFError) as error:
+    except DAMAGE as error:
         raise refused(path, f"cannot be read as tracks: {_first_line(error)}") from None
     unit = unit or table.unit
     if unit is None:
@@ -169,8 +179,8 @@ def _table_of(path) -> TrackTable:
     check_plain(path, limits.TRACKS_BYTES)
     read = {
         ".csv": formats.csv_table, ".tsv": formats.csv_table, ".parquet": formats.parquet_table,
-        ".nc": formats.movement_netcdf, ".h5": formats.sleap_hdf5, ".hdf5": formats.sleap_hdf5,
-        ".npy": formats.numpy_array, ".npz": formats.trex_file,
+        ".nc": arrays.movement_netcdf, ".h5": arrays.sleap_hdf5, ".hdf5": arrays.sleap_hdf5,
+        ".npy": arrays.numpy_array, ".npz": formats.trex_file,
     }.get(path.suffix.lower())  # fmt: skip
     if read is None:
         raise refused(path, f"is no file of tracks that can be read here ({', '.join(ENDINGS)})")

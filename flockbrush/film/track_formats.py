@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import re
 import zipfile
+import zlib
+from array import array
 from datetime import datetime
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +16,9 @@ from flockbrush.behaviours.tables import read_table
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
-from flockbrush.film.track_table import TrackTable, beside, placed
+from flockbrush.film.track_table import TrackTable, beside, check_size, middle_of_parts, placed
 
 EARTH = 111_319.49079327358  # m of a degree at the equator
-SURE = 0.6  # confidence of a body part, below which it is taken as not seen
 NAMES = {  # what columns are called, the first that is there is taken
     "id": ("id", "track_id", "trackid", "track", "individual", "individual-local-identifier", "tag-local-identifier",
            "animal", "animal_id", "object", "particle", "name"),
@@ -38,19 +40,18 @@ def csv_table(path) -> TrackTable:
     header = [cell.strip() for cell in _split(header)]
     lower = [cell.lower() for cell in header]
     if lower[:1] == ["scorer"]:
-        return _deeplabcut(path, [header, *(_split(row) for _, row in rows)])
+        return _deeplabcut(path, header, rows)
     if "x1" in lower and "y1" in lower:
         return _idtracker(path, lower, rows)
     if _trex_columns(header):
-        return _trex_table(path, header, [_split(row) for _, row in rows])
+        return _trex_table(path, header, rows)
     where = {kind: next((lower.index(n) for n in names if n in lower), None) for kind, names in NAMES.items()}
     degrees = "location-long" in lower and "location-lat" in lower and where["x"] is None
     if degrees:
         where |= {"x": lower.index("location-long"), "y": lower.index("location-lat")}
     _need(path, where, lower)
     heading = lower.index("heading") if "heading" in lower and not degrees else None
-    columns, ids = _parsed(path, rows, where, heading)
-    return _long_table(path, lower, where, columns, ids, degrees)
+    return _long_table(path, lower, where, *_parsed(path, rows, where, heading), degrees)
 
 
 def _split(row):
@@ -71,24 +72,49 @@ def _need(path, where, header):
 
 
 def _parsed(path, rows, where, heading):
-    """({name: numbers}, ids) of the rows; ProblemsError."""
+    """({name: numbers}, names, which of them each row is of) of the rows; ProblemsError."""
     problems: list[Problem] = []
-    numbers: dict[str, list[float]] = {name: [] for name in ("x", "y", "frame", "time", "heading")}
-    ids: list[str] = []
+    numbers = {name: array("d") for name in ("x", "y", "frame", "time", "heading")}
+    names: dict[str, int] = {}
+    animal = array("q")
     for line, cells in rows:
         row = _split(cells)
         for name, at in (("x", where["x"]), ("y", where["y"]), ("frame", where["frame"]), ("heading", heading)):
-            numbers[name].append(np.nan if at is None else _number(path, line, name, row, at, problems))
+            if at is not None:
+                numbers[name].append(_number(path, line, name, row, at, problems))
         if where["time"] is not None:
             numbers["time"].append(_moment(path, line, row, where["time"], problems))
-        ids.append(row[where["id"]].strip() if where["id"] < len(row) else "")
+        animal.append(names.setdefault(row[where["id"]].strip() if where["id"] < len(row) else "", len(names)))
+        check_size(path, 1, len(names))
         if len(problems) >= _TOLD:
             break
     if problems:
         raise ProblemsError(problems)
-    if not ids:
+    if not animal:
         raise refused(path, "there is no row in it")
-    return {name: np.array(values) for name, values in numbers.items() if len(values)}, ids
+    columns = {name: np.frombuffer(values) for name, values in numbers.items() if len(values)}
+    return columns, list(names), np.frombuffer(animal, np.int64)
+
+
+def _grid(path, rows, columns):
+    """(T, len(columns)) numbers of rows (line, cells), NaN where there is none; ProblemsError."""
+    values = array("d")
+    for _, cells in rows:
+        row = _split(cells)
+        values.extend(_float(row[at]) if at < len(row) else np.nan for at in columns)
+        if len(values) > limits.TRACK_NUMBERS:
+            raise refused(path, f"has more than {limits.TRACK_NUMBERS.told}; cut it into parts")
+    if not values:
+        raise refused(path, "there is no row in it")
+    return np.frombuffer(values).reshape(-1, len(columns))
+
+
+def _whole(path, frames):
+    """Frame numbers as integers; ProblemsError where one is none."""
+    frames = np.asarray(frames, float)
+    if not ((np.abs(frames) <= 1e9) & (frames == np.floor(frames))).all():
+        raise refused(path, "a frame must be a whole number, at most 1e9")
+    return frames.astype(np.int64)
 
 
 _ABSENT = "", "nan", "na", "null", "none"
@@ -135,11 +161,13 @@ def _utc(cell):
     return (datetime.fromisoformat(cell) - datetime(2000, 1, 1)).total_seconds()
 
 
-def _long_table(path, header, where, columns, ids, degrees=False):
-    """The table of rows with names, from any kind of file."""
+def _long_table(path, header, where, columns, names, animal, degrees=False):
+    """The table of rows of named animals, from any kind of file."""
     about, notes = beside(path), []
     x, y = columns["x"], columns["y"]
     kept = np.isfinite(x) & np.isfinite(y)
+    if where["frame"] is None:
+        kept &= np.isfinite(columns["time"])
     if not kept.any():
         raise refused(path, "no row has a place")
     unit = about.get("unit") if about.get("unit") in ("m", "px", "bl") else None
@@ -150,19 +178,17 @@ def _long_table(path, header, where, columns, ids, degrees=False):
         unit = unit or _unit_of_name(header[where["x"]])
     fps = about.get("fps") if isinstance(about.get("fps"), int | float) else None
     if where["frame"] is not None:
-        frames = columns["frame"].astype(np.int64)
-        fps = fps or _rate(frames, columns.get("time"))
+        frames = _whole(path, columns["frame"][kept])
+        fps = fps or _rate(columns["frame"], columns.get("time"))
     else:
-        frames, fps, off = _frames_of_times(path, columns["time"][kept], columns["time"])
+        frames, fps, off = _frames_of_times(path, columns["time"][kept])
         if off > 0.25:
             notes.append(f"times were rounded to {fps:g} frames a second")
-    heading = columns.get("heading") if "heading" in header and not degrees else None
-    rows = kept
-    xy, names, numbers, turned = placed(
-        path, frames[rows], np.array(ids)[rows], np.column_stack([x, y])[rows],
-        None if heading is None else heading[rows],
+    heading = None if degrees or "heading" not in columns else columns["heading"][kept]
+    xy, ids, numbers, turned = placed(
+        path, frames, names, animal[kept], np.column_stack([x[kept], y[kept]]), heading
     )  # fmt: skip
-    return TrackTable(xy, names, numbers, fps, unit, None, turned, notes)
+    return TrackTable(xy, ids, numbers, fps, unit, None, turned, notes)
 
 
 def _unit_of_name(name):
@@ -183,44 +209,82 @@ def _rate(frames, times):
     """Frames a second where a table has both; None where it has no times."""
     if times is None:
         return None
-    known = np.isfinite(times)
-    if np.ptp(frames[known]) < 1 or not np.ptp(times[known]) > 0:
+    known = np.isfinite(times) & np.isfinite(frames)
+    if not known.any() or np.ptp(frames[known]) < 1 or not np.ptp(times[known]) > 0:
         return None
     return float(np.ptp(frames[known]) / np.ptp(times[known]))
 
 
-def _frames_of_times(path, known, times):
+def _frames_of_times(path, times):
     """(frame numbers, frames a second, largest distance to a frame in frames) of times, s."""
-    steps = np.diff(np.unique(np.round(known, 6)))
+    steps = np.diff(np.unique(np.round(times, 6)))
     if not len(steps):
         raise refused(path, "all rows have the same time")
     step = float(np.median(steps))  # shorter and longer ones are clocks that differ, and gaps
-    frames = (times - known.min()) / step
-    whole = np.round(np.nan_to_num(frames)).astype(np.int64)
-    return whole, float(1.0 / step), float(np.nanmax(np.abs(frames - whole)))
+    frames = (times - times.min()) / step
+    whole = np.round(frames)
+    return whole.astype(np.int64), float(1.0 / step), float(np.abs(frames - whole).max())
 
 
 def parquet_table(path) -> TrackTable:
     """Parquet with the columns of the CSV of Flockbrush, or any with id, x, y and frame or time."""
+    try:
+        import pyarrow
+    except ImportError:
+        raise refused(path, 'reading it needs pyarrow: pip install "flockbrush[export]"') from None
+    try:
+        return _parquet(path)
+    except pyarrow.ArrowException as error:
+        raise refused(path, f"is no Parquet that can be read: {str(error)[:200]}") from None
+
+
+def _parquet(path):
     import pyarrow.parquet as parquet
 
-    file = parquet.ParquetFile(path)
-    if file.metadata.num_rows > limits.TRACK_ROWS:
-        raise refused(path, f"has more than {limits.TRACK_ROWS:,} rows; cut it into parts")
-    header = [name.lower() for name in file.schema_arrow.names]
-    where = {kind: next((header.index(n) for n in names if n in header), None) for kind, names in NAMES.items()}
-    _need(path, where, header)
-    names = {kind: file.schema_arrow.names[at] for kind, at in where.items() if at is not None}
-    if "heading" in header:
-        names["heading"] = file.schema_arrow.names[header.index("heading")]
-    data = file.read(columns=list(dict.fromkeys(names.values())))
-    columns = {kind: _column(data[name]) for kind, name in names.items() if kind != "id"}
-    ids = [str(value) for value in data[names["id"]].to_pylist()]
-    table = _long_table(path, header, where, columns, ids)
-    about = {k.decode(): v.decode() for k, v in (file.schema_arrow.metadata or {}).items() if k in (b"fps", b"unit")}
+    with parquet.ParquetFile(path) as file:
+        schema = file.schema_arrow
+        header = [name.lower() for name in schema.names]
+        where = {kind: next((header.index(n) for n in names if n in header), None) for kind, names in NAMES.items()}
+        _need(path, where, header)
+        wanted = {kind: schema.names[at] for kind, at in where.items() if at is not None}
+        if "heading" in header:
+            wanted["heading"] = schema.names[header.index("heading")]
+        _check_parquet(path, file.metadata, set(wanted.values()))
+    with parquet.ParquetFile(path, read_dictionary=[wanted["id"]]) as file:  # long names are unpacked once
+        data = file.read(columns=list(dict.fromkeys(wanted.values())))
+    columns = {kind: _column(data[name]) for kind, name in wanted.items() if kind != "id"}
+    table = _long_table(path, header, where, columns, *_coded(path, data[wanted["id"]]))
+    about = {k.decode(): v.decode() for k, v in (schema.metadata or {}).items() if k in (b"fps", b"unit")}
     if table.unit is None and about.get("unit") in ("m", "px", "bl"):
         table.unit = about["unit"]
     return table
+
+
+def _check_parquet(path, about, names):
+    """ProblemsError unless the columns of these names are small enough to be unpacked."""
+    groups = [about.row_group(k) for k in range(about.num_row_groups)]
+    if max(about.num_rows, sum(group.num_rows for group in groups)) > limits.TRACK_ROWS:
+        raise refused(path, f"has more than {limits.TRACK_ROWS:,} rows; cut it into parts")
+    size = 0
+    for group in groups:
+        parts = [group.column(k) for k in range(group.num_columns)]
+        size += sum(p.total_uncompressed_size for p in parts if p.path_in_schema.split(".")[0] in names)
+    if size > limits.TRACKS_UNPACKED_BYTES:
+        raise refused(path, f"unpacks to more than {limits.TRACKS_UNPACKED_BYTES.told}; cut it into parts")
+
+
+def _coded(path, values):
+    """(names, which of them each row is of) of a column of ids."""
+    import pyarrow
+
+    if not pyarrow.types.is_dictionary(values.type):
+        values = values.dictionary_encode()
+    values = values.unify_dictionaries().combine_chunks()
+    if isinstance(values, pyarrow.ChunkedArray):  # there is no row
+        raise refused(path, "there is no row in it")
+    check_size(path, 1, len(values.dictionary))
+    names = [str(name) for name in values.dictionary.to_pylist()]
+    return [*names, ""], values.indices.fill_null(len(names)).to_numpy(zero_copy_only=False).astype(np.int64)
 
 
 def _column(values):
@@ -234,24 +298,34 @@ def _column(values):
 # tables of single programs ----------------------------------------------------------------------
 
 
-def _deeplabcut(path, rows) -> TrackTable:
+def _deeplabcut(path, header, rows) -> TrackTable:
     """CSV with three or four rows of names: scorer, individuals, body parts, coords.  The mean of the parts."""
-    heads = {row[0].lower(): row[1:] for row in rows[:4] if row and row[0].lower() in _HEADS}
-    if "coords" not in heads or "bodyparts" not in heads:
-        raise refused(path, "begins as a table of DeepLabCut, but has no rows bodyparts and coords")
-    body = [row for row in rows[len(heads) :] if row]
-    values = np.array([[_float(cell) for cell in row[1:]] for row in body], float)
-    who = heads.get("individuals") or ["animal"] * len(heads["coords"])
-    ids, parts = list(dict.fromkeys(who)), []
-    for animal in ids:
-        places, weights = [], []
-        for at, (name, coord) in enumerate(zip(who, heads["coords"], strict=True)):
-            if name == animal and coord == "x":
-                places.append(values[:, at : at + 2])
-                sure = heads["coords"][at + 2 : at + 3] == ["likelihood"]
-                weights.append(values[:, at + 2] if sure else np.ones(len(values)))
-        parts.append(_middle(np.array(places), np.array(weights)))
-    return TrackTable(np.stack(parts, 1), ids, np.array([int(_float(row[0])) for row in body]), None, "px")
+    heads, first = {}, (0, header)
+    while first is not None and first[1] and (name := first[1][0].strip().lower()) in _HEADS and name not in heads:
+        heads[name] = [cell.strip() for cell in first[1][1:]]
+        first = next(((line, _split(row)) for line, row in rows), None)
+    coords = heads.get("coords")
+    if not coords or "bodyparts" not in heads or first is None:
+        raise refused(path, "begins as a table of DeepLabCut, but has no rows bodyparts and coords, or none of places")
+    who = heads.get("individuals") or ["animal"] * len(coords)
+    if len(who) != len(coords):
+        raise refused(path, f"names {len(who)} individuals and {len(coords)} coords; it needs one of each a column")
+    values = _grid(path, chain([first], rows), range(len(coords) + 1))
+    frames, values = _whole(path, values[:, 0]), values[:, 1:]
+    parts: dict[str, list[int]] = {name: [] for name in who}
+    for at, (name, coord) in enumerate(zip(who, coords, strict=True)):
+        if coord == "x" and at + 1 < len(coords):
+            parts[name].append(at)
+    ids = [name for name in parts if parts[name]]
+    if not ids:
+        raise refused(path, "has no column x in its row coords")
+    middles = []
+    for name in ids:
+        places = np.array([values[:, at : at + 2] for at in parts[name]])
+        told = [coords[at + 2 : at + 3] == ["likelihood"] for at in parts[name]]
+        sure = [values[:, at + 2] if has else np.ones(len(values)) for at, has in zip(parts[name], told, strict=True)]
+        middles.append(middle_of_parts(places, np.array(sure)))
+    return TrackTable(np.stack(middles, 1), ids, frames, None, "px")
 
 
 _HEADS = "scorer", "individuals", "bodyparts", "coords"
@@ -264,25 +338,18 @@ def _float(cell):
         return np.nan
 
 
-def _middle(places, weights):
-    """(T, 2) mean of body parts (k, T, 2) that are sure; NaN where none is."""
-    good = (weights >= SURE) & np.isfinite(places).all(-1)
-    count = good.sum(0)
-    total = np.where(good[..., None], np.nan_to_num(places), 0.0).sum(0)
-    return np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None], np.nan)
-
-
 def _idtracker(path, header, rows) -> TrackTable:
     """CSV of idtracker.ai: a row for each frame, columns x1, y1, x2, y2 and, mostly, the time."""
-    animals = sorted(int(name[1:]) for name in header if re.fullmatch(r"x\d+", name))
-    where = [(header.index(f"x{k}"), header.index(f"y{k}")) for k in animals]
-    body = [row for _, row in rows]
-    values = np.array([[_float(cell) for cell in row] for row in body if len(row) == len(header)], float)
-    if not len(values):
-        raise refused(path, "there is no row in it")
-    xy = np.stack([values[:, at] for at in np.array(where)], 1)
-    time = next((header.index(n) for n in ("time", "seconds") if n in header), None)
-    fps = None if time is None else _rate(np.arange(len(values)), values[:, time])
+    place = {name: at for at, name in enumerate(header)}
+    animals = sorted(int(name[1:]) for name in place if re.fullmatch(r"x[0-9]{1,9}", name))
+    time = next((place[n] for n in ("time", "seconds") if n in place), None)
+    lost = [f"y{k}" for k in animals if f"y{k}" not in place or f"x{k}" not in place]
+    if lost:
+        raise refused(path, f"has no column {lost[0]} beside x{lost[0][1:]}")
+    columns = [place[f"{axis}{k}"] for k in animals for axis in "xy"]
+    values = _grid(path, rows, [*columns, *([] if time is None else [time])])
+    xy = values[:, : len(columns)].reshape(len(values), -1, 2)
+    fps = None if time is None else _rate(np.arange(len(values)), values[:, -1])
     return TrackTable(xy, [str(k) for k in animals], np.arange(len(values)), fps, "px")
 
 
@@ -301,42 +368,59 @@ def _trex_columns(header):
 def _trex_table(path, header, rows) -> TrackTable:
     """One animal as TRex writes it in a CSV."""
     x, y, unit = _trex_columns(header)
-    values = np.array([[_float(cell) for cell in row] for row in rows], float)
-    frame = header.index("frame") if "frame" in header else None
-    frames = np.arange(len(values)) if frame is None else values[:, frame].astype(np.int64)
-    time = header.index("time") if "time" in header else None
-    fps = None if time is None else _rate(frames, values[:, time])
-    return _of_one(path, frames, values[:, [header.index(x), header.index(y)]], fps, unit)
+    wanted = [name for name in (x, y, "frame", "time") if name in header]
+    found = dict(zip(wanted, _grid(path, rows, [header.index(name) for name in wanted]).T, strict=True))
+    frames = _whole(path, found.get("frame", np.arange(len(found[x]))))
+    return _of_one(path, frames, np.column_stack([found[x], found[y]]), _rate(frames, found.get("time")), unit)
 
 
 def _of_one(path, frames, xy, fps, unit):
     good = np.isfinite(xy).all(1)
     if not good.any():
         raise refused(path, "no row has a place")
-    places, ids, numbers, _ = placed(path, frames[good], [Path(path).stem] * int(good.sum()), xy[good])
+    places, ids, numbers, _ = placed(path, frames[good], [Path(path).stem], np.zeros(good.sum(), int), xy[good])
     return TrackTable(places, ids, numbers, fps, unit, True)
 
 
 def trex_file(path) -> TrackTable:
-    """One animal as TRex writes it in an npz; or places of all animals in an array ``xy``."""
+    """One animal as TRex writes it in an npz."""
     try:
-        with np.load(path, allow_pickle=False) as data:
-            if sum(data[name].nbytes for name in data.files) > limits.TRACKS_BYTES:
-                raise refused(path, "is larger, unpacked, than a table of tracks may be")
-            found = {name: data[name] for name in data.files}
-    except (zipfile.BadZipFile, ValueError) as error:
+        found = _trex_arrays(path)
+    except (zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
         raise refused(path, f"is no npz of tracks: {error}") from None
-    columns = _trex_columns([name for name in found if np.ndim(found[name]) == 1])
+    columns = _trex_columns(list(found))
     if columns is None:
         raise refused(path, "has no X#wcentroid and Y#wcentroid, as files of TRex have")
     x, y, unit = columns
-    frames = found.get("frame", np.arange(len(found[x]))).astype(np.int64)
+    if not len(found[x]):
+        raise refused(path, "there is no row in it")
+    frames = _whole(path, found.get("frame", np.arange(len(found[x]))))
     xy = np.column_stack([found[x], found[y]]).astype(float)
+    if len(frames) != len(xy):
+        raise refused(path, f"has {len(xy)} places in {len(frames)} frames")
     if "missing" in found:
         xy[found["missing"].astype(bool)] = np.nan
     rate = found.get("frame_rate")
-    fps = float(np.ravel(rate)[0]) if rate is not None and np.size(rate) else _rate(frames, found.get("time"))
+    fps = float(rate[0]) if rate is not None and len(rate) else _rate(frames, found.get("time"))
     return _of_one(path, frames, xy, fps, unit)
+
+
+def _trex_arrays(path):
+    """{name: (n,) array} of what is needed of an npz of TRex, none longer than tracks may be."""
+    with zipfile.ZipFile(path) as packed:
+        sizes = {info.filename.removesuffix(".npy"): info.file_size for info in packed.infolist()}
+    wanted = [name for name in sizes if _trex_columns([name, "Y" + name[1:]]) or _trex_columns(["X" + name[1:], name])]
+    wanted += [name for name in ("frame", "time", "missing", "frame_rate") if name in sizes]
+    found = {}
+    with np.load(path, allow_pickle=False) as data:
+        for name in wanted[:20]:
+            if sizes[name] > 8 * limits.TRACK_FRAMES + 1024:
+                raise refused(path, f"{name} has more than {limits.TRACK_FRAMES.told}; cut it into parts")
+            values = np.ravel(data[name])
+            if values.dtype.kind not in "biuf":
+                raise refused(path, f"{name} must be numbers, got {values.dtype}")
+            found[name] = values
+    return found
 
 
 def trex_files(path) -> list[Path]:
@@ -349,91 +433,16 @@ def trex_folder(path) -> TrackTable:
     files = trex_files(path)
     if len(files) > 10_000:
         raise refused(path, f"has {len(files)} files; one for each animal is expected")
-    tables = [(trex_file if p.suffix.lower() == ".npz" else csv_table)(p) for p in files]
+    tables = []
+    for file in files:
+        tables.append((trex_file if file.suffix.lower() == ".npz" else csv_table)(file))
+        if sum(table.xy.size for table in tables) > limits.TRACK_NUMBERS:
+            raise refused(path, f"its files have more than {limits.TRACK_NUMBERS.told}")
+    names = sorted({name for t in tables for name in t.ids})
+    number = {name: k for k, name in enumerate(names)}
     frames = np.concatenate([np.repeat(t.frames, len(t.ids)) for t in tables])
-    ids = np.concatenate([np.tile(np.array(t.ids, dtype=object), len(t.frames)) for t in tables]).astype(str)
+    animal = np.concatenate([np.tile([number[name] for name in t.ids], len(t.frames)) for t in tables])
     xy = np.concatenate([t.xy.reshape(-1, 2) for t in tables])
     good = np.isfinite(xy).all(1)
-    places, names, numbers, _ = placed(path, frames[good], ids[good], xy[good])
-    return TrackTable(places, names, numbers, tables[0].fps, tables[0].unit, True)
-
-
-# arrays ---------------------------------------------------------------------------------------------
-
-
-def numpy_array(path) -> TrackTable:
-    """An npy array (frames, animals, 2), NaN where an animal is not seen."""
-    with open(path, "rb") as file:
-        if file.read(6) != b"\x93NUMPY":
-            raise refused(path, "is no npy file")
-    try:
-        values = np.load(path, allow_pickle=False, mmap_mode="r")
-    except ValueError:
-        raise refused(
-            path,
-            "holds Python objects, which are never unpickled here (idtracker.ai: export the trajectories as CSV)",
-        ) from None
-    if values.ndim != 3 or values.shape[2] != 2 or not np.issubdtype(values.dtype, np.number):
-        raise refused(path, f"must be an array (frames, animals, 2) of numbers, got {values.shape} of {values.dtype}")
-    if values.size // 2 > limits.TRACK_CELLS:
-        raise refused(path, f"{values.shape[0]} frames of {values.shape[1]} animals are more than fit")
-    return TrackTable(np.array(values, float), [str(k) for k in range(values.shape[1])], np.arange(len(values)))
-
-
-def _hdf5(path):
-    try:
-        import netCDF4
-    except ImportError:
-        raise refused(path, 'reading it needs netCDF4: pip install "flockbrush[export]"') from None
-    return netCDF4.Dataset(path)
-
-
-def movement_netcdf(path) -> TrackTable:
-    """netCDF as the package movement has it: position (time, space, [keypoints], individuals)."""
-    with _hdf5(path) as data:
-        if "position" not in data.variables:
-            raise refused(path, "has no variable position, as files of movement have")
-        position = data["position"]
-        if "time" not in position.dimensions or "space" not in position.dimensions:
-            raise refused(
-                path, f"its position has the dimensions {', '.join(position.dimensions)}, without time or space"
-            )
-        if position.size > 8 * limits.TRACK_CELLS:
-            raise refused(path, "its position is larger than fits; cut the file into parts")
-        order = [position.dimensions.index(n) for n in ("time", "individuals", "keypoints", "space")
-                 if n in position.dimensions]  # fmt: skip
-        values = np.ma.filled(position[:].astype(float), np.nan).transpose(order)
-        if "individuals" not in position.dimensions:
-            values = values[:, None]
-        if "keypoints" in position.dimensions:
-            sure = np.logical_and.reduce(np.isfinite(values), axis=-1)
-            middle = (
-                np.where(sure[..., None], np.nan_to_num(values), 0.0).sum(2) / np.maximum(sure.sum(2), 1)[..., None]
-            )
-            values = np.where(sure.any(axis=2, keepdims=True), middle, np.nan)
-        ids = [str(name) for name in data["individuals"][:]] if "individuals" in data.variables else \
-            [str(k) for k in range(values.shape[1])]  # fmt: skip
-        fps = getattr(data, "fps", None)
-        if fps is None and getattr(data, "time_unit", "") == "seconds" and "time" in data.variables:
-            fps = 1.0 / float(np.median(np.diff(np.asarray(data["time"][:], float))))
-        unit = {"m": "m", "metre": "m", "meters": "m", "px": "px", "pixels": "px"}.get(getattr(position, "units", ""))
-        heading = None
-        if "heading" in data.variables and unit == "m":
-            turned = np.ma.filled(data["heading"][:].astype(float), np.nan)
-            heading = turned[:, 0] if turned.ndim == 3 else turned
-        return TrackTable(
-            values[..., :2], ids, np.arange(len(values)), None if fps is None else float(fps), unit, None, heading
-        )
-
-
-def sleap_hdf5(path) -> TrackTable:
-    """Analysis HDF5 of SLEAP: tracks (animals, 2, parts, frames)."""
-    with _hdf5(path) as data:
-        if "tracks" not in data.variables or data["tracks"].ndim != 4:
-            raise refused(path, "has no tracks (animals, 2, parts, frames), as analysis files of SLEAP have")
-        if data["tracks"].size > 64 * limits.TRACK_CELLS:
-            raise refused(path, "its tracks are larger than fits; cut the film into parts")
-        tracks = np.ma.filled(data["tracks"][:].astype(float), np.nan)  # (N, 2, K, T)
-    places = np.moveaxis(tracks, (2, 3, 0, 1), (0, 1, 2, 3))  # (K, T, N, 2)
-    middle = np.stack([_middle(places[:, :, n], np.ones(places.shape[:2])) for n in range(places.shape[2])], 1)
-    return TrackTable(middle, [str(k) for k in range(middle.shape[1])], np.arange(len(middle)), None, "px", True)
+    places, ids, numbers, _ = placed(path, frames[good], names, animal[good], xy[good])
+    return TrackTable(places, ids, numbers, tables[0].fps, tables[0].unit, True)

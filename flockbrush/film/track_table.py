@@ -11,6 +11,8 @@ import numpy as np
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
 
+SURE = 0.6  # confidence of a body part, below which it is taken as not seen
+
 
 @dataclass
 class TrackTable:
@@ -29,8 +31,17 @@ class TrackTable:
 # rows to places -------------------------------------------------------------------------------
 
 
-def placed(path, frames, ids, xy, heading=None) -> tuple[np.ndarray, list[str], np.ndarray, np.ndarray | None]:
+def placed(path, frames, names, animal, xy, heading=None):
     """(xy (T, N, 2), ids, frame numbers (T,), heading) from a row for each animal in each frame.
+
+    Parameters
+    ----------
+    frames : (k,) int ndarray
+    names : sequence of str
+    animal : (k,) int ndarray
+        Of the names, whose row it is.
+    xy : (k, 2) ndarray
+    heading : (k,) ndarray, optional
 
     Raises
     ------
@@ -38,24 +49,40 @@ def placed(path, frames, ids, xy, heading=None) -> tuple[np.ndarray, list[str], 
         When an animal is twice in a frame, or the table would be larger than fits.
     """
     frames = np.asarray(frames, np.int64)
-    names, column = np.unique(np.asarray(ids).astype(str), return_inverse=True)
-    first, length = int(frames.min()), int(np.ptp(frames)) + 1
-    if length > limits.TRACK_FRAMES or length * len(names) > limits.TRACK_CELLS:
-        raise refused(path, f"{length} frames of {len(names)} animals are more than fit; cut the file into parts")
-    flat = (frames - first) * len(names) + column
+    there = sorted(np.unique(animal).tolist(), key=lambda n: names[n])
+    column = np.zeros(len(names), np.int64)
+    column[there] = np.arange(len(there))
+    first, length = int(frames.min()), int(frames.max()) - int(frames.min()) + 1
+    check_size(path, length, len(there))
+    flat = (frames - first) * len(there) + column[animal]
     order = np.argsort(flat, kind="stable")
     twice = np.flatnonzero(np.diff(flat[order]) == 0)
     if len(twice):
         row = order[twice[0] + 1]
-        raise refused(path, f"animal {names[column[row]]} is in frame {frames[row]} twice (row {row + 2})")
-    grid = np.full((length * len(names), 2), np.nan)
+        raise refused(path, f"animal {names[animal[row]][:80]} is in frame {frames[row]} twice (row {row + 2})")
+    grid = np.full((length * len(there), 2), np.nan)
     grid[flat] = xy
     turned = None
     if heading is not None:
-        headings = np.full(length * len(names), np.nan)
+        headings = np.full(length * len(there), np.nan)
         headings[flat] = heading
         turned = headings.reshape(length, -1)
-    return grid.reshape(length, len(names), 2), names.tolist(), np.arange(first, first + length), turned
+    shown = [names[n] for n in there]
+    return grid.reshape(length, len(there), 2), shown, np.arange(first, first + length), turned
+
+
+def check_size(path, frames, animals):
+    """ProblemsError unless so many frames of so many animals fit."""
+    if frames > limits.TRACK_FRAMES or animals > limits.TRACK_ANIMALS or frames * animals > limits.TRACK_CELLS:
+        raise refused(path, f"{frames:,} frames of {animals:,} animals are more than fit; cut the file into parts")
+
+
+def middle_of_parts(places, weights):
+    """(T, 2) mean of body parts (k, T, 2) that are sure; NaN where none is."""
+    good = (weights >= SURE) & np.isfinite(places).all(-1)
+    count = good.sum(0)
+    total = np.where(good[..., None], np.nan_to_num(places), 0.0).sum(0)
+    return np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None], np.nan)
 
 
 def beside(path) -> dict:

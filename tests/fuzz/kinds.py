@@ -676,9 +676,10 @@ def _array(value):
 def kinds(folder):
     """{name: kind} of all kinds, each with a folder of its own."""
     from state_kinds import Edits, Sessions, Settings, Trials
+    from track_kinds import track_kinds
 
     classes = [
         Recordings, Levels, Tilesets, Heights, Brushes, Species, Programs, Sweeps, Cameras, Journals, Tracks, Flights,
-        Marks, Formations, Pictures, Films, FieldFiles, Sessions, Edits, Trials, Settings,
+        Marks, Formations, Pictures, Films, FieldFiles, Sessions, Edits, Trials, Settings, *track_kinds(),
     ]  # fmt: skip
     return {kind.__name__.lower(): kind(Path(folder) / kind.__name__.lower()) for kind in classes}
