@@ -10,11 +10,16 @@ import hashlib
 import os
 import sys
 import tempfile
+import time
+from contextlib import contextmanager
 from pathlib import Path
 
 from flockbrush.engine.files import cache_folder, private_folder
+from flockbrush.engine.locks import take
 
 BESIDE = Path(__file__).with_name("__pycache__")  # what is true of this folder is true of those of other rooms
+LOCK = "flockbrush.lock"  # in each folder of kernels
+WAIT = 5.0  # s; storing a kernel takes milliseconds
 LAST = "set NUMBA_CACHE_DIR to a folder that can be written and stays"
 
 
@@ -72,6 +77,41 @@ def forget_stale_kernels():
 
     load_index.forgets = True  # type: ignore[attr-defined]
     IndexDataCacheFile._load_index = load_index
+
+
+def save_one_at_a_time():
+    """Have processes that share a cache take turns when they store kernels.
+
+    Numba numbers the files of a kernel: two processes that store it for different types would give both one number, and
+    a third one would load code for the wrong types.
+    """
+    from numba.core.caching import IndexDataCacheFile
+
+    save = IndexDataCacheFile.save
+    if getattr(save, "takes_turns", False):
+        return
+
+    def save_alone(self, key, data):
+        with _turn(self._cache_path):
+            save(self, key, data)
+
+    save_alone.takes_turns = True  # type: ignore[attr-defined]
+    IndexDataCacheFile.save = save_alone
+
+
+@contextmanager
+def _turn(place):
+    """Wait for the lock of a folder, but not for ever, and go on without where files cannot be locked."""
+    try:
+        file = open(Path(place) / LOCK, "ab")
+    except OSError:
+        yield
+        return
+    with file:
+        deadline = time.monotonic() + WAIT
+        while take(file) is False and time.monotonic() < deadline:
+            time.sleep(0.002)
+        yield
 
 
 def folder() -> Path | None:

@@ -13,11 +13,12 @@ them to 4e-16.  The trailing underscore says: for use inside a kernel (they also
 from __future__ import annotations
 
 from flockbrush.engine.interpreted import intrinsic
-from flockbrush.engine.kernel_cache import forget_stale_kernels
+from flockbrush.engine.kernel_cache import forget_stale_kernels, save_one_at_a_time
 from llvmlite import ir
 from numba import njit, types
 
 forget_stale_kernels()
+save_one_at_a_time()
 
 # one line in a kernel's loop; a function for C callers would be compiled for nobody
 kernel_function = njit(cache=True, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)

@@ -20,6 +20,7 @@ from flockbrush.output.export import Exports, check_exports
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
 from flockbrush.runs.builds import build_of_run, differences
+from flockbrush.runs.compile_ahead import compiling_ahead
 from flockbrush.runs.desync import check_folder, write_report
 from flockbrush.runs.synctest import AGAIN, FIRST, OutOfSync, SyncTest
 from flockbrush.runs.terminal import Stopped, number, print_json, print_line, say, show, styled, table
@@ -57,8 +58,9 @@ def run_level(job: RunRequest):
         check_folder(job.report)
     check_exports(job.exports, [path], [job.record] if job.record else [], job.options)
     use_threads(job.threads)
-    with terminal.Interrupts() as interrupts, terminal.compiling():
-        simulation = running.start(job.level, job.seed, job.agents, job.brush)
+    begin = job.level, job.seed, job.agents, job.brush
+    with terminal.Interrupts() as interrupts, compiling_ahead(*begin):
+        simulation = running.start(*begin)
         ticks = ticks_of(job, simulation.clock.dt)
         submit_events(simulation, job.events)
         watch, writing = running.Stopwatch(simulation), bool(job.record or job.exports)

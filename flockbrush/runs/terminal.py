@@ -139,7 +139,7 @@ def print_json(values):
 class _Silent:
     """Progress that nobody sees."""
 
-    def __call__(self, done, text=None):
+    def __call__(self, done, text=None, total=None):
         pass
 
 
@@ -149,16 +149,17 @@ class _Bar:
     def __init__(self, bar, task):
         self._bar, self._task, self._next = bar, task, 0.0
 
-    def __call__(self, done, text=None):
+    def __call__(self, done, text=None, total=None):
         now = time.monotonic()
         if text is not None or now >= self._next:
             self._next = now + 0.1
-            self._bar.update(self._task, completed=done, **({"description": plain(text)} if text else {}))
+            changed = ({"description": plain(text)} if text else {}) | ({} if total is None else {"total": total})
+            self._bar.update(self._task, completed=done, **changed)
 
 
 @contextmanager
 def progress(text, total):
-    """A function ``(done, text=None)`` that moves a bar, where stderr is a terminal."""
+    """A function ``(done, text=None, total=None)`` that moves a bar, where stderr is a terminal."""
     if not is_terminal(sys.stderr) or total <= 1:
         yield _Silent()
         return
@@ -177,12 +178,18 @@ def tell_kernel_cache():
 
 
 @contextmanager
-def compiling():
-    """Say so when numba has to compile, before the wait begins, and where kernels are kept if that is not usual."""
+def compiling(meet=None):
+    """Say so when numba has to compile, before the wait begins, and where kernels are kept if that is not usual.
+
+    Parameters
+    ----------
+    meet : callable, optional
+        Is given each kernel that is about to be compiled, and numba's types of its arguments.
+    """
     tell_kernel_cache()
     from numba.core import event
 
-    listener = _listener(event)()
+    listener = _listener(event)(meet)
     event.register("numba:compile", listener)
     try:
         yield
@@ -196,13 +203,20 @@ def _listener(event):
 
         said = False
 
+        def __init__(self, meet):
+            self._meet, self._depth = meet, threading.local()
+
         def on_start(self, event):
             if not Compiles.said:
                 Compiles.said = True
                 say("compiling kernels for the first time, about a minute ...")
+            depth = getattr(self._depth, "value", 0)
+            self._depth.value = depth + 1
+            if self._meet is not None and depth == 0:
+                self._meet(event.data["dispatcher"], event.data["args"])
 
         def on_end(self, event):
-            pass
+            self._depth.value -= 1
 
     return Compiles
 

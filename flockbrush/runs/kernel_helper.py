@@ -1,0 +1,60 @@
+"""What a process does that helps another one to compile its kernels; started by `flockbrush.runs.compile_ahead`.
+
+Nothing that imports numba may be imported before a task begins: a scout sets what numba reads when it is imported.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+
+FEW = 24  # animals; Python runs their kernels
+TICKS = 2  # some kernels are first called when there is a tick before
+
+
+def scout(parent, work):
+    """Send the calls of kernels that a run begins with."""
+    _be_quiet()
+    if "numba" in sys.modules:  # by a main program that imports it first of all: kernels would be compiled
+        return
+    os.environ |= {"NUMBA_DISABLE_JIT": "1", "FLOCKBRUSH_THREADS": "1"}
+    from flockbrush.engine.kernel_calls import watch
+
+    watch(parent.send)
+    from flockbrush.engine.recording import state_hash
+    from flockbrush.runs import run
+
+    simulation = run.start(**work | {"agents": _few(work)})
+    simulation.run(TICKS)
+    simulation.measures()
+    state_hash(simulation.world)
+
+
+def _few(work):
+    """As many animals as the run has, if they are few."""
+    from flockbrush.runs.run import open_level
+
+    agents = work["agents"] or open_level(work["name"])[0].agents
+    return work["agents"] if agents <= FEW else FEW
+
+
+def compile_calls(parent):
+    """Compile what is asked for and answer with nothing, until nobody asks."""
+    _be_quiet()
+    import flockbrush.runs.run  # noqa: F401  most kernels
+
+    while True:
+        parent.send(None)
+        call = parent.recv()
+        if call is None:
+            return
+        call.compile()
+
+
+def _be_quiet():
+    """Leave Ctrl-C and the terminal to the parent, which ends its helpers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (1, 2):
+        os.dup2(nowhere, stream)

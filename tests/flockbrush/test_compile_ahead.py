@@ -1,0 +1,135 @@
+"""The first run: what it will call is found without compiling, and compiled by several processes."""
+
+import multiprocessing
+import subprocess
+import sys
+import threading
+
+from flockbrush.engine import kernel_cache
+from flockbrush.engine.kernel_calls import KernelCall
+from flockbrush.engine.recording import state_hash
+from processes import environment
+
+from flockbrush.runs import compile_ahead, kernel_helper, run
+from flockbrush.runs.compile_ahead import CompileAhead
+
+SHARED = """
+import multiprocessing
+from numba import types
+from flockbrush.engine import maths
+from flockbrush.engine.kernel_calls import KernelCall, stored_kernels
+from flockbrush.runs import kernel_helper
+from flockbrush.runs.compile_ahead import CompileAhead
+
+assert stored_kernels() == 0
+ahead = CompileAhead({"name": "meadow"})
+out, scout = multiprocessing.Pipe()
+for name in ("sincos_", "exp_", "log_"):
+    scout.send(KernelCall("flockbrush.engine.maths", name, (types.float64,), 1))
+scout.close()
+ahead._listen(out)
+ahead._start(ahead._serve, kernel_helper.compile_calls)
+with ahead._changed:
+    assert ahead._changed.wait_for(lambda: ahead.done == 3, 200)
+ahead.close()
+assert stored_kernels() == 3, stored_kernels()
+maths.exp_(1.0)
+assert not maths.exp_.stats.cache_misses and maths.exp_.stats.cache_hits
+"""
+
+
+def _found(ahead, calls):
+    """Let a scout have found these."""
+    out, scout = multiprocessing.Pipe()
+    for call in calls:
+        scout.send(call)
+    scout.close()
+    ahead._listen(out)
+
+
+def test_a_scout_finds_the_kernels_of_a_run_with_the_types_of_the_run(level):
+    ahead = CompileAhead({"name": level, "seed": None, "agents": None, "brush": None})
+    ahead._scouting = True
+    ahead._start(ahead._listen, kernel_helper.scout, ahead.work)
+    with ahead._changed:
+        assert ahead._changed.wait_for(lambda: not ahead._scouting, 200)
+    calls = [ahead._next() for _ in range(ahead.found)]
+    ahead.close()
+    simulation = run.start(level)
+    simulation.run(2)
+    simulation.measures()
+    state_hash(simulation.world)
+    names = {f"{call.module}.{call.name}" for call in calls}
+    assert {"flockbrush.systems.sight.look", "flockbrush.systems.grid._sort"} <= names
+    strange = [call.key for call in calls if call.types not in _compiled(call)]
+    assert not strange
+
+
+def _compiled(call):
+    return getattr(sys.modules[call.module], call.name).overloads
+
+
+def test_a_helper_compiles_into_the_cache_of_the_process_that_asked(tmp_path):
+    subprocess.run([sys.executable, "-c", SHARED], env=environment(NUMBA_CACHE_DIR=tmp_path), timeout=300, check=True)
+
+
+def test_calls_that_take_long_come_first_and_none_comes_twice():
+    ahead = CompileAhead({"name": "meadow"})
+    calls = [KernelCall("flockbrush.engine.maths", name, (), weight) for name, weight in (("a", 1), ("b", 3), ("c", 2))]
+    _found(ahead, [*calls, *calls])
+    assert [ahead._next().name for _ in calls] == ["b", "c", "a"]
+    assert ahead._next() is None and ahead.found == 3
+
+
+def test_what_a_helper_dies_of_is_left_to_who_needs_it():
+    ahead = CompileAhead({"name": "meadow"})
+    _found(ahead, [KernelCall("flockbrush.engine.maths", "no_such_kernel", (), 1)])
+    ahead._start(ahead._serve, kernel_helper.compile_calls)
+    with ahead._changed:
+        assert ahead._changed.wait_for(lambda: ahead.done == 1, 200)
+    ahead.close()
+
+
+def test_helpers_end_with_the_work_they_help():
+    ahead = CompileAhead({"name": "meadow"})
+    ahead._scouting = True
+    ahead._start(ahead._serve, kernel_helper.compile_calls)
+    ahead.close()
+    assert len(ahead._helpers) == 1 and not ahead._helpers[0].is_alive()
+    assert ahead._next() is None
+
+
+def test_where_kernels_are_stored_or_there_is_one_core_no_helper_starts(level, monkeypatch):
+    started = []
+    monkeypatch.setattr(CompileAhead, "_start", lambda *arguments: started.append(arguments[2].__name__))
+    monkeypatch.setattr(compile_ahead, "threads", lambda: 1)
+    _meets(level)
+    monkeypatch.setattr(compile_ahead, "threads", lambda: 2)
+    monkeypatch.setattr(compile_ahead, "stored_kernels", lambda: 100)
+    _meets(level)
+    assert not started
+    monkeypatch.setattr(compile_ahead, "stored_kernels", lambda: 0)
+    _meets(level)
+    assert started == ["scout", "compile_calls"]
+
+
+def _meets(level):
+    from flockbrush.engine.maths import exp_
+
+    ahead = CompileAhead({"name": level, "seed": None, "agents": None, "brush": None})
+    ahead.meet(exp_, ())
+    ahead.close()
+
+
+def test_processes_take_turns_at_storing_kernels(tmp_path):
+    from numba.core.caching import IndexDataCacheFile
+
+    kernel_cache.save_one_at_a_time()
+    stored = IndexDataCacheFile(str(tmp_path), "kernel", "stamp")
+    saving = threading.Thread(target=stored.save, args=("key", "compiled"))
+    with kernel_cache._turn(tmp_path):
+        saving.start()
+        saving.join(0.2)
+        assert stored.load("key") is None
+    saving.join(60)
+    assert stored.load("key") == "compiled"
