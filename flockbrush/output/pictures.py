@@ -9,8 +9,6 @@ import numpy as np
 from flockbrush.components import Body, Position
 from flockbrush.runs.snapshots import Moment
 
-BEAT, FASTEST_BEAT = 3.4, 6.0  # wing beats a second: of a bird 1 m long, and as many as can be seen in a video
-WALKING = 2.0  # body lengths a second: a bird on the ground that is faster flies
 IN_SPACE = (1280, 720)  # pixels of a picture in space
 WORDS = 90  # pixels for title, legend and scale
 
@@ -18,9 +16,13 @@ WORDS = 90  # pixels for title, legend and scale
 def herd_of(simulation, moment: Moment):
     """The animals of a moment as the painter wants them."""
     from flockbrush.render.drawn_herd import DrawnHerd
+    from flockbrush.render.gaits import gaits_of, in_flight, wings_of
+    from flockbrush.render.mesh_bodies import Postures
     from flockbrush.systems.palette import Palette
 
-    palette = simulation.world.resource(Palette)
+    palette, gaits = simulation.world.resource(Palette), gaits_of(simulation)
+    clip, phase = gaits.of(moment)
+    flying = in_flight(moment, palette)
     danger = palette.danger.astype(bool)
     return DrawnHerd(
         xy=moment.xyz[:, :2],
@@ -35,22 +37,10 @@ def herd_of(simulation, moment: Moment):
         predator=danger[moment.brush] if len(danger) else None,
         ids=moment.ids,
         z=moment.xyz[:, 2],
-        wings=_wings(moment, palette),
+        wings=wings_of(clip, phase, flying) if flying.any() else None,
         up=moment.up,
+        postures=Postures(gaits.limbs().look[moment.species], clip, phase),
     )
-
-
-def _wings(moment, palette):
-    """How high wings are, as `Herd` wants it: those of animals under brushes that fly beat, small ones faster."""
-    kinds = palette.flies & ~palette.grounded
-    birds = kinds[moment.brush] if len(kinds) else np.zeros(len(moment), bool)
-    fast = np.linalg.norm(moment.velocity, axis=1) > WALKING * moment.length
-    birds = birds & ((moment.xyz[:, 2] > 0) | fast)  # on flat ground who is fast is taken to fly
-    if not birds.any():
-        return None
-    rate = np.minimum(BEAT / np.sqrt(moment.length), FASTEST_BEAT)
-    turn = rate * moment.time + 0.381966 * moment.ids  # no two neighbours at once
-    return np.where(birds, np.sin(2 * np.pi * (turn % 1.0)), np.nan)
 
 
 def painter_of(simulation, size=None, theme="light", view="plan", azimuth=90.0, elevation=None, clean=False):

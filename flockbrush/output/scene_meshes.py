@@ -8,10 +8,9 @@ import numpy as np
 
 from flockbrush.components import Body
 from flockbrush.render import Painter, Scenery
-from flockbrush.render.body_meshes import SUN
 from flockbrush.render.orbit import OrbitCamera
 from flockbrush.render.solid_meshes import Faces, stood_up, together
-from flockbrush.render.style import mix, theme_of
+from flockbrush.render.style import SUN, mix, theme_of
 from flockbrush.systems.ground_height import heights_of_ground
 
 TEXTURE = 2048  # pixels of the longer side of the ground's picture

@@ -110,6 +110,7 @@ HAND_LATE = 0.12
 GLIDING = 0.12  # rad that wings are held up
 FOLDED = 1.45  # rad that wings lie back on the ground
 SWIMMING = 0.45  # rad of a tail
+SHOULDERS = 0.45  # of a width of 0.4: people, 0.5 m long and 0.44 m wide, are stretched by more than twice
 
 
 # meshes --------------------------------------------------------------------------------
@@ -266,9 +267,9 @@ def _insect():
 def _person():
     made = _Sculpture()  # a body length of a person is from breast to back: 3.4 of them from head to foot
     for k, side in enumerate((1, -1)):
-        leg = made.moving(Part(("leg_left", "leg_right")[k], "leg", (0, 0.2 * side, 1.65), k))
+        leg = made.moving(Part(("leg_left", "leg_right")[k], "leg", (0, 0.2 * SHOULDERS * side, 1.65), k))
         made.limb((0, 0.2 * side, 1.65), (0, 0.2 * side, 0.0), 0.15, leg)
-        arm = made.moving(Part(("arm_left", "arm_right")[k], "arm", (0, 0.46 * side, 2.75), k))
+        arm = made.moving(Part(("arm_left", "arm_right")[k], "arm", (0, 0.46 * SHOULDERS * side, 2.75), k))
         made.limb((0, 0.46 * side, 2.75), (0.05, 0.5 * side, 1.6), 0.1, arm, PLAIN)
     first = len(made.points)
     made.loft([(1.5, 0, 0, 0.3, 0.2), (2.0, 0, 0, 0.27, 0.17), (2.75, 0, 0, 0.42, 0.2), (2.9, 0, 0, 0.15, 0.12)])
@@ -277,6 +278,7 @@ def _person():
     for k in range(first, len(made.points)):  # lofts run along x: stand them up
         x, y, z = made.points[k]
         made.points[k] = (-z, y, x)
+    made.points = [(x, SHOULDERS * y, z) for x, y, z in made.points]
     return made.mesh(TWO_LEGS, ("rest", "walk", "run"))
 
 

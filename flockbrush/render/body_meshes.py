@@ -8,21 +8,22 @@ from __future__ import annotations
 
 import numpy as np
 
+from flockbrush.render.animal_looks import WIDE
 from flockbrush.render.facets import deep, draw_triangle, haze_at
+from flockbrush.render.mesh_bodies import draw_mesh, mesh_inks
 from flockbrush.render.shapes import kernel
 from flockbrush.render.sprites import KINDS, LEADER, NO_WINGS, WINGSPAN
 
 SMALLEST = 6.0  # pixels; animals farther away are drawn as long as this, to be seen at all
 FINE = 13.0  # pixels; shorter bodies have fewer triangles
 LEGS = 16.0  # pixels; shorter beasts have no legs
-SUN = np.array([-0.42, -0.38, 0.824])  # unit vector to the sun: light from the south-west, as the plan's shadows fall
 BELLY, BACK = 0.26, 0.62  # body lengths above its feet, of a beast
 BEATS = 0.62  # rad that a wing goes up and down at the shoulder
 
 
 @kernel
 def draw_bodies(frame, depth, clip, cam, order, xyz, forward, up, length, radius, beat, walks, look, colours, clear,
-                haze, sun, smallest):  # fmt: skip
+                haze, sun, smallest, big, postures, meshes):  # fmt: skip
     """Draw animals in an order from far to near.
 
     Parameters
@@ -39,10 +40,12 @@ def draw_bodies(frame, depth, clip, cam, order, xyz, forward, up, length, radius
         How far one sees well, m; `haze` is the colour beyond.
     smallest : float
         Pixels; no animal is drawn shorter.
+    big : (n,) bool
+        Who is drawn with the mesh of its look: `postures`, `meshes`.
     """
     points, places = np.empty((20, 3)), np.empty((20, 2))
     light, seen = np.empty(3), np.empty(3)
-    ink = np.empty((4, 3))
+    ink, place, axes = np.empty((4, 3)), np.empty(3), np.empty((3, 3))
     for i in order:
         rx, ry, rz = deep(cam, xyz[i, 0], xyz[i, 1], xyz[i, 2])
         if rz < cam[15] + 1.2 * length[i]:
@@ -66,7 +69,20 @@ def draw_bodies(frame, depth, clip, cam, order, xyz, forward, up, length, radius
         seen[1] = ex * lx + ey * ly + ez * lz
         seen[2] = ex * ux + ey * uy + ez * uz
         fog = haze_at(rz, clear)
-        _inks(ink, colours[look[i]], look[i] % KINDS, haze, fog, beat[i] > NO_WINGS)
+        if big[i]:
+            mesh_inks(ink, colours[look[i]], look[i] % KINDS == LEADER)
+            _fade(ink, haze, fog)
+            place[0], place[1], place[2] = bx, by, bz
+            axes[0, 0], axes[0, 1], axes[0, 2] = fx, fy, fz
+            axes[1, 0], axes[1, 1], axes[1, 2] = lx, ly, lz
+            axes[2, 0], axes[2, 1], axes[2, 2] = ux, uy, uz
+            posture = (postures.look[i], postures.clip[i], postures.phase[i])
+            wide = 2 * radius[i] / (WIDE * length[i])
+            near = share / cam[12] * 1.002
+            draw_mesh(frame, depth, clip, cam, meshes, posture, place, axes, size, wide, ink, near, sun)
+            continue
+        _inks(ink, colours[look[i]], look[i] % KINDS, beat[i] > NO_WINGS)
+        _fade(ink, haze, fog)
         thick = min(max(radius[i] / length[i], 0.06), 0.5)
         if walks[i]:
             count = _beast(points, thick, long)
@@ -98,8 +114,8 @@ def _unit(x, y, z, ox, oy, oz):
 
 
 @kernel
-def _inks(ink, colours, kind, haze, fog, winged):
-    """Colours of body, head, wings and wing tips (or legs), in the haze."""
+def _inks(ink, colours, kind, winged):
+    """Colours of body, head, wings and wing tips (or legs)."""
     body, head, edge, mark = colours[0], colours[1], colours[2], colours[3]
     for c in range(3):
         skin = mark[c] if kind == LEADER else body[c]
@@ -109,7 +125,13 @@ def _inks(ink, colours, kind, haze, fog, winged):
         ink[3, c] = skin + (edge[c] - skin) * (0.75 if winged else 0.9)
         if kind == LEADER and not winged:
             ink[0, c] = mark[c]
-        for k in range(4):
+
+
+@kernel
+def _fade(ink, haze, fog):
+    """Take colours into the haze."""
+    for k in range(4):
+        for c in range(3):
             ink[k, c] += (haze[c] - ink[k, c]) * fog * 0.85
 
 

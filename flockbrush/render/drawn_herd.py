@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flockbrush.render.mesh_bodies import NO_LOOK, Postures
+
 
 class DrawnHerd(NamedTuple):
     """The animals of one moment, in metres, one row each; rows are drawn in order, later ones on top.
@@ -32,6 +34,8 @@ class DrawnHerd(NamedTuple):
         How high the wings of a bird in flight are, from -1 to 1; NaN for who has none, or keeps them folded.
     up : (n, 3) array, optional
         Unit vector out of the back, for those that bank; seen in space only.
+    postures : Postures, optional
+        Look, clip and phase of each, for who is large enough in the picture for legs and wings.
     ids : (n,) int array, optional
         Lets trails follow their animals when others are born or die.
     """
@@ -50,6 +54,7 @@ class DrawnHerd(NamedTuple):
     ids: np.ndarray | None = None
     wings: np.ndarray | None = None
     up: np.ndarray | None = None
+    postures: Postures | None = None
 
 
 EMPTY = DrawnHerd(np.zeros((0, 2)), np.zeros((0, 2)))
@@ -105,4 +110,15 @@ def checked(herd: DrawnHerd) -> DrawnHerd:
         predator=column(herd.predator, count, np.bool_, False, "predator"),
         wings=column(herd.wings, count, np.float64, np.nan, "wings"),
         brush=column(herd.brush, count, np.int64, -1, "brush"),
+        postures=_postures(herd.postures, count),
+    )
+
+
+def _postures(told, count):
+    """Postures of all animals; without, nobody has a look."""
+    look, clip, phase = told or (None, None, None)
+    return Postures(
+        column(look, count, np.int64, NO_LOOK, "look"),
+        column(clip, count, np.int64, 0, "clip"),
+        column(phase, count, np.float64, 0.0, "phase"),
     )

@@ -5,9 +5,12 @@ The phase grows with the way gone, so that feet stand where they stand; wing bea
 
 from __future__ import annotations
 
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
-from flockbrush.render.animal_looks import CLIPS, mesh_of
+from flockbrush.render.animal_looks import BEAT_ANGLE, CLIPS, GLIDING, LOOKS, mesh_of
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.palette import Palette
 
@@ -18,6 +21,7 @@ RESTING = 0.03  # body lengths a second: who is slower rests
 SINKING = -0.08  # of the speed: birds that sink faster glide
 TAIL = 0.7  # body lengths of way in one beat of a tail
 CLIMB = 2.0  # times as many wing beats when going straight up
+WALK, RUN, FLY, GLIDE, SWIM = (CLIPS.index(name) for name in ("walk", "run", "fly", "glide", "swim"))
 
 
 def looks_of(simulation) -> list[str]:
@@ -37,45 +41,94 @@ def in_flight(moment, palette) -> np.ndarray:
     return birds & ((moment.xyz[:, 2] > 0) | fast)  # on flat ground who is fast is taken to fly
 
 
+def wings_of(clip, phase, flying) -> np.ndarray:
+    """(n,) how high wings are, -1 to 1, NaN for who does not fly; gliding wings are held a little up."""
+    beat = np.where(clip == GLIDE, GLIDING / BEAT_ANGLE, np.sin(2 * np.pi * phase))
+    return np.where(flying, beat, np.nan)
+
+
+class Limbs(NamedTuple):
+    """What each species can do with its limbs, a row each."""
+
+    look: np.ndarray  # index into `LOOKS`
+    walk: np.ndarray  # body lengths of a cycle, NaN for who does not walk
+    run: np.ndarray
+    swims: np.ndarray  # bool
+    flies: np.ndarray
+
+    @classmethod
+    def of(cls, looks):
+        """Of species with these looks."""
+        found = [mesh_of(look) for look in looks]
+
+        def stride(clip):
+            return np.array([mesh.strides[clip].length if clip in mesh.strides else np.nan for mesh in found])
+
+        return cls(
+            np.array([list(LOOKS).index(look) for look in looks], np.int64), stride("walk"), stride("run"),
+            np.array(["swim" in mesh.clips for mesh in found], bool),
+            np.array(["fly" in mesh.clips for mesh in found], bool),
+        )  # fmt: skip
+
+
 class Gaits:
     """Clips and phases of the animals of a run, moment after moment."""
 
     def __init__(self, simulation):
-        self.simulation = simulation
+        self.world = simulation.world
+        self._looks: tuple = ((), None)
         self._ids, self._phase, self._time = np.zeros(0, np.int64), np.zeros(0), 0.0
+
+    def limbs(self) -> Limbs:
+        """Of the species that there are now."""
+        looks = tuple(looks_of(self))
+        if self._looks[0] != looks or self._looks[1] is None:
+            self._looks = looks, Limbs.of(looks)
+        return self._looks[1]
 
     def of(self, moment):
         """(clip, phase): (n,) int indices into `CLIPS`, and (n,) from 0 to 1; of moments in the order of time."""
         clip, pace = self._clips(moment)
-        phase = (0.381966 * moment.ids) % 1.0  # no two neighbours at once
-        _, old, new = np.intersect1d(self._ids, moment.ids, assume_unique=True, return_indices=True)
-        phase[new] = (self._phase[old] + pace[new] * max(0.0, moment.time - self._time)) % 1.0
+        passed = max(0.0, moment.time - self._time)
+        if np.array_equal(self._ids, moment.ids):
+            phase = (self._phase + pace * passed) % 1.0
+        else:
+            phase = (0.381966 * moment.ids) % 1.0  # no two neighbours at once
+            _, old, new = np.intersect1d(self._ids, moment.ids, assume_unique=True, return_indices=True)
+            phase[new] = (self._phase[old] + pace[new] * passed) % 1.0
         self._ids, self._phase, self._time = moment.ids, phase, moment.time
         return clip, phase
 
     def _clips(self, moment):
         """(clip, cycles a second) of each animal."""
-        looks = looks_of(self.simulation)
+        limbs, species = self.limbs(), moment.species
         speed = np.linalg.norm(moment.velocity, axis=1)
         lengths = speed / moment.length  # body lengths a second
+        walk, run = limbs.walk[species], limbs.run[species]
         clip, pace = np.zeros(len(moment), np.int64), np.zeros(len(moment))
-        flying = in_flight(moment, self.simulation.world.resource(Palette))
-        for k, look in enumerate(looks):
-            mine = moment.species == k
-            mesh = mesh_of(look)
-            for name in ("walk", "run"):
-                if name in mesh.strides:
-                    moves = mine & (lengths > (RESTING if name == "walk" else RUNNING))
-                    clip[moves], pace[moves] = CLIPS.index(name), lengths[moves] / mesh.strides[name].length
-            if "swim" in mesh.clips:
-                clip[mine], pace[mine] = CLIPS.index("swim"), lengths[mine] / TAIL
-            if "fly" in mesh.clips:
-                self._fly(moment, mine & flying, speed, clip, pace)
+        for number, stride, least in ((WALK, walk, RESTING), (RUN, run, RUNNING)):
+            moves = np.isfinite(stride) & (lengths > least)
+            clip[moves], pace[moves] = number, lengths[moves] / stride[moves]
+        swims = limbs.swims[species]
+        clip[swims], pace[swims] = SWIM, lengths[swims] / TAIL
+        flying = limbs.flies[species] & in_flight(moment, self.world.resource(Palette))
+        self._fly(moment, flying, speed, clip, pace)
         return clip, pace
 
     def _fly(self, moment, rows, speed, clip, pace):
+        if not rows.any():
+            return
         climb = moment.velocity[:, 2] / np.maximum(speed, 1e-9)
         beat = np.minimum(BEAT / np.sqrt(moment.length) * (1 + CLIMB * np.clip(climb, 0, 1)), FASTEST_BEAT)
-        glides = rows & (climb < SINKING)
-        clip[rows], pace[rows] = CLIPS.index("fly"), beat[rows]
-        clip[glides] = CLIPS.index("glide")
+        clip[rows], pace[rows] = FLY, beat[rows]
+        clip[rows & (climb < SINKING)] = GLIDE
+
+
+_KEPT: WeakKeyDictionary = WeakKeyDictionary()
+
+
+def gaits_of(simulation) -> Gaits:
+    """The gaits of a run that all its pictures share: one film shows the steps that another shows."""
+    if simulation not in _KEPT:
+        _KEPT[simulation] = Gaits(simulation)
+    return _KEPT[simulation]

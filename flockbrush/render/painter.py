@@ -7,8 +7,9 @@ import numpy as np
 from flockbrush.render.drawn_ground import brush_key
 from flockbrush.render.drawn_herd import EMPTY, DrawnHerd, checked
 from flockbrush.render.hud import Hud, Layout, things_of
+from flockbrush.render.mesh_bodies import MOST, draw_plan, from_above, large, meshes
 from flockbrush.render.sprites import KINDS, NO_WINGS, SHADOW, Stamps
-from flockbrush.render.style import PALETTE, Theme, rgb, theme_of
+from flockbrush.render.style import PALETTE, PLAN_SUN, Theme, rgb, theme_of
 from flockbrush.render.tiles import Tiles
 from flockbrush.render.trails import Trails
 from flockbrush.render.view_camera import ViewCamera, checked_size
@@ -72,6 +73,7 @@ class Painter:
         self.tiles = Tiles(level, self.theme, self.layout.unit, self.brushes, labels)
         self.backdrop: np.ndarray | None = None  # a picture of one's own instead of the level
         self._bar = 0.0
+        self._depth: np.ndarray | None = None  # nothing hides animals on the plan
         self._taught: tuple = ()
         self._looked = False  # whether the ground is that of the camera
         self._stamps: Stamps | None = None
@@ -215,7 +217,30 @@ class Painter:
             shapes = (herd.length[flying], herd.radius[flying], shade, flat, scale)
             flat_wings = np.where(winged[flying] & ~herd.predator[flying], 0.0, NO_WINGS)
             stamps.draw(frame, clip, below, np.ascontiguousarray(forward[flying]), *shapes, flat_wings)
-        stamps.draw(frame, clip, at, forward, herd.length, herd.radius, look, standing, scale, beats)
+        big = large(herd, herd.length * scale, True)
+        if self.live and self._in_view(at[big], herd.length[big]).sum() > MOST:
+            big = np.zeros_like(big)
+        if not big.any():
+            stamps.draw(frame, clip, at, forward, herd.length, herd.radius, look, standing, scale, beats)
+            return
+        columns = (at, forward, herd.length, herd.radius, look, standing)
+        stamps.draw(frame, clip, *(np.ascontiguousarray(column[~big]) for column in columns), scale, beats[~big])
+        self._with_legs(frame, clip, at, herd, look, big, standing, beats)
+
+    def _with_legs(self, frame, clip, at, herd, look, big, standing, beats):
+        """Animals that are large enough in the picture for legs and wings."""
+        seen = self._in_view(at, herd.length)
+        if self._depth is None:
+            self._depth = np.zeros(frame.shape[:2], np.float32)
+        draw_plan(
+            frame, self._depth, clip, from_above(self.camera), meshes(), np.flatnonzero(big & seen), herd.postures,
+            at, herd.xy, herd.forward, herd.length, herd.radius, look, standing, beats, self._stamps.colours,
+            self._stamps.halos, PLAN_SUN,
+        )  # fmt: skip
+
+    def _in_view(self, at, length):
+        reach = 2.0 * length[:, None] * self.camera.scale
+        return ((at + reach > self._clip[:2]) & (at - reach < self._clip[2:])).all(axis=1)
 
     def _trails_of(self, trails, frame, herd, brush, stamps, time):
         trails = self.trails if trails is True else trails

@@ -17,19 +17,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flockbrush.render.body_meshes import SMALLEST, SUN, draw_bodies, standing
+from flockbrush.render.body_meshes import SMALLEST, draw_bodies, standing
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_herd import EMPTY, DrawnHerd, checked, refuse_nan
 from flockbrush.render.drawn_terrain import nice
 from flockbrush.render.facets import draw_faces, draw_grid, draw_spots, draw_ways, haze_ground, paint_sky
 from flockbrush.render.hud import Hud, Layout
+from flockbrush.render.mesh_bodies import MOST, large, meshes
 from flockbrush.render.orbit import OrbitCamera, box_corners
 from flockbrush.render.painter import Painter, brush_rgb
 from flockbrush.render.shapes import bilinear
 from flockbrush.render.solid_meshes import stood_up, together
 from flockbrush.render.sprites import KINDS, NO_WINGS, look_colours
 from flockbrush.render.strokes import draw_lines, draw_rings
-from flockbrush.render.style import mix, theme_of
+from flockbrush.render.style import SUN, mix, theme_of
 from flockbrush.render.view_camera import ViewCamera, checked_size
 from flockbrush.render.ways import Ways
 
@@ -456,10 +457,14 @@ class SpacePainter:
         self._lengths = herd.length
         far = (bodies.xyz - self.camera.eye) @ self.camera.axes[2]
         beat = np.where(np.isfinite(herd.wings), herd.wings, NO_WINGS)
+        long = np.maximum(herd.length * self.camera.focal / np.maximum(far, 1e-3), SMALLEST * self.layout.unit)
+        big = large(herd, long, False) & (far > 0)
+        if self.live and big.sum() > MOST:
+            big = np.zeros_like(big)
         draw_bodies(
             frame, depth, clip, cam, np.argsort(-far, kind="stable"), bodies.xyz, bodies.forward, bodies.up,
             herd.length, herd.radius, beat, bodies.walks, look, colours, self.clear,
-            np.array(sky_of(self.theme)[0], float), SUN, SMALLEST * self.layout.unit,
+            np.array(sky_of(self.theme)[0], float), SUN, SMALLEST * self.layout.unit, big, herd.postures, meshes(),
         )  # fmt: skip
 
     # who is selected ------------------------------------------------------------------------

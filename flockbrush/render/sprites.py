@@ -420,8 +420,7 @@ class Stamps:
     def __init__(self, brush_colours: np.ndarray, theme: Theme):
         self.brush_colours = np.asarray(brush_colours).reshape(-1, 3)
         self.colours = look_colours(self.brush_colours, theme)
-        self.bare = self.colours.copy()
-        self.bare[:, 6] = 0
+        self.halos = halo_colours(self.colours)
         self.slots = np.full(len(self.colours) * STANCES * LENGTHS * RADII, -1, np.int32)
         self.sheets = np.zeros(BUDGET, np.uint8)  # the system gives memory for it page by page, as sheets are cut
         self._forget()
@@ -481,3 +480,12 @@ def look_colours(brush_colours: np.ndarray, theme: Theme) -> np.ndarray:
             opacity = (theme.shadow_alpha, 0, 0)
             looks.append([skin, head, edge, theme.leader, theme.outline, theme.shadow, opacity])
     return np.array(looks, float)
+
+
+def halo_colours(colours: np.ndarray) -> np.ndarray:
+    """Colours of the marks that lie under leaders and predators with legs: yellow, and pale in their own colour."""
+    halos = colours.copy()
+    halos[LEADER::KINDS, :3] = colours[LEADER::KINDS, 3:4]
+    skin = colours[PREDATOR::KINDS, 0:1]
+    halos[PREDATOR::KINDS, :3] = skin + (255 - skin) * 0.6
+    return halos

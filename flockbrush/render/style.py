@@ -21,6 +21,10 @@ Colour = tuple[int, int, int]
 PALETTE = ("#097abe", "#028157", "#d580a3", "#02a8df", "#61498f", "#c37c06", "#3f5555", "#a8577e")
 
 
+SUN = np.array([-0.42, -0.38, 0.824])  # unit vector to the sun in space: light from the south-west
+PLAN_SUN = SUN * (1, -1, 1)  # on the plan from the north-west, as shadows fall there
+
+
 def rgb(colour) -> Colour:
     """Red, green and blue, 0 to 255, of "#rrggbb" or of any three numbers; ValueError when it is neither."""
     if isinstance(colour, str):

@@ -7,8 +7,7 @@ import numpy as np
 from flockbrush.output.gltf.document import INDICES, VERTICES
 from flockbrush.output.moving_solids import MovingSolids
 from flockbrush.output.scene_meshes import SceneMeshes
-from flockbrush.render.body_meshes import SUN
-from flockbrush.render.style import linear_rgb
+from flockbrush.render.style import SUN, linear_rgb
 
 RAISED = 0.05  # m above the ground: lines
 LINE_STRIP, LINE_LOOP = 3, 2  # kinds of primitives

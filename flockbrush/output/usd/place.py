@@ -10,7 +10,7 @@ from flockbrush.output.moving_solids import MovingSolids
 from flockbrush.output.scene_meshes import PICTURE, SceneMeshes
 from flockbrush.output.usd.bodies import MATERIALS, write_material
 from flockbrush.output.usd.herd import NOTHING
-from flockbrush.render.body_meshes import SUN
+from flockbrush.render.style import SUN
 
 PLACE, CAMERA = "/World/Place", "/World/Camera"
 APERTURE = 24.0  # mm, height of the camera's film

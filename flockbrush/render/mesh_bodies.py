@@ -1,0 +1,245 @@
+"""Animals drawn with the meshes and poses of their looks, where they are large enough in a picture for legs and wings.
+
+`Meshes` packs the poses of all looks into flat arrays for one kernel; `Postures` says which look, clip and phase each
+animal of a picture shows.  Smaller animals are drawn by `sprites` and `body_meshes`.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from flockbrush.render.animal_looks import CLIPS, DARK, LIGHT, LOOKS, WIDE, mesh_of, poses_of
+from flockbrush.render.facets import deep, draw_triangle
+from flockbrush.render.shapes import kernel
+from flockbrush.render.sprites import KINDS, NO_WINGS, PLAIN, SHADOW, figure
+
+LOOK_NAMES = tuple(LOOKS)
+FROM = 30.0  # pixels that the mesh of an animal is long or wide; smaller ones have no legs that one could see
+NO_LOOK = -1
+MOST_POINTS = 160  # of a mesh
+MOST = 300  # animals in view that a window has time for; of more, nobody has legs
+BODY, HEAD, LIMB, WING = 0, 1, 2, 3  # rows of the inks of an animal
+ABOVE = 1e6  # m: so high is the eye that sees the plan
+PALE = 0.45  # share of the head's colour: of a mesh one sees by its shape where the head is
+
+
+class Meshes(NamedTuple):
+    """The poses of every look, one after another.
+
+    Attributes
+    ----------
+    points : (p, 3) float64
+        Body lengths, pose after pose.
+    first, poses : (looks, clips) int64
+        First row in `points` of a clip's first pose, -1 where the look has no such clip; how many poses it has.
+    corners : (looks,) int64
+        Points of one pose.
+    triangles : (t, 3) int64
+        Counted within a pose.
+    faces : (looks + 1,) int64
+        First triangle of each look.
+    inks : (t,) int64
+        BODY, HEAD, LIMB or WING.
+    span : (looks, 3)
+        Sides of a mesh at rest, body lengths.
+    """
+
+    points: np.ndarray
+    first: np.ndarray
+    poses: np.ndarray
+    corners: np.ndarray
+    triangles: np.ndarray
+    faces: np.ndarray
+    inks: np.ndarray
+    span: np.ndarray
+
+
+class Postures(NamedTuple):
+    """What the bodies of some animals show, one row each.
+
+    Attributes
+    ----------
+    look : (n,) int64
+        Index into `LOOK_NAMES`; `NO_LOOK` for none.
+    clip : (n,) int64
+        Index into `CLIPS`.
+    phase : (n,)
+        0 to 1 through the clip.
+    """
+
+    look: np.ndarray
+    clip: np.ndarray
+    phase: np.ndarray
+
+
+@cache
+def meshes() -> Meshes:
+    """All looks, packed."""
+    points, triangles, inks, span = [], [], [], []
+    first = np.full((len(LOOK_NAMES), len(CLIPS)), -1, np.int64)
+    poses, faces, rows = np.ones_like(first), [0], 0
+    for k, name in enumerate(LOOK_NAMES):
+        mesh = mesh_of(name)
+        for clip, shown in poses_of(name).items():
+            first[k, CLIPS.index(clip)], poses[k, CLIPS.index(clip)] = rows, len(shown)
+            points.append(shown.reshape(-1, 3))
+            rows += shown.shape[0] * shown.shape[1]
+        triangles.append(mesh.triangles)
+        inks.append(_inks_of(mesh))
+        faces.append(faces[-1] + len(mesh.triangles))
+        span.append(np.ptp(mesh.points, axis=0))
+    corners = np.array([len(mesh_of(name).points) for name in LOOK_NAMES])
+    return Meshes(
+        np.concatenate(points), first, poses, corners, np.concatenate(triangles).astype(np.int64), np.array(faces),
+        np.concatenate(inks), np.array(span),
+    )  # fmt: skip
+
+
+def _inks_of(mesh):
+    """Which ink each triangle of a mesh has."""
+    kinds = np.array([part.kind for part in mesh.parts] + ["body"])
+    corner = mesh.triangles[:, 0]
+    shade, wing = mesh.shade[corner], np.isin(kinds[mesh.part[corner]], ("wing",))
+    return np.select([wing, shade == LIGHT, shade == DARK], [WING, HEAD, LIMB], BODY).astype(np.int64)
+
+
+def large(herd, long, flat: bool, least=FROM) -> np.ndarray:
+    """(n,) bool: who has a look and is large enough for it; `long` (n,) pixels of a body length, `flat` from above."""
+    look = herd.postures.look
+    known = look >= 0
+    if not known.any() or not (long > least / 4).any():  # nobody is more than four lengths wide or high
+        return known & False
+    sides = meshes().span[np.maximum(look, 0)]
+    across = np.maximum(sides[:, 0], sides[:, 1] * (2 * herd.radius / (WIDE * herd.length)))
+    return known & ((across if flat else np.maximum(across, sides[:, 2])) * long >= least)
+
+
+def from_above(camera) -> np.ndarray:
+    """The numbers of a camera in space (`OrbitCamera.numbers`) that shows what a plan's `ViewCamera` shows."""
+    return np.array(
+        [*camera.centre, ABOVE, 1, 0, 0, 0, 1, 0, 0, 0, -1, camera.scale * ABOVE, *camera.middle, 1.0], float
+    )
+
+
+@kernel
+def draw_mesh(frame, depth, clip, cam, meshes, posture, place, axes, size, wide, ink, near, sun):
+    """Draw one animal with its mesh, far triangles first.
+
+    Parameters
+    ----------
+    posture : (look, clip, phase)
+    place : (3,)
+        Where the mesh has its origin, m.
+    axes : (3, 3)
+        Ahead, left and up, unit vectors.
+    size, wide : float
+        Metres of a body length; by how much more its width is stretched.
+    ink : (4, 3)
+        Colours of body, head, limbs and wings.
+    near : float
+        1 / m, as `draw_triangle` wants it.
+    sun : (3,)
+        Unit vector to the light.
+    """
+    look, way, phase = posture
+    count = meshes.corners[look]
+    body, seen = np.empty((MOST_POINTS, 3)), np.empty((MOST_POINTS, 3))
+    start, poses = meshes.first[look, way], meshes.poses[look, way]
+    if start < 0:
+        start, poses = meshes.first[look, 0], 1  # at rest
+    at = (phase % 1.0) * poses
+    one = int(at) % poses
+    other, share = (one + 1) % poses, at - int(at)
+    for k in range(count):
+        for c in range(3):
+            a, b = meshes.points[start + one * count + k, c], meshes.points[start + other * count + k, c]
+            body[k, c] = size * (a + (b - a) * share)
+        body[k, 1] *= wide
+        x = place[0] + body[k, 0] * axes[0, 0] + body[k, 1] * axes[1, 0] + body[k, 2] * axes[2, 0]
+        y = place[1] + body[k, 0] * axes[0, 1] + body[k, 1] * axes[1, 1] + body[k, 2] * axes[2, 1]
+        z = place[2] + body[k, 0] * axes[0, 2] + body[k, 1] * axes[1, 2] + body[k, 2] * axes[2, 2]
+        right, up, ahead = deep(cam, x, y, z)
+        seen[k, 0], seen[k, 1], seen[k, 2] = cam[13] + cam[12] * right / ahead, cam[14] - cam[12] * up / ahead, ahead
+    _draw_faces(frame, depth, clip, meshes, look, body, seen, axes @ sun, axes[:, 2].copy(), ink, near)
+
+
+@kernel
+def _draw_faces(frame, depth, clip, meshes, look, body, seen, light, lift, ink, near):
+    """The triangles that face the eye, in the light; `light` and `lift` are the sun and the zenith in body axes."""
+    first, last = meshes.faces[look], meshes.faces[look + 1]
+    far, shown, met = np.empty(last - first), np.empty(last - first, np.int64), 0
+    for t in range(first, last):
+        a, b, c = meshes.triangles[t]
+        turn = (seen[b, 0] - seen[a, 0]) * (seen[c, 1] - seen[a, 1])
+        turn -= (seen[b, 1] - seen[a, 1]) * (seen[c, 0] - seen[a, 0])
+        if turn < 0:  # y is down: who goes round to the left outside goes round to the right here
+            far[met], shown[met] = -(seen[a, 2] + seen[b, 2] + seen[c, 2]), t
+            met += 1
+    order = np.argsort(far[:met])
+    for k in order:
+        t = shown[k]
+        a, b, c = meshes.triangles[t]
+        ux, uy, uz = body[b, 0] - body[a, 0], body[b, 1] - body[a, 1], body[b, 2] - body[a, 2]
+        vx, vy, vz = body[c, 0] - body[a, 0], body[c, 1] - body[a, 1], body[c, 2] - body[a, 2]
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        size = max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-12)
+        facing = (nx * light[0] + ny * light[1] + nz * light[2]) / size
+        upward = (nx * lift[0] + ny * lift[1] + nz * lift[2]) / size
+        shine = 0.64 + 0.10 * upward + (0.40 * facing if facing > 0 else 0.10 * facing)
+        row = meshes.inks[t]
+        draw_triangle(
+            frame, depth, clip, seen[a, 0], seen[a, 1], seen[b, 0], seen[b, 1], seen[c, 0], seen[c, 1], near,
+            min(ink[row, 0] * shine, 255.0), min(ink[row, 1] * shine, 255.0), min(ink[row, 2] * shine, 255.0), 1.0,
+        )  # fmt: skip
+
+
+@kernel
+def mesh_inks(ink, colours, yellow):
+    """Inks (4, 3) of an animal from its look's `colours` (7, 3); of leaders that wear their colour, `yellow`."""
+    for c in range(3):
+        skin = colours[3, c] if yellow else colours[0, c]
+        ink[BODY, c] = skin
+        ink[HEAD, c] = skin + (colours[1, c] - skin) * PALE
+        ink[LIMB, c] = skin + (colours[2, c] - skin) * 0.8
+        ink[WING, c] = 0.92 * skin
+
+
+@kernel
+def draw_plan(
+    frame, depth, clip, cam, meshes, rows, postures, at, xy, forward, length, radius, look, standing, beats, colours,
+    halos, sun,
+):  # fmt: skip
+    """Draw the animals of these rows from straight above, in this order, on their shadows.
+
+    Parameters
+    ----------
+    at, xy, forward : (n, 2)
+        Pixels; metres; unit vectors, y up.
+    look : (n,) int64
+        Row of `colours` (k, 7, 3), as `Stamps` has them; leaders and predators lie on a `figure` in that of `halos`.
+    standing, beats : (n,)
+        Who is at 0 stands on its shadow; how high wings are, or NO_WINGS.
+    """
+    axes, place, ink = np.zeros((3, 3)), np.zeros(3), np.empty((4, 3))
+    axes[2, 2] = 1.0
+    scale = cam[12] / cam[2]
+    for i in rows:
+        norm = np.sqrt(forward[i, 0] ** 2 + forward[i, 1] ** 2)
+        fx, fy = (forward[i, 0] / norm, forward[i, 1] / norm) if norm > 1e-9 else (1.0, 0.0)
+        long, thick, kind, grounded = length[i] * scale, radius[i] * scale, look[i] % KINDS, standing[i] <= 0
+        beat = NO_WINGS if kind == PLAIN else beats[i]
+        if kind == PLAIN and grounded:
+            lift = 0.10 * long + 0.45
+            x, y = at[i, 0] + 0.8 * lift, at[i, 1] + lift
+            figure(frame, clip, x, y, fx, -fy, 0.94 * long, 0.85 * thick, SHADOW, False, halos[look[i]], NO_WINGS)
+        elif kind != PLAIN:
+            figure(frame, clip, at[i, 0], at[i, 1], fx, -fy, long, thick, kind, grounded, halos[look[i]], beat)
+        axes[0, 0], axes[0, 1], axes[1, 0], axes[1, 1] = fx, fy, -fy, fx
+        place[0], place[1] = xy[i, 0], xy[i, 1]
+        mesh_inks(ink, colours[look[i]], False)
+        posture = (postures.look[i], postures.clip[i], postures.phase[i])
+        wide = 2 * radius[i] / (WIDE * length[i])
+        draw_mesh(frame, depth, clip, cam, meshes, posture, place, axes, length[i], wide, ink, 1.0, sun)

@@ -1,0 +1,76 @@
+"""Animals drawn with the legs and wings of their species where they are large enough, in the plan and in space."""
+
+import numpy as np
+import pytest
+
+from flockbrush.output.pictures import herd_of
+from flockbrush.render.animal_looks import CLIPS
+from flockbrush.render.gaits import Gaits
+from flockbrush.render.mesh_bodies import LOOK_NAMES, Postures
+from flockbrush.runs.run import start
+from flockbrush.runs.snapshots import moment_of
+from tests.flockbrush.test_draw_animals import changed, herd, painter
+from tests.flockbrush.test_draw_space import NOBODY, birds, camera
+from tests.flockbrush.test_draw_space import painter as space_painter
+
+MOVING = {"beast": "walk", "bird": "fly", "fish": "swim", "insect": "run", "person": "walk"}
+
+
+def posture(look, phase):
+    return Postures(
+        np.array([LOOK_NAMES.index(look)]), np.array([CLIPS.index(MOVING[look])]), np.array([float(phase)])
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("look", MOVING)
+def test_limbs_of_large_animals_move_through_a_cycle_and_come_back(look):
+    p = painter()
+    one, half, whole = (
+        p.frame(herd((20, 15), length=6.0, radius=2.4, postures=posture(look, phase))) for phase in (0.1, 0.6, 1.1)
+    )
+    assert np.array_equal(one, whole)
+    assert len(changed(one, half)) > 20
+    assert len(changed(one, p.ground)) > 300
+
+
+def test_small_animals_are_drawn_without_limbs():
+    p = painter()
+    frames = [p.frame(herd((20, 15), length=1.5, radius=0.3, postures=posture("beast", phase))) for phase in (0, 0.5)]
+    assert np.array_equal(*frames)
+    assert np.array_equal(frames[0], p.frame(herd((20, 15), length=1.5, radius=0.3)))
+
+
+def test_leaders_and_predators_with_legs_bear_their_marks():
+    p = painter()
+    told = dict(length=6.0, radius=1.2, postures=posture("beast", 0.1))
+    plain = p.frame(herd((20, 15), **told))
+    leader = p.frame(herd((20, 15), leader=np.array([True]), **told)).astype(int)
+    hunter = p.frame(herd((20, 15), predator=np.array([True]), **told)).astype(int)
+    yellow = (leader[..., 0] > 200) & (leader[..., 1] > 170) & (leader[..., 2] < 60)
+    red = (hunter[..., 0] > 150) & (hunter[..., 1] < 100) & (hunter[..., 2] < 90)
+    assert yellow.sum() > 40 and red.sum() > 200
+    assert len(changed(plain, leader.astype(np.uint8))) > 40
+
+
+@pytest.mark.parametrize("look", MOVING)
+def test_a_mesh_in_space_stands_where_the_animal_is(look):
+    p = space_painter(shadows=False)
+    p.look(camera(elevation=10.0, distance=8.0, target=(0, 0, 1.0)))
+    empty = p.frame(NOBODY)
+    one, other = (p.frame(birds((0, 0, 1.0), postures=posture(look, phase))) for phase in (0.1, 0.6))
+    pixels = changed(one, empty)
+    assert len(pixels) > 150 and len(changed(one, other)) > 20
+    middle = p.camera.pixels((0.0, 0.0, 1.0))
+    assert np.hypot(*(np.median(pixels, axis=0)[::-1] - middle)) < 80
+
+
+def test_pictures_show_the_clips_and_phases_that_exports_show():
+    run = start("lake", seed=1)
+    gaits = Gaits(run)
+    for _ in range(3):
+        moment = moment_of(run)
+        clip, phase = gaits.of(moment)
+        shown = herd_of(run, moment).postures
+        assert np.array_equal(shown.clip, clip) and np.array_equal(shown.phase, phase)
+        run.run(8)
+    run.close()
