@@ -7,7 +7,7 @@ command with the id of something that is there puts the new one in its place.
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 
 import numpy as np
 from flockbrush.components import Destination
@@ -42,7 +42,7 @@ from flockbrush.systems.undo import RemoveEntities, UseBrush, goal_index, goals_
 
 __all__ = [
     "KINDS", "LAYERS", "AddObstacle", "DrawGuide", "MarkSpawn", "Paint", "PaintCells", "PlaceExit", "PlaceGoal",
-    "RemoveObstacle", "RemoveThing", "UseBrush", "fill", "pick", "region",
+    "RemoveObstacle", "RemoveThing", "UseBrush", "as_command", "fill", "pick", "region",
 ]  # fmt: skip
 
 FAR = 1e6  # m; no level is larger
@@ -453,6 +453,12 @@ def _inverse(world, kind, number):
     things = _things(world, kind, number)
     there = next((k for k, thing in enumerate(things) if thing.id == number), None)
     return [RemoveThing(kind, number) if there is None else KINDS[kind][1](world, things[there], there)]
+
+
+def as_command(world, kind, number):
+    """The command that puts the thing with this id where and how it is now; a spawn counts its births on."""
+    (command,) = _inverse(world, kind, number)
+    return replace(command, born=-1) if kind == "spawn" else command
 
 
 def _draw_obstacle(world, b, at):

@@ -12,6 +12,7 @@ from flockbrush.engine.files import write_bytes
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.render.style import THEMES
 from flockbrush.studio.dialogs import Dialog
+from flockbrush.studio.forms import Form, blank, changed, live_commands, rows_of
 from flockbrush.studio.help import Help
 from flockbrush.studio.video_recorder import RunningVideo
 
@@ -296,6 +297,46 @@ class Deeds:
         self.canvas.pan(60 * right * self.scale, 60 * down * self.scale)
 
     # questions ---------------------------------------------------------------------------
+
+    def ask_properties(self):
+        """Ask for the numbers of the thing that is selected, or under the mouse."""
+        from flockbrush.systems.edits import as_command
+
+        select, kinds = self.tools["select"], ("goal", "guide", "obstacle", "exit", "spawn")
+        chosen = select.thing if select.thing and select.held() is not None else None
+        if chosen is None and self.tool.at is not None:
+            found = self.things_at([self.tool.at], self.tool.reach(), kinds)
+            chosen = (found[0][0], found[0][1].id) if found else None
+        if chosen is None:
+            self.notify("click a thing with the Select tool first, or point at one: spawn area, goal, guide, obstacle")
+            return
+        kind, number = chosen
+        if not number:
+            self.notify(f"this {kind} belongs to no object of the level", "warning")
+            return
+        command = as_command(self.session.simulation.world, kind, number)
+        label = f"change the {kind if kind != 'spawn' else 'spawn area'}"
+        self._open_form(f"{kind.capitalize()} {command.name!r}", command, label, kind.capitalize())
+
+    def ask_command(self, name="", xy=None):
+        """Ask for one of the commands of scripts, and give it."""
+        level, known = self.session.simulation.level, live_commands()
+        xy = xy or self.tool.at or (level.width / 2, level.height / 2)
+        name = name or ("Gust" if "Gust" in known else next(iter(known)))
+        menu = {"choices": list(known), "chosen": name, "choose": lambda other: self.ask_command(other, xy)}
+        self._open_form("Command", blank(known[name], xy), name, **menu)
+
+    def _open_form(self, title, command, label, kind="", **menu):
+        """A form that gives the command with what was typed."""
+
+        def give(texts):
+            try:
+                return self.do(label, [changed(command, texts)])
+            except ValueError as error:
+                self.notify(str(error), "error")
+                return False
+
+        self._open_dialog(Form(self, title, rows_of(command, kind), give, **menu))
 
     def ask_text(self, title, question, default, on_ok):
         """Ask for a text, and give it to a function."""

@@ -119,6 +119,22 @@ ACTIONS = (
         lambda app: app.finish(),
     ),
     Action(
+        "properties",
+        "Properties ...",
+        ("p",),
+        "Change the numbers of the selected thing: altitude and depth of a spawn, the next goal of a goal",
+        EDIT,
+        lambda app: app.ask_properties(),
+    ),
+    Action(
+        "command",
+        "Command ...",
+        ("k",),
+        "Give one of the commands of scripts at the point under the mouse: Gust, Migrate, MoveObstacle and others",
+        EDIT,
+        lambda app: app.ask_command(),
+    ),
+    Action(
         "smaller",
         "Smaller brush",
         ("[",),

@@ -132,7 +132,7 @@ class Select(Tool):
         self.thing = (found[0][0], found[0][1].id) if found else None
         self._pressed = xy if self.thing else None
         if found:
-            app.set_hint(f"{found[0][0]} {found[0][1].name!r}:  Delete takes it away.")
+            app.set_hint(f"{found[0][0]} {found[0][1].name!r}:  P shows its properties, Delete takes it away.")
 
     def drag(self, xy):
         pass

@@ -1,0 +1,115 @@
+"""Forms made from commands: properties of things of the level, and commands of scripts given by hand."""
+
+import numpy as np
+import pytest
+from flockbrush.components import Position
+from flockbrush.levels.reader import read_level
+from flockbrush.systems.edits import MarkSpawn
+from small_pasture import pasture
+from window import Window
+
+from flockbrush.studio.forms import blank, changed, live_commands, rows_of
+
+
+@pytest.fixture
+def window(tmp_path, monkeypatch):
+    for name in ("FLOCKBRUSH_CONFIG", "FLOCKBRUSH_CACHE", "FLOCKBRUSH_STATE"):
+        monkeypatch.setenv(name, str(tmp_path / name))
+    monkeypatch.chdir(tmp_path)
+    window = Window(pasture(tmp_path, script=False))
+    yield window
+    window.close()
+
+
+def fill(window, **texts):
+    """Write into fields of the form, and accept it."""
+    for name, text in texts.items():
+        window.dialog.entries[name].set_text(text)
+    window.key("return")
+    window.frames(2)
+
+
+def test_units_and_meanings_of_a_form_are_those_of_the_level_schema():
+    rows = {row.name: row for row in rows_of(MarkSpawn(3, "herd", [], "graze", heading=np.pi / 2), "Spawn")}
+    assert rows["altitude"].label == "altitude, m" and rows["altitude"].tip
+    assert rows["heading"].text == "90" and "points" not in rows and "id" not in rows
+
+
+def test_texts_of_a_form_become_fields_and_wrong_ones_are_named():
+    spawn = MarkSpawn(3, "herd", [[0, 0], [1, 0], [1, 1]], "graze", count=4)
+    told = changed(spawn, {"depth": "12.5", "heading": "180", "speed": "", "count": "7"})
+    assert (told.depth, told.heading, told.speed, told.count) == (12.5, np.pi, None, 7)
+    for texts, said in (({"count": "many"}, "count must be a number"), ({"count": "1.5"}, "whole number")):
+        with pytest.raises(ValueError, match=said):
+            changed(spawn, texts)
+
+
+def test_commands_of_scripts_begin_where_the_mouse_is():
+    known = live_commands()
+    assert {"Gust", "Migrate", "MoveObstacle", "SendTo"} <= set(known)
+    assert not {"PutColumns", "UseBrush", "Paint"} & set(known)
+    gust = blank(known["Gust"], (3.0, 4.0))
+    assert (gust.x, gust.at_x, gust.at_y) == (0.0, 3.0, 4.0)
+    for kind in known.values():
+        assert rows_of(blank(kind, (1.0, 2.0)))
+
+
+def test_a_chain_of_goals_is_made_in_the_window_undone_and_saved(window, tmp_path):
+    window.key("h")
+    window.click((5, 3))
+    window.click((20, 13))
+    one, two = window.land.goals[-2:]
+    window.key("v")
+    window.click(tuple(one.xy))
+    window.key("p")
+    assert window.dialog is not None and "next" in window.dialog.entries
+    fill(window, on_arrive="next", next=two.name)
+    assert {goal.name: goal.next for goal in window.land.goals}[one.name] == two.name
+    window.key("ctrl+z")
+    window.frames(2)
+    assert not any(goal.next for goal in window.land.goals)
+    window.key("ctrl+y")
+    window.frames(2)
+    assert window.session.save(tmp_path / "chain.tmj")
+    saved = {goal.name: goal.next for goal in read_level(tmp_path / "chain.tmj").goals}
+    assert saved[one.name] == two.name
+
+
+def test_what_a_form_cannot_take_is_said_and_the_form_stays(window):
+    window.key("h")
+    window.click((5, 3))
+    window.key("v")
+    window.click((5, 3))
+    window.key("p")
+    fill(window, radius="wide")
+    assert window.dialog.alive() and window.said("error")
+    window.key("escape")
+    window.frames(2)
+    assert window.dialog is None or not window.dialog.alive()
+
+
+def test_an_obstacle_is_moved_by_a_command_given_in_the_window(window):
+    name = window.land.barriers[0].name
+    before = window.land.barriers[0].polygon.mean(0)
+    window.ask_command("MoveObstacle", (float(before[0]) - 2, float(before[1])))
+    window.frames(2)
+    fill(window, name=name)
+    window.session.play()
+    window.frames(6)
+    after = next(barrier for barrier in window.land.barriers if barrier.name == name).polygon.mean(0)
+    assert after == pytest.approx(before - (2, 0), abs=0.05)
+    assert window.said("error") == []
+
+
+def test_tab_goes_from_field_to_field_and_changes_no_brush(window):
+    brush = window.brush
+    window.key("k")
+    assert window.dialog.menu is not None
+    first, second = list(window.dialog.entries)[:2]
+    window.key("tab")
+    assert window.dialog.entries[second] in window.manager.get_focus_set()
+    window.key("shift+tab")
+    assert window.dialog.entries[first] in window.manager.get_focus_set()
+    assert window.brush == brush
+    window.key("escape")
+    assert len(window.agents[Position.xyz])
