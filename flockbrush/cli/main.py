@@ -666,6 +666,35 @@ def brush_convert(
     convert_brushes(files, species, output)
 
 
+@brush_app.command("morph")
+def brush_morph(
+    start: Annotated[str, typer.Argument(metavar="A", help="The brush to start from: a name or a .brush.toml file.")],
+    end: Annotated[str, typer.Argument(metavar="B", help="The brush to go to, of the same model.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="File to write; default: A--B.path.toml, in this folder."),
+    ] = None,
+    animals: Annotated[int, typer.Option(min=3, max=100_000, metavar="N", help="Animals of each herd.")] = 100,
+    seeds: Annotated[int, typer.Option(min=2, max=1000, metavar="N", help="Herds measured at each step.")] = 3,
+    steps: Annotated[int, typer.Option(min=2, max=64, metavar="N", help="Steps of the path.")] = 8,
+    seconds: Annotated[
+        float, typer.Option(min=1, max=3600, metavar="S", help="Simulated seconds of each herd.")
+    ] = 20.0,
+    wander: Annotated[
+        float,
+        typer.Option(min=0, max=10, metavar="W", help="Random turning added half-way (rad/√s), none at the ends."),
+    ] = 0.0,
+):
+    """Measure a path between two brushes along which behaviour changes evenly, beside the straight line.
+
+    Sweeps a herd there and back and says when the pair is bistable. Paint of part weight follows the path when it lies
+    in a folder `brushes` beside the level. About a minute with the defaults.
+    """
+    from flockbrush.cli.morph_commands import Trial, morph_brushes
+
+    morph_brushes(start, end, output, Trial(animals, seeds, steps, seconds), wander)
+
+
 @brush_app.command("preview")
 def brush_preview(
     name: Annotated[str, typer.Argument(metavar="NAME", help="A brush, or a .brush.toml file.")],

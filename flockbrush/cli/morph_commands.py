@@ -1,0 +1,35 @@
+"""``flockbrush brush morph``: a measured path between two brushes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from flockbrush.behaviours.brush import PATH_SUFFIX
+from flockbrush.behaviours.mixture import can_mix, path_to_toml
+from flockbrush.cli.commands import find_brush
+from flockbrush.engine.files import held, write_bytes
+from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.runs.terminal import print_line, say
+from flockbrush.studies.morph import Trial, morph, table
+
+
+def morph_brushes(start, end, output, trial: Trial, wander=0.0):
+    """Measure the way between two brushes, print the table, write the path."""
+    first, last = find_brush(start), find_brush(end)
+    if not can_mix(first, last) or first.name == last.name:
+        why = "they are the same" if first.name == last.name else f"one is {first.model}, the other {last.model}"
+        raise ProblemsError([Problem(f"{first.name} to {last.name}", None, None, f"nothing lies between: {why}")])
+    if wander and not hasattr(first.params, "wander"):
+        raise ProblemsError([Problem(first.name, None, None, f"model {first.model!r} has no wander")])
+    file = Path(output) if output else Path(f"{first.name}--{last.name}{PATH_SUFFIX}")
+    with held(file):
+        found = morph(first, last, trial, {"wander": wander} if wander else {}, say)
+        text = table(found)
+        told = (
+            f"flockbrush brush morph {first.name} {last.name} --animals {trial.animals} --seeds {trial.seeds} "
+            f"--seconds {trial.seconds:g}{f' --wander {wander:g}' if wander else ''}\n{text}\n"
+        )
+        path = found.path.model_copy(update={"measured": told})
+        print_line(text)
+        write_bytes(file, path_to_toml(path).encode(), overwrite=True)
+    print_line(f"wrote {file}")
