@@ -24,7 +24,7 @@ from flockbrush.lifting.flight_files import attitude, write_flight
 from flockbrush.lifting.lens import Camera, read_camera
 from flockbrush.lifting.lift_solver import LiftedFlight, LiftError, LiftWish, lift_sight, prepared
 from flockbrush.lifting.lift_thesis import lift_by_thesis
-from flockbrush.output.pictures import BEAT, FASTEST_BEAT
+from flockbrush.render.gaits import BEAT, FASTEST_BEAT
 
 PLACES = ("frame", "id", "x", "y", "z")  # of a table of flights
 FARTHEST = 1e12  # m, s, frames, ids
