@@ -1,7 +1,7 @@
 """What every animal has: one column per field."""
 
 import numpy as np
-from flockbrush.components.formation import FormationPlace
+from flockbrush.components.formation import FormationPlace, Lost
 from flockbrush.components.program_state import ProgramState
 from flockbrush.engine.columns import Component, Field
 
@@ -197,6 +197,7 @@ AGENT = (
     Thrust,
     Migration,
     FormationPlace,
+    Lost,
     Individual,
     Alarm,
     Urge,

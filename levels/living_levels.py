@@ -45,7 +45,7 @@ def lake():
     s.box("Area", 640, 400, 300, 180, "lake")
     s.box("Spawn", 90, 430, 40, 40, "western skein", species="goose", brush="geese", count=11, heading="east",
           altitude=45, program="lake-goose")  # fmt: skip
-    s.box("Spawn", 110, 325, 30, 30, "southern skein", species="goose", brush="geese", count=9, heading="east",
+    s.box("Spawn", 110, 300, 30, 30, "southern skein", species="goose", brush="geese", count=9, heading="east",
           altitude=45, program="lake-goose")  # fmt: skip
     s.draw("Key", [(90, 430)], "to the lake", at=0, command="Migrate", x=660, y=400, z=40, species="goose")
     s.draw("Key", [(640, 400)], "leave", at=80, command="Event", name="leave")

@@ -17,7 +17,7 @@ from flockbrush.components import (
     Speed,
     Velocity,
 )
-from flockbrush.components.formation import FormationPlace
+from flockbrush.components.formation import FormationPlace, Lost
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.parallel import over_rows
@@ -42,7 +42,7 @@ class Roles(System):
         Position, Velocity, Heading, Body, Species, Speed, BrushBinding, Sight, Palette, Landscape, Clock, Noise,
         Ground, Leading, SightInSpace,
     )  # fmt: skip
-    writes = (Role, Memory, ReferenceBird, FormationPlace)
+    writes = (Role, Memory, ReferenceBird, FormationPlace, Lost)
 
     def process(self, world):
         agents, palette, found = world.agents, world.resource(Palette), world.resource(Sight).found

@@ -1,7 +1,8 @@
 """Flocks in line formation, tick by tick: who leads, whom each follows, where its place is (Klotsman & Tal).
 
-A flock is all birds of one kind under one brush whose model flies in formation.  Its frame has the leader as origin
-and the leader's heading as track, so a flock turns with its leader.  The target shape is the steady flight of the
+A flock is a skein: birds of one kind under one brush that found each other by what they see
+(`flockbrush.systems.skeins`).  Its frame has the leader as origin and the leader's heading as track, so a flock turns
+with its leader.  The target shape is the steady flight of the
 brush, which goes on by itself: initiation and steady flight are one, and a bird that comes later finds its place.
 """
 
@@ -9,9 +10,20 @@ from __future__ import annotations
 
 import numpy as np
 from flockbrush.behaviours.formation.reaching import FormingRules, part_in_height
-from flockbrush.behaviours.models.line_formation import frame_of, places, rules_of
-from flockbrush.components import Body, BrushBinding, Heading, Position, ReferenceBird, Role, Species, Speed, Velocity
-from flockbrush.components.formation import FormationPlace
+from flockbrush.behaviours.models.line_formation import AFTER, frame_of, places, rules_of
+from flockbrush.components import (
+    Body,
+    BrushBinding,
+    Heading,
+    Position,
+    ReferenceBird,
+    Role,
+    Species,
+    Speed,
+    Velocity,
+    Vision,
+)
+from flockbrush.components.formation import FormationPlace, Lost
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.maths import atan2_
 from flockbrush.engine.noise import Noise
@@ -20,6 +32,11 @@ from flockbrush.systems.initiation import decide, fitting, target_of, usual
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import SightInSpace
+from flockbrush.systems.skeins import skeins
+
+NEARBY = 0.7  # of what a bird sees: two skeins join from there on, so that they do not part again at once
+REMEMBERED = 60.0  # s for which a bird looks for the flock that it lost sight of.  By eye
+VARIANTS = 8  # of steady flight, so that skeins of as many birds do not move in step
 
 
 def keep_formations(world):
@@ -33,27 +50,53 @@ def keep_formations(world):
     for b, kind in sorted(set(zip(brush[flies].tolist(), species[flies].tolist(), strict=True))):
         rows = np.flatnonzero(flies & (brush == b) & (species == kind))
         blow(agents, rows, world.resource(Clock).dt)
-        _keep(world, rows, palette.brushes[b].params)
+        _keep_all(world, rows, palette.brushes[b].params)
 
 
 def _forget(agents, rows):
     rows = rows & (agents[FormationPlace.track] != 0.0).any(axis=1)
-    for field in (FormationPlace.reference, FormationPlace.arm, FormationPlace.offset, FormationPlace.track,
+    for field in (Lost.entity, FormationPlace.reference,
+                  FormationPlace.arm, FormationPlace.offset, FormationPlace.track,
                   FormationPlace.climb, FormationPlace.led, FormationPlace.gust, FormationPlace.wind,
                   FormationPlace.felt):  # fmt: skip
         agents[field][rows] = 0
     agents[FormationPlace.place][rows] = -1
 
 
-def _keep(world, rows, p):
-    """One flock."""
+def _keep_all(world, rows, p):
+    """Every skein of one kind and brush."""
+    agents = world.agents
+    reference = _rows_of(agents.ids, rows, agents[FormationPlace.reference][rows])
+    sees, forward = _perceived(world, rows), agents[Heading.forward][rows, :2]
+    place = agents[FormationPlace.place][rows]
+    xy, wrap = agents[Position.xyz][rows, :2], world.resource(Landscape).wrap
+    nearby = sees & (_apart(xy, wrap) <= NEARBY * agents[Vision.range][rows][:, None])
+    label, leads = skeins(xy, forward, reference, place, sees, nearby & (p.meets == "join"), wrap)
+    _see_again(agents, rows, sees)
+    for skein in range(label.max() + 1):
+        mine = np.flatnonzero(label == skein)
+        met = np.flatnonzero((label != skein) & (sees[mine].any(axis=0) | sees[:, mine].any(axis=1)))
+        variant = int(agents.ids[rows[mine[0]]] - agents.ids[rows[0]]) % VARIANTS
+        _keep(world, rows[mine], rows[met], p, sees[np.ix_(mine, mine)], leads[mine], variant)
+
+
+def _apart(xy, wrap):
+    """(n, n) m between birds."""
+    away = xy[:, None] - xy[None]
+    if wrap is not None:
+        away = away - np.array(wrap) * np.floor(away / np.array(wrap) + 0.5)
+    return np.sqrt((away**2).sum(axis=2))
+
+
+def _keep(world, rows, met, p, sees, leads, variant):
+    """One skein; ``met`` are the rows of birds of other skeins in sight, ``leads`` who led one until now."""
     agents, clock = world.agents, world.resource(Clock)
     ids, n = agents.ids, len(rows)
     forward = agents[Heading.forward][rows, :2]
     place, arm = agents[FormationPlace.place][rows].astype(np.int64), agents[FormationPlace.arm][rows].astype(np.int64)
     reference = _rows_of(ids, rows, agents[FormationPlace.reference][rows])
-    xy = agents[Position.xyz][rows, :2]
-    leader = _leader(place, xy, forward)
+    xy, wrap = agents[Position.xyz][rows, :2], world.resource(Landscape).wrap
+    leader = _leader(place, leads, xy, forward)
     led = agents[FormationPlace.led][rows]
     if p.turns > 0.0 and led[leader] >= p.turns and n > 2:
         leader = _change_leader(leader, reference, arm, place)
@@ -61,20 +104,22 @@ def _keep(world, rows, p):
     place[(place == 0) & (np.arange(n) != leader)] = -1
     place[leader], arm[leader], reference[leader] = 0, 0, -1
     ahead = _unit(forward[leader])
-    x, y = _in_frame(xy, xy[leader], ahead, world.resource(Landscape).wrap)
     wing = p.wingspan * agents[Body.length][rows[leader]]
-    x, y = x / wing, y / wing
+    x, y = (part / wing for part in _in_frame(xy, xy[leader], ahead, wrap))
     heading = np.array([_bearing(f, ahead) for f in forward])
     rules = rules_of(p)
-    target = _target(p, n, clock.tick * clock.dt, world.resource(Noise).seed)
+    target = _target(p, n, clock.tick * clock.dt, world.resource(Noise).seed + variant * (n > 1))
     if n > 1:
         rules = fitting(rules, target)
         now = np.full(n, -1), np.zeros(n, np.int64), np.full(n, -1)
-        decide(x, y, heading, leader, reference, arm, place, target.length, rules, _perceived(world, rows), *now)
+        decide(x, y, heading, leader, reference, arm, place, target.length, rules, sees, *now)
         reference, arm, place = now
     frame = frame_of(wing, agents[Speed.drawn][rows[leader]])
-    agents[FormationPlace.climb][rows] = _climb(agents, rows, leader, x, y, heading, rules, wing, frame)
-    agents[FormationPlace.offset][rows] = _offsets(reference, arm, place, target) * wing
+    agents[FormationPlace.climb][rows] = _climb(agents, np.r_[rows, met], leader, ahead, rules, wing, frame, wrap)[:n]
+    _remember(agents, rows, leader, clock.dt)
+    offset = _offsets(reference, arm, place, target) * wing
+    offset[leader] = _after_the_lost(agents, rows, leader, wrap)
+    agents[FormationPlace.offset][rows] = offset
     agents[FormationPlace.track][rows] = ahead
     agents[FormationPlace.arm][rows], agents[FormationPlace.place][rows] = arm, place
     follows = reference >= 0
@@ -106,13 +151,54 @@ def _rows_of(ids, rows, entities):
     return np.where(ids[rows[at]] == entities, at, -1)
 
 
-def _leader(place, xy, forward):
-    """Who has led so far, or else the front-most."""
-    leads = np.flatnonzero(place == 0)
-    if len(leads):
-        return int(leads[0])
+def _leader(place, leads, xy, forward):
+    """Who has led a skein so far; of several, or where nobody has, the front-most."""
+    asked = next((np.flatnonzero(some) for some in (leads, place == 0) if some.any()), np.arange(len(place)))
+    if len(asked) == 1:
+        return int(asked[0])
     ahead = _unit(np.array([_sum(forward[:, 0]), _sum(forward[:, 1])]))
-    return int(np.argmax((xy[:, 0] - xy[0, 0]) * ahead[0] + (xy[:, 1] - xy[0, 1]) * ahead[1]))
+    along = (xy[:, 0] - xy[0, 0]) * ahead[0] + (xy[:, 1] - xy[0, 1]) * ahead[1]
+    return int(asked[np.argmax(along[asked])])
+
+
+def _see_again(agents, rows, sees):
+    """Who sees the leader that it lost knows where that one is."""
+    lost = _rows_of(agents.ids, rows, agents[Lost.entity][rows])
+    found = np.flatnonzero((lost >= 0) & sees[np.arange(len(rows)), np.maximum(lost, 0)])
+    mine, seen = rows[found], rows[lost[found]]
+    agents[Lost.place][mine] = agents[Position.xyz][seen, :2]
+    agents[Lost.velocity][mine] = agents[Velocity.xyz][seen, :2]
+    agents[Lost.time][mine] = 0.0
+
+
+def _remember(agents, rows, leader, dt):
+    """Who flies in a skein knows where it goes; in lesser company it remembers the greater."""
+    lost, follows = agents[Lost.entity][rows], np.arange(len(rows)) != leader
+    gone = (agents[Lost.time][rows] > REMEMBERED) | np.isin(lost, agents.ids[rows]) | ~np.isin(lost, agents.ids)
+    agents[Lost.entity][rows[gone]] = 0
+    away = rows[~gone]
+    agents[Lost.place][away] += agents[Lost.velocity][away] * dt
+    agents[Lost.time][away] += dt
+    anew = follows & (gone | (agents[Lost.company][rows] <= len(rows)))
+    mine, seen = rows[anew], rows[leader]
+    agents[Lost.entity][mine] = agents.ids[seen]
+    agents[Lost.place][mine] = agents[Position.xyz][seen, :2]
+    agents[Lost.velocity][mine] = agents[Velocity.xyz][seen, :2]
+    agents[Lost.time][mine], agents[Lost.company][mine] = 0.0, len(rows)
+
+
+def _after_the_lost(agents, rows, leader, wrap):
+    """m east and north to where a leader makes for whose skein has lost the greater part; 0, 0 for any other."""
+    lost = agents[Lost.entity][rows]
+    misses = np.flatnonzero((lost > 0) & ~np.isin(lost, agents.ids[rows]))
+    misses = misses[2 * len(rows) <= agents[Lost.company][rows[misses]]]
+    if not len(misses):
+        return 0.0, 0.0
+    row = rows[misses[np.argmin(agents[Lost.time][rows[misses]])]]
+    away = agents[Lost.place][row] - agents[Position.xyz][rows[leader], :2]
+    if wrap is not None:
+        away = away - np.array(wrap) * np.floor(away / np.array(wrap) + 0.5)
+    return away + agents[Lost.velocity][row] * AFTER
 
 
 def _change_leader(leader, reference, arm, place):
@@ -143,11 +229,14 @@ def _in_frame(xy, origin, ahead, wrap):
     )
 
 
-def _climb(agents, rows, leader, x, y, heading, rules: FormingRules, wing, frame):
-    """m/s up, for each bird."""
+def _climb(agents, rows, leader, ahead, rules: FormingRules, wing, frame, wrap):
+    """m/s up, for each of these birds: those of a skein and, after them, others whom they meet."""
     n = len(rows)
     climb = np.zeros(n)
-    z = (agents[Position.xyz][rows, 2] - agents[Position.xyz][rows[leader], 2]) / wing
+    xyz, forward = agents[Position.xyz][rows], agents[Heading.forward][rows, :2]
+    x, y = (part / wing for part in _in_frame(xyz[:, :2], xyz[leader, :2], ahead, wrap))
+    heading = np.array([_bearing(f, ahead) for f in forward])
+    z = (xyz[:, 2] - xyz[leader, 2]) / wing
     v = agents[Velocity.xyz][rows] - agents[FormationPlace.felt][rows]
     speed = np.sqrt(v[:, 0] ** 2 + v[:, 1] ** 2) * frame / wing
     part_in_height(x, y, np.ascontiguousarray(z), heading, speed, rules, climb)

@@ -1,9 +1,10 @@
 """Groups: who belongs together by mutual perception.
 
 Two animals that keep together (of one kin, `flockbrush.systems.fauna`) are linked when each perceives the other, as
-their brushes perceive; a bird in line formation is linked with its reference bird as well.  A group is whoever is
-connected by links.  It is worked out from the present state alone, so that it is the same in a run, in its replay and
-after going back; its number is the smallest id in it, which stays while groups join and leave.
+their brushes perceive; birds in line formation are linked with their reference birds alone, so that skeins that pass
+stay two.  A group is whoever is connected by links.  It is worked out from the present state alone, so that it is the
+same in a run, in its replay and after going back; its number is the smallest id in it, which stays while groups join
+and leave.
 """
 
 from __future__ import annotations
@@ -46,6 +47,11 @@ def groups_of(world):
         return np.zeros(0, np.int64)
     together = kin_of(world.resource(SpeciesList).table, agents[Species.index])
     links = sum((mutual(lists, together) for lists in perceived(world) if lists is not None), csr_matrix((n, n)))
+    placed = np.flatnonzero((agents[FormationPlace.reference] > 0) | (agents[FormationPlace.place] == 0))
+    if len(placed):
+        links = links.tocoo()
+        kept = ~(np.isin(links.row, placed) & np.isin(links.col, placed))
+        links = coo_matrix((links.data[kept], (links.row[kept], links.col[kept])), shape=(n, n))
     count, label = connected_components(links + _references(agents), directed=False)
     smallest = np.full(count, np.iinfo(np.int64).max)
     np.minimum.at(smallest, label, agents.ids)

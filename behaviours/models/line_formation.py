@@ -30,6 +30,7 @@ from flockbrush.engine.parallel import over_rows
 from numba import njit
 from pydantic import Field
 
+AFTER = 4.0  # s in which a leader means to be with the flock that it lost
 EXAMPLE_FRAMES = 6  # of the movie that a brush stands for
 Shape = Literal["V", "U", "J", "line", "inverted V", "inverted U"]
 
@@ -59,6 +60,10 @@ class Params(Parameters):
     separation_distance: float = quantity(10.0, "wingspans", "rivals for a place part when nearer than this", 0.5, 1000)
     margin: float = quantity(1.1, "wingspans", "approaches nearer than this are parted in height", 0, 5)
     foresight: float = quantity(2.0, "s", "how far ahead it looks for obstacles, in time of flight", 0, 60)
+    meets: Literal["join", "pass"] = Field(
+        "join", description="what two skeins that see each other do; those that fly different ways pass",
+        json_schema_extra={"unit": "-"},
+    )  # fmt: skip
 
 
 def flight_of(p):
@@ -71,7 +76,7 @@ class InFormation(NamedTuple):
 
     reference: np.ndarray  # (n,) row of the reference bird, -1 for none
     place: np.ndarray  # (n,) 0 leads, -1 open
-    offset: np.ndarray  # (n, 2) m, to the right of and ahead of the reference bird
+    offset: np.ndarray  # (n, 2) m, right of and ahead of the reference bird; who leads: east and north to those it lost
     track: np.ndarray  # (n, 2) unit vectors; (0, 0): in no flock
     climb: np.ndarray  # (n,) m/s
     wind: np.ndarray  # (n, 3) m/s that blows at the bird
@@ -165,15 +170,20 @@ def _steer(
         j = reference[i]
         if place[i] == 0 or (ux == 0.0 and uy == 0.0):  # who leads, and who is in no flock yet
             gx, gy, gz = fx, fy, 0.0
+            wanted = rules.cruise
             if bound[i] > 0:
                 gx, gy, gz = target[i, 0], target[i, 1], target[i, 2]
             elif guidance[i, 0] != 0.0 or guidance[i, 1] != 0.0:
                 gx, gy = guidance[i, 0], guidance[i, 1]
             far = np.sqrt(gx * gx + gy * gy)
+            ax, ay = offset[i, 0], offset[i, 1]
+            if ax != 0.0 or ay != 0.0:  # after the flock that it lost
+                gx, gy, far = ax, ay, np.sqrt(ax * ax + ay * ay + gz * gz)
+                wanted = min(max(np.sqrt(ax * ax + ay * ay) / AFTER * frame / wing, 0.8 * wanted), 1.3 * wanted)
             if far > 1e-9:
                 turn = atan2_(gx * fy - gy * fx, gx * fx + gy * fy)
             turn = min(max(turn, -leader_turn * dt), leader_turn * dt)
-            now = limited_speed_(speed, rules.cruise, rules)
+            now = limited_speed_(speed, wanted, rules)
             speed += part * (now - speed)
             steepest = leader_climb * own[i]
             if bound[i] == 1 and far > 1e-9:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flockbrush.behaviours.brush import shipped
-from flockbrush.components import Position, Species, Velocity
+from flockbrush.components import Position, Role, Species, Velocity
 from flockbrush.levels import reader
 from flockbrush.levels.build import build
 from flockbrush.levels.reader import read_level
@@ -61,7 +61,11 @@ def test_lake_skeins_meet_land_rest_and_leave_and_a_falcon_scatters_starlings():
     scene = start("lake")
     geese = places(scene, "goose")
     assert abs(geese[:11, 1].mean() - geese[11:, 1].mean()) > 85  # they see 80 m far
-    scene.run(20 * RATE)
+    goose = scene.agents[Species.index] == scene.world.resource(SpeciesList).names.index("goose")
+    scene.run(10 * RATE)
+    assert scene.agents[Role.leader][goose].sum() == 2
+    scene.run(10 * RATE)
+    assert scene.agents[Role.leader][goose].sum() == 1
     assert spread(places(scene, "goose")) < 20  # they have joined
     scene.run(24 * RATE)
     geese, flock = places(scene, "goose"), spread(places(scene, "starling"))
