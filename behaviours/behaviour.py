@@ -14,14 +14,13 @@ The folder is scanned; third parties register through the entry point group
 from __future__ import annotations
 
 import importlib
-import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
+from flockbrush.engine.plugins import load_entry_points, load_modules
 from pydantic import BaseModel, ConfigDict, Field
 
 Guided = Literal["front", "everyone", "share", "appointed"]  # who follows a guide (`flockbrush.systems.leaders`)
@@ -312,10 +311,8 @@ def behaviour(
 def _scan() -> None:
     import flockbrush.behaviours.models as package
 
-    for module in sorted(pkgutil.iter_modules(package.__path__), key=lambda m: m.name):
-        importlib.import_module(f"flockbrush.behaviours.models.{module.name}")
-    for point in sorted(entry_points(group="flockbrush.behaviours"), key=lambda p: p.name):
-        point.load()
+    load_modules(package)
+    load_entry_points("flockbrush.behaviours")
 
 
 def behaviours() -> dict[str, Behaviour]:

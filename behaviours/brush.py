@@ -26,9 +26,10 @@ from typing import Annotated, Any
 
 from flockbrush.behaviours.brush_tables import Provenance, SpeedSpec, VisionSpec
 from flockbrush.behaviours.brush_writer import brush_to_toml
+from flockbrush.behaviours.file_library import NAME, FileLibrary, read_source
 from flockbrush.behaviours.spec import Line, Spec, Text, spec_field
 from flockbrush.behaviours.species import BodySpec, SpeciesLibrary, shipped_species
-from flockbrush.behaviours.tomlfile import Key, TomlFile, parse_toml, read_bytes
+from flockbrush.behaviours.tomlfile import Key, TomlFile
 from flockbrush.behaviours.validation import shown, validated
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
@@ -37,7 +38,6 @@ from pydantic import BaseModel, Field, PrivateAttr, SerializeAsAny, model_valida
 SCHEMA = "flockbrush.brush/1"
 SUFFIX = ".brush.toml"
 PATH_SUFFIX = ".path.toml"  # of a measured path between two brushes
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
 def name_like(text: str) -> str:
@@ -225,10 +225,7 @@ def load_brush(
     ProblemsError
         With everything that is wrong with the file.
     """
-    if not isinstance(source, bytes):
-        file = file or os.fspath(source)
-        source = read_bytes(source)
-    toml = parse_toml(source, file or f"unnamed{SUFFIX}")
+    toml, source = read_source(source, file, SUFFIX)
     brush = _read(toml, _models() if models is None else models)
     brush._source = source
     return brush
@@ -342,7 +339,7 @@ def _belongs(path: Key, message: str, models: Mapping[str, Any], document: dict)
     return f"unknown name{did_you_mean(str(path[0]), names[''])}" if len(path) == 1 else message
 
 
-class BrushLibrary:
+class BrushLibrary(FileLibrary):
     """The brushes in some folders, by name.
 
     When two folders have a brush of one name, the first folder wins: a level's own brushes come before the shipped
@@ -365,6 +362,8 @@ class BrushLibrary:
         When a folder is missing.
     """
 
+    suffix = SUFFIX
+
     def __init__(
         self,
         folders: Iterable[str | os.PathLike] = (),
@@ -372,21 +371,13 @@ class BrushLibrary:
         models: Mapping[str, Any] | None = None,
         species: SpeciesLibrary | None = None,
     ):
+        super().__init__(folders, files)
         self.species = species
-        self.folders = [Path(folder) for folder in folders]
         missing = [Problem(str(folder), None, None, "there is no such folder") for folder in self.folders]
         missing = [problem for problem, folder in zip(missing, self.folders, strict=True) if not folder.is_dir()]
         if missing:
             raise ProblemsError(missing)
-        self._files = {name.replace("\\", "/").rsplit("/", 1)[-1]: data for name, data in (files or {}).items()}
         self._models = models
-
-    def names(self) -> list[str]:
-        """Names of all brushes, sorted."""
-        bases = {base for base in self._files if base.endswith(SUFFIX)}
-        for folder in self.folders:
-            bases.update(path.name for path in folder.glob(f"*{SUFFIX}"))
-        return sorted(name for name in (base.removesuffix(SUFFIX) for base in bases) if NAME.fullmatch(name))
 
     def path(self, name: str) -> Path:
         """The file of a brush (just its name when the file is embedded in a recording).
@@ -396,15 +387,11 @@ class BrushLibrary:
         ProblemsError
             When there is no such brush.
         """
-        base = _safe(name) + SUFFIX
-        if base in self._files:
-            return Path(base)
-        for folder in self.folders:
-            if (folder / base).exists():
-                return folder / base
-        raise ProblemsError(
-            [Problem(base, None, None, f"there is no brush '{name}'{did_you_mean(name, self.names())}")]
-        )
+        file = self.file_of(_safe(name))
+        if file is None:
+            message = f"there is no brush '{name}'{did_you_mean(name, self.names())}"
+            raise ProblemsError([Problem(name + SUFFIX, None, None, message)])
+        return file
 
     def get(self, name: str) -> Brush:
         """A brush by name.
@@ -415,18 +402,13 @@ class BrushLibrary:
             When there is no such brush, or with everything that is wrong with its file.
         """
         path = self.path(name)
-        data = self._files[path.name] if path.name in self._files else read_bytes(path)
-        return _parsed(str(path), data, _models() if self._models is None else self._models)
+        return _parsed(str(path), self.bytes_of(path), _models() if self._models is None else self._models)
 
     def path_between(self, start: str, end: str) -> tuple[str, bytes] | None:
         """(file, bytes) of the measured path between two brushes, either way; None where nobody measured it."""
-        for base in (f"{start}--{end}{PATH_SUFFIX}", f"{end}--{start}{PATH_SUFFIX}"):
-            if base in self._files:
-                return base, self._files[base]
-            for folder in self.folders:
-                if (folder / base).exists():
-                    return base, read_bytes(folder / base)
-        return None
+        bases = (f"{start}--{end}{PATH_SUFFIX}", f"{end}--{start}{PATH_SUFFIX}")
+        file = next(filter(None, map(self.find, bases)), None)
+        return (file.name, self.bytes_of(file)) if file else None
 
     def problems(self) -> list[Problem]:
         """Everything that is wrong with any brush of the library."""

@@ -17,15 +17,14 @@ order of the brush each drive takes its urgency's share of what the body can do;
 from __future__ import annotations
 
 import importlib
-import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
 from typing import Any, NamedTuple
 
 import numpy as np
 from flockbrush.behaviours.behaviour import Parameters, Scene, quantity
+from flockbrush.engine.plugins import load_entry_points, load_modules
 
 TAKES_UP = 0.4  # s in which a drive's velocity is taken up, as efforts are (`flockbrush.systems.pace.GATHER`)
 
@@ -88,10 +87,8 @@ def drive(name: str, Params: type[DriveParameters], always: bool = False, notice
 def _scan() -> None:
     import flockbrush.behaviours.drives as package
 
-    for module in sorted(pkgutil.iter_modules(package.__path__), key=lambda m: m.name):
-        importlib.import_module(f"flockbrush.behaviours.drives.{module.name}")
-    for point in sorted(entry_points(group="flockbrush.drives"), key=lambda p: p.name):
-        point.load()
+    load_modules(package)
+    load_entry_points("flockbrush.drives")
 
 
 def drives() -> dict[str, Drive]:

@@ -26,14 +26,14 @@ import functools
 import hashlib
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
 from flockbrush.behaviours.amounts import Length, TimeRange
-from flockbrush.behaviours.brush import NAME
+from flockbrush.behaviours.file_library import NAME, FileLibrary, read_source
 from flockbrush.behaviours.spec import Line, Spec, Text, spec_field
-from flockbrush.behaviours.tomlfile import Key, TomlFile, parse_toml, read_bytes
+from flockbrush.behaviours.tomlfile import Key, TomlFile, parse_toml
 from flockbrush.behaviours.trigger import Condition, read_condition
 from flockbrush.behaviours.validation import shown, validated
 from flockbrush.engine.files import write_bytes
@@ -189,10 +189,7 @@ def load_program(source: str | os.PathLike | bytes, file: str | None = None) -> 
     ProblemsError
         With everything that is wrong with the file.
     """
-    if not isinstance(source, bytes):
-        file = file or os.fspath(source)
-        source = read_bytes(source)
-    toml = parse_toml(source, file or f"unnamed{SUFFIX}")
+    toml, source = read_source(source, file, SUFFIX)
     program = _read(toml)
     program._source = source
     return program
@@ -374,26 +371,10 @@ def _with_streams(program) -> Program:
 # libraries --------------------------------------------------------------------------------------
 
 
-class ProgramLibrary:
-    """The programs in some folders, by name; the first folder that has a name wins.
+class ProgramLibrary(FileLibrary):
+    """The programs in some folders, by name."""
 
-    Parameters
-    ----------
-    folders : sequence of path
-    files : mapping of str to bytes, optional
-        Program files by name or path, before all folders: those a recording has embedded.
-    """
-
-    def __init__(self, folders: Iterable[str | os.PathLike] = (), files: Mapping[str, bytes] | None = None):
-        self.folders = [Path(folder) for folder in folders]
-        self._files = {name.replace("\\", "/").rsplit("/", 1)[-1]: data for name, data in (files or {}).items()}
-
-    def names(self) -> list[str]:
-        """Names of all programs, sorted."""
-        bases = {base for base in self._files if base.endswith(SUFFIX)}
-        for folder in self.folders:
-            bases.update(path.name for path in folder.glob(f"*{SUFFIX}"))
-        return sorted(name for name in (base.removesuffix(SUFFIX) for base in bases) if NAME.fullmatch(name))
+    suffix = SUFFIX
 
     def get(self, name: str) -> Program:
         """A program by name.
@@ -403,13 +384,9 @@ class ProgramLibrary:
         ProblemsError
             When there is none, or with everything that is wrong with its file.
         """
-        if isinstance(name, str) and NAME.fullmatch(name):
-            base = name + SUFFIX
-            if base in self._files:
-                return load_program(self._files[base], base)
-            for folder in self.folders:
-                if (folder / base).exists():
-                    return load_program(folder / base)
+        file = self.file_of(name) if isinstance(name, str) and NAME.fullmatch(name) else None
+        if file:
+            return load_program(self.bytes_of(file), str(file))
         known = self.names()
         message = f"there is no program {shown(name)}{did_you_mean(str(name), known)}"
         raise ProblemsError([Problem(str(name), None, None, message)])

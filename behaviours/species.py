@@ -24,19 +24,19 @@ from __future__ import annotations
 import functools
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+from flockbrush.behaviours.file_library import NAME, FileLibrary, read_source
 from flockbrush.behaviours.spec import Line, Spec, Text, spec_field
-from flockbrush.behaviours.tomlfile import TomlFile, parse_toml, read_bytes
+from flockbrush.behaviours.tomlfile import TomlFile
 from flockbrush.behaviours.validation import shown, validated
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 SCHEMA = "flockbrush.species/1"
 SUFFIX = ".species.toml"
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 MEDIA = ("walk", "fly", "swim")
 Medium = Literal["walk", "fly", "swim"]
 VERBS = ("kin", "fear", "hunt", "follow", "avoid", "ignore")
@@ -225,10 +225,7 @@ def load_species(source: str | os.PathLike | bytes, file: str | None = None) -> 
     ProblemsError
         With everything that is wrong with the file.
     """
-    if not isinstance(source, bytes):
-        file = file or os.fspath(source)
-        source = read_bytes(source)
-    toml = parse_toml(source, file or f"unnamed{SUFFIX}")
+    toml, source = read_source(source, file, SUFFIX)
     species = _read(toml)
     species._source = source
     return species
@@ -262,28 +259,10 @@ def _read(toml: TomlFile) -> Species:
     return species
 
 
-class SpeciesLibrary:
-    """The species in some folders, by name; the first folder that has a name wins.
+class SpeciesLibrary(FileLibrary):
+    """The species in some folders, by name."""
 
-    Parameters
-    ----------
-    folders : sequence of path
-        In order of precedence; those that are not there are empty.
-    files : mapping of str to bytes, optional
-        Species files by name or path, before all folders: those a recording has embedded.
-    """
-
-    def __init__(self, folders: Iterable[str | os.PathLike] = (), files: Mapping[str, bytes] | None = None):
-        self.folders = [Path(folder) for folder in folders]
-        named = {name.replace("\\", "/").rsplit("/", 1)[-1]: data for name, data in (files or {}).items()}
-        self._files = {name: data for name, data in named.items() if name.endswith(SUFFIX)}
-
-    def names(self) -> list[str]:
-        """Names of all species, sorted."""
-        bases = set(self._files)
-        for folder in self.folders:
-            bases.update(path.name for path in folder.glob(f"*{SUFFIX}"))
-        return sorted(name for name in (base.removesuffix(SUFFIX) for base in bases) if NAME.fullmatch(name))
+    suffix = SUFFIX
 
     def find(self, name: str) -> Species | None:
         """The species of this name; None when there is no file of it: then it is a name alone, and can do anything.
@@ -293,15 +272,8 @@ class SpeciesLibrary:
         ProblemsError
             With everything that is wrong with its file.
         """
-        base = name + SUFFIX
-        if not NAME.fullmatch(name):
-            return None
-        if base in self._files:
-            return _parsed(base, self._files[base])
-        for folder in self.folders:
-            if (folder / base).exists():
-                return _parsed(str(folder / base), read_bytes(folder / base))
-        return None
+        file = self.file_of(name) if NAME.fullmatch(name) else None
+        return _parsed(str(file), self.bytes_of(file)) if file else None
 
     def get(self, name: str) -> Species:
         """As `find`, with a ProblemsError when there is none."""

@@ -16,13 +16,10 @@ The folder is scanned; third parties register through the entry point group ``fl
 
 from __future__ import annotations
 
-import importlib
 import math
-import pkgutil
 import typing
 from collections.abc import Iterator
 from functools import cache
-from importlib.metadata import entry_points
 from typing import Annotated, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -30,6 +27,7 @@ from flockbrush.behaviours.amounts import Amount, Dimension
 from flockbrush.behaviours.validation import bounds, shown, validated
 from flockbrush.engine.limits import PROGRAM_DEPTH
 from flockbrush.engine.parallel import over_rows
+from flockbrush.engine.plugins import load_entry_points, load_modules
 from flockbrush.engine.problems import did_you_mean
 from numba import njit
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
@@ -200,10 +198,8 @@ def condition(kind: type[Condition]) -> type[Condition]:
 def _scan() -> None:
     import flockbrush.behaviours.triggers as package
 
-    for module in sorted(pkgutil.iter_modules(package.__path__), key=lambda m: m.name):
-        importlib.import_module(f"{package.__name__}.{module.name}")
-    for point in sorted(entry_points(group="flockbrush.triggers"), key=lambda p: p.name):
-        point.load()
+    load_modules(package)
+    load_entry_points("flockbrush.triggers")
 
 
 def conditions() -> dict[str, type[Condition]]:

@@ -24,12 +24,6 @@ def cell_of_(x, cell, count):
 
 
 @kernel_function
-def nearest_(values, cell, x, y):
-    """The value of the cell under (x, y); ``values`` is (ny, nx)."""
-    return values[cell_of_(y, cell, values.shape[0]), cell_of_(x, cell, values.shape[1])]
-
-
-@kernel_function
 def corners_(x, cell, count):
     """(lower index, upper index, share of the upper) between two cell centres."""
     at = x / cell - 0.5

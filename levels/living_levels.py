@@ -47,20 +47,19 @@ def lake():
           altitude=45, program="lake-goose")  # fmt: skip
     s.box("Spawn", 110, 300, 30, 30, "southern skein", species="goose", brush="geese", count=9, heading="east",
           altitude=45, program="lake-goose")  # fmt: skip
-    s.draw("Key", [(90, 430)], "to the lake", at=0, command="Migrate", x=660, y=400, z=40, species="goose")
+    s.migrate(0, 660, 400, 40, "to the lake", shown_at=(90, 430), species="goose")
     s.draw("Key", [(640, 400)], "leave", at=80, command="Event", name="leave")
-    s.draw("Key", [(660, 400)], "north-east", at=79, command="Migrate", x=2200, y=1100, z=60, species="goose")
+    s.migrate(79, 2200, 1100, 60, "north-east", shown_at=(660, 400), species="goose")
     s.box("Spawn", 720, 560, 16, 16, "starlings", species="starling", brush="starlings", count=150, heading="west",
           altitude=18, depth=8)  # fmt: skip
     places = [(560, 520), (480, 400), (560, 300), (720, 300), (800, 420), (720, 540)]
     for k in range(20):
         x, y = places[k % len(places)]
-        s.draw("Key", [(x, y)], f"over the lake {k + 1}", at=6 * k, command="Migrate", x=x, y=y, z=22,
-               seconds=5 if k else 0, species="starling")  # fmt: skip
+        s.migrate(6 * k, x, y, 22, f"over the lake {k + 1}", seconds=5 if k else 0, species="starling")
     s.box("Spawn", 900, 640, 4, 4, "falcon", species="falcon", brush="falcon", count=1, heading="south-west",
           altitude=60, start=30, program="falcon")  # fmt: skip
     for at, x, y, z in ((30.1, 640, 420, 30), (50, 500, -900, 80)):
-        s.draw("Key", [(x, y)], f"falcon {at:g}", at=at, command="Migrate", x=x, y=y, z=z, species="falcon")
+        s.migrate(at, x, y, z, f"falcon {at:g}", species="falcon")
     return s
 
 
@@ -92,8 +91,7 @@ def ridge():
     s.box("Spawn", 30, 30, 14, 14, "flock", species="starling", brush="starlings", count=80, heading="east",
           altitude=12, depth=5)  # fmt: skip
     for at, x in ((0, 270), (32, 40), (66, 270), (100, 40), (134, 270)):
-        s.draw("Key", [(40, 30 + at / 8)], f"over the ridge {at}", at=at, command="Migrate", x=x, y=60, z=16,
-               species="starling")  # fmt: skip
+        s.migrate(at, x, 60, 16, f"over the ridge {at}", shown_at=(40, 30 + at / 8), species="starling")
     s.box("Spawn", 226, 66, 44, 36, "sheep", species="sheep", brush="pasture", count=36, program="pasture-sheep")
     s.box("Spawn", 236, 20, 3, 3, "shepherd", species="human", brush="stroll", count=1, heading="north")
     s.box("Spawn", 242, 22, 3, 3, "dog", species="dog", brush="rest", count=1, heading="north", program="sheepdog")

@@ -285,13 +285,11 @@ def pillars():
     s.box("Obstacle", 232, 50, 5, 28, "lintel", z_min=34, z_max=60, blocks_view=False)
     s.box("Spawn", 24, 50, 16, 16, "flock", species="starling", brush="starlings", count=200, heading="east",
           altitude=14, depth=10)  # fmt: skip
-    s.draw("Key", [(70, 50)], "lure", at=0, command="Migrate", x=75, y=50, z=19, species="starling")
-    s.draw("Key", [(330, 50)], "lure goes east", at=0.1, command="Migrate", x=400, y=50, z=19, seconds=34,
-           species="starling")  # fmt: skip
+    s.migrate(0, 75, 50, 19, "lure", shown_at=(70, 50), species="starling")
+    s.migrate(0.1, 400, 50, 19, "lure goes east", shown_at=(330, 50), seconds=34, species="starling")
     for k in range(16):  # back and forth for ten minutes
         x = 40 if k % 2 == 0 else 310
-        s.draw("Key", [(x, 50)], f"lure {k + 3}", at=26.0 + 38 * k, command="Migrate", x=x, y=50, z=19, seconds=30,
-               species="starling")  # fmt: skip
+        s.migrate(26.0 + 38 * k, x, 50, 19, f"lure {k + 3}", seconds=30, species="starling")
     s.draw("Line", [(232, 36), (232, 64)], "gate", closed=False)
     return s
 
@@ -315,10 +313,9 @@ def elephants():
           altitude=20, start=9)  # fmt: skip
     places = [(80, 60), (110, 70), (96, 40), (60, 48), (52, 72), (84, 84), (104, 60)]
     for k, (x, y) in enumerate(places):
-        s.draw("Key", [(x, y)], f"feed {k + 1}", at=4 * k, command="Migrate", x=x, y=y, z=4, seconds=3 if k else 0,
-               species="sparrow")  # fmt: skip
+        s.migrate(4 * k, x, y, 4, f"feed {k + 1}", seconds=3 if k else 0, species="sparrow")
     for at, x, y, z in ((9.1, 84, 45, 4), (15.5, 40, 40, 25), (20, 76, 75, 5), (25.5, 130, 100, 25)):
-        s.draw("Key", [(x, y)], f"stoop {at:g}", at=at, command="Migrate", x=x, y=y, z=z, species="falcon")
+        s.migrate(at, x, y, z, f"stoop {at:g}", species="falcon")
     return s
 
 
@@ -357,10 +354,9 @@ def geese():
     s.brush("graze", np.hypot(s.x - 130, s.y - 190) < 75)
     s.box("Spawn", 130, 190, 44, 44, "flock", species="goose", brush="geese", count=21, heading="east")
     s.draw("Key", [(130, 190)], "rest until", at=4, command="PaintBrush", x=130, y=190, radius=90, brush="")
-    s.draw("Key", [(600, 170)], "up and away", at=0, command="Migrate", x=640, y=170, z=45, species="goose")
-    s.draw("Key", [(900, 330)], "round the hill", at=32, command="Migrate", x=1900, y=620, z=60, seconds=12,
-           species="goose")  # fmt: skip
-    s.draw("Key", [(1000, 360)], "down to the lake", at=58, command="Migrate", x=1440, y=420, z=-4, species="goose")
+    s.migrate(0, 640, 170, 45, "up and away", shown_at=(600, 170), species="goose")
+    s.migrate(32, 1900, 620, 60, "round the hill", shown_at=(900, 330), seconds=12, species="goose")
+    s.migrate(58, 1440, 420, -4, "down to the lake", shown_at=(1000, 360), species="goose")
     s.draw("Key", [(1380, 400)], "land", at=83, command="PaintBrush", x=1380, y=410, radius=130, brush="graze")
     s.draw("Line", [(560, 60), (560, 290)], "in formation", closed=False)
     s.draw("Line", [(900, 150), (900, 420)], "after the turn", closed=False)

@@ -132,6 +132,11 @@ class LevelSketch:
             thing["ellipse"] = True
         return number
 
+    def migrate(self, at, x, y, z, title, /, shown_at=None, **properties) -> int:
+        """A command that leads flying animals to (x, y, z) m at a time in seconds; its point stands there, too."""
+        point = [shown_at or (x, y)]
+        return self.draw("Key", point, title, at=at, command="Migrate", x=x, y=y, z=z, **properties)
+
     def picture(self, name, image, **properties):
         """An image layer; its picture is a file beside the level."""
         told = [{"name": k, "type": "float", "value": v} for k, v in sorted(properties.items())]

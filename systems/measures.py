@@ -15,10 +15,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
 from typing import NamedTuple
 
 import numpy as np
+from flockbrush.engine.plugins import load_entry_points
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError, cKDTree
@@ -257,8 +257,7 @@ def measure(name, unit="", meaning="", low=None, high=None, plotted=False):
 
 @cache
 def _load_measures_of_others():
-    for point in sorted(entry_points(group="flockbrush.measures"), key=lambda p: p.name):
-        point.load()
+    load_entry_points("flockbrush.measures")
 
 
 def measures() -> dict[str, Measure]:

@@ -76,27 +76,6 @@ def slope_factor_(rise):
     return exp_(-STEEPNESS * (abs(rise - BEST_SLOPE) - abs(BEST_SLOPE)))
 
 
-@njit(cache=True, nogil=True)
-def slope_factor(slope, forward):
-    """`slope_factor_` for the slope along the heading.
-
-    Parameters
-    ----------
-    slope : (n, 2)
-        Rise per metre east and north.
-    forward : (n, 2 or 3)
-        Unit vectors; the part in the plane counts.
-
-    Returns
-    -------
-    ndarray, (n,)
-    """
-    out = np.empty(len(slope))
-    for i in range(len(slope)):
-        out[i] = slope_factor_(slope[i, 0] * forward[i, 0] + slope[i, 1] * forward[i, 1])
-    return out
-
-
 # When a level is built or painted ------------------------------------------------------------------------------
 
 

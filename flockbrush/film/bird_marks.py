@@ -9,7 +9,6 @@ import numpy as np
 from flockbrush.film.tracking import JOIN, Tracker, blobs_of
 from flockbrush.film.tracks import Tracks
 
-SNAP = 4  # frames around a missing sight in which a bird's place is looked for
 BLOBS = 4000  # frames whose patches are remembered
 
 

@@ -431,21 +431,6 @@ def halves(evidence: Evidence, share: float = 0.5) -> tuple[Evidence, Evidence]:
     return evidence.part(slice(0, cut)), evidence.part(slice(cut, total))
 
 
-def frames_between(evidence: Evidence, begin: int, end: int) -> Evidence:
-    """The frames whose numbers in the clip are ``begin`` to ``end``, both included.
-
-    Raises
-    ------
-    ValueError
-        When there are none.
-    """
-    frames = evidence.fields.frames
-    chosen = np.flatnonzero((frames >= begin) & (frames <= end))
-    if not len(chosen):
-        raise ValueError(f"{evidence.name} has frames {frames[0]} to {frames[-1]}, and none from {begin} to {end}")
-    return evidence.part(slice(int(chosen[0]), int(chosen[-1]) + 1))
-
-
 # files ---------------------------------------------------------------------------------
 
 

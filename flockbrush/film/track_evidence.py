@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from flockbrush.engine.files import refused
+from flockbrush.film.cell_statistics import cell_statistics
 from flockbrush.film.observations import CannotObserve, Evidence, Fields, Sightings
 from flockbrush.film.speed_process import SMOOTHED
 from flockbrush.film.speeds import speed_evidence
@@ -214,34 +215,12 @@ def _fields(tracks, motion, seen, velocity, grid):
     at = np.clip(np.floor((seen.xy - low) / cell).astype(int), 0, (nx - 1, ny - 1))
     shape = len(seen), int(ny), int(nx)
     flat = (seen.frame * ny + at[:, 1]) * nx + at[:, 0]
-    cells = _moments(flat, seen.forward, velocity, int(np.prod(shape)))
-    grids = {name: values.reshape(*shape, *values.shape[1:]) for name, values in cells.items()}
+    grids = cell_statistics(flat, seen.forward, velocity, shape)
     return Fields(
         fps=tracks.fps, cell=cell, origin=low.copy(), density=grids.pop("number") / cell**2, seen=np.ones(shape, bool),
         obstacle=np.zeros(shape[1:], bool), region=np.zeros(shape[1:], np.uint8), count=here.astype(float),
         frames=np.asarray(tracks.frames), **grids,
     )  # fmt: skip
-
-
-def _moments(flat, forward, velocity, size):
-    """Number of animals, means and variances of speed and direction by cell."""
-    number = np.bincount(flat, minlength=size)
-    some = np.where(number > 0, number, np.nan)
-
-    def mean(values):
-        return np.bincount(flat, values, size) / some
-
-    speed = np.hypot(*velocity.T)
-    mx, my = mean(forward[:, 0])[flat], mean(forward[:, 1])[flat]
-    cross, dot = mx * forward[:, 1] - my * forward[:, 0], mx * forward[:, 0] + my * forward[:, 1]
-    off = np.degrees(np.abs(np.arctan2(cross, dot)))
-    return {
-        "number": number.astype(float),
-        "velocity": np.column_stack([mean(velocity[:, 0]), mean(velocity[:, 1])]),
-        "speed": mean(speed),
-        "speed_variance": np.maximum(mean(speed**2) - mean(speed) ** 2, 0.0),
-        "angular_variance": np.maximum(mean(off**2) - mean(off) ** 2, 0.0),
-    }
 
 
 def _jumps(tracks, length):

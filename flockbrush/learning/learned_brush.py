@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 import flockbrush
-from flockbrush.behaviours.brush import NAME, SUFFIX, BodySpec, Brush, Provenance, name_like
+from flockbrush.behaviours.brush import SUFFIX, BodySpec, Brush, Provenance, name_like
+from flockbrush.behaviours.file_library import NAME
 from flockbrush.engine.files import refused
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.learned_parameters import Learned

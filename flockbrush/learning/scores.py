@@ -22,6 +22,7 @@ import numpy as np
 from numba import njit
 
 from flockbrush.engine.maths import atan2_
+from flockbrush.film.cell_statistics import cell_statistics
 from flockbrush.film.observations import Evidence, Fields
 from flockbrush.learning.axis_variance import mean_variance, variance_told
 from flockbrush.learning.rollout import Run
@@ -152,7 +153,7 @@ def fields_of(run: Run, like: Fields) -> Fields:
     inside = ((at >= 0) & (at < (nx, ny))).all(1)
     inside[inside] = seen[frame[inside], at[inside, 1], at[inside, 0]]
     flat = (frame[inside] * ny + at[inside, 1]) * nx + at[inside, 0]
-    made = _binned(flat, run.forward[inside], run.velocity[inside], (len(run), ny, nx))
+    made = cell_statistics(flat, run.forward[inside], run.velocity[inside], (len(run), ny, nx))
     density = np.where(seen, made.pop("number") / cell**2, np.nan)
     count = np.bincount(frame[inside], minlength=len(run)).astype(float)
     fps = 1.0 / (run.times[1] - run.times[0]) if len(run) > 1 else like.fps
@@ -160,29 +161,6 @@ def fields_of(run: Run, like: Fields) -> Fields:
         fps=fps, cell=cell, origin=origin, density=density, seen=seen, obstacle=obstacle, region=region, count=count,
         frames=np.arange(len(run)), **made,
     )  # fmt: skip
-
-
-def _binned(flat, forward, velocity, shape):
-    """Means and variances by cell."""
-    size = int(np.prod(shape))
-    number = np.bincount(flat, minlength=size)
-    some = np.where(number > 0, number, np.nan)
-
-    def mean(values):
-        return np.bincount(flat, values, size) / some
-
-    speed = np.hypot(*velocity.T)
-    mx, my = mean(forward[:, 0])[flat], mean(forward[:, 1])[flat]
-    cross, dot = mx * forward[:, 1] - my * forward[:, 0], mx * forward[:, 0] + my * forward[:, 1]
-    off = np.degrees(np.abs(np.arctan2(cross, dot)))
-    fast, wide = mean(speed**2) - mean(speed) ** 2, mean(off**2) - mean(off) ** 2
-    return {
-        "number": number.reshape(shape),
-        "velocity": np.stack([mean(velocity[:, 0]), mean(velocity[:, 1])], -1).reshape(*shape, 2),
-        "speed": mean(speed).reshape(shape),
-        "speed_variance": np.maximum(fast, 0.0).reshape(shape),
-        "angular_variance": np.maximum(wide, 0.0).reshape(shape),
-    }
 
 
 # measures of a frame -------------------------------------------------------------------------------

@@ -15,20 +15,16 @@ The help imports all these files, so what is heavy (numpy, too) they import wher
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flockbrush.engine.files import hold
+from flockbrush.engine.plugins import load_entry_points, load_modules
 
 if TYPE_CHECKING:
     from flockbrush.runs.snapshots import Moment
-
-ENTRY_POINTS = "flockbrush.exporters"
 
 
 @dataclass(frozen=True)
@@ -165,10 +161,8 @@ def exporters() -> dict[str, type[Exporter]]:
     """{ending: exporter}, in alphabetical order of the endings."""
     from flockbrush.output import formats
 
-    for module in pkgutil.iter_modules(formats.__path__):
-        importlib.import_module(f"{formats.__name__}.{module.name}")
-    for point in entry_points(group=ENTRY_POINTS):
-        point.load()
+    load_modules(formats)
+    load_entry_points("flockbrush.exporters")
     return dict(sorted(_registry.items()))
 
 

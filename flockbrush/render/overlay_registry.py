@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
 from typing import Any, NamedTuple
 
+from flockbrush.engine.plugins import load_entry_points
 from flockbrush.render.canvas import Canvas
 
 
@@ -89,5 +89,4 @@ def overlay(cls):
 @cache
 def load_overlays():
     """Import what others have under the entry point group ``flockbrush.overlays``."""
-    for point in sorted(entry_points(group="flockbrush.overlays"), key=lambda p: p.name):
-        point.load()
+    load_entry_points("flockbrush.overlays")

@@ -13,7 +13,6 @@ import threading
 import time
 from collections.abc import Mapping
 from functools import cache, lru_cache
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -25,6 +24,7 @@ from flockbrush.behaviours.brush import load_brush, shipped
 from flockbrush.behaviours.v_rules.flights import fly, starts
 from flockbrush.behaviours.v_rules.indicators import CLUTTERED, GROUPS, OTHER, SHAPES, indicators
 from flockbrush.behaviours.validation import validated
+from flockbrush.engine.plugins import load_entry_points
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.levels.build import plane
 from flockbrush.runs.builds import build_of_worker
@@ -77,7 +77,7 @@ class Experiment:
 def experiments() -> dict[str, Experiment]:
     """All experiments by name."""
     found: list[Experiment] = [LevelRuns(), VRules()]
-    found += [point.load()() for point in sorted(entry_points(group="flockbrush.experiments"), key=lambda p: p.name)]
+    found += [kind() for kind in load_entry_points("flockbrush.experiments")]
     return {experiment.name: experiment for experiment in found}
 
 

@@ -364,12 +364,12 @@ class TestCommandLine:
 
 
 class TestExamples:
-    @pytest.mark.parametrize("name", ["blender_live_herd.py", "godot_live_herd.gd"])
+    @pytest.mark.parametrize("name", ["blender/live_herd.py", "godot/live_herd.gd"])
     def test_each_is_short(self, name):
         assert len((EXAMPLES / name).read_text().splitlines()) <= 200
 
     def test_the_script_for_godot_knows_the_bytes_of_a_frame(self):
-        text = (EXAMPLES / "godot_live_herd.gd").read_text()
+        text = (EXAMPLES / "godot/live_herd.gd").read_text()
         width = {name: np.dtype(kind).itemsize * width for name, kind, width, _ in COLUMNS}
         assert f"const ROW := {sum(width.values())} " in text
         ends = dict(zip(width, np.cumsum(list(width.values())).tolist(), strict=True))
@@ -382,7 +382,7 @@ class TestExamples:
     def test_the_add_on_draws_and_steers_in_blender(self):
         with serving(agents=60) as served:
             program = Path(__file__).parents[1] / "drive_blender.py"
-            words = [sys.executable, program, EXAMPLES / "blender_live_herd.py", served.link.address, "60,40"]
+            words = [sys.executable, program, EXAMPLES / "blender/live_herd.py", served.link.address, "60,40"]
             done = subprocess.run(words, capture_output=True, text=True, timeout=120)
         told = json.loads(done.stdout.split("TOLD")[1])
         assert "the token is wrong or missing" in told["refused"]

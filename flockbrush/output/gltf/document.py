@@ -112,11 +112,3 @@ class GltfDocument:
     def close(self):
         """Close the temporary file."""
         self._file.close()
-
-
-def read_glb(data) -> tuple[dict, bytes]:
-    """(document, numbers) of the bytes of a GLB file; ValueError for other bytes."""
-    if len(data) < 20 or struct.unpack_from("<2I", data) != (MAGIC, VERSION):
-        raise ValueError("this is no binary glTF 2.0 file")
-    length, _ = struct.unpack_from("<2I", data, 12)
-    return json.loads(data[20 : 20 + length]), data[20 + length + 8 :]

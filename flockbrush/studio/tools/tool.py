@@ -131,11 +131,6 @@ class Stroke(Tool):
         self.join = ""
         self.last: tuple[float, float] | None = None
 
-    @property
-    def active(self):
-        """Whether a stroke is being made."""
-        return self.last is not None
-
     def press(self, xy, button, mods):
         if button == 1:
             self.join = f"{self.name} {next(_strokes)}"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from flockbrush.engine.problems import ProblemsError
 
-from flockbrush.film.observations import Evidence, Fields, Sightings, frames_between, halves
+from flockbrush.film.observations import Evidence, Fields, Sightings, halves
 from flockbrush.film.speeds import speed_evidence
 
 
@@ -67,12 +67,6 @@ def test_the_second_half_is_not_known_to_the_first():
     assert first.fields.frames.tolist() == [100, 101, 102] and second.fields.frames.tolist() == [103, 104, 105]
     assert first.speed.mean == pytest.approx(1.5) and second.speed.mean == pytest.approx(15.0)
     assert len(second.sightings) == 3 and second.sightings.of(0) == slice(0, 2)
-
-
-def test_frames_are_named_as_the_clip_numbers_them():
-    assert frames_between(two_sheep(), 101, 103).fields.frames.tolist() == [101, 102, 103]
-    with pytest.raises(ValueError, match="two.mp4 has frames 100 to 105, and none from 0 to 9"):
-        frames_between(two_sheep(), 0, 9)
 
 
 def test_one_frame_has_no_halves():

@@ -1,0 +1,62 @@
+"""Brushes, species and programs by name: files of one kind in some folders, or embedded in a recording."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import ClassVar
+
+from flockbrush.behaviours.tomlfile import TomlFile, parse_toml, read_bytes
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+
+
+def read_source(source: str | os.PathLike | bytes, file: str | None, suffix: str) -> tuple[TomlFile, bytes]:
+    """The TOML and the bytes of a file, or of bytes that messages call `file`; ProblemsError."""
+    if not isinstance(source, bytes):
+        file = file or os.fspath(source)
+        source = read_bytes(source)
+    return parse_toml(source, file or f"unnamed{suffix}"), source
+
+
+class FileLibrary:
+    """Files ``NAME + suffix`` in some folders; the first folder that has a name wins.
+
+    Files are looked for anew at every call.
+
+    Parameters
+    ----------
+    folders : sequence of path
+        In order of precedence; those that are not there are empty.
+    files : mapping of str to bytes, optional
+        Files by name or path, before all folders: those a recording has embedded.
+    """
+
+    suffix: ClassVar[str]
+
+    def __init__(self, folders: Iterable[str | os.PathLike] = (), files: Mapping[str, bytes] | None = None):
+        self.folders = [Path(folder) for folder in folders]
+        self._files = {name.replace("\\", "/").rsplit("/", 1)[-1]: data for name, data in (files or {}).items()}
+
+    def names(self) -> list[str]:
+        """All names, sorted."""
+        bases = {base for base in self._files if base.endswith(self.suffix)}
+        for folder in self.folders:
+            bases.update(path.name for path in folder.glob(f"*{self.suffix}"))
+        return sorted(name for name in (base.removesuffix(self.suffix) for base in bases) if NAME.fullmatch(name))
+
+    def find(self, base: str) -> Path | None:
+        """The file of this base name; the bare name where it is embedded, None where there is none."""
+        if base in self._files:
+            return Path(base)
+        return next((folder / base for folder in self.folders if (folder / base).exists()), None)
+
+    def file_of(self, name: str) -> Path | None:
+        """The file of a valid name, as `find` tells it."""
+        return self.find(name + self.suffix)
+
+    def bytes_of(self, file: Path) -> bytes:
+        """What is in a file that `find` gave; ProblemsError where it cannot be read."""
+        return self._files[file.name] if file.name in self._files else read_bytes(file)
