@@ -8,9 +8,8 @@ import numpy as np
 from flockbrush.levels import schema
 from flockbrush.levels.art import Art, ArtLayer, ArtObject, TilePictures
 from flockbrush.levels.files import FileRefused
-from flockbrush.levels.ground_arrays import bare_ground, put_ground
 from flockbrush.levels.ground_rules import GroundRules, dicts, facts_of
-from flockbrush.levels.schema import TerrainKind
+from flockbrush.levels.terrain_kinds import Terrain, TerrainKind
 from flockbrush.levels.tile_data import FLIP_FLAGS
 
 _NO_FLAGS = np.uint32(~FLIP_FLAGS & 0xFFFFFFFF)
@@ -135,10 +134,10 @@ class ArtReader:
             if values is None:
                 continue
             if level.terrain is None:
-                level.terrain = bare_ground(gids.shape)
+                level.terrain = Terrain.blank(gids.shape)
             name = values["name"]
-            self._numbers[name] = put_ground(level.terrain, gids == gid, values, self._numbers.get(name))
-            self.kinds.setdefault(name, TerrainKind(**values))
+            self._numbers[name] = level.terrain.put(gids == gid, values, self._numbers.get(name))
+            self.kinds.setdefault(name, TerrainKind.of(values))
 
     def _ground(self, gid, layer):
         tileset = self.reader.tileset_of(gid)

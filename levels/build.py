@@ -18,8 +18,8 @@ from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.engine.raster import Raster
 from flockbrush.engine.schedule import Schedule
 from flockbrush.engine.world import World
-from flockbrush.levels.schema import Level, Spawn, TerrainKind
-from flockbrush.levels.tilesets_data import TERRAINS
+from flockbrush.levels.schema import Level, Spawn
+from flockbrush.levels.terrain_kinds import TERRAINS, Terrain, TerrainKind, bare
 from flockbrush.systems import edits as _edits  # noqa: F401  a designer's commands are known wherever a level is
 from flockbrush.systems import program_commands as _program_commands
 from flockbrush.systems.binding import mixed_brushes, sheets_of
@@ -28,7 +28,19 @@ from flockbrush.systems.decide import Roles
 from flockbrush.systems.foresight import Ahead, Migrate, SeeAhead
 from flockbrush.systems.ground import Underfoot
 from flockbrush.systems.groups import measures_of, summary
-from flockbrush.systems.landscape import BARE, NATIVE, Above, Barrier, Exit, Goal, Guide, Landscape, Native, Painted
+from flockbrush.systems.landscape import (
+    BARE,
+    NATIVE,
+    OF_BARE,
+    Above,
+    Barrier,
+    Exit,
+    Goal,
+    Guide,
+    Landscape,
+    Native,
+    Painted,
+)
 from flockbrush.systems.life import Live, Nursery, SpawnArea, bear, births_due
 from flockbrush.systems.motion import Move
 from flockbrush.systems.named_regions import Regions, ZoneEvent
@@ -251,7 +263,7 @@ def regions_of(level):
 
 def landscape_of(level, palette):
     """The landscape of a level as the kernels want it."""
-    shape, terrain = level.shape, level.terrain
+    shape, terrain = level.shape, level.terrain or Terrain.blank(level.shape)
     height = level.height_map
     zones = compose_caps(
         shape, level.cell, None, None if level.factor is None else level.factor.values, None, level.zones
@@ -268,14 +280,15 @@ def landscape_of(level, palette):
         cap,
         np.full(shape, NATIVE, np.int16),
     )
-    factor = above.factor if terrain is None else terrain.speed_factor * above.factor
+    factor = terrain.speed_factor * above.factor
     kinds = kinds_of_ground(level)
     native = Native(
         factor.copy(),
-        np.ones(shape, bool) if terrain is None else terrain.walkable.copy(),
-        np.zeros(shape, bool) if terrain is None else terrain.blocks_view.copy(),
-        np.ones(shape) if terrain is None else terrain.cost.copy(),
-        np.full(shape, BARE, np.int16) if terrain is None else _kinds_of(terrain, kinds),
+        terrain.walkable.copy(),
+        terrain.blocks_view.copy(),
+        terrain.cost.copy(),
+        _kinds_of(terrain, kinds),
+        more={name: values for name, values in terrain.values.items() if name not in OF_BARE},
     )
     land = Landscape(
         level.width,
@@ -295,6 +308,7 @@ def landscape_of(level, palette):
         [Exit(e.polygon, e.name, e.id) for e in level.exits],
         _farthest_view(level, palette),
         kinds=kinds,
+        of_bare=bare(),
         painted=painted,
         above=above,
         native=native,
@@ -316,7 +330,7 @@ def _barrier(o):
 def kinds_of_ground(level):
     """What one can paint: the kinds of the level's tilesets, and the standard ones it does not have."""
     names = {kind.name for kind in level.kinds}
-    return [*level.kinds, *(TerrainKind(**kind) for kind in TERRAINS if kind["name"] not in names)]
+    return [*level.kinds, *(TerrainKind.of(kind) for kind in TERRAINS if kind["name"] not in names)]
 
 
 def _kinds_of(terrain, kinds):
@@ -428,19 +442,11 @@ def _grown(level):
     def grid(values, fill):
         return np.pad(values, pad, constant_values=fill)
 
-    terrain = level.terrain and dataclasses.replace(
-        level.terrain,
-        walkable=grid(level.terrain.walkable, True),
-        speed_factor=grid(level.terrain.speed_factor, 1.0),
-        cost=grid(level.terrain.cost, 1.0),
-        blocks_view=grid(level.terrain.blocks_view, False),
-        index=grid(level.terrain.index, -1),
-    )
     return dataclasses.replace(
         level,
         width=level.width + (before[0] + after[0]) * level.cell,
         height=level.height + (before[1] + after[1]) * level.cell,
-        terrain=terrain,
+        terrain=level.terrain and level.terrain.padded(pad),
         height_map=padded(level.height_map),
         cap=None if level.cap is None else Raster(level.cap.cell, grid(level.cap.values, np.inf)),
         factor=None if level.factor is None else Raster(level.factor.cell, grid(level.factor.values, 1.0)),

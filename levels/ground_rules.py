@@ -21,13 +21,12 @@ from flockbrush.engine import limits
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.levels.properties import Refused, convert
 from flockbrush.levels.schema import CLASSES
-from flockbrush.levels.tilesets_data import TERRAINS
+from flockbrush.levels.terrain_kinds import TERRAINS
 
 CONDITIONS = ("class", "property", "terrain", "tileset", "layer", "collision")
 OF_PROPERTY = "property"  # a value that the property itself gives
 _IDS = re.compile(r"\s((?:\d+(?:-\d+)?(?:,\s*)?)+)$")
 _TERRAIN = CLASSES["Terrain"]
-_SETTABLE = tuple(p.name for p in _TERRAIN.properties if p.name != "name")
 
 # words of other people's maps, and the ground they suggest
 _WORDS = {
@@ -157,8 +156,9 @@ def _ground(text, condition):
         key, equals, value = (word.strip() for word in part.partition("="))
         if not equals:
             raise Refused(f"there is no ground {part.strip()[:40]!r}{did_you_mean(part.strip(), known)}")
-        if key not in _SETTABLE:
-            raise Refused(f"ground has no {key[:40]!r}{did_you_mean(key, _SETTABLE)}")
+        settable = [p.name for p in _TERRAIN.properties if p.name != "name"]
+        if key not in settable:
+            raise Refused(f"ground has no {key[:40]!r}{did_you_mean(key, settable)}")
         values[key] = _value(key, value, condition)
     return values, condition
 

@@ -21,9 +21,10 @@ from flockbrush.levels.json_lines import parse
 from flockbrush.levels.properties import FilePlace, Report
 from flockbrush.levels.reader import LevelReader, kind_of
 from flockbrush.levels.schema import CLASSES, GROUP
+from flockbrush.levels.terrain_kinds import TERRAINS
 from flockbrush.levels.tile_data import FLIP_FLAGS, TileGrid
 from flockbrush.levels.tiled import _member, _tile
-from flockbrush.levels.tilesets_data import COLUMNS, SPEEDS, TERRAINS
+from flockbrush.levels.tilesets_data import COLUMNS, SPEEDS
 from flockbrush.levels.writer import dump
 from flockbrush.systems.commands import AddObstacle, MoveGoal, PaintBrush, PaintCap, PaintCells, RemoveObstacle
 from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing

@@ -8,7 +8,8 @@ import re
 import numpy as np
 from flockbrush.engine import limits
 from flockbrush.engine.problems import Problem, did_you_mean
-from flockbrush.levels.schema import CLASSES, COMPASS, ObjectClass, Property
+from flockbrush.levels.level_class import ObjectClass, Property
+from flockbrush.levels.schema import CLASSES, COMPASS
 
 _MAX_PROBLEMS = 1000
 _COLOUR = re.compile(r"#(?:[0-9a-fA-F]{2})?([0-9a-fA-F]{6})")

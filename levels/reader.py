@@ -22,12 +22,12 @@ from flockbrush.levels import geometry, schema
 from flockbrush.levels.art_reader import ArtReader
 from flockbrush.levels.checks import check_level
 from flockbrush.levels.files import DiskFiles, FileRefused, MemoryFiles, UnsavedFiles, project_folder
-from flockbrush.levels.ground_arrays import bare_ground, put_ground
 from flockbrush.levels.hints import layer_hints, level_hints, mixing_hints, paint_hints
 from flockbrush.levels.json_lines import JsonError, Node, parse
 from flockbrush.levels.objects import ObjectReader, bounds_of
 from flockbrush.levels.properties import FilePlace, Report, Values, is_number, read_properties, shown
-from flockbrush.levels.schema import CLASSES, BrushLayer, Level, TerrainKind
+from flockbrush.levels.schema import CLASSES, BrushLayer, Level
+from flockbrush.levels.terrain_kinds import Terrain, TerrainKind
 from flockbrush.levels.tile_data import decode, unpack
 from flockbrush.levels.tmx import count_tiles, is_xml, read_xml
 
@@ -352,7 +352,7 @@ class LevelReader:
             for tile in tileset.tiles.values():
                 if tile.cls == "Terrain" and tile.values is not None:
                     told = {**tile.values, "name": tile.values["name"] or tile.label}
-                    found.setdefault(told["name"], TerrainKind(**told))
+                    found.setdefault(told["name"], TerrainKind.of(told))
         return found
 
     def tileset_of(self, gid):
@@ -600,11 +600,11 @@ class LevelReader:
 
     def paint_terrain(self, level, gids, used, layer):
         if level.terrain is None:
-            level.terrain = bare_ground(gids.shape)
+            level.terrain = Terrain.blank(gids.shape)
         self.painted = gids > 0 if self.painted is None else self.painted | (gids > 0)
         for gid, tile in used.items():
             values = {**tile.values, "name": tile.values["name"] or tile.label}
-            self.known[gid] = put_ground(level.terrain, gids == gid, values, self.known.get(gid))
+            self.known[gid] = level.terrain.put(gids == gid, values, self.known.get(gid))
 
     def brush_layer(self, gids, used, layer):
         names = {gid: self.tile_brush(tile) for gid, tile in used.items()}

@@ -15,6 +15,8 @@ import numpy as np
 from flockbrush.engine import limits
 from flockbrush.engine.problems import Problem
 from flockbrush.engine.raster import Raster
+from flockbrush.levels.level_class import ObjectClass, Property
+from flockbrush.levels.terrain_kinds import PROPERTIES, Terrain, TerrainKind
 
 SCHEMA = "flockbrush-level/1"
 PROJECT_FILE = "flockbrush.tiled-project"
@@ -32,31 +34,6 @@ COMPASS = {
 
 
 # ---------------------------------------------------------------- what the reader gives
-
-
-@dataclass
-class Terrain:
-    """The ground, cell by cell; arrays are [iy, ix] with iy = 0 at the south edge."""
-
-    walkable: np.ndarray  # bool
-    speed_factor: np.ndarray  # multiplies speed
-    cost: np.ndarray  # what a metre costs on the way to a goal
-    blocks_view: np.ndarray  # bool
-    index: np.ndarray  # int16, into names; -1 where nothing is painted
-    names: list[str]  # of the kinds, "grass"
-    colours: list[str]  # of the kinds, "#rrggbb"
-
-
-@dataclass
-class TerrainKind:
-    """A kind of ground that a tileset has, painted or not."""
-
-    name: str
-    colour: str  # "#rrggbb"
-    walkable: bool = True
-    speed_factor: float = 1.0
-    cost: float = 1.0
-    blocks_view: bool = False
 
 
 @dataclass(frozen=True)
@@ -262,67 +239,6 @@ class Level:
 # ---------------------------------------------------------------- what Tiled may say
 
 
-@dataclass(frozen=True)
-class Property:
-    """One custom property as a designer sees it.
-
-    Parameters
-    ----------
-    kind : {"number", "int", "bool", "text", "colour", "enum", "heading", "brush", "program", "goal"}
-        ``heading`` is "random", a compass point or degrees counter-clockwise from east; ``brush``, ``program`` and
-        ``goal`` are names that must exist.
-    default
-        What an absent property means.  Tiled does not write defaults, so this is the only place they are.
-    low, high : float
-        Inclusive bounds.
-    above : float
-        Exclusive lower bound.
-    """
-
-    name: str
-    kind: str
-    default: Any
-    meaning: str
-    unit: str = ""
-    low: float | None = None
-    high: float | None = None
-    above: float | None = None
-    enum: str = ""
-    required: bool = False
-
-    @property
-    def values(self) -> tuple[str, ...]:
-        """What an enum property may be."""
-        return ENUMS[self.enum] if self.enum else ()
-
-
-@dataclass(frozen=True)
-class ObjectClass:
-    """One custom class: what may carry it, which shapes it takes, and its properties."""
-
-    name: str
-    use: str  # "map", "tile", "layer" or "object"
-    home: str  # name of the layer its objects are drawn on
-    colour: str
-    meaning: str
-    properties: tuple[Property, ...] = ()
-    shapes: tuple[str, ...] = ()  # "area", "line", "point"
-    open: bool = False  # takes further properties (the arguments of a command)
-
-    def property(self, name) -> Property | None:
-        """The property of this name."""
-        return next((p for p in self.properties if p.name == name), None)
-
-
-ENUMS: dict[str, tuple[str, ...]] = {
-    "Boundary": ("wall", "wrap", "open", "despawn"),
-    "ObstacleShape": ("box", "cylinder", "sphere", "plane", "hull"),
-    "OnArrive": ("stay", "despawn", "next", "disperse"),
-    "Blend": ("cover", "mix", "share"),
-    "Medium": ("brush", "ground", "air", "any"),
-    "Formation": ("scatter", "grid", "ring", "mill", "line"),
-}
-
 FAR = 1e6  # m; no level is larger
 _BRUSH = "a brush asset, by name, or a .brush.toml file relative to the level"
 _BOUNDS = (
@@ -364,16 +280,7 @@ CLASSES: dict[str, ObjectClass] = {
             "terrain",
             "#7aa04a",
             "a kind of ground",
-            (
-                Property("name", "text", "", "what it is called"),
-                Property("colour", "colour", "#b8c49a", "how it is drawn"),
-                Property("walkable", "bool", True, "false: no animal steps on it"),
-                Property("speed_factor", "number", 1.0, "multiplies speed; less is slower", low=0.01, high=10),
-                Property(
-                    "cost", "number", 1.0, "of a metre on the way to a goal; more is avoided", low=0.01, high=1000
-                ),
-                Property("blocks_view", "bool", False, "true: hides animals behind it"),
-            ),
+            PROPERTIES,
         ),
         ObjectClass(
             "Brush",

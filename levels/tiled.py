@@ -13,9 +13,11 @@ import numpy as np
 from flockbrush.behaviours.program import ProgramLibrary, shipped_programs
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError
-from flockbrush.levels.schema import CLASSES, ENUMS, PROJECT_FILE, ObjectClass, Property
+from flockbrush.levels.level_class import ENUMS, ObjectClass, Property
+from flockbrush.levels.schema import CLASSES, PROJECT_FILE
 from flockbrush.levels.sketch import LevelSketch
-from flockbrush.levels.tilesets_data import COLUMNS, SPEEDS, TERRAINS, TILE
+from flockbrush.levels.terrain_kinds import TERRAINS
+from flockbrush.levels.tilesets_data import COLUMNS, SPEEDS, TILE
 
 SESSION_FILE = PROJECT_FILE.replace("project", "session")
 BRUSHES_FILE = "tilesets/brushes.tsj"

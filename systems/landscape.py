@@ -15,6 +15,7 @@ from flockbrush.systems.terrain import NO_BRUSH, compose_blocked, relief_of
 from flockbrush.systems.visibility import Edges, edges_by_cell, no_edges
 
 BRUSHES_OWN = -1.0  # of `Landscape.transition`: the brush's own time
+OF_BARE = {"walkable": True, "blocks_view": False, "cost": 1.0, "speed_factor": 1.0}  # what nothing painted means
 NATIVE, BARE = -2, -1  # of `Painted.ground`: as the level was read; nothing painted
 SHAPES = ("box", "cylinder", "sphere", "plane", "hull")  # how an obstacle stands up from its outline
 PATIENCE = 8  # ticks without a change after which the navigation field is made anew: strokes come in pieces
@@ -114,6 +115,7 @@ class Native:
     cost: np.ndarray
     kind: np.ndarray  # (ny, nx) int16, index into `Landscape.kinds`, `BARE` where nothing was painted
     regular: np.ndarray | None = None  # (ny, nx) bool, where it is no other than its kind
+    more: dict[str, np.ndarray] = field(default_factory=dict)  # (ny, nx) of properties beyond those above
 
 
 @dataclass
@@ -143,7 +145,9 @@ class Landscape:
     relief : ndarray (my, mx, 3)
         See `flockbrush.systems.terrain.relief_of`.
     kinds : list
-        Kinds of ground one can paint: ``name``, ``walkable``, ``speed_factor``, ``cost``, ``blocks_view``.
+        Kinds of ground one can paint: ``name``, ``walkable``, ``speed_factor``, ``cost``, ``blocks_view`` and more.
+    of_bare : dict
+        The properties of ground on which nothing is painted.
     painted, above, native
         What `surface`, `brush`, `walkable`, `blind` and `cost` are composed of.
     stale : int or None
@@ -176,6 +180,7 @@ class Landscape:
     blocked: np.ndarray | None = None
     transition: np.ndarray | None = None
     kinds: list = field(default_factory=list)
+    of_bare: dict[str, Any] = field(default_factory=lambda: dict(OF_BARE))
     painted: Painted | None = None
     above: Above | None = None
     native: Native | None = None
@@ -205,10 +210,11 @@ class Landscape:
     def _regular(self):
         """(ny, nx) bool, where the ground as read is no other than its kind: there one may say so by its name."""
         native, everywhere = self.native, (..., slice(None))
-        told = [self._of_ground(name, None, native.kind, *everywhere) for name in _OF_BARE]
+        told = {name: self._of_ground(name, None, native.kind, *everywhere) for name in (*OF_BARE, *native.more)}
+        told["speed_factor"] = told["speed_factor"] * self.above.factor
         there = native.walkable, native.blind, native.cost, native.factor
-        told[3] = told[3] * self.above.factor
-        return np.logical_and.reduce([a == b for a, b in zip(told, there, strict=True)])
+        there = dict(zip(OF_BARE, there, strict=True)) | native.more
+        return np.logical_and.reduce([told[name] == there[name] for name in there])
 
     @property
     def wrap(self):
@@ -313,8 +319,21 @@ class Landscape:
 
     def _of_ground(self, name, native, ground, iy, ix):
         """One property of painted cells, the level's own where they are as it was read."""
-        told = np.array([getattr(kind, name) for kind in self.kinds] + [_OF_BARE[name]])[np.maximum(ground, BARE)]
+        told = np.array([getattr(kind, name) for kind in self.kinds] + [self.of_bare[name]])[np.maximum(ground, BARE)]
+        if name in self.native.more:
+            return np.where(ground == NATIVE, self.native.more[name][iy, ix], told)
         return told if native is None else np.where(ground == NATIVE, getattr(self.native, native)[iy, ix], told)
+
+    def ground_at(self, name, xyz):
+        """(n,) a property of the ground under places (n, 2 or 3) m; off the map that of the nearest cell.
+
+        Of those beyond `OF_BARE`: these have rasters of their own.
+        """
+        if name in OF_BARE:
+            raise ValueError(f"{name} is in the rasters of the landscape: walkable, blind, cost and surface")
+        (ny, nx), cells = self.brush.shape, np.asarray(xyz)[:, :2] / self.cell
+        ix, iy = np.clip(cells, 0, (nx - 1, ny - 1)).astype(int).T
+        return self._of_ground(name, None, self.painted.ground[iy, ix], iy, ix)
 
     # edges and fields -----------------------------------------------------------
 
@@ -478,7 +497,6 @@ class Landscape:
 
 
 _THINGS: dict[str, Any] = {"barriers": Barrier, "overhead": Barrier, "guides": Guide, "goals": Goal, "exits": Exit}
-_OF_BARE = {"walkable": True, "blocks_view": False, "cost": 1.0, "speed_factor": 1.0}
 _ARRAYS = ("polygon", "points", "xy", "corners")
 
 

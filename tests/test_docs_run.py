@@ -44,8 +44,13 @@ def reader(tmp_path, monkeypatch):
     from flockbrush.behaviours import behaviour
     from flockbrush.engine import commands
     from flockbrush.engine.parallel import set_threads, threads
+    from flockbrush.levels import terrain_kinds
 
-    before = threads()
+    from flockbrush.output import exporter
+
+    before, properties = threads(), list(terrain_kinds.PROPERTIES)
+    exporter.exporters()
+    monkeypatch.setattr(exporter, "_registry", dict(exporter._registry))
     monkeypatch.chdir(tmp_path)
     behaviour.behaviours()  # all known before, so that all are known again afterwards
     monkeypatch.setattr(behaviour, "_registry", dict(behaviour._registry))
@@ -54,6 +59,7 @@ def reader(tmp_path, monkeypatch):
     _level_of_the_readers(tmp_path)
     yield
     set_threads(before)
+    terrain_kinds.PROPERTIES[:] = properties
 
 
 def _level_of_the_readers(folder):

@@ -11,7 +11,8 @@ from typing import Any
 
 from flockbrush.behaviours import brush
 from flockbrush.behaviours.behaviour import behaviours
-from flockbrush.levels.schema import CLASSES, ObjectClass, Property
+from flockbrush.levels.level_class import ObjectClass, Property
+from flockbrush.levels.schema import CLASSES
 from flockbrush.studies import sweep_file
 from flockbrush.studies.experiments import experiments
 

@@ -149,20 +149,26 @@ def exporter(*endings):
     def register(kind):
         kind.endings = endings
         for ending in endings:
-            if _registry.setdefault(ending, kind) is not kind:
-                raise ValueError(f"two exporters for {ending}: {_registry[ending].__name__} and {kind.__name__}")
+            known = _registry.get(ending, kind)
+            if (known.__module__, known.__name__) != (kind.__module__, kind.__name__):
+                raise ValueError(f"two exporters for {ending}: {known.__name__} and {kind.__name__}")
+            _registry[ending] = kind
         return kind
 
     return register
 
 
 @cache
-def exporters() -> dict[str, type[Exporter]]:
-    """{ending: exporter}, in alphabetical order of the endings."""
+def _scan() -> None:
     from flockbrush.output import formats
 
     load_modules(formats)
     load_entry_points("flockbrush.exporters")
+
+
+def exporters() -> dict[str, type[Exporter]]:
+    """{ending: exporter}, in alphabetical order of the endings."""
+    _scan()
     return dict(sorted(_registry.items()))
 
 

@@ -15,7 +15,8 @@ from flockbrush.engine.raster import Raster
 from flockbrush.engine.state import state_hash
 from flockbrush.levels.build import DT, brushes_used, build, plane, scaled, systems
 from flockbrush.levels.reader import read_level
-from flockbrush.levels.schema import Area, BrushLayer, Exit, Goal, Guide, Key, Line, Terrain, Zone
+from flockbrush.levels.schema import Area, BrushLayer, Exit, Goal, Guide, Key, Line, Zone
+from flockbrush.levels.terrain_kinds import Terrain
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from small_herd import Shelf, box, brush, level, obstacle, spawn, straight, xy_of
@@ -193,10 +194,10 @@ def test_the_map_grows_where_a_larger_herd_would_not_fit_and_all_moves_along():
     kinds = np.zeros(shape, np.int16)
     walkable = np.ones(shape, bool)
     walkable[0, 0] = False
-    slow, plain, clear = np.full(shape, 0.5), np.ones(shape), np.zeros(shape, bool)
+    painted = {**Terrain.blank(shape).values, "walkable": walkable, "speed_factor": np.full(shape, 0.5)}
     ground = two_herds(
         boundary="wall",
-        terrain=Terrain(walkable, slow, plain, clear, kinds, ["sand"], ["#fff000"]),
+        terrain=Terrain(painted, kinds, ["sand"], ["#fff000"]),
         height_map=Raster(2.0, np.arange(400.0).reshape(20, 20)),
         cap=Raster(1.0, np.full(shape, 2.0)), factor=Raster(1.0, np.full(shape, 0.5)),
         brush_layers=[BrushLayer("brush", 1.0, ["run"], np.zeros(shape, np.int16))],

@@ -15,8 +15,10 @@ import pytest
 from flockbrush.behaviours.brush import shipped
 from flockbrush.components import Velocity
 from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.levels.level_class import ENUMS
 from flockbrush.levels.reader import read_level
-from flockbrush.levels.schema import CLASSES, ENUMS, tables
+from flockbrush.levels.schema import CLASSES, tables
+from flockbrush.levels.terrain_kinds import TERRAINS
 from flockbrush.levels.tiled import (
     BRUSHES_FILE,
     init,
@@ -28,7 +30,6 @@ from flockbrush.levels.tiled import (
     tile_order,
     write_project,
 )
-from flockbrush.levels.tilesets_data import TERRAINS
 from flockbrush.levels.writer import dump
 
 from flockbrush import levels

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from flockbrush.components import Heading
 from flockbrush.engine.state import restore, snapshot, state_hash
+from flockbrush.levels import terrain_kinds
 from flockbrush.levels.build import build
-from flockbrush.levels.schema import Goal, Key, Terrain
-from flockbrush.systems.commands import AddAnimals, AddObstacle, MoveGoal, PaintBrush, PaintCap
+from flockbrush.levels.schema import Goal, Key
+from flockbrush.levels.terrain_kinds import Terrain, TerrainKind, terrain_property
+from flockbrush.systems.commands import AddAnimals, AddObstacle, MoveGoal, PaintBrush, PaintCap, PaintCells
 from flockbrush.systems.landscape import Landscape, outline_edges
 from hypothesis import given
 from hypothesis import strategies as st
@@ -48,7 +50,12 @@ def test_water_keeps_bodies_out_and_a_hedge_hides():
     shape = (40, 40)
     water, hedge = np.zeros(shape, bool), np.zeros(shape, bool)
     water[10:20, 25:30], hedge[10:20, 10:15] = True, True
-    ground = Terrain(~water, np.ones(shape), np.ones(shape), hedge, np.zeros(shape, np.int16), ["grass"], ["#00ff00"])
+    ground = Terrain(
+        {**Terrain.blank(shape).values, "walkable": ~water, "blocks_view": hedge},
+        np.zeros(shape, np.int16),
+        ["grass"],
+        ["#00ff00"],
+    )
     land = land_of(meadow(WALK, terrain=ground))
     assert sorted(map(tuple, land.solid.ends.tolist())) == [
         (25, 10, 25, 20), (25, 10, 30, 10), (25, 20, 30, 20), (30, 10, 30, 20),
@@ -61,6 +68,26 @@ def test_water_keeps_bodies_out_and_a_hedge_hides():
         simulation.tick()
         x, y = simulation.agents.arrays and simulation.agents[next(iter(simulation.agents.arrays))][0, :2]
         assert not (25 < x < 30 and 10 < y < 20)
+
+
+def test_a_further_property_of_the_ground_is_read_painted_and_undone(monkeypatch):
+    monkeypatch.setattr(terrain_kinds, "PROPERTIES", list(terrain_kinds.PROPERTIES))
+    terrain_property("depth", 0.5, "how deep animals sink in", "m", low=0, high=2)
+    ground, mud, swamp = Terrain.blank((40, 40)), {"name": "mud", "colour": "#83705a"}, TerrainKind("swamp", "#333333")
+    west = np.zeros((40, 40), bool)
+    west[:, :20] = True
+    ground.put(west, {**terrain_kinds.bare(), **mud, "depth": 0.3})
+    swamp.values["depth"] = 2.0
+    simulation = meadow(WALK, terrain=ground, kinds=[swamp])  # no tileset has this mud: it is as it was read
+    land, places = land_of(simulation), [(1.5, 1.5, 0.0), (30.0, 1.5, 0.0), (-9.0, 99.0, 0.0)]
+    assert land.ground_at("depth", places).tolist() == [0.3, 0.5, 0.3]
+    before = snapshot(simulation.world)
+    PaintCells("surface", ["swamp"], [[1, 0, 40, 0]]).apply(simulation.world)
+    assert land.ground_at("depth", places).tolist() == [2.0, 2.0, 0.3]
+    restore(simulation.world, before)
+    assert land.ground_at("depth", places).tolist() == [0.3, 0.5, 0.3]
+    with pytest.raises(ValueError, match="rasters of the landscape"):
+        land.ground_at("cost", places)
 
 
 def test_on_a_wrapped_map_obstacles_stand_beyond_the_seam_too():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from flockbrush.components import Body, Vision
-from flockbrush.levels.schema import Terrain
+from flockbrush.levels.terrain_kinds import Terrain
 from flockbrush.systems.senses import Near, ObstaclesInSight, Sight
 from hypothesis import given
 from hypothesis import strategies as st
@@ -87,7 +87,12 @@ def test_each_wall_of_the_map_and_the_shore_are_felt_as_one_obstacle_each():
     walkable = np.ones(shape, bool)
     walkable[0:4, 4:6] = False
     kinds = np.zeros(shape, np.int16)
-    ground = Terrain(walkable, np.ones(shape), np.ones(shape), np.zeros(shape, bool), kinds, ["x"], ["#000000"])
+    ground = Terrain(
+        {**Terrain.blank(shape).values, "walkable": walkable},
+        kinds,
+        ["x"],
+        ["#000000"],
+    )
     simulation = meadow(WALK, boundary="wall", terrain=ground)
     put(simulation, [(2.0, 1.5)], 0.0)
     simulation.tick()

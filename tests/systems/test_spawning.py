@@ -7,7 +7,7 @@ import pytest
 from flockbrush.components import Body
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.problems import ProblemsError
-from flockbrush.levels.schema import Terrain
+from flockbrush.levels.terrain_kinds import Terrain
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.life import inside_polygon
 from flockbrush.systems.population import give_birth
@@ -134,7 +134,12 @@ def test_nobody_is_born_in_the_water():
     walkable = np.ones(shape, bool)
     walkable[:, 20:] = False
     kinds = np.zeros(shape, np.int16)
-    ground = Terrain(walkable, np.ones(shape), np.ones(shape), np.zeros(shape, bool), kinds, ["x"], ["#000000"])
+    ground = Terrain(
+        {**Terrain.blank(shape).values, "walkable": walkable},
+        kinds,
+        ["x"],
+        ["#000000"],
+    )
     simulation = meadow(WALK, terrain=ground, spawns=[spawn(box(15, 5, 25, 35), "walk", 40)])
     assert (xy_of(simulation)[:, 0] < 20).all()
 
