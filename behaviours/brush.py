@@ -407,7 +407,7 @@ class BrushLibrary(FileLibrary):
     def path_between(self, start: str, end: str) -> tuple[str, bytes] | None:
         """(file, bytes) of the measured path between two brushes, either way; None where nobody measured it."""
         bases = (f"{start}--{end}{PATH_SUFFIX}", f"{end}--{start}{PATH_SUFFIX}")
-        file = next(filter(None, map(self.find, bases)), None)
+        file = next(filter(None, map(self.file_called, bases)), None)
         return (file.name, self.bytes_of(file)) if file else None
 
     def problems(self) -> list[Problem]:

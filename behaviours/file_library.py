@@ -47,16 +47,16 @@ class FileLibrary:
             bases.update(path.name for path in folder.glob(f"*{self.suffix}"))
         return sorted(name for name in (base.removesuffix(self.suffix) for base in bases) if NAME.fullmatch(name))
 
-    def find(self, base: str) -> Path | None:
+    def file_called(self, base: str) -> Path | None:
         """The file of this base name; the bare name where it is embedded, None where there is none."""
         if base in self._files:
             return Path(base)
         return next((folder / base for folder in self.folders if (folder / base).exists()), None)
 
     def file_of(self, name: str) -> Path | None:
-        """The file of a valid name, as `find` tells it."""
-        return self.find(name + self.suffix)
+        """The file of a valid name, as `file_called` tells it."""
+        return self.file_called(name + self.suffix)
 
     def bytes_of(self, file: Path) -> bytes:
-        """What is in a file that `find` gave; ProblemsError where it cannot be read."""
+        """What is in a file that `file_called` gave; ProblemsError where it cannot be read."""
         return self._files[file.name] if file.name in self._files else read_bytes(file)
