@@ -14,8 +14,9 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
+from flockbrush.engine import locks
 from flockbrush.engine.files import cache_folder, private_folder
-from flockbrush.engine.locks import take
+from flockbrush.engine.shipped_kernels import take
 
 BESIDE = Path(__file__).with_name("__pycache__")  # what is true of this folder is true of those of other rooms
 LOCK = "flockbrush.lock"  # in each folder of kernels
@@ -43,6 +44,7 @@ def prepare(house, version) -> str:
         return ""
     installed = _place_of_installed(Path(house), version)
     if not told and installed is not None and can_write(installed):
+        take(house, installed)
         _use(installed)
         return ""
     if can_write(BESIDE) or can_write(own):
@@ -53,6 +55,7 @@ def prepare(house, version) -> str:
     if place is None or not can_write(place):  # numba unpickles what lies there: nobody else may write it
         _keep_nothing()
         return f"compiled kernels cannot be stored: neither {tried} can be written; every start compiles; {LAST}"
+    take(house, place)
     _use(place)
     return f"compiled kernels are kept in {place}: neither {tried} can be written; {LAST}"
 
@@ -109,7 +112,7 @@ def _turn(place):
         return
     with file:
         deadline = time.monotonic() + WAIT
-        while take(file) is False and time.monotonic() < deadline:
+        while locks.take(file) is False and time.monotonic() < deadline:
             time.sleep(0.002)
         yield
 

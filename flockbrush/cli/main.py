@@ -550,6 +550,25 @@ def doctor(json: Json = False):
     examine(json)
 
 
+@app.command("build-wheel")
+def build_wheel(
+    out: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where the wheel is written.")] = Path("dist"),
+    level: Annotated[
+        list[str] | None,
+        typer.Option(metavar="LEVEL", help="Whose kernels are compiled; may be repeated; default: meadow."),
+    ] = None,
+    cpu: Annotated[
+        list[str] | None,
+        typer.Option(metavar="CPU", help="x86-64-v4 or x86-64-v3; may be repeated; default: both."),
+    ] = None,
+):
+    """Build a wheel of this checkout that brings its kernels compiled."""
+    from flockbrush.cli.build_wheel import build
+    from flockbrush.engine.shipped_kernels import CPUS
+
+    build(out, level or ["meadow"], cpu or list(CPUS))
+
+
 # levels ----------------------------------------------------------------------------------
 
 

@@ -61,11 +61,20 @@ class CompileAhead:
             if threads() > 1 and is_kept(kernel) and stored_kernels() < FEW_STORED:
                 self._begin()
         elif self._helpers and not self._ended:
-            self._ended = True
-            try:
-                self._compile_all()
-            finally:
-                self.close()
+            self._compile_found()
+
+    def compile_now(self):
+        """Compile all that the work will need, without doing it."""
+        self._begun = True
+        self._begin()
+        self._compile_found()
+
+    def _compile_found(self):
+        self._ended = True
+        try:
+            self._compile_all()
+        finally:
+            self.close()
 
     def _begin(self):
         self._scouting = True

@@ -28,6 +28,7 @@ def scout(parent, work):
     simulation = run.start(**work | {"agents": _few(work)})
     simulation.run(TICKS)
     simulation.measures()
+    simulation.parts()
     state_hash(simulation.world)
 
 

@@ -58,6 +58,7 @@ def test_a_scout_finds_the_kernels_of_a_run_with_the_types_of_the_run(level):
     simulation = run.start(level)
     simulation.run(2)
     simulation.measures()
+    simulation.parts()
     state_hash(simulation.world)
     names = {f"{call.module}.{call.name}" for call in calls}
     assert {"flockbrush.systems.sight.look", "flockbrush.systems.grid._sort"} <= names

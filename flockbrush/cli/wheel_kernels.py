@@ -1,0 +1,20 @@
+"""Compiles all kernels that some levels begin with; `build-wheel` runs this for each processor, in its own process."""
+
+from __future__ import annotations
+
+import sys
+
+
+def main(house, *levels):
+    """Compile the kernels of levels with the package that lies in a folder."""
+    import flockbrush
+    from flockbrush.runs.compile_ahead import CompileAhead
+
+    if not flockbrush.__file__.startswith(house):
+        sys.exit(f"{flockbrush.__file__} is not below {house}")
+    for level in levels:
+        CompileAhead({"name": level, "seed": None, "agents": None, "brush": None}).compile_now()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
