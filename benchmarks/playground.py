@@ -55,8 +55,9 @@ class Playground:
         self.session.play()
         self.app = App(self.session, SIZE, "light")
         self.app.notify = _silent
-        if space:
+        if space != self.app.canvas.in_space:  # levels of birds open in space
             self.app.toggle_space()
+        if space and not self.app.canvas.follows:
             self.app.toggle_follow()
 
     def frames(self, count):

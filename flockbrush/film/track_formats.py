@@ -51,7 +51,8 @@ def csv_table(path) -> TrackTable:
         where |= {"x": lower.index("location-long"), "y": lower.index("location-lat")}
     _need(path, where, lower)
     heading = lower.index("heading") if "heading" in lower and not degrees else None
-    return _long_table(path, lower, where, *_parsed(path, rows, where, heading), degrees)
+    columns, names, animal = _parsed(path, rows, where, heading)
+    return _long_table(path, lower, where, columns, names, animal, degrees)
 
 
 def _split(row):
@@ -300,7 +301,8 @@ def _column(values):
 
 def _deeplabcut(path, header, rows) -> TrackTable:
     """CSV with three or four rows of names: scorer, individuals, body parts, coords.  The mean of the parts."""
-    heads, first = {}, (0, header)
+    heads: dict[str, list[str]] = {}
+    first: tuple | None = (0, header)
     while first is not None and first[1] and (name := first[1][0].strip().lower()) in _HEADS and name not in heads:
         heads[name] = [cell.strip() for cell in first[1][1:]]
         first = next(((line, _split(row)) for line, row in rows), None)

@@ -16,6 +16,7 @@ from flockbrush.render.sprites import KINDS, LEADER, NO_WINGS, WINGSPAN
 
 SMALLEST = 6.0  # pixels; animals farther away are drawn as long as this, to be seen at all
 FINE = 13.0  # pixels; shorter bodies have fewer triangles
+COARSE = 10.0  # pixels; bodies shorter than this are two or three triangles, and one for each wing
 LEGS = 16.0  # pixels; shorter beasts have no legs
 BELLY, BACK = 0.26, 0.62  # body lengths above its feet, of a beast
 BEATS = 0.62  # rad that a wing goes up and down at the shoulder
@@ -84,7 +85,10 @@ def draw_bodies(frame, depth, clip, cam, order, xyz, forward, up, length, radius
         _inks(ink, colours[look[i]], look[i] % KINDS, beat[i] > NO_WINGS)
         _fade(ink, haze, fog)
         thick = min(max(radius[i] / length[i], 0.06), 0.5)
-        if walks[i]:
+        far = long < COARSE
+        if far:
+            count = _far_body(points, walks[i], beat[i], long)
+        elif walks[i]:
             count = _beast(points, thick, long)
         else:
             count = _bird(points, beat[i], long)
@@ -98,7 +102,12 @@ def draw_bodies(frame, depth, clip, cam, order, xyz, forward, up, length, radius
             )
             places[k, 0], places[k, 1] = cam[13] + cam[12] * rx / rz, cam[14] - cam[12] * ry / rz
         near = share / cam[12] * 1.002
-        if walks[i]:
+        if far:
+            if walks[i]:
+                _draw_far_beast(frame, depth, clip, places, light, seen, uz, ink, near, max(thick, 0.14), long)
+            else:
+                _draw_far_bird(frame, depth, clip, points, places, light, seen, uz, ink, near, long, count > 3)
+        elif walks[i]:
             _draw_beast(frame, depth, clip, points, places, light, seen, uz, ink, near, long)
         else:
             _draw_bird(frame, depth, clip, points, places, light, seen, uz, ink, near, long, beat[i] > NO_WINGS)
@@ -159,6 +168,108 @@ def _facet(frame, depth, clip, points, places, light, seen, lift, a, b, c, ink, 
         frame, depth, clip, places[a, 0], places[a, 1], places[b, 0], places[b, 1], places[c, 0], places[c, 1], near,
         min(ink[0] * shine, 255.0), min(ink[1] * shine, 255.0), min(ink[2] * shine, 255.0), 1.0,
     )  # fmt: skip
+
+
+# far away ------------------------------------------------------------------------------
+
+
+@kernel
+def _far_body(points, walks, beat, long):
+    """Corners of a body that is a few pixels long: both ends, its middle, and wings of three corners; how many."""
+    if walks:
+        middle = 0.5 * (BELLY + BACK)
+        _put(points, 0, 0.56, 0.0, middle + 0.08)
+        _put(points, 1, -0.46, 0.0, middle)
+        _put(points, 2, 0.28, 0.0, middle)
+        return 3
+    _put(points, 0, 0.46, 0.0, 0.01)
+    _put(points, 1, -0.52, 0.0, 0.02)
+    _put(points, 2, 0.08, 0.0, 0.0)
+    if not beat > NO_WINGS:
+        return 3
+    arm, hand, root = BEATS * beat, BEATS * beat * 1.25 - 0.10, 0.7 * (0.085 + 0.35 / long)
+    wrist, rest = 0.20 * WINGSPAN, 0.30 * WINGSPAN
+    out, high = wrist * np.cos(arm) + rest * np.cos(hand), wrist * np.sin(arm) + rest * np.sin(hand)
+    for side in range(2):
+        s, k = (1.0, -1.0)[side], 3 + 3 * side
+        _put(points, k, 0.21, s * root, 0.02)
+        _put(points, k + 1, -0.15, s * root, 0.02)
+        _put(points, k + 2, -0.05, s * (root + out), 0.02 + high)
+    return 9
+
+
+@kernel
+def _far_shine(light, seen, lift):
+    """How bright a long body is on the side that it turns to the eye."""
+    size = max(np.sqrt(seen[1] * seen[1] + seen[2] * seen[2]), 1e-9)
+    facing = (seen[1] * light[1] + seen[2] * light[2]) / size
+    return 0.60 + 0.12 * seen[2] / size * lift + (0.42 * facing if facing > 0 else 0.10 * facing)
+
+
+@kernel
+def _across(places, wide):
+    """A step of so many pixels across the line from the tail to the bill, and one of a pixel along it."""
+    dx, dy = places[0, 0] - places[1, 0], places[0, 1] - places[1, 1]
+    far = max(np.sqrt(dx * dx + dy * dy), 1e-9)
+    return -dy / far * wide, dx / far * wide, dx / far, dy / far
+
+
+@kernel
+def _spread(frame, depth, clip, ax, ay, bx, by, cx, cy, near, ink, shine):
+    """One triangle in a colour that is lit."""
+    red, green, blue = min(ink[0] * shine, 255.0), min(ink[1] * shine, 255.0), min(ink[2] * shine, 255.0)
+    draw_triangle(frame, depth, clip, ax, ay, bx, by, cx, cy, near, red, green, blue, 1.0)
+
+
+@kernel
+def _draw_far_bird(frame, depth, clip, points, places, light, seen, lift, ink, near, long, winged):
+    """The wing on the far side, both halves of the body, the wing on the near side."""
+    flat, far = np.bool_(False), 0 if seen[1] < 0 else 3
+    a, b, c = np.int64(3), np.int64(4), np.int64(5)
+    if winged:
+        for k in range(3):
+            ink[3, k] += 0.3 * (ink[2, k] - ink[3, k])
+        _facet(frame, depth, clip, points, places, light, seen, lift, a + far, c + far, b + far, ink[3], near, flat)
+    px, py, _, _ = _across(places, 0.085 * long + 0.35)
+    x, y, shine = places[2, 0], places[2, 1], _far_shine(light, seen, lift)
+    for half in range(2):  # the end that is farther away comes first
+        end = 1 - half if seen[0] > 0 else half
+        _spread(
+            frame,
+            depth,
+            clip,
+            places[end, 0],
+            places[end, 1],
+            x + px,
+            y + py,
+            x - px,
+            y - py,
+            near,
+            ink[1 - end],
+            shine,
+        )
+    if winged:
+        far = 3 - far
+        _facet(frame, depth, clip, points, places, light, seen, lift, a + far, c + far, b + far, ink[3], near, flat)
+
+
+@kernel
+def _draw_far_beast(frame, depth, clip, places, light, seen, lift, ink, near, thick, long):
+    """A trunk as a bar, `thick` body lengths to each side of its middle, and a head, the farther one first."""
+    away = max(np.sqrt(seen[0] ** 2 + seen[1] ** 2 + seen[2] ** 2), 1e-9)
+    high = 0.5 * (BACK - BELLY)
+    px, py, ex, ey = _across(places, long * (high * abs(seen[1]) + thick * abs(seen[2])) / away)
+    more = long * high * abs(seen[0]) / away  # of its front or its back is seen
+    ax, ay = places[1, 0] - more * ex, places[1, 1] - more * ey
+    bx, by = places[2, 0] + more * ex, places[2, 1] + more * ey
+    shine = _far_shine(light, seen, lift)
+    for part in range(2):
+        if part == (0 if seen[0] > 0 else 1):
+            _spread(frame, depth, clip, ax + px, ay + py, ax - px, ay - py, bx + px, by + py, near, ink[0], shine)
+            _spread(frame, depth, clip, ax - px, ay - py, bx + px, by + py, bx - px, by - py, near, ink[0], shine)
+        else:
+            x, y, sx, sy = places[0, 0], places[0, 1], 0.6 * px, 0.6 * py
+            _spread(frame, depth, clip, bx + sx, by + sy, bx - sx, by - sy, x, y, near, ink[1], shine)
 
 
 # birds ---------------------------------------------------------------------------------

@@ -292,15 +292,25 @@ def draw_spots(frame, depth, clip, cam, floor, xyz, forward, along, aside, red, 
         if abs(turn) < 0.02:  # pixels: too flat or too far to be seen
             continue
         left, right, top, bottom = window(clip, x, y, reach_x + 1, reach_y + 1)
+        a, b, c, d, hides = a / turn, b / turn, c / turn, d / turn, NEARER / rz
+        square = c * c + d * d
         for row in range(top, bottom):
-            for col in range(left, right):
-                dx, dy = col + 0.5 - x, row + 0.5 - y
-                u, v = (d * dx - b * dy) / turn, (a * dy - c * dx) / turn
+            dy = row + 0.5 - y
+            # the ellipse is where square dx² - 2 cross dx + rest < 0
+            cross, rest = (b * d + a * c) * dy, (a * a + b * b) * dy * dy - 1.0
+            root = cross * cross - square * rest
+            if root <= 0.0:
+                continue
+            root = np.sqrt(root)
+            first, last = x - 0.5 + (cross - root) / square, x - 0.5 + (cross + root) / square
+            for col in range(max(left, int(np.ceil(first))), min(right, int(np.floor(last)) + 1)):
+                dx = col + 0.5 - x
+                u, v = d * dx - b * dy, a * dy - c * dx
                 far = u * u + v * v
-                if far >= 1.0 or depth[row, col] > NEARER / rz:
+                if far >= 1.0 or depth[row, col] > hides:
                     continue
                 soft = 1.0 - far
-                over(frame, row, col, red, green, blue, alpha[i] * min(1.6 * soft, 1.0) * soft**0.5)
+                over(frame, row, col, red, green, blue, alpha[i] * min(1.6 * soft, 1.0) * np.sqrt(soft))
 
 
 @kernel

@@ -9,7 +9,7 @@ import pytest
 
 from flockbrush.output.pictures import herd_of
 from flockbrush.render import DrawnHerd, Painter, Scenery
-from flockbrush.render.body_meshes import attitude_of, standing
+from flockbrush.render.body_meshes import COARSE, attitude_of, standing
 from flockbrush.render.orbit import OrbitCamera
 from flockbrush.render.solid_meshes import block, hull, stood_up
 from flockbrush.render.space_view import SpacePainter, sky_of
@@ -371,6 +371,25 @@ def test_beasts_on_the_ground_stand_on_it_with_legs():
 def test_far_animals_are_still_seen():
     _, ink = drawn(camera(elevation=20.0, distance=3000.0), birds((0, 0, 5.0)))
     assert 8 < ink.sum() < 120
+
+
+@pytest.mark.parametrize("wings", [0.0, np.nan])
+def test_the_few_triangles_of_a_far_animal_cover_what_its_body_would(wings):
+    """Just shorter than `COARSE` pixels, and just longer: as large for its size, and of one colour."""
+    sizes, colours = [], []
+    for long in (0.93 * COARSE, 1.07 * COARSE):
+        covered, tints = 0, []
+        for azimuth in range(0, 360, 30):
+            look = camera(azimuth=azimuth, distance=20.0)
+            look = camera(azimuth=azimuth, distance=look.focal / long)
+            height = 0.0 if np.isnan(wings) else 2.0
+            frame, where = drawn(look, birds((0, 0, height), wings=np.array([wings])))
+            covered += where.sum()
+            tints.append(frame[where].mean(0))
+        sizes.append(covered / long**2)
+        colours.append(np.mean(tints, axis=0))
+    assert sizes[0] == pytest.approx(sizes[1], rel=0.3)
+    np.testing.assert_allclose(*colours, atol=25)
 
 
 def test_the_ground_of_a_level_lies_where_the_plan_has_it():
