@@ -209,6 +209,39 @@ def test_the_rules_find_those_who_break_them():
     assert machine_dependent("@njit(fastmath=False)\ndef f(): pass") == []
 
 
+WIDE = 100  # columns of prose in Markdown
+NOT_YET_WRAPPED = {
+    "README.md",
+    "brushes.md",
+    "fields.md",
+    "how-to.md",
+    "learning.md",
+    "benchmark-tracks.md",
+    "species.md",
+}
+PAGES = [*HOUSE.glob("*.md"), *(HOUSE / "docs").rglob("*.md")]
+
+
+def long_lines(text):
+    """Numbers of the lines of prose that are too long: not code, tables, pictures, or words that cannot be broken."""
+    code, found = False, []
+    for number, line in enumerate(text.split("\n"), 1):
+        fence = line.lstrip().startswith("```")
+        code ^= fence
+        prose = not (code or fence or line.startswith(("|", "    ", "![", "<")))
+        if prose and len(line) > WIDE and " " in line.strip():
+            found.append(number)
+    return found
+
+
+def test_prose_of_the_documentation_is_wrapped():
+    pages = [path for path in PAGES if path.name not in {"CHANGELOG.md", *NOT_YET_WRAPPED}]
+    assert len(pages) > 15
+    found = {named(path): long_lines(path.read_text(encoding="utf-8")) for path in pages}
+    assert {page: lines for page, lines in found.items() if lines} == {}, f"wrap these lines at {WIDE} columns"
+    assert long_lines("a " * 51 + "\n```\n" + "a " * 51 + "\n```\n| " + "a " * 51) == [1]
+
+
 @pytest.fixture(scope="module")
 def loaded():
     """Top-level names in memory once every module of the running rooms has been imported."""
