@@ -217,12 +217,19 @@ class Measure:
     low: float | None = None
     high: float | None = None
     plotted: bool = False
+    title: str = ""  # in plots
+
+    @property
+    def axis(self) -> str:
+        """What an axis of plots says: the measure spelled out, and its unit."""
+        words = self.title or self.name.replace("_", " ")
+        return f"{words}, {self.unit}" if self.unit else words
 
 
 _registry: dict[str, Measure] = {}
 
 
-def measure(name, unit="", meaning="", low=None, high=None, plotted=False):
+def measure(name, unit="", meaning="", low=None, high=None, plotted=False, title=""):
     """Register ``function(herd: HerdMoment) -> float`` as a measure.
 
     The command line, `Simulation.measures`, sweeps, plots and the documentation know it from then on.
@@ -237,6 +244,8 @@ def measure(name, unit="", meaning="", low=None, high=None, plotted=False):
         Bounds that hold for every herd: the axis of plots.
     plotted : bool
         Whether `flockbrush measure --plot` draws it.
+    title : str
+        What plots call it; the name unless given.
 
     Raises
     ------
@@ -249,7 +258,7 @@ def measure(name, unit="", meaning="", low=None, high=None, plotted=False):
         if known is not None and known.compute.__module__ != function.__module__:
             raise ValueError(f"measure {name!r} is already in {known.compute.__module__}")
         words = meaning or (function.__doc__ or "").strip().split("\n")[0].rstrip(".")
-        _registry[name] = Measure(name, function, words, unit, low, high, plotted)
+        _registry[name] = Measure(name, function, words, unit, low, high, plotted, title)
         return function
 
     return register
@@ -313,7 +322,9 @@ def _speed_std(herd):
     return float(compute_speed(herd.velocity).std()) if len(herd.xyz) else np.nan
 
 
-@measure("nnd", "m", "distance to the nearest neighbour, mean", low=0, plotted=True)
+@measure(
+    "nnd", "m", "distance to the nearest neighbour, mean", low=0, plotted=True, title="nearest neighbour distance"
+)  # fmt: skip
 def _nnd(herd):
     return float(np.mean(compute_nnd(herd.places, herd.wrap))) if len(herd.xyz) > 1 else np.nan
 

@@ -40,8 +40,8 @@ class ChartPanel(NamedTuple):
     words: list[str] | None = None  # x counts these when it is no number: the panel then has a row for each
 
 
-def draw_chart(path, title, panels, theme="light"):
-    """Draw panels, three to a row, and one legend for all."""
+def draw_chart(path, title, panels, theme="light", note=""):
+    """Draw panels, three to a row, one legend for all, and below the title what lines and bars are (`note`)."""
     look = theme_of(theme)
     columns = min(COLUMNS, max(len(panels), 1))
     rows = max(1, math.ceil(len(panels) / columns))
@@ -53,6 +53,8 @@ def draw_chart(path, title, panels, theme="light"):
     colours = {name: rgb(PALETTE[k % len(PALETTE)]) for k, name in enumerate(names)}
     end = _legend(canvas, colours, names, width - GAP, look)
     canvas.words(shortened(title, 21, end - GAP - 20), (GAP, HEAD / 2 - 4), 21, look.ink, anchor=(0, 0.5))
+    if note:
+        canvas.words(shortened(note, 14, width - 2 * GAP), (GAP, HEAD - 11), 14, look.muted, anchor=(0, 0.5))
     for k, panel in enumerate(panels):
         left, top = GAP + k % columns * (PANEL[0] + GAP), HEAD + k // columns * (PANEL[1] + GAP)
         _panel(canvas, (left, top), panel, colours, names, look)

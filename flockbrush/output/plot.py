@@ -10,6 +10,7 @@ from flockbrush.render import write_png
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_terrain import nice
 from flockbrush.render.style import PALETTE, rgb, theme_of
+from flockbrush.render.text import shortened
 from flockbrush.systems.measures import measures
 
 PANEL = 620, 260  # pixels
@@ -56,8 +57,10 @@ def _panel(canvas, corner, time, values, name, colour, look):
         y = box[3] - (np.asarray(v) - low) / (high - low) * (box[3] - box[1])
         return np.stack([x, y], axis=-1)
 
-    unit = f", {known.unit}" if known and known.unit else ""
-    canvas.words(name.replace("_", " ") + unit, (left, top + 10), 17, look.ink, anchor=(0, 0.5))
+    used = canvas.words(known.axis if known else name, (left, top + 10), 17, look.ink, anchor=(0, 0.5))
+    if known is not None:
+        meaning = shortened(known.meaning, 13, wide - used - 24)
+        canvas.words(meaning, (left + used + 16, top + 11), 13, look.muted, anchor=(0, 0.5))
     for value in np.arange(round(low / step), round(high / step) + 1) * step:
         canvas.line(at([start, stop], [value, value]), 1, look.muted, 0.25)
         canvas.words(f"{value:.6g}", at(start, value) - (8, 0), 13, look.muted, anchor=(1, 0.5))

@@ -59,6 +59,13 @@ class Experiment:
     name: ClassVar[str]
     batch: ClassVar[int] = 1  # runs handed to a worker at once
     units: Mapping[str, str] = {}  # of measures, for plots and tables
+    settings: ClassVar[type[Parameters] | None] = None  # what a sweep may set, with units
+
+    def unit_of(self, parameter: str) -> str:
+        """Unit of a parameter, "" where there is none."""
+        field = self.settings.model_fields.get(parameter) if self.settings else None
+        extra = field.json_schema_extra if field is not None else None
+        return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
 
     def ready(self, parameters: dict[str, Any], folder: Path) -> Ready:
         """Check parameters as a file gives them, by dotted name; `Mistakes`."""
@@ -110,6 +117,7 @@ class LevelRuns(Experiment):
     """Runs a level and takes the measures of its last moment."""
 
     name = "level"
+    settings = LevelParameters
 
     @property
     def units(self):
@@ -241,6 +249,7 @@ class VRules(Experiment):
 
     name = "v_rules"
     batch = 50
+    settings = FlockParameters
     units = {
         "time": "steps",
         "distance": "wingspans",

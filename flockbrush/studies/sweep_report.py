@@ -17,8 +17,10 @@ from flockbrush.runs.terminal import number, print_line, styled, table
 from flockbrush.runs.terminal import show as print_table
 from flockbrush.studies.sweep import Journal
 from flockbrush.studies.sweep_file import Sweep
+from flockbrush.systems.measures import measures
 
 SHOWN_FAILURES = 10
+NOTE = "marks: means over seeds; bars: standard error of the mean, each way"
 MOST_CURVES = 8
 WIDE = 160  # characters of a table; more stands in the files
 
@@ -247,7 +249,7 @@ def write_files(sweep: Sweep, journal: Journal, found, folder, theme="light") ->
     if panels:
         written.append(folder / "means.png")
         with whole(written[-1]) as temporary:
-            draw_chart(temporary, sweep.title or sweep.name, panels, theme)
+            draw_chart(temporary, sweep.title or sweep.name, panels, theme, NOTE)
     return written + sweep.experiment.pictures(sweep, rows, folder, theme)
 
 
@@ -332,13 +334,28 @@ def panels_of(sweep: Sweep, found) -> list[ChartPanel]:
             )
             order = np.argsort(x)
             y, e = (np.array([s["means"][measure][what] for s in points], float) for what in ("mean", "error"))
-            name = "" if lines is None else f"{lines} {_plain(group)}"
+            name = "" if lines is None else f"{lines} {_with_unit(group, sweep.experiment.unit_of(lines))}"
             curves.append(ChartCurve(name, x[order], y[order], e[order]))
         if curves:
-            unit = sweep.experiment.units.get(measure)
-            title = measure.replace("_", " ") + (f", {unit}" if unit else "")
-            panels.append(ChartPanel(title, across, curves[:MOST_CURVES], words))
+            unit = sweep.experiment.unit_of(across)
+            along = across + (f", {unit}" if unit else "")
+            panels.append(ChartPanel(_title_of(sweep, measure), along, curves[:MOST_CURVES], words))
     return panels
+
+
+def _with_unit(value, unit):
+    """A value as a legend has it: 170°, 5 m."""
+    return f"{_plain(value)}°" if unit == "degrees" else f"{_plain(value)} {unit}".strip()
+
+
+def _title_of(sweep, measure):
+    """A measure spelled out, with its unit."""
+    plain = measure.removeprefix("mean ")
+    known = measures().get(plain) if sweep.experiment.name == "level" else None
+    if known is not None:
+        return measure.removesuffix(plain) + known.axis
+    unit = sweep.experiment.units.get(measure)
+    return measure.replace("_", " ") + (f", {unit}" if unit else "")
 
 
 def _first_of_each(points, across):

@@ -18,8 +18,9 @@ from flockbrush.engine.files import whole
 from flockbrush.output.line_charts import ChartCurve, ChartPanel, draw_chart
 from flockbrush.render import write_png
 from flockbrush.render.canvas import Canvas
+from flockbrush.render.drawn_terrain import nice
 from flockbrush.render.style import PALETTE, rgb, theme_of
-from flockbrush.render.text import shortened
+from flockbrush.render.text import shortened, width_of
 from flockbrush.studies.flock_parameters import FlockParameters
 
 CELL = 430, 330  # pixels of one formation
@@ -86,7 +87,21 @@ def _formation(canvas, corner, sample, box, look):
         colour = rgb(PALETTE[5]) if lead else look.ink
         canvas.line([centre - (wing, 0), centre + (wing, 0)], max(1.2, 0.06 * scale), colour)
         canvas.disc(centre, max(1.8, 0.13 * scale), colour)
-    canvas.words(sample.title, (left + 10, top + CELL[1] - FOOT / 2), 15, look.ink, anchor=(0, 0.5))
+    used = canvas.words(sample.title, (left + 10, top + CELL[1] - FOOT / 2), 15, look.ink, anchor=(0, 0.5))
+    _scale_bar(canvas, (left + CELL[0] - 10, top + CELL[1] - FOOT / 2), scale, CELL[0] - used - 40, look)
+
+
+def _scale_bar(canvas, end, scale, room, look):
+    """A bar of so many wingspans that ends here, in so many pixels."""
+    spans = nice(60 / scale)
+    words = f"{spans:g} wingspan" + ("s" if spans != 1 else "")
+    (x, y), wide = end, width_of(words, 13)
+    if wide + 8 + spans * scale > room:
+        y -= FOOT  # above a long title
+    canvas.words(words, (x, y), 13, look.muted, anchor=(1, 0.5))
+    right = x - wide - 8
+    left = right - spans * scale
+    canvas.segments([[left, y, right, y], [left, y - 4, left, y + 4], [right, y - 4, right, y + 4]], 1.6, look.ink, 0.9)
 
 
 # of a sweep ----------------------------------------------------------------------------------
@@ -115,7 +130,13 @@ def draw_sweep(sweep, rows, folder, theme="light") -> list[Path]:
     of = [row["seed"] for other, row in fine if other is scenario][:TRACED]
     said = ", ".join(f"{name} {value}" for name, value in scenario.varied.items())
     panel = ChartPanel(f"distance (wingspans), {said}", "time steps", _traces(scenario, of))
-    picture("distance_over_time.png", draw_chart, f"Mean distance to the nearest line, {len(of)} flocks", [panel])
+    picture(
+        "distance_over_time.png",
+        draw_chart,
+        f"Mean distance to the nearest line, {len(of)} flocks",
+        [panel],
+        note="one line for each flock, each from a seed of its own",
+    )
     return written
 
 

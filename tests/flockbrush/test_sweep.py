@@ -10,6 +10,7 @@ import time
 import tracemalloc
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -25,6 +26,7 @@ from workers import doublings
 from flockbrush.studies.experiments import experiments, lasting, perform
 from flockbrush.studies.sweep import Journal, jobs_of, processes, run_jobs, runs_done, sweep_to
 from flockbrush.studies.sweep_file import parse_sweep, read_sweep
+from flockbrush.studies.sweep_report import panels_of
 
 FLOCKS = """
 schema = "flockbrush.sweep/1"
@@ -544,3 +546,21 @@ def test_an_address_that_is_none_is_told_at_once(cli, tmp_path, address):
     told = cli("sweep", sweep_file(tmp_path), "--out", tmp_path / "out", "--cluster", address)
     assert told.code == 1
     assert "such as tcp://host:8786" in told.err
+
+
+def test_panels_of_a_sweep_name_units_of_parameters_and_measures():
+    sweep = SimpleNamespace(
+        varied={"birds": [5, 15, 25], "angle": [90.0, 170.0]}, measures=["distance"],
+        plot=SimpleNamespace(across=None, lines=None, measures=None), experiment=experiments()["v_rules"],
+    )  # fmt: skip
+    found = [
+        {"parameters": {"birds": birds, "angle": angle}, "means": {"distance": {"mean": 1.0, "error": 0.1}}}
+        for birds in (5, 15, 25)
+        for angle in (90.0, 170.0)
+    ]
+    (panel,) = panels_of(sweep, {"scenarios": found})
+    assert (panel.title, panel.across) == ("distance, wingspans", "birds")
+    assert [curve.name for curve in panel.curves] == ["angle 90°", "angle 170°"]
+    sweep.plot.across = "angle"
+    (panel,) = panels_of(sweep, {"scenarios": found})
+    assert panel.across == "angle, degrees"

@@ -20,6 +20,7 @@ from flockbrush.systems.measures import (
     compute_turning_angle,
     compute_unwrapped,
     herd_measures,
+    measures,
 )
 from hypothesis import given
 from hypothesis import strategies as st
@@ -198,7 +199,14 @@ def test_few_animals_are_measured_or_not_a_number(n):
     xyz = np.arange(3.0 * n).reshape(n, 3)
     forward = np.tile([1.0, 0.0, 0.0], (n, 1))
     for wrap in (None, (40.0, 40.0)):
-        measures = herd_measures(xyz, forward, forward, 1.0, wrap)
-        assert measures["animals"] == n
-        assert measures["polarization"] == (pytest.approx(1.0) if n else pytest.approx(np.nan, nan_ok=True))
-        assert all(np.ndim(value) == 0 for value in measures.values())
+        found = herd_measures(xyz, forward, forward, 1.0, wrap)
+        assert found["animals"] == n
+        assert found["polarization"] == (pytest.approx(1.0) if n else pytest.approx(np.nan, nan_ok=True))
+        assert all(np.ndim(value) == 0 for value in found.values())
+
+
+def test_an_axis_spells_a_measure_out_and_has_its_unit():
+    known = measures()
+    assert known["nnd"].axis == "nearest neighbour distance, m"
+    assert known["speed_mean"].axis == "speed mean, m/s"
+    assert known["polarization"].axis == "polarization"
