@@ -151,7 +151,7 @@ class CompileAhead:
                     call.compile()
                 self._count(call)
             with self._changed:
-                while self.done < self.found:
+                while self.done < self.found and any(helper.is_alive() for helper in self._helpers):
                     self._changed.wait(1.0)
 
     def close(self):
