@@ -157,7 +157,7 @@ def learned(data: Data, options):
             np.save(paths[-1], xy)
         result = flockbrush.learn(
             paths, unit=data.unit, fps=data.fps, body_length=data.length, frames=data.frames, name=data.name,
-            quick=options.quick, starts=3, licence=data.licence,
+            quick=options.quick, starts=3, licence=data.licence, beside=True,
         )  # fmt: skip
     if options.brushes:
         options.brushes.mkdir(exist_ok=True)
@@ -201,14 +201,13 @@ def _head():
         "Made by `python benchmarks/learning.py tracks --data DIR --write` on open data that are not part of",
         "Flockbrush. Each brush is judged by frames, or recordings, that it was not learned from. Distance: the root",
         "mean square of the limits by which measures are off, over the measures that the tracks tell; 1 is the limit.",
-        "*Constant velocity*: everybody goes on as before.", "",
+        "*Constant velocity*: all animals keep their velocity.", "",
     ]  # fmt: skip
 
 
-STILL, ONWARDS, RANDOM = "nobody moves", "everybody goes on as before", "random numbers"
-
-
 def _table(done):
+    from flockbrush.learning.verdict import ONWARDS, RANDOM, STILL
+
     rows = [
         "| data | learned | constant velocity | nobody moves | best shipped brush | verdict |",
         "|---|---|---|---|---|---|",

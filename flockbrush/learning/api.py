@@ -68,7 +68,7 @@ def learn(
     tracks: Tracks | Sequence[Tracks], *, unit: str | None = None, fps: float | None = None,
     body_length: float | None = None, frames: tuple[int, int] | None = None, name: str = "learned",
     seed: int = 0, starts: int = 5, quick: bool = False, jobs: int = 1, report: str | os.PathLike | None = None,
-    licence: str | None = None,
+    licence: str | None = None, beside: bool | None = None,
 ) -> LearnedBrush:  # fmt: skip
     """Learn a brush from tracks of animals, or from films.
 
@@ -99,6 +99,8 @@ def learn(
         Folder for the report with charts.
     licence : str, optional
         Of the data, kept in the brush.
+    beside : bool, optional
+        Judge it beside the shipped brushes, too; unless told, where it is not quick.
 
     Returns
     -------
@@ -130,7 +132,7 @@ def learn(
         wishes = LearnOptions(
             clips=[_file(one, k, Path(folder)) for k, one in enumerate(given)],
             out=Path(folder) / f"{name}.brush.toml", looking=looking, seed=seed, starts=starts, jobs=jobs,
-            report=None if report is None else Path(report), licence=licence, quick=quick,
+            report=None if report is None else Path(report), licence=licence, quick=quick, beside=beside,
             length_m=body_length if unit == "m" and body_length else 1.0, command="flockbrush.learn(...)", silent=True,
         )  # fmt: skip
         found = learn_brushes(wishes)[0]
@@ -150,7 +152,7 @@ def result_of(found: Findings) -> LearnedBrush:
     """What a person is given of everything that came of learning."""
     judgement = found.judgement
     rows = [] if judgement is None else [
-        {**vars(row), "met": row.met, "told": row.name in judgement.told} for row in judgement.brush.rows
+        {**vars(row), "met": bool(row.met), "told": row.name in judgement.told} for row in judgement.brush.rows
     ]  # fmt: skip
     notes = [*found.notes, *(note for clip in found.clips for note in clip.notes), *found.learned.notes]
     return LearnedBrush(

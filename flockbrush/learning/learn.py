@@ -73,6 +73,7 @@ class LearnOptions:
     licence: str | None = None
     resume: bool = False
     quick: bool = False
+    beside: bool | None = None  # judge it beside the shipped brushes; None: unless quick
     json: bool = False
     device: str = "auto"
     command: str = ""
@@ -299,7 +300,8 @@ def _found(herd, fold: Fold, learned, wishes) -> Findings:
 def _judged(fold: Fold, found: Findings, wishes, interrupts):
     """What is said of a brush by the frames held out, or by its own where there are none; None when interrupted."""
     frames = fold.held if fold.held is not None else fold.clips[0]
-    rivals = {} if wishes.quick else _rivals(frames, found)
+    beside = not wishes.quick if wishes.beside is None else wishes.beside
+    rivals = _rivals(frames, found) if beside else {}
     with progress("judging it, beside other brushes", len(rivals) + 3) as bar:
 
         def step(done, _):
@@ -344,7 +346,7 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
 
 
 def _quick(wishes):
-    return replace(wishes, quick=True)
+    return replace(wishes, quick=True, beside=False)
 
 
 def _refuse_strangers(wholes, checks, herd):

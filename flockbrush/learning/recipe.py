@@ -34,6 +34,7 @@ from flockbrush.engine.fingerprint import build_of
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.evolution import Evolution
 from flockbrush.learning.initial_conditions import body_of, speed_of
+from flockbrush.learning.interaction import idle_ones
 from flockbrush.learning.learned_parameters import Attempt, Learned
 from flockbrush.learning.rollout import DT, LEAST, MOST, params_of, theta_of
 from flockbrush.learning.scores import told_apart
@@ -53,6 +54,7 @@ from flockbrush.learning.trials import (
     certainty,
     descend,
     forget,
+    interaction,
     keep,
 )
 from flockbrush.learning.workers import Workers, WorkStopped
@@ -193,6 +195,7 @@ class _Search:
         # what fits leave over: noise of sighting is in it, so it is an upper bound
         self.most_wander = EXTRAS["wander"][1]
         self.interrupted, self.notes = False, []
+        self.idle: list[str] = []  # attempts that were left out, since their animals hardly interact
 
     @property
     def cost(self):
@@ -314,7 +317,7 @@ class _Search:
 
     def _sift(self, workers):
         """Try all once, the better half again."""
-        which = self._distinct()
+        which = self._interacting(workers, self._distinct())
         scores = self._judge(workers, which, [_seed(self.seed, 2, 0)], False, "trials")
         better = [which[k] for k in np.argsort(scores, kind="stable")[: max(4, len(which) // 3)]]
         again = [_seed(self.seed, 2, k) for k in (0, 1, 2)]
@@ -371,7 +374,7 @@ class _Search:
     def _choose(self, workers):
         """The best on what was held back, of the ranked and the evolved."""
         evolved = [k for k, a in enumerate(self.attempts) if ", evolved" in a.name]
-        final = [*self.ranked[:FINALISTS], *evolved]
+        final = [*self.ranked[:FINALISTS], *self._interacting(workers, evolved)]
         seeds = [_seed(self.seed, 5, k) for k in range(3)]
         shown = self._judge(workers, final, seeds, False, "choice", (0, 2 * len(final)), DT)
         held = self._judge(workers, final, seeds, True, "choice", (len(final), 2 * len(final)), DT)
@@ -379,6 +382,18 @@ class _Search:
         for k in final:
             self.attempts[k].score = scores[k]
         self.final = self._keepers(workers, sorted(final, key=lambda k: scores[k])[:KEEPERS])
+
+    def _interacting(self, workers, which):
+        """Those that answer to their neighbours, where the clip shows that its animals do."""
+        fits = list(self.deviation)
+        asked = list(dict.fromkeys([*fits, *which])) if fits else []
+        tasks = [
+            {"theta": np.round(self.attempts[k].theta, 12).tolist(), "extras": self.attempts[k].extras} for k in asked
+        ]
+        found = dict(zip(asked, workers.map(interaction, tasks), strict=True))
+        idle = idle_ones([found[k] for k in fits], [found.get(k, {}) for k in which])
+        self.idle += [self.attempts[k].name for k, alone in zip(which, idle, strict=True) if alone]
+        return [k for k, alone in zip(which, idle, strict=True) if not alone]
 
     def _keepers(self, workers, final):
         """Of these, too, whether they stay what they are."""
@@ -443,6 +458,11 @@ class _Search:
         notes.append(f"learned from {how}; chosen: {best.name}, score {best.score:.2f} of the clip's own deviations")
         if self.interrupted:
             notes.append("learning was stopped: these are the best parameters so far")
+        if self.idle:
+            notes.append(
+                f"{len(self.idle)} of {len(self.attempts)} candidates were left out: their animals hardly answer to "
+                "neighbours, and the turns of the clip show that its animals do"
+            )
         if any(len(c.fields) < FEWEST for c in self.given.clips):
             notes.append(
                 f"with fewer than {FEWEST} frames nothing could be held back: the score is of frames learned from"

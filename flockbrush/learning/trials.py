@@ -15,6 +15,7 @@ from flockbrush.behaviours.models.herd import Params
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.confounding import correlation_of
 from flockbrush.learning.initial_conditions import resized, start_of
+from flockbrush.learning.interaction import interaction_of
 from flockbrush.learning.rollout import DT, ClipGuide, Gates, Walls, params_of, rollout, theta_of
 from flockbrush.learning.scores import LOOKS, ClipTarget, distance, order_off, told_apart, total
 
@@ -103,6 +104,17 @@ def certainty(given: Setting, theta, extras) -> tuple[np.ndarray, np.ndarray] | 
         return None
     fit = fit_turns(thinned(turns, MANY), theta, params_of(theta, extras), free=_free(given), steps=0)
     return np.minimum(fit.deviation, 1e6), correlation_of(fit.information)
+
+
+def interaction(given: Setting, theta, extras):
+    """What forces with these numbers cause of the turns of the clips: as `Interaction`; {} where nobody's are told."""
+    if not all(told_apart(clip) for clip in given.seen):
+        return {}
+    turns = _turns(given, extras, SPANS[1])
+    if turns is None or not len(turns.rows):
+        return {}
+    frames = max(SPANS[1] * clip.fps for clip in given.seen)
+    return dataclasses.asdict(interaction_of(turns, theta, extras, frames))
 
 
 def _turns(given, extras, span):

@@ -507,6 +507,11 @@ class _Judged(NamedTuple):
     information: np.ndarray  # (12, 12)
 
 
+def likelihood(turns: Turns, foretold) -> float:
+    """Logarithm of the likelihood a turn, of turns as `predicted` says them, at the spread that is likeliest."""
+    return -_judged(turns, foretold, None).loss
+
+
 def _judged(turns, foretold, spread):
     """How likely the turns are, by Student's t, and the normal equations."""
     turn, slope = foretold
