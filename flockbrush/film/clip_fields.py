@@ -163,13 +163,13 @@ class Collector:
         """The fields of the frame that was taken last, by name."""
         return {name: values[-1] for name, values in self.rows.items()}
 
-    def fields(self, fps, obstacle=None, region=None) -> Fields:
+    def fields(self, fps, obstacle=None, region=None, outline=None) -> Fields:
         """All frames taken so far."""
         made = {name: np.array(values) for name, values in self.rows.items()}
         return Fields(
             fps=float(fps), cell=self.grid.cell, origin=np.asarray(self.grid.origin, float),
             obstacle=np.zeros(self.grid.shape, bool) if obstacle is None else obstacle,
-            region=np.zeros(self.grid.shape, np.uint8) if region is None else region, **made,
+            region=np.zeros(self.grid.shape, np.uint8) if region is None else region, outline=outline, **made,
         )  # fmt: skip
 
 
@@ -231,6 +231,30 @@ def moments(cells, v, count, slow):
         if k[c] > 0:
             turned[c] = max(second[c] / k[c] - (first[c] / k[c]) ** 2, 0.0)
     return mean, speed, spread, turned
+
+
+def outlined(mask, grid: ClipGrid, scale, within=0.05) -> np.ndarray:
+    """(k, 5) edges of the patches of a mask, and of holes in them: x0, y0, x1, y1 in BL, and the patch.
+
+    Parameters
+    ----------
+    mask, grid, scale
+        As for `painted`.
+    within : float
+        BL by which an edge may run beside the mask's own.
+    """
+    many, patches = cv2.connectedComponents(mask, connectivity=4)
+    px = within / max(abs(grid.to_bl[0, 0]) * scale, 1e-12)
+    found = [np.zeros((0, 5))]
+    for k in range(1, many):
+        # pixels are squares: a mask of twice the size has its border between them
+        large = cv2.resize((patches == k).astype(np.uint8), None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
+        for line in cv2.findContours(large, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)[0]:
+            corners = cv2.approxPolyDP(line, 2 * px, True)[:, 0]
+            if len(corners) > 2:
+                at = moved_by(grid.to_bl, (corners + 0.5) * 0.5 * scale)
+                found.append(np.column_stack([at, np.roll(at, -1, 0), np.full(len(at), k - 1.0)]))
+    return np.concatenate(found)
 
 
 def painted(mask, grid: ClipGrid, scale) -> np.ndarray:

@@ -375,8 +375,9 @@ def _without_shadows(moving, shade, lighter):
         bodies = moving & ~shade
     else:
         return moving, []
-    said = "the shadows of the animals were left out"
-    return bodies, [said] if bodies.sum() < (1 - PART) * whole else []
+    left = moving & ~bodies
+    shadows = left.sum() > PART * whole and (left & shade).sum() > 0.5 * left.sum()
+    return bodies, ["the shadows of the animals were left out"] if shadows else []
 
 
 def _movers(samples):

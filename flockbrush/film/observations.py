@@ -72,6 +72,9 @@ class Fields:
         Their numbers in the clip, from 0.
     speed : (T, ny, nx) ndarray
         Mean speed of the bodies, BL/s, at least the length of `velocity`, which stands in when it is not given.
+    outline : (k, 5) ndarray or None
+        Edges of the obstacles, x0, y0, x1, y1 in BL, and the number of the obstacle; edges of one follow one another.
+        None: the outline of the cells.
     """
 
     fps: float
@@ -87,6 +90,7 @@ class Fields:
     count: np.ndarray
     frames: np.ndarray
     speed: np.ndarray | None = None
+    outline: np.ndarray | None = None
 
     def __post_init__(self):
         if self.speed is None:
@@ -109,6 +113,8 @@ class Fields:
             "frames": cells[:1],
             "origin": (2,),
         }
+        if self.outline is not None:
+            shapes["outline"] = (len(self.outline), 5)
         for name, shape in shapes.items():
             if np.shape(getattr(self, name)) != shape:
                 yield f"{name} has shape {np.shape(getattr(self, name))}, density asks for {shape}"
@@ -169,6 +175,7 @@ class Fields:
             velocity=self.velocity * by,
             speed=np.asarray(self.speed) * by,
             speed_variance=self.speed_variance * by**2,
+            outline=None if self.outline is None else np.asarray(self.outline) * [by, by, by, by, 1.0],
         )
 
     def save(self, path):

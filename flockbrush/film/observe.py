@@ -19,7 +19,7 @@ import numpy as np
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.film.body_outlines import BodySize, Outlines, bodies_of, size_of_bodies
 from flockbrush.film.camera_maps import Steady, after, back, zoom_of
-from flockbrush.film.clip_fields import ClipGrid, Collector, grid_over, painted, read_colours
+from flockbrush.film.clip_fields import ClipGrid, Collector, grid_over, outlined, painted, read_colours
 from flockbrush.film.clip_reader import Clip, Say, open_clip, silent
 from flockbrush.film.flow import Flow, gap_of
 from flockbrush.film.masks import BodyColours, colours_of
@@ -121,6 +121,7 @@ class Watch:
     grid: ClipGrid
     obstacle: np.ndarray | None  # (h, w) uint8 in pixels of the first picture
     obstacle_cells: np.ndarray | None
+    outline: np.ndarray | None  # (k, 5) of the obstacles, BL
     region_cells: np.ndarray | None
     region_colours: np.ndarray | None
     apart: bool  # whether animals can be told apart
@@ -157,6 +158,7 @@ class Watch:
             clip, steady, colours, size, length, body_length_px is not None, cells,
             None if obstacle is None else cv2.resize(obstacle, clip.size, interpolation=cv2.INTER_NEAREST),
             None if obstacle is None else painted(obstacle, cells, clip.scale).astype(bool),
+            None if obstacle is None else outlined(obstacle, cells, clip.scale),
             None if numbers is None else painted(numbers.astype(np.uint8), cells, clip.scale),
             kinds, apart, clip.notes + steady.notes + plain + colours.notes + notes,
         )  # fmt: skip
@@ -174,7 +176,7 @@ class Watch:
         for glance in taken.rest():
             if show is not None:
                 show(glance, self, taken.collector.last())
-        fields = taken.collector.fields(clip.fps, self.obstacle_cells, self.region_cells)
+        fields = taken.collector.fields(clip.fps, self.obstacle_cells, self.region_cells, self.outline)
         self._check(fields, taken.masks)
         sightings, noise = taken.sightings()
         smoothed = max(SMOOTHED, 2 * float(np.nan_to_num(noise.half)))

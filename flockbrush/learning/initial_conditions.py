@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from flockbrush.behaviours.brush import BodySpec, SpeedSpec
 from flockbrush.film.observations import Evidence
 from flockbrush.film.speeds import joined
-from flockbrush.learning.rollout import HerdStart
+from flockbrush.learning.rollout import HerdStart, Walls
 from flockbrush.learning.scores import told_apart
 from flockbrush.systems.measures import compute_nnd
 
@@ -108,6 +108,9 @@ def start_of(evidence: Evidence, t=0, seed=0, body=BodySpec()) -> HerdStart:  # 
         speed = np.concatenate([speed, more[2]])
     known = speed[np.isfinite(speed)]
     usual = known.mean() if len(known) else 1.0
+    walls = Walls.of(fields)
+    if walls is not None:
+        xy = walls.outside(xy, 1.05 * body.radius / body.length)
     return HerdStart(xy.copy(), forward.copy(), np.where(np.isfinite(speed), speed, usual))
 
 

@@ -214,7 +214,13 @@ class Walls:
 
     @classmethod
     def of(cls, fields):
-        """From the mask of `Fields`: each connected patch is an obstacle; None where there is none."""
+        """From the obstacles of `Fields`: each connected patch is one; None where there is none."""
+        if fields.outline is not None:
+            return (
+                cls(fields.outline[:, :4].copy(), fields.outline[:, 4].astype(np.int32))
+                if len(fields.outline)
+                else None
+            )
         if not fields.obstacle.any():
             return None
         patches, many = ndimage.label(fields.obstacle)
@@ -222,6 +228,25 @@ class Walls:
         owner = np.repeat(np.arange(many), [len(e) for e in edges])
         ends = np.concatenate(edges) + np.tile(np.asarray(fields.origin, float), 2)
         return cls(ends, owner.astype(np.int32))
+
+    def outside(self, xy, room=0.0) -> np.ndarray:
+        """(n, 2) places, of which those in an obstacle are at its nearest edge, so much room before it."""
+        xy = np.array(xy, float).reshape(-1, 2)
+        for number in np.unique(self.owner):
+            (ax, ay), (bx, by) = self.ends[self.owner == number].reshape(-1, 2, 2).transpose(1, 2, 0)
+            x, y = xy[:, :1], xy[:, 1:]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                crossed = ((ay > y) != (by > y)) & (x < ax + (bx - ax) * (y - ay) / (by - ay))
+            inside = np.flatnonzero(crossed.sum(1) % 2)
+            along = (x - ax) * (bx - ax) + (y - ay) * (by - ay)
+            share = np.clip(along / np.maximum((bx - ax) ** 2 + (by - ay) ** 2, 1e-24), 0.0, 1.0)
+            near = np.stack([ax + share * (bx - ax), ay + share * (by - ay)], -1)
+            away = near - xy[:, None]
+            for k in inside:
+                e = int(np.hypot(*away[k].T).argmin())
+                far = np.hypot(*away[k, e])
+                xy[k] = near[k, e] + away[k, e] * (room / far if far > 1e-9 else 0.0)
+        return xy
 
 
 class PlaneHerd:

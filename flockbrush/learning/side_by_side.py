@@ -110,10 +110,17 @@ class ComparisonGround:
 
     def _obstacles(self, image):
         fields, canvas = self.evidence.fields, Canvas(image)
-        half = 0.5 * fields.cell * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-        for centre in fields.centres[fields.obstacle]:
-            corners = (centre + half) @ self._from_bl[:, :2].T + self._from_bl[:, 2]
-            canvas.area(corners, LIGHT.rock)
+        if fields.outline is None:
+            half = 0.5 * fields.cell * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+            for centre in fields.centres[fields.obstacle]:
+                canvas.area((centre + half) @ self._from_bl[:, :2].T + self._from_bl[:, 2], LIGHT.rock)
+            return
+        for number in np.unique(fields.outline[:, 4]):
+            starts, ends = fields.outline[fields.outline[:, 4] == number, :4].reshape(-1, 2, 2).transpose(1, 0, 2)
+            first = np.flatnonzero(np.r_[True, (starts[1:] != ends[:-1]).any(1)])
+            rings = [np.vstack([ring, ring[:1]]) for ring in np.split(starts, first[1:])]
+            line = np.vstack([*rings, *(ring[:1] for ring in rings[-2::-1])])  # holes are reached by a way and back
+            canvas.area(line @ self._from_bl[:, :2].T + self._from_bl[:, 2], LIGHT.rock)
 
     def beside(self, frame, t, xy, forward, time, words, ids=None) -> np.ndarray:
         """Clip left, simulation right, and what is written above each; RGB."""

@@ -9,6 +9,7 @@ import pytest
 from herd_film import LOOKS, STILL, Camera, Truth, herd, shoot
 
 from flockbrush.film.clip_reader import open_clip
+from flockbrush.film.masks import _without_shadows
 from flockbrush.film.observations import CannotObserve
 from flockbrush.film.observe import observe
 from flockbrush.film.plain_ground import ground_alone
@@ -66,3 +67,13 @@ def test_animals_over_plain_ground_are_no_ground(tmp_path):
     hidden = np.ones((400, 400), bool)  # of what is left nothing can be followed
     with pytest.raises(CannotObserve, match="--landmark"):
         ground_alone(clip, lambda k, picture: hidden, np.tile(np.eye(2, 3), (10, 1, 1)))
+
+
+def test_what_is_left_out_is_told_as_shadows_only_where_it_looks_like_them():
+    """Dark animals over light ones, or the ground where an animal stood, are none."""
+    moving, lighter = np.ones((1, 10, 10), bool), np.zeros((1, 10, 10), bool)
+    lighter[:, :5] = True
+    for shade in (~lighter, np.zeros_like(lighter)):
+        bodies, notes = _without_shadows(moving, shade, lighter)
+        assert np.array_equal(bodies, lighter)
+        assert notes == (["the shadows of the animals were left out"] if shade.any() else [])
