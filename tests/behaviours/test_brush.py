@@ -6,6 +6,7 @@ import math
 import random
 import re
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -512,9 +513,11 @@ EXPECTED = [
     "mill-filled",
     "mill-hollow",
     "sheep-drone",
+    "sheep-gps",
     "sheep-narrow",
     "stampede",
     "swarm",
+    "zebrafish",
 ]
 
 
@@ -567,6 +570,16 @@ def test_sheep_drone_says_which_film_it_was_learned_from_and_how_well():
     told = papers.report
     for name in ("polarization", "milling"):  # within two deviations of the clip, in frames it was not learned from
         assert told[f"held-out {name}, error"] < max(2 * told[f"held-out {name}, clip deviation"], 0.05)
+
+
+@pytest.mark.parametrize("name", ["sheep-gps", "zebrafish"])
+def test_a_brush_from_tracks_says_which_and_how_it_was_judged(name):
+    papers = shipped().get(name).provenance
+    notes = " ".join(papers.notes.split())
+    assert papers.kind == "learned" and "GPL-3.0" in papers.licence and re.fullmatch("[0-9a-f]{64}", papers.clip_sha256)
+    assert f"learning.py tracks --data DIR --only {name} --quick" in notes
+    page = (Path(__file__).parents[2] / "docs" / "benchmark-tracks.md").read_text(encoding="utf-8")
+    assert notes.split("The verdict: ")[1].split(". ")[0] in page
 
 
 # fuzzing: whatever comes in, a brush or problems come out, soon

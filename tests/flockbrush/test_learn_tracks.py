@@ -102,3 +102,14 @@ def test_the_command_learns_from_a_table_with_gaps(tracks, tmp_path, capsys):
     page = (report / "report.html").read_text()
     assert "1.1 m, given" in page and "confounded with" in page and "smoothed over" in page
     assert (report / "moment-1.png").stat().st_size > 0
+
+
+def test_the_page_of_tracks_is_what_its_command_writes_of_the_figures_kept():
+    from benchmarks.learning_tracks import PAGE, RESULTS, page
+
+    text = page(json.loads(RESULTS.read_text(encoding="utf-8")))
+    assert PAGE.read_text(encoding="utf-8") == text
+    constant = [
+        line.split("|")[3].strip() for line in text.splitlines() if line.startswith(("| sheep-gps |", "| zebra"))
+    ]
+    assert len(constant) == 2 and all(float(value) > 1 for value in constant)
