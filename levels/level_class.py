@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,7 +59,7 @@ class ObjectClass:
     home: str  # name of the layer its objects are drawn on
     colour: str
     meaning: str
-    properties: tuple[Property, ...] = ()
+    properties: Sequence[Property] = ()
     shapes: tuple[str, ...] = ()  # "area", "line", "point"
     open: bool = False  # takes further properties (the arguments of a command)
 
