@@ -150,6 +150,6 @@ def test_two_hundred_animals_for_a_hundred_frames_take_a_fraction_of_a_second():
     brush = shipped().get("march")
     begin = start_of(plane(brush, 200, seed=1))
     rollout(begin, brush.params, brush.speed, seconds=0.1)
-    clock = time.perf_counter()
+    clock = time.process_time()
     rollout(begin, brush.params, brush.speed, seconds=4.0, fps=25.0)
-    assert time.perf_counter() - clock < 1.5  # .1 s on a quiet machine
+    assert time.process_time() - clock < 1.5  # of CPU; .1 s on a quiet machine
