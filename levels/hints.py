@@ -73,7 +73,10 @@ def mixing_hints(level, places, library, place):
 def _mixing_hint(library, start, end):
     if not can_mix(library.get(start), library.get(end)):
         return f"brushes {start!r} and {end!r} are of unlike models: a share of the animals takes {end!r} altogether"
-    if path_between(library, start, end) is None:
+    path = path_between(library, start, end)
+    if path is not None and not path.even:
+        return f"the measured way from {start!r} to {end!r} is not even: herds may jump (the table is in its file)"
+    if path is None:
         return (
             f"nobody has measured the way from {start!r} to {end!r}: numbers are mixed in a straight line, along which "
             f"herds may jump; flockbrush brush morph {start} {end} measures it"

@@ -1,8 +1,9 @@
 """Paths between two brushes along which the measured behaviour changes evenly.
 
 A herd is swept from one brush to the other and back, its numbers on the straight line between the two; where the
-behaviour changes most the steps are made shortest.  Then fresh herds are measured at each step, on the path and on the
-straight line.  A pair whose herds differ on the way there and back is bistable: no path of steps makes it even.
+behaviour changes most the steps are made shortest.  Fresh herds at those points say where the steps of the path lie,
+others what it is worth, beside the straight line.  A pair is bistable when herds differ on the way there and back and
+fresh herds do not agree: no path of steps makes it even.
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ from flockbrush.systems.palette import Palette
 
 RATE = 32  # ticks a second
 DENSITY = 0.6  # animals per square body length at the start
-SWEPT = 17  # points of a sweep
+SWEPT, FINER = 17, 12  # points of the first sweep, steps of the second
 SETTLED = 0.6  # of a run, which is left out
-FIRST_SWEEP, FIRST_CHECK = 100, 500  # seeds
+FIRST_SWEEP, FIRST_FRESH, FIRST_CHECK = 100, 300, 500  # seeds
 MOST_STEP = MOST_DEVIATION = 0.15  # between two points, and between seeds
 JUMP = 0.25  # there and back may differ by so much
 NOISE = 0.03  # standard error that few seeds cannot show
@@ -68,8 +69,8 @@ class Morph:
 
     @property
     def bistable(self):
-        """Whether herds do another thing on the way back."""
-        return self.gap > JUMP
+        """Whether herds do another thing on the way back, and fresh herds not always the same."""
+        return self.gap > JUMP and bool(self.on_path.deviation.max() >= MOST_DEVIATION)
 
 
 def morph(start: Brush, end: Brush, trial: Trial, detour: dict[str, float] | None = None, tell=lambda words: None):
@@ -94,11 +95,13 @@ def morph(start: Brush, end: Brush, trial: Trial, detour: dict[str, float] | Non
     tell("sweeping there and back")
     points = np.linspace(0.0, 1.0, SWEPT)
     there, back = sweep(at, points, trial, FIRST_SWEEP)
-    finer = evenly(points, 0.5 * (there + back), SWEPT - 1)
-    sweeps = [sweep(at, finer, trial, FIRST_SWEEP + k) for k in range(1, max(2, trial.seeds))]
-    there, back = np.mean(sweeps, axis=0)
     gap = float(np.abs(there - back)[1:-1].max())
-    along = evenly(finer, 0.5 * (there + back), trial.steps)
+    finer = evenly(points, 0.5 * (there + back), FINER)
+    there, back = sweep(at, finer, trial, FIRST_SWEEP + 1)
+    gap = max(gap, float(np.abs(there - back)[1:-1].max()))
+    tell("measuring fresh herds where the behaviour changes")
+    fresh = measured(at, finer, trial, FIRST_FRESH)
+    along = evenly(finer, fresh.mean, trial.steps)
     steps = np.linspace(0.0, 1.0, trial.steps + 1)
     tell("measuring fresh herds on the path")
     on_path = measured(at, along, trial)
@@ -107,7 +110,7 @@ def morph(start: Brush, end: Brush, trial: Trial, detour: dict[str, float] | Non
     bumps = {name: tuple(float(v) for v in _bump(along) * peak) for name, peak in detour.items()}
     path = BrushPath(
         start=start.name, end=end.name, along=tuple(map(float, along)), detour=bumps,
-        even=not faults(on_path) and gap <= JUMP,
+        even=not faults(on_path),
     )  # fmt: skip
     return Morph(path, on_path, straight, gap)
 
@@ -158,16 +161,23 @@ def evenly(points, values, steps):
 
     Where nothing changes the way still goes on, by a small share of its own length.
     """
-    change = np.abs(np.diff(values, axis=0)).sum(1) + KEEP_GOING * np.diff(points)
+    change = np.abs(np.diff(_one_way(np.asarray(values)), axis=0)).sum(1) + KEEP_GOING * np.diff(points)
     gone = np.concatenate([[0.0], np.cumsum(change)])
     found = np.interp(np.linspace(0.0, gone[-1], steps + 1), gone, points)
     found[0], found[-1] = 0.0, 1.0
     return found
 
 
-def measured(at, points, trial) -> Measured:
+def _one_way(values):
+    """Values (n, k) without what goes back: half-way between the greatest before and the least after."""
+    sign = np.where(values[-1] >= values[0], 1.0, -1.0)
+    up = values * sign
+    return 0.5 * (np.maximum.accumulate(up) + np.minimum.accumulate(up[::-1])[::-1])
+
+
+def measured(at, points, trial, first_seed=FIRST_CHECK) -> Measured:
     """Fresh herds at every point."""
-    means = np.array([[_run(at(p), trial, FIRST_CHECK + k) for k in range(trial.seeds)] for p in points])
+    means = np.array([[_run(at(p), trial, first_seed + k) for k in range(trial.seeds)] for p in points])
     return Measured(means.mean(1), means.std(1, ddof=min(1, trial.seeds - 1)), trial.seeds)
 
 
@@ -215,6 +225,8 @@ def table(found: Morph) -> str:
     for name, way in (("path", found.on_path), ("straight line", found.straight)):
         said = faults(way)
         lines.append(f"{name}: {'; '.join(said) if said else 'even'}")
-    back = "bistable: a herd does another thing on the way back" if found.bistable else "no jump"
+    back = "bistable: a herd does another thing on the way back, and fresh herds not always the same"
+    if not found.bistable:
+        back = "herds take longer to change than the sweep waited" if found.gap > JUMP else "no jump"
     lines.append(f"there and back differ by {found.gap:.2f}: {back}")
     return "\n".join(lines)

@@ -175,7 +175,8 @@ class Hand:
 
     def brush_names(self):
         """Names of all brushes one can paint with: the designer's own, those of the level, the other shipped ones."""
-        names = list(dict.fromkeys([*self.world_palette().names, *self.library.names()]))
+        own = [brush.name for brush in self.world_palette().own]  # without those between two
+        names = list(dict.fromkeys([*own, *self.library.names()]))
         usual = set(shipped().names())
         return sorted(names, key=lambda name: name in usual)
 

@@ -1,6 +1,12 @@
 """What is allowed in a level and rarely meant is a warning, with the object it is about."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
+from flockbrush.behaviours.brush import shipped
+from flockbrush.levels.hints import mixing_hints
+from flockbrush.levels.schema import BrushLayer, PaintBounds
 from small_level import herd, level, objects, polyline, problems, properties, read, thing, tiles, with_objects
 
 
@@ -131,3 +137,11 @@ class TestPaint:
     def test_a_zone_weighs_as_its_properties_say(self, values, blend):
         zone = thing(2, "Zone", 16, 16, 64, 64, "pond", brush="march", **values)
         assert read(with_objects("zones", zone)).zones[0].bounds.blend == blend
+
+    def test_a_measured_way_that_is_not_even_is_named_too(self):
+        pairs = [SimpleNamespace(brush="graze")]
+        mixing = BrushLayer("brush", 0.5, ["march"], np.zeros((2, 2), int), PaintBounds(blend="mix"))
+        told = []
+        made = SimpleNamespace(brush_layers=[mixing], zones=[], spawns=pairs)
+        mixing_hints(made, {}, shipped(), SimpleNamespace(warn=told.append))
+        assert len(told) == 1 and "the measured way from 'graze' to 'march' is not even" in told[0]

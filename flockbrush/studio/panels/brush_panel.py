@@ -15,6 +15,7 @@ from flockbrush.behaviours.brush import Brush
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.studio.brush_palette import whence
 from flockbrush.studio.panels.knobs import TABLES, Knob, knobs_of
+from flockbrush.studio.panels.macros import macros_of
 from flockbrush.studio.panels.panel import Panel, Picture, blank, palette_of, write
 from flockbrush.studio.panels.rows import PanelRow, row_of
 from flockbrush.studio.panels.tuning import as_new, changes, command_of, turned, use
@@ -41,12 +42,19 @@ class BrushPanel(Panel):
         px, area, pad = self.px, self.area, self.px(8)
         common = dict(manager=self.manager, container=self.container)
         self.about = Picture(pygame.Rect(pad, px(42), area.width - 2 * pad, px(20)), self.manager, self.container)
-        y, wide = area.height - px(30) - pad, (area.width - 3 * pad) // 2
+        y, wide = area.height - px(30) - pad, (area.width - 4 * pad) // 3
         self.save = UIButton(
             pygame.Rect(pad, y, wide, px(30)),
             "Save as new…",
             object_id=ObjectID("#save_brush_button", "@small_button"),
             tool_tip_text="Save these numbers as a new brush: a file that says from which brush it came",
+            **common,
+        )
+        self.mode = UIButton(
+            pygame.Rect(3 * pad + 2 * wide, y, wide, px(30)),
+            self._mode_words(),
+            object_id=ObjectID("#brush_mode_button", "@small_button"),
+            tool_tip_text="A few sliders in plain words, or every number of the brush",
             **common,
         )
         self.drop = UIButton(
@@ -60,12 +68,20 @@ class BrushPanel(Panel):
 
     def close(self):
         self._clear_rows()
-        for thing in (self.menu, self.scroll, self.save, self.drop, self.about):
+        for thing in (self.menu, self.scroll, self.save, self.drop, self.mode, self.about):
             if thing is not None:
                 thing.kill()
         self.menu = self.scroll = None
 
     # what is shown ----------------------------------------------------------------
+
+    @property
+    def is_simple(self) -> bool:
+        """Whether a few sliders in plain words stand for all numbers."""
+        return self.app.memory.get("brush panel") == "simple"
+
+    def _mode_words(self):
+        return "Advanced" if self.is_simple else "Simple"
 
     @property
     def brush(self) -> Brush | None:
@@ -102,7 +118,7 @@ class BrushPanel(Panel):
 
     def _show(self):
         """The brush as it is now."""
-        names = palette_of(self.app.session).names
+        names = [brush.name for brush in palette_of(self.app.session).own]
         found = (self._found(name) for name in (self.app.brush, self.name, *names))
         brush = next((brush for brush in found if brush is not None), None)
         if brush is None:
@@ -110,7 +126,7 @@ class BrushPanel(Panel):
         self.name = brush.name
         self._offer(names if self.name in names else [*names, self.name])
         asset = self.asset_of(brush)
-        kind = f"{brush.name} {brush.model}"
+        kind = f"{brush.name} {brush.model} {self.is_simple}"
         if kind != self.known:
             self._make_rows(brush)
             self.known = kind
@@ -168,7 +184,7 @@ class BrushPanel(Panel):
         place = pygame.Rect(pad, top, area.width - pad, max(px(40), bottom - top))
         self.scroll = Shelf(place, self.manager, container=self.container)
         width, y, table = self.inner, 0, None
-        for knob in knobs_of(brush):
+        for knob in macros_of(brush) if self.is_simple else knobs_of(brush):
             if knob.table != table:
                 table, y = knob.table, self._head(knob.table, brush, y, width)
             row = row_of(self, knob, self.scroll, y, width, self.turn)
@@ -182,7 +198,7 @@ class BrushPanel(Panel):
         """A heading over the knobs of one table; returns where the first of them begins."""
         px = self.px
         tall = px(26)
-        words = TABLES[table] + (f": {brush.model}" if table == "params" else "")
+        words = {**TABLES, "macro": "Feel"}[table] + (f": {brush.model}" if table == "params" else "")
         head = Picture(pygame.Rect(0, y, width, tall), self.manager, self.scroll)
         surface = blank((width, tall))
         x = write(surface, words, (0, tall - px(9)), px(12), self.colours.muted, bold=True) + px(8)
@@ -233,6 +249,11 @@ class BrushPanel(Panel):
     def handle(self, event):
         if event.type == UI_DROP_DOWN_MENU_CHANGED and event.ui_element is self.menu:
             self.app.brush = self.name = event.text
+            self.refresh()
+            return True
+        if event.type == UI_BUTTON_PRESSED and event.ui_element is self.mode:
+            self.app.memory["brush panel"] = "advanced" if self.is_simple else "simple"
+            self.mode.set_text(self._mode_words())
             self.refresh()
             return True
         if event.type == UI_BUTTON_PRESSED and event.ui_element is self.drop:

@@ -10,12 +10,15 @@ from flockbrush.behaviours.brush import Brush, Provenance
 from flockbrush.behaviours.brush_writer import brush_to_toml
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.studio.panels.knobs import NUMBER, WHOLE, Knob, knobs_of
+from flockbrush.studio.panels.macros import Macro
 from flockbrush.systems.commands import SetParameter
 from flockbrush.systems.edits import UseBrush
 
 
 def turned(brush: Brush, knob: Knob, value) -> Brush:
     """The brush with one knob turned; ValueError when it may not have that value."""
+    if isinstance(knob, Macro):
+        return knob.turned(brush, value)
     if knob.table == "params":
         try:
             return brush.with_parameters(**{knob.name: value})

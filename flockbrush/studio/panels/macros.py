@@ -1,0 +1,121 @@
+"""Sliders in a designer's words: each moves a few numbers of a brush together along a path.
+
+A slider stands where its first number says; turning it moves the others as far along their own ranges.  The ranges are
+set by eye.  A model without an entry has the pace alone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from flockbrush.behaviours.brush import Brush
+from flockbrush.behaviours.validation import validated
+from flockbrush.studio.panels.knobs import NUMBER, Knob
+
+
+class Range(NamedTuple):
+    """One number of a brush and the values between which a slider moves it."""
+
+    table: str  # "params" or "speed"
+    name: str
+    low: float
+    high: float
+    times: bool = False  # even steps multiply; otherwise they add
+
+
+MACROS: dict[str, dict[str, tuple[str, tuple[Range, ...]]]] = {
+    "": {
+        "pace": ("Slower and calmer, or faster", (
+            Range("speed", "mean", 0.1, 20.0, True), Range("speed", "deviation", 0.1, 20.0, True),
+        )),
+    },
+    "herd": {
+        "tightness": ("Loose and spread out, or drawn close together", (
+            Range("params", "cohesion_weight", 0.0, 1.0), Range("params", "cohesion_radial", 0.5, 1.0),
+        )),
+        "order": ("Each its own way, or all one way", (
+            Range("params", "alignment_weight", 0.0, 1.0), Range("params", "alignment_radial", 0.5, 1.0),
+        )),
+        "personal space": ("Shoulder to shoulder, or with room between them", (
+            Range("params", "avoidance_radial", 0.1, 1.0, True), Range("params", "avoidance_weight", 0.02, 1.0, True),
+        )),
+        "nerve": ("Sluggish, or quick to answer whatever happens", (
+            Range("params", "sensitivity", 1.0, 100.0, True), Range("params", "max_turn", 1.0, 30.0, True),
+        )),
+        "wander": ("Straight ahead, or with whims", (Range("params", "wander", 0.0, 3.0),)),
+    },
+    "boids": {
+        "tightness": ("Loose, or drawn to the middle of the others", (
+            Range("params", "centring_strength", 0.0, 1.0),
+        )),
+        "order": ("Each its own way, or all one way", (
+            Range("params", "matching_strength", 0.0, 1.0), Range("params", "matching_time", 1.5, 0.05, True),
+        )),
+        "personal space": ("Wing to wing, or with room between them", (
+            Range("params", "separation", 0.5, 30.0, True),
+        )),
+        "nerve": ("Bold, or gone at the first sight of danger", (
+            Range("params", "flight_distance", 5.0, 500.0, True), Range("params", "panic_pace", 1.0, 4.0, True),
+        )),
+    },
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Macro(Knob):
+    """A slider that moves several numbers of a brush."""
+
+    ranges: tuple[Range, ...] = ()
+
+    def value(self, brush: Brush) -> float:
+        """Where it stands, 0 to 1, by its first number."""
+        first = self.ranges[0]
+        return round(min(max(_along(first, getattr(getattr(brush, first.table), first.name)), 0.0), 1.0), 4)
+
+    def said(self, value) -> str:
+        """Where it stands, in hundredths."""
+        return f"{value:.2f}"
+
+    def turned(self, brush: Brush, value: float) -> Brush:
+        """The brush with the slider there; each number stays within the bounds of its model."""
+        by, tables = value - self.value(brush), {}
+        for k, part in enumerate(self.ranges):
+            table = tables.setdefault(part.table, dict(getattr(brush, part.table)))
+            now = table[part.name]
+            table[part.name] = _at(part, value) if k == 0 else _moved(part, now, by)
+        for name, numbers in tables.items():
+            made, mistakes = validated(type(getattr(brush, name)), numbers)
+            if made is None:
+                raise ValueError(f"{self.words}: {mistakes[0][1]}")
+            tables[name] = made
+        return brush.model_copy(update=tables)
+
+
+def _at(part, share):
+    if part.times:
+        return part.low * (part.high / part.low) ** share
+    return part.low + share * (part.high - part.low)
+
+
+def _along(part, value):
+    if part.times:
+        return math.log(max(value, 1e-12) / part.low) / math.log(part.high / part.low)
+    return (value - part.low) / (part.high - part.low)
+
+
+def _moved(part, now, by):
+    """A number moved by a share of its range, and not beyond its ends unless it was there already."""
+    value = now * (part.high / part.low) ** by if part.times else now + by * (part.high - part.low)
+    low, high = min(part.low, part.high, now), max(part.low, part.high, now)
+    return min(max(value, low), high)
+
+
+def macros_of(brush: Brush) -> list[Macro]:
+    """The sliders of a brush."""
+    found = []
+    for name, (words, ranges) in {**MACROS.get(brush.model, {}), **MACROS[""]}.items():
+        symbols = ", ".join(part.name for part in ranges)
+        found.append(Macro("macro", name, NUMBER, "", f"{words}. Moves {symbols} together.", ranges=ranges))
+    return found
