@@ -89,7 +89,7 @@ def _columns(header, name):
     """Which column holds what."""
     lowered = [cell.lower() for cell in header]
     found = {"pixels": True, "x": -1, "y": -1}
-    for pair in (*PIXELS, *WINGSPANS):
+    for pair in (PIXELS[0], *WINGSPANS, PIXELS[1]):  # plain x, y last: beside x_b they are metres
         if pair[0] in lowered and pair[1] in lowered:
             found.update(x=lowered.index(pair[0]), y=lowered.index(pair[1]), pixels=pair not in WINGSPANS)
             break

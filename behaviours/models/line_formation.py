@@ -42,6 +42,9 @@ class Params(Parameters):
     shape: Shape = Field("V", description="what they fly as", json_schema_extra={"unit": "-"})
     spacing: float = quantity(1.25, "wingspans", "to the side, from bird to bird", 0.9, 10)
     slope: float = quantity(0.8, "1", "of V and line: how far back the next flies for each wingspan aside", 0.1, 5)
+    slope_right: float = quantity(
+        0.0, "1", "of a V: that of the right arm, where it is another than the left one's; 0: the same", 0, 5
+    )
     curvature: float = quantity(0.05, "1/wingspans", "of U and J: larger bends the arms back sooner", 0.001, 1)
     left: float = quantity(
         0.5, "1", "share of the birds on the left of the leader; V and U: .5, J: .2, line: 0 or 1", 0, 1
@@ -274,7 +277,7 @@ def places(p, birds, seed):
 
 def _curve(p):
     if p.shape in ("V", "line"):
-        return Curve("v", (0.0, p.slope, p.slope))
+        return Curve("v", (0.0, p.slope, p.slope_right or p.slope))
     return Curve("parabola", (0.0, 0.0, -p.curvature))
 
 

@@ -26,6 +26,8 @@ from flockbrush.render.style import PALETTE, rgb, theme_of
 from flockbrush.runs.terminal import number, print_json, progress, say, show, table
 from flockbrush.systems.initiation import initiate, scattered, target_of
 
+WINGSPAN, SPEED, HEIGHT = 1.6, 16.0, 50.0  # m, m/s, m: of grey geese, for flights in metres
+
 
 def detect(paths, out, every, json):
     """Find birds and write their marks."""
@@ -119,9 +121,12 @@ def fly(formation_path, birds, frames, fps, seed, left, exchange, method, epsilo
         if out:
             text = io.StringIO()
             writer = csv.writer(text, lineterminator="\n")
-            writer.writerow(["frame", "bird", "x_b", "y_b"])
+            writer.writerow(["frame", "bird", "x_b", "y_b", "time", "id", "x", "y", "z"])
             for f, place in enumerate(places):
-                writer.writerows([f, k, f"{x:.6f}", f"{y:.6f}"] for k, (x, y) in enumerate(place))
+                north = SPEED * f / fps  # m
+                for k, (x, y) in enumerate(place):
+                    metres = f"{WINGSPAN * x:.4f}", f"{WINGSPAN * y + north:.4f}", f"{HEIGHT:g}"
+                    writer.writerow([f, k, f"{x:.6f}", f"{y:.6f}", f"{f / fps:.6f}", k + 1, *metres])
             write_text(out, text.getvalue())
         if plot:
             _draw_flight(plot, places, flight)

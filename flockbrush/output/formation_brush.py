@@ -75,8 +75,8 @@ def parameters_of(formation):
         numbers = frame.curve.numbers
         if frame.curve.model == "parabola":
             bends.append(-numbers[2])
-        else:
-            slopes += [abs(number) for number in numbers[1:]]
+        else:  # of a V left and right, of a line one
+            slopes.append([abs(numbers[1]), abs(numbers[-1])])
     others = [len(frame.birds) - 1 for frame in same]
     found = {
         "shape": kind,
@@ -85,7 +85,8 @@ def parameters_of(formation):
         "deviation": float(np.clip(np.mean([frame.deviation[1] for frame in same]), 0, 2)),
     }
     if slopes:
-        found["slope"] = float(np.clip(np.mean(slopes), 0.1, 5))
+        left, right = np.clip(np.mean(slopes, axis=0), 0.1, 5)
+        found |= {"slope": float(left), "slope_right": float(right) if kind == "V" else 0.0}
     if bends:
         found["curvature"] = float(np.clip(np.mean(bends), 0.001, 1))
     return found

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from example_formations import places
 from flockbrush.behaviours.brush import load_brush
+from flockbrush.behaviours.models.line_formation import places as places_of
 
 from flockbrush.cli.main import called
+from flockbrush.lifting.flight_show import read_flight
 from flockbrush.runs.power_savings import savings
 
 
@@ -41,6 +43,11 @@ def test_from_marks_to_a_formation_to_a_flight(marks, tmp_path, capsys):
     assert said["birds"] == 20
     assert said["outside"] < 0.01
     assert len(table.read_text().splitlines()) == 1 + 20 * 40
+    assert called(["formation", "extract", str(table), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["kinds"] == {"V": 40}
+    flight = read_flight(table)  # what `play` opens
+    assert flight.xyz.shape == (40, 20, 3)
+    assert np.allclose(flight.xyz[-1, :, 1].max() - flight.xyz[0, :, 1].max(), 16.0 * 39 / 25)
 
 
 def test_a_formation_becomes_a_brush(marks, tmp_path):
@@ -52,6 +59,22 @@ def test_a_formation_becomes_a_brush(marks, tmp_path):
     assert brush.params.slope == pytest.approx(0.8, abs=0.15)
     assert brush.params.spacing == pytest.approx(1.25, abs=0.1)
     assert brush.provenance.kind == "learned"
+
+
+def test_arms_of_unlike_slopes_stay_unlike(tmp_path):
+    marked, formation, made = tmp_path / "marks.csv", tmp_path / "v.json", tmp_path / "mine.brush.toml"
+    x = 1.25 * np.arange(-7, 8)
+    y = np.where(x < 0, 0.40 * x, -1.31 * x)
+    marked.write_text(
+        "frame,bird,x_b,y_b\n" + "".join(f"0,{k},{a},{b}\n" for k, (a, b) in enumerate(zip(x, y, strict=True)))
+    )
+    assert called(["formation", "extract", str(marked), "--out", str(formation)]) == 0
+    assert called(["formation", "brush", str(formation), "-o", str(made), "--like", "geese"]) == 0
+    p = load_brush(made).params
+    assert (p.slope, p.slope_right) == pytest.approx((0.40, 1.31), abs=0.01)
+    x, y = places_of(p.model_copy(update={"deviation": 0.0}), 15, 1).at(0.0)
+    assert y[0] / x[0] == pytest.approx(0.40, abs=0.01)
+    assert y[-1] / x[-1] == pytest.approx(-1.31, abs=0.01)
 
 
 def test_birds_are_found_and_marked(tmp_path, capsys):
