@@ -32,5 +32,5 @@ class Lost(Component):
     entity = Field(0, np.int64)  # 0 for nobody
     place = Field((0.0, 0.0))  # m
     velocity = Field((0.0, 0.0))  # m/s
-    time = Field(0.0)  # s since the bird was in that skein
+    ticks = Field(0, np.int32)  # since the bird was in that skein
     company = Field(0, np.int32)  # birds of that skein

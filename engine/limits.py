@@ -144,9 +144,10 @@ def page() -> str:
 _HEAD = (
     "# Limits",
     "",
-    "Everything that is read from a file is bounded. A file beyond a limit is refused with a sentence that names the",
-    "file and the limit, before the memory is taken. No malformed file under 100 MB needs more than 1 GB of memory",
-    "before it is refused; `tests/fuzz/test_memory.py` measures that for every kind of file.",
+    "Everything that is read from a file is bounded. A file beyond a limit is refused with a sentence",
+    "that names the file and the limit, before the memory is taken. No malformed file under 100 MB needs",
+    "more than 1 GB of memory before it is refused; `tests/fuzz/test_memory.py` measures that for every",
+    "kind of file.",
     "",
     "The limits stand in `engine/limits.py`; this page is made from them by",
     "`python -m flockbrush.engine.limits > docs/limits.md`.",

@@ -168,23 +168,23 @@ def _see_again(agents, rows, sees):
     mine, seen = rows[found], rows[lost[found]]
     agents[Lost.place][mine] = agents[Position.xyz][seen, :2]
     agents[Lost.velocity][mine] = agents[Velocity.xyz][seen, :2]
-    agents[Lost.time][mine] = 0.0
+    agents[Lost.ticks][mine] = 0
 
 
 def _remember(agents, rows, leader, dt):
     """Who flies in a skein knows where it goes; in lesser company it remembers the greater."""
     lost, follows = agents[Lost.entity][rows], np.arange(len(rows)) != leader
-    gone = (agents[Lost.time][rows] > REMEMBERED) | np.isin(lost, agents.ids[rows]) | ~np.isin(lost, agents.ids)
+    gone = (agents[Lost.ticks][rows] * dt > REMEMBERED) | np.isin(lost, agents.ids[rows]) | ~np.isin(lost, agents.ids)
     agents[Lost.entity][rows[gone]] = 0
     away = rows[~gone]
     agents[Lost.place][away] += agents[Lost.velocity][away] * dt
-    agents[Lost.time][away] += dt
+    agents[Lost.ticks][away] += 1
     anew = follows & (gone | (agents[Lost.company][rows] <= len(rows)))
     mine, seen = rows[anew], rows[leader]
     agents[Lost.entity][mine] = agents.ids[seen]
     agents[Lost.place][mine] = agents[Position.xyz][seen, :2]
     agents[Lost.velocity][mine] = agents[Velocity.xyz][seen, :2]
-    agents[Lost.time][mine], agents[Lost.company][mine] = 0.0, len(rows)
+    agents[Lost.ticks][mine], agents[Lost.company][mine] = 0, len(rows)
 
 
 def _after_the_lost(agents, rows, leader, wrap):
@@ -194,7 +194,7 @@ def _after_the_lost(agents, rows, leader, wrap):
     misses = misses[2 * len(rows) <= agents[Lost.company][rows[misses]]]
     if not len(misses):
         return 0.0, 0.0
-    row = rows[misses[np.argmin(agents[Lost.time][rows[misses]])]]
+    row = rows[misses[np.argmin(agents[Lost.ticks][rows[misses]])]]
     away = agents[Lost.place][row] - agents[Position.xyz][rows[leader], :2]
     if wrap is not None:
         away = away - np.array(wrap) * np.floor(away / np.array(wrap) + 0.5)
