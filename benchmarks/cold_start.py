@@ -29,7 +29,7 @@ def seconds(level, folder, threads):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("level", nargs="?", default="meadow")
-    level, cores = parser.parse_args().level, len(os.sched_getaffinity(0))
+    level, cores = parser.parse_args().level, os.cpu_count() or 1
     rows = []
     for threads in (1, cores):
         with tempfile.TemporaryDirectory() as folder:
