@@ -440,10 +440,18 @@ def _value(value):
 
 
 def check_brushes(files):
-    """Print everything that is wrong with brushes, as a compiler would."""
+    """Print everything that is wrong with brushes and paths between them, as a compiler would."""
+    from flockbrush.behaviours.brush import PATH_SUFFIX
+    from flockbrush.behaviours.mixture import load_path
+    from flockbrush.behaviours.tomlfile import read_bytes
+
     bad = False
     for name in files:
         try:
+            if name.endswith(PATH_SUFFIX):
+                path = load_path(read_bytes(name), name)
+                print_line(f"{name}: ok: path from {path.start} to {path.end}{'' if path.even else ', uneven'}")
+                continue
             brush = find_brush(name)
         except ProblemsError as error:
             bad = True

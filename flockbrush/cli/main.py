@@ -658,7 +658,10 @@ def brush_show(
 
 @brush_app.command("check")
 def brush_check(
-    files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Brush files, or names of shipped brushes.")],
+    files: Annotated[
+        list[str],
+        typer.Argument(metavar="FILE...", help="Brush files, paths between brushes, or names of shipped brushes."),
+    ],
 ):
     """Check brushes and print every problem as `file:line: ...`."""
     from flockbrush.cli.commands import check_brushes

@@ -121,7 +121,17 @@ def test_a_learned_brush_shows_each_figure_of_its_report_on_a_line_of_its_own(cl
 
 
 def test_all_shipped_brushes_are_in_order(cli):
-    assert cli("brush", "check", *sorted(BRUSHES.glob("*.toml")), "march").code == 0
+    done = cli("brush", "check", *sorted(BRUSHES.glob("*.toml")), "march")
+    assert done.code == 0 and "graze--march.path.toml: ok: path from graze to march" in done.out
+
+
+def test_what_is_wrong_with_a_path_between_brushes_is_told_with_file_and_line(cli, tmp_path):
+    path = tmp_path / "graze--march.path.toml"
+    path.write_text((BRUSHES / path.name).read_text().replace("along = [0,", "along = [0.01,"))
+    done = cli("brush", "check", path, tmp_path / "none.path.toml")
+    assert done.code == 1
+    assert re.match(rf"{re.escape(str(path))}:\d+: .*'along' must go from 0 to 1", done.out)
+    assert f"{tmp_path / 'none.path.toml'}: there is no such file" in done.out
 
 
 def test_what_is_wrong_with_brushes_is_told_with_file_and_line(cli, tmp_path):
