@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from flockbrush.behaviours.brush import Brush
 from flockbrush.behaviours.validation import validated
@@ -80,7 +80,8 @@ class Macro(Knob):
 
     def turned(self, brush: Brush, value: float) -> Brush:
         """The brush with the slider there; each number stays within the bounds of its model."""
-        by, tables = value - self.value(brush), {}
+        by = value - self.value(brush)
+        tables: dict[str, Any] = {}
         for k, part in enumerate(self.ranges):
             table = tables.setdefault(part.table, dict(getattr(brush, part.table)))
             now = table[part.name]
