@@ -287,7 +287,29 @@ class GuideTool(ShapeTool):
             self.dots(surface, camera, points, colour, hot)
 
 
-class GoalTool(ShapeTool):
+class SpanTool(ShapeTool):
+    """Draws what two points tell: where a drag began, and where it ended."""
+
+    def press(self, xy, button, mods):
+        if button == 1:
+            self.points, self.dragging = [xy, xy], True
+
+    def drag(self, xy):
+        if self.dragging:
+            self.points[1] = xy
+
+    def release(self, xy):
+        if not self.dragging:
+            return
+        self.drag(xy)
+        (a, b), self.points, self.dragging = self.points, [], False
+        self.draw(a, b)
+
+    def draw(self, a, b):
+        """Draw the thing from one point to the other."""
+
+
+class GoalTool(SpanTool):
     """Places goals, and moves those there are."""
 
     name, title, key, icon = "goal", "Goal", "h", "goal"
@@ -301,17 +323,9 @@ class GoalTool(ShapeTool):
             return
         found = self.app.things_at([xy], self.reach(10), kinds=("goal",))
         self.held = found[0][1] if found else None
-        self.points, self.dragging = [xy, xy], True
+        super().press(xy, button, mods)
 
-    def drag(self, xy):
-        if self.dragging:
-            self.points[1] = xy
-
-    def release(self, xy):
-        if not self.dragging:
-            return
-        self.drag(xy)
-        (a, b), self.points, self.dragging = self.points, [], False
+    def draw(self, a, b):
         held, self.held = self.held, None
         if held is not None:
             if not self.is_near(a, b):
@@ -350,24 +364,12 @@ def move_goal(app, goal, xy):
     app.do("move a goal", [place])
 
 
-class AreaTool(ShapeTool):
+class AreaTool(SpanTool):
     """Draws rectangular areas from corner to corner."""
 
     thing = ""
 
-    def press(self, xy, button, mods):
-        if button == 1:
-            self.points, self.dragging = [xy, xy], True
-
-    def drag(self, xy):
-        if self.dragging:
-            self.points[1] = xy
-
-    def release(self, xy):
-        if not self.dragging:
-            return
-        self.drag(xy)
-        (a, b), self.points, self.dragging = self.points, [], False
+    def draw(self, a, b):
         if self.is_near(a, b):
             r = self.app.usual_radius()
             a, b = (a[0] - r, a[1] - r), (a[0] + r, a[1] + r)
