@@ -1,0 +1,94 @@
+"""How the commands of studies are called: measure and sweep."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flockbrush.cli import learning_commands as cli_learning
+from flockbrush.cli.shared_options import (
+    Json,
+    RecordingPath,
+    ThemeName,
+    ThemeOption,
+    Threads,
+    TrackFps,
+    TrackMetres,
+    TrackPixels,
+    TrackUnit,
+)
+
+
+def is_tracks(path):
+    """Whether a name is that of a file of tracks."""
+    from flockbrush.film.track_files import ENDINGS
+
+    return Path(path).suffix.lower() in ENDINGS
+
+
+def measure(
+    recording: RecordingPath,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Picture to write, with the measures over time.")
+    ] = None,
+    every: Annotated[
+        float, typer.Option(min=0.03125, max=3600, metavar="S", help="Seconds between two samples.")
+    ] = 1.0,
+    threads: Threads = None,
+    unit: TrackUnit = None,
+    fps: TrackFps = None,
+    body_length_m: TrackMetres = None,
+    body_length_px: TrackPixels = None,
+    json: Json = False,
+):
+    """Measure a recording or tracks: order, milling, speed, spread and what crosses the lines of the level."""
+    if is_tracks(recording):
+        from flockbrush.cli.measure_tracks import measure_tracks
+        from flockbrush.film.open_clip import Looking
+
+        look = Looking(
+            unit=cli_learning.unit_of(unit), fps=fps, body_length_m=body_length_m, body_length_px=body_length_px
+        )
+        return measure_tracks(recording, look, plot, every, json)
+    from flockbrush.cli.measure import measure_recording
+
+    measure_recording(recording, plot, every, threads, json)
+
+
+def sweep(
+    file: Annotated[Path, typer.Argument(metavar="SWEEP", help="A .sweep.toml file, or the name of a shipped one.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for rows, summary and plots.")],
+    jobs: Annotated[
+        int | None, typer.Option(min=1, max=1024, metavar="N", help="Number of processes; default: one per core.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue the sweep in DIR; failed runs are repeated.")
+    ] = False,
+    cluster: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Address of the scheduler of a Dask cluster, such as tcp://host:8786."),
+    ] = None,
+    tls_ca: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Certificate that signed those of the cluster (tls://).")
+    ] = None,
+    tls_cert: Annotated[Path | None, typer.Option(metavar="FILE", help="Own certificate for the cluster.")] = None,
+    tls_key: Annotated[Path | None, typer.Option(metavar="FILE", help="Key of the own certificate.")] = None,
+    theme: ThemeOption = ThemeName.light,
+    json: Json = False,
+):
+    """Run every combination of parameters with every seed; write one row per run.
+
+    Finished runs are kept when the sweep is stopped or killed; --resume continues.
+    The exit code is 1 when a run failed or an expectation of the file was missed.
+    """
+    from flockbrush.cli.sweep_commands import run_sweep
+    from flockbrush.studies.sweep import Tls
+
+    if jobs is not None and cluster is not None:
+        raise typer.BadParameter("give --jobs or --cluster, not both", param_hint="--jobs")
+    tls = Tls(tls_ca, tls_cert, tls_key)
+    if cluster is None and tls != Tls():
+        raise typer.BadParameter("these files are for --cluster tls://HOST:PORT", param_hint="--tls-ca")
+    run_sweep(file, out, jobs, resume, cluster, json, theme.value, tls)
