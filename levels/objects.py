@@ -24,7 +24,7 @@ from flockbrush.levels.schema import (
     Spawn,
     Zone,
 )
-from flockbrush.systems.commands import MOST_CORNERS
+from flockbrush.systems.obstacle_commands import MOST_CORNERS
 
 OBJECT_CLASSES = [c.name for c in CLASSES.values() if c.use == "object"]
 A_PYRAMID = "-2 -2 0; 2 -2 0; 2 2 0; -2 2 0; 0 0 5"

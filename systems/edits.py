@@ -1,8 +1,7 @@
-"""What a designer does to a level while it lives: strokes, arrows, goals, exits, spawns.
+"""What a designer does to a level while it lives: arrows, goals, exits, spawns; paint and obstacles have their files.
 
 Each command also changes the level's document (`flockbrush.levels.map_edits`); ``id`` is the object's id in the level
-file, and a
-command with the id of something that is there puts the new one in its place.
+file, and a command with the id of something that is there puts the new one in its place.
 """
 
 from __future__ import annotations
@@ -14,28 +13,20 @@ from flockbrush.components import Destination
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import command
 from flockbrush.engine.problems import did_you_mean
-from flockbrush.systems.commands import (
-    LAYERS,
-    MOST,
+from flockbrush.systems.animal_commands import MOST
+from flockbrush.systems.landscape import Exit, Goal, Guide, Landscape
+from flockbrush.systems.life import Nursery, SpawnArea, bear
+from flockbrush.systems.obstacle_commands import (
     AddObstacle,
-    PaintCells,
     RemoveObstacle,
     again,
     around,
     box_of,
-    box_of_cells,
     by_id,
-    cells_now,
-    lay,
     line_of,
-    number_of,
-    painted,
     polygon_of,
-    value_of,
 )
-from flockbrush.systems.landscape import Exit, Goal, Guide, Landscape
-from flockbrush.systems.life import Nursery, SpawnArea, bear
-from flockbrush.systems.painting import blended, connected, runs_of, stroke_cells, taken
+from flockbrush.systems.paint_commands import FAR, LAYERS, Paint, PaintCells, fill, off_the_map, pick, region
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.programs import Programs
 from flockbrush.systems.undo import RemoveEntities, UseBrush, goal_index, goals_of, need
@@ -45,101 +36,8 @@ __all__ = [
     "RemoveObstacle", "RemoveThing", "UseBrush", "as_command", "fill", "pick", "region",
 ]  # fmt: skip
 
-FAR = 1e6  # m; no level is larger
 ON_ARRIVE = ("stay", "despawn", "next", "disperse")
 FORMATIONS = ("scatter", "grid", "ring", "mill", "line")
-
-
-# strokes ----------------------------------------------------------------------------
-
-
-@command
-class Paint:
-    """One piece of a stroke: all cells within a radius of the segment from (x, y) to (to_x, to_y).
-
-    The layer is "brush" (the value a name, "" erases), "cap" (m/s, 0 erases) or "surface" (a kind of ground, ""
-    bare).  Towards the rim a soft stroke takes fewer cells, the same ones however often it passes; caps blend.
-    """
-
-    layer: str
-    value: str | float
-    x: float
-    y: float
-    to_x: float
-    to_y: float
-    radius: float
-    softness: float = 0.0
-
-    def check(self, world):
-        land = world.resource(Landscape)
-        number_of(world, self.layer, self.value)
-        need(0 <= self.radius <= FAR, f"radius must be 0 to {FAR:g} m, got {self.radius:g}")
-        need(0 <= self.softness <= 1, f"softness must be 0 to 1, got {self.softness:g}")
-        near = all(abs(v) <= FAR for v in (self.x, self.y, self.to_x, self.to_y))
-        need(near and len(self.cells(land.brush.shape, land.cell)[0]), _off_the_map(land, "the stroke"))
-
-    def cells(self, shape, cell):
-        """(iy, ix, weight) of the cells it changes, on a map of this shape."""
-        iy, ix, weight = stroke_cells((self.x, self.y), (self.to_x, self.to_y), self.radius, self.softness, shape, cell)
-        if self.layer == "cap":
-            return iy, ix, weight
-        if self.softness > 0:
-            kept = taken(iy, ix, weight)
-            kept |= len(kept) == 1
-            iy, ix, weight = iy[kept], ix[kept], weight[kept]
-        return iy, ix, weight
-
-    def ground_box(self, world):
-        land = world.resource(Landscape)
-        return box_of_cells(land, *self.cells(land.brush.shape, land.cell)[:2])
-
-    def inverse(self, world):
-        self.check(world)
-        land = world.resource(Landscape)
-        return cells_now(world, self.layer, *self.cells(land.brush.shape, land.cell)[:2])
-
-    def apply(self, world):
-        self.check(world)
-        land = world.resource(Landscape)
-        iy, ix, weight = self.cells(land.brush.shape, land.cell)
-        number = number_of(world, self.layer, self.value)
-        if self.layer == "cap":
-            number = blended(land.painted.cap[iy, ix], number, weight)
-        lay(world, self.layer, iy, ix, number)
-
-
-def _off_the_map(land, what):
-    return f"{what} is not on the map, which is {land.width:g} x {land.height:g} m"
-
-
-def pick(world, layer, x, y):
-    """What is painted at a place: the value that `Paint` takes, "" or 0 for nothing and off the map."""
-    land = world.resource(Landscape)
-    ix, iy = int(np.floor(x / land.cell)), int(np.floor(y / land.cell))
-    raster = land.kind_at if layer == "surface" else painted(land, layer)
-    if not (0 <= iy < raster.shape[0] and 0 <= ix < raster.shape[1]):
-        return 0.0 if layer == "cap" else ""
-    return value_of(world, layer, raster[iy, ix].item())
-
-
-def region(world, layer, x, y):
-    """(ny, nx) bool: the connected cells that are painted as the one at this place; ValueError off the map."""
-    land = world.resource(Landscape)
-    number_of(world, layer, 0.0 if layer == "cap" else "")
-    ix, iy = int(np.floor(x / land.cell)), int(np.floor(y / land.cell))
-    inside = 0 <= iy < land.brush.shape[0] and 0 <= ix < land.brush.shape[1]
-    need(inside, _off_the_map(land, f"({x:g}, {y:g})"))
-    return connected(land.kind_at if layer == "surface" else painted(land, layer), iy, ix)
-
-
-def fill(world, layer, x, y, value):
-    """The command that paints the whole region around a place."""
-    number_of(world, layer, value)
-    iy, ix = np.nonzero(region(world, layer, x, y))
-    return PaintCells(layer, [value], runs_of(iy, ix, np.zeros(len(iy), int)))
-
-
-# things ----------------------------------------------------------------------------
 
 
 @command
@@ -212,7 +110,7 @@ class PlaceGoal:
         need(self.name not in others, f"there is a goal {self.name!r} already")
         need(0 < self.radius <= FAR, f"radius must be above 0 m, got {self.radius:g}")
         inside = 0 <= self.x <= land.width and 0 <= self.y <= land.height
-        need(inside, _off_the_map(land, f"({self.x:g}, {self.y:g})"))
+        need(inside, off_the_map(land, f"({self.x:g}, {self.y:g})"))
         need(self.on_arrive in ON_ARRIVE, f"on_arrive must be one of {', '.join(ON_ARRIVE)}, got {self.on_arrive!r}")
         names = [*others, self.name]
         if self.on_arrive == "next":
@@ -515,7 +413,7 @@ def _check_id(command, zero=False):
 def _check_on_map(land, points, what):
     low, high = points.min(0), points.max(0)
     off = (high < 0).any() or low[0] > land.width or low[1] > land.height
-    need(not off, _off_the_map(land, what))
+    need(not off, off_the_map(land, what))
 
 
 def _check_free(land, name):

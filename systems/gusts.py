@@ -7,7 +7,7 @@ from flockbrush.components.formation import FormationPlace
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import command
 from flockbrush.engine.noise import Noise
-from flockbrush.systems.commands import _check_circle, _check_species, _selected
+from flockbrush.systems.selection import check_circle, check_species, selected
 from flockbrush.systems.undo import columns_now, need
 
 ONSET = 0.5  # s in which a gust is felt.  By eye
@@ -34,19 +34,19 @@ class Gust:
     def check(self, world):
         need(self.seconds > 0, f"seconds must be above 0, got {self.seconds:g}")
         need(0 <= self.uneven <= 1, f"uneven must be from 0 to 1, got {self.uneven:g}")
-        _check_circle(self)
-        _check_species(world, self.species)
+        check_circle(self)
+        check_species(world, self.species)
 
     def inverse(self, world):
         self.check(world)
-        chosen = np.flatnonzero(_selected(world, self.at_x, self.at_y, self.radius, self.species))
+        chosen = np.flatnonzero(selected(world, self.at_x, self.at_y, self.radius, self.species))
         felt = [FormationPlace.gust, FormationPlace.wind, FormationPlace.felt, FormationPlace.lull]
         return columns_now(world, chosen, felt)
 
     def apply(self, world):
         self.check(world)
         agents = world.agents
-        chosen = _selected(world, self.at_x, self.at_y, self.radius, self.species)
+        chosen = selected(world, self.at_x, self.at_y, self.radius, self.species)
         chance = world.resource(Noise).uniform("gust", world.resource(Clock).tick, agents.ids)
         share = 1.0 + self.uneven * (2.0 * chance - 1.0)
         agents[FormationPlace.gust][chosen] += (share * np.array([self.x, self.y, self.z]))[chosen]

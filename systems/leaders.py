@@ -16,8 +16,8 @@ from flockbrush.components.agent import DIRECTION, NOWHERE, POINT
 from flockbrush.engine.commands import command
 from flockbrush.engine.noise import Noise, uniform_
 from flockbrush.engine.parallel import over_rows
-from flockbrush.systems.commands import _check_circle, _selected
 from flockbrush.systems.palette import Palette
+from flockbrush.systems.selection import check_circle, selected
 from flockbrush.systems.undo import columns_now, need, need_entities, rows_of
 from numba import njit
 
@@ -39,8 +39,8 @@ def _rows(world, command):
     """Rows of the animals of a command: those named, or a species ("" for all) in a circle (radius 0: anywhere)."""
     if command.entities:
         return need_alive(world, command.entities)
-    _check_circle(command)
-    return np.flatnonzero(_selected(world, command.at_x, command.at_y, command.radius, command.species))
+    check_circle(command)
+    return np.flatnonzero(selected(world, command.at_x, command.at_y, command.radius, command.species))
 
 
 @command

@@ -12,9 +12,9 @@ from flockbrush.components.program_state import BY_COMMAND
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import command
 from flockbrush.engine.problems import ProblemsError, did_you_mean
-from flockbrush.systems.commands import _check_circle, _selected
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.programs import Programs, enrol, put_in_state, replace_program
+from flockbrush.systems.selection import check_circle, selected
 from flockbrush.systems.undo import columns_now, need
 
 COLUMNS = tuple(ProgramState.fields.values())
@@ -35,7 +35,7 @@ class Event:
     radius: float = 0.0  # m; 0: everywhere
 
     def check(self, world):
-        _check_circle(self)
+        check_circle(self)
         known = heard(world)
         need(known, f"no program of this world listens for an event, so {self.name!r} would change nothing")
         need(self.name in known, f"no program listens for the event {self.name!r}{did_you_mean(self.name, known)}")
@@ -97,14 +97,14 @@ class SetState:
     radius: float = 0.0  # m; 0: everywhere
 
     def check(self, world):
-        _check_circle(self)
+        check_circle(self)
         programs = world.resource(Programs)
         known = programs.compiled[programs.named(self.program)].names
         need(self.state in known, f"{self.program} has no state {self.state!r}{did_you_mean(self.state, known)}")
 
     def rows(self, world):
         """(k,) rows of the animals meant."""
-        chosen = _selected(world, self.x, self.y, self.radius, self.species)
+        chosen = selected(world, self.x, self.y, self.radius, self.species)
         number = world.resource(Programs).named(self.program)
         return np.flatnonzero(chosen & (world.agents[ProgramState.program] == number))
 
@@ -132,13 +132,13 @@ class GiveProgram:
     radius: float = 0.0  # m; 0: everywhere
 
     def check(self, world):
-        _check_circle(self)
+        check_circle(self)
         if self.program:
             world.resource(Programs).named(self.program)
 
     def rows(self, world):
         """(k,) rows of the animals meant."""
-        return np.flatnonzero(_selected(world, self.x, self.y, self.radius, self.species))
+        return np.flatnonzero(selected(world, self.x, self.y, self.radius, self.species))
 
     def inverse(self, world):
         self.check(world)

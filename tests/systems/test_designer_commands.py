@@ -10,6 +10,7 @@ from flockbrush.engine.commands import COMMANDS, CommandError, Commands, from_re
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.state import state_hash
 from flockbrush.levels.schema import Goal, Key
+from flockbrush.systems.animal_commands import disc
 from flockbrush.systems.commands import (
     AddAnimals,
     AddObstacle,
@@ -21,7 +22,6 @@ from flockbrush.systems.commands import (
     SendTo,
     SetParameter,
     SwitchBrush,
-    disc,
 )
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.life import inside_polygon
@@ -278,19 +278,21 @@ def test_what_is_no_number_is_refused_when_it_is_handed_in(value):
     assert simulation.world.resource(Commands).pending == []
 
 
+COMMAND_FILES = "commands", "animal_commands", "obstacle_commands", "paint_commands"
+THEIRS = {f"flockbrush.systems.{name}" for name in COMMAND_FILES}
+
 number = st.one_of(st.floats(-60, 60), st.sampled_from([0.0, -1.0, 1e9]))
 
 
 @given(
-    st.sampled_from(
-        sorted(name for name, kind in COMMANDS.items() if kind.__module__ == "flockbrush.systems.commands")
-    ),
+    st.sampled_from(sorted(name for name, kind in COMMANDS.items() if kind.__module__ in THEIRS)),
     st.data(),
 )
 def test_whatever_is_asked_is_done_or_refused_and_nothing_else_happens(name, data):
     simulation = SHARED[0] if SHARED else SHARED.append(scene(boundary="wall")) or SHARED[0]
     words = st.sampled_from(["run", "calm", "", "sheep", "gate", "barn", "cohesion_weight", "?"])
     makers = {float: number, int: st.integers(-3, 30), str: words, bool: st.booleans()}
+    makers[str | float] = words | number
     makers[str | None] = st.none() | st.sampled_from(["box", "sphere", "plane", "cone", "hull"])
     corner = st.lists(st.sampled_from([-4.0, 0.0, 3.0, "up", None, 1e9]), min_size=2, max_size=3)
     pyramid = [[-2.0, -2.0, 0.0], [2.0, -2.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 5.0]]

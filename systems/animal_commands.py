@@ -1,0 +1,233 @@
+"""Commands to animals: what brush they follow, where they go, who comes and leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+from flockbrush.components import BrushBinding, Destination, Migration
+from flockbrush.components.agent import DIRECTION, NOWHERE, POINT
+from flockbrush.engine.commands import command
+from flockbrush.engine.maths import sincos_
+from flockbrush.engine.problems import did_you_mean
+from flockbrush.systems.binding import cannot
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.population import SpeciesList, give_birth
+from flockbrush.systems.programs import Programs, born_into
+from flockbrush.systems.selection import able, check_brush, check_can, check_circle, check_species, selected, species_of
+from flockbrush.systems.undo import (
+    RemoveEntities,
+    bring_back,
+    brushes_of,
+    columns_now,
+    goal_index,
+    goals_of,
+    need,
+    place_of,
+)
+
+MOST = 1_000_000  # animals, as many as a level may have
+
+
+@command
+class SwitchBrush:
+    """Give animals another brush of their own: all, one species, or those in a circle."""
+
+    brush: str
+    species: str = ""
+    x: float = 0.0
+    y: float = 0.0
+    radius: float = 0.0  # m; 0: everywhere
+
+    def check(self, world):
+        check_brush(world, self.brush)
+        check_can(world, self.brush, self.species)
+        check_circle(self)
+
+    def inverse(self, world):
+        check_circle(self)
+        return brushes_of(world, np.flatnonzero(selected(world, self.x, self.y, self.radius, self.species)))
+
+    def apply(self, world):
+        self.check(world)
+        chosen = selected(world, self.x, self.y, self.radius, self.species)
+        can = able(world, self.brush)
+        if chosen.any() and not (chosen & can).any():
+            check_can(world, self.brush, species_of(world, int(np.flatnonzero(chosen)[0])))
+        chosen &= can
+        world.agents[BrushBinding.home][chosen] = world.resource(Palette).named(self.brush)
+
+
+@command
+class Migrate:
+    """Send a flock: to a point or in a direction (``kind``), evenly from where it is bound now within ``seconds``.
+
+    ``kind = "none"`` sets it free.  All, one species, or those within ``radius`` of (at_x, at_y).
+    """
+
+    x: float
+    y: float
+    z: float
+    kind: str = "point"
+    seconds: float = 0.0
+    species: str = ""
+    at_x: float = 0.0
+    at_y: float = 0.0
+    radius: float = 0.0
+
+    def check(self, world):
+        kinds = list(_BOUND)
+        need(self.kind in kinds, f"kind must be one of {', '.join(kinds)}{did_you_mean(self.kind, kinds)}")
+        need(self.seconds >= 0, f"seconds must be at least 0, got {self.seconds:g}")
+        need(self.kind != "direction" or self.x or self.y or self.z, "a direction must not be (0, 0, 0)")
+        check_circle(self)
+        check_species(world, self.species)
+
+    def _chosen(self, world):
+        return selected(world, self.at_x, self.at_y, self.radius, self.species)
+
+    def inverse(self, world):
+        self.check(world)
+        columns = [Migration.kind, Migration.target, Migration.next, Migration.left]
+        return columns_now(world, np.flatnonzero(self._chosen(world)), columns)
+
+    def apply(self, world):
+        self.check(world)
+        agents, chosen = world.agents, self._chosen(world)
+        target = np.array([self.x, self.y, self.z])
+        # who was bound elsewhere, or nowhere, turns at once
+        glides = chosen & (agents[Migration.kind] == _BOUND[self.kind]) & (self.seconds > 0)
+        jumps = chosen & ~glides
+        agents[Migration.kind][chosen] = _BOUND[self.kind]
+        agents[Migration.target][jumps] = target if self.kind != "none" else 0.0
+        agents[Migration.next][chosen] = target if self.kind != "none" else 0.0
+        agents[Migration.left][chosen] = 0.0
+        agents[Migration.left][glides] = self.seconds
+
+
+_BOUND = {"none": NOWHERE, "direction": DIRECTION, "point": POINT}
+
+
+@command
+class MoveGoal:
+    """Move a goal, by its name, to another place."""
+
+    goal: str
+    x: float
+    y: float
+
+    def check(self, world):
+        land = world.resource(Landscape)
+        goal_index(land, self.goal)
+        inside = 0 <= self.x < land.width and 0 <= self.y < land.height
+        need(inside, f"({self.x:g}, {self.y:g}) is not on the map, which is {land.width:g} x {land.height:g} m")
+
+    def inverse(self, world):
+        return [place_of(world.resource(Landscape), self.goal)]
+
+    def ground_box(self, world):
+        return "all"
+
+    def apply(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        goal = land.goals[goal_index(land, self.goal)]
+        shift = np.array([self.x, self.y]) - goal.xy
+        goal.xy = goal.xy + shift
+        if goal.polygon is not None:
+            goal.polygon = goal.polygon + shift
+        land.navigate()
+
+
+@command
+class SendTo:
+    """Bind animals to a goal by its name; an empty name sets them free."""
+
+    goal: str
+    species: str = ""
+    x: float = 0.0
+    y: float = 0.0
+    radius: float = 0.0
+
+    def check(self, world):
+        if self.goal:
+            goal_index(world.resource(Landscape), self.goal)
+        check_circle(self)
+
+    def inverse(self, world):
+        check_circle(self)
+        return goals_of(world, np.flatnonzero(selected(world, self.x, self.y, self.radius, self.species)))
+
+    def apply(self, world):
+        self.check(world)
+        chosen = selected(world, self.x, self.y, self.radius, self.species)
+        goal = goal_index(world.resource(Landscape), self.goal) if self.goal else -1
+        world.agents[Destination.goal][chosen] = goal
+
+
+def disc(x, y, radius, sides=32):
+    """A round brush stroke as a polygon, (sides, 2) m."""
+    turned = np.array([sincos_(2.0 * np.pi * k / sides) for k in range(sides)])
+    return np.column_stack([x + radius * turned[:, 1], y + radius * turned[:, 0]])
+
+
+@command
+class AddAnimals:
+    """Put animals down in a circle."""
+
+    brush: str
+    x: float
+    y: float
+    radius: float
+    count: int = 1
+    species: str = "animal"
+    heading: float | None = None  # rad; None: each its own
+    program: str = ""  # that they follow; "": none
+
+    def check(self, world):
+        check_brush(world, self.brush)
+        if self.program:
+            world.resource(Programs).named(self.program)
+        fauna = world.resource(SpeciesList)
+        named = SpeciesList([self.species], fauna.library)  # it may be new to this world
+        why = cannot(world.resource(Palette), named, self.brush, self.species)
+        need(not why, why)
+        need(self.radius > 0, f"radius must be above 0 m, got {self.radius:g}")
+        need(1 <= self.count <= MOST, f"count must be 1 to {MOST}, got {self.count}")
+
+    def inverse(self, world):
+        need(1 <= self.count <= MOST, f"count must be 1 to {MOST}, got {self.count}")
+        return [RemoveEntities(list(range(world.next_entity, world.next_entity + self.count)))]
+
+    def apply(self, world):
+        self.check(world)
+        total = len(world.agents) + self.count
+        need(total <= MOST, f"there may be at most {MOST} animals, and this would make {total}")
+        born = give_birth(
+            world, disc(self.x, self.y, self.radius), self.count, self.brush, self.species, self.heading,
+            stream=f"add {world.next_entity}",  # two strokes in one tick are two
+        )  # fmt: skip
+        born_into(world, born, self.program)
+
+
+@command
+class RemoveAnimals:
+    """Take the animals in a circle away: all, or one species."""
+
+    x: float
+    y: float
+    radius: float
+    species: str = ""
+
+    def check(self, world):
+        check_circle(self)
+
+    def inverse(self, world):
+        check_circle(self)
+        return bring_back(world, world.agents.ids[selected(world, self.x, self.y, self.radius, self.species)])
+
+    def apply(self, world):
+        self.check(world)
+        chosen = selected(world, self.x, self.y, self.radius, self.species)
+        for entity in world.agents.ids[chosen].tolist():
+            world.delete_entity(entity)
+        world.flush()

@@ -1,0 +1,328 @@
+"""Commands that put obstacles down, move them and take them away."""
+
+from __future__ import annotations
+
+import numpy as np
+from flockbrush.components import Body, Heading, Position
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.commands import command
+from flockbrush.engine.problems import did_you_mean
+from flockbrush.engine.solids import polyhedron
+from flockbrush.systems.landscape import SHAPES, Barrier, Glide, Landscape
+from flockbrush.systems.spawning import inside_polygon, touching
+from flockbrush.systems.undo import make_room, need
+
+CORNERS = 2_000  # of one obstacle, as many as a level may have
+MOST_CORNERS = 32  # of a hull
+
+
+def polygon_of(points, what):
+    """(k, 2) m, counter-clockwise; ValueError when the points are none."""
+    corners = line_of(points)
+    need(3 <= len(corners) <= CORNERS, f"{what} has 3 to {CORNERS} points, got {len(corners)}")
+    x, y = corners.T
+    area = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+    need(area != 0, "the points lie in one line")
+    return corners if area > 0 else np.ascontiguousarray(corners[::-1])
+
+
+def line_of(points):
+    """(k, 2) m; ValueError when the points are no pairs of numbers."""
+    rows = [p for p in points if isinstance(p, list) and len(p) == 2 and all(map(_is_number, p))]
+    need(len(rows) == len(points), "points must be pairs of numbers, [[x, y], [x, y], ...]")
+    return np.array(rows, float).reshape(-1, 2)
+
+
+@command
+class AddObstacle:
+    """Put an obstacle down; animals on the spot are moved to the nearest free place.
+
+    One with the ``id`` of an object in the level file takes the place of the one that has it.
+    """
+
+    name: str
+    points: list
+    solid: bool = True
+    blocks_view: bool = True
+    id: int = 0  # of the object in the level file; 0: it is in none
+    margin: float = 0.0  # m, kept free around it by those who follow a field
+    at: int = -1  # where in the order of obstacles; -1: behind all others
+    z_min: float | None = None  # m above the ground; animals on the ground pass below what begins higher
+    z_max: float | None = None  # m above the ground
+    shape: str | None = None  # how it stands up from its outline: box, cylinder, sphere, plane or hull
+    corners: list | None = None  # of a hull: [east, north, up] in m from the middle of its foot
+
+    def check(self, world):
+        land, (west, south, east, north) = world.resource(Landscape), box_of(self.polygon())
+        off = east < 0 or north < 0 or west > land.width or south > land.height
+        need(not off, f"the obstacle is not on the map, which is {land.width:g} x {land.height:g} m")
+        need(self.id >= 0, f"id must be at least 0, got {self.id}")
+        need(0 <= self.margin <= 1000, f"margin must be 0 to 1000 m, got {self.margin:g}")
+        low, high, shape, corners = self.stand(land)
+        others = land.barriers if low > 0 else land.overhead
+        need(by_id(others, self.id) is None, "an obstacle is raised or set down by MoveObstacle")
+        need(shape in SHAPES, f"shape must be one of {', '.join(SHAPES)}{did_you_mean(shape, SHAPES)}")
+        need(low < high, f"z_min must be below z_max, got {low:g} and {high:g} m")
+        need(shape != "hull" or corners is not None, "a hull needs corners, [[east, north, up], ...] in m")
+        check_corners(corners)
+
+    def stand(self, land):
+        """(z_min, z_max, shape, corners); what is not told is as it was, or from the ground up."""
+        there = next((b for b in (*land.barriers, *land.overhead) if self.id and b.id == self.id), None)
+        usual = (0.0, 1000.0, "box", None)
+        if there is not None:
+            usual = there.z_min, there.z_max, there.shape, there.corners
+        told = self.z_min, self.z_max, self.shape, self.corners
+        return tuple(b if a is None else a for a, b in zip(told, usual, strict=True))
+
+    def polygon(self):
+        """(k, 2) m, counter-clockwise; ValueError when the points are none."""
+        return polygon_of(self.points, "an obstacle")
+
+    def ground_box(self, world):
+        things, mine = self._things(world.resource(Landscape)), box_of(self.polygon())
+        there = by_id(things, self.id)
+        return mine if there is None else around(mine, box_of(things[there].polygon))
+
+    def inverse(self, world):
+        things = self._things(world.resource(Landscape))
+        there = by_id(things, self.id)
+        if there is not None:
+            return [again(things[there], there)]
+        at = self.at if 0 <= self.at < len(things) else len(things)
+        return [RemoveObstacle(self.name, self.id, at, things is world.resource(Landscape).overhead)]
+
+    def _things(self, land):
+        """The list of obstacles that it belongs to."""
+        return land.overhead if self.stand(land)[0] > 0 else land.barriers
+
+    def apply(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        *heights, shape, corners = self.stand(land)
+        corners = np.array(corners, float) if shape == "hull" else None
+        stands = self.name, self.margin, self.id, *heights, shape, corners
+        barrier = Barrier(self.polygon(), self.solid, self.blocks_view, *stands)
+        things = self._things(land)
+        before, there = list(things), by_id(things, self.id)
+        if there is not None:
+            things[there] = barrier
+        else:
+            things.insert(self.at if 0 <= self.at < len(things) else len(things), barrier)
+        land.rebuild(navigation=False)
+        try:
+            if self.solid and land.on_the_ground(barrier):
+                evict(world, barrier.polygon)
+        except ValueError:
+            things[:] = before
+            land.rebuild(navigation=False)
+            raise
+        land.navigate_later(world.resource(Clock).tick)
+
+
+def check_corners(corners):
+    """ValueError unless these are the corners of a solid, (k, 3), or None."""
+    if corners is None:
+        return
+    told = np.array(corners, object)
+    fits = told.ndim == 2 and told.shape[1] == 3 and all(_is_number(value) for value in told.ravel())
+    need(fits, "corners must be [[east, north, up], ...] in m")
+    need(len(told) <= MOST_CORNERS, f"a hull has at most {MOST_CORNERS} corners, got {len(told)}")
+    polyhedron(told.astype(float))
+
+
+def box_of(points):
+    """(west, south, east, north) m, around points (k, 2)."""
+    return (*points.min(0).tolist(), *points.max(0).tolist())
+
+
+def around(*boxes):
+    """The box around boxes."""
+    sides = np.array(boxes)
+    return (*sides[:, :2].min(0).tolist(), *sides[:, 2:].max(0).tolist())
+
+
+def by_id(things, number):
+    """Index of the thing with the id of an object in the level file, or None; 0 is nobody's."""
+    return next((k for k, thing in enumerate(things) if thing.id == number), None) if number else None
+
+
+def again(b, at):
+    """The command that puts an obstacle down as it stands now, at this place in the order."""
+    corners = None if b.corners is None else b.corners.tolist()
+    stands = b.solid, b.blocks_view, b.id, b.margin, at, b.z_min, b.z_max, b.shape, corners
+    return AddObstacle(b.name, b.polygon.tolist(), *stands)
+
+
+@command
+class RemoveObstacle:
+    """Take an obstacle away by its id, or all of a name."""
+
+    name: str = ""
+    id: int = 0
+    at: int = -1  # of several of a name only the one at this place in the order
+    overhead: bool = False  # `at` counts those above the ground
+
+    def gone(self, world):
+        """(those on the ground, those above it), indices of the obstacles that go; ValueError when there are none."""
+        land = world.resource(Landscape)
+        lists = land.barriers, land.overhead
+        if self.id:
+            found = [[k for k, b in enumerate(things) if b.id == self.id][:1] for things in lists]
+            need(any(found), f"there is no obstacle {self.id} in this world")
+            return found
+        names = [b.name for things in lists for b in things]
+        need(self.name in names, f"there is no obstacle {self.name!r}{did_you_mean(self.name, names)}")
+        found = [[k for k, b in enumerate(things) if b.name == self.name] for things in lists]
+        if self.at in found[self.overhead]:
+            found = [[], [self.at]] if self.overhead else [[self.at], []]
+        return found
+
+    def ground_box(self, world):
+        return around(*(box_of(things[k].polygon) for things, k in self._pairs(world)))
+
+    def inverse(self, world):
+        return [again(things[k], k) for things, k in self._pairs(world)]
+
+    def _pairs(self, world):
+        land = world.resource(Landscape)
+        lists = zip((land.barriers, land.overhead), self.gone(world), strict=True)
+        return [(things, k) for things, gone in lists for k in gone]
+
+    def apply(self, world):
+        land = world.resource(Landscape)
+        ground, above = self.gone(world)
+        land.barriers = [b for k, b in enumerate(land.barriers) if k not in ground]
+        land.overhead = [b for k, b in enumerate(land.overhead) if k not in above]
+        land.rebuild(navigation=False)
+        land.navigate_later(world.resource(Clock).tick)
+
+
+@command
+class MoveObstacle:
+    """Move an obstacle, by its name: its middle to (x, y), and up by ``rise``; evenly within ``seconds``, or at once.
+
+    Animals on the ground step aside; one on the ground waits while they cannot.  Those in the air are pushed.
+    """
+
+    name: str
+    x: float
+    y: float
+    rise: float = 0.0  # m
+    seconds: float = 0.0
+
+    def check(self, world):
+        land = world.resource(Landscape)
+        names = [b.name for b in (*land.barriers, *land.overhead)]
+        need(self.name in names, f"there is no obstacle {self.name!r}{did_you_mean(self.name, names)}")
+        need(self.seconds >= 0, f"seconds must be at least 0, got {self.seconds:g}")
+
+    def inverse(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        stand = [[b.polygon.tolist(), b.z_min, b.z_max] for b in land.find(self.name)]
+        return [StandObstacle(self.name, stand, [[g.by.tolist(), g.left] for g in land.glides if g.name == self.name])]
+
+    def ground_box(self, world):
+        return "all"
+
+    def apply(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        middle = land.find(self.name)[0].polygon.mean(0)
+        by = np.array([self.x - middle[0], self.y - middle[1], self.rise])
+        land.glides = [glide for glide in land.glides if glide.name != self.name]
+        land.glides.append(Glide(self.name, by, self.seconds))
+        land.changed()
+
+
+@command
+class StandObstacle:
+    """Put the obstacles of a name exactly here, as they were before they were moved."""
+
+    name: str
+    stand: list  # of each: its points, z_min and z_max
+    glides: list  # of each glide that goes on: (3,) m still to go, s left
+
+    def check(self, world):
+        count = len(world.resource(Landscape).find(self.name))
+        need(count, f"there is no obstacle {self.name!r}")
+        need(count == len(self.stand), f"there are {count} obstacles {self.name!r} now, and {len(self.stand)} are told")
+        try:
+            for points, low, high in self.stand:
+                polygon_of(points, "an obstacle")
+                need(float(low) < float(high), "z_min must be below z_max")
+            told = [(np.array(by, float).shape == (3,) and float(left) >= 0) for by, left in self.glides]
+        except TypeError:
+            told = [False]
+        need(all(told), "stand holds [points, z_min, z_max], glides [[x, y, z], seconds]")
+
+    def inverse(self, world):
+        return MoveObstacle(self.name, 0.0, 0.0).inverse(world)
+
+    def ground_box(self, world):
+        return "all"
+
+    def apply(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        barriers = land.find(self.name)
+        before = [(b.polygon, b.z_min, b.z_max) for b in barriers]
+        for b, (points, low, high) in zip(barriers, self.stand, strict=True):
+            b.polygon, b.z_min, b.z_max = np.array(points, float), low, high
+        land.rebuild(navigation=False)
+        try:
+            for b in barriers:
+                if b.solid and land.on_the_ground(b):
+                    evict(world, b.polygon)
+        except ValueError:
+            for b, (points, low, high) in zip(barriers, before, strict=True):
+                b.polygon, b.z_min, b.z_max = points, low, high
+            land.rebuild(navigation=False)
+            raise
+        land.glides = [glide for glide in land.glides if glide.name != self.name]
+        land.glides += [Glide(self.name, np.array(by, float), left) for by, left in self.glides]
+        land.changed()
+        land.navigate_later(world.resource(Clock).tick)
+
+
+def advance(world, land, glide, clock):
+    """One tick of an obstacle on its way."""
+    barriers = land.find(glide.name)
+    share = 1.0 if glide.left <= clock.dt else clock.dt / glide.left
+    step = share * glide.by
+    for b in barriers:
+        land.shift(b, step)
+    try:
+        for b in barriers:
+            if b.solid and land.on_the_ground(b):
+                evict(world, b.polygon)
+    except ValueError:  # somebody stands there who has no room to step aside: wait
+        for b in barriers:
+            land.shift(b, -step)
+        return
+    glide.by, glide.left = glide.by - step, glide.left - clock.dt
+    if share == 1.0 or not barriers:
+        land.glides.remove(glide)
+    land.changed()
+    if any(land.on_the_ground(b) for b in barriers):
+        land.navigate_later(clock.tick)
+
+
+def evict(world, polygon):
+    """Move animals whose bodies touch a new obstacle to the nearest free place.
+
+    Raises
+    ------
+    ValueError
+        When there is none nearby.  Nobody has moved then.
+    """
+    agents = world.agents
+    xyz = agents[Position.xyz]
+    edges = np.hstack([polygon, np.roll(polygon, -1, axis=0)])
+    touched = touching(xyz, agents[Heading.forward], agents[Body.axis], agents[Body.radius], edges)
+    make_room(world, inside_polygon(xyz, polygon) | touched)
+
+
+def _is_number(value):
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= 1e6

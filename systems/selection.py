@@ -1,0 +1,65 @@
+"""Which animals and cells a command is about."""
+
+from __future__ import annotations
+
+import numpy as np
+from flockbrush.components import Position, Species
+from flockbrush.engine.problems import did_you_mean
+from flockbrush.systems.binding import can_do, cannot
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.population import SpeciesList
+from flockbrush.systems.undo import need
+
+
+def check_circle(command):
+    need(command.radius >= 0, f"radius must be at least 0 m, got {command.radius:g}")
+
+
+def check_species(world, name):
+    names = world.resource(SpeciesList).names
+    if name and name not in names:
+        raise LookupError(f"there is no species {name!r}{did_you_mean(name, names)}")
+
+
+def check_brush(world, name):
+    world.resource(Palette).named(name)
+
+
+def check_can(world, brush, species):
+    """ValueError when a species is named that cannot move as a brush does."""
+    why = cannot(world.resource(Palette), world.resource(SpeciesList), brush, species)
+    need(not why, why)
+
+
+def species_of(world, row):
+    """Name of the species of one animal."""
+    return world.resource(SpeciesList).names[int(world.agents[Species.index][row])]
+
+
+def able(world, brush):
+    """(n,) bool: the animals that can move as a brush does."""
+    palette, fauna = world.resource(Palette), world.resource(SpeciesList)
+    return can_do(palette, fauna.table)[palette.named(brush)][world.agents[Species.index]]
+
+
+def cells_within(land, x, y, radius):
+    """(iy, ix) of the cells whose centres lie in a circle."""
+    c = land.cell
+    ny, nx = land.brush.shape
+    x0, x1 = max(0, int((x - radius) / c)), min(nx, int((x + radius) / c) + 1)
+    y0, y1 = max(0, int((y - radius) / c)), min(ny, int((y + radius) / c) + 1)
+    cx, cy = (np.arange(x0, x1) + 0.5) * c - x, (np.arange(y0, y1) + 0.5) * c - y
+    iy, ix = np.nonzero(cy[:, None] ** 2 + cx**2 <= radius**2)
+    return iy + y0, ix + x0
+
+
+def selected(world, x, y, radius, species):
+    """(n,) bool: animals of a species ("" for all) in a circle (radius 0: everywhere)."""
+    xyz = world.agents[Position.xyz]
+    chosen = np.ones(len(xyz), bool)
+    if radius > 0:
+        chosen &= (xyz[:, 0] - x) ** 2 + (xyz[:, 1] - y) ** 2 <= radius**2
+    if species:
+        check_species(world, species)
+        chosen &= world.agents[Species.index] == world.resource(SpeciesList).names.index(species)
+    return chosen
