@@ -24,7 +24,7 @@ def pushed(reasons):
 
 
 EXPLAINED = [model for model in behaviours().values() if model.explain is not None]
-MODELS = ["herd", "flee", "hunt", "boids", "raptor", "v_rules", "line_formation"]
+MODELS = ["herd", "flee", "hunt", "boids", "raptor", "v_rules", "line_formation", "zones"]
 
 
 @pytest.mark.parametrize("seed", range(5))

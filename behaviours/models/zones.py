@@ -1,0 +1,209 @@
+"""Zones: repulsion from the near, else alignment with the middle distance and attraction to the far.
+
+Couzin et al. 2002 [1]_, eqs. 1 to 3.  An animal with others in its zone of
+repulsion turns away from them and heeds nobody else.  Else it takes the mean of
+the way those in the zone of orientation face and of the way to those in the
+zone of attraction; in both it is blind to whom a cone behind it holds.  It
+turns towards that at a limited rate.
+
+Chance turns the heading after that and grows with the square root of time
+(``wander``), so that it does not depend on the tick; the paper turns the wished
+direction by a normal angle of .05 rad in each step of .1 s, which a limited
+turn mostly cuts.  Nearest points of obstacles repel as animals do.  Who leads
+adds the way of the guide to the wished direction, as the informed of Couzin et
+al. 2005 [2]_ do.  Other species are kept out of the zone of repulsion and
+otherwise ignored.
+
+Lengths are in body lengths of the animal itself.
+
+.. [1] Couzin, I. D., Krause, J., James, R., Ruxton, G. D. & Franks, N. R. (2002). Collective memory and spatial
+   sorting in animal groups. Journal of Theoretical Biology 218(1), 1-11.
+.. [2] Couzin, I. D., Krause, J., Franks, N. R. & Levin, S. A. (2005). Effective leadership and decision-making in
+   animal groups on the move. Nature 433, 513-516.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity
+from flockbrush.behaviours.models.herd import wander_kernel
+from flockbrush.engine.maths import atan2_, kernel_function, sincos_
+from flockbrush.engine.parallel import over_rows
+from numba import njit
+from pydantic import Field
+
+NOWHERE = 1e-12  # shorter sums of directions point nowhere
+
+
+class Params(Parameters):
+    """Widths of the three zones, what lies behind, and how fast an animal turns."""
+
+    repulsion: float = quantity(1.0, "body lengths", "others nearer than this are turned away from (r_r)", 0, 20)
+    orientation: float = quantity(
+        3.0, "body lengths", "how far the zone in which headings count reaches beyond repulsion (Δr_o)", 0, 50
+    )
+    attraction: float = quantity(
+        8.0, "body lengths", "how far the zone that draws an animal reaches beyond orientation (Δr_a)", 0, 100
+    )
+    blind_angle: float = quantity(
+        90.0, "degrees", "the angle behind in which others neither align nor draw it (360° - α)", 0, 360
+    )
+    max_turn: float = quantity(0.7, "rad/s", "the fastest an animal turns towards its wish (θ)", 0.01, 200)
+    wander: float = quantity(
+        0.16, "rad/√s", "random turning: headings drift by so much in a second (σ)", 0, 10, chance=True
+    )
+    guidance_weight: float = quantity(0.5, "1", "larger follows a guide more firmly, against the others (ω)", 0, 100)
+    guided: Guided = Field(
+        default="share",
+        description="which animals follow a guide: all, a share, or appointed ones; front: none of this model",
+        json_schema_extra={"unit": "-"},
+    )
+    guided_share: float = quantity(0.1, "1", "the share of animals that follow a guide where `guided` is share", 0, 1)
+
+
+def explain(scene, row, p):
+    """Why this animal turns: the directions of eqs. 1 to 3 that its wish is made of, {reason: (2,)}.
+
+    Written plainly, for one animal, with the rate of turning and the chance as what is left: each is the other's test.
+    """
+    reasons = _reasons(scene, row, p)
+    direction = np.zeros((1, 3))
+    _zones_of(scene, np.array([row], np.int32), p, direction)
+    wish = sum(reasons.values(), np.zeros(2))
+    size, forward = float(np.hypot(*wish)), scene.forward[row, :2]
+    if size <= NOWHERE:
+        return {"heading": direction[0, :2].copy()}
+    # as much of the wish as may be turned in a tick, the heading for the rest
+    side = forward[0] * wish[1] - forward[1] * wish[0]
+    angle = float(np.arctan2(side, forward @ wish))
+    most = p.max_turn * scene.dt
+    if abs(angle) <= most:
+        shares = {name: vector / size for name, vector in reasons.items()}
+    else:  # sin(angle - most) of the heading and sin(most) of the wish add up to it
+        part = np.sin(most) / max(np.sin(abs(angle)), NOWHERE)
+        heading = np.array([np.cos(np.sign(angle) * most), np.sin(np.sign(angle) * most)])
+        turned = np.array([
+            heading[0] * forward[0] - heading[1] * forward[1], heading[0] * forward[1] + heading[1] * forward[0]
+        ])  # fmt: skip
+        shares = {name: part * vector / size for name, vector in reasons.items()}
+        shares = {"heading": turned - sum(shares.values())} | shares
+    chance = direction[0, :2] - sum(shares.values())
+    return shares | ({"wander": chance} if p.wander > 0.0 else {})
+
+
+def _reasons(scene, i, p):
+    """{reason: (2,)}: what the wished direction is the sum of."""
+    forward, length = scene.forward[i, :2], scene.length[i]
+    seen = slice(scene.first[i], scene.first[i + 1])
+    who, offset = scene.near[seen], scene.offset[seen] / length
+    far = np.hypot(*offset.T)
+    kin = scene.species[who] == scene.species[i]
+    walls = scene.obstacle_offset[scene.obstacle_first[i] : scene.obstacle_first[i + 1]] / length
+    wall_far = np.hypot(*walls.T)
+    too_near, wall_near = (far > 0) & (far < p.repulsion), (wall_far > 0) & (wall_far < p.repulsion)
+    away = -(offset[too_near] / far[too_near, None]).sum(0)
+    off_walls = -(walls[wall_near] / wall_far[wall_near, None]).sum(0)
+    if too_near.any() or wall_near.any():
+        return _leading(scene, i, p, {"avoidance": away, "obstacles": off_walls})
+    bearing = np.abs(np.arctan2(forward[0] * offset[:, 1] - forward[1] * offset[:, 0], offset @ forward))
+    counts = kin & (far > 0) & (bearing <= np.pi - 0.5 * np.radians(p.blind_angle))
+    aligned = counts & (far < p.repulsion + p.orientation)
+    drawn = counts & ~aligned & (far < p.repulsion + p.orientation + p.attraction)
+    sums = {
+        "alignment": scene.forward[who[aligned], :2].sum(0), "cohesion": (offset[drawn] / far[drawn, None]).sum(0)
+    }  # fmt: skip
+    sized = {name: v / np.hypot(*v) for name, v in sums.items() if np.hypot(*v) > NOWHERE}
+    return _leading(scene, i, p, sized)
+
+
+def _leading(scene, i, p, reasons):
+    """With the guide of a leader."""
+    guidance = scene.guidance[i]
+    if not scene.leader[i] or float(np.hypot(*guidance)) <= 1e-6 or p.guidance_weight <= 0.0:
+        return reasons
+    total = sum(reasons.values(), np.zeros(2))
+    size = float(np.hypot(*total))
+    scaled = {name: vector / size for name, vector in reasons.items()} if size > NOWHERE else {}
+    return scaled | {"guide": p.guidance_weight * guidance / np.hypot(*guidance)}
+
+
+@behaviour("zones", Params, explain=explain)
+def steer(scene, rows, p):
+    """Turn away from the near, else with the middle and towards the far."""
+    direction = np.zeros((len(rows), 3))
+    _zones_of(scene, rows, p, direction)
+    return Wishes(direction, np.ones(len(rows)))
+
+
+def _zones_of(s, rows, p, direction):
+    """Write the next headings, chance and all."""
+    edges = np.cumsum([p.repulsion, p.orientation, p.attraction])
+    seen_from = sincos_(np.pi - 0.5 * np.radians(p.blind_angle))[1]
+    over_rows(
+        _zones, len(rows), rows, s.dt, s.forward, s.length, s.species, s.leader, s.first, s.near, s.offset,
+        s.obstacle_first, s.obstacle_offset, s.guidance, edges, seen_from, p.max_turn, p.guidance_weight, direction,
+    )  # fmt: skip
+    if p.wander > 0.0:
+        over_rows(wander_kernel, len(rows), rows, s.ids, s.key("wander"), p.wander * np.sqrt(s.dt), direction)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _zones(
+    lo, hi, rows, dt, forward, length, species, leader, first, near, offset, obstacle_first, obstacle_offset,
+    guidance, edges, seen_from, max_turn, guidance_weight, direction,
+):  # fmt: skip
+    for k in range(lo, hi):
+        i = rows[k]
+        per, fx, fy = 1.0 / length[i], forward[i, 0], forward[i, 1]
+        rx = ry = ox = oy = ax = ay = 0.0
+        repelled = False
+        for at in range(first[i], first[i + 1]):
+            x, y = per * offset[at, 0], per * offset[at, 1]
+            d = np.sqrt(x * x + y * y)
+            if d == 0.0 or d >= edges[2]:
+                continue
+            x, y = x / d, y / d
+            if d < edges[0]:  # eq. 1
+                rx, ry, repelled = rx - x, ry - y, True
+                continue
+            j = near[at]
+            if species[j] != species[i] or x * fx + y * fy < seen_from:
+                continue
+            if d < edges[1]:  # eq. 2
+                ox, oy = ox + forward[j, 0], oy + forward[j, 1]
+            else:  # eq. 3
+                ax, ay = ax + x, ay + y
+        for at in range(obstacle_first[i], obstacle_first[i + 1]):
+            x, y = per * obstacle_offset[at, 0], per * obstacle_offset[at, 1]
+            d = np.sqrt(x * x + y * y)
+            if 0.0 < d < edges[0]:
+                rx, ry, repelled = rx - x / d, ry - y / d, True
+        if not repelled:
+            ox, oy = _unit(ox, oy)
+            ax, ay = _unit(ax, ay)
+            rx, ry = ox + ax, oy + ay
+        if leader[i]:
+            gx, gy = guidance[i, 0], guidance[i, 1]
+            if _size(gx, gy) > 1e-6:
+                gx, gy = _unit(gx, gy)
+                rx, ry = _unit(rx, ry)
+                rx, ry = rx + guidance_weight * gx, ry + guidance_weight * gy
+        direction[k, 0], direction[k, 1] = fx, fy
+        if _size(rx, ry) > NOWHERE:
+            angle = atan2_(fx * ry - fy * rx, fx * rx + fy * ry)
+            sine, cosine = sincos_(min(max(angle, -max_turn * dt), max_turn * dt))
+            direction[k, 0], direction[k, 1] = cosine * fx - sine * fy, sine * fx + cosine * fy
+
+
+@kernel_function
+def _size(x, y):
+    return np.sqrt(x * x + y * y)
+
+
+@kernel_function
+def _unit(x, y):
+    """(x, y) with length 1; nothing where it points nowhere."""
+    size = np.sqrt(x * x + y * y)
+    if size <= NOWHERE:
+        return 0.0, 0.0
+    return x / size, y / size
