@@ -13,8 +13,9 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.files import DiskFiles, FileRefused, project_folder
 from flockbrush.levels.ground_rules import suggested
 from flockbrush.levels.json_lines import JsonError
+from flockbrush.levels.nodes import parsed_document
 from flockbrush.levels.properties import FilePlace, Report, Values
-from flockbrush.levels.reader import LevelReader, parsed_document, read_level_text
+from flockbrush.levels.reader import LevelReader, read_level_text
 from flockbrush.levels.schema import CLASSES, GROUP, LAYER_NAMES, SCHEMA
 from flockbrush.levels.writer import dump, write_level
 
@@ -72,7 +73,7 @@ def adopt(source, output=None, metres_per_tile=1.0) -> Adoption:
     document = copy.deepcopy(theirs)
     if output.parent.resolve() != source.parent.resolve():
         _move(document, source.parent.resolve(), output.parent.resolve())
-    tilesets = [tileset.node for tileset in reader.tilesets]
+    tilesets = [tileset.node for tileset in reader.tiles.tilesets]
     rules = suggested(tilesets, [n.get("name", "") for n in _nodes(document["layers"]) if n.get("type") == "tilelayer"])
     for entry, tileset in zip(document["tilesets"], _in_order(document["tilesets"], reader), strict=True):
         if "source" not in entry:  # how many tiles it has, where an old map leaves it out
@@ -88,7 +89,7 @@ _COUNTED = ("columns", "tilecount", "imagewidth", "imageheight")
 
 
 def _in_order(entries, reader):
-    by_first = {tileset.firstgid: tileset for tileset in reader.tilesets}
+    by_first = {tileset.firstgid: tileset for tileset in reader.tiles.tilesets}
     return [by_first[entry["firstgid"]] for entry in entries]
 
 
@@ -119,8 +120,8 @@ def _read(source):
         reader.place.say("'layers' and 'tilesets' must be lists", document.line)
     if document.get("infinite"):
         reader.place.say("an infinite map has no size; in Tiled: Map > Map Properties > Infinite off", document.line)
-    if not report.problems and reader.frame(document, [], 1.0, reader.place.at(document, "map")) is not None:
-        reader.read_tilesets(copy.deepcopy(document))
+    if not report.problems and reader.layers.frame(document, [], 1.0, reader.place.at(document, "map")) is not None:
+        reader.tiles.read(copy.deepcopy(document))
     if report.problems:
         raise ProblemsError(report.problems)
     document.setdefault("tilesets", [])
@@ -173,7 +174,7 @@ def _add_properties(document, metres_per_tile, rules):
 
 def _add_tilesets(document, output, reader):
     """Name our tilesets where the project has them, behind all tiles of the map."""
-    free = max((tileset.firstgid + tileset.count for tileset in reader.tilesets), default=1)
+    free = max((tileset.firstgid + tileset.count for tileset in reader.tiles.tilesets), default=1)
     folder = project_folder(output)
     for name in _TILESETS:
         file = folder / "tilesets" / f"{name}.tsj"

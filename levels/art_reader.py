@@ -9,6 +9,7 @@ from flockbrush.levels import schema
 from flockbrush.levels.art import Art, ArtLayer, ArtObject, TilePictures
 from flockbrush.levels.files import FileRefused
 from flockbrush.levels.ground_rules import GroundRules, dicts, facts_of
+from flockbrush.levels.nodes import real, text, whole
 from flockbrush.levels.terrain_kinds import Terrain, TerrainKind
 from flockbrush.levels.tile_data import FLIP_FLAGS
 
@@ -64,8 +65,8 @@ class ArtReader:
             return ArtLayer(look[0], look[1], *fraction, look[4], gids=gids)
         look = look[0], look[1], look[2] - shift[0], look[3] - shift[1], look[4]
         if layer.kind == "imagelayer":
-            name = self.reader.text(layer.node, "image", layer.place)
-            colour = self.reader.text(layer.node, "transparentcolor", layer.place)
+            name = text(layer.node, "image", layer.place)
+            colour = text(layer.node, "transparentcolor", layer.place)
             return ArtLayer(*look, image=name, transparent=colour) if self._read("", name, layer.place) else None
         things = [self._object(node, layer.place) for node in dicts(layer.node, "objects") if "gid" in node]
         return ArtLayer(*look, objects=[thing for thing in things if thing is not None]) if things else None
@@ -75,7 +76,7 @@ class ArtReader:
         tile, frame = self.frame.tile, self.frame
         whole = np.zeros((frame.ny, frame.nx), np.uint32)
         sx, sy = int(layer.dx // tile), int(layer.dy // tile)
-        for x, y, piece in self.reader.chunks(layer):
+        for x, y, piece in self.reader.layers.chunks(layer):
             left, top = x + sx - frame.left, y + sy - frame.top
             part = piece[max(0, -top) : max(frame.ny - top, 0), max(0, -left) : max(frame.nx - left, 0)]
             if part.size:
@@ -86,11 +87,10 @@ class ArtReader:
         return whole
 
     def _object(self, node, place):
-        reader = self.reader
-        gid = reader.whole(node, "gid", place, 1, 2**32 - 1)
+        gid = whole(node, "gid", place, 1, 2**32 - 1)
         if gid is None or node.get("visible") is False:
             return None
-        numbers = (reader.real(node, key, place) for key in ("x", "y", "width", "height", "rotation"))
+        numbers = (real(node, key, place) for key in ("x", "y", "width", "height", "rotation"))
         return ArtObject(gid, *numbers)
 
     # ------------------------------------------------------------ pictures
@@ -98,8 +98,8 @@ class ArtReader:
     def _keep(self, level, drawn, used):
         """Keep what is needed to draw: the pictures of the tilesets that are used, among the level's files."""
         tilesets = []
-        for tileset in self.reader.tilesets:
-            numbers = [gid - tileset.firstgid for gid in used if self.reader.tileset_of(gid) is tileset]
+        for tileset in self.reader.tiles.tilesets:
+            numbers = [gid - tileset.firstgid for gid in used if self.reader.tiles.of(gid) is tileset]
             pictures = TilePictures(tileset.node, tileset.folder, self.reader.files.got)
             if numbers:
                 self._read_pictures(tileset, numbers)
@@ -140,7 +140,7 @@ class ArtReader:
             self.kinds.setdefault(name, TerrainKind.of(values))
 
     def _ground(self, gid, layer):
-        tileset = self.reader.tileset_of(gid)
+        tileset = self.reader.tiles.of(gid)
         if tileset is None:
             return None
         if tileset.firstgid not in self._facts:

@@ -20,8 +20,8 @@ from flockbrush.engine.files import write_bytes
 from flockbrush.engine.plain_json import json_lines
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.levels.files import MemoryFiles, project_folder
+from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.map_edits import EditedMap, EditError
-from flockbrush.levels.reader import brush_library
 from flockbrush.levels.steps import Steps
 from flockbrush.levels.writer import Document, dump
 

@@ -18,12 +18,14 @@ from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.levels import geometry
 from flockbrush.levels.files import DiskFiles
 from flockbrush.levels.json_lines import parse
+from flockbrush.levels.layer_reader import kind_of
 from flockbrush.levels.properties import FilePlace, Report
-from flockbrush.levels.reader import LevelReader, kind_of
+from flockbrush.levels.reader import LevelReader
 from flockbrush.levels.schema import CLASSES, GROUP
 from flockbrush.levels.terrain_kinds import TERRAINS
 from flockbrush.levels.tile_data import FLIP_FLAGS, TileGrid
 from flockbrush.levels.tiled import _member, _tile
+from flockbrush.levels.tileset_reader import TilesetReader
 from flockbrush.levels.tilesets_data import COLUMNS, SPEEDS
 from flockbrush.levels.writer import dump
 from flockbrush.systems.commands import AddObstacle, MoveGoal, PaintBrush, PaintCap, PaintCells, RemoveObstacle
@@ -133,14 +135,13 @@ class EditedMap:
     def _read_tilesets(self, library):
         report = Report()
         reader = LevelReader(self.files, report, library)
-        reader.file = str(self.document.path)
-        reader.place = FilePlace(report, reader.file, None)
-        reader.read_tilesets(parse(dump(self.data).encode(), limits.JSON_DEPTH))
+        tiles = TilesetReader(self.files, FilePlace(report, str(self.document.path), None))
+        tiles.read(parse(dump(self.data).encode(), limits.JSON_DEPTH))
         if report.problems:
             raise ProblemsError(report.problems)
         self.meaning: dict[int, tuple] = {}  # of a global tile id: ("brush", name), ("cap", (max_speed, factor)), ...
-        self.ends = {t.firstgid: t.firstgid + t.count for t in reader.tilesets}
-        for tileset in reader.tilesets:
+        self.ends = {t.firstgid: t.firstgid + t.count for t in tiles.tilesets}
+        for tileset in tiles.tilesets:
             if not tileset.name.startswith(PLAYGROUND):
                 for number, tile in tileset.tiles.items():
                     meaning = _meaning(reader, tile)

@@ -9,6 +9,7 @@ from flockbrush.engine import limits
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.engine.solids import polyhedron
 from flockbrush.levels import geometry, schema
+from flockbrush.levels.nodes import class_of, real, text, whole
 from flockbrush.levels.properties import read_properties
 from flockbrush.levels.schema import (
     CLASSES,
@@ -60,12 +61,11 @@ class ObjectReader:
 
     def object(self, node, layer, kind):
         """One object: find its class, then let its own method read it."""
-        reader = self.reader
         place = layer.place.at(node, f"an object in {layer.place.where}")
-        number = reader.whole(node, "id", place, 1, 2**31 - 1)
+        number = whole(node, "id", place, 1, 2**31 - 1)
         if number is None:
             return
-        name = reader.text(node, "name", place)
+        name = text(node, "name", place)
         called = f" {name[:60]!r}" if name else ""
         place = layer.place.at(node, f"object {number}{called} in {layer.place.where}")
         if number in self.ids:
@@ -84,7 +84,7 @@ class ObjectReader:
 
     def class_of(self, node, kind, layer, place):
         """The object's class, or the one its layer is for; None: not ours, or a problem."""
-        cls = self.reader.class_of(node, place)
+        cls = class_of(node, place)
         if cls in OBJECT_CLASSES:
             return cls
         own = layer.name.rsplit("/", 1)[-1].strip().lower().startswith(schema.IGNORED)
@@ -130,10 +130,9 @@ class ObjectReader:
 
     def shape(self, node, layer, place):
         """("area" | "line" | "point", (k, 2) m), areas counter-clockwise; None with a problem."""
-        reader = self.reader
-        x, y = reader.real(node, "x", place), reader.real(node, "y", place)
-        w, h = reader.real(node, "width", place), reader.real(node, "height", place)
-        angle = reader.real(node, "rotation", place, limit=1e6)
+        x, y = real(node, "x", place), real(node, "y", place)
+        w, h = real(node, "width", place), real(node, "height", place)
+        angle = real(node, "rotation", place, limit=1e6)
         drawn = self.drawn(node, w, h, place)
         if drawn is None:
             return None
@@ -166,10 +165,10 @@ class ObjectReader:
 
     def tile_origin(self, node, w, h, place):
         """Tile objects stand on their bottom-left corner, unless their tileset says otherwise."""
-        gid = self.reader.whole(node, "gid", place, 1, 2**32 - 1)
+        gid = whole(node, "gid", place, 1, 2**32 - 1)
         gid = (gid or 0) & 0x0FFFFFFF
-        tileset = self.reader.tileset_of(gid)
-        if tileset is None and not self.reader.lost_tilesets:
+        tileset = self.reader.tiles.of(gid)
+        if tileset is None and not self.reader.tiles.lost:
             place.say(f"no tileset has tile id {gid}")
         fx, fy = geometry.ALIGNMENTS[tileset.alignment if tileset else "unspecified"]
         return np.array([fx * w, fy * h])
@@ -181,7 +180,7 @@ class ObjectReader:
         if len(entries) > limits.CORNERS:
             place.say(f"the outline has {len(entries)} corners; there may be at most {limits.CORNERS}")
             return None
-        return np.array([[self.reader.real(p, k, place) for k in "xy"] for p in entries], float).reshape(-1, 2)
+        return np.array([[real(p, k, place) for k in "xy"] for p in entries], float).reshape(-1, 2)
 
     # ------------------------------------------------------------ one method per class
 

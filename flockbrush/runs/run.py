@@ -21,7 +21,9 @@ from flockbrush.engine.files import refused
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.engine.recording import RecordedRun, Recorder, Recording, RecordingError, resume
 from flockbrush.levels.build import Simulation, build
-from flockbrush.levels.reader import brush_library, parsed_document, read_level, read_level_files, recorded_library
+from flockbrush.levels.libraries import brush_library, recorded_library
+from flockbrush.levels.nodes import parsed_document
+from flockbrush.levels.reader import read_level, read_level_files
 from flockbrush.runs.builds import build_of_run
 
 SHIPPED = Path(levels.__path__[0]) / "shipped"

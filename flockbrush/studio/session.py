@@ -15,7 +15,8 @@ from flockbrush.engine.files import output_problems
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError
 from flockbrush.levels.editor import EditError, Editor, JournalError
-from flockbrush.levels.reader import brush_library, read_level_text
+from flockbrush.levels.libraries import brush_library
+from flockbrush.levels.reader import read_level_text
 from flockbrush.runs import run as running
 from flockbrush.runs.snapshots import between, moment_of, names_of
 from flockbrush.studio.gauges import Pacemaker, Profile, chart_of, sample_of

@@ -16,7 +16,8 @@ from flockbrush.engine.recording import RecordingError
 from flockbrush.levels.build import brushes_used
 from flockbrush.levels.editor import Editor
 from flockbrush.levels.files import project_folder
-from flockbrush.levels.reader import brush_library, read_level_text
+from flockbrush.levels.libraries import brush_library
+from flockbrush.levels.reader import read_level_text
 from flockbrush.levels.schema import PROJECT_FILE
 from flockbrush.levels.tiled import renew_brushes
 from flockbrush.runs import run as running

@@ -290,7 +290,7 @@ class Heights(Kind):
         return changed_png(rng, data)
 
     def read(self, path):
-        from flockbrush.levels.reader import read_grey
+        from flockbrush.levels.height_picture import read_grey
 
         try:
             read_grey(path.read_bytes())

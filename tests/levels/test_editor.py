@@ -17,7 +17,8 @@ from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.build import build
 from flockbrush.levels.editor import EditError, Editor, JournalError
-from flockbrush.levels.reader import brush_library, read_level, read_level_text
+from flockbrush.levels.libraries import brush_library
+from flockbrush.levels.reader import read_level, read_level_text
 from flockbrush.levels.writer import Document, dump
 from flockbrush.systems.commands import (
     AddAnimals,

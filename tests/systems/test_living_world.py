@@ -13,7 +13,8 @@ from flockbrush.engine.parallel import set_threads
 from flockbrush.engine.schedule import Ambiguity, Schedule
 from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.levels.build import build, plane, systems
-from flockbrush.levels.reader import brush_library, read_level
+from flockbrush.levels.libraries import brush_library
+from flockbrush.levels.reader import read_level
 from flockbrush.levels.schema import Exit, Goal, Zone
 from flockbrush.systems.commands import AddAnimals, AddObstacle, PaintBrush, SwitchBrush
 from flockbrush.systems.palette import Palette

@@ -1,0 +1,53 @@
+"""Which brushes, species and programs a level can name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from flockbrush.behaviours.program import ProgramLibrary, shipped_programs
+from flockbrush.levels.files import MemoryFiles, project_folder
+
+
+def brush_library(path, files=None):
+    """Every brush and species a level can name: its own files, ``brushes`` and ``species`` beside it, the shipped.
+
+    Parameters
+    ----------
+    path : path-like
+        The level.
+    files : dict of str to bytes, optional
+        `Level.files`, for brushes the level names as files.
+    """
+    from flockbrush.behaviours.brush import SUFFIX, BrushLibrary, shipped
+    from flockbrush.behaviours.species import SpeciesLibrary, shipped_species
+
+    path = Path(path)
+    around = list(dict.fromkeys((path.parent.resolve(), project_folder(path))))
+    own = [folder / "brushes" for folder in around]
+    embedded = {name: data for name, data in (files or {}).items() if name.endswith(SUFFIX)}
+    species = SpeciesLibrary([*(folder / "species" for folder in around), *shipped_species().folders])
+    return BrushLibrary([*(f for f in own if f.is_dir()), *shipped().folders], embedded, species=species)
+
+
+def program_library(files):
+    """The programs a level can name: of its own folders ``programs`` and the shipped, or those of a recording."""
+    embedded = {name: data for name, data in getattr(files, "files", {}).items() if name.endswith(".program.toml")}
+    folders = [] if isinstance(files, MemoryFiles) else program_folders(files.level)
+    return ProgramLibrary([*folders, *shipped_programs().folders], embedded)
+
+
+def program_folders(path):
+    """Folders ``programs`` beside a level and in its project."""
+    path = Path(path)
+    own = [folder / "programs" for folder in dict.fromkeys((path.parent.resolve(), project_folder(path)))]
+    return [folder for folder in own if folder.is_dir()]
+
+
+def recorded_library(files):
+    """The brushes a recording has embedded, and the shipped for what it has not."""
+    from flockbrush.behaviours.brush import PATH_SUFFIX, SUFFIX, BrushLibrary, shipped
+    from flockbrush.behaviours.species import SpeciesLibrary, shipped_species
+
+    species = SpeciesLibrary(shipped_species().folders, files)
+    brushes = {name: data for name, data in files.items() if name.endswith((SUFFIX, PATH_SUFFIX))}
+    return BrushLibrary(shipped().folders, brushes, species=species)
