@@ -15,6 +15,7 @@ from flockbrush.systems.spawning import inside_polygon
 ROUNDING = 1e-6
 PUSHED = 1.01  # times its top speed, at most, when bodies that stream together share out their room
 FALLING = 4.0  # m/s at which those who walk come down who were put above the ground
+FALLS = 1e-6  # m above the ground
 HOVER = 32  # ticks: so long nobody who flies is slower than a quarter of its slowest flight
 
 
@@ -27,7 +28,7 @@ class Watch:
 
     def forget(self):
         """Somebody has come or gone, or the ground has changed: there is nothing to compare with."""
-        self.before, self.slow = None, {}
+        self.before, self.slow, self.above = None, {}, set()  # the last: who was above the ground
 
     def look(self):
         """Judge this tick."""
@@ -45,9 +46,10 @@ class Watch:
         swims = table.media[species, WATER] & ~table.media[species, PLANE]
         medium = np.where(flies, AIR, np.where(swims, WATER, PLANE))
         self._abilities(palette, table, species, brush)
-        self._speeds(velocity, table.speed[species, medium], species, fauna, flies)
+        self._speeds(velocity, table.speed[species, medium], species, fauna, flies, agents.ids)
         self._turns(agents.ids, forward, table.turn[species, medium], species, fauna, flies)
         ground = np.array([land.ground(xy) for xy in xyz[:, :2]])
+        self.above = set(agents.ids[xyz[:, 2] - ground > FALLS].tolist())
         self._ground(agents, xyz[:, 2] - ground, flies)
         self._obstacles(agents, land, xyz, ground, flies)
         self._air(agents, velocity, xyz[:, 2] - ground, table.slowest[species], flies)
@@ -60,10 +62,10 @@ class Watch:
                 self.wrong(f"a {name} moves by {palette.names[b]}, which it cannot do")
                 return
 
-    def _speeds(self, velocity, top, species, fauna, flies):
+    def _speeds(self, velocity, top, species, fauna, flies, ids):
         speed = np.linalg.norm(np.where(flies[:, None], velocity, velocity * (1, 1, 0)), axis=1)
         whole = np.linalg.norm(velocity, axis=1)
-        falls = ~flies & (velocity[:, 2] < 0.0)
+        falls = ~flies & (velocity[:, 2] < 0.0) & np.isin(ids, list(self.above))
         speed = np.where(falls, speed, whole)
         over = speed - top * np.where(flies, 1.0, PUSHED)
         if len(over) and over.max() > ROUNDING:

@@ -20,9 +20,13 @@ unit vector n is ``h |f·n| + r``.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.parallel import over_rows
+from flockbrush.systems.grid import Cells
+from flockbrush.systems.ground_height import shorten_on_slopes
 from numba import njit
 
 SLACK = 1e-9  # m, of room kept free against rounding
@@ -30,10 +34,11 @@ SKIN = 0.25  # of the radii: bodies push and turn aside this much before they to
 DEFLECT = 0.75  # of the heading into a body that is touched, taken away.  By trial: crowds jam from .3 downwards
 PUSHES = 2  # rounds of pushing
 ROUNDS = 8  # of looking again before all stand firm
+PUSHED = 1.01  # times its top speed that an animal may be shoved up or down a slope
 SWEEPS = 6  # projections onto the half-planes before the step is shortened
 
 
-def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=None):
+def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=None, hills=None):
     """Turn and step a whole herd.
 
     Parameters
@@ -54,6 +59,8 @@ def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=No
         How far across the seam of a wrapped map ``cells`` has copies, metres: who is faster than they allow is slowed.
     top : ndarray (n,), optional
         Metres per second that nobody exceeds, not even when others push.
+    hills : Hills, optional
+        The ground, where it is not level: there ``top`` is the speed along the ground, up or down.
 
     Returns
     -------
@@ -84,7 +91,12 @@ def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=No
         size, most = np.sqrt((step * step).sum(axis=1)), top[cells.row] * dt
         over = size > most
         step[over] *= (most[over] / size[over])[:, None]
-    step, heading = _agree(order, itself, cells, near, count, edges, step, heading, far)
+    if top is None or hills is None:
+        climb = None
+    else:
+        climb = Climb(hills, top[cells.row] * dt, cells)
+        climb.shorten(order, step)
+    step, heading = _agree(order, itself, cells, near, count, edges, step, heading, far, climb)
     if len(order) == n:  # everybody has a slot
         return step[cells.slot], heading[cells.slot]
     rows, steps, headings = cells.row[order], np.zeros((n, 2)), np.zeros((n, 2))
@@ -100,11 +112,34 @@ def _bounds(cells):
     return body, min(SKIN * body, radius)
 
 
-def _agree(order, itself, cells, near, count, edges, step, heading, far):
+class Hills(NamedTuple):
+    """Ground that is not level."""
+
+    relief: np.ndarray  # as from `flockbrush.systems.terrain.relief_of`
+    cell: float  # m
+    wrap: tuple[float, float]  # m, size of a periodic map, else zeros
+
+
+class Climb(NamedTuple):
+    """Who may go how far in space, up or down."""
+
+    hills: Hills
+    most: np.ndarray  # (slots,) m
+    cells: Cells
+
+    def shorten(self, order, step, slack=1.0):
+        """(slots,) bool, whose steps (slots, 2) were too long; they are cut in place."""
+        cut = np.zeros(len(step), np.bool_)
+        shorten_on_slopes(order, self.cells.x, self.cells.y, step, slack * self.most, *self.hills, cut)
+        return cut
+
+
+def _agree(order, itself, cells, near, count, edges, step, heading, far, climb=None):
     """Steps that keep everybody on his side of lines which every two agree upon.
 
     At first the line between two bodies moves along with both of them, so that a crowd can stream and be pushed.
     Who cannot keep to all his lines stands firm: his lines stay where they are, and his neighbours look again.
+    Likewise who would be shoved up or down a slope faster than he can go; firm, he may stay as he is.
     """
     m = len(step)
     safe, turned = np.empty_like(step), np.empty_like(heading)
@@ -118,6 +153,11 @@ def _agree(order, itself, cells, near, count, edges, step, heading, far):
             _keep_to_own_side, len(order), order, *_bodies(cells), itself, near, count, *edges, step,
             heading, firm, fresh, stuck, far, safe, turned,
         )  # fmt: skip
+        if climb is not None:
+            steep = climb.shorten(order, safe.copy(), PUSHED)
+            stays = steep & (firm > 0)
+            safe[stays], turned[stays] = 0.0, np.column_stack([cells.fx, cells.fy])[stays]
+            stuck[steep & ~stays] = 1
         if not stuck.any():
             break
         firm |= stuck

@@ -26,3 +26,36 @@ def heights_of_ground(relief, cell, xyz):
     for i in range(len(xyz)):
         out[i] = height_of_ground(relief, cell, xyz[i, 0], xyz[i, 1])
     return out
+
+
+@njit(cache=True, nogil=True)
+def share_within(relief, cell, wrap, x, y, dx, dy, most):
+    """How much of a step (dx, dy) along the ground is no longer than ``most`` in space, m; 1 where all of it is.
+
+    ``wrap`` is the size (width, height) of a periodic map, m, else zeros.
+    """
+    below = height_of_ground(relief, cell, x, y)
+    low, high = 0.0, 1.0
+    for again in range(24):
+        part = 1.0 if again == 0 else 0.5 * (low + high)
+        px, py = x + part * dx, y + part * dy
+        if wrap[0] > 0.0:
+            px, py = px - wrap[0] * np.floor(px / wrap[0]), py - wrap[1] * np.floor(py / wrap[1])
+        rise = height_of_ground(relief, cell, px, py) - below
+        if part * part * (dx * dx + dy * dy) + rise * rise <= most * most:
+            if again == 0:
+                return 1.0
+            low = part
+        else:
+            high = part
+    return low
+
+
+@njit(cache=True, nogil=True)
+def shorten_on_slopes(order, x, y, step, most, relief, cell, wrap, cut):
+    """Cut, in place, steps (m, 2) of ``order`` that lead up or down farther than ``most`` (m,) in space; note whose."""
+    for s in order:
+        share = share_within(relief, cell, wrap, x[s], y[s], step[s, 0], step[s, 1], most[s])
+        cut[s] = share < 1.0
+        if cut[s]:
+            step[s, 0], step[s, 1] = share * step[s, 0], share * step[s, 1]

@@ -10,6 +10,7 @@ import numpy as np
 from flockbrush.engine.raster import bilinear_
 from flockbrush.engine.solids import Solids, convex_parts, cylinder, half_space, packed, polyhedron, prism, sphere
 from flockbrush.systems.binding import Sheets
+from flockbrush.systems.ground_height import heights_of_ground
 from flockbrush.systems.navigation import Navigation, navigation_of
 from flockbrush.systems.terrain import NO_BRUSH, compose_blocked, relief_of
 from flockbrush.systems.visibility import Edges, edges_by_cell, no_edges
@@ -393,8 +394,17 @@ class Landscape:
     def navigate(self):
         """Make the navigation field anew, after guides or goals have changed."""
         self.changed()
-        self.navigation = navigation_of(self.guides, self.goals, self.blocked, self.cost, self.cell)
+        self.navigation = self._navigation(self.guides, self.goals, self.blocked, self.cost)
         self._known, self.stale, self._head = self._inputs(), None, None
+
+    def _navigation(self, guides, goals, blocked, cost):
+        height = None
+        if self.relief[..., 1:].any():
+            ny, nx = blocked.shape
+            x, y = np.meshgrid((np.arange(nx) + 0.5) * self.cell, (np.arange(ny) + 0.5) * self.cell)
+            height = heights_of_ground(self.relief, self.relief_cell, np.stack([x.ravel(), y.ravel()], 1))
+            height = height.reshape(blocked.shape)
+        return navigation_of(guides, goals, blocked, cost, self.cell, height=height)
 
     def _inputs(self):
         """What the navigation field is made of: (barriers, guides and goals as JSON, painted ground)."""
@@ -411,7 +421,7 @@ class Landscape:
         ground = np.frombuffer(ground, np.int16).reshape(self.brush.shape)
         walkable = self._of_ground("walkable", "walkable", ground, ..., slice(None))
         cost = self._of_ground("cost", "cost", ground, ..., slice(None))
-        self.navigation = navigation_of(guides, goals, self._blocked(barriers, walkable), cost, self.cell)
+        self.navigation = self._navigation(guides, goals, self._blocked(barriers, walkable), cost)
         self._known = known
 
     def walls_within(self, reach):

@@ -21,7 +21,7 @@ from flockbrush.components.agent import LANDING
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
-from flockbrush.systems.contact import move
+from flockbrush.systems.contact import Hills, move
 from flockbrush.systems.fauna import AIR, PLANE, WATER, SpeciesList
 from flockbrush.systems.flight import fly
 from flockbrush.systems.foresight import in_the_way
@@ -86,11 +86,12 @@ def _walk(world, rows, max_turn, top):
     reach = float(body[rows].max() + radius[rows].max() + 4.0 * dt * speed[rows].max())
     if near.aloft is not None:
         speed = np.where(near.aloft, 0.0, speed)
+    wrap = land.wrap or (0.0, 0.0)
+    hills = Hills(land.relief, land.relief_cell, wrap) if land.relief.size > 3 else None
     step, heading = move(
         near.cells, agents[Heading.forward], agents[Wish.direction], speed, max_turn, land.walls_within(reach), dt,
-        near.ghosts, top,
+        near.ghosts, top, hills,
     )  # fmt: skip
-    wrap = land.wrap or (0.0, 0.0)
     aloft = np.zeros(len(agents), np.bool_) if near.aloft is None else near.aloft
     over_rows(
         _go, len(agents), aloft, step, heading, dt, land.relief_cell, land.relief, wrap[0], wrap[1],

@@ -14,8 +14,9 @@ beyond; near obstacles a cancelling field (eq. 14) takes away what would lead
 into the wall.  What the paper leaves open is settled in the functions below.
 
 Goals, guides' distances and ways round obstacles all come from one fast
-marching sweep (`flockbrush.systems.fast_marching`).  Everything here is ``+ - * / sqrt`` and
-`flockbrush.engine.maths.exp_`.
+marching sweep (`flockbrush.systems.fast_marching`); ways to goals over hills
+cost what animals lose there (`flockbrush.systems.hill_marching`).  Everything
+here is ``+ - * / sqrt`` and `flockbrush.engine.maths.exp_`.
 
 Arrays are ``[iy, ix]``, row 0 in the south; cell ``(iy, ix)`` has its centre at
 ``((ix + .5) * cell, (iy + .5) * cell)``.
@@ -34,6 +35,7 @@ import numpy as np
 from flockbrush.engine.maths import exp_
 from flockbrush.engine.parallel import over_rows
 from flockbrush.systems.fast_marching import EVERYWHERE, arrive_, march_, rimmed_, spread_
+from flockbrush.systems.hill_marching import march_on_hills_
 from flockbrush.systems.terrain import rasterise_polygon
 from flockbrush.systems.walls import around_obstacles, keep_out_, point_out_
 from numba import njit
@@ -97,7 +99,7 @@ class Navigation:
         return np.isfinite(time[iy, ix])
 
 
-def navigation_of(guides, goals, blocked, cost=None, cell=1.0, cancel_radius=None, goal_weight=1.0):
+def navigation_of(guides, goals, blocked, cost=None, cell=1.0, cancel_radius=None, goal_weight=1.0, height=None):
     """The navigation fields of a level.
 
     Parameters
@@ -118,6 +120,8 @@ def navigation_of(guides, goals, blocked, cost=None, cell=1.0, cancel_radius=Non
         How far from obstacles guides begin to turn aside, m; two cells unless told.  0: not at all.
     goal_weight : float
         How strongly the goal field fills in where guides fade, 0 to 1: see `blend`.
+    height : ndarray, (ny, nx), optional
+        Of the ground, m; flat unless told.
 
     Returns
     -------
@@ -137,7 +141,7 @@ def navigation_of(guides, goals, blocked, cost=None, cell=1.0, cancel_radius=Non
     for goal in goals:
         name = getattr(goal, "name", None)
         theirs = tuple(i for i, guide in enumerate(guides) if getattr(guide, "goal", "") in ("", None, name))
-        direction, time = goal_field(_mask_of(goal, blocked.shape, cell), cost, blocked, cell)
+        direction, time = goal_field(_mask_of(goal, blocked.shape, cell), cost, blocked, cell, height)
         fields.append(blend(guidance(theirs), direction, goal_weight, blocked))
         times.append(time)
     for field in fields:
@@ -387,11 +391,12 @@ def goal_mask(xy, radius, polygon, shape, cell):
     return mask
 
 
-def goal_field(goal, cost, blocked, cell):
+def goal_field(goal, cost, blocked, cell, height=None):
     """The least-cost way to a goal from everywhere.
 
     The sweep follows [1]_ in taking one destination over ground of varying cost; it is fast marching, so ways run at
-    any angle and not in the eight directions of the grid.
+    any angle and not in the eight directions of the grid.  On hills a metre costs as much more as animals are slower
+    there, up or down (`flockbrush.systems.terrain.slope_factor_`).
 
     Parameters
     ----------
@@ -403,6 +408,8 @@ def goal_field(goal, cost, blocked, cell):
         Where no way leads.
     cell : float
         Size of a cell, m.
+    height : ndarray, (ny, nx), optional
+        Of the ground, m; flat unless told.
 
     Returns
     -------
@@ -420,8 +427,12 @@ def goal_field(goal, cost, blocked, cell):
     blocked, cost = _ground(blocked, cost)
     slowness = np.where(blocked, np.inf, cost * cell)
     goal = _free_part(np.asarray(goal, bool), np.isinf(slowness))
-    time, _ = march_(np.where(goal, 0.0, np.inf), slowness, np.inf, EVERYWHERE)
-    direction = descent_(time, slowness)
+    seeds = np.where(goal, 0.0, np.inf)
+    if height is None:
+        time, _ = march_(seeds, slowness, np.inf, EVERYWHERE)
+        direction = descent_(time, slowness)
+    else:
+        time, direction = march_on_hills_(seeds, slowness, np.ascontiguousarray(height, np.float64), float(cell))
     direction[goal] = 0.0
     keep_out_(direction, np.isinf(slowness))
     return direction, time

@@ -17,7 +17,6 @@ from benchmarks.pairs import all_pairs, run_alone
 from benchmarks.pairs_watch import Watch
 
 SEED, SAMPLE = 14, 24  # pairs: about a minute
-KNOWN = {("evacuate", "cliff"): "is faster than its species"}  # of a pair: what is wrong with it
 
 
 def watched():
@@ -74,19 +73,14 @@ def test_the_matrix_has_every_brush_with_every_other():
     assert len(pairs) > 50 * len(names)
 
 
-@pytest.mark.parametrize(("brush", "thing"), [("geese", "goal"), ("stampede", "program"), ("skein", "obstacle sphere")])
+@pytest.mark.parametrize(("brush", "thing"), [("geese", "goal"), ("stampede", "program"), ("skein", "obstacle sphere"),
+                                             ("evacuate", "cliff")])  # fmt: skip
 def test_pairs_that_once_broke_the_limits_of_a_species_keep_them(brush, thing):
     assert run_alone(brush, thing, 3) == []
 
 
 @pytest.mark.slow
 def test_nothing_is_wrong_in_a_sample_of_pairs():
-    pairs = random.Random(SEED).sample([pair for pair in all_pairs() if pair not in KNOWN], SAMPLE)
+    pairs = random.Random(SEED).sample(all_pairs(), SAMPLE)
     found = {pair: run_alone(*pair, SEED) for pair in pairs}
     assert {pair: faults for pair, faults in found.items() if faults} == {}
-
-
-@pytest.mark.parametrize("pair", KNOWN)
-def test_the_faults_that_are_known_are_still_there(pair):
-    """Whoever mends one takes it out of the list."""
-    assert any(KNOWN[pair] in fault for fault in run_alone(*pair, SEED))
