@@ -30,7 +30,8 @@ from flockbrush.engine.commands import Commands
 from flockbrush.engine.recording import first_difference, open_recording, resume
 from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.levels.sketch import LevelSketch
-from flockbrush.levels.tiled import png, project_files
+from flockbrush.levels.tile_pictures import png
+from flockbrush.levels.tiled import project_files
 from flockbrush.systems.commands import AddAnimals, AddObstacle, RemoveAnimals, SwitchBrush
 from flockbrush.systems.edits import DrawGuide, Paint, PlaceExit, PlaceGoal
 from flockbrush.systems.gusts import Gust

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from flockbrush.levels.sketch import LevelSketch
-from flockbrush.levels.tiled import BRUSHES_FILE, known_brushes
+from flockbrush.levels.tile_pictures import BRUSHES_FILE, known_brushes
 
 HERE = Path(__file__).parent
 LEVELS: dict[str, Callable[[], LevelSketch]] = {}

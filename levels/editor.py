@@ -476,6 +476,6 @@ def _copy_beside(source, target):
 
 def _picture(meanings, entry, library):
     """The picture of a tileset "playground", as a PNG file."""
-    from flockbrush.levels.tiled import tile_sheet
+    from flockbrush.levels.tile_pictures import tile_sheet
 
     return tile_sheet(meanings, entry["tilewidth"], library)

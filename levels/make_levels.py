@@ -13,7 +13,8 @@ import numpy as np
 from flockbrush.behaviours.brush import shipped
 from flockbrush.levels import living_levels
 from flockbrush.levels.drawing import LEVELS, level, near_line, new, polygon_about, rolling
-from flockbrush.levels.tiled import png, write_project
+from flockbrush.levels.tile_pictures import png
+from flockbrush.levels.tiled import write_project
 
 HERE = Path(__file__).parent
 SAVED_BY_TILED = ("gorge", "meadow")  # changed by hand since

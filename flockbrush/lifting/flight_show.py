@@ -5,9 +5,7 @@ Nothing here draws, and nothing knows of windows; `flockbrush.studio.lift_window
 
 from __future__ import annotations
 
-import math
 import time
-from array import array
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,19 +13,15 @@ from types import SimpleNamespace
 import numpy as np
 
 from flockbrush.behaviours.formation.extraction import Marks, extract
-from flockbrush.behaviours.tables import read_table
-from flockbrush.engine import limits
 from flockbrush.engine.files import claimed, refused
-from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.film.tracks import Tracks, read_tracks
 from flockbrush.lifting.flight_files import attitude, write_flight
+from flockbrush.lifting.flight_table import PLACES, read_flight, table_header
 from flockbrush.lifting.lens import Camera, read_camera
 from flockbrush.lifting.lift_solver import LiftedFlight, LiftError, LiftWish, lift_sight, prepared
 from flockbrush.lifting.lift_thesis import lift_by_thesis
 from flockbrush.render.gaits import BEAT, FASTEST_BEAT
 
-PLACES = ("frame", "id", "x", "y", "z")  # of a table of flights
-FARTHEST = 1e12  # m, s, frames, ids
 GLANCE = 5  # while a slider is dragged every so manieth frame is solved
 SPANS = 2.5  # wingspans from bird to bird, taken for usual where nobody has said how large they are
 USUAL_SPAN = (0.15, 2.5)  # m: nobody is taken to be smaller or larger
@@ -386,76 +380,6 @@ def _abreast(xyz, velocity):
 
 
 # tables ------------------------------------------------------------------------------
-
-
-def table_header(path):
-    """The names of the columns of a table, in small letters."""
-    return {cell.strip().lower() for cell in next(_rows(path), (1, []))[1]}
-
-
-def _rows(path):
-    return read_table(path, limits.TRACKS_BYTES, limits.TRACK_ROWS)
-
-
-def read_flight(path) -> LiftedFlight:
-    """The flight of a trajectory table: ``frame, id, x, y, z`` in metres, and ``time`` in seconds if there is one.
-
-    Raises
-    ------
-    ProblemsError
-        With file, line and column of what is wrong.
-    """
-    name = str(path)
-    rows = _rows(path)
-    header = [cell.strip().lower() for cell in next(rows, (1, []))[1]]
-    wanted = [*PLACES, "time"] if "time" in header else list(PLACES)
-    missing = [column for column in wanted if column not in header]
-    if missing:
-        raise ProblemsError([Problem(name, 1, missing[0], "there is no such column")])
-    values = _values(name, rows, wanted, [header.index(column) for column in wanted])
-    return _gridded(name, values, "time" in header)
-
-
-def _values(name, rows, columns, at):
-    """(rows, columns) of numbers; ProblemsError names the first that is none."""
-    values = array("d")
-    for line, row in rows:
-        for column, k in zip(columns, at, strict=True):
-            cell = row[k].strip() if k < len(row) else ""
-            values.append(_float(cell))
-            if not abs(values[-1]) < FARTHEST:
-                message = f"must be a finite number, at most {FARTHEST:g}, got {cell[:40]!r}"
-                raise ProblemsError([Problem(name, line, column, message)])
-    if not values:
-        raise refused(name, "there is no bird in it")
-    return np.frombuffer(values).reshape(-1, len(columns))
-
-
-def _float(cell):
-    try:
-        return float(cell)
-    except ValueError:
-        return math.nan
-
-
-def _gridded(name, values, timed):
-    frames, ids = np.round(values[:, 0]).astype(np.int64), np.round(values[:, 1]).astype(np.int64)
-    first, last = int(frames.min()), int(frames.max())
-    birds, column = np.unique(ids, return_inverse=True)
-    if last == first:
-        raise refused(name, "has one frame only; a flight needs two")
-    if last - first >= limits.TRACK_FRAMES or (last - first + 1) * len(birds) > limits.TRACK_CELLS:
-        raise refused(name, f"frames {first} to {last} with {len(birds)} birds are more than fit; cut it into parts")
-    fps = 30.0
-    if timed:
-        begin, end = values[frames == first, 5].min(), values[frames == last, 5].max()
-        if not end > begin:
-            raise refused(name, "the time does not increase from the first frame to the last")
-        fps = (last - first) / (end - begin)
-    xyz = np.full((last - first + 1, len(birds), 3), np.nan)
-    xyz[frames - first, column] = values[:, 2:5]
-    fps = float(f"{fps:.7g}")  # as far as times are written: 30, not 30.0000015
-    return LiftedFlight(xyz, np.linalg.norm(xyz, axis=-1), birds, first, fps)
 
 
 # solving beside a window ---------------------------------------------------------------

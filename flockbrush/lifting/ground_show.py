@@ -10,7 +10,8 @@ from flockbrush.engine.files import refused
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.observations import Evidence
 from flockbrush.film.open_clip import Looking, look_at
-from flockbrush.lifting.flight_show import Show, read_flight, table_header
+from flockbrush.lifting.flight_show import Show
+from flockbrush.lifting.flight_table import read_flight, table_header
 from flockbrush.lifting.lift_solver import LiftedFlight
 
 FLAT = 0.01  # m: who is never higher walks

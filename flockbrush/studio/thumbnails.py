@@ -264,7 +264,7 @@ def write_tiles(path, library):
     """Put the pictures of a library's brushes into the tiles that Tiled shows; the file says which tile is whose."""
     import cv2
 
-    from flockbrush.levels.tiled import BRUSHES_FILE, known_brushes
+    from flockbrush.levels.tile_pictures import BRUSHES_FILE, known_brushes
     from flockbrush.levels.tilesets_data import COLUMNS, TILE
 
     image = Path(path) / Path(BRUSHES_FILE).with_suffix(".png")

@@ -8,7 +8,7 @@ from flockbrush.engine import limits
 from flockbrush.engine.problems import ProblemsError
 
 from flockbrush.film.tracks import read_tracks
-from flockbrush.lifting.flight_show import read_flight
+from flockbrush.lifting.flight_table import read_flight
 
 TRACKS = "frame,id,x,y\n" + "".join(f"{k},1,{10 + k},20\n" for k in range(5))
 FLIGHT = "frame,id,x,y,z\n" + "".join(f"{k},1,{10 + k},20,3\n" for k in range(5))

@@ -8,7 +8,8 @@ from flockbrush.behaviours.brush import load_brush
 from flockbrush.engine.problems import ProblemsError
 
 from flockbrush.cli.main import called
-from flockbrush.lifting.flight_show import Show, Solver, Wanted, read_flight, with_wish
+from flockbrush.lifting.flight_show import Show, Solver, Wanted, with_wish
+from flockbrush.lifting.flight_table import read_flight
 from flockbrush.lifting.lift_solver import LiftWish
 from tests.flock_in_v import CAMERA, SPAN, geese, seen, written
 

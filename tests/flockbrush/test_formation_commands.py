@@ -11,7 +11,7 @@ from flockbrush.behaviours.brush import load_brush
 from flockbrush.behaviours.models.line_formation import places as places_of
 
 from flockbrush.cli.main import called
-from flockbrush.lifting.flight_show import read_flight
+from flockbrush.lifting.flight_table import read_flight
 from flockbrush.runs.power_savings import savings
 
 

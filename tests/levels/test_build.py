@@ -13,8 +13,9 @@ from flockbrush.engine.noise import Noise
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.raster import Raster
 from flockbrush.engine.state import state_hash
-from flockbrush.levels.build import DT, brushes_used, build, plane, scaled, systems
+from flockbrush.levels.build import DT, brushes_used, build, plane, systems
 from flockbrush.levels.reader import read_level
+from flockbrush.levels.scaling import scaled
 from flockbrush.levels.schema import Area, BrushLayer, Exit, Goal, Guide, Key, Line, Zone
 from flockbrush.levels.terrain_kinds import Terrain
 from flockbrush.systems.landscape import Landscape

@@ -19,17 +19,8 @@ from flockbrush.levels.level_class import ENUMS
 from flockbrush.levels.reader import read_level
 from flockbrush.levels.schema import CLASSES, tables
 from flockbrush.levels.terrain_kinds import TERRAINS
-from flockbrush.levels.tiled import (
-    BRUSHES_FILE,
-    init,
-    known_brushes,
-    object_types,
-    project,
-    project_files,
-    renew_brushes,
-    tile_order,
-    write_project,
-)
+from flockbrush.levels.tile_pictures import BRUSHES_FILE, known_brushes
+from flockbrush.levels.tiled import init, object_types, project, project_files, renew_brushes, tile_order, write_project
 from flockbrush.levels.writer import dump
 
 from flockbrush import levels

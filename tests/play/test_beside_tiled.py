@@ -4,7 +4,8 @@ import json
 
 import pytest
 from flockbrush.behaviours.brush import shipped
-from flockbrush.levels.tiled import BRUSHES_FILE, init, known_brushes
+from flockbrush.levels.tile_pictures import BRUSHES_FILE, known_brushes
+from flockbrush.levels.tiled import init
 from small_pasture import pasture
 from typer.testing import CliRunner
 from window import Window

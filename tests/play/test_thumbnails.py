@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from flockbrush.behaviours.brush import shipped
-from flockbrush.levels.tiled import brush_picture
+from flockbrush.levels.tile_pictures import brush_picture
 
 from flockbrush.render.style import rgb
 from flockbrush.studio import thumbnails

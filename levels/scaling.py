@@ -1,0 +1,102 @@
+"""A level with another number of animals at the same density."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from flockbrush.engine.raster import Raster
+from flockbrush.systems import edits as _edits  # noqa: F401  a designer's commands are known wherever a level is
+
+
+def scaled(level, agents):
+    """The same level with another number of animals at the same density."""
+    total = sum(spawn.count for spawn in level.spawns)
+    if agents < 1:
+        raise ValueError(f"there must be at least 1 animal, got {agents}")
+    if not total:
+        raise ValueError(f"{level.name} has no spawn with a count to scale")
+    factor = agents / total
+    counts = _shares([spawn.count for spawn in level.spawns], agents)
+    spawns = []
+    for spawn, count in zip(level.spawns, counts, strict=True):
+        middle = spawn.polygon.mean(0)
+        polygon = middle + (spawn.polygon - middle) * math.sqrt(factor) if factor > 1 else spawn.polygon
+        if factor < 1:
+            polygon = middle + (spawn.polygon - middle) * math.sqrt(max(count, 1) / max(spawn.count, 1))
+        spawns.append(dataclasses.replace(spawn, count=count, polygon=polygon, rate=spawn.rate * factor))
+    endless = {spawn.id for spawn in level.spawns if spawn.rate and not spawn.count}
+    return _grown(dataclasses.replace(level, spawns=[s for s in spawns if s.count or s.id in endless]))
+
+
+def _shares(counts, total):
+    """Whole numbers in proportion to ``counts`` that add up to ``total``."""
+    exact = np.array(counts, float) * total / sum(counts)
+    whole = np.floor(exact).astype(int)
+    for k in np.argsort(whole - exact, kind="stable")[: total - whole.sum()]:
+        whole[k] += 1
+    return whole.tolist()
+
+
+def _grown(level):
+    """The level on a map large enough for its spawn areas: plain ground is added around the old map."""
+    low = np.min([s.polygon.min(0) for s in level.spawns], axis=0)
+    high = np.max([s.polygon.max(0) for s in level.spawns], axis=0)
+    before = [max(0, math.ceil(-v / level.cell)) for v in low]
+    after = [
+        max(0, math.ceil((v - size) / level.cell)) for v, size in zip(high, (level.width, level.height), strict=True)
+    ]
+    if not any(before + after):
+        return level
+    shift = np.array(before) * level.cell
+    pad = (before[1], after[1]), (before[0], after[0])
+
+    def moved(thing, *names):
+        return dataclasses.replace(
+            thing, **{n: getattr(thing, n) + shift for n in names if getattr(thing, n) is not None}
+        )
+
+    def padded(raster, mode="edge"):
+        return None if raster is None else Raster(raster.cell, _pad(raster, pad, level.cell, mode))
+
+    def grid(values, fill):
+        return np.pad(values, pad, constant_values=fill)
+
+    return dataclasses.replace(
+        level,
+        width=level.width + (before[0] + after[0]) * level.cell,
+        height=level.height + (before[1] + after[1]) * level.cell,
+        terrain=level.terrain and level.terrain.padded(pad),
+        height_map=padded(level.height_map),
+        cap=None if level.cap is None else Raster(level.cap.cell, grid(level.cap.values, np.inf)),
+        factor=None if level.factor is None else Raster(level.factor.cell, grid(level.factor.values, 1.0)),
+        brush_layers=[dataclasses.replace(b, index=grid(b.index, -1)) for b in level.brush_layers],
+        obstacles=[moved(o, "polygon") for o in level.obstacles],
+        guides=[moved(g, "points") for g in level.guides],
+        goals=[moved(g, "xy", "polygon") for g in level.goals],
+        zones=[moved(z, "polygon") for z in level.zones],
+        spawns=[moved(s, "polygon") for s in level.spawns],
+        exits=[moved(e, "polygon") for e in level.exits],
+        lines=[moved(line, "points") for line in level.lines],
+        areas=[moved(a, "polygon") for a in level.areas],
+        script=[dataclasses.replace(key, xy=key.xy + shift, args=_moved_args(key.args, shift)) for key in level.script],
+    )
+
+
+def _moved_args(args, shift):
+    """The arguments of a command whose map has grown to the south-west."""
+    moved = dict(args)
+    for name, metres in zip("xy", shift.tolist(), strict=True):
+        if isinstance(args.get(name), (int, float)) and args.get("kind") != "direction":
+            moved[name] = args[name] + metres
+    points = args.get("points")
+    if isinstance(points, list) and all(isinstance(p, list) and len(p) == 2 for p in points):
+        moved["points"] = [[x + shift[0], y + shift[1]] for x, y in points]
+    return moved
+
+
+def _pad(raster, pad, cell, mode):
+    """A raster whose cells may differ from the level's, padded by as many metres."""
+    cells = [tuple(round(k * cell / raster.cell) for k in side) for side in pad]
+    return np.pad(raster.values, cells, mode=mode)
