@@ -118,7 +118,7 @@ def ridge_picture():
 
 @level
 def city():
-    """People leave a square by three gates when the alarm is raised."""
+    """People leave a square by three gates when the alarm is raised; others come, until the next alarm."""
     s = new(60, 48, 1.0, seed=25)
     s.ground("road")
     s.ground("gravel", (abs(s.x - 30) < 16) & (abs(s.y - 24) < 12))
@@ -157,7 +157,10 @@ def city():
     ):
         s.box("Exit", x, y, width, 2, name)
     s.box("Spawn", 30, 24, 28, 20, "people", species="human", brush="stroll", count=200, program="evacuation")
-    s.draw("Key", [(30, 24)], "alarm", at=12, command="Event", name="alarm")
+    s.box("Spawn", 30, 15, 8, 3, "visitors", species="human", brush="stroll", rate=1, start=95, heading="north",
+          program="evacuation")  # fmt: skip
+    for at in (12, 200, 400):  # the square fills again, and is cleared again
+        s.draw("Key", [(30, 24 + at / 100)], f"alarm {at}", at=at, command="Event", name="alarm")
     s.draw("Line", [(28.4, 10), (31.6, 10)], "south gate", closed=False)
     s.draw("Line", [(21, 38), (23.4, 38)], "north-west gate", closed=False)
     s.draw("Line", [(36.6, 38), (39, 38)], "north-east gate", closed=False)

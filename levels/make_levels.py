@@ -298,7 +298,7 @@ def pillars():
 @level
 def elephants():
     """Sparrows about a grazing herd of elephants, which are obstacles to them, until a falcon comes."""
-    s = new(80, 60, 2.0, boundary="open", seed=9)
+    s = new(80, 60, 2.0, seed=9)
     s.ground("dry grass")
     s.ground("grass", rolling(s.x, s.y, 91, 50) > 0.4)
     s.ground("dirt", rolling(s.x, s.y, 92, 40) > 1.0)
@@ -315,15 +315,22 @@ def elephants():
     places = [(80, 60), (110, 70), (96, 40), (60, 48), (52, 72), (84, 84), (104, 60)]
     for k, (x, y) in enumerate(places):
         s.migrate(4 * k, x, y, 4, f"feed {k + 1}", seconds=3 if k else 0, species="sparrow")
+    for k in range(len(places), 56):  # they go on for ten minutes, slower
+        x, y = places[k % len(places)]
+        s.migrate(28 + 12 * (k - len(places)), x, y, 4, f"feed {k + 1}", seconds=5, species="sparrow")
     for at, x, y, z in ((9.1, 84, 45, 4), (15.5, 40, 40, 25), (20, 76, 75, 5), (25.5, 130, 100, 25)):
         s.migrate(at, x, y, z, f"stoop {at:g}", species="falcon")
+    for k in range(9):  # and so does the falcon, which rests from them for a minute
+        x, y = places[(3 * k) % len(places)]
+        s.migrate(85 + 60 * k, x, y, 5, f"stoop {85 + 60 * k}", species="falcon")
+        s.migrate(92 + 60 * k, 130, 90, 25, f"away {92 + 60 * k}", species="falcon")
     return s
 
 
 @level
 def skein():
-    """Geese that start anyhow, form a V by three rules and keep it through a bend (Nathan & Barbosa 2008)."""
-    s = new(190, 80, 4.0, boundary="open", seed=12)
+    """Geese that start anyhow, form a V by three rules and keep it through bends (Nathan & Barbosa 2008)."""
+    s = new(190, 125, 4.0, boundary="open", seed=12)
     s.ground("meadow")
     s.ground("grass", rolling(s.x, s.y, 121, 160) > 0.1)
     s.ground("dry grass", rolling(s.x, s.y, 122, 130) > 1.0)
@@ -332,17 +339,17 @@ def skein():
     s.ground("water", lake < 1.0)
     s.ground("forest floor", rolling(s.x, s.y, 124, 90) - 0.01 * np.hypot(s.x - 560, s.y - 50) > 0.25)
     s.box("Spawn", 45, 130, 28, 28, "flock", species="goose", brush="skein", count=17, heading="east", altitude=60)
-    s.draw(
-        "Guide", [(20, 130), (260, 130), (420, 136), (540, 170), (620, 230), (670, 310)], "way", closed=False, radius=60
-    )
+    way = [(20, 130), (260, 130), (420, 136), (540, 170), (620, 230), (670, 310), (670, 380), (620, 430), (530, 450),
+           (260, 450), (180, 435), (110, 385), (65, 300), (40, 215)]  # fmt: skip
+    s.draw("Guide", way, "round", closed=False, radius=60, loop=True)
     s.draw("Line", [(420, 60), (420, 220)], "before the bend", closed=False)
     return s
 
 
 @level
 def geese():
-    """Geese rest, take off, find into a V, round a hill and land by another lake (Klotsman & Tal 2012)."""
-    s = new(155, 54, 10.0, boundary="despawn", seed=16)
+    """Geese rest, take off, find into a V, round a hill, land by another lake, and go back (Klotsman & Tal 2012)."""
+    s = new(155, 74, 10.0, boundary="open", seed=16)
     s.ground("meadow")
     s.ground("grass", rolling(s.x, s.y, 161, 260) > 0.2)
     s.ground("dry grass", rolling(s.x, s.y, 162, 220) > 1.1)
@@ -354,14 +361,31 @@ def geese():
     s.ground("forest floor", rolling(s.x, s.y, 168, 150) - 0.006 * np.hypot(s.x - 800, s.y - 120) > 0.15)
     s.brush("graze", np.hypot(s.x - 130, s.y - 190) < 75)
     s.box("Spawn", 130, 190, 44, 44, "flock", species="goose", brush="geese", count=21, heading="east")
-    s.draw("Key", [(130, 190)], "rest until", at=4, command="PaintBrush", x=130, y=190, radius=90, brush="")
-    s.migrate(0, 640, 170, 45, "up and away", shown_at=(600, 170), species="goose")
-    s.migrate(32, 1900, 620, 60, "round the hill", shown_at=(900, 330), seconds=12, species="goose")
-    s.migrate(58, 1440, 420, -4, "down to the lake", shown_at=(1000, 360), species="goose")
-    s.draw("Key", [(1380, 400)], "land", at=83, command="PaintBrush", x=1380, y=410, radius=130, brush="graze")
+    for begin in (0, 300):
+        _there(s, begin)
+        _back(s, begin + 150)
     s.draw("Line", [(560, 60), (560, 290)], "in formation", closed=False)
     s.draw("Line", [(900, 150), (900, 420)], "after the turn", closed=False)
     return s
+
+
+def _there(s, begin):
+    """Geese fly from the western lake to the eastern one, from a time in s on."""
+    s.draw("Key", [(130, 190)], "rest until", at=begin + 4, command="PaintBrush", x=130, y=190, radius=150, brush="")
+    s.migrate(begin, 640, 170, 45, "up and away", shown_at=(600, 170), species="goose")
+    s.migrate(begin + 32, 1900, 620, 60, "round the hill", shown_at=(900, 330), seconds=12, species="goose")
+    s.migrate(begin + 58, 1440, 420, -4, "down to the lake", shown_at=(1000, 360), species="goose")
+    s.draw("Key", [(1380, 400)], "land", at=begin + 83, command="PaintBrush", x=1380, y=410, radius=130, brush="graze")
+
+
+def _back(s, begin):
+    """Geese fly from the eastern lake to the western one, from a time in s on."""
+    s.draw("Key", [(1380, 380)], "again", at=begin + 4, command="PaintBrush", x=1380, y=410, radius=150, brush="")
+    s.migrate(begin, 900, 360, 45, "home", shown_at=(900, 300), species="goose")
+    s.migrate(begin + 32, -350, 40, 60, "the other way", shown_at=(600, 330), seconds=12, species="goose")
+    s.migrate(begin + 58, 80, 180, -4, "down by the first lake", shown_at=(500, 300), species="goose")
+    s.draw("Key", [(130, 230)], "land again", at=begin + 83, command="PaintBrush", x=130, y=190, radius=130,
+           brush="graze")  # fmt: skip
 
 
 def main(names):
