@@ -21,6 +21,7 @@ class Overlay:
     below: bool = False  # lies between ground and animals
     of_one: bool = False  # shows something of the selected animal
     in_space: bool = False  # drawn over the animals in space, too; others lie on the ground there, or are left out
+    looks_at_world: bool = False  # and not only at the moment and the ground: while it is drawn no tick may run
     draw: Callable[[OverlayView], None] | None = None  # of those registered with `overlay`
 
 
@@ -35,14 +36,24 @@ class OverlayView(NamedTuple):
     selected: int | None
 
 
+EXPLAINED = frozenset({"forces", "field_of_view", "occlusion"})  # these show what `explain` says of an animal
 OVERLAYS = {
     overlay.name: overlay
     for overlay in (
         Overlay("forces", "Forces", "Why the selected animal turns: one arrow for each reason", of_one=True),
         Overlay("field_of_view", "Field of view", "How far and how wide the selected animal sees", of_one=True),
-        Overlay("occlusion", "Hidden places", "What bodies and obstacles hide from the selected animal", of_one=True),
         Overlay(
-            "links", "Who sees whom", "A line between animals that see each other; those of the selected one stand out"
+            "occlusion",
+            "Hidden places",
+            "What bodies and obstacles hide from the selected animal",
+            of_one=True,
+            looks_at_world=True,
+        ),
+        Overlay(
+            "links",
+            "Who sees whom",
+            "A line between animals that see each other; those of the selected one stand out",
+            looks_at_world=True,
         ),
         Overlay(
             "leaders", "Leaders", "Leaders ringed, and a line from each animal to its reference bird", in_space=True
@@ -52,6 +63,7 @@ OVERLAYS = {
             "Power saved",
             "What each bird of a line formation saves by flying in the upwash of others",
             in_space=True,
+            looks_at_world=True,
         ),
         Overlay("density", "Density", "How crowded it is, in animals per square metre", below=True),
         Overlay(
@@ -62,7 +74,13 @@ OVERLAYS = {
         ),
         Overlay("regions", "Brush regions", "The painted brushes, strong and with their names", below=True),
         Overlay("caps", "Speed caps", "Speed limits, and where they hold", below=True),
-        Overlay("navigation", "Ways", "The field that leaders follow to their guides and goals", below=True),
+        Overlay(
+            "navigation",
+            "Ways",
+            "The field that leaders follow to their guides and goals",
+            below=True,
+            looks_at_world=True,
+        ),
     )
 }
 
@@ -82,7 +100,7 @@ def overlay(cls):
     if known is not None and (known.draw is None or known.draw.__self__.__class__.__module__ != cls.__module__):
         raise ValueError(f"overlay {cls.name!r} is registered already")
     below, in_space = getattr(cls, "below", False), getattr(cls, "in_space", False)
-    OVERLAYS[cls.name] = Overlay(cls.name, cls.title, cls.tip, below, False, in_space, cls().draw)
+    OVERLAYS[cls.name] = Overlay(cls.name, cls.title, cls.tip, below, False, in_space, True, cls().draw)
     return cls
 
 

@@ -18,7 +18,7 @@ from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_ground import Sketcher, placed
 from flockbrush.render.drawn_terrain import nice
 from flockbrush.render.forces import draw_forces, reason_colour
-from flockbrush.render.overlay_registry import OVERLAYS, OverlayView, load_overlays
+from flockbrush.render.overlay_registry import EXPLAINED, OVERLAYS, OverlayView, load_overlays
 from flockbrush.render.strokes import (
     RAYS,
     count_in_cells,
@@ -53,6 +53,32 @@ MOST_TOLD = 200  # birds whose savings are written beside them
 SAVES_MUCH, SAVES_LITTLE = rgb("#0f7a5a"), rgb("#b8721f")
 
 
+class AskedAbout:
+    """The explanation of an animal of a running world, asked once for each tick.
+
+    Attributes
+    ----------
+    held : bool
+        While a tick runs nobody looks at the world: what was told before it still holds.
+    """
+
+    def __init__(self, simulation):
+        self.simulation, self.held = simulation, False
+        self._known: tuple = (None, None)
+
+    def of(self, entity):
+        """What `explain` says of an animal; None when it is not there, or was not asked about before a tick."""
+        if self.held:
+            return self._known[1] if self._known[0] and self._known[0][0] == entity else None
+        key = (entity, self.simulation.clock.tick, id(self.simulation.world))
+        if self._known[0] != key:
+            try:
+                self._known = (key, explain(self.simulation.world, entity))
+            except KeyError:
+                self._known = (key, None)
+        return self._known[1]
+
+
 class Overlays:
     """Draws overlays over the frames of one world.
 
@@ -64,14 +90,16 @@ class Overlays:
     theme : {"light", "dark"} or Theme
     unit : float
         Pixels of a hairline.
+    asked : AskedAbout, optional
+        What other overlays of the same world were told.
     """
 
-    def __init__(self, scenery, theme="light", unit=1.0):
+    def __init__(self, scenery, theme="light", unit=1.0, asked=None):
         load_overlays()
         self.scenery, self.theme, self.unit = scenery, theme_of(theme), unit
         self._layers: dict[str, tuple] = {}
         self._counted = (None, None, None)
-        self._asked: tuple = (None, None)
+        self.asked = asked or AskedAbout(scenery.simulation)
 
     @property
     def world(self):
@@ -297,7 +325,7 @@ class Overlays:
         xy = self.world.agents[Position.xyz] if moment is None else moment.xyz
         now = self.scenery.simulation.clock.now if moment is None else moment.time
         seen, then, kept = self._counted
-        length = float(self.world.agents[Body.length].mean()) if len(xy) else 1.0
+        length = float((self.world.agents[Body.length] if moment is None else moment.length).mean()) if len(xy) else 1.0
         most = nice(2.5 / length**2)
         if kept is None or seen != camera or not 0 <= now - then < REFRESH:
             left, top, right, bottom = camera.view
@@ -438,8 +466,8 @@ class Overlays:
     def _one(self, frame, camera, shown, moment, at, row):
         """What is shown of the selected animal."""
         told = None
-        if shown & {"forces", "field_of_view", "occlusion"}:
-            told = self._explained(int(moment.ids[row]), moment.time)
+        if shown & EXPLAINED:
+            told = self.asked.of(int(moment.ids[row]))
         x, y = (float(side) for side in at[row])
         if told is not None and shown & {"field_of_view", "occlusion"}:
             self._sight(frame, camera, shown, moment, row, told)
@@ -450,16 +478,6 @@ class Overlays:
         if told is not None and "forces" in shown:
             forward = moment.forward[row, :2] * (1, -1)
             draw_forces(frame, camera, (x, y), forward, told, self.theme, self.unit, float(ring[0]))
-
-    def _explained(self, entity, time):
-        """The explanation of an animal, asked once for each tick."""
-        key = (entity, self.scenery.simulation.clock.tick, id(self.world))
-        if self._asked[0] != key:
-            try:
-                self._asked = (key, explain(self.world, entity))
-            except KeyError:
-                self._asked = (key, None)
-        return self._asked[1]
 
     def _sight(self, frame, camera, shown, moment, row, told):
         """The field of view as a wedge; what is hidden in it shaded."""

@@ -86,6 +86,7 @@ class App(Hand, Deeds):
         self.seconds = {"simulation": 0.0, "drawing": 0.0, "interface": 0.0}
         self.running, self.columns = True, True
         self.now = self._calm = self._fresh = self._unseen = 0.0
+        self._unheard = 0.0  # s since panels were told of time
         self._disk = DISK
         self.film = self.dialog = self.help = self.hint = None
         self._panning = self._turning = self._space = self._space_used = self._stroking = False
@@ -170,38 +171,56 @@ class App(Hand, Deeds):
         self.thumbnails.start()
         gc.freeze()  # what was made until now stays; looking through it again and again would make frames stutter
         while self.running and frames != 0 and not stop():
-            self.frame(min(clock.tick(60) / 1000, 0.25))
+            self.frame(min(clock.tick(60) / 1000, 0.25), patience_s=0.0)
             frames = None if frames is None else frames - 1
 
-    def frame(self, dt):
-        """One frame, `dt` seconds after the last one, without waiting."""
+    def frame(self, dt, patience_s=None):
+        """One frame, `dt` seconds after the last one.
+
+        Ticks that are due run beside the drawing, which shows the last finished state; the next frame has what they
+        leave.  It waits for them no longer than ``patience_s``: as long as they take unless told.
+        """
         begin = time.perf_counter()
         self.now += dt
         for event in _merged(pygame.event.get()):
             self._guarded(self.handle, event)
         handled = time.perf_counter()
-        self._guarded(self._live, dt)
+        budget = max(LEAST, SLOWEST - self.seconds["drawing"] - self.seconds["interface"])
+        still = self._guarded(self.session.catch_up, dt, budget, patience_s)
         lived = time.perf_counter()
+        self._unheard += dt
+        if still:
+            self._guarded(self._between_ticks)
+            self._guarded(self.session.set_off, budget)
+        looked = time.perf_counter()
         self._guarded(self.canvas.draw)
         drawn = time.perf_counter()
         self._guarded(self._show, dt)
         shown = time.perf_counter()
         self.seconds = {
             "simulation": lived - handled,
-            "drawing": drawn - lived,
-            "interface": handled - begin + shown - drawn,
+            "drawing": drawn - looked,
+            "interface": handled - begin + looked - lived + shown - drawn,
         }
 
-    def _live(self, dt):
-        """Let the session run, with what time the frame has left."""
-        rest = SLOWEST - self.seconds["drawing"] - self.seconds["interface"]
-        self.session.advance(dt, max(LEAST, rest))
+    def _between_ticks(self):
+        """All that looks at the world, which stands still now."""
+        dt, self._unheard = self._unheard, 0.0
         self.session.autosave()
         self.tell()
         self._disk -= dt
         if self._disk <= 0:
             self._disk = DISK
             self._look_at_disk()
+        if self.column is not None:
+            self._guarded(self.column.update, dt)
+        self._fresh -= dt
+        if self._fresh <= 0:
+            self._fresh = FRESH
+            self._freshen()
+        elif self.timebar is not None and self._calm <= dt:
+            self.timebar.draw()
+        self.canvas.look_ahead()
 
     def _look_at_disk(self):
         changed = self.session.changed_on_disk()
@@ -221,12 +240,6 @@ class App(Hand, Deeds):
     def _show(self, dt):
         """Controls and canvas onto the screen; controls that nobody touches are drawn ten times a second."""
         self.toasts.update(dt)
-        if self.column is not None:
-            self._guarded(self.column.update, dt)
-        self._fresh -= dt
-        if self._fresh <= 0:
-            self._fresh = FRESH
-            self._freshen()
         self._calm, self._unseen = self._calm - dt, self._unseen + dt
         touched = self._calm <= 0
         if touched:
@@ -238,8 +251,6 @@ class App(Hand, Deeds):
         self.screen.blit(self.canvas.surface, self.canvas.rect)
         self._above(self.screen.subsurface(self.canvas.rect.clip(self.screen.get_rect())), dt)
         if whole:
-            if self.timebar is not None:
-                self.timebar.draw()
             self.manager.draw_ui(self.screen)
         self.toasts.draw(self.screen, self.canvas.rect, self.theme, self.scale)
         if self.film is not None:

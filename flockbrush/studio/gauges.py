@@ -81,7 +81,10 @@ class Pacemaker:
         self.pace = 0.0
 
     def passed(self, wall, simulated):
-        """So much real and simulated time has passed, in seconds."""
+        """So much real and simulated time has passed, in seconds; ticks that took no time of their own come last."""
+        if self._spans and not wall:
+            wall, before = self._spans.pop()
+            simulated += before
         self._spans.append((wall, simulated))
         while sum(span[0] for span in self._spans) - self._spans[0][0] > PACE_SECONDS:
             self._spans.popleft()

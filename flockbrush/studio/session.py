@@ -18,21 +18,21 @@ from flockbrush.levels.editor import EditError, Editor, JournalError
 from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.reader import read_level_text
 from flockbrush.runs import run as running
-from flockbrush.runs.snapshots import between, moment_of, names_of
-from flockbrush.studio.gauges import Pacemaker, Profile, chart_of, sample_of
+from flockbrush.runs.snapshots import moment_of, names_of
+from flockbrush.studio.gauges import chart_of, sample_of
 from flockbrush.studio.history import History
 from flockbrush.studio.recovery import leftovers, recovered_branches
 from flockbrush.studio.session_files import Keeping, LevelFile, SessionNotice, editor_of, sheltered
+from flockbrush.studio.ticks_beside import Going
 from flockbrush.studio.timeline import Beginning, Timeline, WentWrong
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.undo import UseBrush
 
 RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # of simulated to real time
-_SOON = 1e-9  # of a tick; rounding of what real time adds up to
 
 
-class Session(Keeping):
+class Session(Going, Keeping):
     """A level that is open in the playground.  Make one with `open`.
 
     Attributes
@@ -48,19 +48,15 @@ class Session(Keeping):
     """
 
     def __init__(self, path, timeline, shelter, notices):
-        self.path, self.timeline, self._shelter = Path(path), timeline, shelter
+        self.path, self._timeline, self._shelter = Path(path), timeline, shelter
+        self._stand_still()
         self._notices: list[SessionNotice] = notices
         self.timeline.tell = lambda text: self._say("warning", text)
         self.library = timeline.current.beginning.library
         self._file = LevelFile(self.path)
         self.playing = False
         self.lent = self.path.resolve().parent == running.SHIPPED.resolve()
-        self._rate = 1.0
-        self._owed = 0.0  # ticks of real time that have not been simulated yet
         self._goal: int | None = None  # the tick we are scrubbing to
-        self._cost = 0.0  # s of a tick, recent mean
-        self._pace = Pacemaker()
-        self._profile = Profile()
         self._charted: tuple = (None, None)
         self._flushed = time.monotonic()
         self._look()
@@ -162,6 +158,17 @@ class Session(Keeping):
     # what there is ----------------------------------------------------------------
 
     @property
+    def timeline(self):
+        """The run, between two ticks: whoever asks waits for those that run beside."""
+        self._collect()
+        return self._timeline
+
+    @property
+    def scene(self):
+        """As `simulation`, without waiting for ticks that run beside: only for what ticks leave as it is."""
+        return self._timeline.simulation
+
+    @property
     def editor(self):
         """The document of the branch we are on (`flockbrush.levels.editor.Editor`, or `History` where it cannot be
         edited)."""
@@ -199,7 +206,7 @@ class Session(Keeping):
     @property
     def wrap(self):
         """(width, height) of a periodic map, m, or None."""
-        return self.simulation.world.resource(Landscape).wrap
+        return self.scene.world.resource(Landscape).wrap
 
     def names(self):
         """(species, brushes): names by index, as they are now."""
@@ -210,20 +217,14 @@ class Session(Keeping):
         """The animals as they exactly are."""
         return self._after
 
-    def view(self):
-        """The animals for drawing, between the last two ticks while time goes on."""
-        if not self.playing or self._before is None:
-            return self._after
-        start, end = self._before.time, self._after.time
-        return between(self._before, self._after, start + min(self._owed, 1.0) * (end - start), self.wrap)
-
     def notices(self):
         """What the designer should know, each once."""
-        told, self._notices = self._notices, []
-        return told
+        return [self._notices.pop(0) for _ in range(len(self._notices))]  # a tick may have more to say meanwhile
 
     def ground_changes(self):
         """Where the ground looks different now: boxes (west, south, east, north) in metres, or "all"; each once."""
+        if self._beside.busy:  # where commands are due, nobody draws before they are done
+            return []
         boxes, self.timeline.moved = self.timeline.moved, []
         return ["all"] if "all" in boxes else list(dict.fromkeys(boxes))
 
@@ -246,8 +247,8 @@ class Session(Keeping):
 
     def play(self):
         """Let time go on.  In the past, what was recorded is watched again, up to its end, and then goes on."""
-        self.playing, self._owed = True, 0.0
         self._finish()
+        self.playing, self._owed, self._passed = True, 0.0, 0
         self._pace.restart()
 
     def pause(self):
@@ -263,9 +264,9 @@ class Session(Keeping):
         if n < 0:
             self.scrub(self.tick + n)
             return
-        for _ in range(n):
-            if not self._tick():
-                break
+        self._collect()
+        self._have(self._live(n, math.inf))
+        self._passed = 0
         self.timeline.settle()
         self._look()
 
@@ -310,60 +311,6 @@ class Session(Keeping):
             self._note()
         self._look()
         self.playing = playing
-
-    def advance(self, wall_seconds, budget_s):
-        """Simulate what real time asks for, as far as the budget allows.
-
-        At least one tick, if one is due, and never one that is not expected to fit; what could not be done is
-        forgotten, so a slow machine plays slower and never falls behind.
-
-        Parameters
-        ----------
-        wall_seconds : float
-            Real time since the last call.
-        budget_s : float
-            Seconds this may take.
-
-        Returns
-        -------
-        int
-            Ticks that have passed.
-        """
-        if self._goal is not None:
-            self._go(budget_s)
-            return 0
-        if not self.playing:
-            return 0
-        asked = wall_seconds * self._rate / self.clock.dt
-        self._owed += asked
-        done = self._live(time.perf_counter() + budget_s)
-        self._owed %= 1.0  # what is more than a tick is forgotten
-        self._pace.passed(wall_seconds, done * self.clock.dt)
-        return done
-
-    def _live(self, deadline):
-        done = 0
-        while self._owed > 1.0 - _SOON and self.playing:
-            begin = time.perf_counter()
-            if done and begin + self._cost > deadline:
-                break
-            if not self._tick():
-                break
-            done += 1
-            self._owed = max(self._owed - 1.0, 0.0)
-            self._cost += 0.2 * (time.perf_counter() - begin - self._cost)
-        return done
-
-    def _tick(self):
-        """One tick, or a notice and a pause."""
-        try:
-            self.timeline.step()
-        except (CommandError, WentWrong) as error:
-            self._stop(str(error))
-            return False
-        self._before, self._after = self._after, moment_of(self.simulation, labels=False)
-        self._profile.passed(self.simulation.schedule)
-        return True
 
     def _stop(self, text):
         self.playing, self._owed = False, 0.0

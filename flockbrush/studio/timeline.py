@@ -280,6 +280,13 @@ class Timeline:
         """The world's commands."""
         return self.simulation.world.resource(Commands)
 
+    def changes_within(self, ticks):
+        """Whether a command will be done in the next so many ticks."""
+        now, branch = self.tick, self.current
+        waiting = self.queue.pending if self.at_end else branch.waiting
+        again = [] if self.at_end else _between(branch.commands, now, now + ticks)
+        return bool(again) or any(when < now + ticks for when, _ in waiting)
+
     # living ----------------------------------------------------------------------
 
     def step(self):

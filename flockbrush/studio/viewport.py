@@ -11,7 +11,7 @@ import pygame
 
 from flockbrush.output.pictures import herd_of
 from flockbrush.render import Painter, Scenery
-from flockbrush.render.overlay_registry import OVERLAYS
+from flockbrush.render.overlay_registry import EXPLAINED, OVERLAYS
 from flockbrush.render.overlays import Overlays
 from flockbrush.render.space_view import SpacePainter
 from flockbrush.render.view_camera import ViewCamera
@@ -72,7 +72,7 @@ class Viewport:
     def prepare(self):
         """Have a painter for the simulation, size and theme there are now."""
         app, size = self.app, self.rect.size
-        simulation = app.session.simulation
+        simulation = app.session.scene
         if simulation is self._simulation and app.theme is self._theme:
             return
         self._simulation, self._theme = simulation, app.theme
@@ -93,7 +93,8 @@ class Viewport:
         scenery = Scenery(simulation)
         self.painter = SpacePainter(scenery, size, self.app.theme, words=False, live=True)
         self._overlays = Overlays(scenery, self.app.theme)
-        self._flat = defaultdict(lambda: Overlays(scenery, self.app.theme))  # each picture of the ground has its own
+        asked = self._overlays.asked
+        self._flat = defaultdict(lambda: Overlays(scenery, self.app.theme, asked=asked))  # each picture has its own
         self.home = self.painter.home
         self.painter.refine(FIRST)
         if self.camera is None:
@@ -211,10 +212,24 @@ class Viewport:
 
     # drawing -----------------------------------------------------------------------
 
+    def look_ahead(self):
+        """Ask the world, which stands still, what overlays are to show while ticks run."""
+        if self._overlays is not None and self.app.selected is not None and self.app.overlays & EXPLAINED:
+            self._overlays.asked.of(self.app.selected)
+
+    def _wait_for_ticks(self):
+        """Overlays that look at the world itself are drawn when it stands still."""
+        app = self.app
+        shown = {name for name in app.overlays if name in OVERLAYS and OVERLAYS[name].looks_at_world}
+        if shown if app.selected is not None else {name for name in shown if not OVERLAYS[name].of_one}:
+            app.session.timeline  # noqa: B018  who asks for it waits
+
     def draw(self):
         """Draw the moment that the session shows, with its overlays."""
         app = self.app
         self.prepare()
+        self._wait_for_ticks()
+        self._overlays.asked.held = app.session.ticking
         for box in app.session.ground_changes():
             self.painter.repaint(box)
         self.painter.refine(REFINE)
@@ -282,7 +297,7 @@ class Viewport:
         """Lay overlays on the ground's picture, as the plan has them."""
         shown, overlays = self._lying(), self._flat[camera.size]
         overlays.under(picture, camera, shown, self._moment)
-        if shown & {"links", "forces", "field_of_view", "occlusion"}:
+        if shown & (EXPLAINED | {"links"}):
             overlays.over(picture, camera, shown, self._moment, self.app.selected)
 
 
