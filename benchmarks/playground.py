@@ -3,14 +3,15 @@
     python benchmarks/playground.py [--counts 2000 10000] [--frames 180] [--level meadow] [--space] [--cpu] [--json]
 
 The window is 1280 x 720 on SDL's dummy driver, with the panels and the overlays it opens with, driven at 60 frames a
-second; a tick is due in every second frame or so (32 a second).  In the same run, round by round:
+second, with a rest after frames that are quicker; a tick is due in every second frame or so (32 a second), and runs
+beside the drawing, as in the main loop: "simulation" is the wait for it.  In the same run, round by round:
 
 * headless ticks: the same level with as many animals, nothing drawn;
 * bare blit: a picture of the window's size copied onto the screen and flipped, nothing else.
 
-Their sum is the floor.  ``--cpu`` counts the processor's time of all threads instead of the clock on the wall: what a
+Their sum is the floor of a program that ticks and draws in turn.  ``--cpu`` counts the processor's time of all threads instead of the clock on the wall: what a
 frame costs on a machine that does other things as well.  Goals: 12 ms for 2,000 animals and 30 ms for 10,000, in the
-mean over all frames.  ``--space`` looks at the herd from the side, in three dimensions, as near as all of it fits in
+mean over all frames, and 25 ms for 99 % of those of 10,000.  ``--space`` looks at the herd from the side, in three dimensions, as near as all of it fits in
 and going with it; take a level of birds, such as ``--level pillars --counts 1000 10000``.
 """
 
@@ -61,12 +62,14 @@ class Playground:
             self.app.toggle_follow()
 
     def frames(self, count):
-        """(ms of each part, whether a tick fell into it) of so many frames."""
+        """(ms of each part, whether it shows a new tick) of so many frames."""
         found = []
         for _ in range(count):
-            before = self.session.tick
-            self.app.frame(1 / FPS)
-            found.append((*(1000 * self.app.seconds[part] for part in PARTS), self.session.tick > before))
+            begin, before = time.perf_counter(), self.session.moment
+            self.app.frame(1 / FPS, patience_s=0.0)
+            found.append((*(1000 * self.app.seconds[part] for part in PARTS), self.session.moment is not before))
+            time.sleep(max(0.0, begin + 1 / FPS - time.perf_counter()))
+        self.session.timeline  # noqa: B018  the last tick has ended: it does not run beside what is measured next
         return found
 
 
@@ -132,7 +135,7 @@ def measured(level, count, frames, space=False, rounds=6):
 
 
 def summed(frames, tick, blit):
-    """Means over all frames and over those with a tick, with the floor of each."""
+    """Means over all frames and over those that show a new one, with the floor of each."""
     with_tick = frames[:, 3] > 0
 
     def means(rows, ticks_a_frame):
@@ -140,12 +143,12 @@ def summed(frames, tick, blit):
         whole = rows[:, :3].sum(1) if len(rows) else np.full(1, np.nan)
         found = dict(zip(PARTS, map(float, parts), strict=True))
         floor = tick * ticks_a_frame + blit
-        return found | {"together": float(whole.mean()), "95 % below": float(np.quantile(whole, 0.95)), "floor": floor}
+        return found | {"together": float(whole.mean()), "99 % below": float(np.quantile(whole, 0.99)), "floor": floor}
 
     share = float(with_tick.mean())
     return {
         "all frames": means(frames, share),
-        "with a tick": means(frames[with_tick], 1.0),
+        "after a tick": means(frames[with_tick], 1.0),
         "peers": {"headless tick": tick, "bare blit": blit, "frames with a tick": share},
     }
 
@@ -178,17 +181,17 @@ def show(table, options):
     level = options.level + " in space" * options.space
     of = f"{level}, {threads()} threads, {options.frames} frames, {os.cpu_count()} cores, {load}"
     print(f"{'ms of CPU' if options.cpu else 'ms'} per frame at {SIZE[0]} x {SIZE[1]}: {of}")
-    names = [*PARTS, "together", "95 % below", "floor"]
+    names = [*PARTS, "together", "99 % below", "floor"]
     print(f"{'animals':>9}  {'':<12}" + "".join(f"{name:>12}" for name in names) + f"{'goal':>8}")
     for count, rows in table.items():
-        for kind in ("all frames", "with a tick"):
+        for kind in ("all frames", "after a tick"):
             goal = f"{GOALS[count]:.0f}" if count in GOALS and not options.space and kind == "all frames" else ""
             cells = "".join(f"{rows[kind][name]:>12.2f}" for name in names)
             print(f"{count:>9,}  {kind:<12}{cells}{goal:>8}")
         peers = rows["peers"]
         print(
             f"{'':>9}  headless tick {peers['headless tick']:.2f}, bare blit {peers['bare blit']:.2f}, "
-            f"{100 * peers['frames with a tick']:.0f} % of the frames have a tick, "
+            f"{100 * peers['frames with a tick']:.0f} % of the frames show a new tick, "
             f"{1000 / rows['all frames']['together']:.0f} frames a second"
         )
 

@@ -11,7 +11,7 @@ from flockbrush.studio.panels.bars import Bar, bars_picture
 from flockbrush.studio.panels.panel import Panel, Picture
 
 FRAME = {
-    "simulation": "living: the ticks that fell into a frame",
+    "simulation": "waiting for ticks: they run beside the rest",
     "drawing": "ground, animals, overlays",
     "interface": "buttons, panels, this text",
 }
