@@ -9,10 +9,11 @@ beside the drawing, as in the main loop: "simulation" is the wait for it.  In th
 * headless ticks: the same level with as many animals, nothing drawn;
 * bare blit: a picture of the window's size copied onto the screen and flipped, nothing else.
 
-Their sum is the floor of a program that ticks and draws in turn.  ``--cpu`` counts the processor's time of all threads instead of the clock on the wall: what a
-frame costs on a machine that does other things as well.  Goals: 12 ms for 2,000 animals and 30 ms for 10,000, in the
-mean over all frames, and 25 ms for 99 % of those of 10,000.  ``--space`` looks at the herd from the side, in three dimensions, as near as all of it fits in
-and going with it; take a level of birds, such as ``--level pillars --counts 1000 10000``.
+Their sum is the floor of a program that ticks and draws in turn. ``--cpu`` counts the processor's time of all threads
+instead of the clock on the wall: what a frame costs on a machine that does other things as well. Goals: 12 ms for
+2,000 animals and 30 ms for 10,000, in the mean over all frames, and 25 ms for 99 % of those of 10,000. ``--space``
+looks at the herd from the side, in three dimensions, as near as all of it fits in and going with it; take a level of
+birds, such as ``--level pillars --counts 1000 10000``.
 """
 
 from __future__ import annotations
