@@ -19,6 +19,13 @@ PICTURE = (1280, 720)  # pixels that the camera is for
 WALL = 1.6  # m, or body lengths if those are longer: obstacles without a told height
 
 
+def jpeg_of(picture) -> bytes:
+    """A picture (h, w, 3) uint8 as a file."""
+    import cv2
+
+    return cv2.imencode(".jpg", picture[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
+
+
 class GroundMesh(NamedTuple):
     """The ground as a grid of points.
 
@@ -95,17 +102,15 @@ class SceneMeshes:
         z = self.heights(np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape)
         return GroundMesh(np.stack([x, y, z], axis=-1))
 
-    def picture(self, side=TEXTURE) -> np.ndarray:
-        """The ground from above as the playground draws it, (h, w, 3) uint8; the level fills it."""
+    def painter(self, side=TEXTURE) -> Painter:
+        """Who draws the ground from above as the playground does; the level fills the picture."""
         scale = side / max(self.width, self.height)
         size = [int(np.clip(round(length * scale), 8, side)) for length in (self.width, self.height)]
-        return Painter(self.scenery, size, self.theme, trails=None, words=False, labels=False).ground.copy()
+        return Painter(self.scenery, size, self.theme, trails=None, words=False, labels=False)
 
     def jpeg(self) -> bytes:
-        """The same picture as a file."""
-        import cv2
-
-        return cv2.imencode(".jpg", self.picture()[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
+        """That picture as a file."""
+        return jpeg_of(self.painter().ground)
 
     def obstacles(self) -> tuple[Faces, np.ndarray]:
         """(faces, colours (m, 3) 0 to 255 in the sun) of what stands there."""

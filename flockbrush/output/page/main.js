@@ -15,7 +15,7 @@ function drawnByCpu() {
 }
 
 class Player {
-  constructor(about, run, place, picture) {
+  constructor(about, run, place, picture, ...patches) {
     Object.assign(this, { about, run, time: 0, playing: false, pace: 1, dirty: true, frames: 0 });
     THREE.ColorManagement.enabled = false;
     this.renderer = new THREE.WebGLRenderer({ canvas: $("view"), antialias: !drawnByCpu(), stencil: true });
@@ -25,7 +25,7 @@ class Player {
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(38, 1, 0.1, 1e5);
     this.camera.up.set(0, 0, 1);
-    this.place = new Place(this.scene, place, about, picture, this.renderer.getContextAttributes().antialias ? 8 : 1);
+    this.place = new Place(this.scene, place, about, picture, patches, this.renderer.getContextAttributes().antialias ? 8 : 1);
     this.animals = new Animals(this.scene, run, about, this.place);
     this.orbit = new THREE.OrbitControls(this.camera, $("view"));
     Object.assign(this.orbit, { maxPolarAngle: 1.54, enableDamping: true, dampingFactor: 0.12, zoomToCursor: true });
@@ -180,6 +180,7 @@ class Player {
     if (!this.dirty) return;
     this.dirty = false;
     this.place.move(this.time + (this.run.times[0] || 0));
+    this.place.paint(this.time + (this.run.times[0] || 0));
     this.animals.draw(this.time, this.camera, window.innerHeight, $("trails").checked);
     if ($("follow").checked && this.run.count) {
       const at = this.followed();
@@ -201,6 +202,13 @@ class Player {
   }
 }
 
+async function pictureOf(part) {
+  const picture = new Image();
+  picture.src = URL.createObjectURL(new Blob([bytesOf(part)], { type: "image/jpeg" }));
+  await picture.decode();
+  return picture;
+}
+
 async function begin() {
   if (typeof DecompressionStream === "undefined") throw new Error("this browser is too old: it has no DecompressionStream");
   const three = element("script", new TextDecoder().decode(await inflated(parts("three")[0])));
@@ -213,10 +221,8 @@ async function begin() {
     first += chunk.frames;
     chunks.push(chunk);
   }
-  const picture = new Image();
-  picture.src = URL.createObjectURL(new Blob([bytesOf(parts("ground")[0])], { type: "image/jpeg" }));
-  await picture.decode();
-  const player = new Player(about, new Run(chunks, about), place, picture);
+  const pictures = await Promise.all([...parts("ground"), ...parts("patch")].map(pictureOf));
+  const player = new Player(about, new Run(chunks, about), place, ...pictures);
   const loop = (now) => { player.tick(now); requestAnimationFrame(loop); };
   requestAnimationFrame(loop);
   $("message").hidden = true;

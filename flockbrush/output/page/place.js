@@ -26,7 +26,10 @@ function standing(place, moving) {
 }
 
 class Place {
-  constructor(scene, place, about, picture, sharpness) {
+  constructor(scene, place, about, picture, patches, sharpness) {
+    this.patches = about.patches.map(([time, left, top], k) => ({ time, left, top, image: patches[k] }));
+    this.picture = picture;
+    this.painted = 0;
     this.sharpness = sharpness;
     this.place = place;
     const size = Math.max(place.width, place.height);
@@ -52,7 +55,10 @@ class Place {
   }
 
   ground(place, about, picture, common) {
-    const map = new THREE.Texture(picture);
+    this.canvas = document.createElement("canvas");
+    [this.canvas.width, this.canvas.height] = [picture.width, picture.height];
+    this.canvas.getContext("2d").drawImage(picture, 0, 0);
+    const map = this.map = new THREE.Texture(this.patches.length ? this.canvas : picture);
     map.anisotropy = this.sharpness;
     map.needsUpdate = true;
     const { columns, rows } = place, points = [], uv = [], index = [];
@@ -99,6 +105,21 @@ class Place {
     geometry.setAttribute("color", new THREE.Float32BufferAttribute(colours, 4));
     const clear = place.alphas.some((alpha) => alpha < 1);
     return new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ vertexColors: true, transparent: clear, side: clear ? THREE.DoubleSide : THREE.FrontSide }));
+  }
+
+  // Let the ground be painted as it was at a time (s of the run).
+  paint(time) {
+    let count = 0;
+    while (count < this.patches.length && this.patches[count].time <= time + 1e-9) count++;
+    if (count === this.painted) return;
+    const brush = this.canvas.getContext("2d");
+    if (count < this.painted) {
+      brush.drawImage(this.picture, 0, 0);
+      this.painted = 0;
+    }
+    for (const { left, top, image } of this.patches.slice(this.painted, count)) brush.drawImage(image, left, top);
+    this.painted = count;
+    this.map.needsUpdate = true;
   }
 
   // Put obstacles where they are at a time (s of the run).

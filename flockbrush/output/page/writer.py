@@ -13,7 +13,8 @@ from flockbrush.engine.recording import state_hash
 from flockbrush.output.attitude import held
 from flockbrush.output.moving_solids import MovingSolids
 from flockbrush.output.page.frames import COLUMNS, FRAMES, packed, row_of
-from flockbrush.output.scene_meshes import SceneMeshes
+from flockbrush.output.painted_ground import PaintedGround
+from flockbrush.output.scene_meshes import SceneMeshes, jpeg_of
 from flockbrush.output.trajectory_table import metadata_of
 from flockbrush.render.animal_looks import CLIPS, mesh_of, poses_of
 from flockbrush.render.gaits import Gaits, looks_of
@@ -54,11 +55,13 @@ class PageWriter:
         self.gaits, self.frames, self.times = Gaits(simulation), 0, []
         self.rows, self.sizes, self.measures = [], {}, {name: [] for name, _, _ in MEASURES}
         self.labels: list[str] = []
+        self.patches: list[tuple] = []  # of the ground's picture: when, left, top
         self._head()
 
     def take(self, moment):
         """Add one moment."""
         self.moving.take()
+        self._ground(moment.time)
         self.rows.append(row_of(moment, held(self.simulation, moment), *self.gaits.of(moment)))
         sizes = zip(moment.length.tolist(), (2 * moment.radius).tolist(), strict=True)
         self.sizes.update(zip(moment.ids.tolist(), sizes, strict=True))
@@ -103,8 +106,16 @@ class PageWriter:
         self._data("three", (HERE / "three.min.js").read_bytes())
         place = SceneMeshes(self.simulation, self.theme.name)
         self.moving = MovingSolids(place)
-        self._data("ground", place.jpeg(), compressed=True)
+        self.painted = PaintedGround(place)
+        self._data("ground", jpeg_of(self.painted.picture), compressed=True)
         self._data("place", json.dumps(_place(place), separators=(",", ":")).encode())
+
+    def _ground(self, time):
+        """Write what has changed of the ground's picture."""
+        patch = self.painted.take(time)
+        if patch is not None:
+            self.patches.append((round(time, 6), patch.left, patch.top))
+            self._data("patch", jpeg_of(patch.pixels), compressed=True)
 
     def _chunk(self):
         if self.rows:
@@ -141,6 +152,7 @@ class PageWriter:
                 for name, unit, meaning in MEASURES
             ],
             "moving": _moving(self.moving.solids, self.times),
+            "patches": self.patches,
             "sky": [list(colour) for colour in sky_of(look)],
             "land": mix(mix(look.ground, look.paper, 0.45), look.ground, 0.3),
             "shadow": [*look.shadow, look.shadow_alpha],

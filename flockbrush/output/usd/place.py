@@ -79,6 +79,14 @@ def _ground(stage, place, texture):
     _bind(made.GetPrim(), path)
 
 
+def sample_ground(stage, texture, frame):
+    """Let the ground have another picture from a frame on."""
+    file = UsdShade.Shader.Get(stage, f"{MATERIALS}/ground/Picture").GetInput("file").GetAttr()
+    if not file.GetNumTimeSamples():
+        file.Set(file.Get(), 0)
+    file.Set(Sdf.AssetPath(f"./{texture}"), frame)
+
+
 class Obstacles:
     """Obstacles on a stage, a mesh each; those that are moved have samples of where they are."""
 

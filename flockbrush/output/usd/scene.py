@@ -14,7 +14,7 @@ from flockbrush.output.picture_exporter import camera_of
 from flockbrush.output.trajectory_table import metadata_of
 from flockbrush.output.usd.bodies import UsdBodies
 from flockbrush.output.usd.herd import Instancer, Xforms
-from flockbrush.output.usd.place import CAMERA, set_camera, write_place
+from flockbrush.output.usd.place import CAMERA, sample_ground, set_camera, write_place
 from flockbrush.output.usd.skeletons import Skeletons
 from flockbrush.render.gaits import Gaits
 from flockbrush.runs.snapshots import Moment, words_of
@@ -70,6 +70,10 @@ class UsdStage:
         if self._pending > PENDING:
             self._layer.Save()
             self._pending = 0
+
+    def paint(self, texture, frame):
+        """Let the ground have another picture from a frame on."""
+        sample_ground(self._stage, texture, frame)
 
     def finish(self):
         """Complete the file."""

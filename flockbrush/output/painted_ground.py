@@ -1,0 +1,65 @@
+"""The ground's picture while a run goes on: what paint, and things that are put down or moved, change of it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flockbrush.output.scene_meshes import TEXTURE, SceneMeshes
+
+EVERY = 1.0  # s: the whole picture is drawn anew no more often, as while an obstacle glides
+
+
+class GroundPatch(NamedTuple):
+    """A part of the picture that has changed.
+
+    Attributes
+    ----------
+    left, top : int
+        Pixels from the picture's upper left corner.
+    pixels : ndarray (h, w, 3) uint8
+    """
+
+    left: int
+    top: int
+    pixels: np.ndarray
+
+
+class PaintedGround:
+    """The ground's picture, followed moment by moment.
+
+    Parameters
+    ----------
+    place : SceneMeshes
+        Of the simulation that goes on.
+    side : int
+        Pixels of the longer side.
+    """
+
+    def __init__(self, place: SceneMeshes, side=TEXTURE):
+        self._scenery, self._painter = place.scenery, place.painter(side)
+        self.picture = self._painter.ground.copy()  # (h, w, 3) uint8, as it was when last looked at
+        self._whole, self._drawn = False, -np.inf
+
+    def take(self, time) -> GroundPatch | None:
+        """What has changed until a moment (s); None for nothing."""
+        boxes = self._scenery.changes()
+        self._whole |= "all" in boxes
+        if self._whole:
+            if time - self._drawn < EVERY:
+                return None
+            boxes, self._whole, self._drawn = ["all"], False, time
+        if not boxes:
+            return None
+        for box in boxes:
+            self._painter.repaint(box)
+        return self._difference(self._painter.ground)
+
+    def _difference(self, picture):
+        rows, columns = np.nonzero((picture != self.picture).any(axis=2))
+        if not len(rows):
+            return None
+        top, bottom, left, right = rows.min(), rows.max() + 1, columns.min(), columns.max() + 1
+        self.picture[top:bottom, left:right] = picture[top:bottom, left:right]
+        return GroundPatch(int(left), int(top), picture[top:bottom, left:right].copy())
