@@ -128,8 +128,12 @@ def test_the_sdist_is_complete(built):
 
 def test_it_runs_beside_a_project_with_folders_of_the_same_names_and_goes_without_a_trace(user):
     python, project, home, before = user
-    assert run(python, "main.py", cwd=project, HOME=str(home)).split() == ["20", "2.5", "systems.shearing"]
-    run(python.parent / "flockbrush", "run", "meadow", "--seconds", "0.25", cwd=project, HOME=str(home))
+    plain = {"HOME": str(home), "NUMBA_DISABLE_JIT": "1"}  # 20 animals are done before their kernels were compiled
+    assert run(python, "main.py", cwd=project, **plain).split() == ["20", "2.5", "systems.shearing"]
+    once = [python.parent / "flockbrush", "run", "meadow", "--ticks", "2", "--agents", "20"]
+    assert "state" in run(*once, cwd=project, **plain)
+    one_kernel = "from flockbrush.engine.maths import sincos_; print(sincos_(0.0)[0])"
+    assert run(python, "-c", one_kernel, cwd=project, HOME=str(home)).strip() == "0.0"
     assert list(home.rglob("*.nbc")), "compiled kernels should be kept in the user's cache folder"
     run(sys.executable, "-m", "pip", "--python", python, "uninstall", "--yes", "flockbrush")
     left = {name for name in files_below(python.parents[1]) - before if "of_the_tests" not in name}
