@@ -213,11 +213,8 @@ WIDE = 100  # columns of prose in Markdown
 NOT_YET_WRAPPED = {
     "README.md",
     "brushes.md",
-    "fields.md",
-    "how-to.md",
     "learning.md",
     "benchmark-tracks.md",
-    "species.md",
 }
 PAGES = [*HOUSE.glob("*.md"), *(HOUSE / "docs").rglob("*.md")]
 
