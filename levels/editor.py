@@ -19,9 +19,10 @@ from flockbrush.engine.commands import from_record, to_record
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.plain_json import json_lines
 from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.levels.document_changes import EditError
 from flockbrush.levels.files import MemoryFiles, project_folder
 from flockbrush.levels.libraries import brush_library
-from flockbrush.levels.map_edits import EditedMap, EditError
+from flockbrush.levels.map_edits import EditedMap
 from flockbrush.levels.steps import Steps
 from flockbrush.levels.writer import Document, dump
 
@@ -313,7 +314,7 @@ class Editor(Steps):
         moved, before, saved = self._copied(to), self.path, self._saved
         self._moved(str(to), moved)
         try:
-            for entry, meanings in self.sheet.playgrounds():
+            for entry, meanings in self.sheet.tiles.playgrounds():
                 write_bytes(to.parent / entry["image"], _picture(meanings, entry, self.library))
             self.document.save(to, backup)
         except BaseException:
@@ -353,7 +354,7 @@ class Editor(Steps):
     def _named(self):
         """Every file that the document names."""
         data = self._document.data
-        own = {entry["image"] for entry, _ in self.sheet.playgrounds()}
+        own = {entry["image"] for entry, _ in self.sheet.tiles.playgrounds()}
         named = [e[k] for e in data.get("tilesets", []) for k in ("source", "image") if k in e and e[k] not in own]
         return list(dict.fromkeys(named + [n["image"] for n, *_ in self.sheet.layers() if n.get("image")]))
 

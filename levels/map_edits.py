@@ -10,83 +10,25 @@ import itertools
 import math
 from dataclasses import dataclass
 from functools import singledispatchmethod
-from typing import Any
 
 import numpy as np
-from flockbrush.engine import limits
-from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.levels import geometry
+from flockbrush.levels.document_changes import MISSING, EditError, KeySet, TilesPut, put
 from flockbrush.levels.files import DiskFiles
-from flockbrush.levels.json_lines import parse
 from flockbrush.levels.layer_reader import kind_of
-from flockbrush.levels.properties import FilePlace, Report
-from flockbrush.levels.reader import LevelReader
+from flockbrush.levels.object_outlines import outline_of, reshape, shape_as
+from flockbrush.levels.playground_tiles import PlaygroundTiles
 from flockbrush.levels.schema import CLASSES, GROUP
-from flockbrush.levels.terrain_kinds import TERRAINS
 from flockbrush.levels.tile_data import FLIP_FLAGS, TileGrid
-from flockbrush.levels.tiled import _member, _tile
-from flockbrush.levels.tileset_reader import TilesetReader
-from flockbrush.levels.tilesets_data import COLUMNS, SPEEDS
-from flockbrush.levels.writer import dump
+from flockbrush.levels.tiled import _member
 from flockbrush.systems.commands import AddObstacle, MoveGoal, PaintBrush, PaintCap, PaintCells, RemoveObstacle
 from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing
 from flockbrush.systems.painting import blended, cells_of
 
-PLAYGROUND = "playground"  # name of the tileset that holds what the level's own tilesets lack
 NAMES = {"brush": "Brush", "cap": "SpeedCap", "surface": "Terrain"}  # class of a layer's tiles
 HOME = {"brush": "brush", "cap": "speed", "surface": "terrain"}  # where they are painted
 OPACITY = {"brush": 0.4, "cap": 0.5, "surface": 1}
-_MISSING: Any = object()
 _ANY_FLAG = np.uint32(~FLIP_FLAGS & 0xFFFFFFFF)
-_SAME = 1e-6  # m
-
-
-class EditError(ValueError):
-    """The level's file cannot take this edit; the text says why."""
-
-
-@dataclass
-class KeySet:
-    """A key of a node was set, or taken out."""
-
-    node: dict
-    key: str
-    before: Any
-    after: Any
-
-    def back(self):
-        """As it was."""
-        _put(self.node, self.key, self.before)
-
-    def again(self):
-        """As it became."""
-        _put(self.node, self.key, self.after)
-
-
-def _put(node, key, value):
-    if value is _MISSING:
-        node.pop(key, None)
-    else:
-        node[key] = value
-
-
-@dataclass
-class TilesPut:
-    """Tiles of a layer were set."""
-
-    grid: TileGrid
-    rows: np.ndarray
-    columns: np.ndarray
-    before: np.ndarray
-    after: np.ndarray
-
-    def back(self):
-        """As they were."""
-        self.grid.put(self.rows, self.columns, self.before)
-
-    def again(self):
-        """As they became."""
-        self.grid.put(self.rows, self.columns, self.after)
 
 
 @dataclass
@@ -129,33 +71,16 @@ class EditedMap:
         self.changes: list = []
         self.ny, self.nx = self.data["height"], self.data["width"]
         self._grids: dict[int, TileGrid] = {}
-        self._fresh: tuple = (None, {})
-        self._read_tilesets(library)
-
-    def _read_tilesets(self, library):
-        report = Report()
-        reader = LevelReader(self.files, report, library)
-        tiles = TilesetReader(self.files, FilePlace(report, str(self.document.path), None))
-        tiles.read(parse(dump(self.data).encode(), limits.JSON_DEPTH))
-        if report.problems:
-            raise ProblemsError(report.problems)
-        self.meaning: dict[int, tuple] = {}  # of a global tile id: ("brush", name), ("cap", (max_speed, factor)), ...
-        self.ends = {t.firstgid: t.firstgid + t.count for t in tiles.tilesets}
-        for tileset in tiles.tilesets:
-            if not tileset.name.startswith(PLAYGROUND):
-                for number, tile in tileset.tiles.items():
-                    meaning = _meaning(reader, tile)
-                    if meaning is not None:
-                        self.meaning[tileset.firstgid + number] = meaning
+        self.tiles = PlaygroundTiles(self, library)
 
     # ------------------------------------------------------------ the two small steps
 
     def set(self, node, key, value):
         """Set a key of a node of the document."""
-        before = node.get(key, _MISSING)
-        if before is _MISSING or value is _MISSING or before is not value:
+        before = node.get(key, MISSING)
+        if before is MISSING or value is MISSING or before is not value:
             self.changes.append(KeySet(node, key, before, value))
-            _put(node, key, value)
+            put(node, key, value)
 
     def put(self, layer, iy, ix, gids):
         """Set tiles of a layer; cells outside of it are left out."""
@@ -175,7 +100,7 @@ class EditedMap:
 
     def constants(self):
         """What copies of this have in common."""
-        return self.files, _MISSING
+        return self.files, MISSING
 
     def find_grids(self):
         """In a copy: know the layers again, which are other objects now."""
@@ -283,66 +208,6 @@ class EditedMap:
         ids = [n.get("id", 0) for n in (nodes if layers else [o for n in nodes for o in n.get("objects", [])])]
         return max(int(self.data.get(key, 1)), max(ids, default=0) + 1)
 
-    # ------------------------------------------------------------ tiles
-
-    def meanings(self):
-        """{gid: meaning} of every tile there is now."""
-        tilesets = self.data.get("tilesets", [])
-        if tilesets is not self._fresh[0]:
-            fresh = {}
-            for entry in tilesets:
-                if "source" not in entry and str(entry.get("name", "")).startswith(PLAYGROUND):
-                    fresh |= {entry["firstgid"] + tile["id"]: _told(tile) for tile in entry.get("tiles", [])}
-            self._fresh = tilesets, self.meaning | fresh
-        return self._fresh[1]
-
-    def gid(self, meaning):
-        """The tile of this meaning, added to the tileset "playground" if no tileset has it."""
-        found = min((gid for gid, other in self.meanings().items() if other == meaning), default=None)
-        return self._new_tile(meaning) if found is None else found
-
-    def _new_tile(self, meaning):
-        cls, values = _values(meaning)
-        entry = self._roomy()
-        used = [tile["id"] for tile in entry["tiles"]]
-        number = max(used, default=-1) + 1
-        rows = number // COLUMNS + 1
-        tile = self.data["tilewidth"]
-        made = entry | {
-            "imageheight": rows * tile, "tilecount": rows * COLUMNS,
-            "tiles": [*entry["tiles"], _tile(number, cls, values)],
-        }  # fmt: skip
-        others = [e for e in self.data.get("tilesets", []) if e["firstgid"] != entry["firstgid"]]
-        self.set(self.data, "tilesets", [*others, made])
-        return entry["firstgid"] + number
-
-    def _roomy(self):
-        """The tileset "playground" with room for one more tile, perhaps a new one."""
-        tilesets = self.data.get("tilesets", [])
-        last = max(tilesets, key=lambda e: e["firstgid"], default=None)
-        if last is not None and str(last.get("name", "")).startswith(PLAYGROUND) and "source" not in last:
-            return {"tiles": [], **last}
-        ends = [self.ends.get(e["firstgid"], e["firstgid"] + e.get("tilecount", 0)) for e in tilesets]
-        tile, count = self.data["tilewidth"], sum(str(e.get("name", "")).startswith(PLAYGROUND) for e in tilesets)
-        return {
-            "columns": COLUMNS, "firstgid": max(ends, default=1), "image": self.picture_name(count),
-            "imagewidth": COLUMNS * tile, "margin": 0, "name": PLAYGROUND + (f" {count + 1}" if count else ""),
-            "spacing": 0, "tileheight": tile, "tiles": [], "tilewidth": tile,
-        }  # fmt: skip
-
-    def picture_name(self, count=0):
-        """The file beside the level that shows the tiles of "playground" in Tiled."""
-        return f"{self.document.path.stem}-{PLAYGROUND}{count + 1 if count else ''}.png"
-
-    def playgrounds(self):
-        """[(tileset, [meaning or None of each place])] of what was added here."""
-        found = []
-        for entry in self.data.get("tilesets", []):
-            if "source" not in entry and str(entry.get("name", "")).startswith(PLAYGROUND) and "image" in entry:
-                tiles = {tile["id"]: _told(tile) for tile in entry.get("tiles", [])}
-                found.append((entry, [tiles.get(k) for k in range(entry["tilecount"])]))
-        return found
-
     # ------------------------------------------------------------ objects
 
     def objects(self):
@@ -365,15 +230,6 @@ class EditedMap:
         own = thing.get("class") or thing.get("type")
         return own or next((c.name for c in CLASSES.values() if c.use == "object" and c.home == home), "")
 
-    def outline(self, thing, dx, dy):
-        """("area" | "line" | "point", (k, 2) m) of an object."""
-        kind, points = _drawn(thing)
-        points = geometry.turn(points, thing.get("rotation", 0)) + (thing.get("x", 0) + dx, thing.get("y", 0) + dy)
-        scale = self.document.scale
-        points = np.column_stack([points[:, 0] / scale, (self.document.top - points[:, 1]) / scale])
-        points = geometry.without_repeats(points, kind == "area")
-        return kind, geometry.counter_clockwise(points) if kind == "area" else points
-
     def draw(self, number, cls, name, shape, points, told):
         """Add an object, or change the one with this id: its outline only if it is another."""
         found = self.find(number, cls)
@@ -382,42 +238,15 @@ class EditedMap:
             version = str(self.data.get("version", ""))
             thing: dict = {"class" if version == "1.9" else "type": cls}
             thing |= {"height": 0, "id": number, "name": name, "rotation": 0, "visible": True, "width": 0}
-            self._shape(thing, shape, points, dx, dy)
+            shape_as(self.document, thing, shape, points, dx, dy)
         else:
             old, node, dx, dy = found
             thing = {**old, "name": name}
-            self._reshape(thing, shape, points, dx, dy)
+            reshape(self.document, thing, shape, points, dx, dy)
         self._tell(thing, CLASSES[cls], told)
         self._replace(node, number, thing)
         if number >= self.data.get("nextobjectid", 0):
             self.set(self.data, "nextobjectid", number + 1)
-
-    def _reshape(self, thing, shape, points, dx, dy):
-        kind, before = self.outline(thing, dx, dy)
-        points = np.asarray(points, float).reshape(-1, 2)
-        if kind == shape and len(before) == len(points):
-            shift = points - before
-            if np.abs(shift).max() < _SAME:
-                return
-            if np.abs(shift - shift[0]).max() < _SAME:
-                scale = self.document.scale
-                thing["x"] = round(thing.get("x", 0) + float(shift[0, 0]) * scale, 6)
-                thing["y"] = round(thing.get("y", 0) - float(shift[0, 1]) * scale, 6)
-                return
-        for key in ("polygon", "polyline", "point", "ellipse", "capsule", "gid"):
-            thing.pop(key, None)
-        thing |= {"height": 0, "rotation": 0, "width": 0}
-        self._shape(thing, shape, points, dx, dy)
-
-    def _shape(self, thing, shape, points, dx, dy):
-        px = self.document.pixels(points) - (dx, dy)
-        thing["x"], thing["y"] = (round(float(v), 6) for v in px[0])
-        if shape == "point":
-            thing["point"] = True
-            return
-        start = thing["x"], thing["y"]
-        corners = [{"x": round(float(x) - start[0], 6), "y": round(float(y) - start[1], 6)} for x, y in px]
-        thing["polygon" if shape == "area" else "polyline"] = corners
 
     def _tell(self, thing, cls, told):
         """Properties: those that are there change, others are added when they are not the default."""
@@ -512,7 +341,7 @@ class EditedMap:
                 self.put(each, iy, ix, 0)
         else:
             target, above = self.winning(layer, found)
-            self.put(target, iy, ix, self.gid((layer, value)))
+            self.put(target, iy, ix, self.tiles.gid((layer, value)))
             for each in above:
                 self.put(each, iy, ix, 0)
 
@@ -537,7 +366,7 @@ class EditedMap:
         gids = np.zeros(len(iy), np.uint32)
         gids[inside] = layer.grid.gids[rows[inside], columns[inside]] & _ANY_FLAG
         kinds, which = np.unique(gids, return_inverse=True)
-        meanings = self.meanings()
+        meanings = self.tiles.meanings()
         told = [meanings.get(gid, ("", (0.0, 1.0)))[1] for gid in kinds.tolist()]
         return np.array([(cap or np.inf, factor) for cap, factor in told])[which.ravel()]
 
@@ -545,7 +374,8 @@ class EditedMap:
         pairs = np.column_stack([np.broadcast_to(cap, iy.shape), np.broadcast_to(factor, iy.shape)])
         kinds, which = np.unique(pairs, axis=0, return_inverse=True)
         gids = [
-            0 if math.isinf(c) and f == 1 else self.gid(("cap", (0.0 if math.isinf(c) else c, f))) for c, f in kinds
+            0 if math.isinf(c) and f == 1 else self.tiles.gid(("cap", (0.0 if math.isinf(c) else c, f)))
+            for c, f in kinds
         ]
         self.put(layer, iy, ix, np.array(gids, np.uint32)[which.ravel()])
 
@@ -580,7 +410,7 @@ class EditedMap:
         if found is not None:
             if found[0].get("name") != command.name:
                 self.need_unnamed(found[0].get("name"))
-            before, outline = self.outline(found[0], *found[2:])
+            before, outline = outline_of(self.document, found[0], *found[2:])
             if before == "area":
                 shape, points = before, outline + (points[0] - geometry.centroid(outline))
         if command.points:
@@ -592,7 +422,7 @@ class EditedMap:
         for thing, node, dx, dy in list(self.objects()):
             name = thing.get("name") or f"goal {thing.get('id')}"
             if name == command.goal and self.class_of(thing, node) == "Goal":
-                shape, outline = self.outline(thing, dx, dy)
+                shape, outline = outline_of(self.document, thing, dx, dy)
                 middle = geometry.centroid(outline) if shape == "area" else outline[0]
                 moved = outline + (np.array([command.x, command.y]) - middle)
                 self.draw(thing["id"], "Goal", thing.get("name", ""), shape, moved, {})
@@ -629,21 +459,6 @@ class EditedMap:
         self.drop(command.id, cls)
 
 
-def _drawn(thing):
-    """("area" | "line" | "point", (k, 2) px) of an object about its own origin."""
-    w, h = thing.get("width", 0), thing.get("height", 0)
-    if "polygon" in thing or "polyline" in thing:
-        kind, key = ("area", "polygon") if "polygon" in thing else ("line", "polyline")
-        return kind, np.array([(p["x"], p["y"]) for p in thing[key]], float).reshape(-1, 2)
-    if thing.get("point"):
-        return "point", np.zeros((1, 2))
-    if thing.get("ellipse"):
-        return "area", geometry.ellipse(w, h)
-    if thing.get("capsule"):
-        return "area", geometry.capsule(w, h)
-    return "area", geometry.rectangle(w, h) - (0, h if "gid" in thing else 0)
-
-
 def _is_class(entry, cls):
     """Whether a property holds all of a class as one value."""
     return (entry.get("propertytype") or entry["name"]).lower() == cls.name.lower()
@@ -664,41 +479,3 @@ def _nodes(nodes):
     for node in nodes:
         yield node
         yield from _nodes(node.get("layers", []))
-
-
-def _meaning(reader, tile):
-    """What a tile of the level's own tilesets means to us, or None."""
-    if tile.values is None:
-        return None
-    if tile.cls == "Terrain":
-        return "surface", tile.values["name"] or tile.label
-    if tile.cls == "SpeedCap":
-        return "cap", (tile.values["max_speed"], tile.values["factor"])
-    asset = tile.values["asset"]
-    if isinstance(asset, tuple) and not asset[0].endswith(".toml"):
-        return "brush", asset[0]
-    return "brush", reader.tile_brush(tile)
-
-
-def _told(tile):
-    """What a tile of "playground" means, or None."""
-    told = {p["name"]: p["value"] for p in tile.get("properties", [])}
-    cls = tile.get("class") or tile.get("type")
-    if cls == "Brush":
-        return "brush", told.get("asset", "")
-    if cls == "SpeedCap":
-        return "cap", (float(told.get("max_speed", 0)), float(told.get("factor", 1)))
-    return ("surface", told.get("name", "")) if cls == "Terrain" else None
-
-
-def _values(meaning):
-    """(class, properties) of a new tile."""
-    layer, what = meaning
-    if layer == "brush":
-        return "Brush", {"asset": what}
-    if layer == "cap":
-        return "SpeedCap", dict(zip(SPEEDS[0], what, strict=True))
-    found = next((kind for kind in TERRAINS if kind["name"] == what), None)
-    if found is None:
-        raise EditError(f"no tileset has a ground {what!r}{did_you_mean(what, [k['name'] for k in TERRAINS])}")
-    return "Terrain", found
