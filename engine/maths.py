@@ -169,15 +169,6 @@ def atan2_(y, x):
 
 
 @kernel_function
-def angle2_(cross, dot):
-    """The square of the angle between two vectors, rad^2, from their cross and dot product."""
-    angle = _angle(abs(cross), abs(dot))
-    if dot < 0.0:
-        angle = PI - angle
-    return angle * angle
-
-
-@kernel_function
 def sincos_(a):
     """(sin a, cos a) for |a| up to 1e6 rad; the error there is 1e-15 absolute."""
     shifted = a * 0.6366197723675814 + ROUNDER

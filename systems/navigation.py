@@ -92,12 +92,6 @@ class Navigation:
         over_rows(follow, len(xy), xy, goal, self.cell, self.fields, out)
         return out
 
-    def reachable(self, goal, xy):
-        """(n,) bool, whether a way leads from the cells under ``xy`` (n, 2) m to goal number ``goal``."""
-        time = self.times[goal]
-        iy, ix = _cells_under(np.asarray(xy, np.float64).reshape(-1, 2), self.cell, time.shape)
-        return np.isfinite(time[iy, ix])
-
 
 def navigation_of(guides, goals, blocked, cost=None, cell=1.0, cancel_radius=None, goal_weight=1.0, height=None):
     """The navigation fields of a level.
@@ -532,9 +526,3 @@ def _mask_of(goal, shape, cell):
     if isinstance(goal, np.ndarray):
         return goal
     return goal_mask(goal.xy, goal.radius, goal.polygon, shape, cell)
-
-
-def _cells_under(xy, cell, shape):
-    """(iy, ix) of the cells under xy (n, 2) m, clamped to the map."""
-    ix = np.clip(np.floor(xy[:, 0] / cell), 0, shape[1] - 1).astype(np.int64)
-    return np.clip(np.floor(xy[:, 1] / cell), 0, shape[0] - 1).astype(np.int64), ix

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from flockbrush.render.canvas import Canvas
-from flockbrush.render.drawn_ground import Sketcher, brush_key, placed
-from flockbrush.render.style import Theme, mix, rgb
+from flockbrush.render.drawn_ground import Sketcher, placed
+from flockbrush.render.style import Theme, mix
 from flockbrush.render.view_camera import ViewCamera
 
 TILE = 128  # pixels
@@ -210,25 +210,3 @@ def _label_box(name, height):
 
 def _within(box, other):
     return box[0] >= other[0] and box[1] >= other[1] and box[2] <= other[2] and box[3] <= other[3]
-
-
-def paint_ground(level, camera: ViewCamera, theme: Theme, unit: float = 1.0, brushes=None, labels=True) -> np.ndarray:
-    """The level as the camera sees it, (h, w, 3) uint8.
-
-    Parameters
-    ----------
-    level : Level
-        Or anything with `width` and `height`; what it lacks is not drawn.
-    unit : float
-        Pixels of a hairline: 1 at 1280 x 720, more on larger pictures.
-    brushes : dict of str to "#rrggbb" or (r, g, b)
-        Colours of the brushes painted on the level, by name.
-    labels : bool
-        Write the names of goals, exits and lines.
-    """
-    tiles = Tiles(
-        level, theme, unit, {brush_key(name): rgb(colour) for name, colour in (brushes or {}).items()}, labels
-    )
-    tiles.look(camera)
-    tiles.complete()
-    return tiles.image

@@ -8,8 +8,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
-from flockbrush.engine.maths import angle2_, atan2_, exp_, log_, sincos_
+from flockbrush.engine.maths import atan2_, exp_, log_, sincos_
 from numba import njit
 
 CHANCE = np.random.default_rng(1)
@@ -17,10 +16,10 @@ GOOD = 2e-15  # relative
 BITS = """
 import hashlib
 import numpy as np
-from flockbrush.engine.maths import angle2_, atan2_, exp_, log_, sincos_
+from flockbrush.engine.maths import atan2_, exp_, log_, sincos_
 from flockbrush.engine.noise import Noise
 x = np.random.default_rng(5).normal(size=(3000, 2)) * 10
-rows = [(exp_(a), log_(abs(a)), atan2_(a, b), angle2_(a, b), *sincos_(a)) for a, b in x]
+rows = [(exp_(a), log_(abs(a)), atan2_(a, b), *sincos_(a)) for a, b in x]
 noise = Noise(4)
 numbers = noise.uniform("s", 3, np.arange(999), 3), noise.normal("s", 3, np.arange(9999), 2)
 print(hashlib.sha256(np.array(rows).tobytes() + numbers[0].tobytes() + numbers[1].tobytes()).hexdigest())
@@ -68,14 +67,6 @@ def test_direction_of_the_compass_points():
     assert atan2_(0.0, -2.0) == atan2_(-0.0, -2.0) == math.pi
 
 
-def test_squared_angle_between_two_headings():
-    headings = CHANCE.uniform(-3.1, 3.1, (500, 2))
-    for a, b in headings:
-        cross, dot = math.sin(b - a), math.cos(b - a)
-        assert angle2_(cross, dot) == pytest.approx(math.atan2(cross, dot) ** 2, rel=GOOD)
-    assert angle2_(0.0, -1.0) == pytest.approx(math.pi**2, rel=GOOD)
-
-
 def test_sine_and_cosine_agree():
     for a in np.concatenate([CHANCE.uniform(-7, 7, 3000), CHANCE.uniform(-1e6, 1e6, 1000)]):
         sine, cosine = sincos_(a)
@@ -86,13 +77,13 @@ def test_sine_and_cosine_agree():
 @njit(error_model="numpy")
 def _weights(distances, out):
     for i in range(len(distances)):
-        out[i] = exp_(-distances[i] * distances[i]) * angle2_(distances[i], 1.0)
+        out[i] = exp_(-distances[i] * distances[i]) * atan2_(distances[i], 1.0)
 
 
 def test_a_loop_gives_the_bits_of_single_calls():
     distances, out = CHANCE.uniform(0, 9, 1003), np.empty(1003)
     _weights(distances, out)
-    assert out.tolist() == [exp_(-d * d) * angle2_(d, 1.0) for d in distances]
+    assert out.tolist() == [exp_(-d * d) * atan2_(d, 1.0) for d in distances]
 
 
 def bits(**environment):
