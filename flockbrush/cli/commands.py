@@ -294,7 +294,7 @@ def render_level(name, output, seconds, seed, agents, theme):
     """Draw a level, at its start or later."""
     check_png(output, [running.find_level(name)])
     job = RunRequest(name, seconds=seconds)
-    with terminal.Interrupts() as interrupts, terminal.compiling():
+    with terminal.Interrupts() as interrupts, compiling_ahead(name, seed, agents):
         simulation = running.start(name, seed, agents)
         ticks = ticks_of(job, simulation.clock.dt)
         with (

@@ -16,6 +16,7 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.output.live.serving import Serving
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
+from flockbrush.runs.compile_ahead import compiling_ahead
 from flockbrush.runs.terminal import print_json, print_line, say
 
 
@@ -44,8 +45,9 @@ def serve_level(service: Service):
     if problems:
         raise ProblemsError(problems)
     use_threads(service.threads)
-    with terminal.Interrupts() as interrupts, terminal.compiling():
-        simulation = running.start(service.level, service.seed, service.agents, service.brush)
+    world = service.level, service.seed, service.agents, service.brush
+    with terminal.Interrupts() as interrupts, compiling_ahead(*world):
+        simulation = running.start(*world)
         serving = Serving(simulation, service.host, service.port, service.fps)
         serving.link.start()
         _announce(service, serving.link)

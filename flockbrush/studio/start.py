@@ -58,7 +58,7 @@ def play_level(wishes: StartOptions) -> int:
     from flockbrush.studio.settings import load_settings
 
     theme = theme_of(wishes.theme or load_settings()[0].theme or "light")
-    with Interrupts() as interrupts, compiling():
+    with Interrupts() as interrupts, _compiling(wishes):
         interrupts.gently()
         try:
             opening = Opening(Path(wishes.level).stem, size, theme, lambda: _open(wishes))
@@ -70,6 +70,14 @@ def play_level(wishes: StartOptions) -> int:
             _play(session, wishes, opening.screen.get_size(), interrupts)
         interrupts.check()
     return 0
+
+
+def _compiling(wishes):
+    """Tells of compiling; for a level, several processes do it."""
+    from flockbrush.runs.compile_ahead import compiling_ahead
+    from flockbrush.studio.recorded_session import is_recording
+
+    return compiling() if is_recording(wishes.level) else compiling_ahead(wishes.level, wishes.seed, wishes.agents)
 
 
 def _open(wishes):

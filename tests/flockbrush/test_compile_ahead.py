@@ -10,6 +10,7 @@ from flockbrush.engine.kernel_calls import KernelCall
 from flockbrush.engine.recording import state_hash
 from processes import environment
 
+from flockbrush.cli.main import called
 from flockbrush.runs import compile_ahead, kernel_helper, run
 from flockbrush.runs.compile_ahead import CompileAhead
 
@@ -112,6 +113,23 @@ def test_where_kernels_are_stored_or_there_is_one_core_no_helper_starts(level, m
     monkeypatch.setattr(compile_ahead, "stored_kernels", lambda: 0)
     _meets(level)
     assert started == ["scout", "compile_calls"]
+
+
+def test_whatever_opens_a_level_first_compiles_for_it(level, tmp_path, monkeypatch, capsys):
+    """The window too, whose session is opened beside it."""
+    work = []
+    monkeypatch.setattr(CompileAhead, "meet", lambda ahead, kernel, types: None)
+    monkeypatch.setattr(CompileAhead, "close", lambda ahead: work.append(ahead.work))
+    monkeypatch.setenv("FLOCKBRUSH_STATE", str(tmp_path))
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    for options in (
+        ["run", level, "--ticks", "1", "--seed", "3"],
+        ["level", "render", level, "--seed", "3", "-o", tmp_path / "level.png"],
+        ["serve", level, "--seed", "3", "--seconds", "0"],
+        ["play", level, "--seed", "3", "--frames", "1"],
+    ):
+        assert called(list(map(str, options))) == 0, capsys.readouterr().err
+    assert [(one["name"], one["seed"]) for one in work] == [(str(level), 3)] * 4
 
 
 def _meets(level):
