@@ -18,6 +18,7 @@ from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import Commands, to_json
 from flockbrush.engine.files import hold
 from flockbrush.engine.fingerprint import package_versions
+from flockbrush.engine.keyframe_spacing import KeyframeSpacing
 from flockbrush.engine.recording_format import (
     ASSET,
     COMMAND,
@@ -44,7 +45,7 @@ __all__ = [
     "first_difference", "open_recording", "restore", "resume", "snapshot", "state_hash",
 ]  # fmt: skip
 
-_MANY = 20_000  # animals; from there on a snapshot takes so long that there is none at both ends of a recording
+MANY = 20_000  # animals; from there on a snapshot takes so long that there is none at both ends of a recording
 
 
 class Recording:
@@ -174,14 +175,14 @@ class Recorder:
         With `Clock` and `Commands`.
     hash_every : int
         Ticks between state hashes, at most `limits.SILENT_TICKS`; 1 lets a replay name the very tick that differs.
-    keyframe_every : int
-        Ticks between snapshots; 0 for none.
+    keyframes : int or KeyframeSpacing
+        Ticks between snapshots, or what says which ticks have one; 0 for none.
     """
 
-    def __init__(self, recording, world, hash_every=1, keyframe_every=0):
+    def __init__(self, recording, world, hash_every=1, keyframes=0):
         self.recording, self.world = recording, world
         self.hash_every = min(max(1, int(hash_every)), limits.SILENT_TICKS)
-        self.keyframe_every = int(keyframe_every)
+        self.keyframes = keyframes if isinstance(keyframes, KeyframeSpacing) else KeyframeSpacing(int(keyframes))
         clock = world.resource(Clock)
         self._told = len(world.resource(Commands).log)
         self._flushed, self._first, self._kept = clock.now, clock.tick, -1
@@ -197,7 +198,7 @@ class Recorder:
         told, self._told = self._told, len(log)
         if clock.tick % self.hash_every == 0:
             self._keep_hash(clock.tick)
-        if self.keyframe_every and clock.tick % self.keyframe_every == 0:
+        if self.keyframes.passed(len(self.world.agents)):
             self._keep_state(clock.tick)
         elif clock.tick == self._first + 1:  # where other code shows, as a rule
             self._keep_ends(clock.tick)
@@ -220,7 +221,7 @@ class Recorder:
 
     def _keep_ends(self, tick):
         """A snapshot at the beginning, after the first tick and at the end, where it is small."""
-        if self.keyframe_every and self._kept != tick and len(self.world.agents) <= _MANY:
+        if self.keyframes.ticks and self._kept != tick and len(self.world.agents) <= MANY:
             self._keep_state(tick)
 
     def _keep_state(self, tick):

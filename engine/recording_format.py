@@ -24,6 +24,7 @@ BEGINNING = struct.Struct("<8sHHI")  # magic, version, reserved, checksum
 RECORD = struct.Struct("<cBHIIqI")  # kind, packed, reserved, stored bytes, unpacked bytes, tick, checksum
 HEADER, ASSET, COMMAND, HASH, TRAIL, KEYFRAME, END = b"H", b"A", b"C", b"S", b"T", b"K", b"E"
 HASH_BYTES = 8
+_SOME = 1 << 20  # bytes of a part by which its size packed is told
 LIMITS = {
     ASSET: limits.RECORDING_ASSETS_BYTES + 2000, KEYFRAME: limits.SNAPSHOT_BYTES, HASH: HASH_BYTES,
     TRAIL: limits.RECORDING_SUMS_BYTES,
@@ -68,6 +69,15 @@ def record_of(kind, tick, parts):
     for part in stored:
         checksum = zlib.crc32(part, checksum)
     return b"".join([head, struct.pack("<I", checksum), *stored])
+
+
+def packed_size(parts):
+    """About how many bytes `record_of` makes of these parts; of long ones only the beginning is packed."""
+    told = 0.0
+    for part in map(memoryview, parts):
+        some = part.cast("B")[:_SOME] if part.nbytes else part
+        told += len(zlib.compress(some, 1)) * part.nbytes / max(len(some), 1)
+    return round(told)
 
 
 class CommandRoom:

@@ -18,8 +18,11 @@ from flockbrush import levels
 from flockbrush.behaviours.brush import SUFFIX, load_brush
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
+from flockbrush.engine.keyframe_spacing import KeyframeSpacing
 from flockbrush.engine.problems import ProblemsError, did_you_mean
-from flockbrush.engine.recording import RecordedRun, Recorder, Recording, RecordingError, resume
+from flockbrush.engine.recording import MANY, RecordedRun, Recorder, Recording, RecordingError, resume
+from flockbrush.engine.recording_format import packed_size
+from flockbrush.engine.state import snapshot_parts
 from flockbrush.levels.build import Simulation, build
 from flockbrush.levels.libraries import brush_library, recorded_library
 from flockbrush.levels.nodes import parsed_document
@@ -28,10 +31,11 @@ from flockbrush.runs.builds import build_of_run
 
 SHIPPED = Path(levels.__path__[0]) / "shipped"
 KEYFRAME_SECONDS = 10  # s; going to any moment of a recording lives at most so much again,
-KEYFRAME_STEPS = 800_000  # and where there are many animals at most so many of theirs: a second or two,
-KEYFRAME_LEAST = 32  # but no fewer ticks, or recordings of very many would be mostly snapshots
-PACKED_ANIMAL = 180  # bytes of an animal in a snapshot: 142 to 183 on shipped levels
-PACKED_TICK = 700  # bytes of a tick's hash and sums: 320 to 700 on shipped levels
+KEYFRAME_STEPS = 800_000  # and where there are many animals at most so many ticks times animals: a second or two,
+KEYFRAME_LEAST = 8  # but no fewer ticks, or recordings of very many would be snapshots and nothing else;
+KEYFRAME_ROOM = 10_000_000  # animals in snapshots, 1.4 GB: from there on the next ones get rarer
+PACKED_MORE = 60  # bytes by which an animal in a snapshot grows when herds begin to move: 34 to 114 on shipped levels
+PACKED_TICK = 400  # bytes of a tick's hash and sums: 310 to 570 on shipped levels of 90 animals and more
 
 
 # levels ------------------------------------------------------------------------
@@ -161,21 +165,26 @@ def record(path: str | os.PathLike, simulation: Simulation, keyframes: int | Non
     A hash and sums are kept for every tick, so that a replay can name the very tick that differs; ``keyframes`` is the
     number of ticks between snapshots, `usual_keyframes` unless told.
     """
-    every = keyframes or usual_keyframes(simulation)
-    return Recorder(Recording.create(path, *beginning_of(simulation)), simulation.world, 1, every)
+    spacing = usual_keyframes(simulation, keyframes)
+    return Recorder(Recording.create(path, *beginning_of(simulation)), simulation.world, 1, spacing)
 
 
-def usual_keyframes(simulation) -> int:
-    """Ticks between the snapshots of a recording: ten seconds, or less where a tick of so many animals takes long."""
-    few = KEYFRAME_STEPS // max(1, len(simulation.agents))
-    return min(round(KEYFRAME_SECONDS / simulation.clock.dt), max(KEYFRAME_LEAST, few))
+def usual_keyframes(simulation, keyframes: int | None = None) -> KeyframeSpacing:
+    """When a recording has snapshots: as told, or every ten seconds and sooner where a tick takes long."""
+    if keyframes:
+        return KeyframeSpacing(keyframes)
+    ticks = round(KEYFRAME_SECONDS / simulation.clock.dt)
+    return KeyframeSpacing(ticks, KEYFRAME_STEPS, KEYFRAME_LEAST, KEYFRAME_ROOM)
 
 
 def recording_size(simulation, ticks: int, keyframes: int | None = None) -> int:
     """About how many bytes a recording of so many ticks will have, if the herd stays as large as it is."""
-    snapshots = 3 + ticks // (keyframes or usual_keyframes(simulation))
+    spacing, animals = usual_keyframes(simulation, keyframes), len(simulation.agents)
+    ends = 3 if animals <= MANY else 0
+    snapshots = ends + spacing.expected(ticks, animals)
     files = sum(map(len, simulation.assets().values()))
-    return files // 4 + ticks * PACKED_TICK + snapshots * len(simulation.agents) * PACKED_ANIMAL
+    snapshot = packed_size(snapshot_parts(simulation.world)) + PACKED_MORE * animals
+    return files // 4 + ticks * PACKED_TICK + snapshots * snapshot
 
 
 def beginning_of(simulation):

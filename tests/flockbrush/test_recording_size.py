@@ -3,8 +3,9 @@
 import tracemalloc
 
 import pytest
+from flockbrush.engine.keyframe_spacing import KeyframeSpacing
 from flockbrush.engine.recording import Recording, open_recording
-from flockbrush.engine.recording_format import KEYFRAME, record, record_of
+from flockbrush.engine.recording_format import KEYFRAME, packed_size, record, record_of
 from flockbrush.engine.state import restore, snapshot, snapshot_parts, state_hash
 from pens import pen
 
@@ -33,16 +34,51 @@ def recorded(simulation, path, ticks, keyframes):
 def test_the_size_is_known_beforehand(tmp_path, herd, ticks, keyframes):
     said = running.recording_size(herd, ticks, keyframes)
     size = recorded(herd, tmp_path / "a.flock", ticks, keyframes)
-    assert 0.5 < said / size < 2
+    assert 0.7 < said / size < 1.4
 
 
-@pytest.mark.parametrize(("animals", "ticks"), [(1, 320), (2500, 320), (10_000, 80), (100_000, 32), (1_000_000, 32)])
+def spacing(dt=1 / 32):
+    """Of recordings for which nobody asked for another."""
+    return running.usual_keyframes(type("Herd", (), {"clock": type("Clock", (), {"dt": dt})}))
+
+
+@pytest.mark.parametrize(
+    ("animals", "ticks"), [(0, 320), (2500, 320), (10_000, 80), (100_000, 8), (10**6, 8)]
+)
 def test_large_herds_have_snapshots_more_often(animals, ticks):
-    class Herd:
-        agents = range(animals)
-        clock = type("Clock", (), {"dt": 1 / 32})
+    due = spacing()
+    assert [due.passed(animals) for _ in range(2 * ticks)] == ([False] * (ticks - 1) + [True]) * 2
+    assert spacing().expected(9 * ticks + ticks - 1, animals) == 9
 
-    assert running.usual_keyframes(Herd) == ticks
+
+def test_snapshots_come_sooner_when_a_herd_grows():
+    due = spacing()
+    assert not any(due.passed(1000) for _ in range(300))
+    assert [due.passed(100_000) for _ in range(14)] == [False] * 4 + [True] + [False] * 7 + [True] + [False]
+
+
+def test_a_long_recording_of_very_many_does_not_grow_as_fast_as_it_lasts():
+    counts = [spacing().expected(minutes * 60 * 32, 100_000) for minutes in (1, 4, 16)]
+    assert counts[0] < 60 * 32 / 8 and counts[1] < 2.2 * counts[0] and counts[2] < 2.2 * counts[1]
+    due = spacing()
+    assert abs(sum(due.passed(100_000) for _ in range(4 * 60 * 32)) - counts[1]) <= 1
+    assert running.usual_keyframes(None, 5).expected(4 * 60 * 32, 100_000) == 4 * 60 * 32 // 5  # who asks has them
+    assert KeyframeSpacing(0).expected(1000, 10) == 0 and not KeyframeSpacing(0).passed(10)
+
+
+def test_a_recording_of_many_opens_near_a_snapshot(tmp_path, monkeypatch, herd):
+    monkeypatch.setattr(running, "KEYFRAME_STEPS", 8 * len(herd.agents))
+    first = herd.clock.tick
+    recorded(herd, tmp_path / "a.flock", 30, None)
+    run = open_recording(tmp_path / "a.flock")
+    assert sorted(run.keyframes) == [first + tick for tick in (0, 1, 8, 16, 24, 30)]
+
+
+def test_the_size_of_what_is_packed_is_known_before(herd):
+    parts = snapshot_parts(herd.world)
+    assert packed_size(parts) == pytest.approx(len(record_of(KEYFRAME, 1, parts)), rel=0.1)
+    long = [bytes(3 << 20), bytes(range(256)) * (3 << 12), b""]
+    assert packed_size(long) == pytest.approx(len(record_of(KEYFRAME, 1, long)), rel=0.2)
 
 
 def test_a_large_recording_is_announced(capsys, tmp_path, monkeypatch):
