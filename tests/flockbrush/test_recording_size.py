@@ -42,9 +42,7 @@ def spacing(dt=1 / 32):
     return running.usual_keyframes(type("Herd", (), {"clock": type("Clock", (), {"dt": dt})}))
 
 
-@pytest.mark.parametrize(
-    ("animals", "ticks"), [(0, 320), (2500, 320), (10_000, 80), (100_000, 8), (10**6, 8)]
-)
+@pytest.mark.parametrize(("animals", "ticks"), [(0, 320), (2500, 320), (10_000, 80), (100_000, 8), (10**6, 8)])
 def test_large_herds_have_snapshots_more_often(animals, ticks):
     due = spacing()
     assert [due.passed(animals) for _ in range(2 * ticks)] == ([False] * (ticks - 1) + [True]) * 2
