@@ -44,7 +44,8 @@ from flockbrush.systems.undo import UseBrush
 
 from flockbrush.output.export import Exports
 from flockbrush.runs.run import open_level, rebuild, record, start
-from flockbrush.studio.timeline import Beginning, Timeline
+from flockbrush.studio.branches import Beginning
+from flockbrush.studio.timeline import Timeline
 
 try:
     from pairs_watch import Watch

@@ -9,11 +9,12 @@ from flockbrush.engine.files import write_bytes
 from flockbrush.engine.recording import RecordingError, open_recording
 from flockbrush.engine.state import StateError, check_beginning
 from flockbrush.runs import run as running
+from flockbrush.studio.branches import Beginning, Branch
 from flockbrush.studio.gauges import sample_of
 from flockbrush.studio.recovery import Shelter
 from flockbrush.studio.session import Session
 from flockbrush.studio.session_files import LevelFile, SessionNotice
-from flockbrush.studio.timeline import KEYFRAME_BYTES, Beginning, Branch, Timeline, WentWrong
+from flockbrush.studio.timeline import KEYFRAME_BYTES, Timeline, WentWrong
 
 SUFFIX = ".flock"
 FOLDER = "recorded"  # in the folder of the session

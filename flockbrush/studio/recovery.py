@@ -27,8 +27,8 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError, open_recording
 from flockbrush.runs import run as running
 from flockbrush.studio import session_folders as folders
+from flockbrush.studio.branches import Beginning, Branch, plain_name
 from flockbrush.studio.session_folders import DAMAGED, LOCK, NOTE, TRASH, state_folder
-from flockbrush.studio.timeline import Beginning, Branch, plain_name
 
 
 class Shelter:

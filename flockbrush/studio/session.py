@@ -19,12 +19,13 @@ from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.reader import read_level_text
 from flockbrush.runs import run as running
 from flockbrush.runs.snapshots import moment_of, names_of
+from flockbrush.studio.branches import Beginning
 from flockbrush.studio.gauges import chart_of, sample_of
 from flockbrush.studio.history import History
 from flockbrush.studio.recovery import leftovers, recovered_branches
 from flockbrush.studio.session_files import Keeping, LevelFile, SessionNotice, editor_of, sheltered
 from flockbrush.studio.ticks_beside import Going
-from flockbrush.studio.timeline import Beginning, Timeline, WentWrong
+from flockbrush.studio.timeline import Timeline, WentWrong
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.undo import UseBrush

@@ -21,9 +21,9 @@ from flockbrush.levels.reader import read_level_text
 from flockbrush.levels.schema import PROJECT_FILE
 from flockbrush.levels.tiled import renew_brushes
 from flockbrush.runs import run as running
+from flockbrush.studio.branches import Beginning, plain_name
 from flockbrush.studio.history import History
 from flockbrush.studio.recovery import Shelter
-from flockbrush.studio.timeline import Beginning, plain_name
 
 AUTOSAVE_SECONDS = 1.0  # s; what a crash may take at most
 

@@ -8,192 +8,23 @@ nothing.  The state *at* a tick is the one after all that was done there while t
 from __future__ import annotations
 
 import math
-import re
 import time
-from bisect import bisect_left, bisect_right
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-from flockbrush.behaviours.brush import BrushLibrary
 from flockbrush.engine.commands import CommandError, Commands
-from flockbrush.engine.recording import Recording, RecordingError, packed_keyframe
-from flockbrush.engine.state import pieces, restore, snapshot, state_hash
-from flockbrush.levels.schema import Level
-from flockbrush.runs import run as running
+from flockbrush.engine.recording import RecordingError
+from flockbrush.engine.state import restore, snapshot, state_hash
+from flockbrush.studio.branches import Branch, Keyframes, between, plain_name
+from flockbrush.studio.scribe import FILED_SECONDS, HASH_BYTES, SELDOM, Scribe
 
 KEYFRAME_SECONDS = 2.0  # s between two kept moments
 KEYFRAME_BYTES = 384 << 20  # of all kept moments together: beside a window and numba they fit into 1 GB
 NEAR, NEAR_TICKS = 16, 8  # moments kept where one looks at the past, and the ticks between them
-FILED_SECONDS = 30.0  # s between two snapshots in a recording's file: packing one takes longer than a frame
-HASH_BYTES = 3 << 20  # a state larger than this is hashed less often
-SELDOM = 8  # ticks between two hashes of a large state
 
 
 class WentWrong(Exception):
     """A tick that could not be lived; the world is as it was before it.  ``str()`` says why, for people."""
-
-
-@dataclass(frozen=True, eq=False)
-class Beginning:
-    """Where a run starts: a level with its brushes, the seed, and how many animals."""
-
-    level: Level
-    library: BrushLibrary
-    seed: int | None = None
-    agents: int | None = None
-
-    def build(self):
-        """The world before its first tick; ProblemsError."""
-        return running.begin(self.level, self.library, self.seed, self.agents)
-
-
-class Keyframes:
-    """Snapshots by tick.  What did not change between two of them is kept once."""
-
-    def __init__(self, kept=None):
-        self._kept: dict[int, list[bytes]] = kept or {}
-
-    def keep(self, tick, data):
-        """Keep a snapshot of this tick."""
-        cut, before = pieces(data), self.before(tick)
-        known = [] if before is None else self._kept[before]
-        if len(known) == len(cut):
-            cut = [old if old == new else new for old, new in zip(known, cut, strict=True)]
-        self._kept[tick] = cut
-
-    def before(self, tick):
-        """The last tick up to this one of which there is a snapshot."""
-        return max((t for t in self._kept if t <= tick), default=None)
-
-    def until(self, tick):
-        """Those up to a tick, for a branch that leaves there."""
-        return Keyframes({t: cut for t, cut in self._kept.items() if t <= tick})
-
-    def parts(self):
-        """{identity: bytes} of what is held, each part once."""
-        return {id(part): part for cut in self._kept.values() for part in cut}
-
-    def gaps(self):
-        """(ticks it would leave between its neighbours, tick) for each that could be spared: not the first or last."""
-        ticks = sorted(self._kept)
-        return [(after - before, tick) for before, tick, after in zip(ticks, ticks[1:], ticks[2:], strict=False)]
-
-    def cut(self, tick):
-        """The pieces of a snapshot, or None."""
-        return self._kept.get(tick)
-
-    def drop(self, tick):
-        """Forget one."""
-        del self._kept[tick]
-
-    def let_go(self, count):
-        """Keep only so many, the ones kept last."""
-        while len(self._kept) > count:
-            del self._kept[next(iter(self._kept))]
-
-    def __getitem__(self, tick):
-        return b"".join(self._kept[tick])
-
-    def __iter__(self):
-        return iter(sorted(self._kept))
-
-    def __len__(self):
-        return len(self._kept)
-
-
-@dataclass(eq=False)
-class Branch:
-    """One course of events: where it began, what was done when, and what is known of it.
-
-    Attributes
-    ----------
-    header, assets : dict
-        What a recording of it begins with.
-    script : list of (tick, command)
-        What the level itself will do.
-    commands : list of (tick, command)
-        As applied, in order; the script's among them.
-    hashes : dict of int to str
-        State hash after so many ticks, before anything was done there.
-    changes : list of (tick, box)
-        Where the ground changed: (west, south, east, north) in metres, or "all".
-    waiting : list of (tick, command)
-        What of the script is still to come at its end.
-    parent, left : str, int
-        The branch it comes from, and the tick at which it left that one.
-    editor : flockbrush.levels.editor.Editor
-        Of the level's document as it is at the branch's end.
-    outdated : bool
-        Another branch was saved since.
-    differs : int or None
-        The first tick that came out differently when it was lived again.
-    """
-
-    name: str
-    beginning: Beginning
-    header: dict
-    assets: dict[str, bytes]
-    script: list
-    keyframes: Keyframes = field(default_factory=Keyframes)
-    commands: list = field(default_factory=list)
-    hashes: dict[int, str] = field(default_factory=dict)
-    changes: list = field(default_factory=list)
-    samples: list = field(default_factory=list)
-    waiting: list = field(default_factory=list)
-    last_tick: int = 0
-    parent: str = ""
-    left: int = 0
-    editor: Any = None
-    scribe: Scribe | None = None
-    outdated: bool = False
-    differs: int | None = None
-
-    @classmethod
-    def begun(cls, name, beginning, simulation):
-        """A branch at its first tick."""
-        header, assets = running.beginning_of(simulation)
-        branch = cls(name, beginning, header, assets, simulation.world.resource(Commands).pending)
-        branch.waiting = branch.script
-        branch.hashes[0] = state_hash(simulation.world)
-        branch.keyframes.keep(0, snapshot(simulation.world))
-        return branch
-
-    def take_over(self, run):
-        """Know all that a recording knows."""
-        self.commands, self.hashes, self.last_tick = run.commands, dict(sorted(run.hashes.items())), run.last_tick
-        known = max([run.last_tick - 1, *(tick for tick, _ in run.commands)])
-        self.waiting = [(tick, cmd) for tick, cmd in self.script if tick > known]
-        self.changes = [(tick, "all") for tick, cmd in run.commands if hasattr(cmd, "ground_box")]
-        for tick in run.keyframes:
-            self.keyframes.keep(tick, run.keyframes[tick])
-
-    def done_at(self, tick):
-        """Commands that were applied at the start of this tick."""
-        return [cmd for _, cmd in _between(self.commands, tick, tick)]
-
-    def until(self, tick, name):
-        """A new branch with all that happened up to a tick, and what was done there."""
-        new = Branch(name, self.beginning, self.header, self.assets, self.script, self.keyframes.until(tick))
-        new.commands = _between(self.commands, 0, tick)
-        new.hashes = {t: digest for t, digest in self.hashes.items() if t <= tick}
-        new.changes = _between(self.changes, 0, tick)
-        new.samples = [sample for sample in self.samples if sample.tick <= tick]
-        new.waiting = [(when, cmd) for when, cmd in self.script if when > tick]
-        new.last_tick = new.left = tick
-        new.parent, new.differs = self.name, self.differs
-        return new
-
-
-def _between(entries, first, last):
-    """Entries (tick, ...) in order of tick, from the first tick to the last."""
-    return entries[bisect_left(entries, first, key=_tick) : bisect_right(entries, last, key=_tick)]
-
-
-def _tick(entry):
-    return entry[0]
 
 
 class Timeline:
@@ -284,7 +115,7 @@ class Timeline:
         """Whether a command will be done in the next so many ticks."""
         now, branch = self.tick, self.current
         waiting = self.queue.pending if self.at_end else branch.waiting
-        again = [] if self.at_end else _between(branch.commands, now, now + ticks)
+        again = [] if self.at_end else between(branch.commands, now, now + ticks)
         return bool(again) or any(when < now + ticks for when, _ in waiting)
 
     # living ----------------------------------------------------------------------
@@ -334,7 +165,7 @@ class Timeline:
     def _live_again(self):
         now, branch = self.tick, self.current
         self._do_again()
-        self.moved += [box for _, box in _between(branch.changes, now, now)]
+        self.moved += [box for _, box in between(branch.changes, now, now)]
         try:
             self.simulation.tick()
         except Exception as error:
@@ -400,7 +231,7 @@ class Timeline:
         if not here <= tick or start > here:
             self._leave()
             self._stand(start)
-            self.moved += [box for _, box in _between(self.current.changes, min(here, start), max(here, start))]
+            self.moved += [box for _, box in between(self.current.changes, min(here, start), max(here, start))]
         while self.tick < tick:
             if time.perf_counter() > deadline:
                 self.settle()
@@ -608,74 +439,12 @@ class Timeline:
         self.simulation.close()
 
 
-_beside = ThreadPoolExecutor(1, "packing")
-
-
-class Scribe:
-    """The recording of one branch in a file, from its beginning on."""
-
-    def __init__(self, path, branch):
-        self.path = Path(path)
-        self.recording = Recording.create(path, branch.header, branch.assets)
-        self._commands, self._hashed, self._filed = 0, -1, -1
-        self._packing: Future | None = None
-        self.take(branch, 1)
-
-    def take(self, branch, keyframe_every):
-        """Write what is new: hashes and commands in the order of time, and a snapshot now and then."""
-        events = [(tick, 0, digest) for tick, digest in self._new_hashes(branch)]
-        events += [(tick, 1, cmd) for tick, cmd in branch.commands[self._commands :]]
-        self._commands = len(branch.commands)
-        for tick, kind, what in sorted(events, key=lambda event: event[:2]):
-            (self.recording.command if kind else self.recording.hash)(tick, what)
-        self._file_keyframe(branch, keyframe_every)
-
-    def _new_hashes(self, branch):
-        new = []
-        for tick in reversed(branch.hashes):  # in order of tick, and few are new
-            if tick <= self._hashed:
-                break
-            new.append((tick, branch.hashes[tick]))
-        self._hashed = max([self._hashed, *(tick for tick, _ in new)])
-        return new
-
-    def _file_keyframe(self, branch, every):
-        """A snapshot now and then, packed beside the run: packing one takes longer than a frame."""
-        if self._packing is not None and self._packing.done():
-            self.recording.put(self._packing.result())
-            self._packing = None
-        newest = branch.keyframes.before(branch.last_tick)
-        if self._packing is None and newest >= max(self._filed, 0) + every:
-            self._filed = newest
-            self._packing = _beside.submit(packed_keyframe, newest, branch.keyframes[newest])
-
-    def flush(self):
-        """Hand what was written to the operating system."""
-        self.recording.flush()
-
-    def close(self, tick):
-        """End the file in good order."""
-        if self._packing is not None:
-            self.recording.put(self._packing.result())
-        self.recording.close(tick)
-
-    def discard(self):
-        """Take the file away again."""
-        self.recording.abandon()
-        self.path.unlink(missing_ok=True)
-
-
 def _ground_box(cmd, world):
     """Where a command changes the ground: (west, south, east, north) in metres, "all", or None for nowhere."""
     try:
         return cmd.ground_box(world) if hasattr(cmd, "ground_box") else None
     except (ValueError, LookupError, TypeError):
         return None  # it cannot be done, and says so when it is
-
-
-def plain_name(name):
-    """A name as a file of every system may have it."""
-    return re.sub(r"[^\w.-]+", "-", name).strip("-.") or "branch"
 
 
 def _in_words(error):

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from small_pasture import pasture, straight_run, verified
 
 from flockbrush.runs.run import open_level
-from flockbrush.studio.timeline import Beginning, Keyframes, Timeline, WentWrong
+from flockbrush.studio.branches import Beginning, Keyframes
+from flockbrush.studio.timeline import Timeline, WentWrong
 
 
 @pytest.fixture(scope="module")

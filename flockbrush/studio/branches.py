@@ -1,0 +1,180 @@
+"""The branches of a session: where one began, what was done in it, and the moments that are kept of it."""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_left, bisect_right
+from dataclasses import dataclass, field
+from typing import Any
+
+from flockbrush.behaviours.brush import BrushLibrary
+from flockbrush.engine.commands import Commands
+from flockbrush.engine.state import pieces, snapshot, state_hash
+from flockbrush.levels.schema import Level
+from flockbrush.runs import run as running
+from flockbrush.studio.scribe import Scribe
+
+
+@dataclass(frozen=True, eq=False)
+class Beginning:
+    """Where a run starts: a level with its brushes, the seed, and how many animals."""
+
+    level: Level
+    library: BrushLibrary
+    seed: int | None = None
+    agents: int | None = None
+
+    def build(self):
+        """The world before its first tick; ProblemsError."""
+        return running.begin(self.level, self.library, self.seed, self.agents)
+
+
+class Keyframes:
+    """Snapshots by tick.  What did not change between two of them is kept once."""
+
+    def __init__(self, kept=None):
+        self._kept: dict[int, list[bytes]] = kept or {}
+
+    def keep(self, tick, data):
+        """Keep a snapshot of this tick."""
+        cut, before = pieces(data), self.before(tick)
+        known = [] if before is None else self._kept[before]
+        if len(known) == len(cut):
+            cut = [old if old == new else new for old, new in zip(known, cut, strict=True)]
+        self._kept[tick] = cut
+
+    def before(self, tick):
+        """The last tick up to this one of which there is a snapshot."""
+        return max((t for t in self._kept if t <= tick), default=None)
+
+    def until(self, tick):
+        """Those up to a tick, for a branch that leaves there."""
+        return Keyframes({t: cut for t, cut in self._kept.items() if t <= tick})
+
+    def parts(self):
+        """{identity: bytes} of what is held, each part once."""
+        return {id(part): part for cut in self._kept.values() for part in cut}
+
+    def gaps(self):
+        """(ticks it would leave between its neighbours, tick) for each that could be spared: not the first or last."""
+        ticks = sorted(self._kept)
+        return [(after - before, tick) for before, tick, after in zip(ticks, ticks[1:], ticks[2:], strict=False)]
+
+    def cut(self, tick):
+        """The pieces of a snapshot, or None."""
+        return self._kept.get(tick)
+
+    def drop(self, tick):
+        """Forget one."""
+        del self._kept[tick]
+
+    def let_go(self, count):
+        """Keep only so many, the ones kept last."""
+        while len(self._kept) > count:
+            del self._kept[next(iter(self._kept))]
+
+    def __getitem__(self, tick):
+        return b"".join(self._kept[tick])
+
+    def __iter__(self):
+        return iter(sorted(self._kept))
+
+    def __len__(self):
+        return len(self._kept)
+
+
+@dataclass(eq=False)
+class Branch:
+    """One course of events: where it began, what was done when, and what is known of it.
+
+    Attributes
+    ----------
+    header, assets : dict
+        What a recording of it begins with.
+    script : list of (tick, command)
+        What the level itself will do.
+    commands : list of (tick, command)
+        As applied, in order; the script's among them.
+    hashes : dict of int to str
+        State hash after so many ticks, before anything was done there.
+    changes : list of (tick, box)
+        Where the ground changed: (west, south, east, north) in metres, or "all".
+    waiting : list of (tick, command)
+        What of the script is still to come at its end.
+    parent, left : str, int
+        The branch it comes from, and the tick at which it left that one.
+    editor : flockbrush.levels.editor.Editor
+        Of the level's document as it is at the branch's end.
+    outdated : bool
+        Another branch was saved since.
+    differs : int or None
+        The first tick that came out differently when it was lived again.
+    """
+
+    name: str
+    beginning: Beginning
+    header: dict
+    assets: dict[str, bytes]
+    script: list
+    keyframes: Keyframes = field(default_factory=Keyframes)
+    commands: list = field(default_factory=list)
+    hashes: dict[int, str] = field(default_factory=dict)
+    changes: list = field(default_factory=list)
+    samples: list = field(default_factory=list)
+    waiting: list = field(default_factory=list)
+    last_tick: int = 0
+    parent: str = ""
+    left: int = 0
+    editor: Any = None
+    scribe: Scribe | None = None
+    outdated: bool = False
+    differs: int | None = None
+
+    @classmethod
+    def begun(cls, name, beginning, simulation):
+        """A branch at its first tick."""
+        header, assets = running.beginning_of(simulation)
+        branch = cls(name, beginning, header, assets, simulation.world.resource(Commands).pending)
+        branch.waiting = branch.script
+        branch.hashes[0] = state_hash(simulation.world)
+        branch.keyframes.keep(0, snapshot(simulation.world))
+        return branch
+
+    def take_over(self, run):
+        """Know all that a recording knows."""
+        self.commands, self.hashes, self.last_tick = run.commands, dict(sorted(run.hashes.items())), run.last_tick
+        known = max([run.last_tick - 1, *(tick for tick, _ in run.commands)])
+        self.waiting = [(tick, cmd) for tick, cmd in self.script if tick > known]
+        self.changes = [(tick, "all") for tick, cmd in run.commands if hasattr(cmd, "ground_box")]
+        for tick in run.keyframes:
+            self.keyframes.keep(tick, run.keyframes[tick])
+
+    def done_at(self, tick):
+        """Commands that were applied at the start of this tick."""
+        return [cmd for _, cmd in between(self.commands, tick, tick)]
+
+    def until(self, tick, name):
+        """A new branch with all that happened up to a tick, and what was done there."""
+        new = Branch(name, self.beginning, self.header, self.assets, self.script, self.keyframes.until(tick))
+        new.commands = between(self.commands, 0, tick)
+        new.hashes = {t: digest for t, digest in self.hashes.items() if t <= tick}
+        new.changes = between(self.changes, 0, tick)
+        new.samples = [sample for sample in self.samples if sample.tick <= tick]
+        new.waiting = [(when, cmd) for when, cmd in self.script if when > tick]
+        new.last_tick = new.left = tick
+        new.parent, new.differs = self.name, self.differs
+        return new
+
+
+def between(entries, first, last):
+    """Entries (tick, ...) in order of tick, from the first tick to the last."""
+    return entries[bisect_left(entries, first, key=tick_of) : bisect_right(entries, last, key=tick_of)]
+
+
+def tick_of(entry):
+    return entry[0]
+
+
+def plain_name(name):
+    """A name as a file of every system may have it."""
+    return re.sub(r"[^\w.-]+", "-", name).strip("-.") or "branch"
