@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from flockbrush.components import BrushBinding, Destination, Migration
 from flockbrush.components.agent import DIRECTION, NOWHERE, POINT
+from flockbrush.engine import limits
 from flockbrush.engine.commands import command
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.problems import did_you_mean
@@ -25,7 +26,7 @@ from flockbrush.systems.undo import (
     place_of,
 )
 
-MOST = 1_000_000  # animals, as many as a level may have
+MOST = int(limits.ANIMALS)  # as many as a level may have
 
 
 @command

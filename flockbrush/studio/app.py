@@ -18,6 +18,7 @@ from flockbrush.studio.actions import Deeds
 from flockbrush.studio.active_tool import Hand
 from flockbrush.studio.brush_palette import Thumbnails
 from flockbrush.studio.column import Column
+from flockbrush.studio.control_keys import ControlKeys
 from flockbrush.studio.layout import places
 from flockbrush.studio.legend import Legend, ScaleBar
 from flockbrush.studio.manager import Manager
@@ -95,6 +96,7 @@ class App(Hand, Deeds):
         self._covered = False
         self.toasts, self.thumbnails = Toasts(), Thumbnails(self)
         self.column = None
+        self.control_keys = ControlKeys(self)
         self._open(size)
         self.canvas, self.legend, self.scale_bar = Viewport(self), Legend(self), ScaleBar(self)
         self.empty(brush)
@@ -252,6 +254,7 @@ class App(Hand, Deeds):
         self._above(self.screen.subsurface(self.canvas.rect.clip(self.screen.get_rect())), dt)
         if whole:
             self.manager.draw_ui(self.screen)
+            self.control_keys.draw(self.screen)
         self.toasts.draw(self.screen, self.canvas.rect, self.theme, self.scale)
         if self.film is not None:
             self.film.take(self.canvas.frame, dt)
@@ -339,6 +342,8 @@ class App(Hand, Deeds):
             self.dialog.handle(event)
             return True
         self.dialog = None
+        if self.control_keys.handle(event):
+            return True
         key = event.type in (pygame.KEYDOWN, pygame.KEYUP)
         if key and not self._is_typing():
             return False

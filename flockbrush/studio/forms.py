@@ -17,6 +17,7 @@ from flockbrush.studio.theme import px
 GIVEN = {"id", "at", "points", "corners", "born", "since"}  # fields of a thing that no form asks for
 PLAIN = ("str", "float", "int", "bool", "float | None", "int | None", "str | None", "str | float")
 INTERNAL = ("systems.undo", "systems.edits")  # modules whose commands tools and undo give, and no person by name
+STROKES = {"Paint"}  # commands that tools give piece by piece
 
 
 class FormRow(NamedTuple):
@@ -58,7 +59,7 @@ def live_commands() -> dict[str, type]:
     for name, kind in sorted(COMMANDS.items()):
         own = fields(kind)
         plain = own and all(field.type in PLAIN and field.name != "id" for field in own)
-        if plain and not kind.__module__.endswith(INTERNAL) and hasattr(kind, "inverse"):
+        if plain and name not in STROKES and not kind.__module__.endswith(INTERNAL) and hasattr(kind, "inverse"):
             found[name] = kind
     return found
 

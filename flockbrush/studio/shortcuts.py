@@ -288,6 +288,14 @@ ACTIONS = (
         lambda app: app.toggle_video(),
         "record",
     ),
+    Action(
+        "controls",
+        "Controls by keys",
+        ("f6",),
+        "Go to the controls: Tab and Shift+Tab from one to the next, arrows turn, Enter presses, Escape leaves",
+        VIEW,
+        lambda app: app.control_keys.step(1),
+    ),
     Action("help", "Help", ("f1", "?"), "All keys and buttons", FILE, lambda app: app.toggle_help(), "help"),
     Action(
         "quit",
