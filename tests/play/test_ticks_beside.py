@@ -231,7 +231,7 @@ def test_the_window_draws_while_a_tick_takes_long(level, monkeypatch):
     window.overlays.add("links")  # they are of the world itself
     gate.open_soon()
     window.frame(TICK, patience_s=0.0)
-    assert not window.session.ticking and window.session.tick == tick + 1
+    assert not window.session.ticking and window.session.tick > tick
     window.close()
 
 
