@@ -5,6 +5,7 @@
     python benchmarks/learning.py halves [--clips ...] [--write]  held-out halves of clips (learning_halves.py)
     python benchmarks/learning.py calibration [--count 60] [--write]  is the verdict right? (learning_calibration.py)
     python benchmarks/learning.py tracks --data DIR [--write]   tracks of real animals (learning_tracks.py)
+    python benchmarks/learning.py models [--seeds 3] [--write]  which model is it? (learning_models.py)
     python benchmarks/learning.py positions [--animals 200] [--starts 5] [--noise DEGREES BODYLENGTHS]
 
 ``step``: one step of optimisation, that is who sees whom, the turns of all animals and their slopes, in milliseconds:
@@ -32,6 +33,7 @@ sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve
 
 import learning_calibration  # noqa: E402
 import learning_halves  # noqa: E402
+import learning_models  # noqa: E402
 import learning_tracks  # noqa: E402
 import learning_truth  # noqa: E402
 from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec  # noqa: E402
@@ -221,6 +223,7 @@ def main(argv=None):
     learning_halves.add(parts)
     learning_calibration.add(parts)
     learning_tracks.add(parts)
+    learning_models.add(parts)
     args = parser.parse_args(argv)
     rows = args.run(args)
     if args.json:

@@ -49,6 +49,20 @@ def chosen(world, lists):
     return Lists(before[lists.first], lists.near[keep], lists.offset[keep])
 
 
+def chosen_of_one_kind(lists, sight, neighbours):
+    """The same where all are of one kind and have one brush: its ``sight`` and ``neighbours``."""
+    if SIGHTS.index(sight) < HIDDEN_POINTS:
+        return lists
+    n, keep, kin = len(lists.first) - 1, np.ones(len(lists.near), np.bool_), np.zeros((1, 1), np.bool_)
+    kind = np.zeros(n, np.int32)
+    over_rows(
+        _choose, n, lists.first, lists.near, lists.offset, kind, kind, kin, np.full(n, SIGHTS.index(sight)),
+        np.full(n, neighbours), keep,
+    )  # fmt: skip
+    before = np.concatenate([[0], np.cumsum(keep)])
+    return Lists(before[lists.first], lists.near[keep], lists.offset[keep])
+
+
 def chosen_by_slot(world, found):
     """The same of and as `Found`."""
     keep = _kept(world, lists_of(found))

@@ -221,6 +221,13 @@ def learn(
     starts: Annotated[
         int, typer.Option(min=1, max=100, metavar="N", help="Number of random starts of the search.")
     ] = 5,
+    model: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="Model to fit: herd, zones, topological, boids, another on the ground; or auto, which compares them.",
+        ),
+    ] = "herd",
     jobs: Annotated[
         int | None, typer.Option(min=1, max=256, metavar="N", help="Number of processes; default: one per core.")
     ] = None,
@@ -255,14 +262,15 @@ def learn(
     options = {
         "--out": out, **look.words(), "--share": share if share != 0.5 else None, "--speed": speed,
         "--beta": beta if beta != 0.5 else None, "--seed": seed, "--starts": starts if starts != 5 else None,
-        "--ablate": ablate, "--licence": licence, "--quick": quick, "--report": report,
+        "--model": model if model != "herd" else None, "--ablate": ablate, "--licence": licence, "--quick": quick,
+        "--report": report,
         "--device": device if device != "auto" else None,
     }  # fmt: skip
     from flockbrush.learning.learn import LearnOptions, learn_brushes
 
     learn_brushes(
         LearnOptions(
-            clips=clips, out=out, looking=how, beta=beta, seed=seed, starts=starts,
+            clips=clips, out=out, looking=how, beta=beta, seed=seed, starts=starts, model=model,
             jobs=jobs or os.cpu_count() or 1, share=share, report=report, ablate=without, speed=speed,
             length_m=look.body_length_m or 1.0, licence=licence, resume=resume, quick=quick, json=json, device=device,
             command=command_line("learn", clips, options),

@@ -16,6 +16,7 @@ from flockbrush.film.open_clip import Looking
 from flockbrush.film.track_files import UNITS
 from flockbrush.learning.confounding import Estimate, estimates_of
 from flockbrush.learning.result import Findings
+from flockbrush.learning.which_model import ModelComparison
 
 Tracks = str | os.PathLike | np.ndarray
 
@@ -38,6 +39,9 @@ class LearnedBrush:
         Each number of the model with its uncertainty, and what it is confounded with.
     notes : list of str
         What to know of the data and of the fit.
+    models : ModelComparison or None
+        With ``model="auto"`` what was compared: ``rows`` (name, perception, score, error, behind, told_apart,
+        distance), ``chosen``, ``equal`` and ``sentence``.
     findings : Findings
         Everything else that the report shows.
     """
@@ -49,6 +53,7 @@ class LearnedBrush:
     parameters: list[Estimate]
     notes: list[str]
     findings: Findings
+    models: ModelComparison | None = None
 
     def parameter(self, name: str) -> Estimate:
         """One number of the model, such as "alignment_weight".
@@ -68,7 +73,7 @@ def learn(
     tracks: Tracks | Sequence[Tracks], *, unit: str | None = None, fps: float | None = None,
     body_length: float | None = None, frames: tuple[int, int] | None = None, name: str = "learned",
     seed: int = 0, starts: int = 5, quick: bool = False, jobs: int = 1, report: str | os.PathLike | None = None,
-    licence: str | None = None, beside: bool | None = None,
+    licence: str | None = None, beside: bool | None = None, model: str = "herd",
 ) -> LearnedBrush:  # fmt: skip
     """Learn a brush from tracks of animals, or from films.
 
@@ -101,6 +106,10 @@ def learn(
         Of the data, kept in the brush.
     beside : bool, optional
         Judge it beside the shipped brushes, too; unless told, where it is not quick.
+    model : str
+        "herd", "zones", "topological", "boids" or the name of another model on the ground; "auto" fits those with a
+        likelihood, compares them on blocks held out (``result.models``) and learns the best, the herd where it is not
+        told from it.
 
     Returns
     -------
@@ -132,7 +141,7 @@ def learn(
         wishes = LearnOptions(
             clips=[_file(one, k, Path(folder)) for k, one in enumerate(given)],
             out=Path(folder) / f"{name}.brush.toml", looking=looking, seed=seed, starts=starts, jobs=jobs,
-            report=None if report is None else Path(report), licence=licence, quick=quick, beside=beside,
+            report=None if report is None else Path(report), licence=licence, quick=quick, beside=beside, model=model,
             length_m=body_length if unit == "m" and body_length else 1.0, command="flockbrush.learn(...)", silent=True,
         )  # fmt: skip
         found = learn_brushes(wishes)[0]
@@ -157,5 +166,5 @@ def result_of(found: Findings) -> LearnedBrush:
     notes = [*found.notes, *(note for clip in found.clips for note in clip.notes), *found.learned.notes]
     return LearnedBrush(
         found.brush, found.verdict(), "untold" if judgement is None else judgement.kind, rows,
-        estimates_of(found.learned), list(dict.fromkeys(notes)), found,
+        estimates_of(found.learned), list(dict.fromkeys(notes)), found, found.models,
     )  # fmt: skip

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from flockbrush.learning.learned_parameters import Learned
-from flockbrush.learning.rollout import NAMES
 
 CONFOUNDED = 0.7  # absolute correlation of errors, from which one number can stand in for another
 WIDEST = 1.0  # the range of a normalised number: a larger error says nothing
@@ -27,7 +26,7 @@ class Estimate:
     name : str
         Such as "alignment_weight".
     value : float
-        Normalised, 0 to 1.
+        Of the herd normalised, 0 to 1; of other models as the model has it.
     error : float
         Standard error: the larger of what the turns leave open (Cramér-Rao) and the spread over the starts that fit
         about as well; NaN unknown.
@@ -53,18 +52,17 @@ class Estimate:
 
 
 def estimates_of(learned: Learned) -> list[Estimate]:
-    """Each of the twelve numbers, in the order of `flockbrush.learning.rollout.NAMES`."""
-    deviation = np.full(12, np.nan) if learned.deviation is None else np.asarray(learned.deviation, float)
+    """Each of the numbers, in the order of ``learned.names``."""
+    names, values = learned.names, np.asarray(learned.values, float)
+    deviation = np.full(len(names), np.nan) if learned.deviation is None else np.asarray(learned.deviation, float)
     spread = np.asarray(learned.spread, float)
     error = np.fmax(deviation, spread)
-    error = np.where(error < WIDEST, error, np.nan)
+    error = np.where(error < WIDEST, error, np.nan) * (1.0 if learned.scales is None else learned.scales)
     made = []
-    for k, name in enumerate(NAMES):
+    for k, name in enumerate(names):
         others = _confounded(learned.correlation, k)
-        names, size = tuple(NAMES[j] for j, _ in others), tuple(round(r, 3) for _, r in others)
-        made.append(
-            Estimate(name, float(learned.theta[k]), float(error[k]), bool(learned.identifiable[k]), names, size)
-        )
+        alike, size = tuple(names[j] for j, _ in others), tuple(round(r, 3) for _, r in others)
+        made.append(Estimate(name, float(values[k]), float(error[k]), bool(learned.identifiable[k]), alike, size))
     return made
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 
 from flockbrush.behaviours.brush import Brush, load_brush, shipped
 from flockbrush.behaviours.brush_writer import brush_to_toml
-from flockbrush.engine.files import WAIT, held, holder, output_problems, refused, write_text
+from flockbrush.engine.files import held, output_problems, refused, write_text
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.observations import CannotObserve, Evidence
 from flockbrush.film.open_clip import Looking, facts_of, look_at, looked_apart, pictures_of, tell_notes
@@ -24,10 +23,13 @@ from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.learn_tables import show_findings
 from flockbrush.learning.learned_brush import brush_of, name_of
 from flockbrush.learning.learned_parameters import Learned
+from flockbrush.learning.model_choice import check_kind, kind_of
+from flockbrush.learning.model_fit import learned_model
 from flockbrush.learning.photo import SPEED, standing
 from flockbrush.learning.recipe import USE, learn
 from flockbrush.learning.regions import Region, regions_of
 from flockbrush.learning.report import as_json, write_overview, write_partial, write_report
+from flockbrush.learning.report_folder import folder_problems, make_folder
 from flockbrush.learning.result import Findings
 from flockbrush.learning.rollout import Run
 from flockbrush.learning.scores import told_apart
@@ -35,6 +37,7 @@ from flockbrush.learning.side_by_side import ComparisonGround
 from flockbrush.learning.simulate import longest_way, simulated
 from flockbrush.learning.verdict import RUNS as JUDGED_RUNS
 from flockbrush.learning.verdict import combined, judge
+from flockbrush.learning.which_model import HERD
 from flockbrush.runs.terminal import (
     Interrupts,
     Stopped,
@@ -64,6 +67,7 @@ class LearnOptions:
     beta: float = 0.5
     seed: int = 0
     starts: int = 5
+    model: str = HERD
     jobs: int = 1
     share: float = 0.5  # of a clip that is learned from
     report: Path | None = None
@@ -88,6 +92,7 @@ class BrushTask:
     seen: list[ClipFolds]
     region: Region | None = None
     notes: list[str] = field(default_factory=list)
+    kind: str = HERD  # of model
 
     def state(self, number=0) -> Path:
         """Where the learning of the so-manieth part keeps what it has, to go on after an interruption."""
@@ -134,8 +139,8 @@ def learn_brushes(wishes: LearnOptions) -> list[Findings]:
 
 def _checked(wishes) -> list[Region]:
     """The regions of the mask, when all that can be known to be wrong is right."""
-    name = name_of(wishes.out)
-    looking = wishes.looking
+    name, looking = name_of(wishes.out), wishes.looking
+    check_kind(wishes.model)
     regions = regions_of(looking.regions) if looking.regions else []
     if regions and len(wishes.clips) > 1:
         raise refused(looking.regions, "a mask of regions belongs to one clip; several were given")
@@ -145,35 +150,13 @@ def _checked(wishes) -> list[Region]:
     inputs = [*wishes.clips, *(p for p in (looking.regions, looking.obstacles) if p)]
     problems = output_problems(outs, inputs)
     if wishes.report is not None:
-        problems += _folder_problems(wishes.report)
+        problems += folder_problems(wishes.report)
     state = BrushTask(outs[0], []).state()
     if wishes.resume and not any(BrushTask(out, []).state().exists() for out in outs):
         problems += refused(state, f"there is nothing to resume of {name}; leave out --resume").problems
     if problems:
         raise ProblemsError(problems)
     return regions
-
-
-def _folder_problems(folder):
-    busy = holder(folder)
-    if busy:
-        return refused(folder, f"{busy}; {WAIT}").problems
-    if folder.is_dir():
-        return []
-    if folder.exists():
-        return refused(folder, "is a file; a report needs a folder").problems
-    if folder.parent.is_dir() and not os.access(folder.parent, os.W_OK):
-        return refused(folder, f"the folder {str(folder.parent)!r} may not be written to").problems
-    if not folder.parent.is_dir():
-        return refused(folder, f"there is no folder {str(folder.parent)!r} to make it in").problems
-    return []
-
-
-def _make_folder(folder):
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise refused(folder, f"cannot be made: {error.strerror}") from None
 
 
 def _brush_files(wishes, regions):
@@ -213,7 +196,7 @@ def _looked(clip, wishes) -> ClipFolds:
     except CannotObserve as error:
         facts = getattr(error, "seen", None)
         if wishes.report is not None and facts:
-            _make_folder(wishes.report)
+            make_folder(wishes.report)
             page = write_partial(wishes.report, clip, str(error), _all_seen(clip, facts), wishes.command)
             say(f"wrote {page}: what was seen up to there")
         raise
@@ -255,6 +238,8 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
     began = time.perf_counter()
     photo, folds = _is_photo(herd.seen[0].whole), folds_of(herd.seen)
     interrupts.gently()
+    herd.kind, models = kind_of(wishes.model, [seen.whole for seen in herd.seen], photo, wishes.seed)
+    herd.notes += [models.sentence] if models is not None else []
     judged = []
     for k, fold in enumerate(folds):
         learned = _learned(fold.clips, herd, wishes, interrupts, photo, part=k, of=len(folds))
@@ -266,6 +251,7 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
         if not photo:
             judged[-1].judgement = _judged(fold, judged[-1], wishes, interrupts)
     found = judged[0]
+    found.models = models
     found.seconds["learning"] = time.perf_counter() - began
     if not interrupts.asked:
         found = _refitted(herd, judged, wishes, interrupts)
@@ -274,6 +260,8 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
         _compare(found, wishes, interrupts, photo)
         if wishes.ablate and photo:
             say("nothing was ablated: one picture tells too little for that")
+        elif wishes.ablate and herd.kind != HERD:
+            say(f"nothing was ablated: that is of the herd model, and this is {herd.kind}")
         elif wishes.ablate:
             _ablate(found, wishes, interrupts, herd)
         found.seconds["comparing"] = time.perf_counter() - began
@@ -285,9 +273,9 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
         for k in range(len(folds) + 1):
             herd.state(k).unlink(missing_ok=True)
     if wishes.report is not None:
-        _make_folder(wishes.report)
+        make_folder(wishes.report)
         folder = wishes.report if herd.region is None else wishes.report / found.brush.name
-        _make_folder(folder)
+        make_folder(folder)
         write_report(found, folder)
     return found
 
@@ -341,6 +329,7 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
         first.notes = [f"Judged by {parts} in turn; a fit of all frames did worse than the first of these."]
         return first
     again.judgement, again.seconds, again.judged_brush = first.judgement, first.seconds, first.brush
+    again.models = first.models
     again.notes = [f"Judged by {parts}, held out in turn; the numbers were then fitted to all frames."]
     return again
 
@@ -368,6 +357,8 @@ def _learned(
     clips, herd, wishes, interrupts, photo, use=USE, fresh=False, part=0, of=1, begins=None,
 ) -> Learned:  # fmt: skip
     """The recipe, with a bar that tells the loss; the ``part``-th time for one brush."""
+    if herd.kind != HERD:
+        return learned_model(clips, herd.kind, wishes.seed)
     state, budget = herd.state(part), QUICK_BUDGET if wishes.quick else BUDGET / (1 + of)
     if not wishes.resume and not fresh:
         if state.exists():

@@ -99,7 +99,7 @@ def brush_of(
         name=name,
         title=_line(f"Learned: {Path(clip.name).stem}"),
         description=description(clip, learned),
-        model="herd",
+        model=learned.model,
         colour=colour or PALETTE[zlib.crc32(name.encode()) % len(PALETTE)],
         params=learned.params,
         speed=learned.speed,
@@ -152,12 +152,12 @@ def order_of(clip: Evidence) -> tuple[float, float]:
 def plain(name: str) -> str:
     """A parameter in words: "reach of cohesion"."""
     force, _, kind = name.partition("_")
-    return f"{WORDS[kind]} of {force}"
+    return f"{WORDS[kind]} of {force}" if name in NAMES else name.replace("_", " ")
 
 
 def _sentences(learned, evidences):
     """What is known of the numbers, and what is not."""
-    names = np.array([plain(name) for name in NAMES])
+    names = np.array([plain(name) for name in learned.names])
     sure = names[np.asarray(learned.identifiable, bool)]
     unsure = names[~np.asarray(learned.identifiable, bool)]
     if learned.interrupted:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
-from flockbrush.behaviours.models.herd import Params
+from flockbrush.learning.rollout import NAMES
 
 
 @dataclass
@@ -78,9 +79,18 @@ class Learned:
         What whoever uses this should know.
     interrupted : bool
         It was stopped: this is the best so far.
+    model : str
+        Of behaviour.  With another than the herd ``theta`` and what goes with it are of ``names``, each normalised to
+        where it was looked for (`flockbrush.learning.likelihood`).
+    names : tuple of str
+        Parameters that were learned.
+    kind : str
+        As ``--model`` names it.
+    scales : ndarray or None
+        By how much ``values`` change with ``theta``; None: they are the same.
     """
 
-    params: Params
+    params: Any
     speed: SpeedSpec
     body: BodySpec
     vision: VisionSpec
@@ -95,6 +105,15 @@ class Learned:
     notes: list[str] = field(default_factory=list)
     interrupted: bool = False
     correlation: np.ndarray | None = None
+    model: str = "herd"
+    names: tuple[str, ...] = NAMES
+    kind: str = "herd"
+    scales: np.ndarray | None = None
+
+    @property
+    def values(self) -> np.ndarray:
+        """The numbers as the model has them; the herd's are normalised in the model, too."""
+        return self.theta if self.names == NAMES else np.array([getattr(self.params, name) for name in self.names])
 
     @property
     def loss(self) -> np.ndarray:

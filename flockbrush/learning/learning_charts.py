@@ -8,7 +8,6 @@ from flockbrush.learning.comparison import ERRORS, REACH, TITLES
 from flockbrush.learning.learned_brush import plain
 from flockbrush.learning.panels import CLIP, HERD, OTHER, ChartLine, CurveChart, Maps, ParamRow, Rows
 from flockbrush.learning.result import Findings
-from flockbrush.learning.rollout import NAMES
 
 ORDER = "polarization", "milling", "milling in the picture", "aspect"
 CROWD = "nearest neighbour", "density", "order nearby", "largest part", "directions"
@@ -99,14 +98,14 @@ def others_of(learned) -> tuple[list, list]:
 
 
 def parameter_rows(learned) -> Rows:
-    """The twelve numbers, with what other starts came to."""
+    """The numbers, with what other starts came to."""
     near, far = others_of(learned)
-    alike, others = (np.array([a.theta for a in some]).reshape(-1, 12) for some in (near, far))
+    alike, others = (np.array([a.theta for a in some]).reshape(-1, len(learned.names)) for some in (near, far))
     rows = [
         ParamRow(
             plain(name), float(value), others[:, k], bool(learned.identifiable[k]), name.split("_")[0], alike[:, k]
         )
-        for k, (name, value) in enumerate(zip(NAMES, learned.theta, strict=True))
+        for k, (name, value) in enumerate(zip(learned.names, learned.theta, strict=True))
     ]
     return Rows("Parameters, normalised to 0..1", rows)
 

@@ -14,9 +14,11 @@ from flockbrush.behaviours.brush import BodySpec, VisionSpec
 from flockbrush.engine.maths import sincos_
 from flockbrush.systems.decide import _roles
 from flockbrush.systems.grid import sort_into_cells
+from flockbrush.systems.perception import chosen_of_one_kind
 from flockbrush.systems.senses import _cosine_of_half, _nearest_points
 from flockbrush.systems.visibility import edges_by_cell, no_edges, visible_neighbours
 
+BODILESS = "metric", "hidden_points"  # sights in which bodies hide nobody
 NOBODY = -1  # leader_neighbours at which nobody leads
 
 
@@ -83,7 +85,9 @@ def perceive(
     half, radius = half_and_radius(body)
     solid = no_edges() if walls is None else edges_by_cell(walls.ends, reach)
     cells = sort_into_cells(xyz, facing, np.full(n, 2 * (half + radius)), np.full(n, radius), reach)
-    lists = visible_neighbours(cells, np.full(n, reach), np.full(n, _cosine(vision)), solid, vision.occlusion)
+    hides = vision.occlusion and vision.sight not in BODILESS
+    lists = visible_neighbours(cells, np.full(n, reach), np.full(n, _cosine(vision)), solid, hides)
+    lists = chosen_of_one_kind(lists, vision.sight, vision.neighbours)
     kinds = np.zeros(n, np.int32) if species is None else np.asarray(species, np.int32)
     leader, memory, known = _leaders(xyz, facing, kinds, lists, neighbour_range, leader_neighbours, leader_cone)
     guidance = np.zeros((n, 2)) if guide is None else guide.at(time, xyz[:, :2])

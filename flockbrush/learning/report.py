@@ -17,12 +17,13 @@ from flockbrush.learning.confounding import estimates_of
 from flockbrush.learning.group_size_test import SECONDS
 from flockbrush.learning.learned_brush import sentence
 from flockbrush.learning.learning_charts import ORDER, is_told, panels_of
+from flockbrush.learning.model_choice import add_models
+from flockbrush.learning.model_choice import as_json as models_as_json
 from flockbrush.learning.page import ReportPage
 from flockbrush.learning.panels import SCALE, CurveChart, drawn, sheet
 from flockbrush.learning.report_judgement import add_judgement, judgement_as_json
 from flockbrush.learning.report_parameters import add_parameters
 from flockbrush.learning.result import KEPT, Findings
-from flockbrush.learning.rollout import NAMES
 from flockbrush.learning.side_by_side import halves_of
 from flockbrush.render import write_png
 from flockbrush.runs.terminal import finite, measure, number
@@ -95,9 +96,9 @@ def as_json(findings: Findings) -> dict:
         "brush": findings.brush.name,
         "verdict": findings.verdict(),
         "interrupted": learned.interrupted,
-        "parameters": dict(zip(NAMES, np.asarray(learned.theta).tolist(), strict=True)),
-        "identifiable": [n for n, sure in zip(NAMES, learned.identifiable, strict=True) if sure],
-        "spread": dict(zip(NAMES, np.asarray(learned.spread).tolist(), strict=True)),
+        "parameters": dict(zip(learned.names, np.asarray(learned.values).tolist(), strict=True)),
+        "identifiable": [n for n, sure in zip(learned.names, learned.identifiable, strict=True) if sure],
+        "spread": dict(zip(learned.names, np.asarray(learned.spread).tolist(), strict=True)),
         "estimates": [vars(one) | {"told": one.told} for one in estimates_of(learned)],
         "extras": learned.extras,
         "speed": learned.speed.model_dump(),
@@ -110,6 +111,8 @@ def as_json(findings: Findings) -> dict:
         "counts": findings.counts,
         "ablations": findings.ablations,
         "judgement": judgement_as_json(findings.judgement),
+        "model": learned.kind,
+        "models": models_as_json(findings.models),
         "seconds": findings.seconds,
         "command": findings.command,
     }
@@ -136,6 +139,7 @@ def page_of(findings: Findings, panels: dict[str, list]) -> ReportPage:
     if findings.comparison is not None:
         _compared(page, findings, panels)
     add_judgement(page, findings.judgement)
+    add_models(page, findings.models)
     add_parameters(page, findings, lambda: _show(page, panels, "parameters"))
     _searched(page, findings, panels)
     _counts(page, findings)

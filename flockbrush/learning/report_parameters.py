@@ -8,7 +8,7 @@ from flockbrush.behaviours.models.herd import Params
 from flockbrush.learning.confounding import estimates_of
 from flockbrush.learning.learned_brush import plain
 from flockbrush.learning.learning_charts import others_of
-from flockbrush.learning.rollout import FORCES, NAMES
+from flockbrush.learning.rollout import NAMES
 from flockbrush.runs.terminal import measure, number
 
 UNITS = {"radial": "BL", "angular": "°", "weight": "/s"}
@@ -22,22 +22,20 @@ def add_parameters(page, findings, show):
     sure, alone = learned.deviation is not None, not others_of(learned)[0]
     confounded = {one.name: ", ".join(map(plain, one.confounded_with)) for one in estimates_of(learned)}
     rows = []
-    for force in FORCES:
-        for name in (n for n in NAMES if n.startswith(force)):
-            k = NAMES.index(name)
-            told = ("told", "good") if learned.identifiable[k] else ("not told", "quiet")
-            deviation = [_n(learned.deviation[k] if learned.deviation[k] < 1 else math.nan)] if sure else []
-            rows.append(
-                [
-                    plain(name),
-                    told,
-                    _n(learned.theta[k]),
-                    _real(learned, k),
-                    _n(math.nan if alone else learned.spread[k]),
-                    *deviation,
-                    *([confounded[name]] if sure else []),
-                ]
-            )
+    for k, name in enumerate(learned.names):
+        told = ("told", "good") if learned.identifiable[k] else ("not told", "quiet")
+        deviation = [_n(learned.deviation[k] if learned.deviation[k] < 1 else math.nan)] if sure else []
+        rows.append(
+            [
+                plain(name),
+                told,
+                _n(learned.theta[k]),
+                _real(learned, k),
+                _n(math.nan if alone else learned.spread[k]),
+                *deviation,
+                *([confounded[name]] if sure else []),
+            ]
+        )
     columns = [
         "parameter",
         "by the clip",
@@ -69,6 +67,10 @@ def add_parameters(page, findings, show):
 
 def _real(learned, k):
     """A normalised number in its unit."""
+    if learned.names != NAMES:
+        more = type(learned.params).model_fields[learned.names[k]].json_schema_extra
+        unit = more.get("unit", "") if isinstance(more, dict) else ""
+        return f"{number(float(learned.values[k]), 3)} {'' if unit == '1' else unit}".strip()
     kind = NAMES[k].split("_")[1]
     scale = {"weight": learned.params.sensitivity, "radial": 4.0, "angular": 180.0}[kind]
     value = learned.theta[k] * scale

@@ -15,6 +15,7 @@ from flockbrush.learning.group_size_test import SECONDS
 from flockbrush.learning.learned_parameters import Learned
 from flockbrush.learning.scores import CHANCE, beyond_chance
 from flockbrush.learning.verdict import ALONE, Judgement
+from flockbrush.learning.which_model import ModelComparison
 
 FEW = 10  # animals, below which polarization and milling say little
 KEPT = 0.2  # polarization and milling of a herd of other size are the clip's within this
@@ -42,6 +43,8 @@ class Findings:
         On how it was judged and fitted.
     judged_brush : Brush or None
         What the comparison is of: learned without the frames held out.  None: `brush` itself.
+    models : ModelComparison or None
+        Of kinds of models, where `auto` chose one.
     counts : list of dict
         With other numbers of animals (`flockbrush.learning.group_size_test`).
     ablations : list of dict
@@ -68,6 +71,7 @@ class Findings:
     moments: list[np.ndarray] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     judged_brush: Brush | None = None
+    models: ModelComparison | None = None
 
     @property
     def compared_brush(self) -> Brush:
@@ -164,17 +168,17 @@ class Findings:
         if count < FEW:
             told.append((None, f"Only about {count:.0f} animals are seen: too few to say much of a herd."))
         sure = int(np.sum(self.learned.identifiable))
-        told.append((None, f"The clip constrains {_of_twelve(sure)}"))
+        told.append((None, f"The clip constrains {_of_all(sure, len(self.learned.names))}"))
         if self.learned.interrupted:
             told.append((False, "The learning was interrupted: these are the best numbers up to then."))
         return told
 
 
-def _of_twelve(sure) -> str:
+def _of_all(sure, count) -> str:
     """How many of the model's numbers are told."""
     if sure == 0:
-        return "none of the 12 parameters: other values fit as well, and all are guesses."
-    return f"{sure} of 12 parameters{'; the rest are guesses' if sure < 12 else ''}."
+        return f"none of the {count} parameters: other values fit as well, and all are guesses."
+    return f"{sure} of {count} parameters{'; the rest are guesses' if sure < count else ''}."
 
 
 def _judgement(row, after) -> str:

@@ -22,10 +22,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import ndimage
 
+from flockbrush.behaviours.behaviour import Parameters
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
 from flockbrush.behaviours.models.herd import Params, herd_kernel, kernel_params, wander_kernel
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.noise import Noise
+from flockbrush.learning.world_rollout import between, needs_world, world_looks
 from flockbrush.systems.contact import move
 from flockbrush.systems.decide import _roles
 from flockbrush.systems.grid import sort_into_cells
@@ -425,7 +427,7 @@ def rollout(
     ----------
     start : Start
     params : Params or (12,) array_like
-        Of the herd model; twelve numbers leave the others at their defaults.
+        Of any model; twelve numbers are the herd's.  Others than the herd's run on open ground alone (ValueError).
     speed, body, vision : SpeedSpec, BodySpec, VisionSpec
     seconds, fps : float
         Frames are at 0, 1/fps ... up to ``seconds``; between two ticks positions are interpolated.
@@ -443,8 +445,10 @@ def rollout(
     -------
     Run
     """
-    if not isinstance(params, Params):
+    if not isinstance(params, Parameters):
         params = params_of(params)
+    if needs_world(params, vision):
+        return _run_of(world_looks(start, params, speed, body, vision, seconds, fps, seed, (walls, guide, gates)), fps)
     herd = PlaneHerd(start, params, speed, body, vision, seed=seed, dt=dt, ids=ids, walls=walls, guide=guide)
     frames = int(seconds * fps + 1e-6) + 1
     looks = [_look(herd)]
@@ -454,23 +458,21 @@ def rollout(
             before = _look(herd)
             herd.tick()
         share = 1.0 - (herd.tick_number - after)
-        looks.append(_look(herd) if before is None or share > 1 - 1e-9 else _between(before, _look(herd), share))
+        looks.append(_look(herd) if before is None or share > 1 - 1e-9 else between(before, _look(herd), share))
         if gates is not None:
             _pass_gates(herd, gates, k / fps)
+    return _run_of(looks, fps)
+
+
+def _run_of(looks, fps) -> Run:
     sizes = [len(look[0]) for look in looks]
-    return Run(np.arange(frames) / fps, np.cumsum([0, *sizes]), *(np.concatenate(c) for c in zip(*looks, strict=True)))
+    return Run(
+        np.arange(len(looks)) / fps, np.cumsum([0, *sizes]), *(np.concatenate(c) for c in zip(*looks, strict=True))
+    )
 
 
 def _look(herd):
     return herd.ids, herd.xyz[:, :2].copy(), herd.forward[:, :2].copy(), herd.velocity.copy()
-
-
-def _between(before, after, share):
-    """Between two ticks, ``share`` of the way; animals are the same in both."""
-    mixed = [(1.0 - share) * a + share * b for a, b in zip(before[1:], after[1:], strict=True)]
-    size = np.hypot(*mixed[1].T)
-    mixed[1] = np.where(size[:, None] > 1e-9, mixed[1] / np.maximum(size, 1e-9)[:, None], after[2])
-    return after[0], *mixed
 
 
 def _pass_gates(herd, gates, time):

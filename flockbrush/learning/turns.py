@@ -84,7 +84,7 @@ class TurnFit:
 
 
 def turns_of(
-    evidence, body=BODY, vision=VISION, params=None, *, span=SPAN, pairs=PAIRS, dt=DT
+    evidence, body=BODY, vision=VISION, params=None, *, span=SPAN, pairs=PAIRS, dt=DT, frames=None
 ) -> Turns | None:  # fmt: skip
     """The turns in a clip; None where no animals were told apart.
 
@@ -100,18 +100,20 @@ def turns_of(
         Seconds over which a turn is observed: as many frames as fit best, one at least.
     pairs : int
         Frames are left out evenly until there are not many more visible neighbours than this.
+    frames : sequence of int, optional
+        These frames and no others, however many that are.
     """
     seen, fields = evidence.sightings, evidence.fields
     if seen is None or len(seen) < 2 or not len(seen.xy):
         return None
     ahead = max(1, round(span * evidence.fps))
-    frames = np.arange(max(len(seen) - ahead, 1))
+    every = np.arange(max(len(seen) - ahead, 1))
     walls, params = Walls.of(fields), params or Params()
     looks, total = {}, 0
-    for t in _evenly(frames):
+    for t in _evenly(every) if frames is None else frames:
         looks[t] = _look(seen, t, body, vision, walls, params)
         total += len(looks[t].near)
-        if total > pairs:
+        if total > pairs and frames is None:
             break
     chosen = sorted(looks)
     parts = [_seen_turns(seen, t, ahead, evidence.fps) for t in chosen]
@@ -122,6 +124,13 @@ def turns_of(
     half, radius = half_and_radius(body)
     weight = _at_liberty(percept, rows, turn[rows], half, radius)
     return Turns(percept, velocity, spin, rows, seconds[rows] / dt, turn[rows], weight, half, radius, dt)
+
+
+def seen_otherwise(turns: Turns, evidence, frames, body, vision, params) -> Turns:
+    """The same turns, of `turns_of` with these frames, by animals of another sight."""
+    walls = Walls.of(evidence.fields)
+    looks = [_look(evidence.sightings, t, body, vision, walls, params) for t in sorted(frames)]
+    return turns._replace(percept=together(looks))
 
 
 def _evenly(frames):

@@ -13,9 +13,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from flockbrush.behaviours.models.herd import Params
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.battery import DEVIATIONS, MEASURES, Battery, BatteryRow, Series, looks_of_run
 from flockbrush.learning.initial_conditions import start_of
+from flockbrush.learning.likelihood import likelihoods, read
 from flockbrush.learning.rollout import NAMES, Run, rollout
 from flockbrush.learning.simulate import shaken, simulated
 
@@ -109,8 +111,17 @@ def alone(clip: Evidence, brush, seed=0) -> Run:
 
 def random_numbers(brush, seed=1):
     """The brush with parameters drawn at random."""
+    if type(brush.params) is not Params:
+        return _with(brush, params=_anywhere(brush.params, seed))
     theta = np.random.default_rng(seed).uniform(0.05, 1.0, 12)
     return _with(brush, params=brush.params.model_copy(update=dict(zip(NAMES, theta.tolist(), strict=True))))
+
+
+def _anywhere(params, seed):
+    """Parameters of another model, its numbers drawn at random where they are looked for."""
+    kinds = [kind for kind in likelihoods().values() if kind.behaviour.Params is type(params)]
+    numbers = kinds[0].numbers if kinds else {}
+    return params.model_copy(update=read(numbers, np.random.default_rng(seed).uniform(0.0, 1.0, len(numbers))))
 
 
 def _with(brush, **changes):

@@ -10,7 +10,6 @@
 """
 
 import dataclasses
-from types import SimpleNamespace
 
 import herd_film
 import numpy as np
@@ -96,13 +95,13 @@ def test_a_brush_of_larger_animals_makes_the_same_herd_larger():
     from flockbrush.levels.build import plane
 
     from flockbrush.learning.learned_brush import brush_of
+    from flockbrush.learning.learned_parameters import Learned
 
     clip = herd_film.evidence_of_truth(packed_and_loose(), cell=2.0)
     speed = SpeedSpec(mean=2.0, deviation=0.3, by_density=((0.1, 1.2), (0.6, 0.7)))
     theta = np.full(12, 0.5)
-    learned = SimpleNamespace(
-        params=params_of(theta, {"wander": 0.2}), speed=speed, body=BodySpec(radius=0.2), vision=VisionSpec(range=5.0),
-        theta=theta, extras={}, identifiable=np.ones(12, bool), notes=[], interrupted=False,
+    learned = Learned(
+        params_of(theta, {"wander": 0.2}), speed, BodySpec(radius=0.2), VisionSpec(range=5.0), theta
     )  # fmt: skip
     herds = []
     for length in (1.0, 1.5):

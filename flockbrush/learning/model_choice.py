@@ -1,0 +1,99 @@
+"""Which kind of model a brush is learned as: what ``--model`` says, and the table that ``auto`` goes by."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from flockbrush.engine.files import refused
+from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
+from flockbrush.film.observations import Evidence
+from flockbrush.learning.model_fit import add_distances, kinds_of_models
+from flockbrush.learning.which_model import HERD, ModelComparison, compare_models, problem_of
+from flockbrush.runs.terminal import measure, progress, table
+
+AUTO = "auto"
+COLUMNS = "model", "perception", "log score", "±", "behind", "± ", "told apart", "battery"
+
+
+def check_kind(name: str) -> None:
+    """ProblemsError where ``--model`` cannot be this."""
+    kinds = [AUTO, *kinds_of_models()]
+    if name not in kinds:
+        message = f"there is no model {name!r} to learn{did_you_mean(name, kinds)}; there are {', '.join(kinds)}"
+        raise ProblemsError([Problem("--model", None, None, message)])
+
+
+def kind_of(name: str, clips: Sequence[Evidence], photo: bool, seed: int) -> tuple[str, ModelComparison | None]:
+    """(kind of model to learn, what it was compared with): of these clips.
+
+    Raises
+    ------
+    ProblemsError
+        When the clips do not tell what another model than the herd needs.
+    """
+    if name == HERD:
+        return HERD, None
+    problem = "it is one picture, and the turns of animals tell models apart" if photo else problem_of(clips)
+    if problem:
+        raise refused(clips[0].name, f"{problem}: leave out --model {name}")
+    if name != AUTO:
+        return name, None
+    with progress("comparing models", 5) as bar:
+        found = compare_models(clips, seed=seed, say=lambda done, of, kind: bar(done, f"comparing models: {kind}"))
+        add_distances(found.rows, clips, seed)
+    return found.chosen.name, found
+
+
+def cells_of(found: ModelComparison) -> list[list[str]]:
+    """The rows of the table, as words."""
+    best = found.rows[0]
+    return [
+        [
+            row.name, row.perception, measure(row.score, 3), measure(row.error, 3),
+            "" if row is best else measure(row.behind, 3), "" if row is best else measure(row.behind_error, 3),
+            "" if row is best else "yes" if row.told_apart else "no", measure(row.distance),
+        ]
+        for row in found.rows
+    ]  # fmt: skip
+
+
+def table_of(found: ModelComparison):
+    """The models beside each other, for the terminal."""
+    made = table(*COLUMNS, title=f"models, on {found.blocks} blocks held out", right=COLUMNS[2:6] + COLUMNS[7:])
+    for cells in cells_of(found):
+        made.add_row(*cells)
+    return made
+
+
+def as_json(found: ModelComparison | None) -> dict | None:
+    """What --json prints of the comparison."""
+    if found is None:
+        return None
+    rows = [
+        {
+            "model": row.name, "perception": row.perception, "vision": row.vision.model_dump(), "log_score": row.score,
+            "error": row.error, "behind": row.behind, "behind_error": row.behind_error, "told_apart": row.told_apart,
+            "battery": row.distance if math.isfinite(row.distance) else None,
+        }
+        for row in found.rows
+    ]  # fmt: skip
+    return {
+        "chosen": found.chosen.name, "equal": found.equal, "sentence": found.sentence, "blocks": found.blocks,
+        "straight_on": found.straight, "rows": rows,
+    }  # fmt: skip
+
+
+def add_models(page, found: ModelComparison | None) -> None:
+    """The section of a report."""
+    if found is None:
+        return
+    page.head("Which model")
+    page.say(found.sentence)
+    page.table(list(COLUMNS), cells_of(found), words=2)
+    page.say(
+        "Log score: how likely the next step of an animal is, logarithm, in blocks of the clip that the model was not "
+        "fitted to; its error is by blocks. Behind: how much lower than the first, and the error of that difference. "
+        "Told apart: behind by three errors. Battery: root mean square of the limits its simulated herds are off.",
+        "small",
+    )

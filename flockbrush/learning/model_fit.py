@@ -1,0 +1,187 @@
+"""A brush's numbers of any kind of model: by the turns of animals where it has a likelihood, else by simulation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flockbrush.behaviours.behaviour import Behaviour, behaviours
+from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
+from flockbrush.film.observations import Evidence
+from flockbrush.learning.battery import Battery
+from flockbrush.learning.confounding import correlation_of
+from flockbrush.learning.evolution import Evolution
+from flockbrush.learning.initial_conditions import body_of, speed_of
+from flockbrush.learning.learned_parameters import Attempt, Learned
+from flockbrush.learning.likelihood import Likelihood, Slopes, likelihoods, place, read, scales_of
+from flockbrush.learning.rollout import LEAST, MOST, NAMES, theta_of
+from flockbrush.learning.simulate import simulated
+from flockbrush.learning.turns import FREEDOM, cramer_rao
+from flockbrush.learning.which_model import ModelRow, TurnBlocks, likeliest
+
+SURE = 0.1  # of the range of a number: one that is told is known better
+WIDER = 1.2  # of what is left over to the wander it makes, as the recipe of the herd takes it
+MOST_WANDER, QUIET = 2.0, 0.02  # rad/√s
+SIZE, GENERATIONS, STEP = 8, 6, 0.2  # of a fit by simulation
+SPAN = 4.0  # times the default up and down, within which a fit by simulation looks
+SEES = VisionSpec(range=8.0)
+RUNS = 2
+
+
+class HerdParts(NamedTuple):
+    """What `simulated` needs of a brush."""
+
+    params: Any
+    speed: SpeedSpec
+    body: BodySpec
+    vision: VisionSpec
+
+
+def kinds_of_models() -> list[str]:
+    """Names that ``--model`` takes besides auto: those with a likelihood, and models on the ground without one."""
+    fitted = likelihoods()
+    plain = [name for name, model in behaviours().items() if _by_simulation(model)]
+    return sorted({*fitted, *plain})
+
+
+def _by_simulation(model: Behaviour) -> bool:
+    taken = {kind.model for kind in likelihoods().values()}
+    return not (model.flight or model.formation or model.danger or model.has or model.name in taken)
+
+
+def wander_of(spread: float, blocks: TurnBlocks) -> float:
+    """How much animals wander, rad/√s, by what a fit leaves over beyond the noise of headings."""
+    ticks = np.concatenate([turns.ticks for turns in blocks.reference])
+    own = math.sqrt(max(spread**2 - blocks.noise**2, 0.0))
+    found = WIDER * own / math.sqrt(max(float(ticks.mean()) * blocks.reference[0].dt, 1e-9))
+    return float(np.clip(found, 0.0, MOST_WANDER)) if found > QUIET else 0.0
+
+
+def learned_model(clips: Sequence[Evidence], name: str, seed: int = 0) -> Learned:
+    """The numbers of one kind of model, by these frames alone.
+
+    Raises
+    ------
+    LookupError
+        When there is no such kind.
+    """
+    if name not in likelihoods():
+        return _simulated_fit(clips, behaviours()[name], seed)
+    kind, blocks = likelihoods()[name], TurnBlocks(clips)
+    vision, params = likeliest(kind, blocks, seed)
+    slopes = Slopes(blocks.train(vision), kind.behaviour, kind.numbers, params)
+    x = place(kind.numbers, params)
+    off = slopes.off(x)
+    score, spread = slopes.score(off)
+    params = params.model_copy(update=_chance(params, wander_of(spread, blocks)))
+    information = _information(slopes.slopes(x, off), off, spread, slopes.steps.turns.weight)
+    deviation = cramer_rao(information)
+    told = (deviation < SURE) & (x > 0.005) & (x < 0.995)
+    start = Attempt(name, seed, x, x, loss=np.array([-score]), score=-score)
+    return _as_learned(kind, params, vision, clips, x, information, deviation, told, start)
+
+
+def _chance(params, wander):
+    return {"wander": wander} if "wander" in type(params).model_fields else {}
+
+
+def _information(slopes, off, spread, weight):
+    """(d, d) Fisher information of the numbers."""
+    share = weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2) / spread**2
+    return (slopes * share[:, None]).T @ slopes
+
+
+def _as_learned(kind: Likelihood, params, vision, clips, x, information, deviation, told, start) -> Learned:
+    names = tuple(kind.numbers)
+    extras = _chance(params, getattr(params, "wander", 0.0))
+    correlation, theta, spread = correlation_of(information), x, np.zeros(len(x))
+    scales: np.ndarray | None = scales_of(kind.numbers, x)
+    if set(names) <= set(NAMES):  # the herd's twelve, of which those of obstacles stay what is usual
+        at = [NAMES.index(name) for name in names]
+        theta, spread, names = theta_of(params), np.zeros(12), NAMES
+        deviation, told, correlation = _spread_out(at, deviation, told, correlation)
+        theta = np.clip(theta, LEAST, MOST)
+        extras |= {"neighbour_range": params.neighbour_range}
+        start, scales = Attempt(start.name, start.seed, theta, theta, loss=start.loss, score=start.score), None
+    notes = [
+        f"model {kind.name}: {vision.sight} sight, fitted to the next steps of the animals; no herd was run to fit it"
+    ]
+    return Learned(
+        params, speed_of(list(clips)), body_of(list(clips)), vision, theta, extras, [start], 0, spread, deviation,
+        told, {}, notes, False, correlation, kind.model, names, kind.name, scales,
+    )  # fmt: skip
+
+
+def _spread_out(at, deviation, told, correlation):
+    """The same of all twelve, of which only some were looked for."""
+    wide, sure, alike = np.full(12, np.inf), np.zeros(12, bool), np.full((12, 12), np.nan)
+    wide[at], sure[at], alike[np.ix_(at, at)] = deviation, told, correlation
+    return wide, sure, alike
+
+
+# without a likelihood ---------------------------------------------------------------------------
+
+
+def simulation_numbers(model: Behaviour) -> dict[str, tuple[float, float]]:
+    """Free parameters of a model and where they are looked for: about its defaults, within its own bounds."""
+    found = {}
+    for name, field in model.Params.model_fields.items():
+        told = model.Params.model_json_schema()["properties"][name]
+        if field.annotation is not float or told.get("chance") or "minimum" not in told or "maximum" not in told:
+            continue
+        low, high, usual = told["minimum"], told["maximum"], float(field.default)
+        near = max(low, usual / SPAN), min(high, max(usual * SPAN, low + 0.1 * (high - low)))
+        if near[1] > near[0]:
+            found[name] = near
+    return found
+
+
+def _simulated_fit(clips, model: Behaviour, seed) -> Learned:
+    """By running herds and measuring how far they are from the clips."""
+    numbers, speed, body = simulation_numbers(model), speed_of(list(clips)), body_of(list(clips))
+    base, batteries = model.Params(), [Battery.of(clip) for clip in clips]
+
+    def distance(x, number):
+        parts = HerdParts(base.model_copy(update=read(numbers, x)), speed, body, SEES)
+        return float(np.mean([distance_of(battery, parts, [seed + number]) for battery in batteries]))
+
+    best = distance(place(numbers, base), 0), place(numbers, base)
+    cloud, losses = Evolution(best[1], STEP, SIZE, (seed, 62)), [best[0]]
+    for generation in range(GENERATIONS):
+        asked = cloud.ask()
+        worth = [distance(x, generation) for x in asked]
+        cloud.tell(worth)
+        best = min([best, *zip(worth, asked, strict=True)], key=lambda end: end[0])
+        losses.append(best[0])
+    x, d = best[1], len(numbers)
+    start = Attempt(model.name, seed, x, x, loss=np.array(losses), score=best[0])
+    notes = [f"model {model.name}: it has no likelihood; fitted by simulation, which tells no number by itself"]
+    return Learned(
+        base.model_copy(update=read(numbers, x)), speed, body, SEES, x, {}, [start], 0, np.zeros(d), None,
+        np.zeros(d, bool), {}, notes, False, None, model.name, tuple(numbers), model.name, scales_of(numbers, x),
+    )  # fmt: skip
+
+
+def distance_of(battery: Battery, parts, seeds) -> float:
+    """Root mean square of the limits that a herd is off, over the measures that the clip tells."""
+    rows = battery.compared([battery.measured(simulated(battery.clip, parts, seed)) for seed in seeds])
+    far = [row.far for row in rows]
+    return float(np.sqrt(np.mean(np.square(far)))) if far else math.nan
+
+
+def add_distances(rows: list[ModelRow], clips: Sequence[Evidence], seed: int = 0) -> None:
+    """Fill in how far the herds of each model are from frames that it was fitted without."""
+    clips = list(clips)
+    half = len(clips[0].fields) // 2
+    seen, held = (
+        (clips[:1], clips[1]) if len(clips) > 1
+        else ([clips[0].part(slice(None, half))], clips[0].part(slice(half, None)))
+    )  # fmt: skip
+    battery, speed, body, blocks = Battery.of(held), speed_of(seen), body_of(seen), TurnBlocks(seen)
+    for row in rows:
+        params = row.halves[-1]
+        params = params.model_copy(update=_chance(params, wander_of(row.spread, blocks)))
+        row.distance = distance_of(battery, HerdParts(params, speed, body, row.vision), range(seed, seed + RUNS))

@@ -1,0 +1,290 @@
+"""Which model moves like the animals of a clip: several fitted to the same turns and compared on blocks held out.
+
+Each kind of model is fitted with every perception it may have (metric, topological, visual); the likeliest is kept.
+Each half of a clip, or each of several clips, is then predicted with the numbers of the other, and what the next step
+of an animal is likely to be (`flockbrush.learning.next_step`) is averaged over blocks of time.  Two models are told
+apart when the mean difference of their blocks is large beside its standard error; blocks, not animals, are counted,
+since turns in one block are not independent.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from flockbrush.behaviours.brush import VisionSpec
+from flockbrush.behaviours.models.herd import Params
+from flockbrush.film.observations import Evidence
+from flockbrush.learning.initial_conditions import body_of
+from flockbrush.learning.likelihood import Likelihood, likelihoods
+from flockbrush.learning.next_step import NextSteps, log_density, mean_score
+from flockbrush.learning.rollout import Gates
+from flockbrush.learning.scores import told_apart
+from flockbrush.learning.turns import Turns, all_turns, seen_otherwise, turns_of
+
+HERD = "herd"
+SPAN = 0.15  # s over which a step is taken
+BLOCK, BLOCKS = 1.0, (4, 16)  # s, about; of each clip
+FEWEST_BLOCKS = 6  # in all, below which nothing is told apart
+TURNS = 2500  # that are looked at in all
+REFERENCE = VisionSpec(range=8.0), Params(neighbour_range=8.0)  # who leads by this sight follows no forces: left out
+ERRORS = 3.0  # standard errors between two models that are told apart,
+LEAST = 0.01  # and so much of the logarithm of the likelihood of a step
+NOISIEST = 0.2  # rad: turns with more noise tell nothing, as of animals that push each other about
+CLEAR = 1.5  # times the noise of headings: turns that are smaller tell nothing
+
+
+@dataclass
+class ModelRow:
+    """One kind of model beside the others.
+
+    Attributes
+    ----------
+    name : str
+        As ``--model`` names it.
+    model : str
+        Of behaviour.
+    vision : VisionSpec
+        The likeliest perception of those tried.
+    params : Params
+        Fitted to all frames.
+    score, error : float
+        Logarithm of the likelihood of a step held out (nats), mean over the blocks, and its standard error.
+    behind, behind_error : float
+        How much lower than the best, and the standard error of that difference by blocks; 0 of the best itself.
+    told_apart : bool
+        Whether the blocks tell it from the best.
+    spread : float
+        Of what is left over, rad.
+    distance : float
+        Of its simulated herds from the frames held out, in limits of the battery; NaN where that was not asked.
+    """
+
+    name: str
+    model: str
+    vision: VisionSpec
+    params: Any
+    score: float
+    error: float
+    behind: float = 0.0
+    behind_error: float = 0.0
+    told_apart: bool = False
+    spread: float = math.nan
+    distance: float = math.nan
+    blocks: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    halves: list[Any] = field(default_factory=list)  # parameters by the fold they were fitted without
+
+    @property
+    def perception(self) -> str:
+        """In words."""
+        return perception_of(self.vision)
+
+
+@dataclass
+class ModelComparison:
+    """What was compared, the best first.
+
+    Attributes
+    ----------
+    rows : list of ModelRow
+    straight : float
+        The score of going straight on.
+    blocks : int
+    reason : str
+        Why nothing is told apart; "" where something is.
+    """
+
+    rows: list[ModelRow]
+    straight: float
+    blocks: int
+    reason: str = ""
+
+    @property
+    def equal(self) -> list[str]:
+        """Names of the best and of all that are not told from it."""
+        return [row.name for row in self.rows if not row.told_apart]
+
+    @property
+    def chosen(self) -> ModelRow:
+        """The best; the herd where it is not told from the best."""
+        return next((row for row in self.rows if row.name == HERD and not row.told_apart), self.rows[0])
+
+    @property
+    def sentence(self) -> str:
+        """Which is told apart, and which is not."""
+        best, names = self.rows[0], self.equal
+        if self.reason:
+            return f"Which model moves like this cannot be told: {self.reason}."
+        others = [row for row in self.rows if row.told_apart]
+        apart = "; ".join(f"{row.name} by {row.behind:.2f} ± {row.behind_error:.2f}" for row in others)
+        if len(names) == 1:
+            return f"It moves by {best.name} ({best.perception}): the next step is likelier than by {apart} (nats)."
+        told = f"; {apart} (nats) behind" if others else ""
+        return f"Not told apart: {', '.join(names[:-1])} and {names[-1]}{told}."
+
+
+def perception_of(vision: VisionSpec) -> str:
+    """Whom an animal takes into account, in words."""
+    if vision.sight == "topological":
+        return f"the {vision.neighbours} nearest"
+    if vision.sight == "voronoi":
+        return "the first shell"
+    seen = "whom it sees" if vision.sight == "exact" and vision.occlusion else "everybody"
+    return f"{seen} within {vision.range:g} BL"
+
+
+def problem_of(clips: Sequence[Evidence]) -> str:
+    """Why the models of these clips cannot be compared; "" where they can."""
+    for clip in clips:
+        if not told_apart(clip):
+            return "its animals cannot be told apart, and only the turns of single ones tell models apart"
+        if Gates.of(clip.fields) is not None:
+            return "it shows a part of a herd; models other than the herd are compared on whole herds"
+        if clip.fields.obstacle.any():
+            return "it shows obstacles; models other than the herd are compared on open ground"
+    return ""
+
+
+def compare_models(
+    clips: Sequence[Evidence], names: Sequence[str] | None = None, *, seed: int = 0,
+    say: Callable[[int, int, str], None] | None = None,
+) -> ModelComparison:  # fmt: skip
+    """Fit kinds of models to clips and compare what they say of blocks held out.
+
+    Parameters
+    ----------
+    clips : sequence of Evidence
+        Whole herds on open ground, whose animals are told apart (`problem_of`).
+    names : sequence of str, optional
+        Of likelihoods; all unless told.
+    seed : int
+        Of the searches.
+    say : callable, optional
+        ``say(done, of, name)``.
+
+    Returns
+    -------
+    ModelComparison
+    """
+    known = likelihoods()
+    kinds = [known[name] for name in (names or known)]
+    blocks = TurnBlocks(clips)
+    rows = []
+    for done, kind in enumerate(kinds):
+        if say is not None:
+            say(done, len(kinds), kind.name)
+        rows.append(_row(kind, blocks, seed))
+    return _ranked(rows, blocks)
+
+
+class TurnBlocks:
+    """The turns of all clips in blocks of time, with any perception."""
+
+    def __init__(self, clips):
+        self.clips, self.body, self.seen = list(clips), body_of(list(clips)), {}
+        self.frames, self.fold = [], []
+        animals = sum(len(clip.sightings.xy) for clip in clips)
+        for number, clip in enumerate(clips):
+            ahead = max(1, round(SPAN * clip.fps))
+            usable = max(len(clip.sightings) - ahead, 0)
+            many = int(np.clip(usable / clip.fps / BLOCK, *BLOCKS))
+            every = max(1, math.ceil(animals / TURNS))
+            for k, part in enumerate(np.array_split(np.arange(usable), many)):
+                chosen = part[: max(len(part) - ahead, 0) or None : every]  # no step reaches into the next block
+                if len(chosen):
+                    self.frames.append((number, chosen))
+                    self.fold.append(number % 2 if len(clips) > 1 else int(k >= many / 2))
+        reference = [self._turns(block) for block in self.frames]
+        kept = [k for k, turns in enumerate(reference) if turns is not None and len(turns.rows)]
+        self.frames, self.fold = [self.frames[k] for k in kept], np.array([self.fold[k] for k in kept], int)
+        self.reference: list[Turns] = [turns for turns in reference if turns is not None and len(turns.rows)]
+
+    def _turns(self, block) -> Turns | None:
+        number, frames = block
+        return turns_of(self.clips[number], self.body, *REFERENCE, span=SPAN, frames=frames.tolist())
+
+    def of(self, vision) -> list[Turns]:
+        """The turns of each block; the same of the same animals whatever they see."""
+        if vision not in self.seen:
+            everybody = Params(neighbour_range=min(vision.range, 20.0), leader_neighbours=-1)
+            self.seen[vision] = [
+                seen_otherwise(same, self.clips[number], frames.tolist(), self.body, vision, everybody)
+                for (number, frames), same in zip(self.frames, self.reference, strict=True)
+            ]
+        return self.seen[vision]
+
+    def train(self, vision, fold=None) -> Turns:
+        """All turns but those of a fold."""
+        return all_turns([t for t, k in zip(self.of(vision), self.fold, strict=True) if k != fold])
+
+    @property
+    def noise(self) -> float:
+        """Of a turn, rad, by that of the headings."""
+        return math.sqrt(2.0) * max((clip.heading_noise for clip in self.clips), default=0.0)
+
+
+def _row(kind: Likelihood, blocks: TurnBlocks, seed) -> ModelRow:
+    vision, params = likeliest(kind, blocks, seed)
+    scores, halves, model = np.full(len(blocks.frames), np.nan), [], kind.behaviour
+    for fold in np.unique(blocks.fold):
+        train = blocks.train(vision, fold if len(np.unique(blocks.fold)) > 1 else None)
+        own = kind.fit(train, vision, seed, params)
+        halves.append(own)
+        spread = mean_score(NextSteps(train).off(model, own), train.weight)[1]
+        for k in np.flatnonzero(blocks.fold == fold):
+            turns = blocks.of(vision)[k]
+            density = log_density(NextSteps(turns).off(model, own), spread)
+            scores[k] = float((turns.weight * density).sum() / max(turns.weight.sum(), 1e-12))
+    every = blocks.train(vision)
+    spread = mean_score(NextSteps(every).off(model, params), every.weight)[1]
+    score, error = _mean_and_error(scores)
+    return ModelRow(kind.name, kind.model, vision, params, score, error, spread=spread, blocks=scores, halves=halves)
+
+
+def likeliest(kind, blocks, seed):
+    """(perception, parameters) that say all turns best; each perception begins where the one before ended."""
+    best, begin = None, None
+    for vision in kind.views:
+        turns = blocks.train(vision)
+        params = kind.fit(turns, vision, seed, begin)
+        loss, begin = NextSteps(turns).loss(kind.behaviour, params), params
+        if best is None or loss < best[0]:
+            best = loss, vision, params
+    assert best is not None  # there is a view
+    return best[1:]
+
+
+def _mean_and_error(values):
+    known = values[np.isfinite(values)]
+    if len(known) < 2:
+        return (float(known[0]) if len(known) else math.nan), math.inf
+    return float(known.mean()), float(known.std(ddof=1) / math.sqrt(len(known)))
+
+
+def _ranked(rows, blocks) -> ModelComparison:
+    rows.sort(key=lambda row: -row.score)
+    every = all_turns(blocks.reference)
+    straight = mean_score(every.turn, every.weight)[0]
+    reason = _reason(rows, blocks, every, straight)
+    for row in rows[1:]:
+        row.behind, row.behind_error = _mean_and_error(rows[0].blocks - row.blocks)
+        row.told_apart = not reason and row.behind > max(ERRORS * row.behind_error, LEAST)
+    return ModelComparison(rows, straight, len(blocks.frames), reason)
+
+
+def _reason(rows, blocks, every, straight) -> str:
+    """Why nothing can be told; "" where something may."""
+    usual = float(np.sqrt(np.average(every.turn**2, weights=np.maximum(every.weight, 1e-12))))
+    if len(blocks.frames) < FEWEST_BLOCKS:
+        return f"it has {len(blocks.frames)} blocks of {BLOCK:g} s, and {FEWEST_BLOCKS} are needed"
+    if blocks.noise > NOISIEST:
+        return f"turns are uncertain by {blocks.noise:.2g} rad, of which the headings of its animals are made"
+    if usual < CLEAR * blocks.noise:
+        return f"turns of {usual:.2g} rad in {SPAN:g} s are hardly larger than the noise of {blocks.noise:.2g} rad"
+    if rows[0].score < straight + LEAST:
+        return "no model says the next step better than going straight on does"
+    return ""

@@ -1,0 +1,183 @@
+"""Which model moves like animals: herds of each, of which only tracks are known, and what is said of them."""
+
+import functools
+import json
+
+import numpy as np
+import pytest
+from flockbrush.behaviours import behaviour as behaviour_module
+from flockbrush.behaviours.behaviour import behaviours
+from flockbrush.behaviours.brush import VisionSpec
+from flockbrush.components import Position
+from flockbrush.engine.problems import ProblemsError
+
+import flockbrush
+from benchmarks.learning_models import evidence_of, tracks_of, truths
+from benchmarks.learning_models import table_of as confusion_of
+from flockbrush.learning.confounding import estimates_of
+from flockbrush.learning.learn_tables import show_findings
+from flockbrush.learning.learned_brush import brush_of
+from flockbrush.learning.likelihood import likelihoods, place, read
+from flockbrush.learning.model_choice import check_kind, table_of
+from flockbrush.learning.model_fit import kinds_of_models, learned_model
+from flockbrush.learning.next_step import NextSteps
+from flockbrush.learning.perceive import perceive
+from flockbrush.learning.rollout import HerdStart, rollout, theta_of
+from flockbrush.learning.turns import predicted, thinned, turns_of
+from flockbrush.learning.which_model import ModelComparison, ModelRow, compare_models, problem_of
+from flockbrush.learning.world_rollout import world_looks
+
+TRUTHS = {kind: brush for name, (kind, brush) in truths().items() if name != "zones, seen"}
+
+
+@functools.cache
+def tracks(name):
+    """(T, N, 2) BL, of animals that begin each its own way."""
+    return tracks_of(TRUTHS[name])
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in ("herd", "boids"))) for n in TRUTHS])
+def test_a_herd_is_told_to_be_what_it_is_or_not_told_apart(name):
+    found = compare_models([evidence_of(tracks(name))])
+    assert name in found.equal, found.sentence
+    assert len(found.rows) == 4 and found.blocks >= 6
+    assert all(row.behind >= 0 for row in found.rows) and not found.rows[0].told_apart
+    assert found.chosen.name == ("herd" if "herd" in found.equal else found.rows[0].name)
+    if name == "zones":
+        assert found.equal == ["zones"] and "by zones (everybody" in found.sentence
+        assert found.rows[0].params.repulsion == pytest.approx(1.0, abs=0.1)
+
+
+def test_nothing_is_told_of_too_little_or_of_noise():
+    short = compare_models([evidence_of(tracks("zones")[:40])], ["herd", "zones"])
+    assert "blocks" in short.reason and short.equal == [row.name for row in short.rows]
+    noisy = compare_models([evidence_of(tracks("zones")[:110, :20], noise=0.4)], ["herd", "zones"])
+    assert noisy.reason and noisy.sentence.startswith("Which model moves like this cannot be told")
+    assert noisy.chosen.name == "herd"
+
+
+def test_one_tick_on_the_herd_turns_as_its_own_kernel_says():
+    """Against the formulas that fits of the herd go by, bodies that touch included."""
+    clip, params = (
+        evidence_of(tracks("herd")),
+        TRUTHS["herd"].params.model_copy(update={"neighbour_range": 20.0}),
+    )
+    vision = VisionSpec(range=8.0)
+    turns = thinned(turns_of(clip, vision=vision, params=params, frames=range(0, 150, 10)), 300)
+    turns = turns._replace(spin=np.zeros_like(turns.spin))  # whom it touches is not turned on there
+    quiet = params.model_copy(update={"wander": 0.0})
+    own = predicted(turns, theta_of(params), quiet)[0]
+    found = NextSteps(turns).predicted(behaviours()["herd"], params)
+    assert np.abs(own).std() > 0.01
+    np.testing.assert_allclose(found, own, atol=1e-6)
+
+
+def test_the_nearest_few_are_those_that_the_sight_keeps():
+    rng = np.random.default_rng(2)
+    xy, forward = rng.uniform(0, 9, (30, 2)), np.tile([1.0, 0.0], (30, 1))
+    seen = perceive(xy, forward, vision=VisionSpec(range=20.0, occlusion=False, sight="topological", neighbours=5))
+    far = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1))
+    for row in range(30):
+        assert set(seen.near[seen.first[row] : seen.first[row + 1]]) == set(np.argsort(far[row])[1:6])
+
+
+def test_a_herd_in_a_world_goes_as_one_without():
+    """The kernels of a run without a world are the oracle of one with."""
+    rng, brush = np.random.default_rng(5), TRUTHS["herd"]
+    start = HerdStart(rng.uniform(0, 6, (20, 2)), np.tile([1.0, 0.0], (20, 1)), np.full(20, 2.0))
+    parts = start, brush.params, brush.speed, brush.body, brush.vision
+    run, looks = rollout(*parts, seconds=1.0, fps=10, seed=4), world_looks(*parts, 1.0, 10, 4)
+    for t, (ids, xy, forward, _) in enumerate(looks):
+        assert len(ids) == 20
+        np.testing.assert_allclose(xy, run.xy[run.of(t)], atol=1e-9)
+        np.testing.assert_allclose(forward, run.forward[run.of(t)], atol=1e-9)
+    with pytest.raises(ValueError, match="among walls"):
+        rollout(start, TRUTHS["zones"].params, *parts[2:], seconds=1.0, gates=object())
+
+
+def test_positions_and_parameters_are_inverse():
+    for kind in likelihoods().values():
+        x = np.linspace(0.1, 0.9, len(kind.numbers))
+        params = kind.behaviour.Params().model_copy(update=read(kind.numbers, x))
+        np.testing.assert_allclose(place(kind.numbers, params), x, atol=1e-12)
+
+
+def test_numbers_of_zones_come_with_their_errors_and_make_a_brush(tmp_path):
+    clip = evidence_of(tracks("zones")[:80, :20])
+    learned = learned_model([clip], "zones")
+    told = {one.name: one for one in estimates_of(learned)}
+    repulsion = told["repulsion"]
+    assert repulsion.identifiable and repulsion.value == pytest.approx(1.0, abs=0.2) and 0 < repulsion.error < 0.2
+    assert learned.params.wander > 0 and learned.theta.max() <= 1.0
+    path = flockbrush.save_brush(brush_of("shoal", learned, [clip], seed=0), tmp_path)
+    brush = flockbrush.load_brush(path)
+    assert brush.model == "zones" and brush.params == learned.params and "repulsion" in brush.provenance.notes
+    herd = flockbrush.plane(brush, 12, 0.5)
+    herd.run(32)
+    assert np.isfinite(herd.agents[Position.xyz]).all()
+
+
+@pytest.mark.slow
+def test_learning_with_auto_writes_the_table_into_the_report(tmp_path):
+    xy = tracks("zones")[:, :20]
+    found = flockbrush.learn(xy, unit="bl", fps=16, quick=True, model="auto", name="shoal", report=tmp_path / "r")
+    assert found.brush.model == "zones" and found.models.equal == ["zones"]
+    assert all(np.isfinite(row.distance) for row in found.models.rows)
+    assert found.parameter("repulsion").value == pytest.approx(1.0, abs=0.2)
+    page = (tmp_path / "r" / "report.html").read_text()
+    assert "Which model" in page and "body lengths" in page and found.models.sentence.split(":")[0] in page
+    figures = json.loads((tmp_path / "r" / "figures.json").read_text())
+    assert figures["models"]["chosen"] == "zones" and len(figures["models"]["rows"]) == 4
+    assert found.models.sentence in found.brush.provenance.notes
+    show_findings(found.findings)
+
+
+def test_what_cannot_be_learned_is_refused_in_a_sentence(tmp_path):
+    assert kinds_of_models() == ["boids", "herd", "topological", "zones"]
+    with pytest.raises(ProblemsError, match="no model 'zone' to learn; did you mean 'zones'"):
+        check_kind("zone")
+    with pytest.raises(ProblemsError, match="no model 'v_rules' to learn"):
+        flockbrush.learn(np.zeros((10, 3, 2)), unit="m", fps=10, model="v_rules")
+    clip = evidence_of(tracks("zones"))
+    assert problem_of([clip]) == ""
+    clip.fields.obstacle[2, 3] = True
+    assert "open ground" in problem_of([clip])
+
+
+def test_a_model_without_a_likelihood_is_fitted_by_simulation(monkeypatch):
+    from flockbrush.learning import model_fit
+
+    plain = behaviours()["zones"]
+    monkeypatch.setitem(behaviour_module._registry, "plain", plain.__class__(**{**vars(plain), "name": "plain"}))
+    monkeypatch.setattr(model_fit, "GENERATIONS", 1)
+    monkeypatch.setattr(model_fit, "SIZE", 4)
+    assert "plain" in kinds_of_models()
+    found = learned_model([evidence_of(tracks("zones")[:48, :10])], "plain", seed=1)
+    assert found.model == "plain" and set(found.names) >= {"repulsion", "orientation", "attraction"}
+    assert not found.identifiable.any() and found.loss[-1] <= found.loss[0]
+
+
+def test_the_sentence_names_what_is_told_apart_and_what_is_not():
+    params, vision = TRUTHS["zones"].params, VisionSpec(range=8.0)
+    rows = [
+        ModelRow("zones", "zones", vision, params, 1.5, 0.1),
+        ModelRow("herd", "herd", vision, params, 1.49, 0.1, 0.01, 0.02, False),
+        ModelRow("boids", "boids", vision, params, 1.2, 0.1, 0.3, 0.02, True),
+    ]
+    both = ModelComparison(rows, 1.0, 10)
+    assert both.sentence == "Not told apart: zones and herd; boids by 0.30 ± 0.02 (nats) behind."
+    assert both.chosen.name == "herd"
+    alone = ModelComparison([rows[0], rows[2]], 1.0, 10)
+    assert alone.sentence == (
+        "It moves by zones (whom it sees within 8 BL): the next step is likelier than by boids by 0.30 ± 0.02 (nats)."
+    )
+    assert len(table_of(alone).rows) == 2
+
+
+def test_the_confusion_table_counts_what_was_said():
+    rows = [
+        {"truth": "zones", "kind": "zones", "equal": ["zones"], "best": "zones"},
+        {"truth": "zones", "kind": "zones", "equal": ["herd", "zones"], "best": "herd"},
+        {"truth": "zones", "kind": "zones", "equal": ["boids"], "best": "boids"},
+    ]
+    assert confusion_of(rows).splitlines()[-1] == "| zones | 1 of 3 | 1 | 1 | zones 1, herd 1 |"
