@@ -17,7 +17,7 @@ import pytest
 from flockbrush.systems.measures import measures
 
 from flockbrush.cli.main import called
-from flockbrush.render.overlay_registry import OVERLAYS
+from flockbrush.render.overlay_registry import OVERLAYS, load_overlays
 
 HOUSE = Path(__file__).parents[1]
 sys.path.insert(0, str(HOUSE / "tests" / "behaviours"))  # the contract of models
@@ -86,6 +86,7 @@ RUN = [
 @pytest.mark.parametrize("path", RUN)
 def test_every_block_of_the_page_runs(path, reader, monkeypatch):
     session = {"__name__": "page"}
+    load_overlays()  # as above
     monkeypatch.setattr("flockbrush.render.overlay_registry.OVERLAYS", dict(OVERLAYS))
     monkeypatch.setattr("flockbrush.systems.measures._registry", dict(measures()))
     for language, text, line in blocks(path):

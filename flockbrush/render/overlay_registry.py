@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
 
-from flockbrush.engine.plugins import load_entry_points
+from flockbrush.engine.plugins import load_entry_points, load_modules
+from flockbrush.render import own_overlays
 from flockbrush.render.canvas import Canvas
 
 
@@ -34,6 +35,7 @@ class OverlayView(NamedTuple):
     world: Any
     theme: Any
     selected: int | None
+    unit: float  # pixels of a hairline: 1 at 1280 x 720, more on larger pictures
 
 
 EXPLAINED = frozenset({"forces", "field_of_view", "occlusion"})  # these show what `explain` says of an animal
@@ -57,13 +59,6 @@ OVERLAYS = {
         ),
         Overlay(
             "leaders", "Leaders", "Leaders ringed, and a line from each animal to its reference bird", in_space=True
-        ),
-        Overlay(
-            "saved",
-            "Power saved",
-            "What each bird of a line formation saves by flying in the upwash of others",
-            in_space=True,
-            looks_at_world=True,
         ),
         Overlay("density", "Density", "How crowded it is, in animals per square metre", below=True),
         Overlay(
@@ -106,5 +101,6 @@ def overlay(cls):
 
 @cache
 def load_overlays():
-    """Import what others have under the entry point group ``flockbrush.overlays``."""
+    """Import what lies in `flockbrush.render.own_overlays`, and what others have under ``flockbrush.overlays``."""
+    load_modules(own_overlays)
     load_entry_points("flockbrush.overlays")

@@ -13,7 +13,7 @@ from dataclasses import is_dataclass
 
 import numpy as np
 
-from flockbrush.components import Body, Destination, FormationPlace, Position
+from flockbrush.components import Body, Destination, Position
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_ground import Sketcher, placed
 from flockbrush.render.drawn_terrain import nice
@@ -36,7 +36,6 @@ from flockbrush.render.strokes import (
 from flockbrush.render.style import mix, rgb, scale_colours, theme_of
 from flockbrush.render.text import words
 from flockbrush.render.walkable_overlay import walkable_layer
-from flockbrush.runs.power_savings import savings_of
 from flockbrush.systems.explain import explain
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
@@ -47,10 +46,6 @@ INK = 100_000  # pixels of lines at most: beyond, only some animals show theirs
 LATTICE = 40  # pixels between two arrows of the navigation field
 DENSITY_CELL = 12  # pixels of a cell in which animals are counted
 REFRESH = 0.1  # s between two countings
-
-
-MOST_TOLD = 200  # birds whose savings are written beside them
-SAVES_MUCH, SAVES_LITTLE = rgb("#0f7a5a"), rgb("#b8721f")
 
 
 class AskedAbout:
@@ -131,8 +126,6 @@ class Overlays:
             self._links(frame, camera, moment, at, row)
         if "leaders" in shown:
             self._leaders(frame, camera, moment, at)
-        if "saved" in shown:
-            self._saved(frame, camera, moment, at)
         if row is not None:
             self._one(frame, camera, shown, moment, at, row)
         self._registered(frame, camera, shown, moment, selected, below=False)
@@ -141,7 +134,8 @@ class Overlays:
         """Those of others, in the order in which they were registered."""
         for name, known in OVERLAYS.items():
             if name in shown and known.draw is not None and known.below == below:
-                known.draw(OverlayView(Canvas(frame), camera, moment, self.world, self.theme, selected))
+                canvas = Canvas(frame, camera.view)
+                known.draw(OverlayView(canvas, camera, moment, self.world, self.theme, selected, self.unit))
 
     def _row(self, moment, selected):
         if selected is None or not len(moment):
@@ -444,22 +438,6 @@ class Overlays:
         text = f"{count:,} leader{'' if count == 1 else 's'} of {len(moment):,}"
         at = (camera.view[2] - 14 * u, camera.view[3] - 22 * u)
         canvas.words(text, at, round(13 * u), self.theme.ink, anchor=(1, 0.5), halo=self.theme.paper)
-
-    def _saved(self, frame, camera, moment, at):
-        """A per cent beside each bird in a formation, where there is room, and the mean in the corner."""
-        agents = self.world.agents
-        flying = np.flatnonzero(agents[FormationPlace.track].any(axis=1))
-        if not len(flying) or len(agents) != len(moment):
-            return
-        saved, canvas, u = savings_of(self.world), Canvas(frame, camera.view), self.unit
-        for row in flying if len(flying) <= MOST_TOLD else ():
-            beside = (at[row, 0] + max(9.0 * u, 0.9 * float(moment.length[row]) * camera.scale), at[row, 1])
-            ink = mix(SAVES_LITTLE, SAVES_MUCH, float(np.clip(saved[row] / 0.35, 0.0, 1.0)))
-            share = f"{100 * saved[row]:.0f} %"
-            canvas.words(share, beside, round(11 * u), ink, anchor=(0, 0.5), halo=self.theme.paper)
-        text = f"{100 * saved[flying].mean():.0f} % of induced power saved, mean of {len(flying):,}"
-        corner = (camera.view[2] - 14 * u, camera.view[3] - 40 * u)
-        canvas.words(text, corner, round(13 * u), self.theme.ink, anchor=(1, 0.5), halo=self.theme.paper)
 
     # the one --------------------------------------------------------------------------
 

@@ -12,13 +12,15 @@ from small_herd import box, brush, meadow, obstacle, put, spawn
 
 from flockbrush.render import Painter, Scenery
 from flockbrush.render.forces import arrows_of, place_names
-from flockbrush.render.overlays import OVERLAYS, Overlays
+from flockbrush.render.overlay_registry import OVERLAYS, load_overlays
+from flockbrush.render.overlays import Overlays
 from flockbrush.render.strokes import RAYS, count_in_cells, draw_arrow, draw_lines, how_far, links_of
 from flockbrush.runs.power_savings import savings_of
 from flockbrush.runs.run import start
 from flockbrush.runs.snapshots import moment_of
 
 SIZE = (480, 360)
+load_overlays()
 ALL = set(OVERLAYS)
 
 

@@ -1,0 +1,1 @@
+"""Overlays, one in a file; each registers itself (`flockbrush.render.overlay_registry.overlay`)."""
