@@ -9,7 +9,8 @@ what bears its weight together.
 
 Then it goes that far, along what it meets: nobody is inside a solid or under
 the ground after a step, whatever the model wished (`flockbrush.engine.solids.slide_`).
-Solids that move push whom they meet.
+Solids that move push whom they meet.  Nobody rises faster than its species climbs:
+before ground that rises faster a bird is turned aside.
 
 Damping towards one's own speed (`components.Speed.target`) instead of towards
 rest is ours: so the house's speed process, painted caps and sprints hold in
@@ -26,7 +27,7 @@ from flockbrush.behaviours.behaviour import Flight
 from flockbrush.components.agent import BY_ACCELERATION, BY_VELOCITY
 from flockbrush.engine.maths import atan2_, kernel_function, sincos_
 from flockbrush.engine.solid_queries import out_of_, slide_
-from flockbrush.systems.ground_height import height_of_ground
+from flockbrush.systems.ground_height import below, height_of_ground
 from numba import njit
 
 GRAVITY = 9.81  # m/s^2
@@ -98,10 +99,13 @@ def limited_turn(fx, fy, fz, gx, gy, gz, limit):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def fly(
-    lo, hi, order, dt, brush, flight, max_turn, length, radius, target, cap, kind, wished, wished_velocity, direction,
-    transit, solids, relief_cell, relief, width, depth, xyz, velocity, forward, up,
+    lo, hi, order, dt, brush, flight, max_turn, climb, length, radius, target, cap, kind, wished, wished_velocity,
+    direction, transit, solids, relief_cell, relief, width, depth, xyz, velocity, forward, up,
 ):  # fmt: skip
-    """One tick of flight for the rows of ``order[lo:hi]``: writes position, velocity, heading and up."""
+    """One tick of flight for the rows of ``order[lo:hi]``: writes position, velocity, heading and up.
+
+    ``climb`` (n,) m/s is the fastest that each rises.
+    """
     for o in range(lo, hi):
         i = order[o]
         b = brush[i]
@@ -133,7 +137,7 @@ def fly(
                 lift = weight * flight[b, LIFT] * speed * speed / max(target[i] * target[i], 1e-12)
                 ax, ay = ax + lift * up[i, 0], ay + lift * up[i, 1]
                 az += lift * up[i, 2] - weight * (1.0 - flight[b, BUOYANCY])
-            nx, ny, nz = vx + dt * ax, vy + dt * ay, vz + dt * az
+            nx, ny, nz = vx + dt * ax, vy + dt * ay, min(vz + dt * az, climb[i])
             if flight[b, GROUNDED]:
                 nz = 0.0
             gx, gy, gz = _unit(nx, ny, nz, fx, fy, fz)
@@ -147,6 +151,7 @@ def fly(
             least = flight[b, MIN_SPEED] * own if transit[i] == 0 else 0.0
             speed = min(max(speed, least), flight[b, MAX_SPEED] * own, cap[i])
             nx, ny, nz = speed * gx, speed * gy, speed * gz
+        nz = min(nz, climb[i])
         # what the bird feels: the change of its velocity across its way, and what bears its weight
         lx, ly, lz = (nx - vx) / dt, (ny - vy) / dt, (nz - vz) / dt
         ux, uy, uz = turned_without_roll(up[i, 0], up[i, 1], up[i, 2], fx, fy, fz, gx, gy, gz)
@@ -168,10 +173,10 @@ def fly(
             pz = low - w
         elif pz < low:
             touched = True
-            most = np.sqrt(nx * nx + ny * ny + nz * nz) * dt
-            if low - z > most + CLEAR:  # a cliff: up along it, no faster than it flies
-                px, py, low = x, y, max(z + most, height_of_ground(relief, relief_cell, x, y) + w)
-            pz = low
+            limit = max(z + climb[i] * dt, height_of_ground(relief, relief_cell, x, y) + w)
+            px, py = below(relief, relief_cell, x, y, px - x, py - y, limit - w)
+            low = height_of_ground(relief, relief_cell, px, py) + w
+            pz = max(pz, low)
             if len(solids.kind):  # lifted by the ground into something that hangs over it
                 free, qx, qy, qz = out_of_(solids, px, py, pz, w + CLEAR)
                 if qx != px or qy != py or qz < low:

@@ -59,3 +59,25 @@ def shorten_on_slopes(order, x, y, step, most, relief, cell, wrap, cut):
         cut[s] = share < 1.0
         if cut[s]:
             step[s, 0], step[s, 1] = share * step[s, 0], share * step[s, 1]
+
+
+@njit(cache=True, nogil=True)
+def below(relief, cell, x, y, dx, dy, limit):
+    """Where a step (dx, dy) ends that stays over ground no higher than ``limit``, m: along a slope, else cut short."""
+    if height_of_ground(relief, cell, x + dx, y + dy) <= limit:
+        return x + dx, y + dy
+    ex = height_of_ground(relief, cell, x + dx + cell, y + dy) - height_of_ground(relief, cell, x + dx - cell, y + dy)
+    ey = height_of_ground(relief, cell, x + dx, y + dy + cell) - height_of_ground(relief, cell, x + dx, y + dy - cell)
+    up = (dx * ex + dy * ey) / max(ex * ex + ey * ey, 1e-300)
+    if up > 0.0:
+        dx, dy = dx - up * ex, dy - up * ey
+    low, high = 0.0, 1.0
+    for again in range(24):
+        part = 1.0 if again == 0 else 0.5 * (low + high)
+        if height_of_ground(relief, cell, x + part * dx, y + part * dy) <= limit:
+            low = part
+            if again == 0:
+                break
+        else:
+            high = part
+    return x + low * dx, y + low * dy

@@ -102,9 +102,11 @@ def _walk(world, rows, max_turn, top):
 def _fly(world, near, max_turn, top):
     agents, land, palette = world.agents, world.resource(Landscape), world.resource(Palette)
     wrap, order = land.wrap or (0.0, 0.0), np.flatnonzero(near.aloft)
+    table, species = world.resource(SpeciesList).table, agents[Species.index]
+    climb = np.where(table.known[species], table.climb[species], np.inf)  # who is not described has no limits
     over_rows(
         fly, len(order), order, world.resource(Clock).dt, agents[BrushBinding.brush], palette.flight, max_turn,
-        agents[Body.length], agents[Body.radius], agents[Speed.target],
+        climb, agents[Body.length], agents[Body.radius], agents[Speed.target],
         np.minimum(agents[Ground.cap], top), agents[Thrust.kind],
         agents[Thrust.acceleration], agents[Thrust.velocity], agents[Wish.direction], agents[Transit.kind],
         in_the_way(agents, land.sky, near.aloft), land.relief_cell, land.relief, wrap[0], wrap[1],

@@ -1,6 +1,7 @@
-"""Clear terrain: who flies foresees the ground as any other obstacle, and climbs in time.
+"""Clear terrain: who flies foresees the ground as any other obstacle, and climbs or turns in time.
 
-It looks along the way the animal flies, as far as it needs to climb over what rises ahead.
+It looks along the way the animal flies.  What rises ahead it climbs over, slower where that is steep; where its
+slowest flight is too fast for that, it turns to the nearest way that it can climb, and climbs on the way.
 """
 
 from __future__ import annotations
@@ -8,11 +9,14 @@ from __future__ import annotations
 import numpy as np
 from flockbrush.behaviours.behaviour import quantity
 from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards
+from flockbrush.engine.maths import sincos_
 from flockbrush.engine.raster import bilinear_
 from numba import njit
 
 LOOKS = 12  # places along the way
 LANDING = 1
+SIDES, WIDEST = 9, np.pi  # ways to each side that are tried, and how far round, rad
+MARGIN = 0.9  # of its climb, that a way on which it turns may ask for
 
 
 class Params(DriveParameters):
@@ -24,36 +28,61 @@ class Params(DriveParameters):
 
 @drive("clear_terrain", Params, always=True)
 def clear_terrain(scene, rows, p):
-    """Climb as steeply as the ground ahead asks for; slow down where that is more than the wings can."""
+    """Climb as steeply as the ground ahead asks for; slow down, or turn, where that is more than the wings can."""
     bodies = scene.bodies
     if bodies is None or bodies.relief.shape[0] * bodies.relief.shape[1] <= 1 or not bodies.aloft[rows].any():
         return None
-    need = np.full(len(rows), -np.inf)
-    velocity = scene.velocity[rows]
-    _needed(rows, scene.xyz, scene.velocity, scene.length, bodies.relief, bodies.relief_cell, p.foresight, p.clearance,
-            need)  # fmt: skip
-    acts = bodies.aloft[rows] & (need > np.maximum(velocity[:, 2], 0.2)) & (bodies.transit[rows] != LANDING)
+    velocity, most = scene.velocity[rows], np.maximum(bodies.climb[rows], 0.1)
+    steering = bodies.aloft[rows] & (bodies.transit[rows] != LANDING)
+    need, wanted = np.full(len(rows), -np.inf), np.empty((len(rows), 3))
+    _way_over(
+        rows, steering, scene.xyz, velocity, scene.forward, p.clearance * scene.length, np.maximum(bodies.slowest, 0.0),
+        most, bodies.relief, bodies.relief_cell, p.foresight, need, wanted,
+    )  # fmt: skip
+    acts = steering & (need > np.maximum(velocity[:, 2], 0.2))
     if not acts.any():
         return None
-    most = np.maximum(bodies.climb[rows], 0.1)
-    wanted = velocity.copy()
-    wanted[:, 2] = np.minimum(need, most)
-    ease = np.clip(most / np.maximum(need, 1e-9), 0.0, 1.0)[:, None]  # slower, so that the climb is in time
-    size = np.maximum(np.sqrt((velocity[:, :2] ** 2).sum(axis=1)), 1e-9)
-    slowest = np.minimum(np.maximum(bodies.slowest[rows], 0.0) / size, 1.0)[:, None]
-    wanted[:, :2] *= np.maximum(ease, slowest)
     urgency = np.clip(0.4 + 0.6 * need / most, 0.0, 1.0) * acts
     return Urges(towards(velocity, wanted, bodies.acceleration[rows]), p.strength * urgency)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _needed(rows, xyz, velocity, length, relief, cell, foresight, clearance, need):
-    """m/s of climb that keeps each clear of the ground along its way."""
+def _way_over(
+    rows, steering, xyz, velocity, forward, clearance, slowest, most, relief, cell, foresight, need, wanted
+):  # fmt: skip
+    """m/s of climb that keeps each clear of the ground along its way, and the velocity that it should have."""
     height = relief[:, :, 0]
     for k in range(len(rows)):
+        if not steering[k]:
+            continue
         i = rows[k]
-        for look in range(1, LOOKS + 1):
-            t = foresight * look / LOOKS
-            x, y = xyz[i, 0] + t * velocity[i, 0], xyz[i, 1] + t * velocity[i, 1]
-            low = bilinear_(height, cell, x, y) + clearance * length[i]
-            need[k] = max(need[k], (low - xyz[i, 2]) / t)
+        vx, vy = velocity[k, 0], velocity[k, 1]
+        size = np.sqrt(vx * vx + vy * vy)
+        if size < 1e-6:
+            vx, vy, size = forward[i, 0], forward[i, 1], 1.0
+        fx, fy, reach, low = vx / size, vy / size, foresight * size, xyz[i, 2] - clearance[i]
+        steepness = _steepness(height, cell, xyz[i, 0], xyz[i, 1], fx, fy, low, reach)
+        need[k] = steepness * size
+        slow = min(max(slowest[i], size * most[k] / max(need[k], 1e-9)), size)
+        bx, by, best = fx, fy, steepness
+        if steepness * slow > most[k]:
+            for step in range(1, 2 * SIDES + 1):
+                side = 1.0 if step % 2 else -1.0
+                sine, cosine = sincos_(side * ((step + 1) // 2) * WIDEST / SIDES)
+                gx, gy = cosine * fx - sine * fy, sine * fx + cosine * fy
+                other = _steepness(height, cell, xyz[i, 0], xyz[i, 1], gx, gy, low, reach)
+                if other < best:
+                    bx, by, best = gx, gy, other
+                if best * slow <= MARGIN * most[k] and step % 2 == 0:
+                    break
+        wanted[k, 0], wanted[k, 1], wanted[k, 2] = slow * bx, slow * by, min(need[k], most[k])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _steepness(height, cell, x, y, fx, fy, z, reach):
+    """Rise per metre of way that clears the ground along a unit vector, as far as ``reach`` m."""
+    steepest = -np.inf
+    for look in range(1, LOOKS + 1):
+        far = reach * look / LOOKS
+        steepest = max(steepest, (bilinear_(height, cell, x + far * fx, y + far * fy) - z) / far)
+    return steepest

@@ -1,7 +1,9 @@
 """Land and take off: the way from one medium to another, when a brush of the other one is given on purpose.
 
 Landing is a glide along the heading at the sinking speed of the species, a flare in which the bird slows down as it
-comes near the ground, and a touchdown slower than its slowest flight; then it walks (`systems.binding`).  Taking off is
+comes near the ground, and a touchdown slower than its slowest flight; then it walks (`systems.binding`).  On a slope it
+sinks towards the ground below, and turns from downhill to along the slope: there the ground does not fall away.  Taking
+off is
 a run along the heading and a climb, until the bird is fast and high enough; then it goes on climbing beside what its
 brush wants, to the height at which its species flies, unless it is bound somewhere.
 """
@@ -11,10 +13,12 @@ from __future__ import annotations
 import numpy as np
 from flockbrush.behaviours.behaviour import air_of, quantity
 from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards
+from flockbrush.engine.raster import Raster
 
 LANDING, TAKING_OFF = 1, 2
 CLEAR = 8.0  # body lengths above the ground: so high a bird has taken off
 FLARE = 3.0  # m and 4 body lengths above the ground the glide becomes shallow
+STEEP = 0.1  # fall of the ground per metre of way from which it lands along the slope
 CREEP = 0.3  # m/s that a bird sinks at least
 
 
@@ -39,12 +43,13 @@ def land(scene, rows, p):
     bodies, velocity = scene.bodies, scene.velocity[rows]
     height, length = np.maximum(bodies.height[rows], 0.0), scene.length[rows]
     ahead, speed = _level(scene.forward[rows], velocity)
+    ahead, rise = _along_slopes(bodies, scene.xyz[rows], ahead)
     flare = FLARE + 4.0 * length
     sink = p.steepness * bodies.sink[rows] * np.clip(height / flare, 0.0, 1.0)
     least = 0.3 * bodies.slowest[rows]
     glide = least + (1.3 * bodies.slowest[rows] - least) * np.clip(height / flare, 0.0, 1.0)
     wanted = ahead * np.minimum(np.maximum(speed, least), glide)[:, None]
-    wanted[:, 2] = -np.maximum(sink, CREEP)
+    wanted[:, 2] = np.clip(rise * speed - np.maximum(sink, CREEP), -bodies.sink[rows], bodies.climb[rows])
     return Urges(towards(velocity, wanted, bodies.acceleration[rows]), p.strength * here)
 
 
@@ -64,6 +69,23 @@ def take_off(scene, rows, p):
     bound = air_of(scene).bound[rows] > 0
     urgency = np.where(up, np.where(bound, 0.0, 0.5), 1.0)
     return Urges(towards(velocity, wanted, bodies.acceleration[rows]), p.strength * urgency * here)
+
+
+def _along_slopes(bodies, xyz, ahead):
+    """((k, 3) level ways, turned from downhill to along the slope, (k,) rise of the ground per metre along them)."""
+    if bodies.relief.shape[0] * bodies.relief.shape[1] <= 1:
+        return ahead, np.zeros(len(ahead))
+    slope = Raster(bodies.relief_cell, bodies.relief[..., 1:]).sample(xyz[:, :2])
+    steepness = np.maximum(np.sqrt((slope**2).sum(axis=1)), 1e-12)[:, None]
+    up = slope / steepness
+    across = np.column_stack([-up[:, 1], up[:, 0]])
+    along = np.where((ahead[:, :2] * across).sum(axis=1) < 0.0, -1.0, 1.0)[:, None] * across
+    down = np.maximum(-(ahead[:, :2] * up).sum(axis=1), 0.0)[:, None]
+    share = np.minimum(down * steepness / STEEP, 1.0)  # of the way from where it heads to along the slope
+    mixed = (1.0 - share) * ahead[:, :2] + share * along
+    mixed = mixed / np.maximum(np.sqrt((mixed**2).sum(axis=1)), 1e-12)[:, None]
+    turned = np.column_stack([mixed, np.zeros(len(mixed))])
+    return turned, (slope * mixed).sum(axis=1)
 
 
 def _in(scene, rows, transit):

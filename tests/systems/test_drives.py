@@ -7,6 +7,7 @@ from flockbrush.behaviours.species import SpeciesLibrary, shipped_species
 from flockbrush.components import Heading, Position, Speed, Thrust, Urge, Velocity, Wish
 from flockbrush.engine.raster import Raster
 from flockbrush.systems.allocation import asked
+from flockbrush.systems.commands import Migrate
 from flockbrush.systems.fauna import SpeciesList
 from small_herd import box, brush, meadow, obstacle, put, put_aloft, straight, xy_of
 
@@ -95,22 +96,23 @@ def test_who_foresees_a_wall_goes_round_it_and_who_does_not_touches_it():
 
 
 @pytest.mark.parametrize("model", ["line_formation", "boids", "v_rules"])
-def test_birds_meet_a_cliff_and_are_not_faster_than_they_can(model):
-    heights = np.zeros((40, 40))
+def test_birds_bound_beyond_a_cliff_climb_over_it_as_fast_as_they_can_and_no_faster(model):
+    heights, goose = np.zeros((40, 40)), shipped_species().get("goose").fly
     heights[:, 20:] = 80.0
     more = {"min_speed": 2.0} if model == "boids" else {}
     simulation = meadow(brush("fly", model, **GOOSE, **more), height_map=Raster(10.0, heights), width=400, height=400)
-    put_aloft(simulation, [(30, 200 + 3 * k, 20.0) for k in range(4)], species="goose")
-    fastest = 0.0
-    for _ in range(32 * 40):
+    put_aloft(simulation, [(30, 200 + 3 * k, 20.0) for k in range(3)], species="goose")
+    simulation.submit(Migrate(x=350.0, y=200.0, z=95.0))
+    xyz, rises, fastest = simulation.agents[Position.xyz], 0.0, 0.0
+    while simulation.clock.now < 90 and xyz[:, 0].min() < 220:
         simulation.tick()
+        xyz = simulation.agents[Position.xyz]
+        rises = max(rises, simulation.agents[Velocity.xyz][:, 2].max())
         fastest = max(fastest, speeds(simulation).max())
-        low = simulation.agents[Position.xyz][:, 2]
-        assert (low >= -1e-9).all()
-    assert fastest <= 40.0
-    over = simulation.agents[Position.xyz]
-    assert (over[:, 0] > 230).any() or model == "boids"  # a flock without a place to go may turn back
-    assert (over[over[:, 0] > 210, 2] >= 80.0 - 1e-6).all()
+        assert (xyz[:, 2] >= -1e-9).all() and (xyz[xyz[:, 0] > 205, 2] >= 80.0 - 1e-6).all()
+    assert xyz[:, 0].min() >= 220  # all are over it
+    assert rises == pytest.approx(goose.climb, rel=0.02) and fastest <= goose.speed
+    assert simulation.clock.now > 60 / goose.climb  # they had so far to climb
 
 
 def test_birds_that_foresee_a_slope_climb_before_they_touch_it():

@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.species import shipped_species
-from flockbrush.components import Position, Velocity
+from flockbrush.components import BrushBinding, Position, Velocity
 from flockbrush.engine.raster import Raster
 from flockbrush.levels.build import build
 from flockbrush.levels.schema import Goal
+from flockbrush.systems.commands import SwitchBrush
 from flockbrush.systems.hill_marching import STEEPEST
+from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.navigation import goal_field
+from flockbrush.systems.palette import Palette
 from flockbrush.systems.terrain import slope_factor_
 from small_herd import box, level, spawn, xy_of
 
@@ -96,3 +99,33 @@ def test_a_crowd_that_streams_over_an_edge_is_nowhere_faster_than_its_species(up
         scene.tick()
         fastest = max(fastest, np.linalg.norm(scene.agents[Velocity.xyz], axis=1).max())
     assert 0.5 < fastest <= 1.01 * top + 1e-9
+
+
+@pytest.mark.parametrize("rise", [-0.6, -0.1, 0.6])
+@pytest.mark.parametrize(("brush", "species"), [("starlings", "starling"), ("skein", "goose")])
+def test_birds_land_on_slopes_that_they_fly_down_or_up(rise, brush, species):
+    height = rise * (np.arange(200) + 0.5)[None, :].repeat(200, 0) * 5.0
+    birds = spawn(box(300, 480, 320, 500), brush, 3, species=species, altitude=20.0)
+    there = spawn(box(0, 0, 1, 1), "rest", 0, species=species, id=2)
+    ground = level(1000, 1000, "open", 5.0, spawns=[birds, there], height_map=Raster(5.0, height - height.min()))
+    scene = build(ground, 1, library=shipped())
+    scene.run(32)
+    scene.submit(SwitchBrush("rest"))
+    limits = shipped_species().get(species).fly
+    while scene.clock.now < 30 and flying(scene).any():
+        scene.tick()
+        assert above(scene).min() > -1e-9 and scene.agents[Velocity.xyz][:, 2].max() < limits.climb + 1e-9
+    assert not flying(scene).any()
+    scene.run(48)
+    assert above(scene).max() < 1e-6  # on their feet
+
+
+def above(scene):
+    """(n,) m above the ground."""
+    land = scene.world.resource(Landscape)
+    return scene.agents[Position.xyz][:, 2] - [land.ground(xy) for xy in xy_of(scene)]
+
+
+def flying(scene):
+    """(n,) bool, who has a brush of the air."""
+    return scene.world.resource(Palette).flies_free[scene.agents[BrushBinding.brush]]
