@@ -2,7 +2,9 @@
 
 The example's shapes are built again with as many birds as wanted (step 1), their savings give each bird a range of
 shares (step 2), shares drawn from the ranges give key shapes (step 3), and a curve through the key shapes gives the
-flight (step 4).  Key shapes are drawn as the flight goes on, so it need not end.
+flight (step 4).  Key shapes are drawn as the flight goes on, so it need not end.  A flight is made of chapters of
+`CHAPTER` seconds; each begins and ends with a shape of step 1, in the order of the example's frames, so that a look at
+any time draws the key shapes of two chapters at most.
 
 What the paper leaves open and what is settled here:
 
@@ -37,6 +39,8 @@ from flockbrush.engine.problems import Problem, ProblemsError
 NEAREST = 0.9  # wingspans: drawn lateral distances are at least this, out of one another's downwash
 WAYS = 1.0, 0.7, 0.4, 0.2  # parts of the way to a key shape that are tried
 IN_FRONT = 0.05  # wingspans by which the leader leads at least
+CHAPTER = 60.0  # s of a chapter, at least
+MANY = 4096  # key shapes of a chapter, at most: a number for each draw
 
 
 @dataclass(frozen=True)
@@ -143,7 +147,9 @@ class SteadyFlight:
         shares = np.array([relative_power(y, self.spacing) for y in shapes])
         eps = self.drawing.epsilon
         self.low, self.high = (1 - eps) * shares.min(axis=0), (1 + eps) * shares.max(axis=0)
-        self._keys, self._shares, self._times = [shapes[0]], [shares[0]], [0.0]
+        self.shares = shares
+        self.chapter = max(CHAPTER, 1.5 * max(self.pause(a, b) for a, b in zip(shapes, _next(shapes), strict=True)))
+        self._chapters: dict[int, Chapter] = {}
 
     def __len__(self):
         return len(self.x)
@@ -171,32 +177,34 @@ class SteadyFlight:
 
     # step 3 -----------------------------------------------------------------------------
 
-    def key(self, k):
-        """The k-th key shape: y, wingspans ahead of the leader, (n,)."""
-        while len(self._keys) <= k:
-            self._draw()
-        return self._keys[k]
+    def pause(self, a, b):
+        """s from one shape (n,) to another: monotone curves go at most at twice their mean speed."""
+        return max(self.drawing.least_time, 2.0 * float(np.abs(b - a).max()) / self.drawing.drift)
 
-    def _draw(self):
-        """One more key shape (eq. 2, projected; eq. 3; eq. 4)."""
-        how, at, last = self.drawing, len(self._keys), self._keys[-1]
-        low, high = (
-            np.maximum(self.low, how.less * self._shares[-1]),
-            np.minimum(self.high, how.more * self._shares[-1]),
-        )
+    def key(self, k):
+        """The k-th key shape of the first chapter: y, wingspans ahead of the leader, (n,)."""
+        return self._chapter(0).key(k)
+
+    def _chapter(self, number):
+        if number not in self._chapters:
+            if len(self._chapters) > 2:  # somebody looks at frames in turn
+                del self._chapters[next(iter(self._chapters))]
+            self._chapters[number] = Chapter(self, number)
+        return self._chapters[number]
+
+    def drawn(self, at, last, before):
+        """A key shape (eqs. 2 to 4, eq. 2 projected) after the shape ``last`` of shares ``before``, and its shares."""
+        how = self.drawing
+        low, high = np.maximum(self.low, how.less * before), np.minimum(self.high, how.more * before)
         chance = self.noise.uniform("formation key", at, np.arange(len(self.x)))[:, 0]
         try:
             share = project(low + chance * (high - low), low, high)
-            y = self._shape(share, last)
+            return self._shape(share, last), share
         except (NoShape, ValueError):
             message = (
                 f"no shape saves the shares of power that this one does; allow more than epsilon = {how.epsilon:g}"
             )
             raise _wrong(self.formation, message) from None
-        self._keys.append(y)
-        self._shares.append(share)
-        pause = 2.0 * np.abs(y - last).max() / how.drift  # monotone curves go at most at twice their mean speed
-        self._times.append(self._times[-1] + max(how.least_time, pause))
 
     def _shape(self, share, last):
         """The key shape of these shares, nobody before the leader; or as much of the way there as keeps the ranges."""
@@ -230,16 +238,8 @@ class SteadyFlight:
         """Where the birds fly at a time in seconds: y, wingspans ahead of the leader, (n,)."""
         if not time >= 0:
             raise ValueError(f"a flight begins at 0 s, got {time}")
-        while self._times[-1] <= time:
-            self._draw()
-        k = int(np.searchsorted(self._times, time, side="right")) - 1
-        self.key(k + 2)
-        keys, times = self._keys, self._times
-        gap = times[k + 1] - times[k]
-        rise = (keys[k + 1] - keys[k]) / gap
-        before = (keys[k] - keys[k - 1]) / (times[k] - times[k - 1]) if k else np.zeros_like(rise)
-        after = (keys[k + 2] - keys[k + 1]) / (times[k + 2] - times[k + 1])
-        return _hermite((time - times[k]) / gap, gap, keys[k], keys[k + 1], _gentle(before, rise), _gentle(rise, after))
+        number, since = divmod(time, self.chapter)
+        return self._chapter(int(number)).at(since)
 
     def frames(self, count, fps=25.0):
         """The first ``count`` frames: (count, n, 2), wingspans, the leader at the origin."""
@@ -266,6 +266,52 @@ class SteadyFlight:
             "fastest": float(speed),
             "leader_in_front": float((frames[:, :, 1].argmax(axis=1) == self.left).mean()),
         }
+
+
+class Chapter:
+    """A part of a flight: from the step-1 shape of one frame of the example to that of the next, by key shapes."""
+
+    def __init__(self, flight: SteadyFlight, number: int):
+        frames = len(flight.initial)
+        self.flight, self.number = flight, number
+        self.keys, self.times = [flight.initial[number % frames]], [0.0]
+        self.end, self.share = flight.initial[(number + 1) % frames], flight.shares[number % frames]
+
+    def key(self, k):
+        """The k-th key shape; the last one where there are fewer."""
+        while len(self.keys) <= k and self.times[-1] < self.flight.chapter:
+            self._draw()
+        return self.keys[min(k, len(self.keys) - 1)]
+
+    def _draw(self):
+        """One more key shape; the last as soon as there is time for no other."""
+        flight, last, now = self.flight, self.keys[-1], self.times[-1]
+        y, share = flight.drawn(self.number * MANY + len(self.keys), last, self.share)
+        then = now + flight.pause(last, y)
+        if then + flight.pause(y, self.end) > flight.chapter:
+            y, then = self.end, flight.chapter
+        self.keys.append(y)
+        self.times.append(then)
+        self.share = share
+
+    def at(self, time):
+        """Where the birds fly ``time`` s after the chapter began: y, wingspans ahead of the leader, (n,)."""
+        while self.times[-1] <= time:
+            self._draw()
+        keys, times = self.keys, self.times
+        k = int(np.searchsorted(times, time, side="right")) - 1
+        self.key(k + 2)
+        gap = times[k + 1] - times[k]
+        rise = (keys[k + 1] - keys[k]) / gap
+        rest = np.zeros_like(rise)  # at the ends of a chapter
+        before = (keys[k] - keys[k - 1]) / (times[k] - times[k - 1]) if k else rest
+        after = (keys[k + 2] - keys[k + 1]) / (times[k + 2] - times[k + 1]) if k + 2 < len(keys) else rest
+        return _hermite((time - times[k]) / gap, gap, keys[k], keys[k + 1], _gentle(before, rise), _gentle(rise, after))
+
+
+def _next(shapes):
+    """The shape after each, the first after the last."""
+    return [*shapes[1:], shapes[0]]
 
 
 def _wrong(formation, message):

@@ -228,3 +228,24 @@ def test_a_formation_file_is_refused_by_what_is_wrong_with_it(changes, words):
     with pytest.raises(ProblemsError) as caught:
         read_formation(odd_formation(**changes), "odd.json")
     assert str(caught.value).startswith("odd.json: frames[0]: ") and words in str(caught.value)
+
+
+def test_a_look_far_into_a_flight_draws_no_more_than_a_chapter():
+    far, near = SteadyFlight(movie("V", 9), 9, seed=4), SteadyFlight(movie("V", 9), 9, seed=4)
+    near.at(0.9 * near.chapter)
+    drawn = []
+    draw = far.drawn
+    far.drawn = lambda *told: drawn.append(told[0]) or draw(*told)
+    far.at(1000.9 * far.chapter)
+    assert 0 < len(drawn) <= 1.5 * len(near._chapters[0].keys) + 4
+
+
+def test_a_flight_comes_by_the_shapes_of_all_frames_of_the_example_in_their_order():
+    flight = SteadyFlight(movie("J", 9, frames=4), 11, seed=4)
+    assert len({y.tobytes() for y in flight.initial}) == 4
+    for k, y in enumerate([*flight.initial, flight.initial[0]]):
+        assert flight.at(k * flight.chapter) == pytest.approx(y, abs=1e-12)
+    time = np.linspace(0.0, 4.5 * flight.chapter, 600)
+    y = np.array([flight.at(t) for t in time])
+    assert np.abs(np.diff(y, axis=0)).max() <= 0.4 * (time[1] - time[0]) + 1e-9
+    assert flight.report(np.stack([np.broadcast_to(flight.x, y.shape), y], -1))["outside"] < 0.01
