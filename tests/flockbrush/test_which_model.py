@@ -15,12 +15,12 @@ import flockbrush
 from benchmarks.learning_models import evidence_of, tracks_of, truths
 from benchmarks.learning_models import table_of as confusion_of
 from flockbrush.learning.confounding import estimates_of
-from flockbrush.learning.learn_tables import show_findings
 from flockbrush.learning.learned_brush import brush_of
 from flockbrush.learning.likelihood import likelihoods, place, read
-from flockbrush.learning.model_choice import check_kind, table_of
+from flockbrush.learning.model_choice import add_models, as_json, check_kind, table_of
 from flockbrush.learning.model_fit import kinds_of_models, learned_model
 from flockbrush.learning.next_step import NextSteps
+from flockbrush.learning.page import ReportPage
 from flockbrush.learning.perceive import perceive
 from flockbrush.learning.rollout import HerdStart, rollout, theta_of
 from flockbrush.learning.turns import predicted, thinned, turns_of
@@ -117,21 +117,6 @@ def test_numbers_of_zones_come_with_their_errors_and_make_a_brush(tmp_path):
     assert np.isfinite(herd.agents[Position.xyz]).all()
 
 
-@pytest.mark.slow
-def test_learning_with_auto_writes_the_table_into_the_report(tmp_path):
-    xy = tracks("zones")[:, :20]
-    found = flockbrush.learn(xy, unit="bl", fps=16, quick=True, model="auto", name="shoal", report=tmp_path / "r")
-    assert found.brush.model == "zones" and found.models.equal == ["zones"]
-    assert all(np.isfinite(row.distance) for row in found.models.rows)
-    assert found.parameter("repulsion").value == pytest.approx(1.0, abs=0.2)
-    page = (tmp_path / "r" / "report.html").read_text()
-    assert "Which model" in page and "body lengths" in page and found.models.sentence.split(":")[0] in page
-    figures = json.loads((tmp_path / "r" / "figures.json").read_text())
-    assert figures["models"]["chosen"] == "zones" and len(figures["models"]["rows"]) == 4
-    assert found.models.sentence in found.brush.provenance.notes
-    show_findings(found.findings)
-
-
 def test_what_cannot_be_learned_is_refused_in_a_sentence(tmp_path):
     assert kinds_of_models() == ["boids", "herd", "topological", "zones"]
     with pytest.raises(ProblemsError, match="no model 'zone' to learn; did you mean 'zones'"):
@@ -172,6 +157,11 @@ def test_the_sentence_names_what_is_told_apart_and_what_is_not():
         "It moves by zones (whom it sees within 8 BL): the next step is likelier than by boids by 0.30 ± 0.02 (nats)."
     )
     assert len(table_of(alone).rows) == 2
+    told = json.loads(json.dumps(as_json(both)))
+    assert told["chosen"] == "herd" and told["equal"] == ["zones", "herd"] and told["rows"][2]["told_apart"]
+    page = ReportPage("a page")
+    add_models(page, both)
+    assert both.sentence in page.text() and "whom it sees within 8 BL" in page.text()
 
 
 def test_the_confusion_table_counts_what_was_said():
