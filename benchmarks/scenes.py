@@ -1,14 +1,16 @@
-"""Do the papers' scenes work?  ``python benchmarks/scenes.py anthill|river|mills --seeds 9001:9020``.
+"""Do the papers' scenes work?  ``python benchmarks/scenes.py anthill|river|mills|lines --seeds 9001:9020``.
 
 anthill (Gong et al. 2025, fig. 17): the share of ants that go at least half round the square in 120 s, and the mean
 rotation about it from 60 s on; a seed passes with .8 and .5.  river (fig. 8): milling after 90 s, the mean of the last
 5 s; a seed passes with .8.  mills: the river with the hollow and the filled mill, 50 to 800 ducks; the map grows with
-them.
+them.  lines: the front and the lanes for 90 s on a plane, 50, 200 and 800 animals; a seed passes when the means from
+60 s on are in the bands of ``bands.json``.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,9 @@ from flockbrush.levels.build import build
 from flockbrush.levels.reader import read_level
 
 from flockbrush.runs.run import start
+
+sys.path.insert(0, str(Path(__file__).parent.parent))  # the repository, when run as a program
+from benchmarks.brush_bands import outside, stated, watch
 
 MIDDLE = np.array([7.0, 9.0])  # m, of the ant hill
 
@@ -59,18 +64,27 @@ def river(seed, brush="mill-filled", ducks=None):
     return (found,), found >= 0.8
 
 
+def lines(seed, brush, animals):
+    """The measures that the brush has bands for, and whether all are in band from 60 to 90 s."""
+    plan = stated()[brush]
+    seen = watch(shipped().get(brush), plan["scene"], animals, seed)
+    return tuple(seen[name] for name in plan["bands"]), not outside(seen, plan["bands"])
+
+
 SCENES = {"anthill": (anthill, "half round, rotation"), "river": (river, "milling at 90 s")}
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scene", choices=[*SCENES, "mills"])
+    parser.add_argument("scene", choices=[*SCENES, "mills", "lines"])
     parser.add_argument("--seeds", default="9001:9020", help="first:last")
     told = parser.parse_args()
     first, last = map(int, told.seeds.split(":"))
-    if told.scene != "mills":
+    if told.scene in SCENES:
         measure, words = SCENES[told.scene]
         return judge(told.scene, words, measure, first, last)
+    if told.scene == "lines":
+        return judge_lines(first, last)
     for brush in ("mill-filled", "mill-hollow"):
         for ducks in (50, 100, 200, 400, 800):
             judge(
@@ -80,6 +94,14 @@ def main():
                 first,
                 last,
             )
+
+
+def judge_lines(first, last):
+    """The front and the lanes at every size."""
+    for animals in (50, 200, 800):
+        for brush in ("front", "lanes"):
+            words = ", ".join(stated()[brush]["bands"])
+            judge(f"{brush}, {animals} animals", words, lambda s, b=brush, n=animals: lines(s, b, n), first, last)
 
 
 def judge(name, words, measure, first, last):
