@@ -101,7 +101,7 @@ class Clip:
                 yield place[number], _smaller(picture, self.size)
 
 
-def open_clip(path, frames: tuple[int | None, int | None] | None = None, say: Say = silent) -> Clip:
+def open_clip(path, frames: tuple[int | None, int | None] | None = None, say: Say = silent, work: int = WORK) -> Clip:
     """A film or a photograph, looked through once.
 
     Parameters
@@ -112,6 +112,8 @@ def open_clip(path, frames: tuple[int | None, int | None] | None = None, say: Sa
         Numbers of the frames to use, both included; None is the clip's own end.
     say : callable
         Is told of progress.
+    work : int
+        Pixels of the longer side that pictures are made smaller to.
 
     Raises
     ------
@@ -122,8 +124,8 @@ def open_clip(path, frames: tuple[int | None, int | None] | None = None, say: Sa
     raw_sha = _sha256(name, path)
     photo = _photo(name, path)
     if photo is not None:
-        return _photograph(name, path, raw_sha, photo, frames)
-    look = _look_through(name, path, frames, say)
+        return _photograph(name, path, raw_sha, photo, frames, work)
+    look = _look_through(name, path, frames, say, work)
     if len(look.numbers) == 1:
         note = "it has one frame alone: how densely the animals stand is known, and nothing of how they move"
         return Clip(path, name, raw_sha, look.size, look.full, FPS, look.numbers, look.times, True, look.notes + [note],
@@ -159,11 +161,11 @@ def _photo(name, path):
         raise CannotObserve(name, error.problems[0].message, _of_file(path)) from None
 
 
-def _photograph(name, path, sha256, picture, frames):
+def _photograph(name, path, sha256, picture, frames, work):
     if _bounds(name, frames)[0] > 0:
         raise CannotObserve(name, "is one picture, its frame has the number 0; leave --frames out")
     full = picture.shape[1::-1]
-    size = work_size(full)
+    size = work_size(full, work)
     notes = ["it is a photograph: how densely the animals stand is known, and nothing of how they move"]
     kept = {0: _smaller(picture, size)}
     return Clip(
@@ -251,7 +253,7 @@ class _Look:
         return same
 
 
-def _look_through(name, path, frames, say):
+def _look_through(name, path, frames, say, work):
     first, last = _bounds(name, frames)
     numbers, times, thumbs, kept, room, number = [], [], [], {}, KEEP, -1
     with _Film(name, path) as film:
@@ -260,7 +262,7 @@ def _look_through(name, path, frames, say):
             if number < first:
                 continue
             full = picture.shape[1::-1]
-            size = work_size(full)
+            size = work_size(full, work)
             small = _smaller(picture, size)
             numbers.append(number)
             times.append(time)
@@ -404,9 +406,9 @@ def _nearest(times, moments):
 # sizes -----------------------------------------------------------------------------------
 
 
-def work_size(full) -> tuple[int, int]:
+def work_size(full, work=WORK) -> tuple[int, int]:
     """Width and height that a picture is worked on in, px."""
-    return (int(full[0]), int(full[1])) if max(full) <= WORK else _fit(full, WORK)
+    return (int(full[0]), int(full[1])) if max(full) <= work else _fit(full, work)
 
 
 def _fit(size, longer):

@@ -13,18 +13,17 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from numba import njit
 from scipy.ndimage import gaussian_filter
 
 from flockbrush.film import stones
-from flockbrush.film.camera_maps import Steady, after, moved_by
+from flockbrush.film.camera_maps import Steady, after, back, moved_by
+from flockbrush.film.colour_table import LEVELS, colours_at_home, index_of, lab_of_table, looked_up, valley
+from flockbrush.film.ground_lines import lines_and_faces, without_lines
 from flockbrush.film.observations import CannotObserve
 
 SAMPLES = 15  # pictures from which the ground is made
 SIDE = 400  # px, the longer side of pictures while colours are learned
-LEVELS, SHIFT = 32, 3  # of red, green and blue in the table; bits of 256 levels that it forgets
 CONTRAST, NOISE = 14.0, 5.0  # grey levels; robust deviations: what differs more from the ground is something else
-AT_HOME = 3.0, 10.0  # times as common among what moves as elsewhere: an animal's colour, least and most
 STILL = 2e-4  # share of the pictures that differs from the ground, below which nothing moves
 SHADE = 0.3, 0.92  # a shadow leaves this share of the ground's light
 GHOST = 3.0  # times as common on the still ground as the colour that the ground's picture has there
@@ -82,16 +81,31 @@ class BodyColours:
     notes: list[str] = field(default_factory=list)
     bright: tuple[int, int, int] | None = None  # red, green, blue of what stands out most of them
     stones: np.ndarray | None = None  # (h, w) uint8 on the ground's picture: see `find_stones`
+    lines: np.ndarray | None = None  # (h, w) uint8 on the first picture: see `find_lines`
 
     def mask(self, k: int, picture) -> np.ndarray:
         """(h, w) uint8, 1 where the k-th picture shows animals."""
         if self.ground is not None:
             picture = exposed(picture, self.exposure(k, picture))
         smooth = cv2.GaussianBlur(picture, (3, 3), 0)
-        found = _looked_up(smooth, self.table)
+        found = looked_up(smooth, self.table)
         if self.stones is not None:
             self._leave_out_stones(k, smooth, found)
-        return cv2.medianBlur(found, 3)
+        found = cv2.medianBlur(found, 3)
+        if self.lines is None:
+            return found
+        way, flags = back(self.maps[k]), cv2.INTER_NEAREST
+        return without_lines(found, cv2.warpAffine(self.lines, way, found.shape[::-1], flags=flags))
+
+    def find_lines(self, masks, pictures, size) -> bool:
+        """Look for lines and plain faces of the ground in colours of animals; whether there are any.
+
+        ``masks`` and ``pictures`` are by number of the picture; see `flockbrush.film.ground_lines`.
+        """
+        shape = next(iter(masks.values())).shape[::-1]
+        laid = [cv2.warpAffine(mask, self.maps[k], shape, flags=cv2.INTER_NEAREST) for k, mask in masks.items()]
+        self.lines = lines_and_faces(laid, [pictures[min(pictures)]], size)
+        return self.lines is not None
 
     def find_stones(self, area: float) -> bool:
         """Look for what has colours of animals but belongs to the ground; whether there is any.
@@ -156,30 +170,6 @@ def exposed(picture, change):
     return cv2.LUT(picture, tables.reshape(256, 1, 3))
 
 
-@njit(cache=True, nogil=True)
-def _index(picture):
-    """Row of the table for every pixel of a picture, (h, w, 3) -> (h, w)."""
-    h, w = picture.shape[:2]
-    rows = np.empty((h, w), np.int32)
-    for y in range(h):
-        for x in range(w):
-            b, g, r = picture[y, x, 0], picture[y, x, 1], picture[y, x, 2]
-            rows[y, x] = ((b >> SHIFT) * LEVELS + (g >> SHIFT)) * LEVELS + (r >> SHIFT)
-    return rows
-
-
-@njit(cache=True, nogil=True)
-def _looked_up(picture, table):
-    """What the table says of every pixel, (h, w, 3) -> (h, w) uint8."""
-    h, w = picture.shape[:2]
-    found = np.empty((h, w), np.uint8)
-    for y in range(h):
-        for x in range(w):
-            b, g, r = picture[y, x, 0], picture[y, x, 1], picture[y, x, 2]
-            found[y, x] = table[((b >> SHIFT) * LEVELS + (g >> SHIFT)) * LEVELS + (r >> SHIFT)]
-    return found
-
-
 # the ground ------------------------------------------------------------------------------
 
 
@@ -209,7 +199,7 @@ def ground_of(clip, steady: Steady) -> _Samples:
     middle = _median(pictures, known)
     for picture, there in zip(pictures, known, strict=True):
         picture[:] = exposed(picture, _gain_of_small(picture, middle, there))
-    index = np.array([_index(picture) for picture in pictures])
+    index = np.array([index_of(picture) for picture in pictures])
     return _Samples(
         ClipGround(_median(pictures, known), from_first, np.logical_or.reduce(known)), pictures, known, index
     )
@@ -300,30 +290,12 @@ def _check(clip, found, samples, colour):
 
 def _given(samples, steady, colour):
     """Colours near the one that a person gave: nearer than the ground, by the valley between the two."""
-    lab = _lab_of_table()
+    lab = lab_of_table()
     target = cv2.cvtColor(np.uint8([[colour[::-1]]]), cv2.COLOR_BGR2LAB)[0, 0].astype(np.float32)
     away = np.linalg.norm(lab - target, axis=1)
     counts = np.bincount(samples.index[samples.known], minlength=LEVELS**3)
-    limit = float(np.clip(_valley(away, counts), 12, FAR))
+    limit = float(np.clip(valley(away, counts), 12, FAR))
     return BodyColours((away < limit).astype(np.uint8), samples.ground, steady.maps, tuple(int(c) for c in colour))
-
-
-def _valley(away, counts):
-    """Otsu's limit between near and far colours, by distance."""
-    weight, edges = np.histogram(away, bins=128, range=(0, 256), weights=counts)
-    share = np.cumsum(weight) / max(weight.sum(), 1)
-    middle = (edges[:-1] + edges[1:]) / 2
-    mean = np.cumsum(weight * middle) / max(weight.sum(), 1)
-    between = (mean[-1] * share - mean) ** 2 / np.maximum(share * (1 - share), 1e-9)
-    return edges[1 + int(np.argmax(between))]
-
-
-def _lab_of_table():
-    """(LEVELS ** 3, 3) the middle of each colour of the table, Lab in grey levels."""
-    step = 256 // LEVELS
-    levels = np.arange(LEVELS, dtype=np.uint8) * step + step // 2
-    bgr = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), -1).reshape(-1, 1, 3)
-    return cv2.cvtColor(bgr, cv2.COLOR_BGR2LAB).reshape(-1, 3).astype(np.float32)
 
 
 def found_colours(clip, samples, steady) -> BodyColours:
@@ -346,8 +318,8 @@ def found_colours(clip, samples, steady) -> BodyColours:
         )  # fmt: skip
     ghosts = _ghosts(samples, moving)
     bodies, notes = _without_shadows(moving & ~ghosts, shade, lighter)
-    table = _at_home(samples, bodies, samples.known & ~moving)
-    table = _at_home(samples, *_again(samples, table, moving))
+    table = colours_at_home(samples.index, bodies, samples.known & ~moving)
+    table = colours_at_home(samples.index, *_again(samples, table, moving))
     coloured = table[samples.index].astype(bool) & samples.known
     bright = stones.bright_colour(
         samples.pictures, samples.ground.picture, coloured, _still_patches(samples.ground, table)
@@ -363,7 +335,7 @@ def _ghosts(samples, moving):
     """
     still = np.bincount(samples.index[samples.known & ~moving], minlength=LEVELS**3).astype(float)
     common = gaussian_filter(still.reshape([LEVELS] * 3), 0.8).ravel()
-    return moving & (common[samples.index] > GHOST * common[_index(samples.ground.picture)])
+    return moving & (common[samples.index] > GHOST * common[index_of(samples.ground.picture)])
 
 
 def _without_shadows(moving, shade, lighter):
@@ -406,27 +378,6 @@ def _shaded(colours, ground):
     return (light > SHADE[0]) & (light < SHADE[1]) & (np.abs(ratio - light[:, None]).max(-1) < 0.12)
 
 
-def _at_home(samples, bodies, elsewhere):
-    """The table of colours that are more common among bodies than elsewhere."""
-    index = samples.index
-    a, b = (np.bincount(index[chosen], minlength=LEVELS**3).astype(float) for chosen in (bodies, elsewhere))
-    ratio = np.zeros(LEVELS**3)
-    known = np.zeros(LEVELS**3, bool)
-    for width in (0.8, 2.0, 4.0):  # rare colours are judged with their neighbours
-        fine, coarse = (gaussian_filter(c.reshape([LEVELS] * 3), width).ravel() for c in (a, b))
-        enough = ~known & (fine + coarse > 0.5)
-        ratio[enough] = ((fine / max(a.sum(), 1)) / np.maximum(coarse / max(b.sum(), 1), 1e-7))[enough]
-        known |= enough
-    return (ratio > _homely(ratio, a)).astype(np.uint8)
-
-
-def _homely(ratio, bodies):
-    """The limit between colours that animals have and those they share with the ground: the valley of their ratios."""
-    low, high = AT_HOME
-    at = np.clip(np.log(np.maximum(ratio, 1e-6)), -3.0, 9.0)
-    return float(np.clip(np.exp(_valley((at + 3.0) * (256 / 12.0), bodies) * 12.0 / 256 - 3.0), low, high))
-
-
 def _again(samples, table, moving):
     """(bodies, elsewhere) with a first table known: animals that rest are bodies too, ghosts of theirs are ground."""
     index = samples.index
@@ -446,7 +397,7 @@ def _typical(samples, table, bodies):
 
 def _still_patches(ground, table):
     """(h, w) uint8: where the ground's picture has colours of animals."""
-    return _looked_up(cv2.GaussianBlur(ground.picture, (3, 3), 0), table) & ground.known.astype(np.uint8)
+    return looked_up(cv2.GaussianBlur(ground.picture, (3, 3), 0), table) & ground.known.astype(np.uint8)
 
 
 # one picture -----------------------------------------------------------------------------
@@ -467,7 +418,7 @@ def found_in_picture(samples, steady) -> BodyColours:
     if chosen is None:
         return BodyColours(np.zeros(LEVELS**3, np.uint8), None, steady.maps, (0, 0, 0), True)
     bodies = chosen[None].astype(bool)
-    table = _at_home(samples, bodies, samples.known & ~bodies)
+    table = colours_at_home(samples.index, bodies, samples.known & ~bodies)
     return BodyColours(table, None, steady.maps, _typical(samples, table, bodies), True)
 
 

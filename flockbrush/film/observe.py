@@ -10,19 +10,21 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from flockbrush.engine.problems import Problem, ProblemsError
-from flockbrush.film.body_outlines import BodySize, Outlines, bodies_of, size_of_bodies
+from flockbrush.film.body_outlines import BodySize, Outlines, bodies_of
 from flockbrush.film.camera_maps import Steady, after, back, zoom_of
 from flockbrush.film.clip_fields import ClipGrid, Collector, grid_over, outlined, painted, read_colours
 from flockbrush.film.clip_reader import Clip, Say, open_clip, silent
 from flockbrush.film.flow import Flow, gap_of
 from flockbrush.film.masks import BodyColours, colours_of
+from flockbrush.film.measured_size import scaled, size_in, too_small
 from flockbrush.film.media import read_picture
 from flockbrush.film.observations import CannotObserve, Evidence, Sightings
 from flockbrush.film.plain_ground import ground_alone, is_plain
@@ -34,10 +36,8 @@ from flockbrush.film.stabilise import GroundLandmark, follow_landmarks, register
 SPECK = 0.3  # of one animal's pixels: less is none
 HERD = 0.1  # share of the pictures that animals cover, above which the ground is followed again without them
 SIZES = 9  # pictures in which the size of one animal is measured
+FINE, LARGEST = 12.0, 2560  # px: pictures are made no smaller than bodies of that length allow, up to that side
 SMALL = 6.0  # px: shorter bodies are not told apart
-CAPSULE = 0.366  # area of a body of 1 x 0.4 with round ends, BL² [herd.md]
-LONG = 2.5  # length of a body over its width, where neither is known [herd.md]
-PARTLY = 0.6  # a mask may show so much less, or more, of a body's length than a person measures
 FEW = 5  # animals
 JUMP, STEADY = 0.5, 0.4  # overlap of the herd with that of the frame before, over the usual; and the least usual one
 AHEAD = 2  # pictures that a second thread prepares
@@ -134,19 +134,12 @@ class Watch:
             raise ValueError(f"a grid has 2 to 400 cells across, got {grid}")
         clip = open_clip(path, frames, say)
         painted_on = [_mask_of(mask, clip) for mask in (obstacles, regions)]
-        steady = _steady(clip, [_landmark(mark) for mark in landmarks], say)
-        say("finding the animals", 0, 1)
-        colours = colours_of(clip, steady, body_colour)
-        masks = _sampled(clip, colours)
-        if not landmarks and not clip.still and steady.moved:
-            away = lambda k, picture: colours.mask(k, picture) > 0  # noqa: E731
-            if np.mean([m.mean() for m in masks.values()]) > HERD or not ground_alone(clip, away, steady.maps):
-                steady = register(clip, away, say)
-                colours.maps = steady.maps
-        plain = _plain(clip, steady, masks) if not landmarks and not clip.still else []
-        size, length, apart, notes = _size(clip, steady, masks, body_length_px)
-        if colours.find_stones(size.area):
-            size, length, apart, notes = _size(clip, steady, _sampled(clip, colours), body_length_px)
+        looks = _animals_in(clip, landmarks, body_colour, body_length_px, say)
+        larger = min(1.0, clip.scale * FINE / looks.size.length)
+        if larger > 1.1 * clip.scale:  # small animals: the pictures are made less small
+            clip = open_clip(path, frames, say, min(LARGEST, round(larger * max(clip.full))))
+            looks = _animals_in(clip, landmarks, body_colour, body_length_px, say)
+        steady, colours, size, length, apart, said = looks
         cells = grid_over(clip.size, steady.maps, length, grid)
         obstacle = None if painted_on[0] is None else (painted_on[0].max(-1) > 127).astype(np.uint8)
         if obstacle is not None and obstacle.mean() > ROOMLESS:
@@ -160,7 +153,7 @@ class Watch:
             None if obstacle is None else painted(obstacle, cells, clip.scale).astype(bool),
             None if obstacle is None else outlined(obstacle, cells, clip.scale),
             None if numbers is None else painted(numbers.astype(np.uint8), cells, clip.scale),
-            kinds, apart, clip.notes + steady.notes + plain + colours.notes + notes,
+            kinds, apart, clip.notes + steady.notes + said,
         )  # fmt: skip
 
     def evidence(self, animals=True, say: Say = silent, show=None) -> Evidence:
@@ -357,6 +350,35 @@ def ahead(work, items):
 # steps -----------------------------------------------------------------------------------
 
 
+class _Looks(NamedTuple):
+    """What animals of a clip look like, and how its camera moves; fields as those of `Watch`."""
+
+    steady: Steady
+    colours: BodyColours
+    size: BodySize
+    length: float
+    apart: bool
+    notes: list[str]
+
+
+def _animals_in(clip, landmarks, body_colour, body_length_px, say):
+    steady = _steady(clip, [_landmark(mark) for mark in landmarks], say)
+    say("finding the animals", 0, 1)
+    colours = colours_of(clip, steady, body_colour)
+    pictures, masks = _sampled(clip, colours)
+    if not landmarks and not clip.still and steady.moved:
+        away = lambda k, picture: colours.mask(k, picture) > 0  # noqa: E731
+        if np.mean([m.mean() for m in masks.values()]) > HERD or not ground_alone(clip, away, steady.maps):
+            steady = register(clip, away, say)
+            colours.maps = steady.maps
+    plain = _plain(pictures, steady, masks) if not landmarks and not clip.still else []
+    size, length, apart, notes = size_in(clip, steady, masks, body_length_px)
+    lines = not clip.still and colours.find_lines(masks, pictures, size)
+    if colours.find_stones(size.area) or lines:
+        size, length, apart, notes = size_in(clip, steady, _sampled(clip, colours)[1], body_length_px)
+    return _Looks(steady, colours, size, length, apart, plain + colours.notes + notes + too_small(clip, size))
+
+
 def _landmark(mark) -> GroundLandmark:
     return mark if isinstance(mark, GroundLandmark) else GroundLandmark(int(mark[0]), *map(float, mark[1]))
 
@@ -372,89 +394,20 @@ def _steady(clip, landmarks, say):
 
 
 def _sampled(clip, colours):
-    """{k: mask} of some pictures."""
+    """({k: picture}, {k: mask}) of some pictures."""
     rows = np.unique(np.linspace(0, len(clip) - 1, min(SIZES, len(clip))).round().astype(int))
-    return {k: colours.mask(k, picture) for k, picture in clip.read(rows)}
+    pictures = dict(clip.read(rows))
+    return pictures, {k: colours.mask(k, picture) for k, picture in pictures.items()}
 
 
-def _plain(clip, steady, masks):
+def _plain(pictures, steady, masks):
     """Notes on a ground by which nobody could tell whether the camera moves."""
-    if steady.moved or not is_plain(*next((picture, masks[k]) for k, picture in clip.read([min(masks)]))):
+    if steady.moved or not is_plain(pictures[min(masks)], masks[min(masks)]):
         return []
     return [
         "the ground has too little texture to measure the motion of the camera, which is assumed to stand still; if it "
         "moves, name something that stands still, in two frames, with --landmark FRAME:x,y,w,h"
     ]
-
-
-def _size(clip, steady, masks, given):
-    """(size of one animal in the masks and a body length, px of the first picture; whether they stand apart; notes)."""
-    levelled = [_zoomed(mask, zoom_of(steady.maps[k])) for k, mask in masks.items()]
-    size = size_of_bodies(levelled)
-    apart = size is not None
-    length = None if given is None else float(given) * clip.scale
-    if size is None and length is None:
-        size = _guessed(clip, levelled)
-        few = {0: "no animal stands", 1: "only one animal stands"}.get(size.alone, f"only {size.alone} animals stand")
-        note = f"{few} alone; one was taken to be {size.length:.0f} pixels long: --body-length-px says it better"
-        return size, size.length, size.alone > 0, [note]
-    if length is None:
-        return size, size.length, apart, []
-    if size is None:
-        return BodySize(length, length / LONG, CAPSULE * length**2, 0), length, False, []
-    ratio = length / size.length
-    said = f"a body is {length:.0f} pixels long as given, those who stand alone measure {size.length:.0f}"
-    if abs(ratio - 1) > PARTLY:
-        size = scaled(size, ratio)
-    return size, length, apart, [said] if abs(ratio - 1) > 0.25 else []
-
-
-def scaled(size: BodySize, ratio: float) -> BodySize:
-    """The same animal in larger pixels' number."""
-    return replace(size, length=size.length * ratio, width=size.width * ratio, area=size.area * ratio**2)
-
-
-def _zoomed(mask, zoom):
-    if abs(zoom - 1) < 0.02:
-        return mask
-    other = cv2.resize(mask * np.uint8(255), None, fx=zoom, fy=zoom, interpolation=cv2.INTER_LINEAR)
-    return (other > 127).view(np.uint8)
-
-
-def _guessed(clip, masks):
-    """A size from the width of what looks like animals: twice the usual distance of its ridges to the ground."""
-    ridges = []
-    for mask in masks:
-        away = cv2.distanceTransform(mask, cv2.DIST_L2, 5)
-        top = (away == cv2.dilate(away, np.ones((3, 3), np.uint8))) & (away > 1.0)
-        ridges.append(away[top])
-    found = np.concatenate(ridges) if ridges else np.empty(0)
-    if not len(found):
-        example = {"what looks like animals": masks[0] * np.uint8(255)} if masks else {}
-        raise CannotObserve(
-            clip.name,
-            "no animals were found; name their colour with --body-colour R,G,B, or choose other frames: --frames A:B",
-            {"pictures": example},
-        )  # fmt: skip
-    width = 2.0 * float(np.quantile(found, 0.7))
-    alone = [row for mask in masks for row in _lone(mask, width)]
-    if alone:
-        long, wide, area = np.median(alone, axis=0)
-        return BodySize(float(long), float(wide), float(area), len(alone))
-    return BodySize(LONG * width, width, CAPSULE * (LONG * width) ** 2, 0)
-
-
-def _lone(mask, width):
-    """[(length, width, area)] of patches that look like one body about as wide as given."""
-    rows = []
-    for outline in cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]:
-        x, y, w, h = cv2.boundingRect(outline)
-        whole = x > 0 and y > 0 and x + w < mask.shape[1] and y + h < mask.shape[0]
-        area, hull = cv2.contourArea(outline), cv2.contourArea(cv2.convexHull(outline))
-        wide, long = sorted(side + 1.0 for side in cv2.minAreaRect(outline)[1])
-        if whole and area > 0.85 * hull and 0.6 * width < wide < 1.7 * width and 1.3 * wide < long < 5.0 * wide:
-            rows.append((long, wide, area + 0.5 * cv2.arcLength(outline, True)))
-    return rows
 
 
 def without_specks(mask, least):

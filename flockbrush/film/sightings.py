@@ -40,6 +40,8 @@ LONGEST = 0.32  # s, at most
 TURN_NOISE = 0.25  # rad/s: where the turning is less certain, a longer stretch is smoothed
 UNSURE = 2.5  # times as noisy as usual: at the ends of tracks no turning is told
 SMALL = 0.75  # of the usual area
+WALKED, SURE_WAY = 0.3, 8.0  # BL, and times the noise of a place: so far gone, the way tells how a body lies
+ACROSS = 0.8  # cosine of the angle between body and way: below, the axis seen is not the body's
 STILL = 0.25  # BL: an animal that moved less in all has a head at one end or the other
 
 
@@ -277,6 +279,8 @@ def _smoothed(frame, at, along, weight, ends, begin, count, fps):
     angle = np.empty(len(frame))
     moved = np.empty(len(frame))
     firm = max(noise_xy, 0.005)
+    along, aside = _along_the_way(frame, at, along, begin, max(2, round(HALF * fps)), firm)
+    weight = np.where(aside, 0.5 * weight, weight)
     _heads(at, along, begin, firm, np.zeros(len(frame)), angle, moved)
     looks = by_looks(ends, along, np.column_stack([np.cos(angle), np.sin(angle)]), at, begin, firm, fps)
     if looks.any():
@@ -330,6 +334,22 @@ def _present(frame, begin):
     """Frames and tracks in which an animal is known to be: seen, or between two sights."""
     frames = [np.arange(frame[a], frame[b - 1] + 1) for a, b in zip(begin[:-1], begin[1:], strict=True)]
     return np.concatenate(frames), np.repeat(np.arange(len(begin) - 1), [len(f) for f in frames])
+
+
+def _along_the_way(frame, at, along, begin, half, noise):
+    """The axes, with that of the way gone in place of one that lies across it, and where that is so, (k,) bool.
+
+    Animals that go fast go along their bodies: an axis across is that of two that touch, or of a round body.
+    """
+    track = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
+    row = np.arange(len(frame))
+    low, high = np.maximum(row - half, begin[:-1][track]), np.minimum(row + half, begin[1:][track] - 1)
+    way = at[high] - at[low]
+    gone = np.hypot(*way.T)
+    way = way / np.maximum(gone, 1e-12)[:, None]
+    fast = (gone > WALKED) & (gone > SURE_WAY * noise) & (frame[high] - frame[low] <= 2 * half)
+    aside = fast & (np.abs((way * along).sum(1)) < ACROSS)
+    return np.where(aside[:, None], way, along), aside
 
 
 @njit(cache=True, nogil=True)

@@ -41,7 +41,7 @@ class Pictures(Exporter):
         if self.camera is not None:
             told["view"] = "space"
         self.space = told["view"] == "space"
-        told["clean"] = self.options.get("alpha", False) or not self.options["overlays"]
+        self.clean = told["clean"] = self.options.get("alpha", False) or not self.options["overlays"]
         self._painter = painter_of(self.simulation, **{n: value for n, value in told.items() if value is not None})
 
     def draw(self, moment):
@@ -64,6 +64,8 @@ class Pictures(Exporter):
         from flockbrush.output.pictures import herd_of
 
         herd = herd_of(self.simulation, moment)
+        if self.clean:
+            herd = herd._replace(leader=herd.leader & False)  # who leads is a mark of the designer's
         if self.camera is not None:
             self._painter.look(self.camera.at(moment.time, self._painter.size, self._painter.view, self._painter.floor))
         elif self.space and len(moment):
