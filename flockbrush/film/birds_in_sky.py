@@ -1,8 +1,8 @@
 """Birds on a plain sky, found in pictures and carried from frame to frame.
 
-A bird is a small patch that differs from the sky around it, darker or lighter.  The sky is the picture with everything
-small taken out (a median), so clouds and gradients do not matter.  What is not a bird is left out by size, measured
-against the other patches, and by shape.
+A bird is a small patch that differs from the sky around it, all of a picture darker or all lighter.  The sky is the
+picture with everything small taken out (a median), so clouds and gradients do not matter.  What is not a bird is left
+out by size, measured against the other patches, by shape, and by being lighter where most are darker (moon, sun).
 """
 
 from __future__ import annotations
@@ -22,6 +22,9 @@ CONTRAST = 6.0  # robust deviations of the sky: a bird differs by more
 LEAST_CONTRAST = 18.0  # grey levels
 SMALL, LARGE = 0.25, 4.0  # of the median patch: outside is no bird
 SOLID = 0.3  # part of its convex hull that a bird fills
+FEW = (
+    0.34  # share of the patches: so few that are lighter, or darker, than the sky while the others are not are no birds
+)
 THIN = 12.0  # longer than this for its width: a wire, a twig
 VIDEOS = {".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"}
 
@@ -42,18 +45,23 @@ def away_from_sky(image):
     ----------
     image : (h, w, 3) or (h, w) uint8
     """
-    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    window = max(3, min(grey.shape) // 6 | 1)
-    shrink = max(1, window // 41)  # medians of large windows are slow and no better
-    small = cv2.resize(grey, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)
-    sky = cv2.medianBlur(small, max(3, min(255, window // shrink | 1)))
-    sky = cv2.resize(sky, grey.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    grey, sky = _grey_and_sky(image)
     away = cv2.absdiff(grey, sky)
     counts = sum(np.bincount(row, minlength=256) for row in away)
     levels = np.arange(256.0)
     noise = 1.4826 * _quantile(np.abs(levels - _quantile(levels, counts, 0.5)), counts, 0.5)
     highest = 0.35 * _quantile(levels, counts, 0.9995)
     return away, np.float32(max(CONTRAST * noise, LEAST_CONTRAST, highest))
+
+
+def _grey_and_sky(image):
+    """The picture in grey levels, and without everything small."""
+    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    window = max(3, min(grey.shape) // 6 | 1)
+    shrink = max(1, window // 41)  # medians of large windows are slow and no better
+    small = cv2.resize(grey, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)
+    sky = cv2.medianBlur(small, max(3, min(255, window // shrink | 1)))
+    return grey, cv2.resize(sky, grey.shape[::-1], interpolation=cv2.INTER_LINEAR)
 
 
 def _quantile(values, counts, share):
@@ -70,9 +78,34 @@ def find_birds(image) -> list[Patch]:
 
     A bird must be small: at most a twelfth of the picture's shorter side.
     """
+    return find_birds_and_others(image)[0]
+
+
+def find_birds_and_others(image) -> tuple[list[Patch], list[str]]:
+    """As `find_birds`, and sentences about what was left out though it may be a bird."""
     away, threshold = away_from_sky(image)
     mask = cv2.morphologyEx((away > threshold).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    return sorted(_birds(mask, min(mask.shape) / 12), key=lambda patch: patch.x)
+    grey, sky = _grey_and_sky(image)
+    lighter = (grey > sky) & (away > threshold)
+    patches = sorted(_birds(mask, min(mask.shape) / 12), key=lambda patch: patch.x)
+    pale = [_is_pale(lighter, away > threshold, patch) for patch in patches]
+    rare = sum(pale) <= len(pale) / 2  # whether lighter ones are the fewer
+    others = [patch for patch, light in zip(patches, pale, strict=True) if light == rare]
+    if not others or len(others) > FEW * len(patches):
+        return patches, []
+    kind, usual = ("lighter", "darker") if rare else ("darker", "lighter")
+    where = ", ".join(f"{patch.x:.0f},{patch.y:.0f}" for patch in others[:5])
+    said = (
+        f"{len(others)} {kind} than the sky, at {where}, while the others are {usual}, was left out: moon, sun, lamp?"
+    )
+    return [patch for patch in patches if patch not in others], [said]
+
+
+def _is_pale(lighter, there, patch):
+    """Whether most of what differs from the sky around the middle of a patch is lighter."""
+    r = int(np.ceil(0.5 * patch.span)) + 1
+    box = np.s_[max(0, int(patch.y) - r) : int(patch.y) + r + 1, max(0, int(patch.x) - r) : int(patch.x) + r + 1]
+    return bool(lighter[box].sum() > 0.5 * there[box].sum())
 
 
 def _birds(mask, most):
@@ -154,14 +187,16 @@ def mark(paths, every=1):
     float
         The median of the patches' longest extents, pixels: a wingspan, if they are seen from below with wings spread.
     list of str
-        Sentences about birds that are not in all frames.
+        Sentences about birds that are not in all frames, and about what may be no bird.
 
     Raises
     ------
     ProblemsError
         When there are no birds.
     """
-    frames = [(name, find_birds(image)) for name, image in read_pictures(paths, every)]
+    looked = [(name, *find_birds_and_others(image)) for name, image in read_pictures(paths, every)]
+    frames = [(name, patches) for name, patches, _ in looked]
+    doubts = [f"{name}: {line}" for name, _, said in looked for line in said]
     if not any(patches for _, patches in frames):
         raise ProblemsError([Problem(str(next(iter(paths))), None, None, "no birds were found on a plain sky")])
     span = float(np.median([patch.span for _, patches in frames for patch in patches]))
@@ -187,4 +222,4 @@ def mark(paths, every=1):
         )
     rows = [(frame, bird, patch) for bird, seen in whole.items() for frame, patch in seen]
     place = {frame: k for k, (frame, _) in enumerate(frames)}
-    return sorted(rows, key=lambda row: (place[row[0]], row[1])), span, lost
+    return sorted(rows, key=lambda row: (place[row[0]], row[1])), span, lost + doubts

@@ -13,7 +13,7 @@ from flockbrush.behaviours.formation.formation_shapes import load_formation, rea
 from flockbrush.behaviours.formation.marks import guess_heading, read_marks
 from flockbrush.engine.problems import ProblemsError
 
-from flockbrush.film.birds_in_sky import carry, find_birds, mark
+from flockbrush.film.birds_in_sky import carry, find_birds, find_birds_and_others, mark
 
 
 @pytest.mark.parametrize("kind", ["V", "U", "J", "line"])
@@ -196,6 +196,26 @@ def test_birds_are_found_on_an_uneven_sky_and_a_wire_is_not():
     found = find_birds(image)
     assert [(p.x, p.y) for p in found] == [pytest.approx(p, abs=1.5) for p in FLOCK.tolist()]
     assert find_birds(sky([])) == []
+
+
+@pytest.mark.parametrize("lamps", [1, 2])
+def test_moon_and_sun_are_no_birds_and_it_is_said(tmp_path, lamps):
+    image = sky(FLOCK) // 2
+    for x, y in [(330, 60), (300, 250)][:lamps]:
+        cv2.circle(image, (x, y), 6, (255, 255, 255), -1)
+    birds, said = find_birds_and_others(image)
+    assert [(p.x, p.y) for p in birds] == [pytest.approx(p, abs=1.5) for p in FLOCK.tolist()]
+    assert len(said) == 1 and f"{lamps} lighter than the sky, at 3" in said[0]
+    cv2.imwrite(str(tmp_path / "moon.png"), image)
+    rows, _, lost = mark([tmp_path / "moon.png"])
+    assert len(rows) == len(FLOCK) and lost[0].startswith("moon.png: ")
+
+
+def test_pale_birds_are_found_and_a_flock_of_both_stays_whole():
+    assert [(p.x, p.y) for p in find_birds(255 - sky(FLOCK))] == [pytest.approx(p, abs=1.5) for p in FLOCK.tolist()]
+    image = np.where(sky(FLOCK[3:]) < 100, 220, sky(FLOCK[:3]) // 2).astype(np.uint8)
+    birds, said = find_birds_and_others(image)
+    assert len(birds) == len(FLOCK) and said == []
 
 
 def test_birds_keep_their_names_while_the_camera_pans(tmp_path):
