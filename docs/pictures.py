@@ -9,30 +9,46 @@ from flockbrush.runs.snapshots import moment_of
 
 HERE = Path(__file__).parent
 TRAIL = 2  # s
-SECONDS = {
-    "sheep-pasture": 26,
-    "meadow": 8,
-    "gorge": 22,
-    "anthill": 12,
-    "river": 20,
-    "predators-valley": 20,
-    "crowded": 2,
+LARGE = "sheep-pasture"  # has a picture of its own
+STILLS = {  # level: seconds that it has run, and from where one looks
+    LARGE: (26, "plan"),
+    "meadow": (8, "plan"),
+    "gorge": (22, "plan"),
+    "anthill": (12, "plan"),
+    "river": (20, "plan"),
+    "predators-valley": (20, "plan"),
+    "savanna": (45, "plan"),
+    "merino": (40, "plan"),
+    "ridge": (40, "plan"),
+    "city": (16, "plan"),
+    "crowded": (2, "plan"),
+    "lake": (40, "space"),
+    "pillars": (16, "space"),
+    "elephants": (15, "space"),
+    "geese": (24, "space"),
+    "skein": (14, "space"),
 }
 
 
 def walked(name, size=None):
     """A level after its seconds, with trails of the last few; (h, w, 3)."""
+    seconds, view = STILLS[name]
     simulation = start(name)
-    painter = painter_of(simulation, size)
-    ticks = round(SECONDS[name] / simulation.clock.dt)
-    simulation.run(ticks - 32 * TRAIL)
-    for _ in range(8 * TRAIL):
-        painter.frame(herd_of(simulation, moment_of(simulation)), time=simulation.clock.now)
-        simulation.run(4)
-    return painter.frame(herd_of(simulation, moment_of(simulation)), time=simulation.clock.now, title=name)
+    in_space = view == "space"
+    painter = painter_of(simulation, size, view=view, elevation=16.0 if in_space else None)
+    simulation.run(round(seconds / simulation.clock.dt) - 32 * TRAIL)
+    for step in range(8 * TRAIL + 1):
+        herd = herd_of(simulation, moment_of(simulation))
+        if in_space:
+            painter.chase(herd, 0.125 if step else None)
+        picture = painter.frame(herd, time=simulation.clock.now, title=name)
+        if step < 8 * TRAIL:
+            simulation.run(4)
+    simulation.close()
+    return picture
 
 
 if __name__ == "__main__":
-    write_png(HERE / "sheep-pasture.png", walked("sheep-pasture"))
-    pictures = [(name, walked(name, (760, 480))) for name in SECONDS if name != "sheep-pasture"]
-    write_png(HERE / "levels.png", contact_sheet(pictures, columns=2))
+    write_png(HERE / f"{LARGE}.png", walked(LARGE))
+    stills = [(name, walked(name, (560, 354))) for name in STILLS if name != LARGE]
+    write_png(HERE / "levels.png", contact_sheet(stills, columns=3))
