@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+import textwrap
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -198,11 +199,18 @@ def page(done):
 def _head():
     return [
         "# Brushes learned from tracks of real animals", "",
-        "Made by `python benchmarks/learning.py tracks --data DIR --write` on open data that are not part of",
-        "Flockbrush. Each brush is judged by frames, or recordings, that it was not learned from. Distance: the root",
-        "mean square of the limits by which measures are off, over the measures that the tracks tell; 1 is the limit.",
-        "*Constant velocity*: all animals keep their velocity.", "",
+        _prose(
+            "Made by `python benchmarks/learning.py tracks --data DIR --write` on open data that are not part of "
+            "Flockbrush. Each brush is judged by frames, or recordings, that it was not learned from. Distance: the "
+            "root mean square of the limits by which measures are off, over the measures that the tracks tell; 1 is "
+            "the limit. *Constant velocity*: all animals keep their velocity."
+        ), "",
     ]  # fmt: skip
+
+
+def _prose(text):
+    """A paragraph in lines of a page's width."""
+    return textwrap.fill(text, 100, break_long_words=False, break_on_hyphens=False)
 
 
 def _table(done):
@@ -230,7 +238,7 @@ def _n(value):
 
 def _of(name, done):
     data, one = DATA[name], done[name]
-    yield from (f"## {name}", "", f"{data.title}; {data.licence}. {data.assumed}", "")
+    yield from (f"## {name}", "", _prose(f"{data.title}; {data.licence}. {data.assumed}"), "")
     yield from ("| measure | tracks | simulated | off by | limit | |", "|---|---|---|---|---|---|")
     for row in one["measures"]:
         met = ("met" if row["met"] else "missed") if row["told"] else "not told"
@@ -243,5 +251,6 @@ def _of(name, done):
             yield f"| {row['name'].replace('_', ' ')} | {row['told']} | {others} |"
     yield ""
     if name == "sheep-gps" and "dog" in done:
-        yield from (f"The dog, from all 19 drives ({done['dog']['turns']} turns): {done['dog']['sentence']}", "")
+        dog = done["dog"]
+        yield from (_prose(f"The dog, from all 19 drives ({dog['turns']} turns): {dog['sentence']}"), "")
     yield from (f"Learned in {one['seconds']:.0f} s{' with --quick' if one['quick'] else ''}.", "")

@@ -210,12 +210,6 @@ def test_the_rules_find_those_who_break_them():
 
 
 WIDE = 100  # columns of prose in Markdown
-NOT_YET_WRAPPED = {
-    "README.md",
-    "brushes.md",
-    "learning.md",
-    "benchmark-tracks.md",
-}
 PAGES = [*HOUSE.glob("*.md"), *(HOUSE / "docs").rglob("*.md")]
 
 
@@ -232,7 +226,7 @@ def long_lines(text):
 
 
 def test_prose_of_the_documentation_is_wrapped():
-    pages = [path for path in PAGES if path.name not in {"CHANGELOG.md", *NOT_YET_WRAPPED}]
+    pages = [path for path in PAGES if path.name != "CHANGELOG.md"]
     assert len(pages) > 15
     found = {named(path): long_lines(path.read_text(encoding="utf-8")) for path in pages}
     assert {page: lines for page, lines in found.items() if lines} == {}, f"wrap these lines at {WIDE} columns"
