@@ -125,8 +125,9 @@ def judged(clip, params, speed, body, vision, runs=RUNS):
     """How near herds with these numbers come to a clip, begun as it begins."""
     from flockbrush.behaviours.brush import VisionSpec
 
+    from flockbrush.learning.herd_views import view_of_run
     from flockbrush.learning.rollout import theta_of
-    from flockbrush.learning.scores import ClipTarget, distance, measures_of, total, view_of_run
+    from flockbrush.learning.scores import ClipTarget, distance, measures_of, total
     from flockbrush.learning.trials import simulate
 
     extras = {k: v for k, v in params.model_dump().items() if not k.endswith(("_weight", "_radial", "_angular"))}

@@ -107,7 +107,7 @@ def evidence_of(run, name, radius):
 
 def _as_blobs(clip, rng):
     """The clip with blobs for animals: places and axes with noise, followed by `sightings_of`, nobody named."""
-    from flockbrush.film.body_outlines import Outlines
+    from flockbrush.film.body_shapes import Outlines
     from flockbrush.film.sightings import sightings_of
     from flockbrush.film.speeds import speed_evidence
 

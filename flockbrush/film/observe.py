@@ -18,7 +18,8 @@ import cv2
 import numpy as np
 
 from flockbrush.engine.problems import Problem, ProblemsError
-from flockbrush.film.body_outlines import BodySize, Outlines, bodies_of
+from flockbrush.film.body_outlines import BodySize, bodies_of
+from flockbrush.film.body_shapes import Outlines
 from flockbrush.film.camera_maps import Steady, after, back, zoom_of
 from flockbrush.film.clip_fields import ClipGrid, Collector, grid_over, outlined, painted, read_colours
 from flockbrush.film.clip_reader import Clip, Say, open_clip, silent

@@ -22,8 +22,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from flockbrush.film.observations import Evidence
+from flockbrush.learning.herd_views import fields_of, in_picture, told_apart, view_of
 from flockbrush.learning.rollout import Run
-from flockbrush.learning.scores import CHANCE, fields_of, in_picture, told_apart, view_of
+from flockbrush.learning.scores import CHANCE
 
 SPAN = 0.5, 1.5  # s over which steps and turns are taken: as long as it takes to go one body length, within
 PART = 0.25  # of the clip, which they are never longer than
@@ -115,7 +116,7 @@ def looks_of_run(
     """A run as it would be seen in that clip, as uncertain as its sightings are."""
     fps = clip.fps if fps is None else fps
     if not told_apart(clip):
-        from flockbrush.learning.scores import _view_of_fields
+        from flockbrush.learning.herd_views import _view_of_fields
 
         return _of_view(_view_of_fields(fields_of(run, clip.fields)), fps, every)
     inside = in_picture(run, clip.fields)

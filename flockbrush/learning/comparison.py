@@ -14,21 +14,10 @@ import numpy as np
 
 from flockbrush.film.observations import Evidence, Fields
 from flockbrush.learning.axis_variance import variance_told
+from flockbrush.learning.herd_views import HerdView, fields_of, told_apart, view_of, view_of_run
 from flockbrush.learning.photo import directions_of
 from flockbrush.learning.rollout import Run
-from flockbrush.learning.scores import (
-    ClipTarget,
-    HerdView,
-    density_errors,
-    distance,
-    fields_of,
-    measures_of,
-    told_apart,
-    total,
-    velocity_errors,
-    view_of,
-    view_of_run,
-)
+from flockbrush.learning.scores import ClipTarget, density_errors, distance, measures_of, total, velocity_errors
 
 SHOWN = (
     "polarization",

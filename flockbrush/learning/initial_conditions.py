@@ -8,8 +8,8 @@ from scipy.spatial import cKDTree
 from flockbrush.behaviours.brush import BodySpec, SpeedSpec
 from flockbrush.film.observations import Evidence
 from flockbrush.film.speeds import joined
+from flockbrush.learning.herd_views import told_apart
 from flockbrush.learning.rollout import HerdStart, Walls
-from flockbrush.learning.scores import told_apart
 from flockbrush.systems.measures import compute_nnd
 
 TOUCHING = 0.04  # share of animals lying on another as capsules, above which bodies are taken for discs

@@ -19,6 +19,7 @@ from flockbrush.learning.ablation import ablated
 from flockbrush.learning.comparison import compared
 from flockbrush.learning.folds import ClipFolds, Fold, folds_of, seen_within
 from flockbrush.learning.group_size_test import with_other_numbers
+from flockbrush.learning.herd_views import told_apart
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.learn_tables import show_findings
 from flockbrush.learning.learned_brush import brush_of, name_of
@@ -32,7 +33,6 @@ from flockbrush.learning.report import as_json, write_overview, write_partial, w
 from flockbrush.learning.report_folder import folder_problems, make_folder
 from flockbrush.learning.result import Findings
 from flockbrush.learning.rollout import Run
-from flockbrush.learning.scores import told_apart
 from flockbrush.learning.side_by_side import ComparisonGround
 from flockbrush.learning.simulate import longest_way, simulated
 from flockbrush.learning.verdict import RUNS as JUDGED_RUNS

@@ -16,9 +16,10 @@ from flockbrush.behaviours.brush import SUFFIX, BodySpec, Brush, Provenance, nam
 from flockbrush.behaviours.file_library import NAME
 from flockbrush.engine.files import refused
 from flockbrush.film.observations import Evidence
+from flockbrush.learning.herd_views import view_of
 from flockbrush.learning.learned_parameters import Learned
 from flockbrush.learning.rollout import NAMES
-from flockbrush.learning.scores import measures_of, view_of
+from flockbrush.learning.scores import measures_of
 from flockbrush.render.style import PALETTE
 from flockbrush.runs.run import versions
 

@@ -33,11 +33,11 @@ from flockbrush.behaviours.brush import BodySpec, SpeedSpec, shipped
 from flockbrush.engine.fingerprint import build_of
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.evolution import Evolution
+from flockbrush.learning.herd_views import told_apart
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.interaction import idle_ones
 from flockbrush.learning.learned_parameters import Attempt, Learned
 from flockbrush.learning.rollout import DT, LEAST, MOST, params_of, theta_of
-from flockbrush.learning.scores import told_apart
 from flockbrush.learning.trials import (
     BEYOND,
     COARSE_DT,

@@ -14,10 +14,11 @@ from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
 from flockbrush.behaviours.models.herd import Params
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.confounding import correlation_of
+from flockbrush.learning.herd_views import told_apart
 from flockbrush.learning.initial_conditions import resized, start_of
 from flockbrush.learning.interaction import interaction_of
 from flockbrush.learning.rollout import DT, ClipGuide, Gates, Walls, params_of, rollout, theta_of
-from flockbrush.learning.scores import LOOKS, ClipTarget, distance, order_off, told_apart, total
+from flockbrush.learning.scores import LOOKS, ClipTarget, distance, order_off, total
 
 USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section 7.2 of the paper takes away, one by one
 FEWEST = 24  # frames, with fewer nothing is held back

@@ -19,11 +19,11 @@ import numpy as np
 from flockbrush.behaviours.brush import VisionSpec
 from flockbrush.behaviours.models.herd import Params
 from flockbrush.film.observations import Evidence
+from flockbrush.learning.herd_views import told_apart
 from flockbrush.learning.initial_conditions import body_of
 from flockbrush.learning.likelihood import Likelihood, likelihoods
 from flockbrush.learning.next_step import NextSteps, log_density, mean_score
 from flockbrush.learning.rollout import Gates
-from flockbrush.learning.scores import told_apart
 from flockbrush.learning.turns import Turns, all_turns, seen_otherwise, turns_of
 
 HERD = "herd"

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from flockbrush.systems.fast_marching import EVERYWHERE, march_, spread_
-from flockbrush.systems.navigation import Navigation, blend, goal_field, goal_mask, guide_field, navigation_of
+from flockbrush.systems.guide_field import guide_field
+from flockbrush.systems.navigation import Navigation, blend, goal_field, goal_mask, navigation_of
 from flockbrush.systems.walls import around_obstacles, cancelling_field
 from hypothesis import given, settings
 from hypothesis import strategies as st

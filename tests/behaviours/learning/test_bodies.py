@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from flockbrush.film.body_outlines import BodySize, Outlines, bodies_of, capsule, size_of_bodies
+from flockbrush.film.body_outlines import BodySize, bodies_of, size_of_bodies
+from flockbrush.film.body_shapes import Outlines, capsule
 
 SHEEP = Path(__file__).parents[4] / "shared/data/aerial_sheep"
 

@@ -4,7 +4,8 @@ import herd_film
 import numpy as np
 import pytest
 
-from flockbrush.film.body_outlines import Outlines, bodies_of, size_of_bodies
+from flockbrush.film.body_outlines import bodies_of, size_of_bodies
+from flockbrush.film.body_shapes import Outlines
 from flockbrush.film.heads import by_looks
 from flockbrush.film.sightings import sightings_of
 

@@ -19,9 +19,9 @@ from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
 from flockbrush.film.observations import Sightings
 from flockbrush.film.speed_process import speed_process
 from flockbrush.film.speeds import crowding_of, speed_evidence
+from flockbrush.learning.herd_views import view_of_run
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.rollout import HerdStart, PlaneHerd, Run, params_of, rollout
-from flockbrush.learning.scores import view_of_run
 
 ALONE = params_of(np.full(12, 1e-3), {"wander": 0.0, "leader_neighbours": -1})
 

@@ -5,21 +5,18 @@ import dataclasses
 import numpy as np
 import pytest
 
+from flockbrush.learning.herd_views import fields_of, told_apart, view_of, view_of_run
 from flockbrush.learning.rollout import Run
 from flockbrush.learning.scores import (
     ClipTarget,
     beyond_chance,
     density_errors,
     distance,
-    fields_of,
     map_error,
     measures_of,
     neighbour_map,
-    told_apart,
     total,
     velocity_errors,
-    view_of,
-    view_of_run,
 )
 from tests.herd_film import Truth, evidence_of_truth
 

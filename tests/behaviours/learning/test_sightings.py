@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from flockbrush.film.body_outlines import Outlines, bodies_of, size_of_bodies
+from flockbrush.film.body_outlines import bodies_of, size_of_bodies
+from flockbrush.film.body_shapes import Outlines
 from flockbrush.film.sightings import follow, matched, sightings_of
 
 FISH = Path(__file__).parents[4] / "shared/data/zebrafish_100/test_trajectories.npy"

@@ -7,10 +7,10 @@ from flockbrush.behaviours.models.herd import Params
 
 from flockbrush.learning.perceive import perceive
 from flockbrush.learning.rollout import Walls, theta_of
+from flockbrush.learning.turn_kernels import _limited
 from flockbrush.learning.turns import (
     Turns,
     _at_liberty,
-    _limited,
     all_turns,
     best_fit,
     cramer_rao,
