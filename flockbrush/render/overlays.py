@@ -9,15 +9,15 @@
 
 from __future__ import annotations
 
-from dataclasses import is_dataclass
-
 import numpy as np
 
 from flockbrush.components import Body, Destination, Position
+from flockbrush.render.asked_about import AskedAbout
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_ground import Sketcher, placed
 from flockbrush.render.drawn_terrain import nice
 from flockbrush.render.forces import draw_forces, reason_colour
+from flockbrush.render.overlay_layers import box_of, full_width, hearts, is_same, lattice, layer, strong
 from flockbrush.render.overlay_registry import EXPLAINED, OVERLAYS, OverlayView, load_overlays
 from flockbrush.render.strokes import (
     RAYS,
@@ -29,14 +29,11 @@ from flockbrush.render.strokes import (
     lay_mask,
     lay_over,
     links_of,
-    part_colours,
-    part_mask,
     sight_mask,
 )
 from flockbrush.render.style import mix, rgb, scale_colours, theme_of
 from flockbrush.render.text import words
 from flockbrush.render.walkable_overlay import walkable_layer
-from flockbrush.systems.explain import explain
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import Sight
@@ -46,32 +43,6 @@ INK = 100_000  # pixels of lines at most: beyond, only some animals show theirs
 LATTICE = 40  # pixels between two arrows of the navigation field
 DENSITY_CELL = 12  # pixels of a cell in which animals are counted
 REFRESH = 0.1  # s between two countings
-
-
-class AskedAbout:
-    """The explanation of an animal of a running world, asked once for each tick.
-
-    Attributes
-    ----------
-    held : bool
-        While a tick runs nobody looks at the world: what was told before it still holds.
-    """
-
-    def __init__(self, simulation):
-        self.simulation, self.held = simulation, False
-        self._known: tuple = (None, None)
-
-    def of(self, entity):
-        """What `explain` says of an animal; None when it is not there, or was not asked about before a tick."""
-        if self.held:
-            return self._known[1] if self._known[0] and self._known[0][0] == entity else None
-        key = (entity, self.simulation.clock.tick, id(self.simulation.world))
-        if self._known[0] != key:
-            try:
-                self._known = (key, explain(self.simulation.world, entity))
-            except KeyError:
-                self._known = (key, None)
-        return self._known[1]
 
 
 class Overlays:
@@ -148,7 +119,7 @@ class Overlays:
     def _kept(self, frame, camera, name, made_of, prepare):
         """Lay over what `prepare(camera, made_of)` says, made once for the same things and camera."""
         known = self._layers.get(name)
-        if known is None or known[0] != camera or not _same(known[1], made_of):
+        if known is None or known[0] != camera or not is_same(known[1], made_of):
             draw = prepare(camera, made_of)
             self._layers[name] = known = (camera, made_of, layer(camera, self._ground(camera), draw))
         top, alpha, ink = known[2]
@@ -193,7 +164,7 @@ class Overlays:
 
     def _regions(self, camera, made_of):
         _, rows, columns, colours = made_of
-        told = [(k, name, _strong(rgb(colour), self.theme)) for k, (name, colour) in enumerate(colours)]
+        told = [(k, name, strong(rgb(colour), self.theme)) for k, (name, colour) in enumerate(colours)]
         return self._filled(camera, self.scenery.land.brush, rows, columns, told, 0.34)
 
     def _cap_layer(self, camera, made_of):
@@ -214,7 +185,7 @@ class Overlays:
                     continue
                 edge = sketcher.region(near == value, cell, (around[0].start, around[1].start))
                 fills.append((np.clip(edge + 0.5, 0, 1) * alpha, np.clip(1.8 * self.unit - np.abs(edge), 0, 1), colour))
-                for at in _hearts(seen == value):
+                for at in hearts(seen == value):
                     names.append((name, self._pixel(camera, rows, columns, at), colour))
 
         def draw(canvas):
@@ -242,7 +213,7 @@ class Overlays:
         self._panel(canvas, box, "speed caps, m/s")
         for k, value in enumerate(chosen):
             x = left + 8 * u + k * wide
-            canvas.area(_box(x, foot - 22 * u, x + tall, foot - 22 * u + tall), self._cap_colour(value, said), 0.85)
+            canvas.area(box_of(x, foot - 22 * u, x + tall, foot - 22 * u + tall), self._cap_colour(value, said), 0.85)
             canvas.words(
                 f"{value:g}", (x + tall + 5 * u, foot - 14 * u), round(13 * u), self.theme.ink, anchor=(0, 0.5)
             )
@@ -287,7 +258,7 @@ class Overlays:
     def _arrows(self, camera, navigation, goal):
         """[(lines, opacity)] of arrows on a lattice that stays where it is on the ground; strong ones are long."""
         land, step = self.scenery.land, LATTICE * self.unit
-        at = _lattice(camera, step)
+        at = lattice(camera, step)
         xy = camera.metres(at)
         inside = ((xy > 0) & (xy < (land.width, land.height))).all(axis=1)
         at, xy = at[inside], xy[inside]
@@ -338,7 +309,7 @@ class Overlays:
             size = (round(shape[1] * step), round(shape[0] * step))
             wide = cv2.resize(np.dstack([alpha * 255, ink]).astype(np.uint8), size, interpolation=cv2.INTER_LINEAR)
             wide = wide[: bottom - top, : right - left]
-            kept = _full_width(wide, camera)
+            kept = full_width(wide, camera)
             self._counted = (camera, now, kept)
         top, alpha, ink = kept
         if len(alpha):
@@ -364,7 +335,7 @@ class Overlays:
         """A quiet box with a title, for a legend."""
         left, top, right, bottom = box
         u = self.unit
-        canvas.area(_box(left, top, right, bottom), self.theme.paper, 0.82)
+        canvas.area(box_of(left, top, right, bottom), self.theme.paper, 0.82)
         canvas.words(title, (left + 10 * u, top + 11 * u), round(12 * u), self.theme.muted, anchor=(0, 0.5))
 
     def _note(self, frame, camera, text, foot):
@@ -515,75 +486,6 @@ class Overlays:
         edges = edges[((low < reach) & (high > -reach)).all(axis=1)]
         bodies = (offset[near], moment.forward[near, :2], axis[near], moment.radius[near])
         return how_far(*(np.ascontiguousarray(part, np.float64) for part in (*bodies, edges)), float(reach))
-
-
-def layer(camera, clip, draw):
-    """(top, alpha, ink) of what `draw(canvas)` draws: its rows of the picture, ready to be laid over frames.
-
-    Drawn once over black and once over white: what black shows is ink, and the difference is how much shines through.
-    """
-    width, height = camera.size
-    black, white = np.zeros((height, width, 3), np.uint8), np.full((height, width, 3), 255, np.uint8)
-    for picture in (black, white):
-        draw(Canvas(picture, clip))
-    some = np.zeros(height, np.bool_)
-    part_colours(black, white, some)
-    rows = np.flatnonzero(some)
-    part = slice(rows[0], rows[-1] + 1) if len(rows) else slice(0, 0)
-    return int(part.start), white[part], black[part]
-
-
-def _full_width(picture, camera):
-    """(top, alpha, ink), as `layer` gives them, of a picture (h, w, 4) of opacity and ink that fills the view."""
-    left, top, _, _ = camera.view
-    rows = np.flatnonzero(picture[..., 0].any(axis=1))
-    part = picture[rows[0] : rows[-1] + 1] if len(rows) else picture[:0]
-    alpha, ink = np.zeros((2, len(part), camera.size[0], 3), np.uint8)
-    part_mask(part, left, alpha, ink)
-    return int(top + (rows[0] if len(rows) else 0)), alpha, ink
-
-
-def _lattice(camera, step):
-    """Pixels (k, 2) all over the view, `step` apart, that stay where they are on the ground while it is dragged."""
-    left, top, right, bottom = camera.view
-    x0, y0 = camera.pixels((0, 0)) % step
-    columns, rows = (
-        np.arange(left - left % step + x0 - step, right + step, step),
-        np.arange(top - top % step + y0 - step, bottom + step, step),
-    )
-    return np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
-
-
-def _same(one, other):
-    """Whether two tuples are alike: arrays and plain values by what they are, fields only when they are one."""
-    for a, b in zip(one, other, strict=True):
-        if isinstance(a, np.ndarray):
-            if a.shape != b.shape or not np.array_equal(a, b):
-                return False
-        elif a is not b and (is_dataclass(a) or a != b):
-            return False
-    return True
-
-
-def _hearts(cells, most=4):
-    """(iy, ix) of the cell farthest from the edge of each of the largest pieces of a region."""
-    import cv2
-
-    count, pieces, stats, _ = cv2.connectedComponentsWithStats(cells.astype(np.uint8), connectivity=8)
-    largest = 1 + np.argsort(-stats[1:, cv2.CC_STAT_AREA], kind="stable")[:most]
-    for piece in largest:
-        deep = cv2.distanceTransform(np.pad(pieces == piece, 1).astype(np.uint8), cv2.DIST_L2, 3)[1:-1, 1:-1]
-        heart = np.argwhere(deep > 0.95 * deep.max())
-        yield heart[np.argmin(np.abs(heart - heart.mean(axis=0)).sum(axis=1))]
-
-
-def _box(left, top, right, bottom):
-    return np.array([[left, top], [right, top], [right, bottom], [left, bottom]], float)
-
-
-def _strong(colour, theme):
-    """A brush's colour, light enough for dark ground."""
-    return mix(colour, (255, 255, 255), theme.lift)
 
 
 __all__ = ["OVERLAYS", "Overlays", "layer", "reason_colour"]

@@ -9,7 +9,7 @@ from flockbrush.systems.steer import NotFinite, Steer
 from small_pasture import by_hand, pasture, straight_run, stroke, verified
 from window import Window
 
-from flockbrush.render.overlays import AskedAbout
+from flockbrush.render.asked_about import AskedAbout
 from flockbrush.studio.session import Session
 from flockbrush.studio.ticks_beside import Beside, Lived
 
