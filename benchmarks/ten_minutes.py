@@ -6,8 +6,8 @@
 
 An animal *moves* when it was, within the last minute, ever further than five body lengths from where it was at the
 minute's beginning.  It is *jammed* when it did not, stands within two body lengths of the border, of an obstacle or
-of ground that bars its way, and is not under a brush that rests or grazes (a wished speed of 0).  `gone` counts
-animals that left the world by a goal, an exit or a hunter.
+of ground that bars its way, and its speed is not 0, as that of those who rest is.  `gone` counts animals that left
+the world by a goal, an exit or a hunter.
 """
 
 from __future__ import annotations

@@ -54,14 +54,18 @@ def changed(command, texts):
 
 
 def live_commands() -> dict[str, type]:
-    """Commands that a person may give by name: those that a few numbers and words say, by name."""
+    """Commands that a person may give by name: those that a few numbers and words say, lists left empty, by name."""
     found = {}
     for name, kind in sorted(COMMANDS.items()):
         own = fields(kind)
-        plain = own and all(field.type in PLAIN and field.name != "id" for field in own)
+        plain = own and all(field.name != "id" and (field.type in PLAIN or _may_lack(field)) for field in own)
         if plain and name not in STROKES and not kind.__module__.endswith(INTERNAL) and hasattr(kind, "inverse"):
             found[name] = kind
     return found
+
+
+def _may_lack(field):
+    return field.default_factory is not MISSING
 
 
 def blank(kind, xy):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flockbrush.components import Position
+from flockbrush.components import Leading, Position
 from flockbrush.levels.reader import read_level
 from flockbrush.systems.edits import MarkSpawn
 from small_pasture import pasture
@@ -46,7 +46,7 @@ def test_texts_of_a_form_become_fields_and_wrong_ones_are_named():
 
 def test_commands_of_scripts_begin_where_the_mouse_is():
     known = live_commands()
-    assert {"Gust", "Migrate", "MoveObstacle", "SendTo"} <= set(known)
+    assert {"Appoint", "Gust", "Migrate", "MoveObstacle", "SendTo", "Steer"} <= set(known)
     assert not {"PutColumns", "UseBrush", "Paint"} & set(known)
     gust = blank(known["Gust"], (3.0, 4.0))
     assert (gust.x, gust.at_x, gust.at_y) == (0.0, 3.0, 4.0)
@@ -99,6 +99,29 @@ def test_an_obstacle_is_moved_by_a_command_given_in_the_window(window):
     after = next(barrier for barrier in window.land.barriers if barrier.name == name).polygon.mean(0)
     assert after == pytest.approx(before - (2, 0), abs=0.05)
     assert window.said("error") == []
+
+
+def test_leaders_are_appointed_and_steered_by_commands_given_in_the_window(window):
+    at = window.session.simulation.agents[Position.xyz][0, :2].tolist()
+    window.ask_command("Appoint", at)
+    window.frames(2)
+    fill(window, radius="0.01")
+    assert led(window).sum() == 1
+    window.ask_command("Steer", at)
+    window.frames(2)
+    fill(window, kind="place", x="12", y="9")
+    assert window.said("error") == []
+    leader = np.flatnonzero(led(window))[0]
+    assert window.session.simulation.agents[Leading.target][leader].tolist() == [12.0, 9.0]
+    window.session.undo()
+    window.session.undo()
+    assert not led(window).any()
+
+
+def led(window):
+    """(n,) bool: who is appointed."""
+    window.frames(2)
+    return window.session.simulation.agents[Leading.appointed] > 0
 
 
 def test_tab_goes_from_field_to_field_and_changes_no_brush(window):
