@@ -3,17 +3,33 @@
 from __future__ import annotations
 
 import itertools
+import threading
 import weakref
-from collections.abc import MutableMapping
-from typing import Any, TypeVar
+from collections.abc import Callable, MutableMapping
+from functools import wraps
+from typing import Any, TypeVar, cast
 
 import esper
 import numpy as np
 from flockbrush.engine.columns import Component, Table
 
 T = TypeVar("T")
-_names = (f"world-{n}" for n in itertools.count(1))
+F = TypeVar("F", bound=Callable[..., Any])
+_numbers = itertools.count(1)
+_context = threading.RLock()  # esper keeps the context that it is in in module variables
 _forgotten: list[str] = []  # contexts whose world is gone, but which esper was in at that moment
+
+
+def in_its_context(method: F) -> F:
+    """A method of a world during which esper is in that world's context, whatever other threads do with theirs."""
+
+    @wraps(method)
+    def alone(world, *args, **options):
+        with _context:
+            world._enter()
+            return method(world, *args, **options)
+
+    return cast(F, alone)
 
 
 class Counter:
@@ -35,8 +51,7 @@ class World:
     column of ``kinds``, so a row has no holes.  Entities without any, such as
     obstacles or goals, stay plain esper entities.
 
-    esper keeps its current context in module variables: one thread at a time
-    may use worlds.
+    One thread at a time may use a world; several threads may use one each.
 
     Parameters
     ----------
@@ -45,14 +60,15 @@ class World:
     """
 
     def __init__(self, kinds=(), capacity=256):
-        self.name = next(_names)
+        self.name = f"world-{next(_numbers)}"
         self.agents = Table(kinds, capacity)
         self._resources: dict[type, object] = {}
         self._dying: set[int] = set()
         self._counter = Counter()
         self._agent_set: set[int] = set()  # esper asks which entities have a kind: the same ones for every column
-        self._enter()
-        esper._entity_count = self._counter  # type: ignore[assignment]
+        with _context:
+            self._enter()
+            esper._entity_count = self._counter  # type: ignore[assignment]
         weakref.finalize(self, _forget, self.name)
 
     def _enter(self):
@@ -63,9 +79,10 @@ class World:
 
     def close(self):
         """Forget the world and all that is in it."""
-        if esper.current_world == self.name:
-            esper.switch_world("default")
-        _forget(self.name)
+        with _context:
+            if esper.current_world == self.name:
+                esper.switch_world("default")
+            _forget(self.name)
 
     # entities ---------------------------------------------------------------
 
@@ -74,9 +91,9 @@ class World:
         """The id that the next birth will get."""
         return self._counter.next
 
+    @in_its_context
     def create_entity(self, *components):
         """Create one entity; with any column component it becomes an agent with every column."""
-        self._enter()
         columns = [c for c in components if isinstance(c, Component)]
         unknown = [type(c).__name__ for c in columns if type(c) not in self.agents.kinds]
         if unknown:
@@ -93,6 +110,7 @@ class World:
                 esper._entities[entity][type(component)] = component
         return entity
 
+    @in_its_context
     def create_agents(self, count, values):
         """Create many agents at once.
 
@@ -113,7 +131,6 @@ class World:
             When a column is not of this world, or a value does not fit or is not finite.
             Nobody has been born then.
         """
-        self._enter()
         table = self.agents
         unknown = [repr(field) for field in values if field not in table.arrays]
         if unknown:
@@ -136,9 +153,9 @@ class World:
             esper._components[kind] = self._agent_set
         esper.clear_cache()
 
+    @in_its_context
     def delete_entity(self, entity):
         """Mark an entity; it goes at the next `flush`.  Marking it twice is once."""
-        self._enter()
         if entity in self._dying:
             return
         if not esper.entity_exists(entity):
@@ -154,17 +171,20 @@ class World:
         """
         if not self._dying:
             return
-        self._enter()
         gone = self._dying & self._agent_set
         self._dying = set()
-        esper.clear_dead_entities()
+        self._clear_dead()
         self._agent_set -= gone
         if gone:
             self.agents.remove(gone)
 
+    @in_its_context
+    def _clear_dead(self):
+        esper.clear_dead_entities()
+
+    @in_its_context
     def component_for_entity(self, entity, kind: type[T]) -> T:
         """One component of one entity; for an agent, a window on its row."""
-        self._enter()
         try:
             return esper.component_for_entity(entity, kind)
         except KeyError:
@@ -176,24 +196,24 @@ class World:
         have = ", ".join(k.__name__ for k in esper._entities[entity])
         return f"entity {entity} has no {kind.__name__}; it has {have or 'no components'}"
 
+    @in_its_context
     def get_component(self, kind: type[T]) -> list[tuple[int, T]]:
         """(entity, component) pairs in order of entity: for the few, never per tick for the many."""
-        self._enter()
         return sorted(esper.get_component(kind), key=lambda pair: pair[0])
 
+    @in_its_context
     def entity_exists(self, entity):
         """Whether an entity lives and is not marked for deletion."""
-        self._enter()
         return esper.entity_exists(entity)
 
+    @in_its_context
     def plain_entities(self):
         """Ids of the entities that are no agents, ascending."""
-        self._enter()
         return sorted(set(esper._entities) - self._agent_set)
 
+    @in_its_context
     def components_of(self, entity):
         """The components of an entity, by type."""
-        self._enter()
         return dict(esper._entities[entity])
 
     # resources --------------------------------------------------------------
@@ -221,6 +241,7 @@ class World:
 
     # snapshots --------------------------------------------------------------
 
+    @in_its_context
     def become(self, ids, columns, plain, next_entity):
         """Have exactly these agents and plain entities, and number births from ``next_entity``.
 
@@ -235,7 +256,6 @@ class World:
             Plain entities to keep; all others go.
         next_entity : int
         """
-        self._enter()
         kept = set(plain)
         for entity in self.plain_entities():
             if entity not in kept:
@@ -306,7 +326,8 @@ def _move_in(component: Any, table, entity):
 
 def _forget(name):
     """Drop an esper context, at once or, when esper is in it, as soon as it is in another."""
-    if esper.current_world == name:
-        _forgotten.append(name)
-    else:
-        esper._context_map.pop(name, None)
+    with _context:
+        if esper.current_world == name:
+            _forgotten.append(name)
+        else:
+            esper._context_map.pop(name, None)

@@ -1,6 +1,8 @@
 """Worlds: animals as rows and as windows on rows, through births and deaths."""
 
 import gc
+import sys
+import threading
 import time
 import tracemalloc
 from dataclasses import dataclass
@@ -118,6 +120,37 @@ def test_two_worlds_do_not_share(world):
     assert world.component_for_entity(here, Position).xyz[0] == 1
     assert other.component_for_entity(there, Position).xyz[0] == 2
     other.close()
+
+
+def test_worlds_of_several_threads_keep_apart():
+    """As when the playground runs a tick and draws the thumbnail of a brush, which is a herd of its own."""
+    every, wrong = sys.getswitchinterval(), []
+
+    def live(litres):
+        try:
+            world = World((Position,))
+            for k in range(150):
+                ids = world.create_agents(3, {Position.xyz: (k, 0, 0)})
+                hole = world.create_entity(Waterhole(litres))
+                world.delete_entity(ids[0])
+                world.flush()
+                assert world.component_for_entity(hole, Waterhole).litres == litres
+            assert {hole.litres for _, hole in world.get_component(Waterhole)} == {litres}
+            assert len(world.agents) == len(world.get_component(Position)) == 300
+            world.close()
+        except Exception as error:  # noqa: BLE001  told by the thread that waits
+            wrong.append(error)
+
+    sys.setswitchinterval(1e-6)
+    try:
+        threads = [threading.Thread(target=live, args=(float(k),)) for k in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(120)
+    finally:
+        sys.setswitchinterval(every)
+    assert not wrong and not any(thread.is_alive() for thread in threads)
 
 
 def test_obstacles_are_plain_entities(world):
