@@ -31,10 +31,10 @@ class KeyframeSpacing:
     _lived: int = 0  # and these times animals
     _kept: int = 0  # animals in all snapshots
 
-    def passed(self, animals: int) -> bool:
-        """Count a tick of so many animals; whether a snapshot is due after it."""
-        self._passed += 1
-        self._lived += animals
+    def passed(self, animals: int, ticks: int = 1) -> bool:
+        """Count a tick, or several, of so many animals; whether a snapshot is due after it."""
+        self._passed += ticks
+        self._lived += ticks * animals
         rare = max(1.0, self._kept / self.room)
         enough = self._lived >= self.steps * rare and self._passed >= self.least * rare
         if not self.ticks or not (enough or self._passed >= self.ticks):

@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from flockbrush.behaviours.brush import BrushLibrary
 from flockbrush.engine.commands import Commands
-from flockbrush.engine.state import pieces, snapshot, state_hash
+from flockbrush.engine.state import StateError, check_beginning, pieces, snapshot, state_hash
 from flockbrush.levels.schema import Level
 from flockbrush.runs import run as running
 from flockbrush.studio.scribe import Scribe
@@ -140,14 +141,21 @@ class Branch:
         branch.keyframes.keep(0, snapshot(simulation.world))
         return branch
 
-    def take_over(self, run):
-        """Know all that a recording knows."""
+    def take_over(self, run, world, budget):
+        """Know all that a recording knows, and so many bytes of its snapshots, so that any moment is near one."""
         self.commands, self.hashes, self.last_tick = run.commands, dict(sorted(run.hashes.items())), run.last_tick
         known = max([run.last_tick - 1, *(tick for tick, _ in run.commands)])
         self.waiting = [(tick, cmd) for tick, cmd in self.script if tick > known]
         self.changes = [(tick, "all") for tick, cmd in run.commands if hasattr(cmd, "ground_box")]
-        for tick in run.keyframes:
-            self.keyframes.keep(tick, run.keyframes[tick])
+        for tick in _coarse_to_fine(sorted(run.keyframes)):
+            try:
+                data = run.keyframes.read(tick, partial(check_beginning, world))
+            except StateError:
+                continue  # of another version: the run is lived again from the one before
+            budget -= len(data)
+            if budget < 0:
+                break
+            self.keyframes.keep(tick, bytes(data))
 
     def done_at(self, tick):
         """Commands that were applied at the start of this tick."""
@@ -164,6 +172,12 @@ class Branch:
         new.last_tick = new.left = tick
         new.parent, new.differs = self.name, self.differs
         return new
+
+
+def _coarse_to_fine(ticks):
+    """The last one, the middle, the quarters, and so on: wherever one stops, those passed lie evenly."""
+    steps = [1 << power for power in range(len(ticks).bit_length(), -1, -1)]
+    return list(dict.fromkeys(tick for step in steps for tick in ticks[::-step]))
 
 
 def between(entries, first, last):

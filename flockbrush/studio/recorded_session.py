@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path, PurePosixPath
 
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.recording import RecordingError, open_recording
-from flockbrush.engine.state import StateError, check_beginning
 from flockbrush.runs import run as running
 from flockbrush.studio.branches import Beginning, Branch
 from flockbrush.studio.gauges import sample_of
@@ -72,8 +70,7 @@ def open_recorded(path, state_folder=None) -> Session:
             "main", Beginning(level, library, run.header["seed"], run.header.get("agents")), simulation
         )
         branch.header, branch.assets = run.header, run.assets
-        branch.take_over(run)
-        _keep_snapshots(run, branch, simulation.world)
+        branch.take_over(run, simulation.world, KEYFRAME_BYTES // 2)
         timeline = Timeline.resumed({"main": branch}, "main", shelter.folder, sample_of, at=0)
     except WentWrong as error:
         if shelter is not None:
@@ -110,20 +107,6 @@ def unpacked(run, folder) -> tuple[Path, ...]:
         to.parent.mkdir(parents=True, exist_ok=True)
         files.append(write_bytes(to, data))
     return tuple(files)
-
-
-def _keep_snapshots(run, branch, world):
-    """Know the recorded snapshots, so that any moment is near one."""
-    size = 0
-    for tick in sorted(run.keyframes):
-        try:
-            data = run.keyframes.read(tick, partial(check_beginning, world))
-        except StateError:
-            continue  # of another version: the run is lived again from the one before
-        size += len(data)
-        if size > KEYFRAME_BYTES // 2:
-            break
-        branch.keyframes.keep(tick, bytes(data))
 
 
 def _told(run):

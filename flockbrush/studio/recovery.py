@@ -29,6 +29,7 @@ from flockbrush.runs import run as running
 from flockbrush.studio import session_folders as folders
 from flockbrush.studio.branches import Beginning, Branch, plain_name
 from flockbrush.studio.session_folders import DAMAGED, LOCK, NOTE, TRASH, state_folder
+from flockbrush.studio.timeline import KEYFRAME_BYTES
 
 
 class Shelter:
@@ -285,10 +286,10 @@ def _branch_of(name, files, known):
     simulation = running.rebuild(run)
     try:
         branch = Branch.begun(name, beginning, simulation)
+        branch.take_over(run, simulation.world, KEYFRAME_BYTES // 2)
     finally:
         simulation.close()
     branch.header, branch.assets = run.header, run.assets
-    branch.take_over(run)
     branch.parent, branch.left = files.parent, files.left
     return branch
 

@@ -15,8 +15,9 @@ from pathlib import Path
 from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.recording import RecordingError
 from flockbrush.engine.state import restore, snapshot, state_hash
+from flockbrush.runs import run as running
 from flockbrush.studio.branches import Branch, Keyframes, between, plain_name
-from flockbrush.studio.scribe import FILED_SECONDS, HASH_BYTES, SELDOM, Scribe
+from flockbrush.studio.scribe import HASH_BYTES, SELDOM, Scribe
 
 KEYFRAME_SECONDS = 2.0  # s between two kept moments
 KEYFRAME_BYTES = 384 << 20  # of all kept moments together: beside a window and numba they fit into 1 GB
@@ -332,9 +333,9 @@ class Timeline:
         return self.current
 
     def _pace_of_keeping(self):
-        """How often to hash, to keep and to file a moment."""
+        """How often to hash and to keep a moment."""
         dt, size = self.simulation.clock.dt, len(self.current.keyframes[0])
-        self._keep_every, self._file_every = round(KEYFRAME_SECONDS / dt), round(FILED_SECONDS / dt)
+        self._keep_every = round(KEYFRAME_SECONDS / dt)
         self._hash_every = SELDOM if size > HASH_BYTES else 1
 
     def free_name(self, name=None):
@@ -356,8 +357,11 @@ class Timeline:
         branch, world, now = self.current, self.simulation.world, self.tick
         if now % self._hash_every == 0:
             branch.hashes[now] = state_hash(world)
-        if now % self._keep_every == 0:
+        filed = branch.scribe is not None and branch.scribe.spacing.passed(len(world.agents))
+        if filed or now % self._keep_every == 0:
             branch.keyframes.keep(now, snapshot(world))
+            if filed:
+                branch.scribe.file(now)
             self._thin()
         sample = self.measure(self.simulation)
         if sample is not None:
@@ -402,12 +406,17 @@ class Timeline:
         """Begin the file of the current branch."""
         path = self._file_of(self.current.name)
         if path is not None:
-            self._guarded(lambda: setattr(self.current, "scribe", Scribe(path, self.current)))
+            self._guarded(lambda: setattr(self.current, "scribe", self._scribe(path)))
+
+    def _scribe(self, path):
+        """What records the current branch, with as many snapshots as any recording."""
+        spacing = running.usual_keyframes(self.simulation)
+        return Scribe(path, self.current, spacing, len(self.simulation.agents))
 
     def _write(self):
         """Hand what is new to the branch's file."""
         if self.current.scribe is not None:
-            self._guarded(lambda: self.current.scribe.take(self.current, self._file_every))
+            self._guarded(lambda: self.current.scribe.take())
 
     def flush(self):
         """Hand everything to the operating system: a crash of this program cannot take it back."""
@@ -425,8 +434,7 @@ class Timeline:
     def export(self, path):
         """Write a recording of the current branch, whole or not at all; RecordingError, OSError."""
         branch = self.current
-        scribe = Scribe(path, branch)
-        scribe.close(branch.last_tick)
+        self._scribe(path).close(branch.last_tick)
 
     def close(self):
         """End the files in good order, and forget the world."""

@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from small_pasture import pasture, straight_run, verified
 
+from flockbrush.runs import run as running
 from flockbrush.runs.run import open_level
 from flockbrush.studio.branches import Beginning, Keyframes
 from flockbrush.studio.timeline import Timeline, WentWrong
@@ -284,13 +285,49 @@ def test_every_branch_is_a_recording_beside_the_first(level, monkeypatch, tmp_pa
 
 
 def test_a_recording_has_moments_to_start_from(level, monkeypatch, tmp_path):
-    monkeypatch.setattr("flockbrush.studio.timeline.FILED_SECONDS", 0.5)
+    monkeypatch.setattr("flockbrush.runs.run.KEYFRAME_SECONDS", 0.5)
     timeline = new_timeline(level, monkeypatch, folder=tmp_path)
     lived(timeline, 70)
     timeline.close()
     run = verified(tmp_path / "pasture.flock")
     assert sorted(run.keyframes) == [16, 32, 48, 64]
     assert len(run.keyframes[48]) > 1000
+
+
+def test_a_recording_of_many_animals_has_as_many_moments_as_one_made_without_a_window(level, monkeypatch, tmp_path):
+    monkeypatch.setattr(running, "KEYFRAME_STEPS", 8 * 9)  # as if nine sheep were 100,000
+    timeline = new_timeline(level, monkeypatch, folder=tmp_path)
+    timeline.perform([AddAnimals("march", 4, 4, 2, 9, "sheep")])
+    lived(timeline, 40)
+    simulation = running.rebuild(open_recording(timeline.current.scribe.path))
+    recorder = running.record(tmp_path / "headless.flock", simulation)
+    simulation.submit(AddAnimals("march", 4, 4, 2, 9, "sheep"))
+    for _ in range(40):
+        simulation.tick()
+        recorder.take()
+    recorder.close()
+    simulation.close()
+    timeline.go_to(20)
+    timeline.fork()
+    timeline.export(tmp_path / "exported.flock")
+    timeline.close()
+    whole = verified(tmp_path / "pasture.flock")
+    ends = {0, 1, 40}  # of small herds, besides
+    assert set(whole.keyframes) | ends == set(verified(tmp_path / "headless.flock").keyframes)
+    assert sorted(whole.keyframes) == [8, 16, 24, 32, 40]
+    for name in ("exported", "pasture-2"):  # those kept in memory, up to where it left
+        assert sorted(verified(tmp_path / f"{name}.flock").keyframes) == [8, 16]
+
+
+def test_of_a_recording_no_more_is_kept_than_fits_and_that_evenly(level, monkeypatch, tmp_path):
+    monkeypatch.setattr(running, "KEYFRAME_STEPS", 8 * 9)
+    timeline = new_timeline(level, monkeypatch, folder=tmp_path)
+    lived(timeline, 64)
+    branch, world = timeline.current.until(0, "again"), timeline.simulation.world
+    timeline.close()
+    run = open_recording(tmp_path / "pasture.flock")
+    branch.take_over(run, world, 4 * len(run.keyframes[8]) + 100)
+    assert sorted(branch.keyframes) == [0, 16, 32, 48, 64]
 
 
 def test_a_branch_does_not_take_the_name_of_a_file_that_is_there(level, monkeypatch, tmp_path):
