@@ -316,6 +316,21 @@ def check_png(output, inputs=(), hint="-o"):
     check_exports([output], inputs)
 
 
+def check_plot(plot, inputs):
+    """Make sure that a chart can be drawn and written."""
+    from flockbrush.engine.files import output_problems
+    from flockbrush.output.figures import FORMATS, drawing_problems
+
+    if Path(plot).suffix.lower() not in FORMATS:
+        endings = ", ".join(FORMATS)
+        raise typer.BadParameter(
+            f"the name of a chart ends in one of {endings}; got {str(plot)!r}", param_hint="--plot"
+        )
+    problems = drawing_problems(plot) or output_problems([plot], inputs)
+    if problems:
+        raise ProblemsError(problems)
+
+
 def init_levels(folder):
     """Begin a folder for levels, with the brushes of its own folder ``brushes`` besides the shipped ones."""
     from flockbrush.behaviours.brush import BrushLibrary, shipped

@@ -19,7 +19,12 @@ from flockbrush.engine import kernel_cache
 from flockbrush.runs.terminal import PROBLEM, print_json, show, styled
 
 HOUSE = Path(flockbrush.__file__).parent.parent
-OPTIONAL = {"pyarrow": "Parquet exports", "usd-core": "USD exports", "distributed": "sweeps on a cluster"}
+OPTIONAL = {
+    "pyarrow": "Parquet exports",
+    "usd-core": "USD exports",
+    "distributed": "sweeps on a cluster",
+    "matplotlib": "charts",
+}
 OK, WARN, BAD = "ok", "warn", "problem"
 _COLOURS = {OK: "green", WARN: "yellow", BAD: "red"}
 

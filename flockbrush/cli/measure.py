@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flockbrush.cli.commands import check_png, meaning_of, opened, stepping, use_threads
-from flockbrush.engine.files import whole
+from flockbrush.cli.commands import check_plot, meaning_of, opened, stepping, use_threads
 from flockbrush.engine.parallel import threads
 from flockbrush.engine.recording import resume
 from flockbrush.runs import run as running
@@ -65,7 +64,7 @@ def measure_recording(path, plot, every, thread_count, json):
     if not math.isfinite(every):
         every = 3600.0
     if plot is not None:
-        check_png(plot, [path], hint="--plot")
+        check_plot(plot, [path])
     run = opened(path)
     use_threads(thread_count)
     with terminal.Interrupts() as interrupts, terminal.compiling():
@@ -74,13 +73,9 @@ def measure_recording(path, plot, every, thread_count, json):
         with stepping(Path(path).name, simulation, run.last_tick, interrupts) as step:
             series = series_of(run, simulation, every, step)
     if plot is not None:
-        from flockbrush.output.plot import draw_series
-        from flockbrush.systems.measures import measures
+        from flockbrush.output.figures import draw_series
 
-        plotted = [name for name, found in measures().items() if found.plotted]
-
-        with whole(plot) as temporary:
-            draw_series(temporary, series, f"{simulation.level.name}, seed {run.header['seed']}", plotted)
+        draw_series(plot, series, f"{simulation.level.name}, seed {run.header['seed']}")
     if json:
         print_json(
             {

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from flockbrush.cli.commands import check_png
+from flockbrush.cli.commands import check_plot
 from flockbrush.cli.measure import mean_of, show_series
-from flockbrush.engine.files import whole
 from flockbrush.film.observations import Evidence
 from flockbrush.film.open_clip import Looking, look_at, tell_notes
 from flockbrush.runs import terminal
-from flockbrush.systems.measures import herd_measures, measures
+from flockbrush.systems.measures import herd_measures
 
 
 def series_of_tracks(evidence: Evidence, every: float) -> dict[str, list]:
@@ -53,18 +52,16 @@ def measure_tracks(path, looking: Looking, plot=None, every=1.0, as_json=False):
         When the file cannot be read.
     """
     if plot is not None:
-        check_png(plot, [path], hint="--plot")
+        check_plot(plot, [path])
     with terminal.Interrupts(), terminal.compiling():
         evidence = look_at(path, looking)
         series = series_of_tracks(evidence, every)
     unit = "m" if evidence.length_unit == "m" else "body lengths"
     animals = 0 if evidence.sightings is None else len(np.unique(evidence.sightings.track))
     if plot is not None:
-        from flockbrush.output.plot import draw_series
+        from flockbrush.output.figures import draw_series
 
-        plotted = [name for name, found in measures().items() if found.plotted]
-        with whole(plot) as temporary:
-            draw_series(temporary, series, f"{evidence.name}, lengths in {unit}", plotted)
+        draw_series(plot, series, f"{evidence.name}, lengths in {unit}")
     if as_json:
         numbers = {name: values for name, values in series.items() if name != "time"}
         terminal.print_json(

@@ -31,7 +31,7 @@ def is_tracks(path):
 def measure(
     recording: RecordingPath,
     plot: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Picture to write, with the measures over time.")
+        Path | None, typer.Option(metavar="FILE", help="Chart of the measures over time to write: .png, .svg or .pdf.")
     ] = None,
     every: Annotated[
         float, typer.Option(min=0.03125, max=3600, metavar="S", help="Seconds between two samples.")

@@ -12,6 +12,7 @@ import typer
 from flockbrush import levels
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import did_you_mean
+from flockbrush.output.figures import drawing_problems
 from flockbrush.runs import terminal
 from flockbrush.runs.terminal import Stopped, print_json, say
 from flockbrush.studies import sweep_report as report
@@ -46,6 +47,8 @@ def run_sweep(path, out, jobs=None, resume=False, address=None, json_wanted=Fals
             raise refused(address or "workers", f"{told}; finished work is in {out}; continue with --resume") from None
     found = report.summarise(sweep, journal, time.perf_counter() - begin, width)
     found["files"] = [str(file) for file in report.write_files(sweep, journal, found, out, theme)]
+    for problem in drawing_problems(out):
+        say(f"{out}: means.png is left out; {problem.message}")
     print_json(found) if json_wanted else report.show(sweep, found)
     if found["failed"] or not all(line["kept"] for line in found["expected"]):
         raise typer.Exit(terminal.PROBLEM)

@@ -38,6 +38,7 @@ from flockbrush.learning.simulate import longest_way, simulated
 from flockbrush.learning.verdict import RUNS as JUDGED_RUNS
 from flockbrush.learning.verdict import combined, judge
 from flockbrush.learning.which_model import HERD
+from flockbrush.output.figures import drawing_problems
 from flockbrush.runs.terminal import (
     Interrupts,
     Stopped,
@@ -150,7 +151,7 @@ def _checked(wishes) -> list[Region]:
     inputs = [*wishes.clips, *(p for p in (looking.regions, looking.obstacles) if p)]
     problems = output_problems(outs, inputs)
     if wishes.report is not None:
-        problems += folder_problems(wishes.report)
+        problems += folder_problems(wishes.report) or drawing_problems(wishes.report)
     state = BrushTask(outs[0], []).state()
     if wishes.resume and not any(BrushTask(out, []).state().exists() for out in outs):
         problems += refused(state, f"there is nothing to resume of {name}; leave out --resume").problems

@@ -6,8 +6,8 @@ import numpy as np
 
 from flockbrush.learning.comparison import ERRORS, REACH, TITLES
 from flockbrush.learning.learned_brush import plain
-from flockbrush.learning.panels import CLIP, HERD, OTHER, ChartLine, CurveChart, Maps, ParamRow, Rows
 from flockbrush.learning.result import Findings
+from flockbrush.output.figures import CLIP, HERD, OTHER, ChartCurve, CurveChart, Maps, ParamRow, Rows
 
 ORDER = "polarization", "milling", "milling in the picture", "aspect"
 CROWD = "nearest neighbour", "density", "order nearby", "largest part", "directions"
@@ -51,21 +51,25 @@ def _chart(comparison, name, span=None):
     band = np.maximum(clip - verdict.allowed, 0.0), np.minimum(clip + verdict.allowed, most)
     if name == "aspect" and np.nanmax(clip) > 1:
         span = None
-    herds = [ChartLine("each simulation", times, h[name], HERD, width=1.0, alpha=0.35) for h in comparison.herds]
+    herds = [
+        ChartCurve("each simulation", times, h[name], colour=HERD, width=0.8, alpha=0.35) for h in comparison.herds
+    ]
     lines = [
-        ChartLine(comparison.subject, times, clip, CLIP, band if name in ORDER else None),
+        ChartCurve(comparison.subject, times, clip, band=band if name in ORDER else None, colour=CLIP),
         *(herds if len(herds) > 1 else []),
     ]
-    lines.append(ChartLine(_mean_of(herds), times, comparison.herd(name), HERD))
-    return CurveChart(TITLES[name], "seconds from the start of the simulation", lines, span)
+    lines.append(ChartCurve(_mean_of(herds), times, comparison.herd(name), colour=HERD))
+    return CurveChart(TITLES[name], "seconds from the start of the simulation", lines, span=span)
 
 
 def _error_chart(comparison, name):
     times = comparison.times
-    each = [ChartLine("each simulation", times, h[name], OTHER, width=1.0, alpha=0.35) for h in comparison.herds]
-    lines = [*(each if len(each) > 1 else []), ChartLine(_mean_of(each), times, comparison.herd(name), OTHER)]
+    each = [
+        ChartCurve("each simulation", times, h[name], colour=OTHER, width=0.8, alpha=0.35) for h in comparison.herds
+    ]
+    lines = [*(each if len(each) > 1 else []), ChartCurve(_mean_of(each), times, comparison.herd(name), colour=OTHER)]
     return CurveChart(
-        TITLES[name], "horizon, seconds", lines, (0.0, float(np.nanmax([h[name] for h in comparison.herds])))
+        TITLES[name], "horizon, seconds", lines, span=(0.0, float(np.nanmax([h[name] for h in comparison.herds])))
     )
 
 
@@ -75,11 +79,11 @@ def _mean_of(herds):
 
 def _speeds(comparison):
     lines = [
-        ChartLine(name, *comparison.speeds[name], colour, marks=True)
+        ChartCurve(name, *comparison.speeds[name], colour=colour, marker="o")
         for name, colour in (("clip", CLIP), ("simulation", HERD))
     ]
     most = max((float(line.y.max()) for line in lines if len(line.y)), default=1.0)
-    return CurveChart("Speed against density, BL/s", "animals per BL²", lines, (0.0, most))
+    return CurveChart("Speed against density, BL/s", "animals per BL²", lines, span=(0.0, most))
 
 
 def _maps(comparison):
@@ -129,5 +133,5 @@ def _losses(learned) -> list[CurveChart]:
 def _loss(attempt, chosen):
     steps = np.arange(len(attempt.loss))
     if chosen:
-        return ChartLine("the start chosen", steps, attempt.loss, HERD)
-    return ChartLine("other starts", steps, attempt.loss, OTHER, width=1.2, alpha=0.6)
+        return ChartCurve("the start chosen", steps, attempt.loss, colour=HERD)
+    return ChartCurve("other starts", steps, attempt.loss, colour=OTHER, width=1.0, alpha=0.6)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +21,18 @@ from flockbrush.learning.learning_charts import ORDER, is_told, panels_of
 from flockbrush.learning.model_choice import add_models
 from flockbrush.learning.model_choice import as_json as models_as_json
 from flockbrush.learning.page import ReportPage
-from flockbrush.learning.panels import SCALE, CurveChart, drawn, sheet
 from flockbrush.learning.report_judgement import add_judgement, judgement_as_json
 from flockbrush.learning.report_parameters import add_parameters
 from flockbrush.learning.result import KEPT, Findings
 from flockbrush.learning.side_by_side import halves_of
+from flockbrush.output.figures import CurveChart, figure_of, pixels_of
 from flockbrush.render import write_png
+from flockbrush.render.style import theme_of
 from flockbrush.runs.terminal import finite, measure, number
 
 OWN = "order", "errors", "crowd", "neighbours", "parameters", "loss"  # pictures of a report, besides its moments
+ON_PAGE = replace(theme_of("light"), paper=(255, 255, 255))
+SCALE = 2  # pixels of a chart to one of the page: sharp on paper
 SEARCHED = 10  # starts in the table, the best first
 WORDS = {
     "moments": "Left: the clip, stabilised. Right: the simulation with the learned brush, from the same start, at the "
@@ -75,7 +79,7 @@ def write_report(findings: Findings, folder) -> list[Path]:
     folder = Path(folder)
     panels = panels_of(findings)
     pictures = {f"moment-{k + 1}": image for k, image in enumerate(findings.moments)}
-    pictures |= {name: sheet(some, 1 if len(some) == 1 else 2) for name, some in panels.items()}
+    pictures |= {name: pixels_of(figure_of(some, columns=2, theme=ON_PAGE)) for name, some in panels.items()}
     for name in {*OWN, *(f"moment-{k}" for k in range(1, 10))} - pictures.keys():  # of a report that was here before
         (folder / f"{name}.png").unlink(missing_ok=True)
     written = [folder / "report.html"]
@@ -165,7 +169,10 @@ def _moments(page, findings):
 
 def _show(page, panels, name, more=""):
     if name in panels:
-        drawings = [(drawn(panel), f"{panel.title}. {_lines_in(panel)}".strip()) for panel in panels[name]]
+        drawings = [
+            (pixels_of(figure_of([panel], theme=ON_PAGE)), f"{panel.title}. {_lines_in(panel)}".strip())
+            for panel in panels[name]
+        ]
         page.pictures(drawings, f"{WORDS[name]} {more}".strip(), SCALE)
 
 
@@ -175,7 +182,7 @@ def _lines_in(panel):
         return ""
     last = {
         line.name: line
-        for line in panel.lines
+        for line in panel.curves
         if len(line.y) and line.name in ("clip", "photograph", "simulation", "mean of them")
     }
     said = {"mean of them": "simulations"}

@@ -12,7 +12,8 @@ import numpy as np
 
 import flockbrush
 from flockbrush.engine.files import whole
-from flockbrush.output.line_charts import ChartCurve, ChartPanel, draw_chart
+from flockbrush.output.figures import MARKERS, ChartCurve, CurveChart, drawing_problems, figure_of, write_figure
+from flockbrush.render.style import PALETTE
 from flockbrush.runs.terminal import number, print_line, styled, table
 from flockbrush.runs.terminal import show as print_table
 from flockbrush.studies.sweep import Journal
@@ -246,10 +247,9 @@ def write_files(sweep: Sweep, journal: Journal, found, folder, theme="light") ->
     if importlib.util.find_spec("pyarrow"):
         written.append(_write_parquet(folder / "runs.parquet", sweep, columns))
     panels = panels_of(sweep, found)
-    if panels:
+    if panels and not drawing_problems(folder):
         written.append(folder / "means.png")
-        with whole(written[-1]) as temporary:
-            draw_chart(temporary, sweep.title or sweep.name, panels, theme, NOTE)
+        write_figure(written[-1], figure_of(panels, sweep.title or sweep.name, NOTE, theme=theme))
     return written + sweep.experiment.pictures(sweep, rows, folder, theme)
 
 
@@ -306,7 +306,7 @@ def _of_one_kind(values):
 # as plots --------------------------------------------------------------------------------
 
 
-def panels_of(sweep: Sweep, found) -> list[ChartPanel]:
+def panels_of(sweep: Sweep, found) -> list[CurveChart]:
     """A panel for each measure: its mean, with the error of the mean, over one parameter."""
     varied = {name: values for name, values in sweep.varied.items() if len(values) > 1}
     if not varied:
@@ -322,7 +322,7 @@ def panels_of(sweep: Sweep, found) -> list[ChartPanel]:
     panels = []
     for measure in sweep.plot.measures or sweep.measures:
         curves = []
-        for group in sweep.varied[lines] if lines else [None]:
+        for k, group in enumerate(sweep.varied[lines] if lines else [None]):
             points = [s for s in found["scenarios"] if lines is None or s["parameters"].get(lines) == group]
             points = [s for s in points if across in s["parameters"] and measure in s["means"]]
             if len(sweep.varied) > 2:
@@ -335,11 +335,12 @@ def panels_of(sweep: Sweep, found) -> list[ChartPanel]:
             order = np.argsort(x)
             y, e = (np.array([s["means"][measure][what] for s in points], float) for what in ("mean", "error"))
             name = "" if lines is None else f"{lines} {_with_unit(group, sweep.experiment.unit_of(lines))}"
-            curves.append(ChartCurve(name, x[order], y[order], e[order]))
+            colour, marker = PALETTE[k % len(PALETTE)], MARKERS[k % len(MARKERS)]
+            curves.append(ChartCurve(name, x[order], y[order], e[order], colour=colour, marker=marker))
         if curves:
             unit = sweep.experiment.unit_of(across)
             along = across + (f", {unit}" if unit else "")
-            panels.append(ChartPanel(_title_of(sweep, measure), along, curves[:MOST_CURVES], words))
+            panels.append(CurveChart(_title_of(sweep, measure), along, curves[:MOST_CURVES], words))
     return panels
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from flockbrush.behaviours.v_rules.flights import fly, starts
 from flockbrush.behaviours.v_rules.indicators import SHAPES, indicators, leads_of, lines_of
 from flockbrush.engine.files import whole
-from flockbrush.output.line_charts import ChartCurve, ChartPanel, draw_chart
+from flockbrush.output.figures import ChartCurve, CurveChart, drawing_problems, figure_of, write_figure
 from flockbrush.render import write_png
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_terrain import nice
@@ -129,14 +129,13 @@ def draw_sweep(sweep, rows, folder, theme="light") -> list[Path]:
     scenario = _middle(fine)
     of = [row["seed"] for other, row in fine if other is scenario][:TRACED]
     said = ", ".join(f"{name} {value}" for name, value in scenario.varied.items())
-    panel = ChartPanel(f"distance (wingspans), {said}", "time steps", _traces(scenario, of))
-    picture(
-        "distance_over_time.png",
-        draw_chart,
-        f"Mean distance to the nearest line, {len(of)} flocks",
-        [panel],
-        note="one line for each flock, each from a seed of its own",
-    )
+    panel = CurveChart(f"distance (wingspans), {said}", "time steps", _traces(scenario, of))
+    if not drawing_problems(folder):
+        title = f"Mean distance to the nearest line, {len(of)} flocks"
+        written.append(folder / "distance_over_time.png")
+        write_figure(
+            written[-1], figure_of([panel], title, "one line for each flock, from a seed of its own", theme=theme)
+        )
     return written
 
 
@@ -186,5 +185,5 @@ def _traces(scenario, seeds):
         every = max(1, steps // 200)
         spec, flights = _flown(scenario.parameters, seed, every)
         distance = indicators(flights.series[0], spec).distance
-        curves.append(ChartCurve("", np.arange(len(distance)) * float(every), distance, marks=False))
+        curves.append(ChartCurve("", np.arange(len(distance)) * float(every), distance, width=1.0))
     return curves

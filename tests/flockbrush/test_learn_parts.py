@@ -23,12 +23,11 @@ from flockbrush.learning.initial_conditions import resized
 from flockbrush.learning.learned_brush import brush_of, name_of, order_of
 from flockbrush.learning.learning_charts import panels_of
 from flockbrush.learning.page import ReportPage
-from flockbrush.learning.panels import SCALE, ChartLine, CurveChart, ParamRow, Rows, sheet
 from flockbrush.learning.photo import angular_variance, standing
 from flockbrush.learning.regions import regions_of, within
 from flockbrush.learning.report import as_json, page_of, write_partial, write_report
 from flockbrush.learning.result import Findings
-from flockbrush.learning.rollout import NAMES, HerdStart
+from flockbrush.learning.rollout import HerdStart
 from flockbrush.learning.side_by_side import ComparisonGround
 from flockbrush.learning.simulate import simulated
 from flockbrush.learning.verdict import judge
@@ -250,13 +249,6 @@ def test_of_a_clip_that_cannot_be_learned_from_the_page_shows_what_was_seen(tmp_
     tree = parsed(page.read_text(encoding="utf-8"))
     assert len(list(tree.iter("img"))) == 2
     assert "first frame" in " ".join(tree.itertext())
-
-
-def test_a_chart_without_numbers_is_drawn_empty():
-    nothing = ChartLine("clip", np.arange(3), np.full(3, np.nan), (0, 0, 0))
-    rows = Rows("p", [ParamRow(name, 0.5, np.array([0.4]), k % 2 == 0) for k, name in enumerate(NAMES)])
-    image = sheet([CurveChart("none", "s", [nothing]), rows])
-    assert image.shape[1] % SCALE == 0 and image.min() < 100
 
 
 def test_a_command_leaves_out_what_nobody_said():

@@ -14,7 +14,6 @@ from pens import pen
 
 from flockbrush.cli.doctor import pinned_versions
 from flockbrush.cli.measure import Counts, sparkline
-from flockbrush.output.plot import ticks
 from flockbrush.runs.run import rebuild, shipped_levels, start
 
 BRUSHES = Path(shipped().path("march")).parent
@@ -193,20 +192,6 @@ def test_a_plot_has_a_line_in_every_panel(cli, recording, tmp_path):
     colourful = np.ptp(picture, axis=2) > 60
     rows = np.array_split(colourful[64:], 3)
     assert all(half.sum() > 200 for row in rows for half in np.array_split(row, 2, axis=1))
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "expected"), [(0, 1, (0, 1, 0.2)), (3.41, 3.59, (3.4, 3.6, 0.05)), (-7, 12, (-10, 15, 5))]
-)
-def test_axes_have_round_numbers_and_hold_everything(low, high, expected):
-    assert ticks(low, high) == pytest.approx(expected)
-
-
-@pytest.mark.parametrize("value", [0.0, 5.0, -3.0, 1e-12, 1e9])
-def test_an_axis_for_one_value_has_room_around_it(value):
-    low, high, step = ticks(value, value)
-    assert low < value < high
-    assert step > 0
 
 
 def test_a_tiny_plot_goes_from_low_to_high_and_leaves_out_what_has_no_meaning():
