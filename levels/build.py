@@ -20,6 +20,7 @@ from flockbrush.levels.scaling import scaled
 from flockbrush.levels.schema import Level, Spawn
 from flockbrush.levels.terrain_kinds import TERRAINS, Terrain, TerrainKind, bare
 from flockbrush.systems import edits as _edits  # noqa: F401  a designer's commands are known wherever a level is
+from flockbrush.systems import mark_commands as _mark_commands  # noqa: F401
 from flockbrush.systems import program_commands as _program_commands
 from flockbrush.systems.binding import mixed_brushes, sheets_of
 from flockbrush.systems.commands import ApplyCommands
@@ -31,7 +32,6 @@ from flockbrush.systems.landscape import (
     BARE,
     NATIVE,
     OF_BARE,
-    Above,
     Barrier,
     Exit,
     Goal,
@@ -41,8 +41,8 @@ from flockbrush.systems.landscape import (
     Painted,
 )
 from flockbrush.systems.life import Live, Nursery, SpawnArea, bear, births_due
+from flockbrush.systems.marks import Marks
 from flockbrush.systems.motion import Move
-from flockbrush.systems.named_regions import Regions, ZoneEvent
 from flockbrush.systems.noticing import BeAlarmed, Notice, Noticed
 from flockbrush.systems.pace import Pace
 from flockbrush.systems.palette import Palette
@@ -63,7 +63,7 @@ from flockbrush.systems.senses import (
 )
 from flockbrush.systems.spawning import INNER
 from flockbrush.systems.steer import Steer
-from flockbrush.systems.terrain import compose_brushes, compose_caps, rasterise_polygon, relief_of
+from flockbrush.systems.terrain import compose_brushes, relief_of
 
 DT = 1 / 32  # s; a power of two: tick * dt is exact
 
@@ -206,7 +206,6 @@ def build(
         Ahead(),
         Noticed(),
         programs_of(level, palette),
-        regions_of(level),
     ):
         world.insert(resource)
     world.insert(landscape_of(level, palette))
@@ -251,38 +250,19 @@ def programs_of(level, palette):
     return programs
 
 
-def regions_of(level):
-    """What programs can ask about: zones and areas by name, and the events of zones."""
-    polygons: dict[str, list] = {}
-    for thing in (*level.zones, *level.areas):
-        if thing.name:
-            polygons.setdefault(thing.name, []).append(thing.polygon)
-    return Regions(polygons, [ZoneEvent(z.event, z.polygon, z.event_reach) for z in level.zones if z.event])
-
-
 def landscape_of(level, palette):
     """The landscape of a level as the kernels want it."""
     shape, terrain = level.shape, level.terrain or Terrain.blank(level.shape)
     height = level.height_map
-    zones = compose_caps(
-        shape, level.cell, None, None if level.factor is None else level.factor.values, None, level.zones
-    )
-    covering = [zone for zone in level.zones if zone.bounds.covers]
-    above = Above(
-        compose_brushes([], covering, shape, level.cell, palette.names),
-        zones[..., 1].copy(),
-        zones[..., 0].copy(),
-    )
     cap = np.full(shape, np.inf) if level.cap is None else level.cap.values.copy()
     painted = Painted(
         compose_brushes([b for b in level.brush_layers if b.plain], [], shape, level.cell, palette.names),
         cap,
         np.full(shape, NATIVE, np.int16),
     )
-    factor = terrain.speed_factor * above.factor
     kinds = kinds_of_ground(level)
     native = Native(
-        factor.copy(),
+        terrain.speed_factor.copy(),
         terrain.walkable.copy(),
         terrain.blocks_view.copy(),
         terrain.cost.copy(),
@@ -294,8 +274,8 @@ def landscape_of(level, palette):
         level.height,
         level.boundary,
         level.cell,
-        np.stack([factor, np.minimum(cap, above.cap)], axis=-1),
-        np.where(above.brush >= 0, above.brush, painted.brush),
+        np.stack([native.factor, cap], axis=-1),
+        painted.brush.copy(),
         native.walkable,
         native.blind,
         native.cost,
@@ -309,14 +289,14 @@ def landscape_of(level, palette):
         kinds=kinds,
         of_bare=bare(),
         painted=painted,
-        above=above,
         native=native,
         overhead=[_barrier(o) for o in level.obstacles if o.z_min > 0.0],
-        sheets=sheets_of(level, palette.names),
-    )
-    for zone in level.zones:
-        if zone.brush:
-            land.transition[rasterise_polygon(zone.polygon, shape, level.cell)] = zone.blend
+        marks=Marks(
+            level.zones, level.lines, level.areas, palette.names, sheets_of(level, palette.names),
+            None if level.factor is None else level.factor.values,
+        ),
+    )  # fmt: skip
+    land.marks.lay(land)
     land.rebuild()
     return land
 

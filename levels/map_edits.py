@@ -23,6 +23,7 @@ from flockbrush.levels.tile_data import FLIP_FLAGS, TileGrid
 from flockbrush.levels.tiled import _member
 from flockbrush.systems.commands import AddObstacle, MoveGoal, PaintBrush, PaintCap, PaintCells, RemoveObstacle
 from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing
+from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone
 from flockbrush.systems.painting import blended, cells_of
 
 NAMES = {"brush": "Brush", "cap": "SpeedCap", "surface": "Terrain"}  # class of a layer's tiles
@@ -432,6 +433,19 @@ class EditedMap:
     @do.register
     def _(self, command: PlaceExit):
         self.draw(command.id, "Exit", command.name, "area", np.array(command.points, float), {})
+
+    @do.register
+    def _(self, command: DrawZone):
+        told = {p.name: getattr(command, p.name) for p in CLASSES["Zone"].properties}
+        self.draw(command.id, "Zone", command.name, "area", np.array(command.points, float), told)
+
+    @do.register
+    def _(self, command: DrawLine):
+        self.draw(command.id, "Line", command.name, "line", command.points, {})
+
+    @do.register
+    def _(self, command: DrawArea):
+        self.draw(command.id, "Area", command.name, "area", np.array(command.points, float), {})
 
     @do.register
     def _(self, command: MarkSpawn):

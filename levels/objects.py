@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from flockbrush.engine import limits
 from flockbrush.engine.problems import did_you_mean
@@ -21,7 +19,6 @@ from flockbrush.levels.schema import (
     Key,
     Line,
     Obstacle,
-    PaintBounds,
     Spawn,
     Zone,
 )
@@ -222,11 +219,7 @@ class ObjectReader:
         if not (v["brush"] or v["max_speed"] or v["factor"] != 1 or v["event"]):
             place.say("does nothing; give it a brush, a max_speed, a factor or an event")
         brush = self.brush(v, place) if v["brush"] else None
-        cap = v["max_speed"] or math.inf
-        event = v["event"], v["event_reach"]
-        self.level.zones.append(
-            Zone(number, name, shape[1], brush, cap, v["factor"], v["blend"], *event, bounds=bounds_of(v))
-        )
+        self.level.zones.append(Zone.of(number, name, shape[1], {**v, "brush": brush}))
 
     def spawn(self, number, name, shape, v, place):
         brush = self.brush(v, place) if "brush" in v.given else ""
@@ -301,19 +294,6 @@ class ObjectReader:
                 if value and value not in self.goal_ids:
                     self.places[thing.id].say(f"{key}: object {value} is no Goal")
                 setattr(thing, key, self.goal_ids.get(value, ""))
-
-
-def bounds_of(v):
-    """Whom paint binds, by its properties."""
-    species = tuple(word.strip() for word in v["species"].split(",") if word.strip())
-    low = -math.inf if v["z_min"] <= -schema.FAR else v["z_min"]
-    high = math.inf if v["z_max"] >= schema.FAR else v["z_max"]
-    if isinstance(v["blend"], str):  # of a layer
-        blend, strength = v["blend"], 1.0
-    else:
-        strength = v["strength"]
-        blend = "share" if v["share"] else "mix" if strength < 1.0 or v["edge"] > 0.0 else "cover"
-    return PaintBounds(species, v["medium"], low, high, blend, v["edge"], strength)
 
 
 def article(name):

@@ -23,9 +23,9 @@ from flockbrush.levels.hints import layer_hints, level_hints, mixing_hints, pain
 from flockbrush.levels.layer_reader import LayerReader, kind_of, plain_name, split
 from flockbrush.levels.libraries import brush_library, program_library, recorded_library
 from flockbrush.levels.nodes import parsed, text
-from flockbrush.levels.objects import ObjectReader, bounds_of
+from flockbrush.levels.objects import ObjectReader
 from flockbrush.levels.properties import FilePlace, Report, read_properties, shown
-from flockbrush.levels.schema import CLASSES, BrushLayer, Level
+from flockbrush.levels.schema import CLASSES, BrushLayer, Level, PaintBounds
 from flockbrush.levels.terrain_kinds import Terrain
 from flockbrush.levels.tileset_reader import TilesetReader
 
@@ -244,7 +244,7 @@ class LevelReader:
         for gid, name in names.items():
             index[gids == gid] = assets.index(name)
         values = read_properties(layer.node, CLASSES["BrushLayer"], layer.place)
-        made = BrushLayer(layer.name, layer.opacity, assets, index, bounds_of(values))
+        made = BrushLayer(layer.name, layer.opacity, assets, index, PaintBounds.of(values))
         if not self.report.problems:
             paint_hints(made, layer.place, self.library)
         return made

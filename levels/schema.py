@@ -17,6 +17,7 @@ from flockbrush.engine.problems import Problem
 from flockbrush.engine.raster import Raster
 from flockbrush.levels.level_class import ObjectClass, Property
 from flockbrush.levels.terrain_kinds import PROPERTIES, Terrain, TerrainKind
+from flockbrush.systems.marks import NO_LIMIT, Area, Line, PaintBounds, Zone
 
 SCHEMA = "flockbrush-level/1"
 PROJECT_FILE = "flockbrush.tiled-project"
@@ -36,27 +37,6 @@ COMPASS = {
 # ---------------------------------------------------------------- what the reader gives
 
 
-@dataclass(frozen=True)
-class PaintBounds:
-    """Whom paint binds, and how much.
-
-    Those its brush is made for, in the medium of its brush, unless it says otherwise.
-    """
-
-    species: tuple[str, ...] = ()  # names and tags; empty: those the brush is made for
-    medium: str = "brush"  # brush | ground | air | any
-    z_min: float = -np.inf  # m above the ground
-    z_max: float = np.inf  # m above the ground
-    blend: str = "cover"  # cover: all the way | mix: part of the way to its brush | share: a share of the animals
-    edge: float = 0.0  # m from the border inwards over which it grows to full weight, unless it covers
-    strength: float = 1.0  # of a zone: its weight
-
-    @property
-    def covers(self):
-        """Whether whom it binds takes its brush altogether."""
-        return self.blend == "cover"
-
-
 @dataclass
 class BrushLayer:
     """Behaviour painted on the ground: ``assets[index]`` where index >= 0."""
@@ -65,7 +45,7 @@ class BrushLayer:
     weight: float  # the layer's opacity, 0..1
     assets: list[str]
     index: np.ndarray  # int16
-    bounds: PaintBounds = PaintBounds()  # whom it binds
+    bounds: PaintBounds = field(default_factory=PaintBounds)  # whom it binds
 
     @property
     def plain(self):
@@ -117,22 +97,6 @@ class Goal:
 
 
 @dataclass
-class Zone:
-    """Applies to an animal only while it is inside."""
-
-    id: int
-    name: str
-    polygon: np.ndarray
-    brush: str | None
-    max_speed: float  # m/s, inf for none
-    factor: float  # multiplies speed
-    blend: float  # s
-    event: str = ""  # raised when somebody comes in
-    event_reach: float = 0.0  # m from there; 0: it alone hears it; below 0: all do
-    bounds: PaintBounds = PaintBounds()  # whom its brush binds
-
-
-@dataclass
 class Spawn:
     """Where animals come into the world."""
 
@@ -173,24 +137,6 @@ class Key:
     args: dict[str, Any]
     xy: np.ndarray  # (2,) m, where the object stands
     line: int | None = None  # of the file
-
-
-@dataclass
-class Line:
-    """Crossings of this line are counted."""
-
-    id: int
-    name: str
-    points: np.ndarray
-
-
-@dataclass
-class Area:
-    """Density is measured in here."""
-
-    id: int
-    name: str
-    polygon: np.ndarray
 
 
 @dataclass
@@ -239,7 +185,7 @@ class Level:
 # ---------------------------------------------------------------- what Tiled may say
 
 
-FAR = 1e6  # m; no level is larger
+FAR = NO_LIMIT  # m; no level is larger
 _BRUSH = "a brush asset, by name, or a .brush.toml file relative to the level"
 _BOUNDS = (
     Property(

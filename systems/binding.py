@@ -16,7 +16,7 @@ painted ground.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -145,7 +145,7 @@ def cannot(palette, fauna, brush, species):
 
 
 def sheets_of(level, palette_names):
-    """The `Sheets` of a level: its zones, its layers that say whom they bind, and its layers one by one."""
+    """The `Sheets` of a level's layers: those that say whom they bind, and its layers one by one."""
 
     def indexed(layer):
         own = np.array([palette_names.index(name) for name in layer.assets] + [NO_BRUSH], np.int32)
@@ -159,15 +159,21 @@ def sheets_of(level, palette_names):
         elif layer.weight > 0.0:
             mixing.insert(0, _weighted(indexed(layer), layer.bounds, layer.weight, level.cell))
     above, below = (_from_the_top(some) for some in (above, below))
-    for zone in level.zones:
+    return Sheets(above, below if len(below) > 1 else [], mixing)
+
+
+def with_zones(layers, zones, palette_names, shape, cell):
+    """The `Sheets` of layers with zones on top of them, later zones above earlier ones."""
+    above, mixing = [replace(sheet) for sheet in layers.above], list(layers.mixing)
+    for zone in zones:
         if zone.brush:
-            raster = np.full(level.shape, NO_BRUSH, np.int32)
-            raster[rasterise_polygon(zone.polygon, level.shape, level.cell)] = palette_names.index(zone.brush)
+            raster = np.full(shape, NO_BRUSH, np.int32)
+            raster[rasterise_polygon(zone.polygon, shape, cell)] = palette_names.index(zone.brush)
             if zone.bounds.covers:
                 _lay_over(above, _sheet(raster, zone.bounds))
             else:
-                mixing.insert(0, _weighted(raster, zone.bounds, zone.bounds.strength, level.cell))
-    return Sheets(above, below if len(below) > 1 else [], mixing)
+                mixing.insert(0, _weighted(raster, zone.bounds, zone.bounds.strength, cell))
+    return Sheets(above, layers.below, mixing)
 
 
 def mixed_brushes(level):

@@ -7,6 +7,7 @@ file, and a command with the id of something that is there puts the new one in i
 from __future__ import annotations
 
 from dataclasses import field, replace
+from operator import attrgetter
 
 import numpy as np
 from flockbrush.components import Destination
@@ -56,7 +57,7 @@ class DrawGuide:
 
     def check(self, world):
         land, points = world.resource(Landscape), line_of(self.points)
-        _check_id(self)
+        check_id(self)
         apart = len(points) > 1 and (points != points[0]).any()
         need(apart, f"a guide needs at least two different points, got {len(points)}")
         need(len(points) <= 2000, f"a guide has at most 2000 points, got {len(points)}")
@@ -66,13 +67,13 @@ class DrawGuide:
             need(0 <= value <= FAR, f"{name} must be 0 to {FAR:g} m, got {value:g}")
         if self.goal:
             goal_index(land, self.goal)
-        _check_on_map(land, points, "the guide")
+        check_on_map(land, points, "the guide")
 
     def ground_box(self, world):
         return "all"
 
     def inverse(self, world):
-        return _inverse(world, "guide", self.id)
+        return inverse_of(world, "guide", self.id)
 
     def apply(self, world):
         self.check(world)
@@ -80,7 +81,7 @@ class DrawGuide:
         guide = Guide(
             line_of(self.points), self.strength, self.radius, self.decay, self.goal, self.loop, self.name, self.id
         )
-        _put(land.guides, guide, self.at)
+        put_thing(land.guides, guide, self.at)
         land.navigate()
 
 
@@ -103,7 +104,7 @@ class PlaceGoal:
 
     def check(self, world):
         land = world.resource(Landscape)
-        _check_id(self, zero=True)
+        check_id(self, zero=True)
         need(self.name, "a goal needs a name")
         there = self.there(land)
         others = [goal.name for k, goal in enumerate(land.goals) if k != there]
@@ -131,7 +132,7 @@ class PlaceGoal:
         return "all"
 
     def inverse(self, world):
-        return _inverse(world, "goal", self.id)
+        return inverse_of(world, "goal", self.id)
 
     def apply(self, world):
         self.check(world)
@@ -168,19 +169,19 @@ class PlaceExit:
     at: int = -1
 
     def check(self, world):
-        _check_id(self)
-        _check_on_map(world.resource(Landscape), polygon_of(self.points, "an exit"), "the exit")
+        check_id(self)
+        check_on_map(world.resource(Landscape), polygon_of(self.points, "an exit"), "the exit")
 
     def ground_box(self, world):
         return _thing_box(world.resource(Landscape).exits, self.id, polygon_of(self.points, "an exit"))
 
     def inverse(self, world):
-        return _inverse(world, "exit", self.id)
+        return inverse_of(world, "exit", self.id)
 
     def apply(self, world):
         self.check(world)
         land = world.resource(Landscape)
-        _put(land.exits, Exit(polygon_of(self.points, "an exit"), self.name, self.id), self.at)
+        put_thing(land.exits, Exit(polygon_of(self.points, "an exit"), self.name, self.id), self.at)
         land.changed()
 
 
@@ -213,7 +214,7 @@ class MarkSpawn:
 
     def check(self, world):
         land = world.resource(Landscape)
-        _check_id(self)
+        check_id(self)
         world.resource(Palette).named(self.brush)
         if self.program:
             world.resource(Programs).named(self.program)
@@ -255,7 +256,7 @@ class MarkSpawn:
         self.check(world)
         nursery = world.resource(Nursery)
         newborn = list(range(world.next_entity, world.next_entity + self.due(nursery)))
-        return [*([RemoveEntities(newborn)] if newborn else []), *_inverse(world, "spawn", self.id)]
+        return [*([RemoveEntities(newborn)] if newborn else []), *inverse_of(world, "spawn", self.id)]
 
     def apply(self, world):
         self.check(world)
@@ -287,7 +288,10 @@ class MarkSpawn:
 
 @command
 class RemoveThing:
-    """Take a thing out of the level: an obstacle, guide, goal, exit or spawn.  The animals of a spawn stay."""
+    """Take a thing out of the level: an obstacle, guide, goal, exit, spawn, zone, line or area.
+
+    The animals of a spawn stay.
+    """
 
     kind: str
     id: int
@@ -305,14 +309,14 @@ class RemoveThing:
         return next((k for k, thing in enumerate(_things(world, self.kind, self.id)) if thing.id == self.id), None)
 
     def ground_box(self, world):
-        if self.kind in ("guide", "goal"):
+        if self.kind not in ("obstacle", "exit", "spawn"):
             return "all"
         there = self.there(world)
         return None if there is None else box_of(_things(world, self.kind, self.id)[there].polygon)
 
     def inverse(self, world):
         self.check(world)
-        back = _inverse(world, self.kind, self.id)
+        back = inverse_of(world, self.kind, self.id)
         if self.kind != "goal":
             return back
         bound, there = world.agents[Destination.goal], self.there(world)
@@ -328,7 +332,9 @@ class RemoveThing:
         del _things(world, self.kind, self.id)[there]
         if self.kind == "spawn":
             del nursery.born[there]
-        elif self.kind == "exit":
+        elif self.kind == "zone":
+            land.marks.lay(land)
+        elif self.kind in ("exit", "line", "area"):
             land.changed()
         else:
             if self.kind == "goal":
@@ -343,10 +349,10 @@ def _things(world, kind, number):
     owner = world.resource(Nursery if kind == "spawn" else Landscape)
     if kind == "obstacle" and any(b.id == number for b in owner.overhead):
         return owner.overhead
-    return getattr(owner, KINDS[kind][0])
+    return attrgetter(KINDS[kind][0])(owner)
 
 
-def _inverse(world, kind, number):
+def inverse_of(world, kind, number):
     """The command, in a list, that puts the thing with this id back to how it is now, or away if it is not."""
     things = _things(world, kind, number)
     there = next((k for k, thing in enumerate(things) if thing.id == number), None)
@@ -355,7 +361,7 @@ def _inverse(world, kind, number):
 
 def as_command(world, kind, number):
     """The command that puts the thing with this id where and how it is now; a spawn counts its births on."""
-    (command,) = _inverse(world, kind, number)
+    (command,) = inverse_of(world, kind, number)
     return replace(command, born=-1) if kind == "spawn" else command
 
 
@@ -391,7 +397,7 @@ KINDS = {
 }
 
 
-def _put(things, thing, at):
+def put_thing(things, thing, at):
     """Put a thing in the place of the one with its id, or where it belongs in the order."""
     there = by_id(things, thing.id)
     if there is not None:
@@ -406,11 +412,11 @@ def _thing_box(things, number, points):
     return mine if there is None else around(mine, box_of(things[there].polygon))
 
 
-def _check_id(command, zero=False):
+def check_id(command, zero=False):
     need(command.id >= (0 if zero else 1), f"id must be at least 1, got {command.id}")
 
 
-def _check_on_map(land, points, what):
+def check_on_map(land, points, what):
     low, high = points.min(0), points.max(0)
     off = (high < 0).any() or low[0] > land.width or low[1] > land.height
     need(not off, off_the_map(land, what))

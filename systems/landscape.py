@@ -11,11 +11,11 @@ from flockbrush.engine.raster import bilinear_
 from flockbrush.engine.solids import Solids, convex_parts, cylinder, half_space, packed, polyhedron, prism, sphere
 from flockbrush.systems.binding import Sheets
 from flockbrush.systems.ground_height import heights_of_ground
+from flockbrush.systems.marks import BRUSHES_OWN, Above, Marks
 from flockbrush.systems.navigation import Navigation, navigation_of
 from flockbrush.systems.terrain import NO_BRUSH, compose_blocked, relief_of
 from flockbrush.systems.visibility import Edges, edges_by_cell, no_edges
 
-BRUSHES_OWN = -1.0  # of `Landscape.transition`: the brush's own time
 OF_BARE = {"walkable": True, "blocks_view": False, "cost": 1.0, "speed_factor": 1.0}  # what nothing painted means
 NATIVE, BARE = -2, -1  # of `Painted.ground`: as the level was read; nothing painted
 SHAPES = ("box", "cylinder", "sphere", "plane", "hull")  # how an obstacle stands up from its outline
@@ -98,19 +98,10 @@ class Painted:
 
 
 @dataclass
-class Above:
-    """What zones say, above all paint."""
-
-    brush: np.ndarray  # (ny, nx) int32, -1 where no zone gives a brush
-    cap: np.ndarray  # (ny, nx) m/s
-    factor: np.ndarray  # (ny, nx) of zones and of painted factors: multiplies the ground's own
-
-
-@dataclass
 class Native:
     """The ground as the level was read."""
 
-    factor: np.ndarray  # (ny, nx) of ground, paint and zones together
+    factor: np.ndarray  # (ny, nx) of the ground alone
     walkable: np.ndarray
     blind: np.ndarray
     cost: np.ndarray
@@ -185,6 +176,7 @@ class Landscape:
     painted: Painted | None = None
     above: Above | None = None
     native: Native | None = None
+    marks: Marks = field(default_factory=Marks)  # zones, lines and areas
     sheets: Sheets = field(default_factory=Sheets)  # zones and layers by whom they bind
     stale: int | None = None
     _known: tuple | None = None  # what the navigation field was made of
@@ -212,7 +204,6 @@ class Landscape:
         """(ny, nx) bool, where the ground as read is no other than its kind: there one may say so by its name."""
         native, everywhere = self.native, (..., slice(None))
         told = {name: self._of_ground(name, None, native.kind, *everywhere) for name in (*OF_BARE, *native.more)}
-        told["speed_factor"] = told["speed_factor"] * self.above.factor
         there = native.walkable, native.blind, native.cost, native.factor
         there = dict(zip(OF_BARE, there, strict=True)) | native.more
         return np.logical_and.reduce([told[name] == there[name] for name in there])
@@ -315,8 +306,19 @@ class Landscape:
         self.walkable[iy, ix] = self._of_ground("walkable", "walkable", ground, iy, ix)
         self.blind[iy, ix] = self._of_ground("blocks_view", "blind", ground, iy, ix)
         self.cost[iy, ix] = self._of_ground("cost", "cost", ground, iy, ix)
-        factor = self._of_ground("speed_factor", None, ground, iy, ix) * self.above.factor[iy, ix]
-        self.surface[iy, ix, 0] = np.where(ground == NATIVE, self.native.factor[iy, ix], factor)
+        self._lay_factor(iy, ix)
+
+    def _lay_factor(self, iy, ix):
+        factor = self._of_ground("speed_factor", "factor", self.painted.ground[iy, ix], iy, ix)
+        self.surface[iy, ix, 0] = factor * self.above.factor[iy, ix]
+
+    def lay_above(self):
+        """Lay what zones say over all that is painted."""
+        everywhere = ..., slice(None)
+        self.lay_brush(*everywhere, self.painted.brush)
+        self.lay_cap(*everywhere, self.painted.cap)
+        self._lay_factor(*everywhere)
+        self._head = None
 
     def _of_ground(self, name, native, ground, iy, ix):
         """One property of painted cells, the level's own where they are as it was read."""
@@ -475,6 +477,8 @@ class Landscape:
             "glides": [[g.name, g.by.tolist(), g.left] for g in self.glides],
             **{name: [_plain(thing) for thing in getattr(self, name)] for name in _THINGS},
         }
+        marks = self.marks.state()
+        head |= {} if marks is None else {"marks": marks}
         return json.dumps(head).encode()
 
     def set_state(self, data):
@@ -489,6 +493,7 @@ class Landscape:
         ground_before, known_before = self.painted.ground.tobytes(), self._known
         edges_before = self.reach, [_plain(b) for b in self.barriers], ground_before
         everywhere = ..., slice(None)
+        self.marks.set_state(head.get("marks"), self)
         self.lay_brush(*everywhere, rasters[0])
         self.lay_cap(*everywhere, rasters[1])
         if rasters[2].tobytes() != ground_before:

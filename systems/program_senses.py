@@ -23,7 +23,7 @@ from flockbrush.systems.far_sight import Eyes, count_far, sees_place
 from flockbrush.systems.fauna import SOLITARY, SpeciesList
 from flockbrush.systems.ground_height import height_of_ground
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.named_regions import Regions, in_goal
+from flockbrush.systems.named_regions import in_goal, in_region, middle_of_region
 from flockbrush.systems.senses import Near, Sight, SightInSpace
 from numba import njit
 
@@ -34,7 +34,7 @@ class WorldSenses:
     def __init__(self, world, programs, events):
         agents, clock = world.agents, world.resource(Clock)
         self._world, self._agents, self._programs = world, agents, programs
-        self._land, self._regions = world.resource(Landscape), world.resource(Regions)
+        self._land = world.resource(Landscape)
         self._noise, self._cache = world.resource(Noise), {}
         self.dt, self.tick = clock.dt, clock.tick
         self.ids, self.xyz, self.velocity = agents.ids, agents[Position.xyz], agents[Velocity.xyz]
@@ -129,7 +129,7 @@ class WorldSenses:
 
     def inside(self, region):
         """(n,) bool, who is in the region of this name."""
-        return self._once(("region", region), lambda: self._regions.inside(region, self.xyz, self._land))
+        return self._once(("region", region), lambda: in_region(region, self.xyz, self._land))
 
     def at_goal(self, goal):
         """(n,) bool, who stands in this goal; "" is each one's own."""
@@ -148,7 +148,7 @@ class WorldSenses:
         return self._once(("away", place), lambda: self._away(place))
 
     def _away(self, place):
-        middle = self._regions.middle(place, self._land)
+        middle = middle_of_region(place, self._land)
         if middle is None:
             return np.full(len(self.ids), np.inf)
         off = self.xyz[:, :2] - middle

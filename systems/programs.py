@@ -26,7 +26,7 @@ from flockbrush.engine.clock import Clock
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.named_regions import Regions
+from flockbrush.systems.named_regions import entered, in_region
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
 from flockbrush.systems.program_senses import WorldSenses
@@ -193,7 +193,7 @@ class RunPrograms(System):
     stage = Stage.DECIDE
     reads = (
         Position, Velocity, Heading, Body, Species, Vision, Ground, Destination, BrushBinding, Near, Sight,
-        SightInSpace, Landscape, Regions, Palette, SpeciesList, Clock, Noise,
+        SightInSpace, Landscape, Palette, SpeciesList, Clock, Noise,
     )  # fmt: skip
     writes = (ProgramState, Programs)
 
@@ -202,7 +202,7 @@ class RunPrograms(System):
         if not programs.programs:
             return
         happened, programs.events = programs.events, []
-        happened = happened + world.resource(Regions).entered(world)
+        happened = happened + entered(world)
         senses = WorldSenses(world, programs, happened)
         agents = world.agents
         for number, compiled in enumerate(programs.compiled):
@@ -337,11 +337,11 @@ def enrol(world, entities, name):
     agents[ProgramState.brush][rows] = compiled.brush_numbers(world.resource(Palette))[begin]
     agents[ProgramState.since][rows] = tick
     agents[ProgramState.memory][rows] = tick - 2
-    regions, land = world.resource(Regions), world.resource(Landscape)
+    land = world.resource(Landscape)
     for slot, part in enumerate(compiled.memories):  # who is born in a region does not enter it
         what, *names = part.memory()
         if what == "region":
-            inside = regions.inside(names[0], agents[Position.xyz][rows], land)
+            inside = in_region(names[0], agents[Position.xyz][rows], land)
             agents[ProgramState.memory][rows[inside], slot] = tick - 1
 
 

@@ -332,6 +332,7 @@ class ForgetBrush:
         index = palette.named(self.name)
         bound = [world.agents[f] for f in (BrushBinding.brush, BrushBinding.previous, BrushBinding.home)]
         about = (land.painted.brush == index).any() or any((column >= index).any() for column in bound)
+        about |= any(zone.brush == self.name for zone in land.marks.zones)
         if not about and palette.own[-1].name == self.name:
             palette.forget(self.name)
 

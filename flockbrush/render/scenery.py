@@ -25,8 +25,7 @@ class Scenery:
         self.simulation, self.level = simulation, simulation.level
         self.name, self.boundary = self.level.name, self.level.boundary
         self.width, self.height, self.cell = self.level.width, self.level.height, self.level.cell
-        self.height_map, self.factor, self.zones = self.level.height_map, self.level.factor, self.level.zones
-        self.lines, self.areas, self.art = self.level.lines, self.level.areas, self.level.art
+        self.height_map, self.factor, self.art = self.level.height_map, self.level.factor, self.level.art
         self._painted = [raster.copy() for raster in self.land.painted.rasters()]
         self._things = self._all_things()
 
@@ -93,6 +92,21 @@ class Scenery:
         return self.land.exits
 
     @property
+    def zones(self):
+        """What applies to animals only while they are inside."""
+        return self.land.marks.zones
+
+    @property
+    def lines(self):
+        """Lines whose crossings are counted."""
+        return self.land.marks.lines
+
+    @property
+    def areas(self):
+        """Areas in which animals are counted."""
+        return self.land.marks.areas
+
+    @property
     def spawns(self):
         """Where animals come into the world."""
         return self.simulation.world.resource(Nursery).spawns
@@ -123,6 +137,9 @@ class Scenery:
             tuple((g.name, g.xy.tobytes(), g.radius, _bytes(g.polygon)) for g in land.goals),
             tuple((e.name, e.polygon.tobytes()) for e in land.exits),
             tuple((s.name, s.polygon.tobytes()) for s in self.spawns),
+            tuple((a.name, a.polygon.tobytes()) for a in land.marks.areas),
+            tuple((line.name, line.points.tobytes()) for line in land.marks.lines),
+            tuple((z.name, z.polygon.tobytes(), z.brush, z.max_speed, z.factor) for z in land.marks.zones),
             tuple(self.brush_colours.items()),
         )
 
@@ -130,12 +147,8 @@ class Scenery:
 class BareScenery(Scenery):
     """The same without what only a designer sees: painted brushes and caps, guides, goals, exits, areas, spawns."""
 
-    brush_layers = guides = goals = exits = spawns = ()  # type: ignore[assignment]
+    brush_layers = guides = goals = exits = spawns = zones = lines = areas = ()  # type: ignore[assignment]
     cap = None  # type: ignore[assignment]
-
-    def __init__(self, simulation):
-        super().__init__(simulation)
-        self.lines, self.areas, self.zones = [], [], []
 
 
 def _bytes(polygon):

@@ -6,6 +6,7 @@ import numpy as np
 
 from flockbrush.components import Position
 from flockbrush.levels.geometry import inside
+from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.measures import compute_crossings
 from flockbrush.systems.program_reports import state_codes, state_names
 
@@ -14,11 +15,13 @@ class Counts:
     """What the level itself asks to be measured: crossings of its lines, animals in its areas.
 
     Crossings add up from tick to tick, each animal by its id; who crosses the seam of a periodic map crosses no line.
+    Lines and areas are those of now: one that is drawn in the running world counts from then on.
     """
 
     def __init__(self, simulation):
         self.simulation, self.level = simulation, simulation.level
-        self.crossed = {line.name or f"line {line.id}": [0, 0] for line in self.level.lines}
+        self.marks = simulation.world.resource(Landscape).marks
+        self.crossed = {line.name: [0, 0] for line in self.marks.lines}
         self._ids, self._xy = self._now()
 
     def _now(self):
@@ -27,13 +30,15 @@ class Counts:
 
     def take(self):
         """Count what was crossed since the last time: call it after every tick."""
-        if not self.crossed:
+        if not self.marks.lines:
+            self._ids = self._ids[:0]
             return
         ids, xy = self._now()
         _, old, new = np.intersect1d(self._ids, ids, assume_unique=True, return_indices=True)
         before, after = self._xy[old], xy[new]
         near = np.abs(after - before).max(1, initial=0) < 0.5 * min(self.level.width, self.level.height)
-        for (_, total), line in zip(self.crossed.items(), self.level.lines, strict=True):
+        for line in self.marks.lines:
+            total = self.crossed.setdefault(line.name, [0, 0])
             left, right = compute_crossings(before[near], after[near], line.points)
             total[0] += left
             total[1] += right
@@ -45,8 +50,8 @@ class Counts:
         for name, (left, right) in self.crossed.items():
             found |= {f"crossed {name} to its left": left, f"crossed {name} to its right": right}
         _, xy = self._now()
-        for area in self.level.areas:
-            found[f"in {area.name or f'area {area.id}'}"] = int(np.sum(inside(xy, area.polygon)))
+        for area in self.marks.areas:
+            found[f"in {area.name}"] = int(np.sum(inside(xy, area.polygon)))
         names = state_names(self.simulation.world)
         tally = np.bincount(state_codes(self.simulation.world), minlength=len(names)) if names else []
         return found | {f"state {name}": int(n) for name, n in zip(names, tally, strict=True) if name}

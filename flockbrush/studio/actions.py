@@ -14,6 +14,7 @@ from flockbrush.render.style import THEMES
 from flockbrush.studio.dialogs import Dialog
 from flockbrush.studio.forms import Form, blank, changed, live_commands, rows_of
 from flockbrush.studio.help import Help
+from flockbrush.studio.tools.world_tools import KINDS, SPOKEN
 from flockbrush.studio.video_recorder import RunningVideo
 
 LEVELS = (".tmj", ".json")  # what level files end in
@@ -302,21 +303,21 @@ class Deeds:
         """Ask for the numbers of the thing that is selected, or under the mouse."""
         from flockbrush.systems.edits import as_command
 
-        select, kinds = self.tools["select"], ("goal", "guide", "obstacle", "exit", "spawn")
+        select = self.tools["select"]
         chosen = select.thing if select.thing and select.held() is not None else None
         if chosen is None and self.tool.at is not None:
-            found = self.things_at([self.tool.at], self.tool.reach(), kinds)
+            found = self.things_at([self.tool.at], self.tool.reach(), KINDS)
             chosen = (found[0][0], found[0][1].id) if found else None
         if chosen is None:
-            self.notify("click a thing with the Select tool first, or point at one: spawn area, goal, guide, obstacle")
+            self.notify("click a thing with the Select tool first, or point at one: zone, goal, guide, obstacle")
             return
         kind, number = chosen
         if not number:
             self.notify(f"this {kind} belongs to no object of the level", "warning")
             return
         command = as_command(self.session.simulation.world, kind, number)
-        label = f"change the {kind if kind != 'spawn' else 'spawn area'}"
-        self._open_form(f"{kind.capitalize()} {command.name!r}", command, label, kind.capitalize())
+        spoken = SPOKEN.get(kind, kind)
+        self._open_form(f"{spoken.capitalize()} {command.name!r}", command, f"change the {spoken}", kind.capitalize())
 
     def ask_command(self, name="", xy=None):
         """Ask for one of the commands of scripts, and give it."""

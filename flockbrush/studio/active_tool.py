@@ -79,7 +79,7 @@ class Hand:
     def take_tool(self, name):
         """Take another tool; what the one before had half done is dropped."""
         if name == self.tool.name:
-            if name == "obstacle":
+            if "shape" in self.tool.options:
                 self._next_pen()
             return
         self.tool.cancel()

@@ -111,20 +111,25 @@ class ControlKeys:
             step = way * (high - low) / STEPS * (10 if event.mod & pygame.KMOD_SHIFT else 1)
             value = min(max(element.get_current_value() + step, low), high)
             element.set_current_value(round(value) if isinstance(low, int) else value, warn=False)
-            _post(pygame_gui.UI_HORIZONTAL_SLIDER_MOVED, element, value=element.get_current_value())
+            self._tell(pygame_gui.UI_HORIZONTAL_SLIDER_MOVED, element, value=element.get_current_value())
         elif isinstance(element, UIDropDownMenu) and way:
             options = element.options_list
             place = min(max(options.index(element.selected_option) - way, 0), len(options) - 1)
             element.selected_option = options[place]
             text, number = options[place]
             _words_of(element).set_text(text)
-            _post(pygame_gui.UI_DROP_DOWN_MENU_CHANGED, element, text=text, selected_option_id=number)
+            self._tell(pygame_gui.UI_DROP_DOWN_MENU_CHANGED, element, text=text, selected_option_id=number)
         elif isinstance(element, UICheckBox) and not way:
             element.set_state(not element.is_checked)
             kind = pygame_gui.UI_CHECK_BOX_CHECKED if element.is_checked else pygame_gui.UI_CHECK_BOX_UNCHECKED
-            _post(kind, element)
+            self._tell(kind, element)
         elif type(element) is not UIDropDownMenu and isinstance(element, UIButton) and not way:
-            _post(pygame_gui.UI_BUTTON_PRESSED, element, mouse_button=1)
+            self._tell(pygame_gui.UI_BUTTON_PRESSED, element, mouse_button=1)
+
+    def _tell(self, kind, element, **values):
+        """Have the window hear at once what a mouse would have made the control say: later it may be made anew."""
+        about = {"ui_element": element, "ui_object_id": element.most_specific_combined_id}
+        self.app.handle(pygame.event.Event(kind, about | values))
 
     # what is seen ------------------------------------------------------------------
 
@@ -166,12 +171,6 @@ class ControlKeys:
 def _words_of(menu):
     """The button of a closed menu that shows its choice."""
     return getattr(menu.current_state, "selected_option_button", None)
-
-
-def _post(kind, element, **values):
-    """What the control says when a mouse moves it."""
-    about = {"ui_element": element, "ui_object_id": element.most_specific_combined_id}
-    pygame.event.post(pygame.event.Event(kind, about | values))
 
 
 def _distance(one, other):

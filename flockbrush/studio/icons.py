@@ -136,6 +136,23 @@ def _body(pen, x, y, scale=1.0):
     pen.area(*np.stack([x + 6.2 * scale * np.cos(turn), y + 3.3 * scale * np.sin(turn)], axis=1))
 
 
+def _zone(pen):
+    pen.line((4, 8), (11, 4), (20, 7), (19, 17), (9, 20), closed=True, width=1.8, dash=(3.6, 2.4))
+    pen.disc(12, 12, 3.2)
+
+
+def _line(pen):
+    pen.line((4, 19), (20, 5), width=2.2)
+    pen.line((7, 8), (14, 15), width=1.7)
+    pen.arrow((16.5, 17.5), (1, 1), 6)
+
+
+def _area(pen):
+    pen.line((4, 5), (20, 5), (20, 19), (4, 19), closed=True, width=1.8)
+    for x in (8, 12, 16):
+        pen.line((x, 15.5), (x, 8.5), width=1.8)
+
+
 def _add(pen):
     _body(pen, 10, 15, 1.2)
     pen.line((18, 3), (18, 10), width=2.2)

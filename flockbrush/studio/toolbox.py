@@ -54,9 +54,8 @@ class Toolbox:
         if self.lower is not None:
             self.lower.kill()
         self.sliders, self.menus, self.switches, self.palette = {}, {}, {}, None
-        options = [
-            name for name in tool.options if name != "size" or tool.name != "obstacle" or app.options["shape"] == "pen"
-        ]
+        pen = "shape" not in tool.options or app.options["shape"] == "pen"
+        options = [name for name in tool.options if name != "size" or pen]
         layer = app.options["layer"] if tool.palette == "layer" else tool.palette
         top = px(app.scale, 30) + sum(self._height(name) for name in options)
         least = px(app.scale, PALETTE if layer else TIP)

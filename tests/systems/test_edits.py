@@ -25,6 +25,7 @@ from flockbrush.systems.commands import (
     SwitchBrush,
 )
 from flockbrush.systems.edits import (
+    KINDS,
     DrawGuide,
     MarkSpawn,
     Paint,
@@ -38,6 +39,7 @@ from flockbrush.systems.edits import (
 )
 from flockbrush.systems.landscape import NATIVE, PATIENCE, Landscape
 from flockbrush.systems.life import Nursery, inside_polygon
+from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone
 from flockbrush.systems.painting import blended, cells_of, runs_of, stroke_cells
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.spawning import touching
@@ -456,7 +458,10 @@ things = st.one_of(
     st.builds(PlaceGoal, ids, goals, spot, spot, st.floats(0.5, 3), st.sampled_from(["stay", "next"]), goals),
     st.builds(PlaceExit, ids, st.just("out"), corner),
     st.builds(MarkSpawn, ids, st.just("pen"), corner, names, count=st.integers(0, 4), rate=st.sampled_from([0.0, 1.0])),
-    st.builds(RemoveThing, st.sampled_from(["obstacle", "guide", "goal", "exit", "spawn"]), ids),
+    st.builds(DrawZone, ids, st.just("zone"), corner, names, st.sampled_from([0.0, 0.5]), st.sampled_from([1.0, 0.5])),
+    st.builds(DrawLine, ids, goals, corner),
+    st.builds(DrawArea, ids, goals, corner),
+    st.builds(RemoveThing, st.sampled_from(sorted(KINDS)), ids),
     st.builds(MoveGoal, goals, spot, spot),
 )
 animals = st.one_of(

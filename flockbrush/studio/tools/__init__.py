@@ -2,13 +2,23 @@
 
 from flockbrush.studio.tools.animal_tools import AddAnimalsTool, Predator, RemoveAnimalsTool, Select
 from flockbrush.studio.tools.paint import Erase, Fill, PaintBrushTool, PaintCapTool, PaintSurface, Pick
-from flockbrush.studio.tools.things import ExitTool, GoalTool, GuideTool, ObstacleTool, SpawnAreaTool
+from flockbrush.studio.tools.things import (
+    ExitTool,
+    GoalTool,
+    GuideTool,
+    LineTool,
+    MeasuredAreaTool,
+    ObstacleTool,
+    SpawnAreaTool,
+    ZoneTool,
+)
 from flockbrush.studio.tools.tool import Tool
 
 TOOLS: tuple[type[Tool], ...] = (
     PaintBrushTool, PaintCapTool, PaintSurface, Fill, Erase,
     Pick, ObstacleTool, GuideTool, GoalTool, ExitTool,
-    SpawnAreaTool, AddAnimalsTool, RemoveAnimalsTool, Predator, Select,
+    SpawnAreaTool, ZoneTool, LineTool, MeasuredAreaTool, AddAnimalsTool,
+    RemoveAnimalsTool, Predator, Select,
 )  # fmt: skip
 
 __all__ = ["TOOLS", "Tool"]

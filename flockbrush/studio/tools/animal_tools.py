@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from flockbrush.render.style import rgb
-from flockbrush.studio.tools.things import free_name, move_goal, rows
+from flockbrush.studio.outlines import rows
 from flockbrush.studio.tools.tool import Stroke, Tool
-from flockbrush.studio.tools.world_tools import outline, things
+from flockbrush.studio.tools.world_tools import KINDS, SPOKEN, free_name, moved, outline, things
 
 
 class AddAnimalsTool(Stroke):
@@ -113,8 +113,8 @@ class Select(Tool):
     """Takes hold of an animal to understand it, or of a thing to move or delete it."""
 
     name, title, key, icon = "select", "Select", "v", "select"
-    tip = "Click an animal to see why it turns; click a thing to delete it, drag a goal to move it"
-    hint = "Click an animal to see why it turns; click a thing to delete it."
+    tip = "Click an animal to see why it turns; click a thing to delete it, drag it to move it"
+    hint = "Click an animal to see why it turns; click a thing to delete it, drag it to move it."
 
     def __init__(self, app):
         super().__init__(app)
@@ -126,13 +126,12 @@ class Select(Tool):
             return
         app = self.app
         app.select(app.animal_at(xy, self.reach(9)))
-        found = [] if app.selected is not None else app.things_at(
-            [xy], self.reach(), kinds=("goal", "guide", "obstacle", "exit", "spawn")
-        )  # fmt: skip
+        found = [] if app.selected is not None else app.things_at([xy], self.reach(), KINDS)
         self.thing = (found[0][0], found[0][1].id) if found else None
         self._pressed = xy if self.thing else None
         if found:
-            app.set_hint(f"{found[0][0]} {found[0][1].name!r}:  P shows its properties, Delete takes it away.")
+            kind = SPOKEN.get(found[0][0], found[0][0])
+            app.set_hint(f"{kind} {found[0][1].name!r}:  drag moves it, P shows its properties, Delete takes it away.")
 
     def drag(self, xy):
         pass
@@ -140,10 +139,13 @@ class Select(Tool):
     def release(self, xy):
         start, self._pressed = self._pressed, None
         held = self.held()
-        if start is None or held is None or self.thing[0] != "goal":
+        if start is None or held is None or np.hypot(xy[0] - start[0], xy[1] - start[1]) <= self.reach(6):
             return
-        if np.hypot(xy[0] - start[0], xy[1] - start[1]) > self.reach(6):
-            move_goal(self.app, held, (held.xy[0] + xy[0] - start[0], held.xy[1] + xy[1] - start[1]))
+        kind = self.thing[0]
+        if not held.id:
+            self.app.notify(f"this {kind} belongs to no object of the level", "warning")
+            return
+        self.app.do(f"move the {SPOKEN.get(kind, kind)}", [moved(self.app, kind, held, np.subtract(xy, start))])
 
     def held(self):
         """The selected thing as it is now, or None."""
@@ -165,7 +167,7 @@ class Select(Tool):
             return False
         kind, number = self.thing
         self.thing = None
-        self.app.do(f"remove the {kind if kind != 'spawn' else 'spawn area'}", [RemoveThing(kind, number)])
+        self.app.do(f"remove the {SPOKEN.get(kind, kind)}", [RemoveThing(kind, number)])
         return True
 
     def cursor(self, surface, camera):
@@ -173,6 +175,6 @@ class Select(Tool):
         if held is not None:
             points, closed = outline(self.thing[0], held)
             self.path(surface, camera, points, self.app.accent, closed, width=3)
-            if self._pressed is not None and self.at is not None and self.thing[0] == "goal":
+            if self._pressed is not None and self.at is not None:
                 shift = np.subtract(self.at, self._pressed)
                 self.path(surface, camera, points + shift, self.app.accent, closed, width=1.5)

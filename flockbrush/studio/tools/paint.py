@@ -6,6 +6,7 @@ import numpy as np
 
 from flockbrush.render.style import rgb
 from flockbrush.studio.tools.tool import Stroke, Tool
+from flockbrush.studio.tools.world_tools import KINDS
 from flockbrush.systems.landscape import Landscape
 
 ERASES = {"usual": ("brush", "cap"), "everything": ("brush", "cap", "surface")}  # what the eraser takes, by its option
@@ -123,7 +124,7 @@ class Erase(Stroke):
         return layer != "brush" or bool((land.brush >= 0).any())
 
     def _touched(self, start, stop):
-        return self.app.things_at([start, stop], self.reach(5), kinds=("obstacle", "guide", "goal", "exit", "spawn"))
+        return self.app.things_at([start, stop], self.reach(5), kinds=KINDS)
 
 
 class Pick(Tool):

@@ -1,13 +1,16 @@
-"""Tools that draw and place things: obstacles, guides, goals, exits, spawn areas."""
+"""Tools that draw and place things: obstacles, guides, goals, exits, spawn areas, zones, what is measured."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pygame
 
-from flockbrush.studio.outlines import box, rows, swath, thinned
+from flockbrush.render.style import rgb
+from flockbrush.studio.outlines import box, distance_to_line, rows, swath, thinned
 from flockbrush.studio.tools.tool import Tool
-from flockbrush.studio.tools.world_tools import free_name, outline, things
+from flockbrush.studio.tools.world_tools import free_name, moved, outline, things
 
 CLICK = 6.0  # pixels the mouse may move and it is still a click
 DOUBLE = 0.4  # s between the two presses of a double click
@@ -47,15 +50,14 @@ class ShapeTool(Tool):
         return False
 
 
-class ObstacleTool(ShapeTool):
-    """Draws obstacles: with a round pen, as a rectangle, or corner by corner."""
+class OutlineTool(ShapeTool):
+    """Draws outlines: with a round pen, as a rectangle, or corner by corner."""
 
-    name, title, key, icon = "obstacle", "Obstacle", "o", "obstacle"
-    tip = "Draw an obstacle; press the key again to change the pen"
-    hint = "Drag to draw an obstacle."
-    options = ("shape", "size", "solid", "blocks_view")
+    options: tuple[str, ...] = ("shape", "size")
+    thing = ""  # what the theme calls its colour
+    label = ""  # what a step of undo is called
     HINTS = {
-        "pen": "Drag to draw an obstacle with a round pen.",
+        "pen": "Drag to draw with a round pen.",
         "rectangle": "Drag from corner to corner.",
         "polygon": "Click the corners; Enter or a double click closes the shape.",
     }
@@ -108,24 +110,29 @@ class ObstacleTool(ShapeTool):
                 self.build([points])
 
     def build(self, polygons):
-        """Put obstacles down."""
-        from flockbrush.systems.commands import AddObstacle
-
+        """Put what was drawn down, but for what lies off the map: one thing for each outline."""
         app = self.app
-        name = free_name(app.session.simulation, "obstacle")
-        solid, opaque = app.options["solid"], app.options["blocks_view"]
-        commands = []
+        name = free_name(app.session.simulation, self.name)
         polygons = [
             polygon for polygon in polygons if not app.is_off_map(np.min(polygon, axis=0), np.max(polygon, axis=0), 0.0)
         ]
+        commands = []
         for k, polygon in enumerate(polygons):
             called = name if len(polygons) == 1 else f"{name}{'abcdefghijklmnopqrstuvwxyz'[k % 26]}"
-            commands.append(AddObstacle(called, rows(polygon), solid, opaque, id=app.new_id()))
+            commands.append(self.command(called, rows(polygon)))
         if commands:
-            app.do("add an obstacle", commands)
+            app.do(self.label, [*self.needed(), *commands])
+
+    def needed(self):
+        """Commands that must come before."""
+        return []
+
+    def command(self, name, points):
+        """The command that puts one down."""
+        raise NotImplementedError
 
     def cursor(self, surface, camera):
-        colour = self.app.theme.obstacle_edge
+        colour = self.colour()
         if self.shape == "pen":
             self.ring(surface, camera, self.app.size, colour)
             if self.dragging:
@@ -137,27 +144,76 @@ class ObstacleTool(ShapeTool):
             self.path(surface, camera, [*self.points, *ends], colour)
             self.dots(surface, camera, self.points, colour)
 
+    def colour(self):
+        """What its outlines are drawn in."""
+        return getattr(self.app.theme, self.thing)
+
     def _pen(self, surface, camera):
         """What has been drawn so far."""
         width = min(max(2, round(2 * self.app.size * camera.scale_at(self.points[-1]))), 400)
         pixels = camera.pixels(self.points)
         for x, y in pixels:
-            pygame.draw.circle(surface, self.app.theme.obstacle, (x, y), width / 2)
+            pygame.draw.circle(surface, self.colour(), (x, y), width / 2)
         if len(pixels) > 1:
-            pygame.draw.lines(surface, self.app.theme.obstacle, False, pixels.tolist(), width)
+            pygame.draw.lines(surface, self.colour(), False, pixels.tolist(), width)
 
 
-class GuideTool(ShapeTool):
-    """Draws arrows for leaders to follow, and reshapes those there are."""
+class ObstacleTool(OutlineTool):
+    """Draws obstacles."""
 
-    name, title, key, icon = "guide", "Guide", "g", "guide"
-    tip = "Draw an arrow that leaders follow; drag its points to reshape it"
-    hint = "Drag to draw a way for leaders.  Drag its points to reshape it."
+    name, title, key, icon, thing = "obstacle", "Obstacle", "o", "obstacle", "obstacle_edge"
+    tip = "Draw an obstacle; press the key again to change the pen"
+    hint, label = "Drag to draw an obstacle.", "add an obstacle"
+    options = ("shape", "size", "solid", "blocks_view")
+
+    def command(self, name, points):
+        from flockbrush.systems.commands import AddObstacle
+
+        app = self.app
+        return AddObstacle(name, points, app.options["solid"], app.options["blocks_view"], id=app.new_id())
+
+
+class ZoneTool(OutlineTool):
+    """Draws zones, whose brush animals take up while they are inside."""
+
+    name, title, key, icon = "zone", "Zone", "u", "zone"
+    tip = "Draw a zone: animals inside take up the selected brush; P gives it a speed limit or an event as well"
+    hint, label, palette = "Drag to draw a zone with the selected brush.", "draw a zone", "brush"
+
+    def needed(self):
+        return self.app.brush_needed(self.app.brush)
+
+    def command(self, name, points):
+        from flockbrush.systems.mark_commands import DrawZone
+
+        return DrawZone(self.app.new_id(), name, points, self.app.brush)
+
+    def colour(self):
+        return rgb(self.app.colour_of(self.app.brush))
+
+
+class MeasuredAreaTool(OutlineTool):
+    """Draws areas in which animals are counted."""
+
+    name, title, key, icon, thing = "area", "Measured area", "m", "area", "muted"
+    tip = "Draw an area; the animals in it are counted, and programs can ask who is there"
+    hint, label = "Drag to draw an area in which animals are counted.", "draw a measured area"
+
+    def command(self, name, points):
+        from flockbrush.systems.mark_commands import DrawArea
+
+        return DrawArea(self.app.new_id(), name, points)
+
+
+class PathTool(ShapeTool):
+    """Draws things that are lines, and reshapes those there are."""
+
+    ink = spoken = ""  # what the theme calls its colour, and a person the thing
 
     def __init__(self, app):
         super().__init__(app)
-        self.held = None  # (guide, points, index) while a point is dragged
-        self.hot = None  # (guide, index) of the point under the mouse
+        self.held = None  # (line, points, index) while a point is dragged
+        self.hot = None  # (line, index) of the point under the mouse
 
     def press(self, xy, button, mods):
         if button == 3:
@@ -179,44 +235,42 @@ class GuideTool(ShapeTool):
             self.points.append(xy)
 
     def _hold(self, xy) -> bool:
-        """Take hold of a point of a guide; of a new one where the mouse is between two."""
+        """Take hold of a point of a line; of a new one where the mouse is between two."""
         found = self._point_at(xy)
         if found is not None:
-            guide, index = found
-            self.held = (guide, [tuple(p) for p in np.asarray(guide.points).tolist()], index)
+            line, index = found
+            self.held = (line, [tuple(p) for p in np.asarray(line.points).tolist()], index)
             return True
-        for _, guide in self.app.things_at([xy], self.reach(), kinds=("guide",)):
-            from flockbrush.studio.outlines import distance_to_line
-
-            _, segment = distance_to_line(np.asarray(xy), guide.points, guide.loop)
-            points = [tuple(p) for p in np.asarray(guide.points).tolist()]
+        for _, line in self.app.things_at([xy], self.reach(), kinds=(self.name,)):
+            _, segment = distance_to_line(np.asarray(xy), *outline(self.name, line))
+            points = [tuple(p) for p in np.asarray(line.points).tolist()]
             points.insert(segment + 1, xy)
-            self.held = (guide, points, segment + 1)
+            self.held = (line, points, segment + 1)
             return True
         return False
 
     def _point_at(self, xy):
-        """(guide, index) of the nearest point of any guide within reach, or None."""
+        """(line, index) of the nearest point of any line within reach, or None."""
         best, found = self.reach(10), None
-        for kind, guide in things(self.app.session.simulation):
-            if kind == "guide":
-                away = np.hypot(*(np.asarray(guide.points) - xy).T)
+        for kind, line in things(self.app.session.simulation):
+            if kind == self.name:
+                away = np.hypot(*(np.asarray(line.points) - xy).T)
                 if away.min() <= best:
-                    best, found = float(away.min()), (guide, int(away.argmin()))
+                    best, found = float(away.min()), (line, int(away.argmin()))
         return found
 
     def _drop(self, xy):
-        """Take a point out of a guide; with the last but one the guide goes."""
+        """Take a point out of a line; with the last but one the line goes."""
         from flockbrush.systems.edits import RemoveThing
 
         found = self._point_at(xy)
         if found is None:
             return False
-        guide, index = found
-        if len(guide.points) <= 2:
-            self.app.do("remove a guide", [RemoveThing("guide", guide.id)])
+        line, index = found
+        if len(line.points) <= 2:
+            self.app.do(f"remove {self.spoken}", [RemoveThing(self.name, line.id)])
         else:
-            self._reshape(guide, np.delete(np.asarray(guide.points), index, axis=0), "delete a point")
+            self._reshape(line, np.delete(np.asarray(line.points), index, axis=0), "delete a point")
         return True
 
     def delete(self) -> bool:
@@ -227,17 +281,17 @@ class GuideTool(ShapeTool):
 
     def drag(self, xy):
         if self.held is not None:
-            guide, points, index = self.held
+            line, points, index = self.held
             points[index] = xy
         elif self.dragging and not self.is_near(xy, self.points[-1]):
             self.points.append(xy)
 
     def release(self, xy):
         if self.held is not None:
-            guide, points, index = self.held
+            line, points, index = self.held
             self.held = None
             points[index] = xy
-            return self._reshape(guide, points, "reshape a guide")
+            return self._reshape(line, points, f"reshape {self.spoken}")
         if self.dragging:
             self.dragging = False
             if len(self.points) > 1:  # drawn in one go
@@ -255,36 +309,63 @@ class GuideTool(ShapeTool):
         return super().cancel() or going
 
     def _draw(self, points):
-        from flockbrush.systems.edits import DrawGuide
-
         app = self.app
-        name = free_name(app.session.simulation, "guide")
-        app.do("draw a guide", [DrawGuide(app.new_id(), name, rows(points))])
+        name = free_name(app.session.simulation, self.name)
+        app.do(f"draw {self.spoken}", [self.command(app.new_id(), name, rows(points))])
 
-    def _reshape(self, guide, points, label):
-        from flockbrush.systems.edits import DrawGuide
+    def _reshape(self, line, points, label):
+        from flockbrush.systems.edits import as_command
 
-        self.app.do(label, [DrawGuide(
-            guide.id, guide.name, rows(points), guide.strength, guide.radius, guide.decay, guide.goal, guide.loop,
-        )])  # fmt: skip
+        command = as_command(self.app.session.simulation.world, self.name, line.id)
+        self.app.do(label, [replace(command, points=rows(points))])
+
+    def command(self, number, name, points):
+        """The command that draws one."""
+        raise NotImplementedError
 
     def cursor(self, surface, camera):
-        colour = self.app.theme.guide
+        colour = getattr(self.app.theme, self.ink)
         if self.points:
             ends = [self.at] if self.at and not self.dragging else []
             self.path(surface, camera, [*self.points, *ends], colour, width=2.5)
             if not self.dragging:
                 self.dots(surface, camera, self.points, colour)
             return
-        for kind, guide in things(self.app.session.simulation):
-            if kind != "guide":
+        for kind, line in things(self.app.session.simulation):
+            if kind != self.name:
                 continue
-            held = self.held is not None and self.held[0] is guide
-            points = self.held[1] if held else guide.points
+            held = self.held is not None and self.held[0] is line
+            points = self.held[1] if held else line.points
             if held:
-                self.path(surface, camera, points, colour, guide.loop, width=2.5)
-            hot = self.held[2] if held else self.hot[1] if self.hot and self.hot[0] is guide else None
+                self.path(surface, camera, points, colour, outline(kind, line)[1], width=2.5)
+            hot = self.held[2] if held else self.hot[1] if self.hot and self.hot[0] is line else None
             self.dots(surface, camera, points, colour, hot)
+
+
+class GuideTool(PathTool):
+    """Draws arrows for leaders to follow."""
+
+    name, title, key, icon, ink, spoken = "guide", "Guide", "g", "guide", "guide", "a guide"
+    tip = "Draw an arrow that leaders follow; drag its points to reshape it"
+    hint = "Drag to draw a way for leaders.  Drag its points to reshape it."
+
+    def command(self, number, name, points):
+        from flockbrush.systems.edits import DrawGuide
+
+        return DrawGuide(number, name, points)
+
+
+class LineTool(PathTool):
+    """Draws lines whose crossings are counted."""
+
+    name, title, key, icon, ink, spoken = "line", "Counting line", "l", "line", "ink", "a counting line"
+    tip = "Draw a line; animals that cross it are counted; drag its points to reshape it"
+    hint = "Drag to draw a line that counts who crosses it.  Drag its points to reshape it."
+
+    def command(self, number, name, points):
+        from flockbrush.systems.mark_commands import DrawLine
+
+        return DrawLine(number, name, points)
 
 
 class SpanTool(ShapeTool):
@@ -329,7 +410,7 @@ class GoalTool(SpanTool):
         held, self.held = self.held, None
         if held is not None:
             if not self.is_near(a, b):
-                move_goal(self.app, held, (held.xy[0] + b[0] - a[0], held.xy[1] + b[1] - a[1]))
+                self.app.do("move a goal", [moved(self.app, "goal", held, np.subtract(b, a))])
             return
         from flockbrush.systems.edits import PlaceGoal
 
@@ -348,20 +429,6 @@ class GoalTool(SpanTool):
         else:
             radius = float(np.hypot(b[0] - a[0], b[1] - a[1]))
         self.circle(surface, camera, a, max(3.0 / camera.scale_at(a), radius), self.app.theme.goal, 2)
-
-
-def move_goal(app, goal, xy):
-    """Put a goal elsewhere, with everything else as it is."""
-    from flockbrush.systems.edits import PlaceGoal
-
-    polygon = getattr(goal, "polygon", None)
-    shift = np.asarray(xy) - goal.xy
-    points = [] if polygon is None else rows(np.asarray(polygon) + shift)
-    goals = [thing for kind, thing in things(app.session.simulation) if kind == "goal"]
-    index = getattr(goal, "next_index", -1)
-    after = goals[index].name if 0 <= index < len(goals) else ""
-    place = PlaceGoal(goal.id, goal.name, float(xy[0]), float(xy[1]), goal.radius, goal.on_arrive, after, points)
-    app.do("move a goal", [place])
 
 
 class AreaTool(SpanTool):
@@ -417,6 +484,3 @@ class SpawnAreaTool(AreaTool):
         name = free_name(app.session.simulation, "spawn")
         mark = MarkSpawn(app.new_id(), name, rows(corners), brush, app.species_of(brush), app.options["count"])
         app.do("mark a spawn area", [*app.brush_needed(brush), mark])
-
-
-__all__ = ["AreaTool", "ExitTool", "GoalTool", "GuideTool", "ObstacleTool", "SpawnAreaTool", "move_goal", "outline"]

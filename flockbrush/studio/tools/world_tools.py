@@ -2,36 +2,44 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from flockbrush.studio.outlines import distance_to_line, is_inside
+from flockbrush.studio.outlines import distance_to_line, is_inside, rows
+
+KINDS = ("goal", "guide", "obstacle", "exit", "spawn", "line", "zone", "area")  # of things one can take hold of
+SPOKEN = {"spawn": "spawn area", "line": "counting line", "area": "measured area"}  # where it is not the kind itself
 
 
 def things(simulation) -> list[tuple[str, object]]:
-    """(kind, thing) of all obstacles, guides, goals, exits and spawn areas; the first are drawn below the last."""
+    """(kind, thing) of all that a designer drew, but for paint; the first are drawn below the last."""
     from flockbrush.systems.landscape import Landscape
     from flockbrush.systems.life import Nursery
 
     land = simulation.world.resource(Landscape)
     nursery = simulation.world.resource(Nursery)
-    found: list[tuple[str, object]] = [("spawn", spawn) for spawn in nursery.spawns if hasattr(spawn, "polygon")]
+    found: list[tuple[str, object]] = [("zone", thing) for thing in land.marks.zones]
+    found += [("spawn", spawn) for spawn in nursery.spawns if hasattr(spawn, "polygon")]
+    found += [("area", thing) for thing in land.marks.areas]
     found += [("exit", thing) for thing in land.exits if hasattr(thing, "polygon")]
     found += [("obstacle", thing) for thing in land.barriers]
     found += [("guide", thing) for thing in land.guides]
     found += [("goal", thing) for thing in land.goals]
+    found += [("line", thing) for thing in land.marks.lines]
     return found
 
 
 def touches(kind, thing, xy, reach) -> bool:
     """Whether a point of the ground lies on a thing, or not farther from it than so many metres."""
-    if kind == "guide":
+    if kind in ("guide", "line"):
         return distance_to_line(xy, thing.points, getattr(thing, "loop", False))[0] <= reach
     if kind == "goal":
         return bool(np.hypot(*(np.asarray(thing.xy) - xy)) <= max(reach, 0.25 * thing.radius))
     edge = distance_to_line(xy, thing.polygon, True)[0] <= reach
     if kind == "obstacle":
         return edge or is_inside(xy, thing.polygon)
-    return edge  # an exit or a spawn area is a large place where other things may be meant
+    return edge  # an exit, a zone, an area to spawn or to measure is a large place where other things may be meant
 
 
 def things_at(simulation, places, reach, kinds) -> list[tuple[str, object]]:
@@ -57,7 +65,7 @@ def animal_at(simulation, xy, reach):
 
 def outline(kind, thing):
     """Points (k, 2) m around a thing, and whether they close."""
-    if kind == "guide":
+    if kind in ("guide", "line"):
         return np.asarray(thing.points), bool(getattr(thing, "loop", False))
     if kind == "goal":
         turn = np.linspace(0, 2 * np.pi, 32, endpoint=False)
@@ -69,3 +77,14 @@ def free_name(simulation, kind) -> str:
     """A name that no thing of this kind has yet: "goal 2"."""
     taken = {getattr(thing, "name", "") for there, thing in things(simulation) if there == kind}
     return next(name for n in range(1, len(taken) + 2) if (name := f"{kind} {n}") not in taken)
+
+
+def moved(app, kind, thing, shift):
+    """The command that puts a thing so many metres (2,) elsewhere, with everything else as it is."""
+    from flockbrush.systems.edits import as_command
+
+    command = as_command(app.session.simulation.world, kind, thing.id)
+    told = {"points": rows(np.asarray(command.points) + shift)} if command.points else {}
+    if kind == "goal":
+        told |= dict(zip("xy", (np.asarray(thing.xy) + shift).tolist(), strict=True))
+    return replace(command, **told)

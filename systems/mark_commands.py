@@ -1,0 +1,185 @@
+"""What a designer does to zones, counting lines and measured areas of a living level; `RemoveThing` takes them away."""
+
+from __future__ import annotations
+
+from flockbrush.engine.commands import command
+from flockbrush.engine.problems import did_you_mean
+from flockbrush.systems.binding import MEDIA
+from flockbrush.systems.edits import KINDS, check_id, check_on_map, inverse_of, put_thing
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.marks import NO_LIMIT, Area, Line, Zone
+from flockbrush.systems.obstacle_commands import line_of, polygon_of
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.population import SpeciesList
+from flockbrush.systems.undo import need
+
+BOUNDS = {  # of a zone's numbers: lowest, highest, unit
+    "max_speed": (0.0, 1000.0, " m/s"),
+    "factor": (0.01, 10.0, ""),
+    "blend": (0.0, 3600.0, " s"),
+    "event_reach": (-1.0, NO_LIMIT, " m"),
+    "z_min": (-NO_LIMIT, NO_LIMIT, " m"),
+    "z_max": (-NO_LIMIT, NO_LIMIT, " m"),
+    "strength": (0.0, 1.0, ""),
+    "edge": (0.0, 1000.0, " m"),
+}
+
+
+@command
+class DrawZone:
+    """Draw a zone, which applies to animals while they are inside, or change the one with this id.
+
+    It needs a brush, a top speed, a factor or an event.
+    """
+
+    id: int
+    name: str
+    points: list
+    brush: str = ""
+    max_speed: float = 0.0  # m/s; 0: no cap
+    factor: float = 1.0  # multiplies speed
+    blend: float = 0.5  # s to take the brush up
+    event: str = ""  # raised when an animal enters
+    event_reach: float = 0.0  # m; 0: the animal that entered hears it; -1: all do
+    species: str = ""  # names or tags whom its brush binds, with commas; "": those it is made for
+    medium: str = "brush"
+    z_min: float = -NO_LIMIT  # m above the ground
+    z_max: float = NO_LIMIT  # m above the ground
+    strength: float = 1.0
+    edge: float = 0.0  # m
+    share: bool = False
+    at: int = -1  # where in the order of zones; -1: above all others
+
+    def check(self, world):
+        check_id(self)
+        check_on_map(world.resource(Landscape), polygon_of(self.points, "a zone"), "the zone")
+        does = self.brush or self.max_speed or self.factor != 1.0 or self.event
+        need(does, "the zone does nothing; give it a brush, a max_speed, a factor or an event")
+        for name, (low, high, unit) in BOUNDS.items():
+            value = getattr(self, name)
+            need(low <= value <= high, f"{name} must be {low:g} to {high:g}{unit}, got {value:g}")
+        need(self.z_min < self.z_max, f"z_min must be below z_max, got {self.z_min:g} and {self.z_max:g} m")
+        need(self.medium in MEDIA, f"medium must be one of {', '.join(MEDIA)}{did_you_mean(self.medium, list(MEDIA))}")
+        zone = self.zone()
+        _check_species(world.resource(SpeciesList), zone.bounds.species)
+        if self.brush:
+            _check_brush(world.resource(Palette), zone)
+
+    def zone(self):
+        """The zone as the landscape keeps it; ValueError when the points are no outline."""
+        told = {name: getattr(self, name) for name in (*BOUNDS, "brush", "event", "species", "medium", "share")}
+        return Zone.of(self.id, self.name, polygon_of(self.points, "a zone"), told)
+
+    def ground_box(self, world):
+        return "all"
+
+    def inverse(self, world):
+        return inverse_of(world, "zone", self.id)
+
+    def apply(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        put_thing(land.marks.zones, self.zone(), self.at)
+        land.marks.names = world.resource(Palette).names
+        land.marks.lay(land)
+
+
+def _check_species(fauna, names):
+    library = fauna.library
+    known = {*library.names(), *fauna.names, *(tag for name in library.names() for tag in library.get(name).tags)}
+    for name in names:
+        need(name in known, f"species: there is no species or tag {name!r}{did_you_mean(name, sorted(known))}")
+
+
+def _check_brush(palette, zone):
+    palette.named(zone.brush)
+    mixes = zone.bounds.blend != "mix" or zone.brush in palette.over
+    need(
+        mixes,
+        f"edge and strength mix {zone.brush!r} with other brushes, and this world was built without brushes between; "
+        f"set share to yes, or set them in the level's file and begin again",
+    )
+
+
+@command
+class DrawLine:
+    """Draw a line whose crossings are counted, or change the one with this id."""
+
+    id: int
+    name: str
+    points: list
+    at: int = -1
+
+    def check(self, world):
+        points, land = line_of(self.points), world.resource(Landscape)
+        check_id(self)
+        need(2 <= len(points) <= 2000, f"a line has 2 to 2000 points, got {len(points)}")
+        need((points != points[0]).any(), "a line needs two different points")
+        check_on_map(land, points, "the line")
+        _check_free(land, self)
+
+    def ground_box(self, world):
+        return "all"
+
+    def inverse(self, world):
+        return inverse_of(world, "line", self.id)
+
+    def apply(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        put_thing(land.marks.lines, Line(self.id, self.name, line_of(self.points)), self.at)
+        land.changed()
+
+
+@command
+class DrawArea:
+    """Draw an area in which animals are counted, or change the one with this id."""
+
+    id: int
+    name: str
+    points: list
+    at: int = -1
+
+    def check(self, world):
+        land = world.resource(Landscape)
+        check_id(self)
+        check_on_map(land, polygon_of(self.points, "an area"), "the area")
+        _check_free(land, self)
+
+    def ground_box(self, world):
+        return "all"
+
+    def inverse(self, world):
+        return inverse_of(world, "area", self.id)
+
+    def apply(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        put_thing(land.marks.areas, Area(self.id, self.name, polygon_of(self.points, "an area")), self.at)
+        land.changed()
+
+
+def _check_free(land, mine):
+    """ValueError unless the name is that of no other line or area: counts are told by name."""
+    need(mine.name, "what is measured is told by name; give it one")
+    others = [thing.name for thing in (*land.marks.lines, *land.marks.areas) if thing.id != mine.id]
+    need(mine.name not in others, f"there is a line or an area {mine.name!r} already")
+
+
+def _draw_zone(world, zone, at):
+    return DrawZone(zone.id, zone.name, zone.polygon.tolist(), **zone.told(), at=at)
+
+
+def _draw_line(world, line, at):
+    return DrawLine(line.id, line.name, line.points.tolist(), at)
+
+
+def _draw_area(world, area, at):
+    return DrawArea(area.id, area.name, area.polygon.tolist(), at)
+
+
+KINDS |= {
+    "zone": ("marks.zones", _draw_zone),
+    "line": ("marks.lines", _draw_line),
+    "area": ("marks.areas", _draw_area),
+}

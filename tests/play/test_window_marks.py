@@ -1,0 +1,93 @@
+"""Zones, counting lines and measured areas in the window: drawn, moved, changed, taken away, undone and saved."""
+
+import numpy as np
+import pytest
+from flockbrush.levels.reader import read_level
+from small_pasture import pasture, verified
+from window import Window
+
+
+@pytest.fixture
+def window(tmp_path, monkeypatch):
+    for name in ("FLOCKBRUSH_CONFIG", "FLOCKBRUSH_CACHE", "FLOCKBRUSH_STATE"):
+        monkeypatch.setenv(name, str(tmp_path / name))
+    monkeypatch.chdir(tmp_path)
+    window = Window(pasture(tmp_path, script=False))
+    window.set_option("shape", "rectangle")
+    yield window
+    window.close()
+
+
+def saved(window, tmp_path):
+    assert window.session.save(tmp_path / "marked.tmj")
+    return read_level(tmp_path / "marked.tmj")
+
+
+def test_a_zone_is_drawn_moved_changed_saved_and_taken_back(window, tmp_path):
+    window.key("u")
+    window.drag((1, 3), (11, 12))
+    (zone,) = window.land.marks.zones
+    assert (zone.brush, window.painted((6, 8))) == (window.brush, window.brush)
+    window.key("v")
+    window.drag((1, 5), (1.5, 5.5))  # by its edge
+    (moved,) = window.land.marks.zones
+    assert moved.polygon == pytest.approx(zone.polygon + 0.5, abs=0.1)
+    window.click((1.5, 7))
+    window.key("p")
+    window.dialog.entries["max_speed"].set_text("0.5")
+    window.dialog.entries["event"].set_text("in the pen")
+    window.key("return")
+    window.frames(2)
+    assert window.cap((7, 9)) == 0.5
+    (told,) = saved(window, tmp_path).zones
+    assert (told.max_speed, told.event, told.brush) == (0.5, "in the pen", window.brush)
+    assert told.polygon == pytest.approx(moved.polygon, abs=1e-3)
+    for _ in range(3):
+        window.key("ctrl+z")
+    window.frames(2)
+    assert window.land.marks.zones == [] and window.painted((6, 8)) is None and saved(window, tmp_path).zones == []
+    assert window.said("error") == []
+
+
+def test_a_line_and_an_area_are_drawn_reshaped_and_deleted(window, tmp_path):
+    window.key("l")
+    window.drag((13, 2), (13, 14))
+    window.drag((13, 2), (14, 3))  # its first point
+    assert window.land.marks.lines[0].points[0] == pytest.approx((14, 3), abs=0.1)
+    window.key("m")
+    window.drag((18, 10), (22, 14))
+    level = saved(window, tmp_path)
+    assert [thing.name for thing in (*level.lines, *level.areas)] == ["line 1", "area 1"]
+    window.key("v")
+    window.click((18, 12))
+    window.key("delete")
+    window.frames(2)
+    assert window.land.marks.areas == [] and saved(window, tmp_path).areas == []
+    assert window.said("error") == []
+
+
+def test_what_was_drawn_is_in_the_recording(window, tmp_path):
+    window.key("u")
+    window.session.play()
+    window.frames(4)
+    window.drag((2, 4), (11, 12))
+    window.frames(6)
+    window.session.pause()
+    window.session.export_recording(tmp_path / "drawn.flock")
+    names = [type(command).__name__ for _, command in verified(tmp_path / "drawn.flock").commands]
+    assert names.count("DrawZone") == 1
+
+
+@pytest.mark.parametrize("key", ["u", "m"])
+def test_the_pen_changes_with_the_key(window, key):
+    window.set_option("shape", "pen")
+    window.key(key)
+    window.key(key)
+    assert window.options["shape"] == "rectangle"
+
+
+def test_a_stone_is_moved_by_its_middle(window):
+    before = window.land.barriers[0].polygon
+    window.key("v")
+    window.drag((16, 8.7), (19, 11.7))
+    assert window.land.barriers[0].polygon - before == pytest.approx(np.full((len(before), 2), 3.0), abs=0.1)

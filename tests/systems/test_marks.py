@@ -1,0 +1,137 @@
+"""Zones, counting lines and measured areas that are drawn, moved and taken away in a living level."""
+
+import numpy as np
+import pytest
+from flockbrush.components import BrushBinding
+from flockbrush.engine.commands import CommandError, Commands
+from flockbrush.engine.state import restore, snapshot, state_hash
+from flockbrush.levels.build import build
+from flockbrush.levels.schema import Zone
+from flockbrush.systems.edits import RemoveThing, as_command
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone
+from flockbrush.systems.named_regions import in_region
+from small_herd import Shelf, box, brush, level, spawn, straight
+
+from flockbrush.runs.level_counts import Counts
+
+CALM, RUN = straight("calm", mean=1.0), brush("run", mean=2.0)
+HERE = box(8, 8, 20, 20)
+
+
+def field(**things):
+    spawns = [spawn(box(9, 9, 19, 19), "calm", 12, heading=0.0), spawn(box(1, 1, 2, 2), "run", 0, id=2)]
+    return build(level(boundary="wall", spawns=spawns, **things), library=Shelf(CALM, RUN))
+
+
+def do(simulation, *commands):
+    return simulation.world.resource(Commands).perform(simulation.world, commands)
+
+
+def land_of(simulation):
+    return simulation.world.resource(Landscape)
+
+
+def brushes(simulation):
+    return simulation.agents[BrushBinding.brush].tolist()
+
+
+def test_a_zone_that_is_drawn_is_that_of_a_level_read_with_it():
+    told = dict(brush="run", max_speed=0.5, factor=0.8, blend=0.25)
+    read = field(zones=[Zone(30, "pen", HERE, *told.values())])
+    drawn = field()
+    do(drawn, DrawZone(30, "pen", HERE.tolist(), **told))
+    for name in ("brush", "surface", "transition"):
+        assert np.array_equal(getattr(land_of(drawn), name), getattr(land_of(read), name)), name
+    for simulation in (read, drawn):
+        simulation.run(20)
+    assert brushes(read) == brushes(drawn) == [1] * 12
+    assert np.array_equal(read.agents[BrushBinding.brush], drawn.agents[BrushBinding.brush])
+
+
+def test_marks_are_taken_back_without_a_trace_and_come_with_a_snapshot():
+    simulation = field()
+    before = state_hash(simulation.world)
+    back = do(
+        simulation,
+        DrawZone(30, "pen", HERE.tolist(), "run", event="in"),
+        DrawLine(31, "gate", [[10.0, 0.0], [10.0, 40.0]]),
+        DrawArea(32, "yard", HERE.tolist()),
+    )
+    drawn = state_hash(simulation.world)
+    assert drawn != before
+    kept = snapshot(simulation.world)
+    assert in_region("yard", np.array([[10.0, 10.0, 0.0], [30.0, 30.0, 0.0]]), land_of(simulation)).tolist() == [1, 0]
+    do(simulation, *back)
+    assert state_hash(simulation.world) == before
+    restore(simulation.world, kept)
+    assert state_hash(simulation.world) == drawn
+    simulation.run(10)
+    assert brushes(simulation) == [1] * 12
+
+
+def test_a_replay_draws_the_same_marks():
+    simulation, twin = field(), field()
+    simulation.run(3)
+    do(simulation, DrawZone(30, "pen", HERE.tolist(), "run"))
+    simulation.run(3)
+    do(simulation, RemoveThing("zone", 30), DrawLine(31, "gate", [[20.0, 0.0], [20.0, 40.0]]))
+    simulation.run(20)
+    twin.world.resource(Commands).replace(simulation.world.resource(Commands).log)
+    twin.run(26)
+    assert state_hash(twin.world) == state_hash(simulation.world)
+
+
+def test_a_zone_tells_all_it_says_when_it_is_moved():
+    zone = DrawZone(
+        30, "pen", HERE.tolist(), "run", 2.0, 0.5, 1.5, "in", -1.0, "sheep", "ground", 0.0, 9.0, 0.5, 2.0, True
+    )
+    simulation = field()
+    do(simulation, zone)
+    told = as_command(simulation.world, "zone", 30)
+    assert {**vars(told), "at": -1} == vars(zone)
+
+
+def test_a_line_counts_from_when_it_is_drawn():
+    simulation = field()
+    counts = Counts(simulation)
+    for tick in range(700):
+        if tick == 4:
+            do(simulation, DrawLine(31, "gate", [[21.0, 0.0], [21.0, 40.0]]), DrawArea(32, "yard", HERE.tolist()))
+            assert counts.values()["in yard"] == 12
+        simulation.tick()
+        counts.take()
+    assert counts.values()["crossed gate to its right"] == 12 and counts.values()["in yard"] == 0
+
+
+BAD = [
+    (DrawZone(30, "pen", HERE.tolist()), "the zone does nothing"),
+    (DrawZone(30, "pen", HERE.tolist(), "rnu"), "no brush 'rnu'"),
+    (DrawZone(30, "pen", HERE.tolist(), "run", edge=2.0), "set share to yes"),
+    (DrawZone(30, "pen", HERE.tolist(), "run", species="shep"), "no species or tag 'shep'; did you mean 'sheep'"),
+    (DrawZone(30, "pen", HERE.tolist(), "run", medium="sea"), "medium must be one of brush, ground, air, any"),
+    (DrawZone(30, "pen", HERE.tolist(), "run", z_min=5.0, z_max=5.0), "z_min must be below z_max, got 5 and 5 m"),
+    (DrawZone(30, "pen", HERE.tolist(), factor=0.0), "factor must be 0.01 to 10, got 0"),
+    (DrawZone(30, "pen", box(50, 50, 60, 60).tolist(), "run"), "the zone is not on the map"),
+    (DrawLine(31, "gate", [[1.0, 1.0]]), "a line has 2 to 2000 points, got 1"),
+    (DrawLine(31, "", [[1.0, 1.0], [2.0, 1.0]]), "give it one"),
+    (DrawArea(31, "yard", [[1.0, 1.0], [2.0, 1.0]]), "an area has 3 to"),
+    (RemoveThing("zone", 30), "there is no zone 30 in this world"),
+]
+
+
+@pytest.mark.parametrize(("command", "reason"), BAD, ids=lambda value: str(value)[:40])
+def test_marks_that_cannot_be_say_why_and_change_nothing(command, reason):
+    simulation = field()
+    before = state_hash(simulation.world)
+    with pytest.raises(CommandError) as caught:
+        do(simulation, command)
+    assert reason in str(caught.value)
+    assert state_hash(simulation.world) == before
+
+
+def test_two_counts_of_one_name_are_refused():
+    simulation = field()
+    do(simulation, DrawArea(31, "yard", HERE.tolist()))
+    with pytest.raises(CommandError, match="there is a line or an area 'yard' already"):
+        do(simulation, DrawLine(32, "yard", [[1.0, 1.0], [2.0, 1.0]]))
