@@ -292,7 +292,7 @@ def landscape_of(level, palette):
         native=native,
         overhead=[_barrier(o) for o in level.obstacles if o.z_min > 0.0],
         marks=Marks(
-            level.zones, level.lines, level.areas, palette.names, sheets_of(level, palette.names),
+            level.zones, level.lines, level.areas, level.script, palette.names, sheets_of(level, palette.names),
             None if level.factor is None else level.factor.values,
         ),
     )  # fmt: skip

@@ -14,6 +14,7 @@ from functools import singledispatchmethod
 import numpy as np
 from flockbrush.levels import geometry
 from flockbrush.levels.document_changes import MISSING, EditError, KeySet, TilesPut, put
+from flockbrush.levels.document_nodes import binds_some, every_layer, is_class
 from flockbrush.levels.files import DiskFiles
 from flockbrush.levels.layer_reader import kind_of
 from flockbrush.levels.object_outlines import outline_of, reshape, shape_as
@@ -23,12 +24,13 @@ from flockbrush.levels.tile_data import FLIP_FLAGS, TileGrid
 from flockbrush.levels.tiled import _member
 from flockbrush.systems.commands import AddObstacle, MoveGoal, PaintBrush, PaintCap, PaintCells, RemoveObstacle
 from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing
-from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone
+from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone, PlaceKey
 from flockbrush.systems.painting import blended, cells_of
 
 NAMES = {"brush": "Brush", "cap": "SpeedCap", "surface": "Terrain"}  # class of a layer's tiles
 HOME = {"brush": "brush", "cap": "speed", "surface": "terrain"}  # where they are painted
 OPACITY = {"brush": 0.4, "cap": 0.5, "surface": 1}
+_TYPES = {bool: "bool", int: "int", float: "float", str: "string"}  # of arguments, as Tiled calls them
 _ANY_FLAG = np.uint32(~FLIP_FLAGS & 0xFFFFFFFF)
 
 
@@ -139,7 +141,7 @@ class EditedMap:
         for node, dx, dy, weight in self.layers():
             if node.get("type") != "tilelayer" or kind_of(node.get("name", "")) != HOME[layer]:
                 continue
-            if layer == "brush" and (weight <= 0 or _binds_some(node)):
+            if layer == "brush" and (weight <= 0 or binds_some(node)):
                 continue
             left, top = round(dx / tile) + node.get("x", 0), round(dy / tile) + node.get("y", 0)
             grid = self.grid(node)
@@ -205,7 +207,7 @@ class EditedMap:
     def next_free(self, key):
         """The next free id of layers or objects."""
         layers = key == "nextlayerid"
-        nodes = list(_nodes(self.data["layers"]))
+        nodes = list(every_layer(self.data["layers"]))
         ids = [n.get("id", 0) for n in (nodes if layers else [o for n in nodes for o in n.get("objects", [])])]
         return max(int(self.data.get(key, 1)), max(ids, default=0) + 1)
 
@@ -252,13 +254,18 @@ class EditedMap:
     def _tell(self, thing, cls, told):
         """Properties: those that are there change, others are added when they are not the default."""
         entries = [dict(entry) for entry in thing.get("properties", [])]
-        whole = next((e for e in entries if isinstance(e["value"], dict) and _is_class(e, cls)), None)
+        if cls.open:  # the arguments of another command
+            entries = [e for e in entries if e["name"] in told or cls.property(e["name"]) or is_class(e, cls)]
+        whole = next((e for e in entries if isinstance(e["value"], dict) and is_class(e, cls)), None)
         members = {} if whole is None else dict(whole["value"])
         for name, value in told.items():
             p = cls.property(name)
             entry = next((e for e in entries if e["name"] == name), None)
             if name in members:
                 members[name] = value
+            elif p is None:
+                entries = [e for e in entries if e is not entry]
+                entries.append({"name": name, "type": _TYPES[type(value)], "value": value})
             elif entry is None:
                 if value != p.default or p.required:
                     entries.append({**_member(p, "propertytype"), "value": value})
@@ -448,6 +455,17 @@ class EditedMap:
         self.draw(command.id, "Area", command.name, "area", np.array(command.points, float), {})
 
     @do.register
+    def _(self, command: PlaceKey):
+        found, xy = self.find(command.id, "Key"), np.array([(command.x, command.y)])
+        shape, points = "point", xy
+        if found is not None:
+            shape, outline = outline_of(self.document, found[0], *found[2:])
+            points = outline + (xy - (geometry.centroid(outline) if shape == "area" else outline[0]))
+        told = {name: value for name, value in command.args.items() if not isinstance(value, list)}
+        told |= {"at": command.when, "command": command.command}
+        self.draw(command.id, "Key", command.name, shape, points, told)
+
+    @do.register
     def _(self, command: MarkSpawn):
         told = {
             "species": command.species, "brush": command.brush, "count": command.count,
@@ -471,25 +489,3 @@ class EditedMap:
         if cls == "Spawn":
             self.need_another_spawn(command.id)
         self.drop(command.id, cls)
-
-
-def _is_class(entry, cls):
-    """Whether a property holds all of a class as one value."""
-    return (entry.get("propertytype") or entry["name"]).lower() == cls.name.lower()
-
-
-def _binds_some(node):
-    """Whether a brush layer says whom it binds or how strongly: what is painted by hand belongs to none of those."""
-    cls, told = CLASSES["BrushLayer"], {}
-    for entry in node.get("properties", []):
-        told |= entry["value"] if _is_class(entry, cls) and isinstance(entry["value"], dict) else {
-            entry["name"]: entry["value"]
-        }  # fmt: skip
-    return any(told.get(one.name, one.default) != one.default for one in cls.properties)
-
-
-def _nodes(nodes):
-    """Every layer, groups too."""
-    for node in nodes:
-        yield node
-        yield from _nodes(node.get("layers", []))

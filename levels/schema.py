@@ -17,7 +17,7 @@ from flockbrush.engine.problems import Problem
 from flockbrush.engine.raster import Raster
 from flockbrush.levels.level_class import ObjectClass, Property
 from flockbrush.levels.terrain_kinds import PROPERTIES, Terrain, TerrainKind
-from flockbrush.systems.marks import NO_LIMIT, Area, Line, PaintBounds, Zone
+from flockbrush.systems.marks import NO_LIMIT, Area, Key, Line, PaintBounds, Zone
 
 SCHEMA = "flockbrush-level/1"
 PROJECT_FILE = "flockbrush.tiled-project"
@@ -124,19 +124,6 @@ class Exit:
     id: int
     name: str
     polygon: np.ndarray
-
-
-@dataclass
-class Key:
-    """A command of the level's script: at this time, do this."""
-
-    id: int
-    name: str
-    at: float  # s
-    command: str
-    args: dict[str, Any]
-    xy: np.ndarray  # (2,) m, where the object stands
-    line: int | None = None  # of the file
 
 
 @dataclass

@@ -288,7 +288,7 @@ class MarkSpawn:
 
 @command
 class RemoveThing:
-    """Take a thing out of the level: an obstacle, guide, goal, exit, spawn, zone, line or area.
+    """Take a thing out of the level: an obstacle, guide, goal, exit, spawn, zone, line, area or script key.
 
     The animals of a spawn stay.
     """
@@ -334,7 +334,7 @@ class RemoveThing:
             del nursery.born[there]
         elif self.kind == "zone":
             land.marks.lay(land)
-        elif self.kind in ("exit", "line", "area"):
+        elif self.kind in ("exit", "line", "area", "key"):
             land.changed()
         else:
             if self.kind == "goal":

@@ -1,14 +1,18 @@
-"""What a designer does to zones, counting lines and measured areas of a living level; `RemoveThing` takes them away."""
+"""What a designer does to zones, counts and script keys of a living level; `RemoveThing` takes them away."""
 
 from __future__ import annotations
 
-from flockbrush.engine.commands import command
+from dataclasses import fields
+
+import numpy as np
+from flockbrush.engine.commands import COMMANDS, command, from_record
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.binding import MEDIA
 from flockbrush.systems.edits import KINDS, check_id, check_on_map, inverse_of, put_thing
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.marks import NO_LIMIT, Area, Line, Zone
+from flockbrush.systems.marks import NO_LIMIT, Area, Key, Line, Zone
 from flockbrush.systems.obstacle_commands import line_of, polygon_of
+from flockbrush.systems.paint_commands import off_the_map
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
 from flockbrush.systems.undo import need
@@ -159,6 +163,51 @@ class DrawArea:
         land.changed()
 
 
+@command
+class PlaceKey:
+    """Put a timed command into the level's script, or change the one with this id.
+
+    The script is followed from the next start on: what waits in this run stays.
+    """
+
+    id: int
+    name: str
+    when: float  # s after the start
+    command: str
+    args: dict  # of the command, by name; x and y that are left out are those of the key
+    x: float
+    y: float
+    at: int = -1
+
+    def check(self, world):
+        check_id(self)
+        land = world.resource(Landscape)
+        need(0 <= self.when <= 1e7, f"when must be 0 to 1e7 s, got {self.when:g}")
+        inside = 0 <= self.x <= land.width and 0 <= self.y <= land.height
+        need(inside, off_the_map(land, f"({self.x:g}, {self.y:g})"))
+        given = from_record(self.command, self.given())
+        if hasattr(given, "check"):
+            given.check(world)
+
+    def given(self):
+        """The command's arguments, with the place where the key stands."""
+        known = {f.name for f in fields(COMMANDS[self.command])} if self.command in COMMANDS else set()
+        return {name: getattr(self, name) for name in "xy" if name in known} | self.args
+
+    def ground_box(self, world):
+        return None
+
+    def inverse(self, world):
+        return inverse_of(world, "key", self.id)
+
+    def apply(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        key = Key(self.id, self.name, self.when, self.command, self.given(), np.array([self.x, self.y]))
+        put_thing(land.marks.keys, key, self.at)
+        land.changed()
+
+
 def _check_free(land, mine):
     """ValueError unless the name is that of no other line or area: counts are told by name."""
     need(mine.name, "what is measured is told by name; give it one")
@@ -178,8 +227,15 @@ def _draw_area(world, area, at):
     return DrawArea(area.id, area.name, area.polygon.tolist(), at)
 
 
+def _place_key(world, key, at):
+    place = dict(zip("xy", key.xy.tolist(), strict=True))
+    args = {name: value for name, value in key.args.items() if name not in place or value != place[name]}
+    return PlaceKey(key.id, key.name, float(key.at), key.command, args, *place.values(), at)
+
+
 KINDS |= {
     "zone": ("marks.zones", _draw_zone),
     "line": ("marks.lines", _draw_line),
     "area": ("marks.areas", _draw_area),
+    "key": ("marks.keys", _place_key),
 }

@@ -1,4 +1,4 @@
-"""What a designer draws on the ground that stops nobody: zones, lines that count crossings, measured areas.
+"""What a designer draws on the ground that stops nobody: zones, lines and areas that count, keys of the script.
 
 The `Landscape` keeps them as they are now.  Zones lie above all paint: `Marks.lay` composes what they say of the ground
 when a level is built, and again whenever a zone has changed.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any
 
 import numpy as np
 from flockbrush.systems.binding import Sheets, with_zones
@@ -103,6 +104,19 @@ class Area:
 
 
 @dataclass
+class Key:
+    """A command of the level's script: at this time, do this."""
+
+    id: int
+    name: str
+    at: float  # s
+    command: str
+    args: dict[str, Any]
+    xy: np.ndarray  # (2,) m, where the object stands
+    line: int | None = None  # of the file
+
+
+@dataclass
 class Above:
     """What zones say, above all paint."""
 
@@ -111,12 +125,12 @@ class Above:
     factor: np.ndarray  # (ny, nx) of zones and of painted factors: multiplies the ground's own
 
 
-KINDS = {"zones": Zone, "lines": Line, "areas": Area}
+KINDS = {"zones": Zone, "lines": Line, "areas": Area, "keys": Key}
 
 
 @dataclass
 class Marks:
-    """Zones, lines and areas as they are now, and what zones are laid over.
+    """Zones, lines, areas and keys as they are now, and what zones are laid over.
 
     Attributes
     ----------
@@ -131,6 +145,7 @@ class Marks:
     zones: list[Zone] = field(default_factory=list)
     lines: list[Line] = field(default_factory=list)
     areas: list[Area] = field(default_factory=list)
+    keys: list[Key] = field(default_factory=list)  # as the level has them: those that wait are in `Commands`
     names: list[str] = field(default_factory=list)
     layers: Sheets = field(default_factory=Sheets)
     factor: np.ndarray | None = None
@@ -181,12 +196,12 @@ class Marks:
             self.lay(land)
 
     def _plain(self):
-        return json.dumps({kind: [_values(thing) for thing in getattr(self, kind)] for kind in KINDS})
+        return json.dumps({kind: [_values(thing) for thing in getattr(self, kind)] for kind in KINDS}, sort_keys=True)
 
 
 def _values(thing):
     """The fields of a dataclass as JSON takes them."""
-    told = {f.name: getattr(thing, f.name) for f in fields(thing)}
+    told = {f.name: getattr(thing, f.name) for f in fields(thing) if f.name != "line"}
     return {
         name: value.tolist() if isinstance(value, np.ndarray) else _values(value) if is_dataclass(value) else value
         for name, value in told.items()
@@ -195,7 +210,8 @@ def _values(thing):
 
 def _thing(cls, values):
     """What `_values` told."""
-    told = {name: np.array(value, float) if name in ("polygon", "points") else value for name, value in values.items()}
+    arrays = ("polygon", "points", "xy")
+    told = {name: np.array(value, float) if name in arrays else value for name, value in values.items()}
     if "bounds" in told:
         told["bounds"] = PaintBounds(**{**told["bounds"], "species": tuple(told["bounds"]["species"])})
     return cls(**told)

@@ -8,13 +8,14 @@ from pathlib import Path
 
 import pygame
 
+from flockbrush.engine.commands import from_record
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.render.style import THEMES
 from flockbrush.studio.dialogs import Dialog
-from flockbrush.studio.forms import Form, blank, changed, live_commands, rows_of
+from flockbrush.studio.forms import Form, FormRow, blank, changed, live_commands, number, rows_of, said
 from flockbrush.studio.help import Help
-from flockbrush.studio.tools.world_tools import KINDS, SPOKEN
+from flockbrush.studio.tools.world_tools import KINDS, SPOKEN, free_name
 from flockbrush.studio.video_recorder import RunningVideo
 
 LEVELS = (".tmj", ".json")  # what level files end in
@@ -315,6 +316,8 @@ class Deeds:
         if not number:
             self.notify(f"this {kind} belongs to no object of the level", "warning")
             return
+        if kind == "key":
+            return self.ask_key(None, select.held() if chosen is select.thing else found[0][1])
         command = as_command(self.session.simulation.world, kind, number)
         spoken = SPOKEN.get(kind, kind)
         self._open_form(f"{spoken.capitalize()} {command.name!r}", command, f"change the {spoken}", kind.capitalize())
@@ -326,6 +329,38 @@ class Deeds:
         name = name or ("Gust" if "Gust" in known else next(iter(known)))
         menu = {"choices": list(known), "chosen": name, "choose": lambda other: self.ask_command(other, xy)}
         self._open_form("Command", blank(known[name], xy), name, **menu)
+
+    def ask_key(self, xy, key=None, name=""):
+        """Ask for a timed command of the level's script: a new one at a point, or the one there is."""
+        from flockbrush.systems.mark_commands import PlaceKey
+
+        known, world = live_commands(), self.session.simulation
+        if key is not None and key.command not in known:
+            self.notify(f"{key.command} has more than a form can show; change this key in Tiled", "warning")
+            return
+        xy = tuple(key.xy.tolist()) if xy is None else tuple(round(float(value), 2) for value in xy)
+        here = dict(zip("xy", xy, strict=True))
+        name = name or (key.command if key else "Gust" if "Gust" in known else next(iter(known)))
+        same = key is not None and name == key.command
+        given = from_record(name, key.args) if same else blank(known[name], xy)
+        when = key.at if key else round(world.clock.now, 2)
+        called = key.name if key else free_name(world, "key")
+
+        def give(texts):
+            try:
+                told = changed(given, {row: text for row, text in texts.items() if row != "when"})
+                args = {row: value for row, value in said(told).items() if value != here.get(row)}
+                at = number(texts["when"])
+                needed = self.brush_needed(args["brush"]) if args.get("brush") else []
+                place = PlaceKey(key.id if key else self.new_id(), called, at, name, args, *xy)
+                return self.do("change a script key" if key else "place a script key", [*needed, place])
+            except (ValueError, LookupError) as error:
+                self.notify(str(error.args[0]), "error")
+                return False
+
+        menu = {"choices": list(known), "chosen": name, "choose": lambda other: self.ask_key(xy, key, other)}
+        rows = [FormRow("when", "at, s", f"{when:g}", "when it is given, after the start"), *rows_of(given)]
+        self._open_dialog(Form(self, f"Script key {called!r}", rows, give, **menu))
 
     def _open_form(self, title, command, label, kind="", **menu):
         """A form that gives the command with what was typed."""

@@ -53,6 +53,15 @@ def changed(command, texts):
     return from_record(type(command).__name__, values)
 
 
+def said(command) -> dict:
+    """What a command says that is not its default, by name: the arguments of a script key."""
+    return {f.name: value for f in fields(command) if (value := getattr(command, f.name)) != _default(f)}
+
+
+def _default(one):
+    return one.default if one.default_factory is MISSING else one.default_factory()
+
+
 def live_commands() -> dict[str, type]:
     """Commands that a person may give by name: those that a few numbers and words say, lists left empty, by name."""
     found = {}
@@ -112,6 +121,13 @@ def _value(name, text, kind):
             raise ValueError(f"{name} must be a whole number, got {text!r}")
         return int(number)
     return math.radians(number) if name == "heading" else number
+
+
+def number(text) -> float:
+    """The number of a text; ValueError with what is wrong."""
+    if not _is_number(text):
+        raise ValueError(f"it must be a number, got {text!r}")
+    return float(text)
 
 
 def _is_number(text) -> bool:

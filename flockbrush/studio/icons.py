@@ -147,6 +147,11 @@ def _line(pen):
     pen.arrow((16.5, 17.5), (1, 1), 6)
 
 
+def _key(pen):
+    pen.ring(12, 12, 9)
+    pen.line((12, 6), (12, 12), (16, 14.5), width=2.2)
+
+
 def _area(pen):
     pen.line((4, 5), (20, 5), (20, 19), (4, 19), closed=True, width=1.8)
     for x in (8, 12, 16):

@@ -50,7 +50,7 @@ def test_a_zone_is_drawn_moved_changed_saved_and_taken_back(window, tmp_path):
 
 
 def test_a_line_and_an_area_are_drawn_reshaped_and_deleted(window, tmp_path):
-    window.key("l")
+    window.key("y")
     window.drag((13, 2), (13, 14))
     window.drag((13, 2), (14, 3))  # its first point
     assert window.land.marks.lines[0].points[0] == pytest.approx((14, 3), abs=0.1)
@@ -76,6 +76,38 @@ def test_what_was_drawn_is_in_the_recording(window, tmp_path):
     window.session.export_recording(tmp_path / "drawn.flock")
     names = [type(command).__name__ for _, command in verified(tmp_path / "drawn.flock").commands]
     assert names.count("DrawZone") == 1
+
+
+def test_a_script_key_is_placed_moved_changed_and_followed_from_the_next_start(window, tmp_path):
+    window.key("j")
+    window.click((12, 3))
+    window.dialog.choose("SwitchBrush")
+    window.frames(2)
+    window.dialog.entries["when"].set_text("0.25")
+    window.dialog.entries["brush"].set_text("swarm")
+    window.key("return")
+    window.frames(2)
+    window.key("v")
+    window.drag((12, 3), (14, 4))
+    (key,) = saved(window, tmp_path).script
+    assert (key.at, key.command, key.args["brush"]) == (0.25, "SwitchBrush", "swarm")
+    assert key.xy == pytest.approx((14, 4), abs=0.1) and key.args.get("x", 14) == pytest.approx(14, abs=0.1)
+    window.session.restart()
+    window.session.step(20)
+    assert set(window.behaviour()) == {"swarm"}
+    window.key("j")
+    window.click((14, 4))
+    window.dialog.entries["when"].set_text("soon")
+    window.key("return")
+    assert window.said("error") and window.dialog.alive()
+    window.dialog.entries["when"].set_text("9")
+    window.key("return")
+    window.frames(2)
+    assert [key.at for key in window.land.marks.keys] == [9.0]
+    for _ in range(3):
+        window.key("ctrl+z")
+    window.frames(2)
+    assert saved(window, tmp_path).script == window.land.marks.keys == []
 
 
 @pytest.mark.parametrize("key", ["u", "m"])

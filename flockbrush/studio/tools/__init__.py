@@ -1,24 +1,16 @@
 """The tools of the playground, in the order of their buttons.  A new one is a class in here, and its name below."""
 
 from flockbrush.studio.tools.animal_tools import AddAnimalsTool, Predator, RemoveAnimalsTool, Select
+from flockbrush.studio.tools.mark_tools import KeyTool, LineTool, MeasuredAreaTool, ZoneTool
 from flockbrush.studio.tools.paint import Erase, Fill, PaintBrushTool, PaintCapTool, PaintSurface, Pick
-from flockbrush.studio.tools.things import (
-    ExitTool,
-    GoalTool,
-    GuideTool,
-    LineTool,
-    MeasuredAreaTool,
-    ObstacleTool,
-    SpawnAreaTool,
-    ZoneTool,
-)
+from flockbrush.studio.tools.things import ExitTool, GoalTool, GuideTool, ObstacleTool, SpawnAreaTool
 from flockbrush.studio.tools.tool import Tool
 
 TOOLS: tuple[type[Tool], ...] = (
     PaintBrushTool, PaintCapTool, PaintSurface, Fill, Erase,
     Pick, ObstacleTool, GuideTool, GoalTool, ExitTool,
-    SpawnAreaTool, ZoneTool, LineTool, MeasuredAreaTool, AddAnimalsTool,
-    RemoveAnimalsTool, Predator, Select,
+    SpawnAreaTool, ZoneTool, LineTool, MeasuredAreaTool, KeyTool,
+    AddAnimalsTool, RemoveAnimalsTool, Predator, Select,
 )  # fmt: skip
 
 __all__ = ["TOOLS", "Tool"]

@@ -1,4 +1,4 @@
-"""Tools that draw and place things: obstacles, guides, goals, exits, spawn areas, zones, what is measured."""
+"""Tools that draw and place things: obstacles, guides, goals, exits, spawn areas."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pygame
 
-from flockbrush.render.style import rgb
 from flockbrush.studio.outlines import box, distance_to_line, rows, swath, thinned
 from flockbrush.studio.tools.tool import Tool
 from flockbrush.studio.tools.world_tools import free_name, moved, outline, things
@@ -173,38 +172,6 @@ class ObstacleTool(OutlineTool):
         return AddObstacle(name, points, app.options["solid"], app.options["blocks_view"], id=app.new_id())
 
 
-class ZoneTool(OutlineTool):
-    """Draws zones, whose brush animals take up while they are inside."""
-
-    name, title, key, icon = "zone", "Zone", "u", "zone"
-    tip = "Draw a zone: animals inside take up the selected brush; P gives it a speed limit or an event as well"
-    hint, label, palette = "Drag to draw a zone with the selected brush.", "draw a zone", "brush"
-
-    def needed(self):
-        return self.app.brush_needed(self.app.brush)
-
-    def command(self, name, points):
-        from flockbrush.systems.mark_commands import DrawZone
-
-        return DrawZone(self.app.new_id(), name, points, self.app.brush)
-
-    def colour(self):
-        return rgb(self.app.colour_of(self.app.brush))
-
-
-class MeasuredAreaTool(OutlineTool):
-    """Draws areas in which animals are counted."""
-
-    name, title, key, icon, thing = "area", "Measured area", "m", "area", "muted"
-    tip = "Draw an area; the animals in it are counted, and programs can ask who is there"
-    hint, label = "Drag to draw an area in which animals are counted.", "draw a measured area"
-
-    def command(self, name, points):
-        from flockbrush.systems.mark_commands import DrawArea
-
-        return DrawArea(self.app.new_id(), name, points)
-
-
 class PathTool(ShapeTool):
     """Draws things that are lines, and reshapes those there are."""
 
@@ -353,19 +320,6 @@ class GuideTool(PathTool):
         from flockbrush.systems.edits import DrawGuide
 
         return DrawGuide(number, name, points)
-
-
-class LineTool(PathTool):
-    """Draws lines whose crossings are counted."""
-
-    name, title, key, icon, ink, spoken = "line", "Counting line", "l", "line", "ink", "a counting line"
-    tip = "Draw a line; animals that cross it are counted; drag its points to reshape it"
-    hint = "Drag to draw a line that counts who crosses it.  Drag its points to reshape it."
-
-    def command(self, number, name, points):
-        from flockbrush.systems.mark_commands import DrawLine
-
-        return DrawLine(number, name, points)
 
 
 class SpanTool(ShapeTool):

@@ -8,8 +8,13 @@ import numpy as np
 
 from flockbrush.studio.outlines import distance_to_line, is_inside, rows
 
-KINDS = ("goal", "guide", "obstacle", "exit", "spawn", "line", "zone", "area")  # of things one can take hold of
-SPOKEN = {"spawn": "spawn area", "line": "counting line", "area": "measured area"}  # where it is not the kind itself
+KINDS = ("goal", "guide", "obstacle", "exit", "spawn", "line", "zone", "area", "key")  # of things one can take hold of
+SPOKEN = {  # where it is not the kind itself
+    "spawn": "spawn area",
+    "line": "counting line",
+    "area": "measured area",
+    "key": "script key",
+}
 
 
 def things(simulation) -> list[tuple[str, object]]:
@@ -27,6 +32,7 @@ def things(simulation) -> list[tuple[str, object]]:
     found += [("guide", thing) for thing in land.guides]
     found += [("goal", thing) for thing in land.goals]
     found += [("line", thing) for thing in land.marks.lines]
+    found += [("key", thing) for thing in land.marks.keys]
     return found
 
 
@@ -34,8 +40,8 @@ def touches(kind, thing, xy, reach) -> bool:
     """Whether a point of the ground lies on a thing, or not farther from it than so many metres."""
     if kind in ("guide", "line"):
         return distance_to_line(xy, thing.points, getattr(thing, "loop", False))[0] <= reach
-    if kind == "goal":
-        return bool(np.hypot(*(np.asarray(thing.xy) - xy)) <= max(reach, 0.25 * thing.radius))
+    if kind in ("goal", "key"):
+        return bool(np.hypot(*(np.asarray(thing.xy) - xy)) <= max(reach, 0.25 * getattr(thing, "radius", 0.0)))
     edge = distance_to_line(xy, thing.polygon, True)[0] <= reach
     if kind == "obstacle":
         return edge or is_inside(xy, thing.polygon)
@@ -67,9 +73,10 @@ def outline(kind, thing):
     """Points (k, 2) m around a thing, and whether they close."""
     if kind in ("guide", "line"):
         return np.asarray(thing.points), bool(getattr(thing, "loop", False))
-    if kind == "goal":
+    if kind in ("goal", "key"):
+        radius = max(getattr(thing, "radius", 0.5), 0.1)
         turn = np.linspace(0, 2 * np.pi, 32, endpoint=False)
-        return np.asarray(thing.xy) + max(thing.radius, 0.1) * np.stack([np.cos(turn), np.sin(turn)], axis=1), True
+        return np.asarray(thing.xy) + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1), True
     return np.asarray(thing.polygon), True
 
 
@@ -84,7 +91,8 @@ def moved(app, kind, thing, shift):
     from flockbrush.systems.edits import as_command
 
     command = as_command(app.session.simulation.world, kind, thing.id)
-    told = {"points": rows(np.asarray(command.points) + shift)} if command.points else {}
-    if kind == "goal":
+    points = getattr(command, "points", None)
+    told = {"points": rows(np.asarray(points) + shift)} if points else {}
+    if kind in ("goal", "key"):
         told |= dict(zip("xy", (np.asarray(thing.xy) + shift).tolist(), strict=True))
     return replace(command, **told)

@@ -1,0 +1,71 @@
+"""Tools for what stops nobody: zones, lines and areas that count, keys of the script."""
+
+from __future__ import annotations
+
+from flockbrush.render.style import rgb
+from flockbrush.studio.tools.things import OutlineTool, PathTool
+from flockbrush.studio.tools.tool import Tool
+from flockbrush.studio.tools.world_tools import things
+
+
+class ZoneTool(OutlineTool):
+    """Draws zones, whose brush animals take up while they are inside."""
+
+    name, title, key, icon = "zone", "Zone", "u", "zone"
+    tip = "Draw a zone: animals inside take up the selected brush; P gives it a speed limit or an event as well"
+    hint, label, palette = "Drag to draw a zone with the selected brush.", "draw a zone", "brush"
+
+    def needed(self):
+        return self.app.brush_needed(self.app.brush)
+
+    def command(self, name, points):
+        from flockbrush.systems.mark_commands import DrawZone
+
+        return DrawZone(self.app.new_id(), name, points, self.app.brush)
+
+    def colour(self):
+        return rgb(self.app.colour_of(self.app.brush))
+
+
+class LineTool(PathTool):
+    """Draws lines whose crossings are counted."""
+
+    name, title, key, icon, ink, spoken = "line", "Counting line", "y", "line", "ink", "a counting line"
+    tip = "Draw a line; animals that cross it are counted; drag its points to reshape it"
+    hint = "Drag to draw a line that counts who crosses it.  Drag its points to reshape it."
+
+    def command(self, number, name, points):
+        from flockbrush.systems.mark_commands import DrawLine
+
+        return DrawLine(number, name, points)
+
+
+class MeasuredAreaTool(OutlineTool):
+    """Draws areas in which animals are counted."""
+
+    name, title, key, icon, thing = "area", "Measured area", "m", "area", "muted"
+    tip = "Draw an area; the animals in it are counted, and programs can ask who is there"
+    hint, label = "Drag to draw an area in which animals are counted.", "draw a measured area"
+
+    def command(self, name, points):
+        from flockbrush.systems.mark_commands import DrawArea
+
+        return DrawArea(self.app.new_id(), name, points)
+
+
+class KeyTool(Tool):
+    """Puts timed commands into the level's script, and opens those there are."""
+
+    name, title, key, icon = "key", "Script key", "j", "key"
+    tip = "Put a timed command into the level's script; it is followed from the next start on"
+    hint = "Click where the command is meant to act; click a key to change it.  Ctrl+R starts the level with it."
+
+    def press(self, xy, button, mods):
+        if button != 1 or self.app.is_off_map(xy, xy, 0.0):
+            return
+        found = self.app.things_at([xy], self.reach(), kinds=("key",))
+        self.app.ask_key(xy, found[0][1] if found else None)
+
+    def cursor(self, surface, camera):
+        keys = [thing.xy for kind, thing in things(self.app.session.simulation) if kind == "key"]
+        self.dots(surface, camera, keys, self.app.theme.ink)
