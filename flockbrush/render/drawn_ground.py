@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from flockbrush.render.brush_marks import cover as pattern_cover
+from flockbrush.render.brush_marks import ink_of, pattern_of
 from flockbrush.render.canvas import Canvas, circle, dashes, smooth
 from flockbrush.render.drawn_art import draw_art
 from flockbrush.render.drawn_terrain import TerrainSketch, bell
@@ -11,6 +13,7 @@ from flockbrush.render.shapes import cover_polygon, smear
 from flockbrush.render.style import PALETTE, rgb
 from flockbrush.render.text import words
 
+SIGNS = 0.45  # opacity of the patterns of brushes
 SAMPLES = 128  # cells across, of those looked at for the place of a name
 
 
@@ -85,15 +88,23 @@ class Sketcher(TerrainSketch):
             index = np.asarray(layer.index[rows, columns])
             for k in np.unique(index[index >= 0]):
                 edge = self.region(index == k, self.level.cell, (rows.start, columns.start))
-                self._tint(edge, self.colour_of(layer.assets[k]), float(layer.weight))
+                self._tint(edge, brush_key(layer.assets[k]), float(layer.weight))
 
-    def _tint(self, edge, colour, weight):
-        """A translucent region, stronger along its edge, with a thin outline."""
+    def _tint(self, edge, brush, weight):
+        """A translucent region with the pattern of its brush, stronger along its edge, with a thin outline."""
+        colour = self.colour_of(brush)
         cover = np.clip(edge + 0.5, 0, 1)
         glow = np.exp(-np.clip(edge, 0, 80) / (9 * self.unit))
         line = np.clip(self.unit * 0.9 - np.abs(edge - self.unit * 0.5) + 0.5, 0, 1)
         strength = cover * self.theme.tint * (0.75 + 0.75 * glow) * (0.4 + 0.6 * weight)
-        self._lay(np.maximum(strength, line * 0.75), colour)
+        self._lay(strength, colour)
+        self._lay(np.maximum(line, self.pattern(brush) * cover * SIGNS), ink_of(colour, self.theme))
+
+    def pattern(self, brush):
+        """Cover of a brush's pattern over the clip, which stays where it is on the ground."""
+        left, top, right, bottom = self.canvas.clip
+        x, y = np.arange(left, right) - self.corners[0][0], np.arange(top, bottom) - self.corners[0][1]
+        return pattern_cover(pattern_of(brush, self.colour_of(brush)), x[None, :], y[:, None], self.unit)
 
     def _lay(self, mask, colour):
         """Lay a colour over the clip by a mask of its size."""
@@ -105,6 +116,7 @@ class Sketcher(TerrainSketch):
             colour = self.colour_of(brush) if brush else self.theme.cap
             if brush:
                 self.canvas.area(points, colour, self.theme.tint)
+                self._sign_area(points, self.pattern(brush_key(brush)), ink_of(colour, self.theme), SIGNS)
             if np.isfinite(zone.max_speed) or zone.factor != 1:
                 self._hatch_area(points, self.theme.cap, 0.5)
             self._dashed(zone, points, 1.6 * self.unit, colour, 0.95, (7 * self.unit, 4 * self.unit), closed=True)
@@ -131,13 +143,17 @@ class Sketcher(TerrainSketch):
         return np.clip(self.unit * 0.55 - phase + 0.5, 0, 1)
 
     def _hatch_area(self, points, colour, alpha):
+        self._sign_area(points, self.stripes(1), colour, alpha)
+
+    def _sign_area(self, points, signs, colour, alpha):
+        """Lay signs, a cover of the whole clip, over an area."""
         found = self.canvas.area_mask(points)
         if found is None:
             return
         mask, left, top = found
         x, y = left - self.canvas.clip[0], top - self.canvas.clip[1]
-        stripes = self.stripes(1)[y : y + mask.shape[0], x : x + mask.shape[1]]
-        self.canvas.blend(np.ascontiguousarray(mask * stripes, np.float32), left, top, colour, alpha)
+        signs = signs[y : y + mask.shape[0], x : x + mask.shape[1]]
+        self.canvas.blend(np.ascontiguousarray(mask * signs, np.float32), left, top, colour, alpha)
 
     # objects ---------------------------------------------------------------------
 

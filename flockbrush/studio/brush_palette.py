@@ -8,7 +8,8 @@ import numpy as np
 import pygame
 import pygame_gui
 
-from flockbrush.render.style import mix
+from flockbrush.render.brush_marks import swatch
+from flockbrush.render.style import mix, rgb
 from flockbrush.studio.theme import chrome, px
 from flockbrush.studio.widgets import PictureButton, Shelf
 
@@ -75,7 +76,7 @@ class PaletteButtons:
         app, place = self.app, self._places[entry]
         title, tip = self._words(entry)
         if self.layer == "brush":
-            picture, ready = app.thumbnails.get(entry, self.picture)
+            picture, ready = self._brush_picture(entry)
         else:
             picture, ready = self._swatch(entry), True
         button = PictureButton(
@@ -88,6 +89,15 @@ class PaletteButtons:
         if entry == self._marked:
             button.select()
         return button
+
+    def _brush_picture(self, entry):
+        """(what a brush does, above a strip of ground painted with it; whether it is the final picture)."""
+        app, (width, height) = self.app, self.picture
+        picture, ready = app.thumbnails.get(entry, self.picture)
+        strip = swatch(entry, rgb(app.colour_of(entry)), app.theme, (width, max(6, height // 5)), app.scale)
+        whole = picture.copy()
+        whole.blit(pygame.surfarray.make_surface(strip.swapaxes(0, 1)), (0, height - len(strip)))
+        return whole, ready
 
     def _words(self, entry):
         """(what is written, tooltip)."""
@@ -134,7 +144,7 @@ class PaletteButtons:
             for entry, button in self._made.items():
                 (button.select if entry == chosen else button.unselect)()
         for entry in self._waiting[:]:
-            picture, ready = self.app.thumbnails.get(entry, self.picture)
+            picture, ready = self._brush_picture(entry)
             if ready:
                 self._waiting.remove(entry)
                 self._made[entry].picture(picture, at=(0.5, 0.12))
