@@ -44,6 +44,29 @@ def known(frames=24):
     print(f"\nall: shape right in {total[0]} of {total[2]}, leader in {total[1]} of {total[2]}\n")
 
 
+def false_birds(frames=20):
+    """Extraction with birds that are none, anywhere in 24 by 22 wingspans, the heading given."""
+    print("extraction with false birds: deviation .1 wingspans\n")
+    print("| shape | birds | false | frames | shape right | leader right |")
+    print("|---|---|---|---|---|---|")
+    total = np.zeros(3, int)
+    for kind in KINDS:
+        for n in (8, 12):
+            for false in (1, 2):
+                right = leads = 0
+                for frame in range(frames):
+                    x, y, leader, _ = places(kind, n, seed=frame, deviation=0.1)
+                    drawn = np.random.default_rng(frame)
+                    more = drawn.uniform(-12, 12, false), drawn.uniform(-14, 8, false)
+                    names = [*map(str, range(n)), *("f" + str(k) for k in range(false))]
+                    seen = extract_frame(np.r_[x, more[0]], np.r_[y, more[1]], birds=names)
+                    right += seen.kind == kind
+                    leads += seen.birds[seen.leader] == str(leader)
+                total += right, leads, frames
+                print(f"| {kind} | {n} | {false} | {frames} | {right} | {leads} |")
+    print(f"\nall: shape right in {total[0]} of {total[2]}, leader in {total[1]} of {total[2]}\n")
+
+
 def solved(keys=20):
     """Time of key shapes and what flights keep to."""
     print("key shapes and flights of 300 frames, 5 a second\n")
@@ -78,4 +101,5 @@ def _paper(flight, keys):
 
 if __name__ == "__main__":
     known()
+    false_birds()
     solved()

@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from flockbrush.behaviours.formation.curves import TOLERANCE, fit
+from flockbrush.behaviours.formation.curves import TOLERANCE, CurveFit, fit
 from flockbrush.behaviours.formation.formation_shapes import Formation, FrameShape
 
 SHORT_SIDE_OF_LINE = 0.15  # of the birds besides the leader; below: a line
@@ -25,6 +25,7 @@ SHORT_SIDE_OF_J = 0.3  # below: a J, from here on a U
 ABREAST = 0.06  # depth over width of a row of birds abreast
 CROWDED = 0.4  # wingspans between neighbours, on average: less is a cluster, whatever curve goes through it
 NOT_IN_FRONT = 1.0  # what it costs, in birds, to call another than the front-most one the leader
+LED_BY = 1.0  # wingspans: the leader may fly so far ahead of the arms, or behind the tip of the curve, not farther
 CANDIDATES = 3  # for the leader
 
 
@@ -84,7 +85,7 @@ def extract_frame(x, y, frame="0", birds=None, samples=None, seed=0) -> FrameSha
     outliers: tuple[int, ...] = ()
     if found is not None:
         curve = found.curve
-        kind, why = _kind(curve.model, leader, len(x))
+        kind, why = _kind(curve.model, x[found.inlier])
         outliers = tuple(np.flatnonzero(~found.inlier).tolist())
         rest = (y - curve.y(x))[found.inlier]
         deviation = (float(rest.mean()), float(rest.std()))
@@ -102,19 +103,39 @@ def _look(x, y, samples, seed):
         return front[0], None, "one bird alone" if n == 1 else "two birds are no formation"
     if max(np.ptp(x), np.ptp(y)) < 1e-6:
         return front[0], None, "all birds are marked on one point"
-    best, refusal = None, ""
+    best = led(x, y, samples, seed)
+    if best is None:
+        return front[0], None, "a cluster: no line, V or parabola goes through them and their leader"
+    refusal = _refusal(x - x[best.leader], y - y[best.leader], best.seen, samples, seed)
+    return (best.leader, None, refusal) if refusal else (best.leader, best.seen, "")
+
+
+class Led(NamedTuple):
+    """Who leads, the curve seen from there, and what both cost, in birds."""
+
+    leader: int
+    seen: CurveFit
+    cost: float
+
+
+def led(x, y, samples=None, seed=0) -> Led | None:
+    """The leader and the cheapest curve: one of the front-most, near it while whoever flies ahead is off it.
+
+    Parameters
+    ----------
+    x, y : ndarray (n,)
+        Wingspans, +y the way they fly.
+    """
+    best = None
+    front = np.argsort(-y, kind="stable")
     for rank, leader in enumerate(front[:CANDIDATES]):
         seen = _cheapest(x - x[leader], y - y[leader], samples, seed)
-        if seen is None or (rank and seen.inlier[front[:rank]].any()):
-            continue  # whoever flies ahead of the leader must be out of line
+        if seen is None or abs(seen.curve.y(0.0)) > LED_BY or seen.inlier[front[:rank]].any():
+            continue
         cost = seen.cost + NOT_IN_FRONT * (rank > 0)
-        if best is None or cost < best[0]:
-            best = cost, leader, seen
-    if best is None:
-        return front[0], None, "no line, V or parabola goes through them"
-    _, leader, seen = best
-    refusal = _refusal(x - x[leader], y - y[leader], seen, samples, seed)
-    return (leader, None, refusal) if refusal else (leader, seen, "")
+        if best is None or cost < best.cost:
+            best = Led(leader, seen, cost)
+    return best
 
 
 def _cheapest(x, y, samples, seed):
@@ -130,36 +151,42 @@ def _refusal(x, y, seen, samples, seed):
     width = float(np.ptp(x[seen.inlier]))
     if width < CROWDED * (n - 1):
         return f"a cluster: the birds are {width / max(n - 1, 1):.2f} wingspans apart to the side"
-    if np.ptp(along) < max(ABREAST * width, TOLERANCE) and out <= _allowed(n):
+    if np.ptp(along) < max(ABREAST * width, TOLERANCE) and out <= allowed(n):
         return "a row of birds abreast"
-    if seen.curve.model == "line" and min((x < 0).sum(), (x > 0).sum()) > max(1, SHORT_SIDE_OF_LINE * (n - 1)):
+    short, others = _sides(x[seen.inlier])
+    if seen.curve.model == "line" and short > max(1, SHORT_SIDE_OF_LINE * others):
         return "a straight row, led from its middle"
     turned = (
         [fit(model, x, y, TOLERANCE, samples, seed, upside_down=True) for model in ("v", "parabola")] if n > 4 else []
     )
     cheaper = [found for found in turned if found is not None and found.cost < seen.cost - 1.0]
-    if cheaper and (~cheaper[0].inlier).sum() <= _allowed(n):
+    if cheaper and (~cheaper[0].inlier).sum() <= allowed(n):
         return "it opens forward: an inverted V or U"
-    if out > _allowed(n):
+    if out > allowed(n):
         if n <= 4:
             return f"{n} birds not in a line are too few to tell"
         return f"a cluster: {out} of {n} birds are off any curve"
     return ""
 
 
-def _allowed(n):
+def allowed(n):
     """How many of n birds may be out of line; through few birds some curve goes by chance."""
     return int(n * (0.25 if n >= 10 else 0.15))
 
 
-def _kind(model, leader, n):
-    """(kind, why) from the curve and the leader's place."""
-    short = min(leader, n - 1 - leader)
-    share = short / max(n - 1, 1)
+def _sides(x):
+    """(birds on the side with fewer, birds besides the leader) of birds at x to the right of it."""
+    return int(min((x < 0).sum(), (x > 0).sum())), int((x != 0).sum())
+
+
+def _kind(model, x):
+    """(kind, why) from the curve and how many of the birds on it, at x to the right of the leader, are on each side."""
+    short, others = _sides(x)
+    share = short / max(others, 1)
     if model == "parabola":
         if share < SHORT_SIDE_OF_J:
-            return "J", f"a parabola with {short} of {n - 1} birds on the shorter side"
-        return "U", f"a parabola with {short} of {n - 1} birds on the shorter side"
+            return "J", f"a parabola with {short} of {others} birds on the shorter side"
+        return "U", f"a parabola with {short} of {others} birds on the shorter side"
     if model == "line" or share < SHORT_SIDE_OF_LINE:
-        return "line", f"straight, with {short} of {n - 1} birds on the shorter side"
-    return "V", f"two straight arms, {short} of {n - 1} birds on the shorter one"
+        return "line", f"straight, with {short} of {others} birds on the shorter side"
+    return "V", f"two straight arms, {short} of {others} birds on the shorter one"

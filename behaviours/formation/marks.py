@@ -7,17 +7,23 @@ import os
 
 import numpy as np
 from flockbrush.behaviours.formation.curves import fit
-from flockbrush.behaviours.formation.extraction import Marks
+from flockbrush.behaviours.formation.extraction import Marks, allowed, led
 from flockbrush.behaviours.tables import read_table
 from flockbrush.engine import limits
 from flockbrush.engine.problems import SHOWN, Problem, ProblemsError, did_you_mean
 
 HEADINGS = {"right": 0.0, "up": 90.0, "left": 180.0, "down": 270.0}  # degrees counter-clockwise from the right
 FRAME, BIRD = ("frame", "photo", "image"), ("bird", "id", "track")
+COARSE, FINE = 15, 5  # degrees between the ways that are tried
+LEVEL = 0.08  # depth over width: a row, whose two sides look alike
+UNEQUAL = 4.0  # birds that a radian between the slopes of both arms costs
+ROW = 0.5  # birds: a straight row that costs no more than this above the best curve leaves the way open
 PIXELS, WINGSPANS = (("x_px", "y_px"), ("x", "y")), (("x_b", "y_b"),)
 
 
-def read_marks(path: str | os.PathLike, heading: str = "up", wingspan: float | None = None) -> tuple[Marks, dict]:
+def read_marks(
+    path: str | os.PathLike, heading: str | None = None, wingspan: float | None = None
+) -> tuple[Marks, dict]:
     """Marked birds from a CSV.
 
     Parameters
@@ -26,9 +32,10 @@ def read_marks(path: str | os.PathLike, heading: str = "up", wingspan: float | N
         With a header and a row for each bird and frame: ``frame`` (may be left out when there is one), ``bird``,
         and ``x_px``, ``y_px`` (pixels, y downward) or ``x_b``, ``y_b`` (wingspans, y upward).  Other columns are
         left alone, but a ``wingspan_px`` is used.
-    heading : str
+    heading : str, optional
         The way they fly across the picture: up, down, left, right, degrees counter-clockwise from the right, or
-        ``auto``.
+        ``auto``: the one under which their shape is the plainest.  Unless told, auto for marks in pixels and up for
+        marks in wingspans.
     wingspan : float, optional
         Pixels.
 
@@ -69,10 +76,15 @@ def read_marks(path: str | os.PathLike, heading: str = "up", wingspan: float | N
     if pixels and wingspan is not None:
         grid[..., 1] *= -1.0  # pictures count downward
         grid /= wingspan
-    turn = _heading(heading, grid[0], name)
+    seen = heading == "auto" or (heading is None and pixels)
+    turn = guess_heading(grid[0], name) if seen else _heading(heading or "up", name)
     c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
     x, y = grid[..., 0] * s - grid[..., 1] * c, grid[..., 0] * c + grid[..., 1] * s
-    said = {"heading_degrees": turn, "wingspan_px": wingspan if pixels else None}
+    said = {
+        "heading_degrees": turn,
+        "heading_from": "the shape" if seen else "the call",
+        "wingspan_px": wingspan if pixels else None,
+    }
     return Marks(tuple(order), tuple(bird), x, y), said
 
 
@@ -175,9 +187,7 @@ def _gaps(frames, birds, rows, name):
     return problems
 
 
-def _heading(heading, points, name):
-    if heading == "auto":
-        return guess_heading(points, name)
+def _heading(heading, name):
     if heading in HEADINGS:
         return HEADINGS[heading]
     try:
@@ -191,26 +201,40 @@ def _heading(heading, points, name):
     return turn % 360.0
 
 
-def guess_heading(points, name="marks", step=5):
-    """The way a V or a U opens backward, degrees counter-clockwise from the right; arms of equal slope decide.
+def guess_heading(points, name="marks"):
+    """The way a V, a U or a J flies, degrees counter-clockwise from the right: the one whose curve costs least.
+
+    Arms of equal slope, or a parabola that is level at its leader, speak for a way.
 
     Raises
     ------
     ProblemsError
-        When the birds fly in a line or in none, which says nothing of the way they fly.
+        When the birds fly in a straight row or in none of these, which says nothing of the way they fly.
     """
-    best = (math.inf, 0.0)
-    for turn in range(0, 360, step):
+    best = min(_ways(points, np.arange(0, 360, COARSE)), default=None)
+    rows = [row.cost for x, y in (points.T, points.T[::-1]) if (row := fit("line", x, y)) is not None]
+    if best is None or min(rows, default=math.inf) <= best[0] + ROW:
+        message = "cannot be seen from a straight row or a cluster; give it (--heading left, or degrees)"
+        raise ProblemsError([Problem(name, None, "heading", message)])
+    fine = best[1] + np.arange(FINE - COARSE, COARSE, FINE)
+    return float(min(best, *_ways(points, fine))[1] % 360)
+
+
+def _ways(points, turns):
+    """(cost, degrees) of each way whose cheapest curve opens backward."""
+    found = []
+    for turn in turns:
         c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
         x, y = points[:, 0] * s - points[:, 1] * c, points[:, 0] * c + points[:, 1] * s
-        lead = int(np.argmax(y))
-        found = fit("v", x - x[lead], y - y[lead])
-        if found is None or (~found.inlier).sum() > 0.25 * len(x):
+        best = led(x, y)
+        if best is None or best.seen.curve.model == "line" or (~best.seen.inlier).sum() > allowed(len(x)):
             continue
-        tilts = np.arctan(found.curve.numbers[1:])
-        if tilts.min() < 0.15:  # a row
+        numbers = np.array(best.seen.curve.numbers[1:])
+        on = best.seen.inlier
+        depth = np.ptp(best.seen.curve.y((x - x[best.leader])[on]))
+        if depth < LEVEL * np.ptp(x[on]):
             continue
-        best = min(best, (found.cost + 4.0 * abs(tilts[0] - tilts[1]), float(turn)))
-    if not math.isfinite(best[0]):
-        raise ProblemsError([Problem(name, None, "heading", "cannot be found for a flock without two arms; give it")])
-    return best[1]
+        tilt = np.arctan(numbers)
+        unequal = abs(tilt[0] - tilt[1]) if best.seen.curve.model == "v" else abs(tilt[0])
+        found.append((best.cost + UNEQUAL * unequal, float(turn)))
+    return found

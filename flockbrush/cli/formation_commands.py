@@ -97,6 +97,9 @@ def extract_formation(marks_path, out, plot, heading, wingspan, samples, json):
                 f"{number(frame.deviation[0], 2)} ± {number(frame.deviation[1], 2)}", s["why"],
             )  # fmt: skip
         show(lines)
+        if used["heading_from"] == "the shape":
+            way = used["heading_degrees"]
+            say(f"heading {way:.0f} degrees (0 right, 90 up), taken from the shape; if they fly another way: --heading")
 
 
 def _summary(frame):

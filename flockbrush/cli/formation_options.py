@@ -63,8 +63,13 @@ def formation_extract(
         Path | None, typer.Option(metavar="PNG", help="Picture to write, with birds, leader, outliers and curve.")
     ] = None,
     heading: Annotated[
-        str, typer.Option(metavar="WAY", help="Heading: up, down, left, right, degrees, or auto for a V.")
-    ] = "up",
+        str | None,
+        typer.Option(
+            metavar="WAY",
+            help="Heading: up, down, left, right, degrees, or auto: the way their shape tells. Default: auto for marks "
+            "in pixels, up for marks in wingspans.",
+        ),
+    ] = None,
     wingspan: Annotated[float | None, typer.Option(metavar="PX", help="Wingspan in pixels.")] = None,
     samples: Annotated[
         int | None, typer.Option(min=1, max=10**6, metavar="K", help="Number of RANSAC samples; default: all samples.")

@@ -1,41 +1,33 @@
 """Birds on a plain sky, found in pictures and carried from frame to frame.
 
-A bird is a small patch that differs from the sky around it, all of a picture darker or all lighter.  The sky is the
-picture with everything small taken out (a median), so clouds and gradients do not matter.  What is not a bird is left
-out by size, measured against the other patches, by shape, and by being lighter where most are darker (moon, sun).
+A bird is a patch that differs from the sky around it, all of a picture darker or all lighter.  The sky is the picture
+with everything small taken out (a median), so clouds and gradients do not matter.  What is not a bird is left out by
+size, measured against the other birds, by shape, and by being lighter where most are darker (moon, sun).
 """
 
 from __future__ import annotations
 
 import itertools
 from pathlib import Path
-from typing import NamedTuple
 
 import cv2
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.film.bird_sizes import Patch, of_one_size, patches_of
 from flockbrush.film.media import FilmReader, read_picture
 
 CONTRAST = 6.0  # robust deviations of the sky: a bird differs by more
 LEAST_CONTRAST = 18.0  # grey levels
-SMALL, LARGE = 0.25, 4.0  # of the median patch: outside is no bird
-SOLID = 0.3  # part of its convex hull that a bird fills
-FEW = (
-    0.34  # share of the patches: so few that are lighter, or darker, than the sky while the others are not are no birds
-)
-THIN = 12.0  # longer than this for its width: a wire, a twig
+WINDOWS = (1 / 6, 1 / 3, 2 / 3)  # of the picture's shorter side: the medians that are its sky
+SMALL, LARGE = 0.25, 4.0  # of the usual bird's area: outside is no bird
+ALIKE = 1.6  # times the usual span, or one over: about as large as most
+FEW = 0.34  # share of the birds: so few that are lighter, or darker, than the sky while the others are not are no birds
+PURE = 0.85  # of a patch lighter, or darker, than the sky: of one kind (a white bird with a dark head is of none)
+OPPOSITE = 0.7  # difference of those shares between a bird and what is none
+TWO = 1.7  # times the usual span: two birds that touch
 VIDEOS = {".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"}
-
-
-class Patch(NamedTuple):
-    """Something that looks like a bird."""
-
-    x: float  # pixels
-    y: float
-    area: float  # pixels
-    span: float  # pixels, its longest extent
 
 
 def away_from_sky(image):
@@ -45,23 +37,35 @@ def away_from_sky(image):
     ----------
     image : (h, w, 3) or (h, w) uint8
     """
-    grey, sky = _grey_and_sky(image)
-    away = cv2.absdiff(grey, sky)
+    grey = _grey(image)
+    away = cv2.absdiff(grey, _sky(grey, WINDOWS[0]))
+    return away, _counts_from(away)
+
+
+def _counts_from(away):
+    """From how many grey levels on a pixel is no sky."""
     counts = sum(np.bincount(row, minlength=256) for row in away)
     levels = np.arange(256.0)
     noise = 1.4826 * _quantile(np.abs(levels - _quantile(levels, counts, 0.5)), counts, 0.5)
     highest = 0.35 * _quantile(levels, counts, 0.9995)
-    return away, np.float32(max(CONTRAST * noise, LEAST_CONTRAST, highest))
+    return np.float32(max(CONTRAST * noise, LEAST_CONTRAST, highest))
 
 
-def _grey_and_sky(image):
-    """The picture in grey levels, and without everything small."""
-    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    window = max(3, min(grey.shape) // 6 | 1)
+def _grey(image):
+    return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+
+
+def _window(grey, share):
+    return max(3, int(min(grey.shape) * share) | 1)
+
+
+def _sky(grey, share):
+    """The picture without everything small: medians in windows of this share of its shorter side."""
+    window = _window(grey, share)
     shrink = max(1, window // 41)  # medians of large windows are slow and no better
     small = cv2.resize(grey, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)
     sky = cv2.medianBlur(small, max(3, min(255, window // shrink | 1)))
-    return grey, cv2.resize(sky, grey.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    return cv2.resize(sky, grey.shape[::-1], interpolation=cv2.INTER_LINEAR)
 
 
 def _quantile(values, counts, share):
@@ -74,57 +78,81 @@ def _quantile(values, counts, share):
 
 
 def find_birds(image) -> list[Patch]:
-    """Birds in a picture (h, w, 3) or (h, w), uint8, in order from left to right.
-
-    A bird must be small: at most a twelfth of the picture's shorter side.
-    """
+    """Birds in a picture (h, w, 3) or (h, w), uint8, in order from left to right."""
     return find_birds_and_others(image)[0]
 
 
 def find_birds_and_others(image) -> tuple[list[Patch], list[str]]:
-    """As `find_birds`, and sentences about what was left out though it may be a bird."""
-    away, threshold = away_from_sky(image)
-    mask = cv2.morphologyEx((away > threshold).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    grey, sky = _grey_and_sky(image)
-    lighter = (grey > sky) & (away > threshold)
-    patches = sorted(_birds(mask, min(mask.shape) / 12), key=lambda patch: patch.x)
-    pale = [_is_pale(lighter, away > threshold, patch) for patch in patches]
-    rare = sum(pale) <= len(pale) / 2  # whether lighter ones are the fewer
-    others = [patch for patch, light in zip(patches, pale, strict=True) if light == rare]
-    if not others or len(others) > FEW * len(patches):
-        return patches, []
-    kind, usual = ("lighter", "darker") if rare else ("darker", "lighter")
-    where = ", ".join(f"{patch.x:.0f},{patch.y:.0f}" for patch in others[:5])
-    said = (
-        f"{len(others)} {kind} than the sky, at {where}, while the others are {usual}, was left out: moon, sun, lamp?"
-    )
-    return [patch for patch in patches if patch not in others], [said]
+    """As `find_birds`, and sentences about what was left out though it may be a bird.
+
+    The sky is taken with a window of twice the usual bird or more, so that large birds do not become sky.
+    """
+    grey = _grey(image)
+    for share in WINDOWS:
+        sky = _sky(grey, share)
+        birds, others, usual = _sorted_out(grey, sky)
+        if 2.0 * usual <= _window(grey, share):
+            break
+    said = [_sentence(why, some, usual) for why, some in others.items()]
+    if long := [f"{p.x:.0f},{p.y:.0f}" for p in birds if p.span > TWO * usual]:
+        said.append(f"{len(long)} at {', '.join(long)} as long as two birds, counted as one each: birds that touch?")
+    return sorted(birds, key=lambda patch: patch.x), said
 
 
-def _is_pale(lighter, there, patch):
-    """Whether most of what differs from the sky around the middle of a patch is lighter."""
-    r = int(np.ceil(0.5 * patch.span)) + 1
-    box = np.s_[max(0, int(patch.y) - r) : int(patch.y) + r + 1, max(0, int(patch.x) - r) : int(patch.x) + r + 1]
-    return bool(lighter[box].sum() > 0.5 * there[box].sum())
+def _sorted_out(grey, sky):
+    """(birds, {why not: patches}, usual span).
+
+    What is left out is looked at no more when it is settled from which contrast on something is a bird.
+    """
+    away, lighter = cv2.absdiff(grey, sky), grey > sky
+    threshold = _counts_from(away)
+    while True:
+        there = away > threshold
+        mask = cv2.morphologyEx(there.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+        birds, others, usual = _as_birds(patches_of(mask, lighter))
+        rest = away.copy()
+        for patch in (patch for some in others.values() for patch in some):
+            low, high = patch.points.min(axis=0), patch.points.max(axis=0) + 1
+            rest[low[1] : high[1], low[0] : high[0]] = 0
+        less = _counts_from(rest)
+        if not birds or less >= 0.8 * threshold:
+            return birds, others, usual
+        threshold = less
 
 
-def _birds(mask, most):
-    count, labels, stats, centres = cv2.connectedComponentsWithStats(mask, connectivity=8)
-    patches = []
-    for k in range(1, count):
-        left, top, wide, tall, area = stats[k]
-        if area < 6 or max(wide, tall) > 2 * most:
-            continue
-        shape = (labels[top : top + tall, left : left + wide] == k).astype(np.uint8)
-        points = cv2.findNonZero(shape)
-        hull = cv2.contourArea(cv2.convexHull(points)) + 1.0
-        sides = sorted(side + 1.0 for side in cv2.minAreaRect(points)[1])
-        if area / max(hull, area) >= SOLID and sides[1] / sides[0] <= THIN:
-            patches.append(Patch(float(centres[k][0]), float(centres[k][1]), float(area), sides[1]))
-    if not patches:
-        return []
-    usual = float(np.median([patch.area for patch in patches if patch.area > 0.1 * max(p.area for p in patches)]))
-    return [patch for patch in patches if SMALL * usual <= patch.area <= LARGE * usual]
+def _as_birds(patches):
+    """(birds, {why not: patches}, usual span) of the patches of a picture."""
+    patches, usual = of_one_size(patches)
+    alike = [p.area for p in patches if p.whole and usual / ALIKE <= p.span <= usual * ALIKE]
+    area = float(np.median(alike or [p.area for p in patches] or [0.0]))
+    others: dict[str, list[Patch]] = {}
+    birds = []
+    for patch in patches:
+        if patch.area > LARGE * area:
+            others.setdefault("larger", []).append(patch)
+        elif SMALL * area <= patch.area and patch.shaped:
+            birds.append(patch)
+        elif SMALL**2 * area <= patch.area and patch.shaped:
+            others.setdefault("smaller", []).append(patch)
+    light = float(np.median([p.pale for p in birds] or [0.0]))
+    if light >= PURE or light <= 1.0 - PURE:
+        kind = "darker" if light >= PURE else "lighter"
+        rare = [p for p in birds if abs(p.pale - light) >= OPPOSITE]
+        if rare and len(rare) <= FEW * len(birds):
+            others[f"{kind} than the sky"] = rare
+            birds = [p for p in birds if p not in rare]
+    return birds, others, usual
+
+
+def _sentence(why, patches, usual):
+    """What was left out, where, and what it may be."""
+    where = ", ".join(f"{p.x:.0f},{p.y:.0f}" for p in patches[:5]) + ", ..." * (len(patches) > 5)
+    were = "was" if len(patches) == 1 else "were"
+    if "sky" in why:
+        return f"{len(patches)} {why}, at {where}, unlike the others, {were} left out: moon, sun, lamp?"
+    sizes = [p.span for p in patches]
+    long = f"{min(sizes):.0f}" + f" to {max(sizes):.0f}" * (len(sizes) > 1)
+    return f"{len(patches)} {why} than a bird, at {where}, {were} left out: {long} pixels long, a bird {usual:.0f}"
 
 
 def read_pictures(paths, every=1):

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import cv2
+import drawn_skies
 import numpy as np
 import pytest
 from example_formations import left_of_leader, places
@@ -13,6 +14,7 @@ from flockbrush.behaviours.formation.formation_shapes import load_formation, rea
 from flockbrush.behaviours.formation.marks import guess_heading, read_marks
 from flockbrush.engine.problems import ProblemsError
 
+from flockbrush.cli.main import called
 from flockbrush.film.birds_in_sky import carry, find_birds, find_birds_and_others, mark
 
 
@@ -134,7 +136,7 @@ def written(tmp_path, text):
 def test_marks_in_pixels_become_wingspans_the_way_they_fly(tmp_path):
     path = written(tmp_path, "frame,bird,x_px,y_px\n0,a,100,50\n0,b,120,70\n")
     marks, used = read_marks(path, "left", 20.0)
-    assert used == {"heading_degrees": 180.0, "wingspan_px": 20.0}
+    assert used == {"heading_degrees": 180.0, "heading_from": "the call", "wingspan_px": 20.0}
     # a is farther left in the picture, hence ahead; b is lower in the picture, hence to the left of who flies left
     assert (marks.y[0, 0] - marks.y[0, 1]) == pytest.approx(1.0)
     assert (marks.x[0, 1] - marks.x[0, 0]) == pytest.approx(-1.0)
@@ -216,6 +218,81 @@ def test_pale_birds_are_found_and_a_flock_of_both_stays_whole():
     image = np.where(sky(FLOCK[3:]) < 100, 220, sky(FLOCK[:3]) // 2).astype(np.uint8)
     birds, said = find_birds_and_others(image)
     assert len(birds) == len(FLOCK) and said == []
+
+
+def drawn(kind, seed=1):
+    """(picture, places of the birds in it, wingspan) as a camera may see them."""
+    v = drawn_skies.in_a_v(9, 24, (480, 240))
+    if kind == "large":
+        at = np.array([(130, 130), (330, 260), (500, 120)])
+        return drawn_skies.photograph(at, 170, seed), at, 170
+    if kind == "over a twelfth":
+        at = drawn_skies.in_a_v(5, 70, (560, 240))
+        return drawn_skies.photograph(at, 70, seed), at, 70
+    if kind in ("pale bodies", "white bodies"):
+        at = drawn_skies.in_a_v(9, 40, (560, 240))
+        return drawn_skies.photograph(at, 40, seed, body="sky" if kind == "pale bodies" else 250), at, 40
+    image = drawn_skies.photograph(v, 24, seed, dark=110.0 if kind == "faint, moon" else 45.0)
+    if kind == "branches":
+        return drawn_skies.branches(image, seed), v, 24
+    return drawn_skies.moon(image, (80, 60), 55 if kind == "large moon" else 25), v, 24
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("large", None),
+        ("over a twelfth", None),
+        ("pale bodies", None),
+        ("white bodies", None),
+        ("moon", "1 larger than a bird, at 80,60, was left out: 50 pixels long"),
+        ("large moon", "1 larger than a bird, at 80,60"),
+        ("faint, moon", "1 larger than a bird, at 80,60"),
+        ("branches", "larger than a bird"),
+    ],
+)
+def test_each_bird_of_a_drawn_sky_is_one_bird(kind, said):
+    image, at, span = drawn(kind)
+    birds, lines = find_birds_and_others(image)
+    apart = np.linalg.norm(at[:, None] - [(p.x, p.y) for p in birds], axis=2)
+    assert len(birds) == len(at)
+    assert apart.min(axis=1).max() < 0.35 * span
+    assert not lines if said is None else said in lines[0]
+
+
+def test_touching_birds_are_named():
+    at = np.array([(100, 100), (200, 150), (300, 100), (400, 150), (403, 180)])
+    birds, said = find_birds_and_others(drawn_skies.photograph(at, 34, 3))
+    assert len(birds) == 4
+    assert "as long as two birds" in said[0]
+
+
+def test_a_drawn_v_is_known_with_a_false_bird_and_no_heading_given(tmp_path, capsys):
+    at = drawn_skies.in_a_v(8, 24, (250, 300), heading=130)
+    image = drawn_skies.photograph(np.vstack([at, [(120, 120)]]), 24, heading=130)
+    cv2.imwrite(str(tmp_path / "v.png"), image)
+    assert called(["formation", "detect", str(tmp_path / "v.png"), "-o", str(tmp_path / "v.csv")]) == 0
+    assert called(["formation", "extract", str(tmp_path / "v.csv"), "--out", str(tmp_path / "v.json")]) == 0
+    said = capsys.readouterr().err
+    assert any(f"heading {way} degrees" in said for way in (125, 130, 135)), said
+    frame = load_formation(tmp_path / "v.json").frames[0]
+    assert frame.kind == "V"
+    (false,) = [name for name, role in frame.roles.items() if role == "outlier"]
+    rows = (tmp_path / "v.csv").read_text().splitlines()
+    row = next(row.split(",") for row in rows[1:] if row.split(",")[1] == false)
+    assert (float(row[2]), float(row[3])) == pytest.approx((120, 120), abs=8)
+
+
+@pytest.mark.parametrize("kind", ["V", "U", "J", "line"])
+def test_false_birds_change_neither_shape_nor_leader(kind):
+    right = 0
+    for seed in range(6):
+        x, y, left, _ = places(kind, 12, seed=seed, deviation=0.1)
+        false = np.random.default_rng(seed).uniform((-12, -14), (12, 8), (2, 2))
+        names = [str(k) for k in range(12)] + ["false", "other"]
+        seen = extract_frame(np.r_[x, false[:, 0]], np.r_[y, false[:, 1]], birds=names)
+        right += seen.kind == kind and seen.birds[seen.leader] == str(left)
+    assert right >= 5
 
 
 def test_birds_keep_their_names_while_the_camera_pans(tmp_path):
