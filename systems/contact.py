@@ -189,8 +189,8 @@ def _find_contacts(lo, hi, order, x, y, start, nx, ny, cell, west, south, reach,
     for o in range(lo, hi):
         s = order[o]
         xi, yi = x[s], y[s]
-        r0, r1 = max(0, int((yi - reach - south) / cell)), min(ny - 1, int((yi + reach - south) / cell))
-        c0, c1 = max(0, int((xi - reach - west) / cell)), min(nx - 1, int((xi + reach - west) / cell))
+        r0, r1 = max(0, int((yi - reach - south[s]) / cell)), min(ny - 1, int((yi + reach - south[s]) / cell))
+        c0, c1 = max(0, int((xi - reach - west[s]) / cell)), min(nx - 1, int((xi + reach - west[s]) / cell))
         found = 0
         for r in range(r0, r1 + 1):
             for j in range(start[r * nx + c0], start[r * nx + c1 + 1]):

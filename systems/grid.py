@@ -2,6 +2,8 @@
 
 Animals are copied cell by cell into contiguous arrays, so that whoever reads
 his neighbourhood reads memory in order.  Cells follow the density of the herd.
+Where strays far away would make a map of empty cells, the rows and columns
+between them and the herd that hold nobody are left out.
 Across the seam of a wrapped map stand ghosts: copies of the animals of the
 other side.
 """
@@ -14,6 +16,8 @@ import numpy as np
 from numba import njit
 
 A_CELL = 5.0  # animals in a cell, about: fewer make more cells to visit, more make more animals to pass over
+EMPTY = 8.0  # so many columns with nobody in them may be left out, where they are more than anybody sees,
+BETWEEN = 2  # except for these: by cells nobody is farther away than in truth
 
 
 class Cells(NamedTuple):
@@ -31,8 +35,8 @@ class Cells(NamedTuple):
     nx: int
     ny: int
     cell: float  # m
-    west: float  # m
-    south: float  # m
+    west: np.ndarray  # (m,) m: where column 0 begins, counted from where the animal stands
+    south: np.ndarray  # (m,) m: likewise row 0
     density: float  # animals per m^2 where the animals are
     slot: np.ndarray  # (n,) int32: the slot of each row; -1 for one in no cell
 
@@ -65,15 +69,20 @@ def sort_into_cells(xyz, forward, length, radius, reach, wrap=None, rows=None):
     count = len(x)
     if wrap is not None:
         x, y, rows = _with_ghosts(x, y, rows, reach, wrap)
-    west, south, east, north, density = _survey(x, y, reach)
-    if not np.isfinite(density):
+    box = _extent(x, y)
+    if not np.isfinite(box[0]):
         wrong = np.flatnonzero(~np.isfinite(xyz[:, 0] + xyz[:, 1]))
         raise ValueError(f"the position of row {wrong[0]} is not a number: {xyz[wrong[0]]}")
+    begin = np.full(len(x), box[0]), np.full(len(x), box[1])
+    density = _density(x, y, *_shape(x, y, box, begin, reach, max(reach / 2, 1e-9), max(1 << 14, 2 * len(x))))
     cell = max(min((A_CELL / density) ** 0.5, reach / 2), reach / 12, 1e-3)
-    cell, nx, ny = _shape(east - west, north - south, cell, len(x))
-    order, start = _sort(x, y, west, south, cell, nx, ny)
+    cell, nx, ny, west, south = _shape(x, y, box, begin, reach, cell, max(1 << 16, 8 * len(x)))
+    order, start = _sort(x, y, cell, nx, ny, west, south)
     columns = _by_slot(order, count, x, y, rows, forward, length, radius)
-    return Cells(*columns, start, nx, ny, cell, west, south, density, _slots(columns[6], columns[7], len(xyz)))
+    slots = _slots(columns[6], columns[7], len(xyz))
+    if west is not begin[0]:
+        west, south = west[order], south[order]
+    return Cells(*columns, start, nx, ny, cell, west, south, density, slots)
 
 
 def _with_ghosts(x, y, rows, reach, wrap):
@@ -88,55 +97,83 @@ def _with_ghosts(x, y, rows, reach, wrap):
     return np.concatenate(xs), np.concatenate(ys), np.concatenate(rs)
 
 
-def _shape(width, height, cell, count):
-    """(cell, nx, ny): as few metres to a cell as asked, unless strays far away would make a map of empty cells."""
-    most = max(1 << 16, 8 * count)
-    while (width // cell + 1) * (height // cell + 1) > most:
+def _shape(x, y, box, begin, reach, cell, most):
+    """(cell, nx, ny, west, south): no more cells than ``most``, of as few metres as asked if that can be.
+
+    Where there would be more, empty rows and columns are left out, and then cells become larger.  ``west`` and
+    ``south`` (m,), where column and row 0 begin for each animal, are ``begin`` if nothing is left out.
+    """
+    west, south, east, north = box
+    across, up = (east - west) / cell, (north - south) / cell
+    if (np.floor(across) + 1) * (np.floor(up) + 1) <= most:
+        return float(cell), int(across) + 1, int(up) + 1, *begin
+    in_order = np.sort(x), np.sort(y)
+    while True:
+        (nx, *columns), (ny, *rows) = (_inhabited(places, max(EMPTY * cell, reach), cell) for places in in_order)
+        if nx * ny <= most:
+            return float(cell), int(nx), int(ny), _begins(x, *columns), _begins(y, *rows)
         cell *= 2
-    return float(cell), int(width // cell) + 1, int(height // cell) + 1
+
+
+def _inhabited(places, gap, cell):
+    """How many columns there are without wide gaps; where each band of them begins, and where column 0 is for it."""
+    apart = np.flatnonzero(np.diff(places) > gap) + 1
+    first, last = np.concatenate([places[:1], places[apart]]), np.concatenate([places[apart - 1], places[-1:]])
+    size = np.floor((last - first) / cell) + (1 + BETWEEN)
+    return size.sum() - BETWEEN, first, first - (np.cumsum(size) - size) * cell
+
+
+def _begins(places, first, begin):
+    """Where column 0 is for each place."""
+    return begin[np.searchsorted(first, places, side="right") - 1]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _survey(x, y, reach):
-    """West, south, east and north end of the herd, and how many animals per m^2 one of them has around him.
-
-    That is the density on cells of half the reach, averaged over the animals, not over the ground.
-    """
-    n = len(x)
-    if n == 0:
-        return 0.0, 0.0, 0.0, 0.0, 1e-6
+def _extent(x, y):
+    """West, south, east and north end of the herd; the first is not a number when some place is none."""
+    if len(x) == 0:
+        return 0.0, 0.0, 0.0, 0.0
     west = east = x[0]
     south = north = y[0]
     total = 0.0
-    for i in range(n):
+    for i in range(len(x)):
         west, east = min(west, x[i]), max(east, x[i])
         south, north = min(south, y[i]), max(north, y[i])
         total += x[i] + y[i]
     if not np.isfinite(total):
-        return 0.0, 0.0, 0.0, 0.0, np.nan
-    side = max(0.5 * reach, 1e-9)
-    while (np.floor((east - west) / side) + 1.0) * (np.floor((north - south) / side) + 1.0) > max(1 << 14, 2 * n):
-        side *= 2
-    nx, ny = int((east - west) / side) + 1, int((north - south) / side) + 1
-    inhabitants = np.zeros(nx * ny, np.int32)
-    for i in range(n):
-        inhabitants[int((y[i] - south) / side) * nx + int((x[i] - west) / side)] += 1
-    total = 0.0
-    for c in range(nx * ny):
-        total += float(inhabitants[c]) * inhabitants[c]
-    return west, south, east, north, total / n / (side * side)
+        west = np.nan
+    return west, south, east, north
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _sort(x, y, west, south, cell, nx, ny):
+def _density(x, y, side, nx, ny, west, south):
+    """How many animals per m^2 one of them has around him: averaged over the animals, not over the ground."""
+    n = len(x)
+    if n == 0:
+        return 1e-6
+    inhabitants = np.zeros(nx * ny, np.int32)
+    for i in range(n):
+        inhabitants[_cell(x[i], y[i], side, nx, ny, west[i], south[i])] += 1
+    total = 0.0
+    for c in range(nx * ny):
+        total += float(inhabitants[c]) * inhabitants[c]
+    return total / n / (side * side)
+
+
+@njit(inline="always")
+def _cell(x, y, cell, nx, ny, west, south):
+    return min(int((y - south) / cell), ny - 1) * nx + min(int((x - west) / cell), nx - 1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sort(x, y, cell, nx, ny, west, south):
     """Counting sort: (order, start)."""
     n = len(x)
     where = np.empty(n, np.int32)
     start = np.zeros(nx * ny + 1, np.int32)
     for i in range(n):
-        c = min(int((y[i] - south) / cell), ny - 1) * nx + min(int((x[i] - west) / cell), nx - 1)
-        where[i] = c
-        start[c + 1] += 1
+        where[i] = _cell(x[i], y[i], cell, nx, ny, west[i], south[i])
+        start[where[i] + 1] += 1
     for c in range(nx * ny):
         start[c + 1] += start[c]
     fill = start[:-1].copy()

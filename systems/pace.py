@@ -81,8 +81,8 @@ def crowding(lo, hi, x, y, slot, start, nx, ny, cell, west, south, length, densi
         if s < 0:
             continue
         reach = 2.0 * length[i]
-        r0, r1 = max(0, int((y[s] - reach - south) / cell)), min(ny - 1, int((y[s] + reach - south) / cell))
-        c0, c1 = max(0, int((x[s] - reach - west) / cell)), min(nx - 1, int((x[s] + reach - west) / cell))
+        r0, r1 = max(0, int((y[s] - reach - south[s]) / cell)), min(ny - 1, int((y[s] + reach - south[s]) / cell))
+        c0, c1 = max(0, int((x[s] - reach - west[s]) / cell)), min(nx - 1, int((x[s] + reach - west[s]) / cell))
         count = -1
         for r in range(r0, r1 + 1):
             for j in range(start[r * nx + c0], start[r * nx + c1 + 1]):
@@ -133,8 +133,8 @@ def company(lo, hi, x, y, slot, start, nx, ny, cell, west, south, row, length, s
         if s < 0:
             continue
         reach = COMPANY * length[i]
-        r0, r1 = max(0, int((y[s] - reach - south) / cell)), min(ny - 1, int((y[s] + reach - south) / cell))
-        c0, c1 = max(0, int((x[s] - reach - west) / cell)), min(nx - 1, int((x[s] + reach - west) / cell))
+        r0, r1 = max(0, int((y[s] - reach - south[s]) / cell)), min(ny - 1, int((y[s] + reach - south[s]) / cell))
+        c0, c1 = max(0, int((x[s] - reach - west[s]) / cell)), min(nx - 1, int((x[s] + reach - west[s]) / cell))
         count, walk = 0, 0
         for r in range(r0, r1 + 1):
             for j in range(start[r * nx + c0], start[r * nx + c1 + 1]):

@@ -80,8 +80,8 @@ class CellPointers(NamedTuple):
     nx: int
     ny: int
     cell: float
-    west: float
-    south: float
+    west: Any
+    south: Any
 
 
 # --- the definition ---------------------------------------------------------------------------------------------------
@@ -130,10 +130,13 @@ def _without_hidden_by_edges(i, n, cells, edges, seen):
 
 
 @step
-def _span(i, r, inner2, outer2, cells):
-    """The slots in row r of the cells that touch the annulus about i: the first to the second, third to fourth."""
+def _span(xi, yi, south, r, inner2, outer2, cells):
+    """The slots in row r of the cells that touch the annulus about a place: the first to the second, third to fourth.
+
+    ``xi`` is counted from where column 0 begins, ``south`` is where row 0 does.
+    """
     size, per, slack = cells.cell, 1.0 / cells.cell, 1e-9 * cells.cell
-    xi, low, last, first = cells.x[i] - cells.west, cells.south + r * size - cells.y[i], cells.nx - 1, r * cells.nx
+    low, last, first = south + r * size - yi, cells.nx - 1, r * cells.nx
     gap = max(0.0, max(low, -low - size))
     w = math.sqrt(max(outer2 - gap * gap, 0.0)) + slack
     c0, c1 = max(0, int((xi - w) * per)), min(last, int((xi + w) * per)) + 1
@@ -163,11 +166,12 @@ def _gather(i, inner2, outer2, cosine, dense, cells, near):
     Offsets where the cones will have unit vectors, 'd2 - radius^2' for their cosine and the radius for their sine.
     """
     xi, yi, fx, fy = cells.x[i], cells.y[i], cells.fx[i], cells.fy[i]
-    up, per, outer = yi - cells.south, 1.0 / cells.cell, math.sqrt(outer2) + 1e-9 * cells.cell
+    west, south = cells.west[i], cells.south[i]
+    up, per, outer = yi - south, 1.0 / cells.cell, math.sqrt(outer2) + 1e-9 * cells.cell
     r0, r1 = max(0, int((up - outer) * per)), min(cells.ny - 1, int((up + outer) * per))
     n = 0
     for r in range(r0, r1 + 1):
-        a0, b0, a1, b1 = _span(i, r, inner2, outer2, cells)
+        a0, b0, a1, b1 = _span(xi - west, yi, south, r, inner2, outer2, cells)
         for side in range(2):
             a, b = (a1, b1) if side else (a0, b0)
             for k in range(a, b, LANES):
@@ -261,7 +265,7 @@ def _look_through(i, a, plain, b, outer2, n, found, capsules, cells, near, bodie
 @step
 def _optical_depth(i, width, cells):
     """Metres per unit of optical depth where the animal stands: 1 / (width of a body * animals per m^2)."""
-    cx, cy = int((cells.x[i] - cells.west) / cells.cell), int((cells.y[i] - cells.south) / cells.cell)
+    cx, cy = int((cells.x[i] - cells.west[i]) / cells.cell), int((cells.y[i] - cells.south[i]) / cells.cell)
     c0, c1 = max(0, cx - 1), min(cells.nx - 1, cx + 1) + 1
     r0, r1 = max(0, cy - 1), min(cells.ny - 1, cy + 1) + 1
     n = 0
@@ -390,7 +394,8 @@ def _look(
 ):  # fmt: skip
     herd = CellPointers(
         pointer(cells.x), pointer(cells.y), pointer(cells.fx), pointer(cells.fy), pointer(cells.half),
-        pointer(cells.radius), pointer(cells.start), cells.nx, cells.ny, cells.cell, cells.west, cells.south,
+        pointer(cells.radius), pointer(cells.start), cells.nx, cells.ny, cells.cell,
+        pointer(cells.west), pointer(cells.south),
     )  # fmt: skip
     near = RingNear(
         pointer(near.x), pointer(near.y), pointer(near.d2), pointer(near.slot), pointer(near.axis_x),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from flockbrush.systems.grid import sort_into_cells
+from flockbrush.systems.visibility import visible_neighbours
 
 
 def herd(n, side, seed=0):
@@ -61,6 +62,56 @@ def test_a_stray_far_away_costs_no_map_of_empty_cells():
     cells = sort_into_cells(np.r_[clump[0], stray[0] + 1e6], *rest, 5.0)
     assert len(cells.start) < 100_000
     assert sorted(cells.row) == list(range(401))
+
+
+def strewn(n=600, seed=7):
+    """A dense herd about the middle, a thinner one 3 km off, and strays that see none of them or just not quite."""
+    rng = np.random.default_rng(seed)
+    xy = np.r_[
+        rng.uniform(-4, 4, (n // 2, 2)), rng.uniform(-30, 30, (n // 2, 2)) + (3000, -2000),
+        rng.uniform(-9e3, 9e3, (20, 2)), [[12.9, 0], [-13.5, 2], [1, 13.8], [1e6, 3]],
+    ]  # fmt: skip
+    return np.c_[rng.permutation(xy), np.zeros(len(xy))], rng.uniform(0, 2 * np.pi, len(xy))
+
+
+@pytest.mark.parametrize("occlusion", [False, True])
+def test_strays_take_nobody_out_of_sight_and_bring_nobody_in(occlusion):
+    xyz, angle = strewn()
+    n = len(xyz)
+    forward, length, radius = np.c_[np.cos(angle), np.sin(angle), 0 * angle], np.full(n, 0.5), np.full(n, 0.25)
+    lists = visible_neighbours(
+        sort_into_cells(xyz, forward, length, radius, 10.0), np.full(n, 10.0), np.full(n, -1.0), None, occlusion
+    )
+    apart = np.linalg.norm(xyz[:, None] - xyz, axis=2)
+    for i in range(n):
+        (others,) = np.nonzero((apart[i] < 10.0) & (np.arange(n) != i))
+        if occlusion:
+            others = [j for j in others if not hidden(xyz, i, j, others, apart[i], 0.25)]
+        assert sorted(lists.of(i)) == list(others)
+    assert (np.diff(lists.first) > 1).sum() > 500
+
+
+def hidden(xyz, i, j, others, apart, radius):
+    """Whether the segment from i to j meets the disc of somebody nearer."""
+    if apart[j] == 0:
+        return False
+    way, nearer = (xyz[j] - xyz[i])[:2] / apart[j], others[(apart[others] < apart[j]) & (apart[others] > radius)]
+    to = (xyz[nearer] - xyz[i])[:, :2]
+    along = to @ way
+    aside = np.abs(to[:, 0] * way[1] - to[:, 1] * way[0])
+    end = np.linalg.norm(to - apart[j] * way, axis=1)
+    return bool((((along > 0) & (along < apart[j]) & (aside <= radius)) | (end <= radius)).any())
+
+
+@pytest.mark.parametrize("away", [400.0, 5e3, 1e6])
+def test_a_herd_has_the_same_cells_with_a_stray_as_without(away):
+    herds = herd(400, 20)
+    rest = [np.r_[a, b] for a, b in zip(herds[1:], herd(1, 1)[1:], strict=True)]
+    alone = sort_into_cells(*herds, 5.0)
+    cells = sort_into_cells(np.r_[herds[0], [[20 + away, 20 + away, 0]]], *rest, 5.0)
+    assert cells.cell == pytest.approx(alone.cell, rel=0.01) and cells.density == pytest.approx(alone.density, rel=0.01)
+    assert np.array_equal(cells.west[:400], alone.west) and np.array_equal(cells.south[:400], alone.south)
+    assert len(cells.start) < 3 * len(alone.start) + 200 or away < 1000
 
 
 def test_across_a_wrapped_seam_stand_ghosts_of_the_animals_of_the_other_side():
