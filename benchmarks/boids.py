@@ -2,6 +2,7 @@
 
     python benchmarks/boids.py speed [--quick]
     python benchmarks/boids.py pillars [--seeds 100] [--first 0] [--way point|direction]
+    python benchmarks/boids.py plane [--animals 10000] [--taichi taichi_boids.py] [--python PYTHON] [--ceiling CPP]
 
 ``speed``: flocks at random in a box, wrapped to the sides, with about 12 visible neighbours each; whole ticks of a
 level (all systems) and, round by round, the C++ program ``boids_ceiling.cpp`` when there is a compiler, which does the
@@ -10,6 +11,8 @@ work of the flock alone, in float32.  On a shared machine read the CPU times: of
 ``pillars``: 60 starlings fly through 24 pillars at random, a new field for every seed.  For each flock: the least room
 between a bird and an obstacle in any tick, how many birds got through, how large its largest part was at worst, when
 it was one again: nine tenths of it in one piece by links of 4 m.
+
+``plane``: see `boids_plane`.
 """
 
 from __future__ import annotations
@@ -30,6 +33,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
+from boids_plane import plane
 from flockbrush.components import Heading, Position
 from flockbrush.engine import parallel
 from flockbrush.systems.commands import Migrate
@@ -209,9 +213,17 @@ def main():
     study.add_argument("--seeds", type=int, default=100)
     study.add_argument("--first", type=int, default=0)
     study.add_argument("--way", choices=("point", "direction"), default="point", help="where the flock is sent")
+    flat = what.add_parser("plane")
+    flat.add_argument("--animals", type=int, default=10_000)
+    flat.add_argument("--taichi", type=Path, help="program of the same flock in Taichi")
+    flat.add_argument("--python", default=sys.executable, help="a Python that has Taichi")
+    flat.add_argument("--ceiling", type=Path, help="source of the same flock in C++")
+    flat.add_argument("--rounds", type=int, default=5)
     options = parser.parse_args()
     if options.what == "speed":
         speed(options.quick)
+    elif options.what == "plane":
+        plane(options.animals, options.taichi, options.python, options.ceiling, options.rounds)
     else:
         pillars(options.seeds, options.first, options.way)
 

@@ -233,7 +233,9 @@ def _steer(
                 sx, sy, sz = sx - push * x, sy - push * y, sz - push * z
             if species[j] != species[i]:
                 continue
-            if exponent != 2.0:
+            if exponent == 0.0:
+                w = 1.0
+            elif exponent != 2.0:
                 w = exp_(0.5 * exponent * log_(w))
             w *= 1.0 + ahead_counts * 0.5 * (1.0 + (fx * x + fy * y + fz * z) * one)
             total += w
