@@ -16,6 +16,7 @@ from flockbrush.engine import limits
 from flockbrush.engine.clock import Clock
 
 COMMANDS: dict[str, type] = {}
+GONE = {"PutGoal": "it undid MoveGoal before PlaceGoal did; the version that recorded it can replay it"}
 _FARTHEST = {int: 2**63 - 1, float: limits.COMMAND_SIZE}  # from 0; whole numbers are ids and seeds too
 _WORDS = {
     float: "a number",
@@ -47,6 +48,7 @@ def command(cls):
     What cannot be done raises a ValueError or a LookupError before anything has been changed.  A command may also
     have a ``check(world)`` that raises for what can be known beforehand, such as the name of a brush, and an
     ``inverse(world)``, asked just before it is applied: the commands that take it back (see `Commands.perform`).
+    Both ``inverse`` and ``apply`` begin with the check.
     Its fields must be numbers, strings, booleans, None, or lists and dicts of those, so that a
     recording can hold them as JSON.
     """
@@ -54,8 +56,20 @@ def command(cls):
     known = COMMANDS.get(cls.__name__)
     if known is not None and known.__module__ != cls.__module__:
         raise ValueError(f"command {cls.__name__} is already registered by {known.__module__}")
+    for name in ("inverse", "apply") if hasattr(cls, "check") else ():
+        if hasattr(cls, name):
+            setattr(cls, name, _checked(getattr(cls, name)))
     COMMANDS[cls.__name__] = cls
     return cls
+
+
+def _checked(method):
+    @functools.wraps(method)
+    def after_check(self, world):
+        self.check(world)
+        return method(self, world)
+
+    return after_check
 
 
 def to_record(cmd):
@@ -72,7 +86,8 @@ def from_record(name, values):
         For an unknown name or field, a missing one, or a value of the wrong type, with what there is.
     """
     if name not in COMMANDS:
-        raise ValueError(f"unknown command {_short(name)!r}{_instead(name, COMMANDS)}")
+        instead = f"; {GONE[name]}" if name in GONE else _instead(name, COMMANDS)
+        raise ValueError(f"unknown command {_short(name)!r}{instead}")
     cls = COMMANDS[name]
     known = {f.name: f for f in fields(cls)}
     for field in values:

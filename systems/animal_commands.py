@@ -14,25 +14,25 @@ from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList, give_birth
 from flockbrush.systems.programs import Programs, born_into
-from flockbrush.systems.selection import able, check_brush, check_can, check_circle, check_species, selected, species_of
-from flockbrush.systems.undo import (
-    RemoveEntities,
-    bring_back,
-    brushes_of,
-    columns_now,
-    goal_index,
-    goals_of,
-    need,
-    place_of,
+from flockbrush.systems.selection import (
+    OfAnimals,
+    able,
+    check_brush,
+    check_can,
+    check_circle,
+    check_species,
+    species_of,
 )
+from flockbrush.systems.undo import RemoveEntities, bring_back, goal_index, need, remove
 
 MOST = int(limits.ANIMALS)  # as many as a level may have
 
 
 @command
-class SwitchBrush:
+class SwitchBrush(OfAnimals):
     """Give animals another brush of their own: all, one species, or those in a circle."""
 
+    changes = (BrushBinding.home,)
     brush: str
     species: str = ""
     x: float = 0.0
@@ -44,13 +44,8 @@ class SwitchBrush:
         check_can(world, self.brush, self.species)
         check_circle(self)
 
-    def inverse(self, world):
-        check_circle(self)
-        return brushes_of(world, np.flatnonzero(selected(world, self.x, self.y, self.radius, self.species)))
-
     def apply(self, world):
-        self.check(world)
-        chosen = selected(world, self.x, self.y, self.radius, self.species)
+        chosen = self.chosen(world)
         can = able(world, self.brush)
         if chosen.any() and not (chosen & can).any():
             check_can(world, self.brush, species_of(world, int(np.flatnonzero(chosen)[0])))
@@ -59,12 +54,13 @@ class SwitchBrush:
 
 
 @command
-class Migrate:
+class Migrate(OfAnimals):
     """Send a flock: to a point or in a direction (``kind``), evenly from where it is bound now within ``seconds``.
 
     ``kind = "none"`` sets it free.  All, one species, or those within ``radius`` of (at_x, at_y).
     """
 
+    changes = (Migration.kind, Migration.target, Migration.next, Migration.left)
     x: float
     y: float
     z: float
@@ -83,17 +79,8 @@ class Migrate:
         check_circle(self)
         check_species(world, self.species)
 
-    def _chosen(self, world):
-        return selected(world, self.at_x, self.at_y, self.radius, self.species)
-
-    def inverse(self, world):
-        self.check(world)
-        columns = [Migration.kind, Migration.target, Migration.next, Migration.left]
-        return columns_now(world, np.flatnonzero(self._chosen(world)), columns)
-
     def apply(self, world):
-        self.check(world)
-        agents, chosen = world.agents, self._chosen(world)
+        agents, chosen = world.agents, self.chosen(world)
         target = np.array([self.x, self.y, self.z])
         # who was bound elsewhere, or nowhere, turns at once
         glides = chosen & (agents[Migration.kind] == _BOUND[self.kind]) & (self.seconds > 0)
@@ -109,40 +96,10 @@ _BOUND = {"none": NOWHERE, "direction": DIRECTION, "point": POINT}
 
 
 @command
-class MoveGoal:
-    """Move a goal, by its name, to another place."""
-
-    goal: str
-    x: float
-    y: float
-
-    def check(self, world):
-        land = world.resource(Landscape)
-        goal_index(land, self.goal)
-        inside = 0 <= self.x < land.width and 0 <= self.y < land.height
-        need(inside, f"({self.x:g}, {self.y:g}) is not on the map, which is {land.width:g} x {land.height:g} m")
-
-    def inverse(self, world):
-        return [place_of(world.resource(Landscape), self.goal)]
-
-    def ground_box(self, world):
-        return "all"
-
-    def apply(self, world):
-        self.check(world)
-        land = world.resource(Landscape)
-        goal = land.goals[goal_index(land, self.goal)]
-        shift = np.array([self.x, self.y]) - goal.xy
-        goal.xy = goal.xy + shift
-        if goal.polygon is not None:
-            goal.polygon = goal.polygon + shift
-        land.navigate()
-
-
-@command
-class SendTo:
+class SendTo(OfAnimals):
     """Bind animals to a goal by its name; an empty name sets them free."""
 
+    changes = (Destination.goal,)
     goal: str
     species: str = ""
     x: float = 0.0
@@ -154,15 +111,9 @@ class SendTo:
             goal_index(world.resource(Landscape), self.goal)
         check_circle(self)
 
-    def inverse(self, world):
-        check_circle(self)
-        return goals_of(world, np.flatnonzero(selected(world, self.x, self.y, self.radius, self.species)))
-
     def apply(self, world):
-        self.check(world)
-        chosen = selected(world, self.x, self.y, self.radius, self.species)
         goal = goal_index(world.resource(Landscape), self.goal) if self.goal else -1
-        world.agents[Destination.goal][chosen] = goal
+        world.agents[Destination.goal][self.chosen(world)] = goal
 
 
 def disc(x, y, radius, sides=32):
@@ -196,11 +147,9 @@ class AddAnimals:
         need(1 <= self.count <= MOST, f"count must be 1 to {MOST}, got {self.count}")
 
     def inverse(self, world):
-        need(1 <= self.count <= MOST, f"count must be 1 to {MOST}, got {self.count}")
         return [RemoveEntities(list(range(world.next_entity, world.next_entity + self.count)))]
 
     def apply(self, world):
-        self.check(world)
         total = len(world.agents) + self.count
         need(total <= MOST, f"there may be at most {MOST} animals, and this would make {total}")
         born = give_birth(
@@ -211,7 +160,7 @@ class AddAnimals:
 
 
 @command
-class RemoveAnimals:
+class RemoveAnimals(OfAnimals):
     """Take the animals in a circle away: all, or one species."""
 
     x: float
@@ -219,16 +168,8 @@ class RemoveAnimals:
     radius: float
     species: str = ""
 
-    def check(self, world):
-        check_circle(self)
-
     def inverse(self, world):
-        check_circle(self)
-        return bring_back(world, world.agents.ids[selected(world, self.x, self.y, self.radius, self.species)])
+        return bring_back(world, world.agents.ids[self.chosen(world)])
 
     def apply(self, world):
-        self.check(world)
-        chosen = selected(world, self.x, self.y, self.radius, self.species)
-        for entity in world.agents.ids[chosen].tolist():
-            world.delete_entity(entity)
-        world.flush()
+        remove(world, world.agents.ids[self.chosen(world)])

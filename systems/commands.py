@@ -7,12 +7,13 @@ from flockbrush.engine.columns import Component
 from flockbrush.engine.commands import Commands, command
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.schedule import Stage, System
-from flockbrush.systems.animal_commands import AddAnimals, Migrate, MoveGoal, RemoveAnimals, SendTo, SwitchBrush
+from flockbrush.systems.animal_commands import AddAnimals, Migrate, RemoveAnimals, SendTo, SwitchBrush
+from flockbrush.systems.edits import MoveGoal
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.obstacle_commands import AddObstacle, MoveObstacle, RemoveObstacle, StandObstacle, advance
 from flockbrush.systems.paint_commands import PaintBrush, PaintCap, PaintCells
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.undo import UseBrush
+from flockbrush.systems.undo import brush_now
 
 __all__ = [
     "AddAnimals", "AddObstacle", "ApplyCommands", "Migrate", "MoveGoal", "MoveObstacle", "PaintBrush", "PaintCap",
@@ -54,8 +55,7 @@ class SetParameter:
             raise ValueError(str(error)) from None
 
     def inverse(self, world):
-        palette = world.resource(Palette)
-        return [UseBrush(self.brush, palette.brushes[palette.named(self.brush)].source.decode())]
+        return brush_now(world, self.brush)
 
     def apply(self, world):
         palette = world.resource(Palette)

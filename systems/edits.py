@@ -30,21 +30,29 @@ from flockbrush.systems.obstacle_commands import (
 from flockbrush.systems.paint_commands import FAR, LAYERS, Paint, PaintCells, fill, off_the_map, pick, region
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.programs import Programs
-from flockbrush.systems.undo import RemoveEntities, UseBrush, goal_index, goals_of, need
+from flockbrush.systems.undo import RemoveEntities, UseBrush, columns_now, goal_index, need
 
 __all__ = [
-    "KINDS", "LAYERS", "AddObstacle", "DrawGuide", "MarkSpawn", "Paint", "PaintCells", "PlaceExit", "PlaceGoal",
-    "RemoveObstacle", "RemoveThing", "UseBrush", "as_command", "fill", "pick", "region",
+    "KINDS", "LAYERS", "AddObstacle", "DrawGuide", "MarkSpawn", "MoveGoal", "Paint", "PaintCells", "PlaceExit",
+    "PlaceGoal", "RemoveObstacle", "RemoveThing", "UseBrush", "as_command", "fill", "pick", "region",
 ]  # fmt: skip
 
 ON_ARRIVE = ("stay", "despawn", "next", "disperse")
 FORMATIONS = ("scatter", "grid", "ring", "mill", "line")
 
 
+class OfThing:
+    """A command for the thing of this ``kind`` with its id, undone by putting that back to how it is now."""
+
+    def inverse(self, world):
+        return inverse_of(world, self.kind, self.id)
+
+
 @command
-class DrawGuide:
+class DrawGuide(OfThing):
     """Draw an arrow for leaders to follow, or change the one with this id."""
 
+    kind = "guide"
     id: int
     name: str
     points: list
@@ -72,11 +80,7 @@ class DrawGuide:
     def ground_box(self, world):
         return "all"
 
-    def inverse(self, world):
-        return inverse_of(world, "guide", self.id)
-
     def apply(self, world):
-        self.check(world)
         land = world.resource(Landscape)
         guide = Guide(
             line_of(self.points), self.strength, self.radius, self.decay, self.goal, self.loop, self.name, self.id
@@ -86,12 +90,13 @@ class DrawGuide:
 
 
 @command
-class PlaceGoal:
+class PlaceGoal(OfThing):
     """Place a goal, or change the one with this id.
 
     The first goal of a world binds everybody, as a level with a goal does.  A goal that is an area moves with it.
     """
 
+    kind = "goal"
     id: int
     name: str
     x: float
@@ -99,7 +104,7 @@ class PlaceGoal:
     radius: float = 5.0  # m
     on_arrive: str = "stay"
     next: str = ""
-    points: list = field(default_factory=list)  # the area, m; none: a point, or the area it had
+    points: list | None = field(default_factory=list)  # the area, m; empty: as it had, moved along; None: a point
     at: int = -1  # where in the order of goals; -1: behind all others
 
     def check(self, world):
@@ -126,20 +131,17 @@ class PlaceGoal:
 
     def there(self, land):
         """Index of the goal it takes the place of, or None."""
-        return next((k for k, goal in enumerate(land.goals) if goal.id == self.id), None)
+        same = (goal.id == self.id and (self.id or goal.name == self.name) for goal in land.goals)
+        return next((k for k, mine in enumerate(same) if mine), None)
 
     def ground_box(self, world):
         return "all"
 
-    def inverse(self, world):
-        return inverse_of(world, "goal", self.id)
-
     def apply(self, world):
-        self.check(world)
         land = world.resource(Landscape)
         there, xy = self.there(land), np.array([self.x, self.y])
         polygon = polygon_of(self.points, "a goal") if self.points else None
-        if polygon is None and there is not None and land.goals[there].polygon is not None:
+        if self.points == [] and there is not None and land.goals[there].polygon is not None:
             polygon = land.goals[there].polygon + (xy - land.goals[there].xy)
         goal = Goal(self.name, xy, self.radius, polygon, self.on_arrive, self.next, self.id)
         if there is not None:
@@ -160,9 +162,42 @@ def _insert_goal(world, land, goal, at):
 
 
 @command
-class PlaceExit:
+class MoveGoal:
+    """Move a goal, by its name, to another place."""
+
+    goal: str
+    x: float
+    y: float
+
+    def check(self, world):
+        land = world.resource(Landscape)
+        goal_index(land, self.goal)
+        inside = 0 <= self.x < land.width and 0 <= self.y < land.height
+        need(inside, off_the_map(land, f"({self.x:g}, {self.y:g})"))
+
+    def ground_box(self, world):
+        return "all"
+
+    def inverse(self, world):
+        land = world.resource(Landscape)
+        there = goal_index(land, self.goal)
+        return [_place_goal(world, land.goals[there], there)]
+
+    def apply(self, world):
+        land = world.resource(Landscape)
+        goal = land.goals[goal_index(land, self.goal)]
+        shift = np.array([self.x, self.y]) - goal.xy
+        goal.xy = goal.xy + shift
+        if goal.polygon is not None:
+            goal.polygon = goal.polygon + shift
+        land.navigate()
+
+
+@command
+class PlaceExit(OfThing):
     """Draw an area where animals leave the world, or change the one with this id."""
 
+    kind = "exit"
     id: int
     name: str
     points: list
@@ -175,24 +210,21 @@ class PlaceExit:
     def ground_box(self, world):
         return _thing_box(world.resource(Landscape).exits, self.id, polygon_of(self.points, "an exit"))
 
-    def inverse(self, world):
-        return inverse_of(world, "exit", self.id)
-
     def apply(self, world):
-        self.check(world)
         land = world.resource(Landscape)
         put_thing(land.exits, Exit(polygon_of(self.points, "an exit"), self.name, self.id), self.at)
         land.changed()
 
 
 @command
-class MarkSpawn:
+class MarkSpawn(OfThing):
     """Draw an area where animals are born, or change the one with this id.
 
     In a running world they are born at once, those with a start or a rate counted from now.  Of a spawn that is
     changed only those are born that it has more than before.
     """
 
+    kind = "spawn"
     id: int
     name: str
     points: list
@@ -253,13 +285,11 @@ class MarkSpawn:
         return self.born if self.born >= 0 else 0 if there is None else nursery.born[there]
 
     def inverse(self, world):
-        self.check(world)
         nursery = world.resource(Nursery)
         newborn = list(range(world.next_entity, world.next_entity + self.due(nursery)))
-        return [*([RemoveEntities(newborn)] if newborn else []), *inverse_of(world, "spawn", self.id)]
+        return [*([RemoveEntities(newborn)] if newborn else []), *super().inverse(world)]
 
     def apply(self, world):
-        self.check(world)
         nursery = world.resource(Nursery)
         due, brought, there = self.due(nursery), self.brought(nursery), nursery.find(self.id)
         spawn = self.area(world, None if there is None else nursery.spawns[there])
@@ -287,7 +317,7 @@ class MarkSpawn:
 
 
 @command
-class RemoveThing:
+class RemoveThing(OfThing):
     """Take a thing out of the level: an obstacle, guide, goal, exit, spawn, zone, line, area or script key.
 
     The animals of a spawn stay.
@@ -315,16 +345,14 @@ class RemoveThing:
         return None if there is None else box_of(_things(world, self.kind, self.id)[there].polygon)
 
     def inverse(self, world):
-        self.check(world)
-        back = inverse_of(world, self.kind, self.id)
+        back = super().inverse(world)
         if self.kind != "goal":
             return back
         bound, there = world.agents[Destination.goal], self.there(world)
         alone = len(world.resource(Landscape).goals) == 1
-        return [*back, *goals_of(world, np.flatnonzero((bound == there) | alone))]
+        return [*back, *columns_now(world, np.flatnonzero((bound == there) | alone), [Destination.goal])]
 
     def apply(self, world):
-        self.check(world)
         land, nursery, there = world.resource(Landscape), world.resource(Nursery), self.there(world)
         if self.kind == "obstacle":
             RemoveObstacle(id=self.id).apply(world)
@@ -374,7 +402,7 @@ def _draw_guide(world, g, at):
 
 
 def _place_goal(world, g, at):
-    points = [] if g.polygon is None else g.polygon.tolist()
+    points = None if g.polygon is None else g.polygon.tolist()
     return PlaceGoal(g.id, g.name, *g.xy.tolist(), float(g.radius), g.on_arrive, g.next, points, at)
 
 

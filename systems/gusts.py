@@ -7,20 +7,21 @@ from flockbrush.components.formation import FormationPlace
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import command
 from flockbrush.engine.noise import Noise
-from flockbrush.systems.selection import check_circle, check_species, selected
-from flockbrush.systems.undo import columns_now, need
+from flockbrush.systems.selection import OfAnimals, check_circle, check_species
+from flockbrush.systems.undo import need
 
 ONSET = 0.5  # s in which a gust is felt.  By eye
 
 
 @command
-class Gust:
+class Gust(OfAnimals):
     """Wind (x, y, z) m/s that comes up at once and lulls within ``seconds``, not the same for every bird.
 
     All, one species, or those within ``radius`` of (at_x, at_y).  ``uneven`` 0 blows at all alike, 1 at some not at
     all and at others twice as much.
     """
 
+    changes = (FormationPlace.gust, FormationPlace.wind, FormationPlace.felt, FormationPlace.lull)
     x: float
     y: float
     z: float = 0.0
@@ -37,16 +38,9 @@ class Gust:
         check_circle(self)
         check_species(world, self.species)
 
-    def inverse(self, world):
-        self.check(world)
-        chosen = np.flatnonzero(selected(world, self.at_x, self.at_y, self.radius, self.species))
-        felt = [FormationPlace.gust, FormationPlace.wind, FormationPlace.felt, FormationPlace.lull]
-        return columns_now(world, chosen, felt)
-
     def apply(self, world):
-        self.check(world)
         agents = world.agents
-        chosen = selected(world, self.at_x, self.at_y, self.radius, self.species)
+        chosen = self.chosen(world)
         chance = world.resource(Noise).uniform("gust", world.resource(Clock).tick, agents.ids)
         share = 1.0 + self.uneven * (2.0 * chance - 1.0)
         agents[FormationPlace.gust][chosen] += (share * np.array([self.x, self.y, self.z]))[chosen]

@@ -17,8 +17,8 @@ from flockbrush.engine.commands import command
 from flockbrush.engine.noise import Noise, uniform_
 from flockbrush.engine.parallel import over_rows
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.selection import check_circle, selected
-from flockbrush.systems.undo import columns_now, need, need_entities, rows_of
+from flockbrush.systems.selection import OfAnimals, check_circle
+from flockbrush.systems.undo import need, need_entities, rows_of
 from numba import njit
 
 ARRIVED = 1.0  # body lengths from the place where it is sent: there a steered animal stops being steered
@@ -35,21 +35,25 @@ def need_alive(world, entities):
     return rows
 
 
-def _rows(world, command):
-    """Rows of the animals of a command: those named, or a species ("" for all) in a circle (radius 0: anywhere)."""
-    if command.entities:
-        return need_alive(world, command.entities)
-    check_circle(command)
-    return np.flatnonzero(selected(world, command.at_x, command.at_y, command.radius, command.species))
+class ToLeaders(OfAnimals):
+    """A command to the animals that it names, or to those of a species in a circle."""
+
+    def check(self, world):
+        check_circle(self)
+        self.rows(world)
+
+    def rows(self, world):
+        return need_alive(world, self.entities) if self.entities else super().rows(world)
 
 
 @command
-class Appoint:
+class Appoint(ToLeaders):
     """Make animals leaders, or plain members of the herd again: others follow them by what they see.
 
     Those with these numbers; without numbers a species, or those within ``radius`` of (at_x, at_y).
     """
 
+    changes = (Leading.appointed, Leading.kind, Leading.target)
     entities: list = field(default_factory=list)
     leads: bool = True
     species: str = ""
@@ -57,14 +61,8 @@ class Appoint:
     at_y: float = 0.0
     radius: float = 0.0  # m; 0: everywhere
 
-    def check(self, world):
-        _rows(world, self)
-
-    def inverse(self, world):
-        return columns_now(world, _rows(world, self), [Leading.appointed, Leading.kind, Leading.target])
-
     def apply(self, world):
-        rows = _rows(world, self)
+        rows = self.rows(world)
         world.agents[Leading.appointed][rows] = self.leads
         if not self.leads:
             world.agents[Leading.kind][rows] = NOWHERE
@@ -72,7 +70,7 @@ class Appoint:
 
 
 @command
-class Steer:
+class Steer(ToLeaders):
     """Send appointed animals: ``kind`` is direction (x east, y north, length at most 1), place (m), or free.
 
     The length of a direction is the share of its own speed at which a walker goes; with 0 it stands.  Free animals
@@ -80,6 +78,7 @@ class Steer:
     ones of a species, or those within ``radius`` of (at_x, at_y).
     """
 
+    changes = (Leading.kind, Leading.target)
     entities: list = field(default_factory=list)
     x: float = 0.0
     y: float = 0.0
@@ -93,21 +92,18 @@ class Steer:
         need(self.kind in KINDS, f"kind must be one of {', '.join(KINDS)}, got {self.kind!r}")
         if self.kind == "direction":
             need(self.x**2 + self.y**2 <= 1.0 + 1e-9, f"a direction is at most 1 long, got ({self.x:g}, {self.y:g})")
-        rows = _rows(world, self)
+        super().check(world)
+        rows = super().rows(world)
         if self.entities:
             plain = world.agents.ids[rows][world.agents[Leading.appointed][rows] == 0]
             need(not len(plain), f"animal {plain[0] if len(plain) else 0} is not appointed; give Appoint first")
 
-    def _led(self, world):
-        rows = _rows(world, self)
+    def rows(self, world):
+        rows = super().rows(world)
         return rows[world.agents[Leading.appointed][rows] > 0]
 
-    def inverse(self, world):
-        return columns_now(world, self._led(world), [Leading.kind, Leading.target])
-
     def apply(self, world):
-        self.check(world)
-        rows = self._led(world)
+        rows = self.rows(world)
         world.agents[Leading.kind][rows] = KINDS[self.kind]
         world.agents[Leading.target][rows] = (0.0, 0.0) if self.kind == "free" else (self.x, self.y)
 

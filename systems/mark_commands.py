@@ -8,7 +8,7 @@ import numpy as np
 from flockbrush.engine.commands import COMMANDS, command, from_record
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.binding import MEDIA
-from flockbrush.systems.edits import KINDS, check_id, check_on_map, inverse_of, put_thing
+from flockbrush.systems.edits import KINDS, OfThing, check_id, check_on_map, put_thing
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.marks import NO_LIMIT, Area, Key, Line, Zone
 from flockbrush.systems.obstacle_commands import line_of, polygon_of
@@ -30,12 +30,13 @@ BOUNDS = {  # of a zone's numbers: lowest, highest, unit
 
 
 @command
-class DrawZone:
+class DrawZone(OfThing):
     """Draw a zone, which applies to animals while they are inside, or change the one with this id.
 
     It needs a brush, a top speed, a factor or an event.
     """
 
+    kind = "zone"
     id: int
     name: str
     points: list
@@ -77,11 +78,7 @@ class DrawZone:
     def ground_box(self, world):
         return "all"
 
-    def inverse(self, world):
-        return inverse_of(world, "zone", self.id)
-
     def apply(self, world):
-        self.check(world)
         land = world.resource(Landscape)
         put_thing(land.marks.zones, self.zone(), self.at)
         land.marks.names = world.resource(Palette).names
@@ -106,9 +103,10 @@ def _check_brush(palette, zone):
 
 
 @command
-class DrawLine:
+class DrawLine(OfThing):
     """Draw a line whose crossings are counted, or change the one with this id."""
 
+    kind = "line"
     id: int
     name: str
     points: list
@@ -125,20 +123,17 @@ class DrawLine:
     def ground_box(self, world):
         return "all"
 
-    def inverse(self, world):
-        return inverse_of(world, "line", self.id)
-
     def apply(self, world):
-        self.check(world)
         land = world.resource(Landscape)
         put_thing(land.marks.lines, Line(self.id, self.name, line_of(self.points)), self.at)
         land.changed()
 
 
 @command
-class DrawArea:
+class DrawArea(OfThing):
     """Draw an area in which animals are counted, or change the one with this id."""
 
+    kind = "area"
     id: int
     name: str
     points: list
@@ -153,23 +148,20 @@ class DrawArea:
     def ground_box(self, world):
         return "all"
 
-    def inverse(self, world):
-        return inverse_of(world, "area", self.id)
-
     def apply(self, world):
-        self.check(world)
         land = world.resource(Landscape)
         put_thing(land.marks.areas, Area(self.id, self.name, polygon_of(self.points, "an area")), self.at)
         land.changed()
 
 
 @command
-class PlaceKey:
+class PlaceKey(OfThing):
     """Put a timed command into the level's script, or change the one with this id.
 
     The script is followed from the next start on: what waits in this run stays.
     """
 
+    kind = "key"
     id: int
     name: str
     when: float  # s after the start
@@ -197,11 +189,7 @@ class PlaceKey:
     def ground_box(self, world):
         return None
 
-    def inverse(self, world):
-        return inverse_of(world, "key", self.id)
-
     def apply(self, world):
-        self.check(world)
         land = world.resource(Landscape)
         key = Key(self.id, self.name, self.when, self.command, self.given(), np.array([self.x, self.y]))
         put_thing(land.marks.keys, key, self.at)

@@ -99,8 +99,22 @@ def in_walls(world):
     return inside | touching(xyz, agents[Heading.forward], half, thin, np.ascontiguousarray(land.solid.ends))
 
 
+class OnCells:
+    """A command that paints cells of a layer, undone by painting them as they are now."""
+
+    def where(self, world):
+        """(iy, ix, ...) of the cells."""
+        raise NotImplementedError
+
+    def ground_box(self, world):
+        return box_of_cells(world.resource(Landscape), *self.where(world)[:2])
+
+    def inverse(self, world):
+        return cells_now(world, self.layer, *self.where(world)[:2])
+
+
 @command
-class PaintCells:
+class PaintCells(OnCells):
     """Paint exactly these cells: a region filled, or a stroke taken back.
 
     ``runs`` are ``[row, column, length, index in names]``, row 0 in the south; ``names`` are brushes ("" unpainted),
@@ -117,17 +131,11 @@ class PaintCells:
         need(self.layer in LAYERS, f"there is no layer {self.layer!r}{did_you_mean(self.layer, LAYERS)}")
         check_runs(self.runs, self.names, world.resource(Landscape).brush.shape)
 
-    def ground_box(self, world):
-        return box_of_cells(world.resource(Landscape), *cells_of(self.runs)[:2])
-
-    def inverse(self, world):
-        self.check(world)
-        iy, ix, _ = cells_of(self.runs)
-        return cells_now(world, self.layer, iy, ix)
+    def where(self, world):
+        return cells_of(self.runs)
 
     def apply(self, world):
-        self.check(world)
-        iy, ix, index = cells_of(self.runs)
+        iy, ix, index = self.where(world)
         numbers = np.array([number_of(world, self.layer, value) for value in self.names] or [0])
         lay(world, self.layer, iy, ix, numbers[index])
 
@@ -143,10 +151,24 @@ def cells_now(world, layer, iy, ix):
     return [PaintCells(layer, names, runs_of(iy, ix, index.ravel()))]
 
 
+class OnDisc(OnCells):
+    """A command that paints the cells of a circle."""
+
+    def check(self, world):
+        check_circle(self)
+
+    def where(self, world):
+        return cells_within(world.resource(Landscape), self.x, self.y, self.radius)
+
+    def ground_box(self, world):
+        return self.x - self.radius, self.y - self.radius, self.x + self.radius, self.y + self.radius
+
+
 @command
-class PaintBrush:
+class PaintBrush(OnDisc):
     """Paint behaviour on the ground; an empty name erases."""
 
+    layer = "brush"
     brush: str
     x: float
     y: float
@@ -157,44 +179,22 @@ class PaintBrush:
             check_brush(world, self.brush)
         check_circle(self)
 
-    def ground_box(self, world):
-        return self.x - self.radius, self.y - self.radius, self.x + self.radius, self.y + self.radius
-
-    def inverse(self, world):
-        self.check(world)
-        return cells_now(world, "brush", *cells_within(world.resource(Landscape), self.x, self.y, self.radius))
-
     def apply(self, world):
-        self.check(world)
-        land = world.resource(Landscape)
-        index = world.resource(Palette).named(self.brush) if self.brush else NO_BRUSH
-        land.lay_brush(*cells_within(land, self.x, self.y, self.radius), index)
+        lay(world, self.layer, *self.where(world), number_of(world, self.layer, self.brush))
 
 
 @command
-class PaintCap:
+class PaintCap(OnDisc):
     """Paint a maximum speed on the ground, metres per second; 0 or less erases."""
 
+    layer = "cap"
     max_speed: float
     x: float
     y: float
     radius: float
 
-    def check(self, world):
-        check_circle(self)
-
-    def ground_box(self, world):
-        return self.x - self.radius, self.y - self.radius, self.x + self.radius, self.y + self.radius
-
-    def inverse(self, world):
-        self.check(world)
-        return cells_now(world, "cap", *cells_within(world.resource(Landscape), self.x, self.y, self.radius))
-
     def apply(self, world):
-        self.check(world)
-        land = world.resource(Landscape)
-        cells = cells_within(land, self.x, self.y, self.radius)
-        land.lay_cap(*cells, self.max_speed if self.max_speed > 0 else np.inf)
+        lay(world, self.layer, *self.where(world), self.max_speed if self.max_speed > 0 else np.inf)
 
 
 def box_of_cells(land, iy, ix):
@@ -206,7 +206,7 @@ def box_of_cells(land, iy, ix):
 
 
 @command
-class Paint:
+class Paint(OnCells):
     """One piece of a stroke: all cells within a radius of the segment from (x, y) to (to_x, to_y).
 
     The layer is "brush" (the value a name, "" erases), "cap" (m/s, 0 erases) or "surface" (a kind of ground, ""
@@ -228,7 +228,7 @@ class Paint:
         need(0 <= self.radius <= FAR, f"radius must be 0 to {FAR:g} m, got {self.radius:g}")
         need(0 <= self.softness <= 1, f"softness must be 0 to 1, got {self.softness:g}")
         near = all(abs(v) <= FAR for v in (self.x, self.y, self.to_x, self.to_y))
-        need(near and len(self.cells(land.brush.shape, land.cell)[0]), off_the_map(land, "the stroke"))
+        need(near and len(self.where(world)[0]), off_the_map(land, "the stroke"))
 
     def cells(self, shape, cell):
         """(iy, ix, weight) of the cells it changes, on a map of this shape."""
@@ -241,22 +241,15 @@ class Paint:
             iy, ix, weight = iy[kept], ix[kept], weight[kept]
         return iy, ix, weight
 
-    def ground_box(self, world):
+    def where(self, world):
         land = world.resource(Landscape)
-        return box_of_cells(land, *self.cells(land.brush.shape, land.cell)[:2])
-
-    def inverse(self, world):
-        self.check(world)
-        land = world.resource(Landscape)
-        return cells_now(world, self.layer, *self.cells(land.brush.shape, land.cell)[:2])
+        return self.cells(land.brush.shape, land.cell)
 
     def apply(self, world):
-        self.check(world)
-        land = world.resource(Landscape)
-        iy, ix, weight = self.cells(land.brush.shape, land.cell)
+        iy, ix, weight = self.where(world)
         number = number_of(world, self.layer, self.value)
         if self.layer == "cap":
-            number = blended(land.painted.cap[iy, ix], number, weight)
+            number = blended(world.resource(Landscape).painted.cap[iy, ix], number, weight)
         lay(world, self.layer, iy, ix, number)
 
 

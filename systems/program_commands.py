@@ -14,15 +14,10 @@ from flockbrush.engine.commands import command
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.programs import Programs, enrol, put_in_state, replace_program
-from flockbrush.systems.selection import check_circle, selected
+from flockbrush.systems.selection import OfAnimals, check_circle
 from flockbrush.systems.undo import columns_now, need
 
 COLUMNS = tuple(ProgramState.fields.values())
-
-
-def states_now(world, rows):
-    """Commands that put the animals in these rows back into their states of now."""
-    return columns_now(world, rows, COLUMNS) if len(rows) else []
 
 
 @command
@@ -41,15 +36,13 @@ class Event:
         need(self.name in known, f"no program listens for the event {self.name!r}{did_you_mean(self.name, known)}")
 
     def inverse(self, world):
-        self.check(world)
-        return [TakeBackEvent(self.name, self.x, self.y, self.radius), *states_now(world, in_programs(world))]
+        return [TakeBackEvent(self.name, self.x, self.y, self.radius), *columns_now(world, in_programs(world), COLUMNS)]
 
     def happening(self):
         """The event as programs hear it."""
         return Happening(self.name, (self.x, self.y, 0.0), self.radius if self.radius > 0 else math.inf)
 
     def apply(self, world):
-        self.check(world)
         world.resource(Programs).raise_event(self.happening())
 
 
@@ -83,12 +76,13 @@ def in_programs(world):
 
 
 @command
-class SetState:
+class SetState(OfAnimals):
     """Put animals into a state of their program: all of a program, one species, or those in a circle.
 
     It is not counted as a transition, and raises no event.
     """
 
+    changes = COLUMNS
     program: str
     state: str
     species: str = ""
@@ -102,18 +96,11 @@ class SetState:
         known = programs.compiled[programs.named(self.program)].names
         need(self.state in known, f"{self.program} has no state {self.state!r}{did_you_mean(self.state, known)}")
 
-    def rows(self, world):
-        """(k,) rows of the animals meant."""
-        chosen = selected(world, self.x, self.y, self.radius, self.species)
+    def chosen(self, world):
         number = world.resource(Programs).named(self.program)
-        return np.flatnonzero(chosen & (world.agents[ProgramState.program] == number))
-
-    def inverse(self, world):
-        self.check(world)
-        return states_now(world, self.rows(world))
+        return super().chosen(world) & (world.agents[ProgramState.program] == number)
 
     def apply(self, world):
-        self.check(world)
         programs, rows = world.resource(Programs), self.rows(world)
         compiled = programs.compiled[programs.named(self.program)]
         to, cause = np.full(len(rows), compiled.number[self.state]), np.full(len(rows), BY_COMMAND)
@@ -122,9 +109,10 @@ class SetState:
 
 
 @command
-class GiveProgram:
+class GiveProgram(OfAnimals):
     """Have animals follow a program from its start; an empty name: none.  All, one species, or those in a circle."""
 
+    changes = COLUMNS
     program: str
     species: str = ""
     x: float = 0.0
@@ -136,16 +124,7 @@ class GiveProgram:
         if self.program:
             world.resource(Programs).named(self.program)
 
-    def rows(self, world):
-        """(k,) rows of the animals meant."""
-        return np.flatnonzero(selected(world, self.x, self.y, self.radius, self.species))
-
-    def inverse(self, world):
-        self.check(world)
-        return states_now(world, self.rows(world))
-
     def apply(self, world):
-        self.check(world)
         enrol(world, world.agents.ids[self.rows(world)], self.program)
 
 
@@ -175,18 +154,23 @@ class UseProgram:
         return program
 
     def inverse(self, world):
-        programs = world.resource(Programs)
-        if self.name not in programs.names:
-            return [ForgetProgram(self.name)]
-        number = programs.named(self.name)
-        source, matrix = programs.programs[number].source.decode(), programs.transitions[self.name]
-        rows = np.flatnonzero(world.agents[ProgramState.program] == number)
-        return [UseProgram(self.name, source, matrix.tolist()), *states_now(world, rows)]
+        return program_now(world, self.name)
 
     def apply(self, world):
         replace_program(world, self.program(world))
         if self.counts is not None:
             world.resource(Programs).transitions[self.name] = np.array(self.counts, np.int64)
+
+
+def program_now(world, name):
+    """Commands that have a program in the world as it is there now, with the states of its animals, or not."""
+    programs = world.resource(Programs)
+    if name not in programs.names:
+        return [ForgetProgram(name)]
+    number = programs.named(name)
+    source, matrix = programs.programs[number].source.decode(), programs.transitions[name]
+    rows = np.flatnonzero(world.agents[ProgramState.program] == number)
+    return [UseProgram(name, source, matrix.tolist()), *columns_now(world, rows, COLUMNS)]
 
 
 @command
@@ -196,13 +180,7 @@ class ForgetProgram:
     name: str
 
     def inverse(self, world):
-        programs = world.resource(Programs)
-        if self.name not in programs.names:
-            return []
-        number = programs.named(self.name)
-        return [
-            UseProgram(self.name, programs.programs[number].source.decode(), programs.transitions[self.name].tolist())
-        ]
+        return program_now(world, self.name)
 
     def apply(self, world):
         programs = world.resource(Programs)

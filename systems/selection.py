@@ -8,11 +8,26 @@ from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.binding import can_do, cannot
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
-from flockbrush.systems.undo import need
+from flockbrush.systems.undo import OfThese, need
 
 
 def check_circle(command):
     need(command.radius >= 0, f"radius must be at least 0 m, got {command.radius:g}")
+
+
+class OfAnimals(OfThese):
+    """A command to animals of a species ("" for all) in a circle (radius 0: everywhere), at (at_x, at_y) or (x, y)."""
+
+    def check(self, world):
+        check_circle(self)
+
+    def chosen(self, world):
+        """(n,) bool, who is meant."""
+        x, y = (self.at_x, self.at_y) if hasattr(self, "at_x") else (self.x, self.y)
+        return selected(world, x, y, self.radius, self.species)
+
+    def rows(self, world):
+        return np.flatnonzero(self.chosen(world))
 
 
 def check_species(world, name):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import zlib
+from typing import Any
 
 import numpy as np
 from flockbrush.behaviours.brush import load_brush
@@ -73,9 +74,14 @@ class RemoveEntities:
         return bring_back(world, world.agents.ids[rows_of(world, self.entities)])
 
     def apply(self, world):
-        for entity in world.agents.ids[rows_of(world, self.entities)].tolist():
-            world.delete_entity(entity)
-        world.flush()
+        remove(world, world.agents.ids[rows_of(world, self.entities)])
+
+
+def remove(world, entities):
+    """Take these animals away at once."""
+    for entity in entities.tolist():
+        world.delete_entity(entity)
+    world.flush()
 
 
 @command
@@ -150,16 +156,26 @@ def _unpacked(field, columns, count):
     return field.checked_rows(rows, (count,)).astype(field.default.dtype)
 
 
-@command
-class GiveBrush:
-    """Give exactly these animals another brush of their own."""
+class OfThese:
+    """A command to exactly these animals, undone by giving the columns in ``changes`` back as they were."""
 
-    brush: str
-    entities: list
+    changes = tuple[Any, ...]()  # fields of components
+
+    def rows(self, world):
+        """(k,) rows of those meant who live."""
+        return rows_of(world, self.entities)
 
     def inverse(self, world):
-        rows = rows_of(world, self.entities)
-        return brushes_of(world, rows)
+        return columns_now(world, self.rows(world), self.changes)
+
+
+@command
+class GiveBrush(OfThese):
+    """Give exactly these animals another brush of their own."""
+
+    changes = (BrushBinding.home,)
+    brush: str
+    entities: list
 
     def apply(self, world):
         palette, fauna, rows = world.resource(Palette), world.resource(SpeciesList), rows_of(world, self.entities)
@@ -170,55 +186,37 @@ class GiveBrush:
         world.agents[BrushBinding.home][rows] = index
 
 
-def brushes_of(world, rows):
-    """Commands that give the animals in these rows the brushes that are theirs now."""
-    home, ids = world.agents[BrushBinding.home][rows], world.agents.ids[rows]
-    names = world.resource(Palette).names
-    return [GiveBrush(names[k], ids[home == k].tolist()) for k in np.unique(home).tolist()]
-
-
 @command
-class Bind:
+class Bind(OfThese):
     """Bind exactly these animals to a goal by its name; an empty name sets them free."""
 
+    changes = (Destination.goal,)
     goal: str
     entities: list
-
-    def inverse(self, world):
-        return goals_of(world, rows_of(world, self.entities))
 
     def apply(self, world):
         goal = goal_index(world.resource(Landscape), self.goal) if self.goal else -1
         world.agents[Destination.goal][rows_of(world, self.entities)] = goal
 
 
-def goals_of(world, rows):
-    """Commands that bind the animals in these rows to the goals that are theirs now."""
-    bound, ids = world.agents[Destination.goal][rows], world.agents.ids[rows]
-    names = [*(goal.name for goal in world.resource(Landscape).goals), ""]
-    return [Bind(names[k], ids[bound == k].tolist()) for k in np.unique(bound).tolist()]
-
-
 @command
-class PutColumns:
+class PutColumns(OfThese):
     """Give exactly these animals some of their numbers back: where a flock was bound, what wind it felt."""
 
     entities: list
     columns: dict  # of a component's field: its rows, packed
 
-    def fields(self, world):
-        """The fields by name; ValueError for what may not be put back so."""
+    @property
+    def changes(self):
+        """The fields, in order of name; ValueError for what may not be put back so."""
         known = {repr(f): f for f in _MAY_BE_PUT}
         stray = sorted(set(self.columns) - set(known))
         need(not stray, f"{', '.join(stray)} cannot be put back" + did_you_mean(stray[0] if stray else "", known))
         return [known[name] for name in sorted(self.columns)]
 
-    def inverse(self, world):
-        return columns_now(world, rows_of(world, self.entities), self.fields(world))
-
     def apply(self, world):
         rows = rows_of(world, self.entities)
-        given = {field: _unpacked(field, self.columns, len(rows)) for field in self.fields(world)}
+        given = {field: _unpacked(field, self.columns, len(rows)) for field in self.changes}
         need_known_programs(world, given)
         for field, values in given.items():
             world.agents[field][rows] = values
@@ -244,42 +242,22 @@ _MAY_BE_PUT = (
 
 
 def columns_now(world, rows, fields):
-    """Commands that give the animals in these rows back what these fields hold now."""
+    """Commands that give the animals in these rows back what these fields hold now.
+
+    A brush or a goal, each alone in ``fields``, is given back by its name.
+    """
     ids = world.agents.ids[rows]
+    named = next(iter(fields), None)
+    if named in (BrushBinding.home, Destination.goal):
+        brush, now = named is BrushBinding.home, world.agents[named][rows]
+        goals = [*(goal.name for goal in world.resource(Landscape).goals), ""]
+        give, names = (GiveBrush, world.resource(Palette).names) if brush else (Bind, goals)
+        return [give(names[k], ids[now == k].tolist()) for k in np.unique(now).tolist()]
     parts = [slice(first, first + MOST_AT_ONCE) for first in range(0, len(rows), MOST_AT_ONCE)]
     return [
         PutColumns(ids[part].tolist(), {repr(f): _packed(world.agents[f][rows[part]]) for f in fields})
         for part in parts
     ]
-
-
-@command
-class PutGoal:
-    """Put a goal, by its name, exactly here: its middle, and its area if it has one."""
-
-    goal: str
-    x: float
-    y: float
-    points: list
-
-    def inverse(self, world):
-        return [place_of(world.resource(Landscape), self.goal)]
-
-    def ground_box(self, world):
-        return "all"
-
-    def apply(self, world):
-        land = world.resource(Landscape)
-        goal = land.goals[goal_index(land, self.goal)]
-        goal.xy = np.array([self.x, self.y])
-        goal.polygon = np.array(self.points, float).reshape(-1, 2) if self.points else None
-        land.navigate()
-
-
-def place_of(land, name):
-    """The command that puts this goal where it is now."""
-    goal = land.goals[goal_index(land, name)]
-    return PutGoal(name, *goal.xy.tolist(), [] if goal.polygon is None else goal.polygon.tolist())
 
 
 @command
@@ -303,16 +281,20 @@ class UseBrush:
             raise ValueError(str(error)) from None
 
     def inverse(self, world):
-        palette = world.resource(Palette)
-        if self.name not in palette.index:
-            return [ForgetBrush(self.name)]
-        return [UseBrush(self.name, palette.brushes[palette.named(self.name)].source.decode())]
+        return brush_now(world, self.name)
 
     def apply(self, world):
         palette, land, length = world.resource(Palette), world.resource(Landscape), world.agents[Body.length]
         palette.add(self.brush())
         if len(length):
             land.see_to(float(length.max() * palette.view_range.max()))
+
+
+def brush_now(world, name):
+    """The command, in a list, that has a brush in the palette as it is there now, or not if it is not."""
+    palette = world.resource(Palette)
+    there = name in palette.index
+    return [UseBrush(name, palette.brushes[palette.named(name)].source.decode()) if there else ForgetBrush(name)]
 
 
 @command
@@ -322,10 +304,7 @@ class ForgetBrush:
     name: str
 
     def inverse(self, world):
-        palette = world.resource(Palette)
-        if self.name not in palette.index:
-            return []
-        return [UseBrush(self.name, palette.brushes[palette.named(self.name)].source.decode())]
+        return brush_now(world, self.name)
 
     def apply(self, world):
         palette, land = world.resource(Palette), world.resource(Landscape)

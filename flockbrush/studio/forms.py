@@ -16,7 +16,7 @@ from flockbrush.studio.theme import px
 
 GIVEN = {"id", "at", "points", "corners", "born", "since"}  # fields of a thing that no form asks for
 PLAIN = ("str", "float", "int", "bool", "float | None", "int | None", "str | None", "str | float")
-INTERNAL = ("systems.undo", "systems.edits")  # modules whose commands tools and undo give, and no person by name
+INTERNAL = "systems.undo"  # whose commands undo gives, and no person by name
 STROKES = {"Paint"}  # commands that tools give piece by piece
 
 

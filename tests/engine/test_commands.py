@@ -60,6 +60,7 @@ def test_the_first_run_has_the_very_numbers_of_the_replay(world):
     "name, values, words",
     [
         ("Cal", {}, "unknown command 'Cal'; did you mean 'Call'"),
+        ("PutGoal", {}, "unknown command 'PutGoal'; it undid MoveGoal before PlaceGoal did"),
         ("Zzz", {}, "there are .*Call"),
         ("Call", {}, "Call needs who"),
         ("Call", {"who": "a", "lound": 1}, "Call has no field 'lound'; did you mean 'loud'"),

@@ -287,6 +287,17 @@ def test_a_goal_that_goes_sets_its_animals_free_and_finds_them_again():
     assert simulation.agents[Destination.goal].tolist() == bound
 
 
+def test_a_goal_that_was_given_an_area_is_a_point_again():
+    simulation = scene()
+    before = settled(simulation)
+    area = do(simulation, PlaceGoal(21, "gate", 20.0, 20.0, 1.0, points=box(18, 18, 22, 22).tolist()))
+    moved = do(simulation, MoveGoal("gate", 25.3, 20.7))
+    again = do(simulation, *moved, *area)
+    assert settled(simulation) == before
+    do(simulation, *again)
+    assert land_of(simulation).goals[0].polygon.mean(0) == pytest.approx([25.3, 20.7])
+
+
 def test_goals_lead_to_one_another_by_name():
     simulation = scene()
     do(simulation, PlaceGoal(30, "pen", 20.0, 30.0, 1.0, "next", "well"))
