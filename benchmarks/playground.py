@@ -50,10 +50,11 @@ class Playground:
 
     def __init__(self, level, count, folder, space=False):
         import flockbrush.studio.app as window
-        from flockbrush.studio.app import App, open_session
+        from flockbrush.studio.app import App
+        from flockbrush.studio.session import Session
 
         window.time = WATCH
-        self.session = open_session(level, agents=count, state_folder=folder)
+        self.session = Session.open(level, agents=count, state_folder=folder)
         self.session.play()
         self.app = App(self.session, SIZE, "light")
         self.app.notify = _silent

@@ -199,12 +199,6 @@ class Document:
         thing, dx, dy = self.object(number)
         thing["x"], thing["y"] = _plain(self.pixels([xy])[0] - (dx, dy))
 
-    def remove_object(self, number):
-        """Delete an object."""
-        for node, _, _ in self.layers():
-            if "objects" in node:
-                node["objects"] = [thing for thing in node["objects"] if thing["id"] != number]
-
     def add_object(self, layer, cls, points, title="", /, closed=True, **properties) -> int:
         """Draw a polygon, a polyline (``closed=False``) or a point on an object layer.
 

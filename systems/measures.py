@@ -137,18 +137,6 @@ def compute_nn_bearing(xy, forward):
     return np.arctan2(f[:, 0] * off[:, 1] - f[:, 1] * off[:, 0], f[:, 0] * off[:, 0] + f[:, 1] * off[:, 1])
 
 
-def compute_pair_correlation(xy, edges, area):
-    """g(r) in bins between ``edges`` (m) for n animals on ``area`` (m²); no correction at borders."""
-    xy, edges = np.asarray(xy, float), np.asarray(edges, float)
-    n = len(xy)
-    if n < 2:
-        return np.full(len(edges) - 1, np.nan)
-    tree = cKDTree(xy)
-    within = tree.count_neighbors(tree, edges, cumulative=True)
-    expected = n * (n - 1) / area * np.pi * (edges[1:] ** 2 - edges[:-1] ** 2)
-    return np.diff(within) / expected
-
-
 def compute_neighbour_map(xy, forward, reach, bins=21):
     """Mean density of others about an animal that faces up, (bins, bins) per m²: the radial density histogram.
 

@@ -15,8 +15,6 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from flockbrush.learning.torch_herd import DT, SENSITIVITY, TorchPercept, angle_between, headings, turned
-
 CHANCE = 2700.0  # degrees², the variance of an unsigned angle that may be any: 180² / 12
 ALONE = 3000.0  # degrees², what the paper takes for animals of a photograph that lie any way (section 7.2.4)
 
@@ -119,14 +117,3 @@ def error_var(heading, aim: Aims, follows, cells):
     if not bool(counted.any()):
         return heading.sum() * 0.0
     return (variance - torch.nan_to_num(aim.variance))[counted].abs().mean() / CHANCE
-
-
-def heading_rollout(theta, sight: TorchPercept, ticks, *, contacts=None, limit=np.inf, sensitivity=SENSITIVITY, dt=DT):
-    """By how much everybody turns in some ticks, (n,) rad, while neighbours stay where they are."""
-    forward, total, left = sight.forward, torch.zeros_like(sight.forward[:, 0]), float(ticks)
-    while left > 1e-9:
-        wish = headings(theta, sight, dt, sensitivity=sensitivity, forward=forward, others=sight.forward)
-        ahead = turned(forward, wish, limit * dt if np.isfinite(limit) else np.inf, contacts)
-        total = total + min(left, 1.0) * angle_between(forward, ahead)
-        forward, left = ahead, left - 1.0
-    return total

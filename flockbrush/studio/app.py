@@ -550,10 +550,3 @@ def _screen_height():
         return max((height for _, height in pygame.display.get_desktop_sizes()), default=0)
     except pygame.error:
         return 0
-
-
-def open_session(name, **options):
-    """The session of a level."""
-    from flockbrush.studio.session import Session
-
-    return Session.open(name, **options)

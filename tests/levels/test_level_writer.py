@@ -90,13 +90,9 @@ def test_a_drawn_object_is_read_back_as_drawn(path):
     assert found.goals[0].xy.tolist() == [18, 1]
 
 
-def test_a_removed_object_is_gone(path):
-    document = Document.load(path)
-    document.remove_object(2)
-    document.save()
-    assert read(path).guides == []
-    with pytest.raises(KeyError, match="no object 2"):
-        document.move_object(2, (1, 1))
+def test_an_object_that_is_not_there_is_named(path):
+    with pytest.raises(KeyError, match="no object 77"):
+        Document.load(path).move_object(77, (1, 1))
 
 
 def test_ground_is_painted_from_the_south_west(path):

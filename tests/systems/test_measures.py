@@ -13,7 +13,6 @@ from flockbrush.systems.measures import (
     compute_neighbour_map,
     compute_nn_bearing,
     compute_nnd,
-    compute_pair_correlation,
     compute_polarization,
     compute_rotation,
     compute_speed,
@@ -143,17 +142,6 @@ def test_turning_angles_are_signed():
 
 def test_speed_counts_the_climb():
     assert compute_speed(np.array([(3.0, 4.0, 12.0)])).tolist() == [13.0]
-
-
-def test_the_pair_correlation_of_chance_is_one_and_of_a_lattice_has_peaks():
-    rng = np.random.default_rng(6)
-    xy = rng.uniform(0, 60, (3000, 2))
-    g = compute_pair_correlation(xy, np.linspace(0, 3, 7), 3600.0)
-    assert g == pytest.approx(np.ones(6), abs=0.2)
-    lattice = np.stack(np.meshgrid(np.arange(30.0), np.arange(30.0)), -1).reshape(-1, 2)
-    g = compute_pair_correlation(lattice, np.array([0.1, 0.9, 1.1]), 900.0)
-    assert g[0] == 0.0
-    assert g[1] > 2
 
 
 @given(st.integers(0, 1000), st.integers(2, 40))

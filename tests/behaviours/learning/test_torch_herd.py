@@ -7,10 +7,11 @@ torch = pytest.importorskip("torch")
 
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
 from flockbrush.behaviours.models.herd import herd_kernel, kernel_params
+from torch_turns import contacts_of, turned
 
 from flockbrush.learning.perceive import Percept, perceive, together
 from flockbrush.learning.rollout import ClipGuide, Walls, params_of
-from flockbrush.learning.torch_herd import contacts_of, forces, headings, sight_of, theta_tensor, turned
+from flockbrush.learning.torch_herd import forces, headings, sight_of, theta_tensor
 
 DT = 1 / 32
 SQUARE = Walls(np.array([(2, 2, 3, 2), (3, 2, 3, 3), (3, 3, 2, 3), (2, 3, 2, 2)], float), np.zeros(4, np.int32))

@@ -5,16 +5,17 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from torch_turns import contacts_of, heading_rollout
+
 from flockbrush.film.observations import Fields
 from flockbrush.learning.perceive import perceive
 from flockbrush.learning.rollout import params_of
-from flockbrush.learning.torch_herd import contacts_of, headings, sight_of, theta_tensor
+from flockbrush.learning.torch_herd import headings, sight_of, theta_tensor
 from flockbrush.learning.torch_losses import (
     aims,
     density_of,
     error_mean,
     error_var,
-    heading_rollout,
     towards_density,
     variance_by_animal,
 )

@@ -51,7 +51,9 @@ def test_slopes_are_finite_differences(ticks):
 @pytest.mark.parametrize("radius", [0.0, 0.2])
 def test_turns_of_one_tick_are_those_of_torch(radius):
     torch = pytest.importorskip("torch")
-    from flockbrush.learning.torch_herd import angle_between, contacts_of, headings, sight_of, theta_tensor, turned
+    from torch_turns import angle_between, contacts_of, turned
+
+    from flockbrush.learning.torch_herd import headings, sight_of, theta_tensor
 
     turns, theta = some_turns(3, 1.0, radius=radius), np.random.default_rng(4).uniform(0.1, 0.9, 12)
     leaf, sight = theta_tensor(theta, "cpu", True), sight_of(turns.percept, device="cpu")
