@@ -50,6 +50,17 @@ def quantity(
     return Field(default, ge=low, le=high, description=meaning, json_schema_extra=extra, **more)
 
 
+def who_is_guided(default: str, meaning: str):
+    """The parameter ``guided`` of a model that follows guides, a `Guided`; ``meaning`` ends its line."""
+    text = f"which animals follow a guide: {meaning}"
+    return Field(default=default, description=text, json_schema_extra={"unit": "-"})
+
+
+def share_guided():
+    """The parameter ``guided_share`` of a model that follows guides."""
+    return quantity(0.1, "1", "the share of animals that follow a guide where `guided` is share", 0, 1)
+
+
 class Scene(NamedTuple):
     """What a model sees: frozen columns of all n animals and what each of them perceives.
 

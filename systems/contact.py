@@ -219,6 +219,18 @@ def _nearest(ax, ay, ux, uy, p, bx, by, vx, vy, q):
 
 
 @njit(inline="always")
+def towards_body_(ax, ay, ux, uy, p, bx, by, vx, vy, q, touch):
+    """Offset of a body that may be touched, its size, and the share of a heading into it that is taken away.
+
+    Segments as for `_nearest`; their bodies touch at ``touch``.  A share of 0 or less: it is not near enough.
+    """
+    x, y = _nearest(ax, ay, ux, uy, p, bx, by, vx, vy, q)
+    far = np.sqrt(x * x + y * y)
+    share = DEFLECT * (1.0 - (far - touch) / (SKIN * touch))
+    return x, y, far, share if far > 1e-12 else 0.0
+
+
+@njit(inline="always")
 def _edge(ends, g):
     """Centre, unit direction and half length of an edge."""
     ux, uy = ends[g, 2] - ends[g, 0], ends[g, 3] - ends[g, 1]
@@ -256,10 +268,8 @@ def _turn(
             far = (1.0 + SKIN) * touch + half[s] + half[t]
             if (x[t] - x[s]) ** 2 + (y[t] - y[s]) ** 2 >= far * far:
                 continue
-            ox, oy = _nearest(x[s], y[s], fx[s], fy[s], half[s], x[t], y[t], fx[t], fy[t], half[t])
-            d = np.sqrt(ox * ox + oy * oy)
-            room = DEFLECT * (1.0 - (d - touch) / (SKIN * touch))
-            if d > 1e-12 and room > 0.0:
+            ox, oy, d, room = towards_body_(x[s], y[s], fx[s], fy[s], half[s], x[t], y[t], fx[t], fy[t], half[t], touch)
+            if room > 0.0:
                 into = (gx * ox + gy * oy) / d
                 if into > 0.0:
                     gx, gy = gx - room * into * ox / d, gy - room * into * oy / d

@@ -29,7 +29,7 @@ import math
 from typing import Literal
 
 import numpy as np
-from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity
+from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity, share_guided, who_is_guided
 from flockbrush.engine.lane_maths import exponential, lane_function, square_of_angle
 from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, splat8, store, total
 from flockbrush.engine.maths import sincos_
@@ -70,12 +70,8 @@ class Params(Parameters):
         360.0, "degrees", "the angle, centred ahead, in which those others count; less lets the front row lead", 1, 360
     )
     leader_blend: float = quantity(0.0, "1", "how much a leader still listens to its neighbours", 0, 1)
-    guided: Guided = Field(
-        default="front",
-        description="which animals follow a guide: leaders by the parameters above, all, a share, or appointed ones",
-        json_schema_extra={"unit": "-"},
-    )
-    guided_share: float = quantity(0.1, "1", "the share of animals that follow a guide where `guided` is share", 0, 1)
+    guided: Guided = who_is_guided("front", "leaders by the parameters above, all, a share, or appointed ones")
+    guided_share: float = share_guided()
     unled: Literal["return", "keep"] = Field(
         default="return",
         description="what a leader does where no guide reaches: return to the others, or keep its way (the paper)",

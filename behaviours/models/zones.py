@@ -25,12 +25,11 @@ Lengths are in body lengths of the animal itself.
 from __future__ import annotations
 
 import numpy as np
-from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity
+from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity, share_guided, who_is_guided
 from flockbrush.behaviours.models.herd import wander_kernel
 from flockbrush.engine.maths import atan2_, kernel_function, sincos_
 from flockbrush.engine.parallel import over_rows
 from numba import njit
-from pydantic import Field
 
 NOWHERE = 1e-12  # shorter sums of directions point nowhere
 
@@ -53,12 +52,8 @@ class Params(Parameters):
         0.16, "rad/√s", "random turning: headings drift by so much in a second (σ)", 0, 10, chance=True
     )
     guidance_weight: float = quantity(0.5, "1", "larger follows a guide more firmly, against the others (ω)", 0, 100)
-    guided: Guided = Field(
-        default="share",
-        description="which animals follow a guide: all, a share, or appointed ones; front: none of this model",
-        json_schema_extra={"unit": "-"},
-    )
-    guided_share: float = quantity(0.1, "1", "the share of animals that follow a guide where `guided` is share", 0, 1)
+    guided: Guided = who_is_guided("share", "all, a share, or appointed ones; front: none of this model")
+    guided_share: float = share_guided()
 
 
 def explain(scene, row, p):

@@ -16,8 +16,9 @@ from numba import njit
 from flockbrush.behaviours.behaviour import Air, Behaviour, Scene, frozen
 from flockbrush.engine.maths import atan2_
 from flockbrush.engine.parallel import over_rows
+from flockbrush.learning.turn_kernels import aside_of_
 from flockbrush.learning.turns import FREEDOM, SMALLEST, Turns
-from flockbrush.systems.contact import DEFLECT, SKIN, _nearest
+from flockbrush.systems.contact import SKIN
 
 CONSTANT = math.lgamma((FREEDOM + 1) / 2) - math.lgamma(FREEDOM / 2) - 0.5 * math.log(FREEDOM * math.pi)
 
@@ -132,15 +133,10 @@ def _turn_on(lo, hi, wish, first, near, offset, forward, half, radius, limit, le
                 x, y, j = offset[at, 0], offset[at, 1], near[at]
                 if x * x + y * y >= far_enough:
                     continue
-                ox, oy = _nearest(0.0, 0.0, fx, fy, half, x, y, forward[j, 0], forward[j, 1], half)
-                far = np.sqrt(ox * ox + oy * oy)
-                room = DEFLECT * (1.0 - (far - touch) / (SKIN * touch))
-                if far <= 1e-12 or room <= 0.0:
-                    continue
-                ox, oy = ox / far, oy / far
+                gx, gy = forward[j, 0], forward[j, 1]
+                ox, oy, room = aside_of_(fx, fy, half, x, y, gx, gy, touch)
                 into = hx * ox + hy * oy
                 if into > 0.0:
-                    room = min(room, DEFLECT)  # tracks may show bodies one over the other
                     hx, hy = hx - room * into * ox, hy - room * into * oy
         if hx * hx + hy * hy > 1e-24:
             change = atan2_(fx * hy - fy * hx, fx * hx + fy * hy)

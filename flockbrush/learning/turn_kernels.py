@@ -9,7 +9,7 @@ from numba import njit
 
 from flockbrush.engine.maths import atan2_, exp_, sincos_
 from flockbrush.learning.rollout import Gates
-from flockbrush.systems.contact import DEFLECT, SKIN, _nearest
+from flockbrush.systems.contact import DEFLECT, SKIN, _nearest, towards_body_
 
 REACH = 4.0  # BL: a radial range of 1
 ROOT_HALF, BELL = 0.5**0.5, (2 * np.pi) ** -0.5
@@ -146,15 +146,10 @@ def turn_kernel(
                     y = offset[at, 1] + time * (velocity[j, 1] - velocity[i, 1])
                     if x * x + y * y >= touch_far:
                         continue
-                    ox, oy = _nearest(0.0, 0.0, fx, fy, half, x, y, forward[j, 0], forward[j, 1], half)
-                    far = np.sqrt(ox * ox + oy * oy)
-                    room = DEFLECT * (1.0 - (far - touch) / (SKIN * touch))
-                    if far <= 1e-12 or room <= 0.0:
-                        continue
-                    ox, oy = ox / far, oy / far
+                    gx, gy = forward[j, 0], forward[j, 1]
+                    ox, oy, room = aside_of_(fx, fy, half, x, y, gx, gy, touch)
                     into = hx * ox + hy * oy
                     if into > 0.0:
-                        room = min(room, DEFLECT)  # a film may show bodies one over the other
                         hx, hy = hx - room * into * ox, hy - room * into * oy
                         for q in range(12):
                             into = dx[q] * ox + dy[q] * oy
@@ -172,6 +167,15 @@ def turn_kernel(
         turn[k] = angle - start
         for q in range(12):
             slope[k, q] = d[q]
+
+
+@njit(inline="always")
+def aside_of_(fx, fy, half, x, y, gx, gy, touch):
+    """Unit vector to a body at (x, y), and the share of a heading into it that it takes away; zeros where it is far."""
+    ox, oy, far, room = towards_body_(0.0, 0.0, fx, fy, half, x, y, gx, gy, half, touch)
+    if room <= 0.0:
+        return 0.0, 0.0, 0.0
+    return ox / far, oy / far, min(room, DEFLECT)  # a film may show bodies one over the other
 
 
 @njit(inline="always")
