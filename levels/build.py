@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from flockbrush.behaviours.brush import Brush, BrushLibrary, shipped
@@ -33,9 +34,6 @@ from flockbrush.systems.landscape import (
     NATIVE,
     OF_BARE,
     Barrier,
-    Exit,
-    Goal,
-    Guide,
     Landscape,
     Native,
     Painted,
@@ -282,9 +280,9 @@ def landscape_of(level, palette):
         relief_of() if height is None else relief_of(height.values, height.cell),
         1.0 if height is None else height.cell,
         [_barrier(o) for o in level.obstacles if o.z_min <= 0.0],
-        [Guide(g.points, g.strength, g.radius, g.decay, g.goal, g.loop, g.name, g.id) for g in level.guides],
-        [Goal(g.name, np.asarray(g.xy, float), g.radius, g.polygon, g.on_arrive, g.next, g.id) for g in level.goals],
-        [Exit(e.polygon, e.name, e.id) for e in level.exits],
+        [replace(guide) for guide in level.guides],
+        [replace(goal, xy=np.asarray(goal.xy, float)) for goal in level.goals],
+        [replace(way_out) for way_out in level.exits],
         _farthest_view(level, palette),
         kinds=kinds,
         of_bare=bare(),

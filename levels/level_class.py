@@ -4,50 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
-ENUMS: dict[str, tuple[str, ...]] = {
-    "Boundary": ("wall", "wrap", "open", "despawn"),
-    "ObstacleShape": ("box", "cylinder", "sphere", "plane", "hull"),
-    "OnArrive": ("stay", "despawn", "next", "disperse"),
-    "Blend": ("cover", "mix", "share"),
-    "Medium": ("brush", "ground", "air", "any"),
-    "Formation": ("scatter", "grid", "ring", "mill", "line"),
-}
+from flockbrush.components.level_things import ENUMS, Property
 
-
-@dataclass(frozen=True)
-class Property:
-    """One custom property as a designer sees it.
-
-    Parameters
-    ----------
-    kind : {"number", "int", "bool", "text", "colour", "enum", "heading", "brush", "program", "goal"}
-        ``heading`` is "random", a compass point or degrees counter-clockwise from east; ``brush``, ``program`` and
-        ``goal`` are names that must exist.
-    default
-        What an absent property means.  Tiled does not write defaults, so this is the only place they are.
-    low, high : float
-        Inclusive bounds.
-    above : float
-        Exclusive lower bound.
-    """
-
-    name: str
-    kind: str
-    default: Any
-    meaning: str
-    unit: str = ""
-    low: float | None = None
-    high: float | None = None
-    above: float | None = None
-    enum: str = ""
-    required: bool = False
-
-    @property
-    def values(self) -> tuple[str, ...]:
-        """What an enum property may be."""
-        return ENUMS[self.enum] if self.enum else ()
+__all__ = ["ENUMS", "ObjectClass", "Property"]
 
 
 @dataclass(frozen=True)

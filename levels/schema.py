@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from flockbrush.components.level_things import FAR, Exit, Goal, Guide, properties_of
 from flockbrush.engine import limits
 from flockbrush.engine.problems import Problem
 from flockbrush.engine.raster import Raster
 from flockbrush.levels.level_class import ObjectClass, Property
 from flockbrush.levels.terrain_kinds import PROPERTIES, Terrain, TerrainKind
-from flockbrush.systems.marks import NO_LIMIT, Area, Key, Line, PaintBounds, Zone
+from flockbrush.systems.marks import Area, Key, Line, PaintBounds, Zone
 
 SCHEMA = "flockbrush-level/1"
 PROJECT_FILE = "flockbrush.tiled-project"
@@ -70,33 +71,6 @@ class Obstacle:
 
 
 @dataclass
-class Guide:
-    """An arrow for leaders to follow, in the order of its points."""
-
-    id: int
-    name: str
-    points: np.ndarray  # (k, 2) m; a loop does not repeat its first point
-    strength: float
-    radius: float  # m
-    decay: float  # m
-    goal: str  # name of the goal at its end, or ""
-    loop: bool
-
-
-@dataclass
-class Goal:
-    """Where the way leads, and what happens to animals that arrive."""
-
-    id: int
-    name: str
-    xy: np.ndarray  # (2,) m
-    radius: float  # m
-    on_arrive: str  # stay | despawn | next | disperse
-    next: str  # name of a goal, or ""
-    polygon: np.ndarray | None = None  # the area, if one was drawn instead of a point
-
-
-@dataclass
 class Spawn:
     """Where animals come into the world."""
 
@@ -115,15 +89,6 @@ class Spawn:
     body_length: float | None = None  # m; None: the brush's
     depth: float = 0.0  # m, from the lowest to the highest of those in the air
     program: str = ""  # that they follow; "": none
-
-
-@dataclass
-class Exit:
-    """Animals that come here leave the world."""
-
-    id: int
-    name: str
-    polygon: np.ndarray
 
 
 @dataclass
@@ -172,7 +137,6 @@ class Level:
 # ---------------------------------------------------------------- what Tiled may say
 
 
-FAR = NO_LIMIT  # m; no level is larger
 _BRUSH = "a brush asset, by name, or a .brush.toml file relative to the level"
 _BOUNDS = (
     Property(
@@ -289,15 +253,7 @@ CLASSES: dict[str, ObjectClass] = {
             "guides",
             "#2a7ab8",
             "an arrow that leaders follow, from its first point to its last",
-            (
-                Property(
-                    "strength", "number", 1.0, "more pulls harder against other guides and goals", low=0, high=100
-                ),
-                Property("radius", "number", 10.0, "full strength this far to both sides", "m", low=0, high=FAR),
-                Property("decay", "number", 10.0, "then falls to 1/e over this length", "m", low=0, high=FAR),
-                Property("goal", "goal", "", "name of the goal it leads to"),
-                Property("loop", "bool", False, "the last point leads back to the first"),
-            ),
+            properties_of(Guide),
             shapes=("line",),
         ),
         ObjectClass(
@@ -306,11 +262,7 @@ CLASSES: dict[str, ObjectClass] = {
             "goals",
             "#2a9a5a",
             "where the way leads",
-            (
-                Property("radius", "number", 5.0, "closer than this is there", "m", above=0, high=FAR),
-                Property("on_arrive", "enum", "stay", "what happens to animals that arrive", enum="OnArrive"),
-                Property("next", "goal", "", "name of the goal after this one"),
-            ),
+            properties_of(Goal),
             shapes=("point", "area"),
         ),
         ObjectClass(

@@ -11,11 +11,12 @@ from operator import attrgetter
 
 import numpy as np
 from flockbrush.components import Destination
+from flockbrush.components.level_things import ENUMS, Exit, Goal, Guide, properties_of
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import command
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.animal_commands import MOST
-from flockbrush.systems.landscape import Exit, Goal, Guide, Landscape
+from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.life import Nursery, SpawnArea, bear
 from flockbrush.systems.obstacle_commands import (
     AddObstacle,
@@ -37,8 +38,7 @@ __all__ = [
     "PlaceGoal", "RemoveObstacle", "RemoveThing", "UseBrush", "as_command", "fill", "pick", "region",
 ]  # fmt: skip
 
-ON_ARRIVE = ("stay", "despawn", "next", "disperse")
-FORMATIONS = ("scatter", "grid", "ring", "mill", "line")
+FORMATIONS = ENUMS["Formation"]
 
 
 class OfThing:
@@ -69,10 +69,7 @@ class DrawGuide(OfThing):
         apart = len(points) > 1 and (points != points[0]).any()
         need(apart, f"a guide needs at least two different points, got {len(points)}")
         need(len(points) <= 2000, f"a guide has at most 2000 points, got {len(points)}")
-        need(0 <= self.strength <= 100, f"strength must be 0 to 100, got {self.strength:g}")
-        for name in ("radius", "decay"):
-            value = getattr(self, name)
-            need(0 <= value <= FAR, f"{name} must be 0 to {FAR:g} m, got {value:g}")
+        check_told(self, Guide)
         if self.goal:
             goal_index(land, self.goal)
         check_on_map(land, points, "the guide")
@@ -82,10 +79,7 @@ class DrawGuide(OfThing):
 
     def apply(self, world):
         land = world.resource(Landscape)
-        guide = Guide(
-            line_of(self.points), self.strength, self.radius, self.decay, self.goal, self.loop, self.name, self.id
-        )
-        put_thing(land.guides, guide, self.at)
+        put_thing(land.guides, Guide(self.id, self.name, line_of(self.points), **told(self, Guide)), self.at)
         land.navigate()
 
 
@@ -114,10 +108,9 @@ class PlaceGoal(OfThing):
         there = self.there(land)
         others = [goal.name for k, goal in enumerate(land.goals) if k != there]
         need(self.name not in others, f"there is a goal {self.name!r} already")
-        need(0 < self.radius <= FAR, f"radius must be above 0 m, got {self.radius:g}")
+        check_told(self, Goal)
         inside = 0 <= self.x <= land.width and 0 <= self.y <= land.height
         need(inside, off_the_map(land, f"({self.x:g}, {self.y:g})"))
-        need(self.on_arrive in ON_ARRIVE, f"on_arrive must be one of {', '.join(ON_ARRIVE)}, got {self.on_arrive!r}")
         names = [*others, self.name]
         if self.on_arrive == "next":
             need(self.next, "on_arrive is 'next', so next must name a goal")
@@ -143,7 +136,7 @@ class PlaceGoal(OfThing):
         polygon = polygon_of(self.points, "a goal") if self.points else None
         if self.points == [] and there is not None and land.goals[there].polygon is not None:
             polygon = land.goals[there].polygon + (xy - land.goals[there].xy)
-        goal = Goal(self.name, xy, self.radius, polygon, self.on_arrive, self.next, self.id)
+        goal = Goal(self.id, self.name, xy, **told(self, Goal), polygon=polygon)
         if there is not None:
             land.goals[there] = goal
         else:
@@ -212,7 +205,7 @@ class PlaceExit(OfThing):
 
     def apply(self, world):
         land = world.resource(Landscape)
-        put_thing(land.exits, Exit(polygon_of(self.points, "an exit"), self.name, self.id), self.at)
+        put_thing(land.exits, Exit(self.id, self.name, polygon_of(self.points, "an exit")), self.at)
         land.changed()
 
 
@@ -398,12 +391,12 @@ def _draw_obstacle(world, b, at):
 
 
 def _draw_guide(world, g, at):
-    return DrawGuide(g.id, g.name, g.points.tolist(), *map(float, (g.strength, g.radius, g.decay)), g.goal, g.loop, at)
+    return DrawGuide(g.id, g.name, g.points.tolist(), **told(g, Guide), at=at)
 
 
 def _place_goal(world, g, at):
     points = None if g.polygon is None else g.polygon.tolist()
-    return PlaceGoal(g.id, g.name, *g.xy.tolist(), float(g.radius), g.on_arrive, g.next, points, at)
+    return PlaceGoal(g.id, g.name, *g.xy.tolist(), **told(g, Goal), points=points, at=at)
 
 
 def _place_exit(world, e, at):
@@ -438,6 +431,17 @@ def _thing_box(things, number, points):
     there = by_id(things, number)
     mine = box_of(points)
     return mine if there is None else around(mine, box_of(things[there].polygon))
+
+
+def told(thing, kind):
+    """{name: value} of what a designer may set of this kind of thing, from a thing or a command."""
+    return {known.name: getattr(thing, known.name) for known in properties_of(kind)}
+
+
+def check_told(command, kind):
+    """ValueError when something is out of the bounds that it has in a level."""
+    for known in properties_of(kind):
+        known.refuse(getattr(command, known.name))
 
 
 def check_id(command, zero=False):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
+from flockbrush.components.level_things import Exit, Goal, Guide
 from flockbrush.engine.raster import bilinear_
 from flockbrush.engine.solids import Solids, convex_parts, cylinder, half_space, packed, polyhedron, prism, sphere
 from flockbrush.systems.binding import Sheets
@@ -45,43 +46,6 @@ class Glide:
     name: str
     by: np.ndarray  # (3,) m still to go
     left: float  # s until it is there
-
-
-@dataclass
-class Guide:
-    """An arrow for leaders to follow, in the order of its points."""
-
-    points: np.ndarray  # (k, 2) m
-    strength: float = 1.0
-    radius: float = 10.0  # m
-    decay: float = 10.0  # m
-    goal: str = ""  # name of the goal at its end
-    loop: bool = False
-    name: str = ""
-    id: int = 0
-
-
-@dataclass
-class Goal:
-    """Where the way leads, and what happens to animals that arrive."""
-
-    name: str
-    xy: np.ndarray  # (2,) m
-    radius: float  # m
-    polygon: np.ndarray | None = None  # (k, 2) m, the area if one was drawn
-    on_arrive: str = "stay"  # stay | despawn | next | disperse
-    next: str = ""  # name of a goal
-    id: int = 0
-    next_index: int = -1
-
-
-@dataclass
-class Exit:
-    """Animals that come here leave the world."""
-
-    polygon: np.ndarray  # (k, 2) m
-    name: str = ""
-    id: int = 0
 
 
 @dataclass
@@ -512,12 +476,18 @@ class Landscape:
 
 
 _THINGS: dict[str, Any] = {"barriers": Barrier, "overhead": Barrier, "guides": Guide, "goals": Goal, "exits": Exit}
+_ORDER = {  # of fields in the state: its hash depends on it
+    Guide: ("points", "strength", "radius", "decay", "goal", "loop", "name", "id"),
+    Goal: ("name", "xy", "radius", "polygon", "on_arrive", "next", "id"),
+    Exit: ("polygon", "name", "id"),
+}
 _ARRAYS = ("polygon", "points", "xy", "corners")
 
 
 def _plain(thing):
     """A barrier, guide, goal or exit as JSON takes it."""
-    told = {f.name: getattr(thing, f.name) for f in fields(thing) if f.name != "next_index"}
+    names = _ORDER.get(type(thing)) or [f.name for f in fields(thing)]
+    told = {name: getattr(thing, name) for name in names}
     if told.get("corners", ...) is None:  # none but hulls have any
         del told["corners"]
     return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in told.items()}

@@ -12,11 +12,12 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
 import numpy as np
+from flockbrush.components.level_things import FAR
 from flockbrush.systems.binding import Sheets, with_zones
 from flockbrush.systems.terrain import compose_brushes, compose_caps, rasterise_polygon
 
 BRUSHES_OWN = -1.0  # of `Landscape.transition`: the brush's own time
-NO_LIMIT = 1e6  # m; a height that a level says for none
+NO_LIMIT = FAR  # m; a height that a level says for none
 
 
 @dataclass(frozen=True)

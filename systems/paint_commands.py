@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from flockbrush.components import Body, Heading, Position
+from flockbrush.components.level_things import FAR
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import command
 from flockbrush.engine.problems import did_you_mean
@@ -15,7 +16,6 @@ from flockbrush.systems.spawning import touching
 from flockbrush.systems.terrain import NO_BRUSH
 from flockbrush.systems.undo import cell_under, make_room, need, on_map
 
-FAR = 1e6  # m; no level is larger
 LAYERS = ("brush", "cap", "surface")
 FASTEST = 1000.0  # m/s, as much as a level's cap may be
 NATIVE_NAME = None  # of a surface: as the level was read
