@@ -142,6 +142,10 @@ class Bodies(NamedTuple):
     relief: np.ndarray  # (my, mx, 3) heights and slopes (`systems.terrain.relief_of`)
     relief_cell: float  # m
     transit: np.ndarray  # (n,) uint8, 1 lands, 2 takes off (`components.agent.Transit`)
+    radius: np.ndarray  # (n,) m, half the width
+    solids: Any  # what is in the way of those in the air (`flockbrush.engine.solids.Solids`)
+    foresight: np.ndarray  # (n,) s of flight that each looks ahead
+    wished: np.ndarray  # (n, 3) m/s, what the models wish (`flockbrush.systems.allocation.with_wishes`)
 
 
 def kinds_in(scene: Scene) -> Kinds:
@@ -261,6 +265,7 @@ class Behaviour:
     explain: Callable[[Scene, int, Any], dict[str, np.ndarray]] | None = None  # the reasons of one animal
     has: tuple[str, ...] = ()  # names of the drives that the model does by itself
     by_slot: bool = False  # takes its neighbours from `Scene.by_slot`; then nobody has to make the lists by row
+    needs: tuple[str, ...] = ()  # names of the drives that act on top of it under every brush that says nothing of them
 
 
 _registry: dict[str, Behaviour] = {}
@@ -276,6 +281,7 @@ def behaviour(
     explain=None,
     has: tuple[str, ...] = (),
     by_slot: bool = False,
+    needs: tuple[str, ...] = (),
 ):
     """Register ``steer(scene, rows, params) -> Wishes`` under a name.
 
@@ -298,6 +304,8 @@ def behaviour(
     by_slot : bool
         The model takes its neighbours from ``scene.by_slot`` where that is not None.  In a world in which all models
         do, and no drive could act, ``scene.near``, ``first`` and ``offset`` are not made: they are None then.
+    needs : tuple of str
+        Names of the drives that act on top of the model under every brush that does not mention them.
 
     Raises
     ------
@@ -311,7 +319,7 @@ def behaviour(
             raise ValueError(f"behaviour {name!r} is already in {_registry[name].steer.__module__}")
         doc = importlib.import_module(steer.__module__).__doc__ or ""
         _registry[name] = Behaviour(
-            name, steer, Params, doc, danger, hidden_points, flight, formation, explain, has, by_slot
+            name, steer, Params, doc, danger, hidden_points, flight, formation, explain, has, by_slot, needs
         )
         return steer
 

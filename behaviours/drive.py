@@ -100,11 +100,14 @@ def drives() -> dict[str, Drive]:
 def drives_of(brush, model) -> list[tuple[Drive, Any]]:
     """The drives that act under a brush in order of priority, with their parameters.
 
-    Those that always act come first, then those of the brush in the order of its file.
+    Those that always act, or act on top of its model, come first, then those of the brush in the order of its file.
     """
     known = drives()
-    found = [(one, one.Params()) for one in known.values()
-             if one.always and one.name not in brush.drives and one.name not in model.has]  # fmt: skip
+    found = [
+        (one, one.Params())
+        for one in known.values()
+        if (one.always or one.name in model.needs) and one.name not in brush.drives and one.name not in model.has
+    ]
     found += [(known[name], params) for name, params in brush.drives.items()]
     return [(one, params) for one, params in found if params.strength > 0.0]
 

@@ -131,6 +131,12 @@ def ahead_(s, x, y, z, ux, uy, uz, reach, w):
 
 
 @kernel_function
+def _tangent(d, r):
+    """How far beside a middle, d m away, the tangent to the circle about it passes; at right angles from within it."""
+    return d * r / np.sqrt(max(d * d - r * r, 1e-4 * d * d))
+
+
+@kernel_function
 def _past_sphere(cx, cy, cz, r, fx, fy, fz, ux, uy, uz, beyond):
     """A point ``beyond`` m past the silhouette of a ball at an offset, on the side to which the heading leans."""
     d = np.sqrt(cx * cx + cy * cy + cz * cz)
@@ -141,7 +147,7 @@ def _past_sphere(cx, cy, cz, r, fx, fy, fz, ux, uy, uz, beyond):
         along = ux * bx + uy * by + uz * bz
         ex, ey, ez = ux - along * bx, uy - along * by, uz - along * bz
     size = max(np.sqrt(ex * ex + ey * ey + ez * ez), 1e-300)
-    out = d * r / np.sqrt(max(d * d - r * r, 1e-4 * d * d)) + beyond
+    out = _tangent(d, r + beyond)
     return cx + out * ex / size, cy + out * ey / size, cz + out * ez / size
 
 
@@ -161,7 +167,7 @@ def _past_cylinder(s, k, cx, cy, cz, fx, fy, fz, beyond, lowest, odd):
         height = (fx * ax + fy * ay + fz * az) * d / depth if depth > 1e-6 else along
         height = min(max(height, along - half), along + half)
         sx, sy, sz = ay * mz - az * my, az * mx - ax * mz, ax * my - ay * mx
-        out = d * r / np.sqrt(max(d * d - r * r, 1e-4 * d * d)) + beyond
+        out = _tangent(d, r + beyond)
         for turn in range(2):
             sign = 1.0 if (turn == 0) == (odd == 0) else -1.0
             qx, qy, qz = d * mx + sign * out * sx, d * my + sign * out * sy, d * mz + sign * out * sz

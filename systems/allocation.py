@@ -17,6 +17,7 @@ from flockbrush.behaviours.drive import TAKES_UP
 from flockbrush.components import Alarm, Body, BrushBinding, Position, Species, Thrust, Transit, Urge, Velocity, Wish
 from flockbrush.components.agent import BY_ACCELERATION, BY_VELOCITY
 from flockbrush.systems.fauna import AIR, FEAR, NO_LIMIT, PLANE, WATER, SpeciesList, kin_of, kinds_of
+from flockbrush.systems.foresight import Ahead
 from flockbrush.systems.ground_height import heights_of_ground
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.noticing import Noticed
@@ -70,8 +71,9 @@ def bodies_of(world, speed):
     """
     agents, palette = world.agents, world.resource(Palette)
     quiet = world.resource(Noticed).lists is None and not (agents[Alarm.level].any() or agents[Transit.kind].any())
-    near, hilly = world.resource(Near), world.resource(Landscape).relief.size > 3
-    if quiet and not palette.drives_asked.any() and not (hilly and near.aloft is not None):
+    near, ahead, hilly = world.resource(Near), world.resource(Ahead), world.resource(Landscape).relief.size > 3
+    foresees = hilly or (len(ahead.solids.kind) > 0 and palette.drives_needed.any())
+    if quiet and not palette.drives_asked.any() and not (foresees and near.aloft is not None):
         return None
     land, table = world.resource(Landscape), world.resource(SpeciesList).table
     n, species, length = len(agents), agents[Species.index], agents[Body.length]
@@ -97,7 +99,22 @@ def bodies_of(world, speed):
         relief=land.relief,
         relief_cell=land.relief_cell,
         transit=agents[Transit.kind],
+        radius=agents[Body.radius],
+        solids=ahead.solids,
+        foresight=palette.foresight[agents[BrushBinding.brush]],
+        wished=np.zeros((n, 3)),
     ))  # fmt: skip
+
+
+def with_wishes(world, scene):
+    """The scene with the velocities that models say, for drives that look where an animal wishes to go."""
+    if scene.bodies is None:
+        return scene
+    agents = world.agents
+    says = scene.bodies.aloft & (agents[Thrust.kind] == BY_VELOCITY)
+    return scene._replace(
+        bodies=frozen(scene.bodies._replace(wished=np.where(says[:, None], agents[Thrust.velocity], 0.0)))
+    )
 
 
 def asked(scene, rows, drives) -> Shares | None:
@@ -160,4 +177,4 @@ def cut(vectors, most):
     return vectors * np.minimum(1.0, most / np.maximum(size, 1e-300))[:, None]
 
 
-__all__ = ["NO_LIMIT", "Shares", "allocate", "asked", "bodies_of", "dangers_of", "kin", "relations_of"]
+__all__ = ["NO_LIMIT", "Shares", "allocate", "asked", "bodies_of", "dangers_of", "kin", "relations_of", "with_wishes"]

@@ -172,8 +172,8 @@ def _surroundings(world, row):
 
 def _explained(small, entity):
     agents, palette = small.agents, small.resource(Palette)
-    row, scene, steer = agents.row(entity), scene_of(small), Steer()
-    steer.ask_models(small, scene)
+    row, steer = agents.row(entity), Steer()
+    scene = steer.ask_models(small, scene_of(small))
     aloft = small.resource(Near).aloft
     aloft = np.zeros(len(agents), bool) if aloft is None else aloft
     own = _own_wish(agents, aloft, scene, row)

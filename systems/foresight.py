@@ -16,7 +16,7 @@ from flockbrush.engine.clock import Clock
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.engine.solid_queries import ahead_, far_, past_, surface_
-from flockbrush.engine.solids import with_cylinders
+from flockbrush.engine.solids import Solids, no_solids, with_cylinders
 from flockbrush.systems.ground_height import height_of_ground
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
@@ -35,6 +35,7 @@ class Ahead:
     gap: np.ndarray = field(default_factory=lambda: np.zeros(0))
     normal: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     height: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    solids: Solids = field(default_factory=no_solids)  # the sky's and the bodies of those on the ground
 
     def trace(self):
         """Arrays by which replays are compared (`flockbrush.engine.trail`)."""
@@ -57,11 +58,11 @@ class SeeAhead(System):
         n = len(agents)
         ahead.hit, ahead.gap, ahead.height = np.full(n, np.inf), np.full(n, np.inf), np.zeros(n)
         ahead.aim, ahead.normal = agents[Heading.forward].copy(), np.zeros((n, 3))
-        order = np.flatnonzero(near.aloft)
+        order, ahead.solids = np.flatnonzero(near.aloft), in_the_way(agents, land.sky, near.aloft)
         over_rows(
             _look_ahead, len(order), order, agents.ids, agents[Position.xyz], agents[Velocity.xyz],
             agents[Heading.forward], agents[Airborne.up], agents[Body.length], agents[Body.radius],
-            palette.foresight[agents[BrushBinding.brush]], in_the_way(agents, land.sky, near.aloft),
+            palette.foresight[agents[BrushBinding.brush]], ahead.solids,
             land.relief_cell, land.relief, ahead.hit, ahead.aim, ahead.gap, ahead.normal, ahead.height,
         )  # fmt: skip
 

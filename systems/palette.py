@@ -156,6 +156,7 @@ class Palette:
         self.grounded = np.array([flight.grounded for flight in flights], bool)
         self.drives = [drives_of(b, models[b.model]) for b in self.brushes]  # in order of priority
         self.drives_asked = column(lambda b: any(params.strength > 0.0 for params in b.drives.values())).astype(bool)
+        self.drives_needed = np.array([bool(model.needs) for model in self.models], bool)
         asked = {verb for row in self.drives for one, _ in row for verb in one.notices}
         self.hunting = "hunt" in asked
         self.hunting |= any("hunt" in model.has for model in self.models)  # whose catch may be fatal

@@ -9,8 +9,7 @@ different ways always pass.  Ours; the paper has one flock that sees itself.
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
+from numba import njit
 
 ALIKE = 0.5  # cosine of the angle between headings within which two skeins join
 
@@ -59,8 +58,24 @@ def _followed(reference):
     return links
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
 def _connected(links):
-    return connected_components(csr_matrix(links), directed=False)[1]
+    """(n,) the part of each, numbered in the order in which they are met."""
+    n = len(links)
+    label, stack, parts = np.full(n, -1), np.empty(n, np.int64), 0
+    for first in range(n):
+        if label[first] >= 0:
+            continue
+        label[first], stack[0], depth = parts, first, 1
+        while depth > 0:
+            depth -= 1
+            i = stack[depth]
+            for j in range(n):
+                if label[j] < 0 and (links[i, j] or links[j, i]):
+                    label[j], stack[depth] = parts, j
+                    depth += 1
+        parts += 1
+    return label
 
 
 def _attach(links, label, xy, free, either, wrap):

@@ -30,7 +30,7 @@ from flockbrush.engine.clock import Clock
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
-from flockbrush.systems.allocation import allocate, asked, bodies_of, dangers_of, kin, relations_of
+from flockbrush.systems.allocation import allocate, asked, bodies_of, dangers_of, kin, relations_of, with_wishes
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.foresight import Ahead
 from flockbrush.systems.landscape import Landscape
@@ -59,11 +59,11 @@ class Steer(System):
         if not len(world.agents):
             return
         scene = scene_of(world, lists=not _all_by_slot(world))
-        self.ask_models(world, scene)
+        scene = self.ask_models(world, scene)
         self.ask_drives(world, scene)
 
     def ask_models(self, world, scene):
-        """What the models wish, into the columns."""
+        """What the models wish, into the columns; the scene with it, for the drives."""
         agents, palette = world.agents, world.resource(Palette)
         binding = agents[BrushBinding.brush]
         blend = agents[BrushBinding.blend]
@@ -81,6 +81,7 @@ class Steer(System):
                 over_rows(_mix, len(rows), rows, blend, was.direction, was.pace, direction, pace)
                 if was.acceleration is not None:
                     over_rows(_mix_thrust, len(rows), rows, blend, was.acceleration, *_thrust(agents))
+        return with_wishes(world, scene)
 
     @staticmethod
     def ask_drives(world, scene):

@@ -2,7 +2,8 @@
 
 On the ground an animal looks as far ahead as it goes in its foresight, and, where something solid stands there, to
 both sides for the nearest way that is free (Reynolds 1987, steer-to-avoid; the rays are ours).  In the air it steers
-past the silhouette of what lies ahead (`systems.foresight`).
+past the silhouette of what lies ahead (`systems.foresight`); ahead is where its model wishes to go, if that says a
+velocity, so that no bird turns back to its place through what it passes.
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ import numpy as np
 from flockbrush.behaviours.behaviour import air_of, quantity
 from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards
 from flockbrush.engine.maths import sincos_
+from flockbrush.engine.solid_queries import ahead_, past_
 from numba import njit
 
+ROOM = 0.5  # body lengths beside the body that count as in the way of a bird
 RAYS = 9  # to each side
 WIDEST = 2.4  # rad
 
@@ -38,10 +41,16 @@ def avoid_obstacles(scene, rows, p):
             rows, bodies.aloft, scene.xyz, scene.forward, scene.length, goes, bodies.walls, p.foresight, p.room, way,
             urgency,
         )  # fmt: skip
-    flies = bodies.aloft[rows] & np.isfinite(air.hit[rows])
-    reach = np.maximum(p.foresight * goes, 1e-6)
-    soon = np.clip(1.0 - air.hit[rows] / reach, 0.0, 1.0)
-    way[flies], urgency[flies] = air.aim[rows][flies], np.where(air.hit[rows] < reach, 0.3 + 0.7 * soon, 0.0)[flies]
+    hit, aim = air.hit[rows], air.aim[rows]
+    if len(bodies.solids.kind):
+        _past_solids(
+            rows, bodies.aloft, bodies.solids, scene.ids, scene.xyz, bodies.wished, air.up, scene.length, bodies.radius,
+            bodies.height, bodies.foresight, hit, aim,
+        )  # fmt: skip
+    flies = bodies.aloft[rows] & np.isfinite(hit)
+    reach = np.maximum(bodies.foresight[rows] * goes, 1e-6)
+    soon = np.clip(1.0 - hit / reach, 0.0, 1.0)
+    way[flies], urgency[flies] = aim[flies], np.where(hit < reach, 0.3 + 0.7 * soon, 0.0)[flies]
     if not urgency.any():
         return None
     return Urges(towards(scene.velocity[rows], goes[:, None] * way, bodies.acceleration[rows]), p.strength * urgency)
@@ -93,3 +102,22 @@ def _room(walls, x, y, fx, fy, reach, beside):
         if max(u0, u1) > 0.0:
             free = min(free, max(min(u0, u1), 0.0))
     return free
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _past_solids(rows, aloft, solids, ids, xyz, wished, up, length, radius, height, foresight, hit, aim):
+    """Metres to what each would meet on the way that its model wishes, and where to steer instead, into hit and aim."""
+    for k in range(len(rows)):
+        i = rows[k]
+        x, y, z, fx, fy, fz = xyz[i, 0], xyz[i, 1], xyz[i, 2], wished[i, 0], wished[i, 1], wished[i, 2]
+        speed = np.sqrt(fx * fx + fy * fy + fz * fz)
+        if not aloft[i] or foresight[i] <= 0.0 or speed < 1e-9:
+            continue
+        fx, fy, fz = fx / speed, fy / speed, fz / speed
+        reach = foresight[i] * speed + 2.0 * length[i]
+        who, hit[k] = ahead_(solids, x, y, z, fx, fy, fz, reach, radius[i] + ROOM * length[i])
+        if who >= 0:
+            beyond = radius[i] + (ROOM + 0.5) * length[i]
+            aim[k, 0], aim[k, 1], aim[k, 2] = past_(
+                solids, who, x, y, z, fx, fy, fz, up[i, 0], up[i, 1], up[i, 2], beyond, height[i], ids[i] & 1
+            )

@@ -2,19 +2,21 @@
 
 Whom an animal fears says its species; fear is full within half the distance at which it notices the danger.  The
 way is the sum of all dangers, each by its fear, turned along walls that are close ahead.  It runs or flies as fast as
-its species does in full fear; with less it leaves more to its brush.
+its species does in full fear; with less it leaves more to its brush.  Who flies rises and sinks no faster than its
+species does, ends its dive well above the ground, and goes the faster to the side.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from flockbrush.behaviours.behaviour import quantity
-from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards
+from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards, unit_rows
 from numba import njit
 
 FEAR = 1  # of the lists of noticed animals
 WALLS = 3.0  # body lengths: nearer walls ahead are run along
 LOW = 5.0  # body lengths above the ground: nobody dives any lower
+EASE = 2.0  # s before that in which a dive is ended
 
 
 class Params(DriveParameters):
@@ -43,7 +45,20 @@ def flee(scene, rows, p):
         return None
     speed = p.pace * bodies.flee[rows] * (0.5 + 0.5 * fear)
     wanted = away * np.minimum(speed, bodies.top[rows])[:, None]
+    flies = np.flatnonzero(bodies.aloft[rows] & (fear > 0.0))
+    if len(flies):
+        wanted[flies] = _within_wings(scene, rows[flies], wanted[flies])
     return Urges(towards(scene.velocity[rows], wanted, bodies.acceleration[rows]), p.strength * fear)
+
+
+def _within_wings(scene, rows, wanted):
+    """(k, 3) m/s: as fast as wanted, but no faster up or down than wings allow; to the side the way it is or flies."""
+    bodies, speed = scene.bodies, np.sqrt((wanted**2).sum(axis=1))
+    room = np.maximum(bodies.height[rows] - LOW * scene.length[rows], 0.0)
+    rise = np.clip(wanted[:, 2], -np.minimum(bodies.sink[rows], room / EASE), bodies.climb[rows])
+    aside = np.sqrt((wanted[:, :2] ** 2).sum(axis=1)) > 0.1 * speed
+    level = unit_rows(np.where(aside[:, None], wanted, scene.forward[rows])[:, :2])
+    return np.column_stack([level * np.sqrt(np.maximum(speed**2 - rise**2, 0.0))[:, None], rise])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

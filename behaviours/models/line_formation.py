@@ -87,31 +87,27 @@ class InFormation(NamedTuple):
 
 
 def explain(scene, row, p):
-    """Why a bird in formation flies as it does: its velocity, its place, what stands ahead, its height, the wind.
+    """Why a bird in formation flies as it does: its velocity, its place, its height, the wind.
 
     {reason: (3,)} in m/s; they add up to the velocity it wishes.
     """
-    rows, air = np.array([row], np.int32), air_of(scene)
-    wish = steer(scene, rows, p).velocity[0]
-    clear = scene._replace(air=air._replace(hit=np.full(len(scene.ids), np.inf)))
-    without = steer(clear, rows, p).velocity[0]
+    wish = steer(scene, np.array([row], np.int32), p).velocity[0]
     known = scene.formation
     wind = known.wind[row] if known is not None else np.zeros(3)
     felt = known.felt[row] if known is not None else np.zeros(3)
     now = scene.velocity[row]
     leads = known is None or known.place[row] == 0 or not known.track[row].any()
-    change = without - wind - (now - felt)
+    change = wish - wind - (now - felt)
     reasons = {
         "heading": now.copy(),
         "way" if leads else "place": change * (1.0, 1.0, 0.0),
         "height": change * (0.0, 0.0, 1.0),
         "wind": wind - felt,
-        "obstacles": wish - without,
     }
     return {name: vector for name, vector in reasons.items() if name == "heading" or np.abs(vector).max() > 1e-12}
 
 
-@behaviour("line_formation", Params, flight=flight_of, formation=True, explain=explain)
+@behaviour("line_formation", Params, flight=flight_of, formation=True, explain=explain, needs=("avoid_obstacles",))
 def steer(scene, rows, p):
     """Reach one's place by eqs. 5 and 6; who leads flies where the flock is bound."""
     k, n = len(rows), len(scene.ids)
@@ -131,7 +127,7 @@ def steer(scene, rows, p):
         )
     over_rows(
         _steer, k, rows, scene.dt, scene.xyz, scene.velocity, scene.forward, scene.speed, scene.length, *known,
-        air.bound, air.target, scene.guidance, air.hit, air.aim,
+        air.bound, air.target, scene.guidance,
         rules_of(p), p.wingspan, p.leader_turn, p.leader_climb, direction, velocity,
     )  # fmt: skip
     return Wishes(direction, np.ones(k), velocity=velocity)
@@ -153,7 +149,7 @@ def frame_of(wing, speed):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _steer(
     lo, hi, rows, dt, xyz, velocity, forward, own, length, reference, place, offset, track, climb, wind, felt,
-    bound, target, guidance, hit, aim, rules, wingspan, leader_turn, leader_climb, direction, wish,
+    bound, target, guidance, rules, wingspan, leader_turn, leader_climb, direction, wish,
 ):  # fmt: skip
     for k in range(lo, hi):
         i = rows[k]
@@ -215,11 +211,6 @@ def _steer(
                 aimed = limited_turn_(heading, -rules.turning * wrap_(heading), rules)
             speed += part * (now - speed)
             turn = part * wrap_(aimed - heading)
-        if hit[i] < np.inf:  # something stands ahead
-            most = 3.0 * rules.most_turn * part
-            past = atan2_(aim[i, 0] * fy - aim[i, 1] * fx, aim[i, 0] * fx + aim[i, 1] * fy)
-            turn = min(max(past, -most), most)
-            rise += 0.5 * aim[i, 2] * own[i]
         sine, cosine = sincos_(turn)  # clockwise
         gx, gy = cosine * fx + sine * fy, cosine * fy - sine * fx
         v = speed * wing / frame

@@ -6,8 +6,8 @@ which step, `flockbrush.behaviours.v_rules.rules` says, and the experiments with
 function.
 
 Beyond the paper: the flock's way follows guides, goals and the migratory urge, and birds follow those ahead into a
-turn; with ``turn`` a bird must turn to get sideways; with ``layer`` height counts; with ``perturbation`` nothing ever
-settles.
+turn and to their height; with ``turn`` a bird must turn to get sideways; with ``layer`` height counts; with
+``perturbation`` nothing ever settles.
 
 .. [1] Nathan, A. & Barbosa, V. C. (2008). V-like formations in flocks of artificial birds. Artificial Life 14(2),
    179-188.
@@ -22,12 +22,15 @@ from flockbrush.behaviours.v_rules.rules import VRuleSettings, kernel, law_of, s
 from flockbrush.engine.arrays import write_
 from flockbrush.engine.maths import atan2_, sincos_
 
+LEVELS, STEEPEST = 2.0, 0.12  # s in which a bird comes to another height, and at most what share of its speed
+
 
 class Params(VRuleSettings):
     """The rules in wingspans, and how they become metres and seconds."""
 
     wingspan: float = quantity(1.8, "body lengths", "from wingtip to wingtip (w)", 0.1, 10)
     time_step: float = quantity(1 / 32, "s", "time in which a bird makes one of the paper's steps", 1 / 1024, 60)
+    foresight: float = quantity(2.0, "s", "how far ahead it looks for obstacles, in time of flight", 0, 60)
     follow: float = quantity(
         0.5, "rad/s", "the fastest the flock's way turns after a guide, or a bird after those ahead", 0, 10
     )
@@ -43,7 +46,12 @@ def explain(scene, row, p):
     return {"heading": now} | {name: vector for name, vector in reasons.items() if np.abs(vector).max() > 1e-12}
 
 
-@behaviour("v_rules", Params, flight=lambda params: Flight(exact=True), explain=explain)
+def flight_of(p):
+    """Its velocity is its own."""
+    return Flight(exact=True, foresight=p.foresight)
+
+
+@behaviour("v_rules", Params, flight=flight_of, explain=explain, needs=("avoid_obstacles",))
 def steer(scene, rows, p):
     """Fly on with the flock, one step nearer to one's place in it.
 
@@ -75,6 +83,10 @@ def steer(scene, rows, p):
             scene.dt,
             velocity,
         )
+        if p.layer == 0.0:
+            _rises(
+                members, *lists, scene.species, way, scene.speed, air.bound, air.target, law.cotangent, velocity,
+            )  # fmt: skip
     direction = way[rows] if p.turn == 0.0 else _facing(velocity[rows], scene.forward[rows])
     return Wishes(direction, np.ones(len(rows)), velocity=velocity[rows])
 
@@ -112,6 +124,24 @@ def _ways(members, first, near, offset, species, forward, guidance, bound, targe
             sine = sine_limit if fx * gy - fy * gx >= 0.0 else -sine_limit
             gx, gy = _level(fx * cosine_limit - fy * sine, fx * sine + fy * cosine_limit, fx, fy)
         way[i, 0], way[i, 1] = gx, gy
+
+
+@kernel
+def _rises(members, first, near, offset, species, way, speed, bound, target, cotangent, velocity):
+    """In a plane all come to one height: a lead to its target's, others to the mean of those ahead."""
+    for i in members:
+        rise, count = 0.0, 0
+        for at in range(first[i], first[i + 1]):
+            x, y = offset[at, 0], offset[at, 1]
+            along, aside = x * way[i, 0] + y * way[i, 1], abs(x * way[i, 1] - y * way[i, 0])
+            if species[near[at]] == species[i] and along > 0.0 and along >= aside * cotangent:
+                rise, count = rise + offset[at, 2], count + 1
+        if count > 0:
+            rise /= count
+        elif bound[i] == 2:
+            rise = target[i, 2]
+        most = STEEPEST * speed[i]
+        velocity[i, 2] += min(max(rise / LEVELS, -most), most)
 
 
 @kernel
