@@ -384,6 +384,8 @@ class App(Hand, Deeds):
         if key == "space":  # alone it is play or pause; held while dragging it moves the view
             if not self._space:
                 self._space, self._space_used = True, False
+        elif self.tool.hear(pygame.key.name(event.key), True):
+            pass
         elif key in TOOL_KEYS:
             self.take_tool(TOOL_KEYS[key])
         elif key in BY_KEY:
@@ -394,6 +396,7 @@ class App(Hand, Deeds):
             self._space = False
             if not self._space_used:
                 self.toggle_play()
+        self.tool.hear(pygame.key.name(event.key), False)
 
     def _press(self, event):
         if self._stroking or self._panning:
@@ -461,6 +464,7 @@ class App(Hand, Deeds):
         if self._stroking:
             self._stroking = False
             self.tool.release(self.tool.at)
+        self.tool.let_go()
         if self.timebar is not None:
             self.timebar.dragging = False
 

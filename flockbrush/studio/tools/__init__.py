@@ -1,6 +1,7 @@
 """The tools of the playground, in the order of their buttons.  A new one is a class in here, and its name below."""
 
 from flockbrush.studio.tools.animal_tools import AddAnimalsTool, Predator, RemoveAnimalsTool, Select
+from flockbrush.studio.tools.lead import Lead
 from flockbrush.studio.tools.mark_tools import KeyTool, LineTool, MeasuredAreaTool, ZoneTool
 from flockbrush.studio.tools.paint import Erase, Fill, PaintBrushTool, PaintCapTool, PaintSurface, Pick
 from flockbrush.studio.tools.things import ExitTool, GoalTool, GuideTool, ObstacleTool, SpawnAreaTool
@@ -10,7 +11,7 @@ TOOLS: tuple[type[Tool], ...] = (
     PaintBrushTool, PaintCapTool, PaintSurface, Fill, Erase,
     Pick, ObstacleTool, GuideTool, GoalTool, ExitTool,
     SpawnAreaTool, ZoneTool, LineTool, MeasuredAreaTool, KeyTool,
-    AddAnimalsTool, RemoveAnimalsTool, Predator, Select,
+    AddAnimalsTool, RemoveAnimalsTool, Predator, Select, Lead,
 )  # fmt: skip
 
 __all__ = ["TOOLS", "Tool"]

@@ -63,6 +63,13 @@ class Tool:
 
     # keys ------------------------------------------------------------------------
 
+    def hear(self, key, down) -> bool:
+        """A key, by its plain name, went down or came up; whether the tool takes it, before others do."""
+        return False
+
+    def let_go(self):
+        """Whoever held keys looks elsewhere: they are up."""
+
     def cancel(self) -> bool:
         """Drop what is half done; whether there was anything."""
         return False
