@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 import sys
 import time
 from pathlib import Path
@@ -228,12 +227,7 @@ def store(plan, measured):
     """Put what was measured beside what is stated."""
     for name, sizes in measured.items():
         plan[name]["measured"] = sizes
-    BANDS.write_text(_compact(json.dumps(plan, indent=1, ensure_ascii=False)) + "\n", encoding="utf-8")
-
-
-def _compact(text):
-    """Short lists on one line."""
-    return re.sub(r"\[\s+([^\[\]{}]*?)\s+\]", lambda m: "[" + re.sub(r"\s*\n\s*", " ", m.group(1)) + "]", text)
+    BANDS.write_text(json.dumps(plan, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

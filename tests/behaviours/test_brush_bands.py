@@ -10,6 +10,7 @@ from flockbrush.behaviours.program import shipped_programs
 from flockbrush.components import Heading
 from flockbrush.levels.build import plane
 
+from benchmarks import brush_bands
 from benchmarks.brush_bands import MEASURES, MOST, RATE, outside, stated, switch, watch
 
 LIBRARY, PLAN = shipped(), stated()
@@ -43,6 +44,13 @@ def test_what_the_study_measured_is_what_is_promised(name):
     measured = PLAN[name]["measured"]
     for count in PLAN[name]["promised"]:
         assert measured[str(count)]["in band"] == measured[str(count)]["runs"], f"{name}, {count} animals"
+
+
+def test_writing_what_was_measured_again_changes_no_byte(tmp_path, monkeypatch):
+    before = brush_bands.BANDS.read_bytes()
+    monkeypatch.setattr(brush_bands, "BANDS", tmp_path / "bands.json")
+    brush_bands.store(PLAN, {name: plan["measured"] for name, plan in PLAN.items()})
+    assert brush_bands.BANDS.read_bytes() == before
 
 
 @pytest.mark.parametrize("other, name", [("march", "mill-filled"), ("swarm", "march"), ("march", "front")])
