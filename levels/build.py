@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -391,25 +392,59 @@ def plane(
     heading : float, optional
         Radians; None: each its own.
     """
-    length = brush.body.length if body_length is None else body_length
+    return herds_apart([brush], count, density, start, seed, heading, body_length)
+
+
+def herds_apart(
+    brushes: Sequence[Brush],
+    count: int,
+    density: float = 0.7,
+    start: str = "scatter",
+    seed: int = 0,
+    heading: float | None = None,
+    body_length: float | None = None,
+    apart: float = 0.0,
+) -> Simulation:
+    """Herds side by side on one endless plane, a brush each: cheaper than as many worlds.
+
+    Parameters
+    ----------
+    brushes : sequence of Brush
+        Of different names.  Herd k has the rows from ``k * count`` on.
+    count : int
+        Animals of each herd.
+    apart : float
+        Metres between the middles of two herds, at least: farther than they can go and see.
+
+    The others as `plane`.
+    """
+    length = brushes[0].body.length if body_length is None else body_length
     side = math.sqrt(count / density) * length
-    size = 3 * side + 20 * length
+    size = max(3 * side + 20 * length, apart)
     low, high = 0.5 * (size - side), 0.5 * (size + side)
     if start in INNER:  # the ring leaves the middle free, and a disc leaves the corners
         grow = 0.5 * side * (math.sqrt(4 / math.pi / (1 - INNER[start] ** 2)) - 1)
         low, high = low - grow, high + grow
-    polygon = np.array([(low, low), (high, low), (high, high), (low, high)])
-    spawn = Spawn(1, "herd", polygon, "animal", brush.name, count, heading, None, 0.0, 0.0, 0.0, start, body_length)
-    cell = max(size / 64, length)
-    level = Level("plane", None, size, size, cell, "open", seed, spawns=[spawn])  # type: ignore[arg-type]
-    return build(level, library=_One(brush))  # type: ignore[arg-type]
+    square = np.array([(low, low), (high, low), (high, high), (low, high)])
+    columns = math.ceil(math.sqrt(len(brushes)))
+    spawns = [
+        Spawn(
+            k + 1, "herd", square + size * np.array([k % columns, k // columns]), "animal", brush.name, count,
+            heading, None, 0.0, 0.0, 0.0, start, body_length,
+        )
+        for k, brush in enumerate(brushes)
+    ]  # fmt: skip
+    width, depth = size * columns, size * math.ceil(len(brushes) / columns)
+    cell = max(max(width, depth) / 64, length)
+    level = Level("plane", None, width, depth, cell, "open", seed, spawns=spawns)  # type: ignore[arg-type]
+    return build(level, library=_Named(brushes))  # type: ignore[arg-type]
 
 
-class _One:
-    """A library that holds one brush, whatever its name."""
+class _Named:
+    """A library that holds these brushes and no others."""
 
-    def __init__(self, brush):
-        self.brush = brush
+    def __init__(self, brushes):
+        self.brushes = {brush.name: brush for brush in brushes}
 
     def get(self, name):
-        return self.brush
+        return self.brushes[name]

@@ -5,7 +5,20 @@ import pytest
 from flockbrush.behaviours.brush import BrushLibrary, shipped
 from flockbrush.behaviours.mixture import STEPS, load_path, mixed, path_between
 
-from flockbrush.studies.morph import Measured, Trial, brush_at, evenly, faults, measured, sweep
+from benchmarks.morphs import judged, shipped_paths
+from flockbrush.studies import morph as morph_study
+from flockbrush.studies.morph import (
+    MOST_STEP,
+    RESOLUTION,
+    Measured,
+    Response,
+    Trial,
+    brush_at,
+    faults,
+    measured,
+    response,
+    sweep,
+)
 
 
 def ways(polarization, milling=None, deviation=0.01):
@@ -13,18 +26,53 @@ def ways(polarization, milling=None, deviation=0.01):
     return Measured(mean, np.full(mean.shape, deviation), 3)
 
 
+def step_like(points, at=0.1, width=0.01):
+    """Means that go from 0 to 1 at a place, and none of milling."""
+    points = np.asarray(points)
+    return np.column_stack([1 / (1 + np.exp(np.clip(-(points - at) / width, -500, 500))), 0 * points])
+
+
 def test_where_behaviour_jumps_steps_are_short():
     points = np.linspace(0, 1, 101)
-    values = np.column_stack([1 / (1 + np.exp(-(points - 0.1) / 0.01)), 0 * points])
-    along = evenly(points, values, 8)
-    reached = np.interp(along, points, values[:, 0])
+    seen = Response(points, step_like(points))
+    along = seen.evenly(8)
+    reached = np.interp(along, points, step_like(points)[:, 0])
     assert np.abs(np.diff(reached)).max() < 0.16 and along[0] == 0.0 and along[-1] == 1.0
-    assert (np.diff(along) > 0).all()
+    assert (np.diff(along) > 0).all() and seen.jumps() == ()
 
 
 def test_where_nothing_changes_steps_are_even():
     points = np.linspace(0, 1, 5)
-    np.testing.assert_allclose(evenly(points, np.zeros((5, 2)), 4), points)
+    np.testing.assert_allclose(Response(points, np.zeros((5, 2))).evenly(4), points)
+
+
+def test_herds_are_measured_between_points_that_differ_until_none_does(monkeypatch):
+    """However narrow the change is, at a place where no point of the first round lies."""
+    asked = []
+
+    def told(at, points, trial, seed):
+        asked.extend(points)
+        return ways(step_like(points, 0.0437, 0.001)[:, 0])
+
+    monkeypatch.setattr(morph_study, "measured", told)
+    seen = response(None, Trial())
+    assert seen.jumps() == () and len(asked) < 40
+    along = seen.evenly(8)
+    assert np.abs(np.diff(step_like(along, 0.0437, 0.001)[:, 0])).max() < MOST_STEP
+
+
+def test_what_changes_within_the_resolution_is_a_jump(monkeypatch):
+    monkeypatch.setattr(morph_study, "measured", lambda at, points, trial, seed: ways(np.asarray(points) > 0.3))
+    ((where, size),) = response(None, Trial()).jumps()
+    assert where == pytest.approx(0.3, abs=RESOLUTION) and size == 1.0
+
+
+def test_points_measured_twice_count_twice_and_what_goes_back_is_levelled():
+    seen = Response([0, 0.5, 1], [[0, 0], [0.4, 0], [1, 0]])
+    seen.add([0.5, 0.75], [[0.6, 0], [0.2, 0]])
+    points, means = seen.one_way()
+    np.testing.assert_allclose(points, [0, 0.5, 0.75, 1])
+    np.testing.assert_allclose(means[:, 0], [0, 0.4, 0.4, 1])  # (0.4 + 0.6 + 0.2) / 3
 
 
 @pytest.mark.parametrize(
@@ -100,3 +148,12 @@ def test_shipped_paths_lead_from_brush_to_brush():
             assert file.name == f"{path.start}--{path.end}.path.toml" and path.measured
             for k in range(STEPS + 1):
                 assert mixed(start, end, k / STEPS, path).model == start.model
+
+
+def test_shipped_paths_are_judged_beside_the_straight_line():
+    path = shipped_paths()["swarm--march"]
+    on_path, straight = judged(path, Trial(animals=6, seeds=2, seconds=1.0))
+    assert on_path.mean.shape == straight.mean.shape == (len(path.along), 2)
+    ends = on_path.mean[[0, -1]], straight.mean[[0, -1]]
+    np.testing.assert_allclose(*ends, atol=1e-9)  # the same brushes beside other herds
+    assert not np.array_equal(on_path.mean[1:-1], straight.mean[1:-1])

@@ -13,7 +13,7 @@ from flockbrush.engine.noise import Noise
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.raster import Raster
 from flockbrush.engine.state import state_hash
-from flockbrush.levels.build import DT, brushes_used, build, plane, systems
+from flockbrush.levels.build import DT, brushes_used, build, herds_apart, plane, systems
 from flockbrush.levels.reader import read_level
 from flockbrush.levels.scaling import scaled
 from flockbrush.levels.schema import Area, BrushLayer, Exit, Goal, Guide, Key, Line, Zone
@@ -277,6 +277,20 @@ def test_a_plane_takes_heading_seed_and_size():
     assert a.agents[Heading.forward] == pytest.approx(b.agents[Heading.forward])
     assert not np.array_equal(xy_of(a), xy_of(b))
     assert plane(herd, 5, body_length=3.0).agents[Body.length].tolist() == [3.0] * 5
+
+
+def test_herds_apart_have_each_their_rows_their_brush_and_their_place():
+    brushes = [brush(name, model="herd") for name in ("one", "two", "three")]
+    simulation = herds_apart(brushes, 20, apart=200.0)
+    places = xy_of(simulation).reshape(3, 20, 2)
+    middles = places.mean(1)
+    assert np.linalg.norm(middles - np.roll(middles, 1, axis=0), axis=1).min() > 180
+    assert np.ptp(places, axis=1).max() < 10
+    home = simulation.agents[BrushBinding.home].reshape(3, 20)
+    named = np.array(simulation.world.resource(Palette).names)[home]
+    assert (named == np.array([["one"], ["two"], ["three"]])).all()
+    simulation.run(3)
+    assert np.linalg.norm(xy_of(simulation).reshape(3, 20, 2).mean(1) - middles, axis=1).max() < 5
 
 
 def test_a_command_that_cannot_be_done_is_told_with_its_line(tmp_path):

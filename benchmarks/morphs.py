@@ -1,0 +1,63 @@
+"""Are the shipped paths between brushes even?  ``python benchmarks/morphs.py [A--B ...] --seeds 64 --animals 100 400``.
+
+For each path and herd size, on fresh seeds, beside the straight line between the same brushes in as many steps: the
+largest change of polarization or milling in one step, the largest deviation between seeds, and whether both go one
+way within two standard errors (`flockbrush.studies.morph`).
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+from flockbrush.behaviours.brush import shipped
+from flockbrush.behaviours.mixture import load_path, mixed
+
+from flockbrush.studies.morph import Trial, faults, measured
+
+FIRST = 9001  # seed; no path was searched with those from here to a million
+
+
+def shipped_paths():
+    """The paths beside the shipped brushes, by name."""
+    found = {}
+    for folder in shipped().folders:
+        for file in sorted(folder.glob("*.path.toml")):
+            path = load_path(file.read_bytes(), file.name)
+            found[f"{path.start}--{path.end}"] = path
+    return found
+
+
+def judged(path, trial):
+    """What herds do at the steps of a path and of the straight line, (`Measured`, `Measured`)."""
+    start, end = (shipped().get(name) for name in (path.start, path.end))
+    shares = np.linspace(0.0, 1.0, len(path.along))
+    return tuple(
+        measured(lambda share, w=way: mixed(start, end, share, w), shares, trial, FIRST) for way in (path, None)
+    )
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("paths", nargs="*", metavar="A--B", help="all unless told")
+    parser.add_argument("--seeds", type=int, default=64)
+    parser.add_argument("--animals", type=int, nargs="+", default=[100, 400])
+    parser.add_argument("--seconds", type=float, default=20.0)
+    told = parser.parse_args()
+    paths = shipped_paths()
+    if unknown := [name for name in told.paths if name not in paths]:
+        parser.error(f"no path {', '.join(unknown)} is shipped; there are {', '.join(paths)}")
+    print(f"{told.seeds} seeds from {FIRST} on, {told.seconds:g} s")
+    print(f"{'path':<24} animals  way            largest step  largest deviation  goes back")
+    for name in told.paths or paths:
+        for animals in told.animals:
+            trial = Trial(animals, told.seeds, seconds=told.seconds)
+            for way, found in zip(("path", "straight line"), judged(paths[name], trial), strict=True):
+                back = "yes" if any("goes back" in fault for fault in faults(found)) else "no"
+                step = np.abs(np.diff(found.mean, axis=0)).max()
+                line = f"{name:<24} {animals:>7}  {way:<13} {step:>13.2f} {found.deviation.max():>18.2f}  {back}"
+                print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
