@@ -90,3 +90,35 @@ def in_a_v(count, span, apex, heading=0.0, slope=0.8, spacing=1.25):
     along, across = -slope * spacing * np.abs(k), spacing * k
     c, s = np.cos(np.radians(heading)), np.sin(np.radians(heading))
     return np.asarray(apex) + span * np.c_[along * c + across * s, -along * s + across * c]
+
+
+def flapping_film(seed=0, span=16.0, frames=40, birds=6, shape=(270, 480), thin=False):
+    """(places (F, N, 2) px, pictures (h, w) uint8) of birds that fly to the right and beat drawn wings.
+
+    ``thin``: bodies with wings of two pixels, as strokes; else as `goose`.
+    """
+    rng = np.random.default_rng(seed)
+    start = np.c_[rng.uniform(30, 200, birds), np.linspace(40, 230, birds) + rng.uniform(-10, 10, birds)]
+    velocity = np.c_[rng.uniform(2.4, 3.2, birds), rng.uniform(-0.4, 0.4, birds)]
+    phase, sky = rng.uniform(0, 2 * np.pi, birds), clouds(shape, rng, 10.0).astype(np.float32)
+    places = start + velocity * np.arange(frames)[:, None, None]
+    pictures = []
+    for f in range(frames):
+        picture = sky.copy()
+        for at, beat in zip(places[f], np.sin(phase + 0.9 * f), strict=True):
+            if thin:
+                cv2.ellipse(picture, _fine(at).tolist(), (int(19.2 * span), 77), 0, 0, 360, 50.0, -1, cv2.LINE_AA, 6)
+                for side in (-0.45, 0.45):
+                    wing = [(0, 0), (side / 2, -0.1 - 0.1 * beat), (side, -0.5 * beat)]
+                    cv2.polylines(picture, [_fine(at + span * np.array(wing))], False, 55.0, 2, cv2.LINE_AA, 6)
+            else:
+                for part in goose(beat):
+                    cv2.fillPoly(picture, [_fine(at + span * part)], 50.0, cv2.LINE_AA, 6)
+        picture = cv2.GaussianBlur(picture, (0, 0), 0.6) + rng.normal(0, 2, shape)
+        pictures.append(np.clip(picture, 0, 255).astype(np.uint8))
+    return places, pictures
+
+
+def _fine(points):
+    """In 64ths of a pixel."""
+    return np.round(64 * np.asarray(points)).astype(np.int32)

@@ -104,7 +104,8 @@ class Birds:
             f: {b: row for b, row in rows.items() if b != bird or f < k} for f, rows in self.corrections.items()
         }
         rest = replace(self, corrections={f: rows for f, rows in corrections.items() if rows})
-        return rest._after(px, self.ids, int(ahead[0]), {bird: (at[0], at[1], True)})
+        after = rest._after(px, self.ids, int(ahead[0]), {bird: (at[0], at[1], True)})
+        return replace(after, pending=self.pending)  # the others need not be followed anew
 
     def _after(self, px, ids, k, rows) -> Birds:
         """The birds with rows of corrections for a frame; birds that are nowhere are left out."""

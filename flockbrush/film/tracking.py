@@ -1,12 +1,12 @@
 """Birds in a film of the sky: found in every frame, and followed through crossings, gaps, and the edges of the picture.
 
 Each frame is taken apart into blobs that differ from the sky, and these into parts: one for each peak of the contrast,
-smoothed by a share of the blob's own thickness.  Every bird that is known foretells where it will be, by its own
-velocity within the flock's; where more are foretold than there are peaks, a blob is split among them if it is large
-enough, else some are taken to be hidden by others for a while.  So birds that pass in front of each other keep their
-names.  Birds and parts are then matched at least total cost
-(`scipy.optimize.linear_sum_assignment` [1]_).  In the end, tracks that break off are joined to those that begin a
-little later where both, carried on, meet.
+smoothed by a share of the blob's own thickness.  Where single birds have several peaks, as birds with long wings do, a
+blob has no more parts than it is large enough for beside the others.  Every bird that is known foretells where it will
+be, by its own velocity within the flock's; where more are foretold than there are peaks, a blob is split among them if
+it is large enough, else some are taken to be hidden by others for a while.  So birds that pass in front of each other
+keep their names.  Birds and parts are then matched at least total cost (`scipy.optimize.linear_sum_assignment` [1]_).
+In the end, tracks that break off are joined to those that begin a little later where both, carried on, meet.
 
 .. [1] Crouse, D. F. (2016). On implementing 2D rectangular assignment algorithms. IEEE Transactions on Aerospace and
    Electronic Systems 52(4), 1679-1696.
@@ -30,6 +30,9 @@ JOIN = 30  # frames between a track that breaks off and one that goes on
 HIDDEN = 10  # frames a bird may be foretold within a patch without being told apart in it
 PART = 0.35  # of a patch's greatest half width: the blur that leaves one peak for each bird
 FAINT = 0.3  # of the highest peak: a lower one is none
+WINGED = 0.1  # of the blobs of single birds: if more have several peaks, wings have peaks of their own
+NEW = 0.8  # of the usual area for each bird of a blob in which fewer were foretold
+ROOM = 0.55  # of the usual area for each bird that was foretold in a blob
 ROUNDS = 8  # of k-means
 FAR = 1e6  # a cost that means: never
 
@@ -98,23 +101,40 @@ def split(blob, centres, rounds=8):
     return centres
 
 
-def divided(blob, foretold, usual, reach):
+def divided(blob, foretold, usual, reach, winged=True):
     """The birds of a blob: those that can be told apart (k, 2), and places (m, 2) of those that cannot.
 
     It has a bird for each of its peaks, and for each place where one was foretold and no peak is, as long as it is
-    large enough for all of them; the rest lie wholly on others, and are taken to be where they were foretold.
+    large enough for all of them; the rest lie wholly on others, and are taken to be where they were foretold.  Where
+    wings have peaks of their own (``winged``), there are no more birds than foretold, or than it is large enough for.
     """
-    peaks = blob.peaks if len(blob.peaks) > 1 else blob.at[None]
     rest = np.array(foretold).reshape(-1, 2)
+    size = blob.area / usual
+    peaks = _fewer(blob, rest, max(len(rest), int(size / NEW)) if winged else len(blob.peaks))
     if len(rest):
         gaps = np.linalg.norm(rest[:, None] - peaks[None], axis=-1)
         rows, columns = linear_sum_assignment(np.minimum(gaps, reach) ** 2)
         rest = np.delete(rest, rows[gaps[rows, columns] < reach], axis=0)
-    room = max(0, int(blob.area / (0.55 * usual)) - len(peaks))
+    room = max(0, int(size / ROOM) - len(peaks))
     centres = np.concatenate([peaks, rest[:room]])
     parts = split(blob, centres, ROUNDS) if len(centres) > 1 else peaks
     hidden = [blob.pixels[np.argmin(((blob.pixels - place) ** 2).sum(1))] for place in rest[room:]]
     return parts, np.array(hidden).reshape(-1, 2)
+
+
+def _fewer(blob, foretold, most):
+    """The peaks of a blob, (n, 2), at most so many: those that are farthest from one another, its middle for one."""
+    if len(blob.peaks) < 2 or most < 2:
+        return blob.at[None]
+    if len(blob.peaks) <= most:
+        return blob.peaks
+    if len(foretold) == most:
+        return split(blob, foretold, ROUNDS)
+    chosen = [int(np.argmax(np.linalg.norm(blob.peaks - blob.at, axis=1)))]
+    while len(chosen) < most:
+        gaps = np.linalg.norm(blob.peaks[:, None] - blob.peaks[None, chosen], axis=-1).min(axis=1)
+        chosen.append(int(np.argmax(gaps)))
+    return blob.peaks[chosen]
 
 
 @dataclass
@@ -187,6 +207,7 @@ class Tracker:
         self.gone: list[_Bird] = []
         self.next = max(fresh, 1 + max((row[0] for rows in self.by_hand.values() for row in rows), default=0))
         self._areas: list[float] = []
+        self._peaked: list[bool] = []
 
     def step(self, image):
         """Take the next frame."""
@@ -197,6 +218,8 @@ class Tracker:
         self.frame += 1
         self._areas = (self._areas + [b.area for b in blobs])[-2000:]
         usual = float(np.median(self._areas)) if self._areas else 1.0
+        lone = self._lone(blobs, usual)
+        self._peaked = (self._peaked + [len(b.peaks) > 1 for b in lone])[-2000:]
         reach = self.reach or max(6.0, 2.2 * np.sqrt(usual))
         seen, area, apart = self._parts(blobs, usual, reach)
         free = np.ones(len(seen), bool)
@@ -206,6 +229,22 @@ class Tracker:
         self._begin(seen, area, free & apart, reach)
         self._unmask(set(map(tuple, seen[~apart].tolist())))
         self._let_go()
+
+    def _lone(self, blobs, usual):
+        """Blobs in which at most one bird was foretold, of about the usual area."""
+        known = [bird.foretold() for bird in self.birds if bird.sure and bird.missed <= 4]
+        lone = []
+        for blob in blobs:
+            if 0.5 * usual < blob.area < 1.25 * usual:
+                low, high = blob.pixels.min(axis=0) - 1, blob.pixels.max(axis=0) + 1
+                if sum(bool((low <= at).all() and (at <= high).all()) for at in known) <= 1:
+                    lone.append(blob)
+        return lone
+
+    @property
+    def _winged(self):
+        """Whether single birds have peaks of their own, so that peaks do not tell how many birds there are."""
+        return not self._peaked or np.mean(self._peaked) > WINGED
 
     def _parts(self, blobs, usual, reach):
         """Where birds are in this frame: places (k, 2), the area of each, and whether it was told apart from others."""
@@ -221,7 +260,7 @@ class Tracker:
                     inside[near[int(np.argmin(gaps))]].append(place)
         places, areas, apart = [np.zeros((0, 2))], [], []
         for blob, mine in zip(blobs, inside, strict=True):
-            parts, hidden = divided(blob, mine, usual, reach)
+            parts, hidden = divided(blob, mine, usual, reach, self._winged)
             places += [parts, hidden]
             areas += [blob.area / len(parts)] * len(parts) + [usual] * len(hidden)
             apart += [True] * len(parts) + [False] * len(hidden)

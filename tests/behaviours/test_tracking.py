@@ -1,5 +1,6 @@
 """Birds followed through a film of the sky, against the truth that the film was made from."""
 
+import drawn_skies
 import numpy as np
 import pytest
 
@@ -36,6 +37,17 @@ def test_every_bird_is_followed_and_nothing_else():
     told = compute_tracking(*seen(xyz), followed(xyz))
     assert told["recall"] > 0.98 and told["precision"] > 0.98
     assert (told["switches"], told["tracks"]) == (0, 4)
+
+
+@pytest.mark.parametrize(("span", "thin"), [(12, True), (16, False), (19, True)])
+def test_a_bird_with_drawn_wings_is_one_track(span, thin):
+    places, pictures = drawn_skies.flapping_film(0, span, thin=thin)
+    tracker = Tracker()
+    for picture in pictures:
+        tracker.step(picture)
+    told = compute_tracking(places, np.ones(places.shape[:2], bool), tracker.tracks())
+    assert (told["tracks"], told["switches"]) == (6, 0)
+    assert told["recall"] > 0.99 and told["precision"] > 0.99
 
 
 def test_a_bird_that_passes_behind_another_keeps_its_name():

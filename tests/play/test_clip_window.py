@@ -60,6 +60,11 @@ class Hands(ClipWindow):
             self.post(kind, pos=button.rect.center, button=1)
         self.frame(1 / 30)
 
+    def answer(self, text):
+        """Press the button of the question that is asked."""
+        self.dialog.answer(next(button for button in self.dialog.answers if button.text == text))
+        self.frame(1 / 30)
+
     def wait(self, seconds=60):  # by the clock, which others use up too: who hangs is caught all the same
         """Until no work goes on beside the window."""
         end = time.monotonic() + seconds
@@ -255,6 +260,24 @@ def test_who_is_chosen_is_removed_from_here_on_or_altogether(bird_window):
     assert whose(bird_window, bird_window.k + 1)[2] is None
 
 
+def test_who_never_was_a_bird_does_not_rename_the_others(bird_window):
+    names = whose(bird_window, 0)
+    bird_window.go(20)
+    bird_window.click(true(20)[0])
+    bird_window.push("Never was a bird")
+    before = bird_window.book.state.birds
+    bird_window.key("f")
+    bird_window.wait()
+    after = bird_window.book.state.birds
+    assert after is not before and after.ids == tuple(sorted(names[1:]))
+    assert np.array_equal(after.px[:20], before.px[:20], equal_nan=True)
+    assert whose(bird_window, 39) == [None, *names[1:]]
+    bird_window.go(0)
+    bird_window.key("f")  # all birds anew: it asks
+    bird_window.answer("Cancel")
+    assert bird_window.book.state.birds is after
+
+
 def test_a_click_on_the_sky_is_a_new_bird(bird_window):
     bird_window.click((250, 20))
     assert len(bird_window.book.state.birds.ids) == 4
@@ -272,6 +295,7 @@ def test_what_was_followed_for_a_state_that_is_gone_is_not_taken(bird_window):
 def test_corrections_of_the_window_are_those_of_the_command(bird_window, sky_clip, tmp_path):
     bird_window.click(true(0)[2], button=3)
     bird_window.key("f")
+    bird_window.answer("Follow anew")
     bird_window.wait()
     bird_window.key("ctrl+s")
     out = tmp_path / "again.csv"

@@ -84,9 +84,13 @@ class BirdsMode(Mode):
     # following ----------------------------------------------------------------------------
 
     def follow(self):
-        """Follow on from the frame shown, or from the first that was put right if that is earlier."""
+        """Follow on from the frame shown, or from the first that was put right if that is earlier; asks before all."""
         pending = self.state.birds.pending
-        self._follow(self.window.k if pending is None else min(pending, self.window.k))
+        k = self.window.k if pending is None else min(pending, self.window.k)
+        if k:
+            self._follow(k)
+        else:
+            self.follow_all()
 
     def follow_all(self):
         """Find and follow the birds of the whole film; asks when there are some already."""
