@@ -30,6 +30,7 @@ import numpy as np
 from flockbrush.behaviours import brush as brushes
 from flockbrush.behaviours.brush import shipped
 from flockbrush.components import Body, BrushBinding, Heading, Position, Speed, Velocity
+from flockbrush.engine.state import restore, snapshot
 from flockbrush.levels.build import plane
 from flockbrush.systems.measures import (
     compute_aspect_ratio,
@@ -105,34 +106,34 @@ def outside(measured, bands):
     return [name for name, (low, high) in bands.items() if not low <= measured[name] <= high]
 
 
-def turns_of_a_switch(simulation, index, before, after):
-    """Degrees, (n,): by how much an animal's largest turn in a tick grows when its brush is changed.
-
-    The largest turn in ``after`` ticks from the switch on, less that in the ``before`` ticks just before it.
-    """
+def largest_turns(simulation, ticks):
+    """Degrees, (n,): the most that each animal turns in one of the next ticks."""
     agents = simulation.agents
-
-    def largest(ticks):
-        most = np.zeros(len(agents))
-        for _ in range(ticks):
-            was = agents[Heading.forward].copy()
-            simulation.tick()
-            most = np.maximum(most, np.abs(compute_turning_angle(was, agents[Heading.forward])))
-        return np.degrees(most)
-
-    usual = largest(before)
-    agents[BrushBinding.home][:] = index
-    return largest(after) - usual
+    most = np.zeros(len(agents))
+    for _ in range(ticks):
+        was = agents[Heading.forward].copy()
+        simulation.tick()
+        most = np.maximum(most, np.abs(compute_turning_angle(was, agents[Heading.forward])))
+    return np.degrees(most)
 
 
-def switch(old, new, scene, count=150, seed=0, settle=6.0, before=1.0, after=2.0):
-    """The worst of `turns_of_a_switch` for a herd that goes from one brush to another, degrees."""
+def switch(old, news, scene, count=150, seed=0, settle=6.0, before=1.0, after=2.0):
+    """Degrees, a list: by how much a change to each new brush makes an animal's largest turn in a tick grow, at worst.
+
+    The largest turn in ``after`` seconds from the change on, less that in the ``before`` seconds just before it.  One
+    herd settles under the old brush, and is put back to the moment of the change for each new one.
+    """
     simulation = plane(old, count, scene["density"], scene["start"], seed, scene["heading"])
-    index = simulation.world.resource(Palette).add(new)
+    indices = [simulation.world.resource(Palette).add(new) for new in news]
     simulation.run(round(settle * RATE))
-    worst = turns_of_a_switch(simulation, index, round(before * RATE), round(after * RATE)).max()
+    usual = largest_turns(simulation, round(before * RATE))
+    moment, worst = snapshot(simulation.world), []
+    for index in indices:
+        restore(simulation.world, moment)
+        simulation.agents[BrushBinding.home][:] = index
+        worst.append(float((largest_turns(simulation, round(after * RATE)) - usual).max()))
     simulation.close()
-    return float(worst)
+    return worst
 
 
 # the study -------------------------------------------------------------------
@@ -167,15 +168,12 @@ def _range(low, high):
 
 def switches(names, library, count=150, seed=FIRST_SEED, **times):
     """Degrees added to the largest turn in a tick, by old and new brush."""
-    plan = stated()
-    return {
-        old: {
-            new: round(switch(library.get(old), library.get(new), plan[old]["scene"], count, seed, **times), 1)
-            for new in names
-            if new != old
-        }
-        for old in names
-    }
+    plan, matrix = stated(), {}
+    for old in names:
+        news = [new for new in names if new != old]
+        worst = switch(library.get(old), map(library.get, news), plan[old]["scene"], count, seed, **times)
+        matrix[old] = {new: round(degrees, 1) for new, degrees in zip(news, worst, strict=True)}
+    return matrix
 
 
 def switch_table(matrix):

@@ -6,6 +6,7 @@ import enum
 import random
 import time
 from contextlib import contextmanager
+from itertools import combinations
 
 import esper
 import numpy as np
@@ -109,10 +110,10 @@ class Schedule:
     def ambiguities(self):
         """(name, name, shared) of systems of one stage of which one writes what the other touches."""
         found = []
-        for i, a in enumerate(self.systems):
-            for b in self.systems[i + 1 :]:
+        for a, b in combinations(self.systems, 2):
+            if a.stage == b.stage:
                 shared = _overlap(a.writes, (*b.reads, *b.writes)) | _overlap(b.writes, a.reads)
-                if a.stage == b.stage and shared:
+                if shared:
                     found.append((type(a).__name__, type(b).__name__, shared))
         return found
 

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 from flockbrush.components.level_things import Exit, Goal, Guide
 from flockbrush.engine.raster import bilinear_
-from flockbrush.engine.solids import Solids, convex_parts, cylinder, half_space, packed, polyhedron, prism, sphere
+from flockbrush.engine.solids import Solids
 from flockbrush.systems.binding import Sheets
+from flockbrush.systems.ground_edges import across_seam, outline_edges
 from flockbrush.systems.ground_height import heights_of_ground
 from flockbrush.systems.marks import BRUSHES_OWN, Above, Marks
 from flockbrush.systems.navigation import Navigation, navigation_of
+from flockbrush.systems.sky_solids import solids_in_the_air
 from flockbrush.systems.terrain import NO_BRUSH, compose_blocked, relief_of
 from flockbrush.systems.visibility import Edges, edges_by_cell, no_edges
 
@@ -201,41 +203,13 @@ class Landscape:
 
     def _in_space(self):
         if self._sky is None:
-            things = [(b, solid) for b in (*self.barriers, *self.overhead) for solid in self._stood_up(b)]
-            bodies = [solid for b, solid in things if b.solid]
-            views = [solid for b, solid in things if b.blocks_view]
-            if self.wrap is not None:
-                bodies, views = _in_all_images(bodies, self.wrap), _in_all_images(views, self.wrap)
-            if self.boundary == "wall":
-                w, h = self.width, self.height
-                bodies += [
-                    half_space((0, 0, 0), (1, 0, 0)), half_space((w, 0, 0), (-1, 0, 0)),
-                    half_space((0, 0, 0), (0, 1, 0)), half_space((0, h, 0), (0, -1, 0)),
-                ]  # fmt: skip
-            self._sky = packed(bodies), packed(views)
+            self._sky = solids_in_the_air(self)
         return self._sky
 
     def ground(self, xy):
         """Height of the ground at one place, m."""
         flat = self.relief.shape[:2] == (1, 1)
         return 0.0 if flat else float(bilinear_(self.relief[..., 0], self.relief_cell, xy[0], xy[1]))
-
-    def _stood_up(self, barrier):
-        """The `Solid` pieces of a barrier."""
-        polygon, ground = barrier.polygon, self.ground(barrier.polygon.mean(0))
-        low, high = barrier.z_min + ground, barrier.z_max + ground
-        if barrier.shape == "plane":  # below it when it lies on the ground, above it when it is a ceiling
-            point = np.array([*polygon.mean(0), low if barrier.z_min > 0 else high])
-            return [half_space(point, (0, 0, -1) if barrier.z_min > 0 else (0, 0, 1), barrier.blocks_view)]
-        if barrier.shape == "hull":
-            return [polyhedron(barrier.corners + np.array([*polygon.mean(0), low]), barrier.blocks_view)]
-        middle, away = np.array([*polygon.mean(0), 0.5 * (low + high)]), polygon - polygon.mean(0)
-        radius = float(np.sqrt((away**2).sum(1).max()))
-        if barrier.shape == "sphere":
-            return [sphere(middle, radius, barrier.blocks_view)]
-        if barrier.shape == "cylinder":
-            return [cylinder(middle, radius, 0.5 * (high - low), opaque=barrier.blocks_view)]
-        return [prism(part, low, high, barrier.blocks_view) for part in convex_parts(polygon)]
 
     # the ground -----------------------------------------------------------------
 
@@ -329,8 +303,8 @@ class Landscape:
         walls, views = np.concatenate(walls or [np.zeros((0, 4))]), np.concatenate(views or [np.zeros((0, 4))])
         self.solid_owner = np.array(wall_owner, np.int32)
         if self.boundary == "wrap":
-            walls, self.solid_owner = _across_seam(walls, self.solid_owner, self.wrap, self.reach)
-            views, _ = _across_seam(views, np.zeros(len(views), np.int32), self.wrap, self.reach)
+            walls, self.solid_owner = across_seam(walls, self.solid_owner, self.wrap, self.reach)
+            views, _ = across_seam(views, np.zeros(len(views), np.int32), self.wrap, self.reach)
         self.solid, self.opaque = edges_by_cell(walls, self.reach), edges_by_cell(views, self.reach)
         self.touch = 0.0
         self.blocked = self._blocked(self.barriers, self.walkable)
@@ -496,51 +470,3 @@ def _plain(thing):
 def _arrays(told):
     """The arguments of a thing from what `_plain` told."""
     return {name: np.array(v, float) if name in _ARRAYS and v is not None else v for name, v in told.items()}
-
-
-def _in_all_images(solids, wrap):
-    """Solids of a periodic map and their copies across the seams."""
-    shifts = [(dx * wrap[0], dy * wrap[1], 0.0) for dx in (0, -1, 1) for dy in (0, -1, 1)]
-    return [solid.moved(shift) for shift in shifts for solid in solids]
-
-
-def outline_edges(mask):
-    """Straight edges around the true cells of a mask, long runs in one piece.
-
-    Parameters
-    ----------
-    mask : ndarray (ny, nx) bool
-
-    Returns
-    -------
-    ndarray (k, 4)
-        ``x0, y0, x1, y1`` in cells.
-    """
-    padded = np.pad(mask, 1)
-    edges = []
-    across = padded[1:, 1:-1] != padded[:-1, 1:-1]  # a horizontal edge below row iy
-    for iy, line in enumerate(across):
-        edges += [(a, iy, b, iy) for a, b in _runs(line)]
-    along = padded[1:-1, 1:] != padded[1:-1, :-1]
-    for ix, line in enumerate(along.T):
-        edges += [(ix, a, ix, b) for a, b in _runs(line)]
-    return np.array(edges, float).reshape(-1, 4)
-
-
-def _runs(line):
-    """(first, after last) of every run of true."""
-    steps = np.flatnonzero(np.diff(np.pad(line.astype(np.int8), 1)))
-    return zip(steps[::2], steps[1::2], strict=True)
-
-
-def _across_seam(edges, owner, wrap, reach):
-    """Edges and their copies just across the seams of a periodic map."""
-    out, owners = [], []
-    for dx in (-wrap[0], 0.0, wrap[0]):
-        for dy in (-wrap[1], 0.0, wrap[1]):
-            moved = edges + (dx, dy, dx, dy)
-            low, high = np.minimum(moved[:, :2], moved[:, 2:]), np.maximum(moved[:, :2], moved[:, 2:])
-            near = ((high > -reach) & (low < np.array(wrap) + reach)).all(1)
-            out.append(moved[near])
-            owners.append(owner[near])
-    return np.concatenate(out), np.concatenate(owners)

@@ -87,14 +87,14 @@ def edges_by_cell(ends, reach):
     extent = high.max(0) - (west, south)
     cell = float(max(reach / 2, *(extent / 256)))
     nx, ny = (int(e // cell) + 1 for e in extent)
-    lists = [[] for _ in range(nx * ny)]
-    for k, (a, b) in enumerate(zip(low - (west, south), high - (west, south), strict=True)):
-        for iy in range(int(a[1] // cell), int(b[1] // cell) + 1):
-            for ix in range(int(a[0] // cell), int(b[0] // cell) + 1):
-                lists[iy * nx + ix].append(k)
+    first, last = (((corner - (west, south)) // cell).astype(int) for corner in (low, high))
+    wide, deep = (last - first + 1).T
+    edge = np.repeat(np.arange(len(ends)), wide * deep)  # each as often as it has cells, row by row
+    place = np.arange(len(edge)) - np.repeat(np.cumsum(wide * deep) - wide * deep, wide * deep)
+    at = (first[edge, 1] + place // wide[edge]) * nx + first[edge, 0] + place % wide[edge]
     start = np.zeros(nx * ny + 1, np.int32)
-    np.cumsum([len(cell_list) for cell_list in lists], out=start[1:])
-    item = np.array([k for cell_list in lists for k in cell_list], np.int32)
+    np.cumsum(np.bincount(at, minlength=nx * ny), out=start[1:])
+    item = edge[np.argsort(at, kind="stable")].astype(np.int32)
     return Edges(ends, start, item, nx, ny, cell, float(west), float(south))
 
 

@@ -31,7 +31,7 @@ from flockbrush.learning.world_rollout import between, needs_world, world_looks
 from flockbrush.systems.contact import move
 from flockbrush.systems.decide import _roles
 from flockbrush.systems.grid import sort_into_cells
-from flockbrush.systems.landscape import outline_edges
+from flockbrush.systems.ground_edges import outline_edges
 from flockbrush.systems.pace import _grid, _pace, company, crowding, pause
 from flockbrush.systems.senses import _cosine_of_half, _nearest_points
 from flockbrush.systems.visibility import edges_by_cell, no_edges, visible_neighbours

@@ -11,6 +11,7 @@ HOUSE = Path(__file__).parents[2]
 def environment(**variables):
     """The environment of another process that finds this house."""
     plain = {name: value for name, value in os.environ.items() if not name.startswith("FLOCKBRUSH")}
+    plain.pop("PYTHONDONTWRITEBYTECODE", None)  # each process would compile every module anew
     fixed = {"PYTHONPATH": str(HOUSE), "NO_COLOR": "1", "COLUMNS": "200"}
     return plain | fixed | {name: str(value) for name, value in variables.items()}
 

@@ -9,7 +9,8 @@ from flockbrush.levels.build import build
 from flockbrush.levels.schema import Goal, Key
 from flockbrush.levels.terrain_kinds import Terrain, TerrainKind, terrain_property
 from flockbrush.systems.commands import AddAnimals, AddObstacle, MoveGoal, PaintBrush, PaintCap, PaintCells
-from flockbrush.systems.landscape import Landscape, outline_edges
+from flockbrush.systems.ground_edges import outline_edges
+from flockbrush.systems.landscape import Landscape
 from hypothesis import given
 from hypothesis import strategies as st
 from small_herd import Shelf, box, brush, level, meadow, obstacle, put, spawn, straight
