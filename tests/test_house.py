@@ -1,6 +1,7 @@
 """The house: who may import whom, and what must not be known where."""
 
 import ast
+import functools
 import os
 import subprocess
 import sys
@@ -63,6 +64,7 @@ def imports(source, package=()):
             yield from ((node.lineno, f"{stem}.{alias.name}") for alias in node.names)
 
 
+@functools.cache
 def imports_of(path):
     package = module_of(path).split(".")
     return list(imports(path.read_text(encoding="utf-8"), package if path.stem == "__init__" else package[:-1]))
@@ -207,6 +209,15 @@ def test_the_rules_find_those_who_break_them():
     assert machine_dependent("@njit(fastmath={'nnan', 'reassoc'})\ndef f(): pass") == [1]
     assert machine_dependent("@njit(fastmath={'nnan'})\ndef f(): pass") == []
     assert machine_dependent("@njit(fastmath=False)\ndef f(): pass") == []
+
+
+LONG = 500  # lines of a file
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_no_file_is_too_long(room):
+    lines = {named(path): path.read_text(encoding="utf-8").count("\n") for path in files(room)}
+    assert lines and {name: count for name, count in lines.items() if count > LONG} == {}, "split it by subject"
 
 
 WIDE = 100  # columns of prose in Markdown

@@ -7,23 +7,14 @@ that holds all of it; nothing in it is ever unpickled.
 from __future__ import annotations
 
 import json
-import math
-import tokenize
-import zipfile
-import zlib
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
-from flockbrush.behaviours.tomlfile import check_plain
-from flockbrush.engine import limits
 from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.film.fields_file import damage, flat, packed, part_of, read, refused, unpacked, write
 from flockbrush.film.speeds import SpeedEvidence, speed_evidence
-
-SCHEMA = "flockbrush.fields/1"
-_UNKNOWN = "is no file of fields"
 
 
 class CannotObserve(ProblemsError):
@@ -186,7 +177,7 @@ class Fields:
         OSError
             When the file cannot be written.
         """
-        _write(path, _flat("fields", self))
+        write(path, flat("fields", self))
 
     @staticmethod
     def load(path) -> Fields:
@@ -197,7 +188,7 @@ class Fields:
         ProblemsError
             When the file is none of fields, or is damaged.
         """
-        return _fields(path, _read(path))
+        return _fields(path, read(path))
 
 
 _GRIDS = ("density", "speed_variance", "angular_variance", "seen", "speed")
@@ -388,15 +379,15 @@ class Evidence:
         OSError
             When the file cannot be written.
         """
-        arrays = _flat("fields", self.fields)
+        arrays = flat("fields", self.fields)
         for name in ("sightings", "speed"):
             if getattr(self, name) is not None:
-                arrays |= _flat(name, getattr(self, name))
-        arrays |= _flat("clip", self, leave=("fields", "sightings", "speed", "picture", "notes"))
+                arrays |= flat(name, getattr(self, name))
+        arrays |= flat("clip", self, leave=("fields", "sightings", "speed", "picture", "notes"))
         arrays["clip.notes"] = np.array(json.dumps(self.notes))
         if self.picture is not None:
-            arrays["clip.picture"] = _packed(self.picture)
-        _write(path, arrays)
+            arrays["clip.picture"] = packed(self.picture)
+        write(path, arrays)
 
     @staticmethod
     def load(path) -> Evidence:
@@ -407,19 +398,19 @@ class Evidence:
         ProblemsError
             When the file is none of fields, has fields alone, or is damaged.
         """
-        data = _read(path)
+        data = read(path)
         if "clip.name" not in data:
-            raise _refused(path, "has fields alone and not the clip they are of; make it with flockbrush fields CLIP")
+            raise refused(path, "has fields alone and not the clip they are of; make it with flockbrush fields CLIP")
         made = {"fields": _fields(path, data)}
-        with _damage(path):
+        with damage(path):
             if "sightings.xy" in data:
-                made["sightings"] = Sightings(**_part(data, "sightings"))
+                made["sightings"] = Sightings(**part_of(data, "sightings"))
             if "speed.mean" in data:
-                made["speed"] = SpeedEvidence.of_arrays(_part(data, "speed"))
-            clip = _part(data, "clip")
+                made["speed"] = SpeedEvidence.of_arrays(part_of(data, "speed"))
+            clip = part_of(data, "clip")
             clip["notes"] = [str(note) for note in json.loads(str(clip["notes"]))]
             if "picture" in clip:
-                clip["picture"] = _unpacked(path, clip["picture"])
+                clip["picture"] = unpacked(path, clip["picture"])
             return Evidence(**clip, **made)
 
 
@@ -438,99 +429,6 @@ def halves(evidence: Evidence, share: float = 0.5) -> tuple[Evidence, Evidence]:
     return evidence.part(slice(0, cut)), evidence.part(slice(cut, total))
 
 
-# files ---------------------------------------------------------------------------------
-
-
-def _flat(prefix, thing, leave=()):
-    """{prefix.name: array} of a dataclass; what is None is left out."""
-    values = {f.name: getattr(thing, f.name) for f in fields(thing) if f.name not in leave}
-    return {f"{prefix}.{name}": np.asarray(value) for name, value in values.items() if value is not None}
-
-
-def _part(data, prefix):
-    """{name: value} of what begins with the prefix; arrays of one value become that value."""
-    chosen = {key[len(prefix) + 1 :]: value for key, value in data.items() if key.startswith(prefix + ".")}
-    return {name: value.item() if value.ndim == 0 else value for name, value in chosen.items()}
-
-
-def _write(path, arrays):
-    if sum(array.nbytes for array in arrays.values()) > limits.FIELDS_BYTES:
-        message = f"would be larger than {limits.FIELDS_BYTES.told}; take a part of the clip: --frames FIRST:LAST"
-        raise _refused(path, message)
-    with open(path, "wb") as file:
-        np.savez_compressed(file, schema=np.array(SCHEMA), **arrays)
-
-
-def _read(path):
-    """Every array of an npz; ProblemsError."""
-    check_plain(path, limits.FIELDS_BYTES)
-    with _damage(path), open(path, "rb") as file:
-        _check_members(file)
-        file.seek(0)
-        return _arrays(path, file)
-
-
-def _check_members(file):
-    """ValueError unless the arrays of an npz are as long as they say, and not too much together."""
-    with zipfile.ZipFile(file) as packed:
-        if sum(info.file_size for info in packed.infolist()) > limits.FIELDS_BYTES:
-            raise ValueError(f"it unpacks to more than {limits.FIELDS_BYTES.told}")
-        for info in packed.infolist():
-            with packed.open(info) as member:
-                version = np.lib.format.read_magic(member)
-                read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-                shape, _, kind = read(member)
-                if info.file_size - member.tell() != math.prod(shape) * kind.itemsize:
-                    raise ValueError(f"{info.filename} is not as long as it says")
-
-
-def _arrays(path, file):
-    with np.load(file, allow_pickle=False) as archive:
-        if not hasattr(archive, "files") or "schema" not in archive.files:
-            raise _refused(path, f"{_UNKNOWN}: it has no schema; make one with flockbrush fields CLIP")
-        if str(archive["schema"]) != SCHEMA:
-            raise _refused(path, f"its schema is {str(archive['schema'])!r}, and {SCHEMA!r} is read here")
-        return {name: archive[name] for name in archive.files}
-
-
 def _fields(path, data):
-    with _damage(path):
-        return Fields(**_part(data, "fields"))
-
-
-class _damage:
-    """Whatever goes wrong while a file is taken apart is told of the file."""
-
-    def __init__(self, path):
-        self.path = path
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, kind, error, trace):
-        if kind is None or not issubclass(kind, _TROUBLE):
-            return False
-        said = str(error).replace("allow_pickle=False", "it").strip("'\"") or kind.__name__
-        raise _refused(self.path, f"{_UNKNOWN}, or it is damaged: {said}") from None
-
-
-_TROUBLE = (
-    ValueError, TypeError, LookupError, AttributeError, EOFError, OSError, RecursionError, OverflowError,
-    NotImplementedError, SyntaxError, tokenize.TokenError, zipfile.BadZipFile, zlib.error,
-)  # fmt: skip
-
-
-def _packed(picture):
-    import cv2
-
-    return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 92])[1].ravel()
-
-
-def _unpacked(path, raw):
-    from flockbrush.film.media import decoded
-
-    return decoded(raw.tobytes(), f"{path}: clip.picture")
-
-
-def _refused(path, message):
-    return ProblemsError([Problem(str(Path(path)), None, None, message)])
+    with damage(path):
+        return Fields(**part_of(data, "fields"))

@@ -29,7 +29,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from flockbrush.behaviours.brush import BodySpec, SpeedSpec, shipped
+from flockbrush.behaviours.brush import BodySpec, SpeedSpec
 from flockbrush.engine.fingerprint import build_of
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.evolution import Evolution
@@ -37,14 +37,14 @@ from flockbrush.learning.herd_views import told_apart
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.interaction import idle_ones
 from flockbrush.learning.learned_parameters import Attempt, Learned
-from flockbrush.learning.rollout import DT, LEAST, MOST, params_of, theta_of
+from flockbrush.learning.rollout import DT, LEAST, MOST, params_of
+from flockbrush.learning.search_space import EXTRAS, Code, begins, stronger, turn_limits
 from flockbrush.learning.trials import (
     BEYOND,
     COARSE_DT,
     FEWEST,
     MANY,
     OTHER_NUMBERS,
-    SIGHTS,
     SPANS,
     STAY,
     TOO_MANY,
@@ -63,16 +63,13 @@ from flockbrush.runs.builds import RUNNING
 HELD = 0.3  # of the frames, at the end, are shown to nobody before the choice
 RATE = 280_000  # animal ticks that count as a second
 ALWAYS = 100  # animals whose work a tick costs besides
-WEAK = 0.15  # weights below it are made larger, and Ω smaller: only their product tells, and weights end at 1e-3
 GENERATION = 8  # candidates
-LIMITS = 0.8, 0.9, 0.96, 0.99  # of all turns are slower than a limit of turning that is tried
 REFINED = 2
 CLEARLY = 0.02  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
 FINALISTS = 4
 KEEPERS = 3  # finalists of whom it is asked whether they stay what they are
 KEEPING = 0.2  # of the choice
 LEAST_WANDER = 0.05  # rad/√s, that animals may always wander by
-EXTRAS = {"wander": (0.01, 3.0), "max_turn": (0.4, 20.0), "sensitivity": (0.05, 100.0)}  # freed, on a logarithmic scale
 FAINT = 0.1  # of the strongest weight, below which the ranges of a force tell nothing
 AGREEING = 3  # starts, where no turns say how sure a number is
 SURE = 0.1  # of what lies between 0 and 1: a number that is told is known better
@@ -190,7 +187,7 @@ class _Search:
         self.deviation: dict[int, np.ndarray] = {}
         self.correlation: dict[int, np.ndarray] = {}
         self.budget = budget_s * RATE
-        self.begins = _begins(seed, starts, given.angular, brushes)
+        self.begins = begins(seed, starts, given.angular, brushes)
         self.final: list[int] = []  # attempts that were judged to the end, the best first
         # what fits leave over: noise of sighting is in it, so it is an upper bound
         self.most_wander = EXTRAS["wander"][1]
@@ -253,7 +250,7 @@ class _Search:
         tasks = [
             {"theta": a.theta.tolist(), "extras": a.extras | {"max_turn": limit}, "seed": a.seed}
             for a in best.values()
-            for limit in (10.0, *_turn_limits(self.given.seen))
+            for limit in (10.0, *turn_limits(self.given.seen))
         ]
         found = workers.map(descend, tasks)
         order = sorted(range(len(tasks)), key=lambda k: found[k]["loss"][-1])
@@ -264,7 +261,7 @@ class _Search:
         """The best fits again, to more turns, over a short and a long time; and with the chance they leave over."""
         tasks, parents = [], []
         for parent, found in best:
-            theta, extras = _stronger(found["theta"], found["extras"])
+            theta, extras = stronger(found["theta"], found["extras"])
             for span in SPANS:
                 tasks.append({"theta": theta, "extras": extras, "seed": parent.seed, "rows": MANY, "span": span})
                 parents.append(parent)
@@ -348,7 +345,7 @@ class _Search:
 
     def _evolve_one(self, workers, parent, generations, number, many):
         begin = self.attempts[parent]
-        code = _Code(begin.theta, begin.extras, self.given.angular, self.most_wander)
+        code = Code(begin.theta, begin.extras, self.given.angular, self.most_wander)
         cloud = Evolution(code.numbers, 0.05, GENERATION, (self.seed, 3, number))
         worths, best = [begin.score], None
         for g in range(generations):
@@ -497,81 +494,6 @@ def told_of(theta, spread, deviation=None):
     return told
 
 
-def _stronger(theta, extras):
-    """The same forces by larger weights and a smaller Ω, where all weights are small."""
-    theta, weights = np.array(theta), np.array(theta)[0:9:3]
-    if weights.max() < WEAK:
-        by = 0.5 / weights.max()
-        theta[0:9:3] = np.clip(weights * by, LEAST, 1.0)
-        extras = extras | {"sensitivity": max(extras.get("sensitivity", 10.0) / by, EXTRAS["sensitivity"][0])}
-    return theta.tolist(), extras
-
-
 def _seed(*numbers):
     """A seed for each purpose."""
     return int(np.random.SeedSequence(numbers).generate_state(1)[0])
-
-
-def _turn_limits(clips):
-    """rad/s: how fast all but a few turns are, from `LIMITS`."""
-    seen = [np.abs(clip.sightings.turn) for clip in clips if told_apart(clip)]
-    turns = np.concatenate(seen) if seen else np.zeros(0)
-    turns = turns[np.isfinite(turns)]
-    return [float(np.clip(q, 0.5, 20.0)) for q in np.quantile(turns, LIMITS)] if len(turns) > 100 else []
-
-
-def _begins(seed, starts, angular, brushes):
-    """[(name, theta, extras)]: random ones, and all shipped brushes of the herd model.
-
-    Every second random one sees twice as far.
-    """
-    out = []
-    for k in range(starts):
-        rng = np.random.default_rng([seed, 0, k])
-        theta = rng.uniform(0.02, 1.0, 12)
-        out.append((f"random {k + 1}", theta, {"neighbour_range": SIGHTS[k % 2], "wander": 0.0}))
-    library = shipped()
-    for name in library.names() if brushes else ():
-        brush = library.get(name)
-        if brush.model == "herd" and brush.provenance.kind != "learned":  # perhaps from this very clip
-            out.append((name, theta_of(brush.params), _extras_of(brush.params)))
-    if not angular:
-        out = [(name, np.where(np.arange(12) % 3 == 2, 1.0, theta), extras) for name, theta, extras in out]
-    return out
-
-
-def _extras_of(params):
-    """What a brush says besides the twelve numbers and differs from the defaults in."""
-    usual = type(params)()
-    kept = ("neighbour_range", "wander", "max_turn", "sensitivity", "leader_neighbours", "leader_cone", "unled")
-    return {name: getattr(params, name) for name in kept if getattr(params, name) != getattr(usual, name)} | {
-        "neighbour_range": params.neighbour_range, "wander": params.wander,
-    }  # fmt: skip
-
-
-class _Code:
-    """Parameters as numbers between 0 and 1, and back: nine of theta, and the logarithms of the extras."""
-
-    def __init__(self, theta, extras, angular, most_wander):
-        self.limits = EXTRAS | {"wander": (EXTRAS["wander"][0], most_wander)}
-        self.theta, self.extras = np.array(theta, float), dict(extras)
-        self.free = np.array([k for k in range(9) if angular or k % 3 != 2])
-        usual = params_of(theta, extras)
-        logs = [self._to(name, getattr(usual, name)) for name in EXTRAS]
-        self.numbers = np.concatenate([self.theta[self.free], logs])
-
-    def _to(self, name, value):
-        low, high = self.limits[name]
-        return float(np.clip(np.log(max(value, low) / low) / np.log(high / low), 0.0, 1.0))
-
-    def read(self, numbers):
-        """(theta, extras) as JSON holds them."""
-        theta = self.theta.copy()
-        theta[self.free] = np.clip(numbers[: len(self.free)], LEAST, 1.0)
-        extras = dict(self.extras)
-        for name, x in zip(EXTRAS, numbers[len(self.free) :], strict=True):
-            low, high = self.limits[name]
-            extras[name] = float(low * (high / low) ** x)
-        if extras["wander"] <= 1.2 * EXTRAS["wander"][0]:
-            extras["wander"] = 0.0
-        return theta.tolist(), extras

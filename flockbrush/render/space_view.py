@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 
 from flockbrush.render.body_meshes import SMALLEST, draw_bodies, standing
-from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_herd import EMPTY, DrawnHerd, checked, refuse_nan
 from flockbrush.render.drawn_terrain import nice
 from flockbrush.render.facets import draw_faces, draw_grid, draw_spots, draw_ways, haze_ground, paint_sky
@@ -29,8 +28,8 @@ from flockbrush.render.orbit import OrbitCamera, box_corners
 from flockbrush.render.painter import brush_rgb
 from flockbrush.render.shapes import bilinear
 from flockbrush.render.solid_meshes import stood_up, together
+from flockbrush.render.space_marks import SpaceMarks
 from flockbrush.render.sprites import KINDS, NO_WINGS, look_colours
-from flockbrush.render.strokes import draw_lines, draw_rings
 from flockbrush.render.style import SUN, mix, theme_of
 from flockbrush.render.view_camera import ViewCamera, checked_size
 from flockbrush.render.ways import Ways
@@ -302,10 +301,11 @@ class SpacePainter:
             self._ways(frame, depth, clip, cam, herd, brush, colours)
         row = self._row(told, selected)
         if row is not None:
-            self._stand(frame, clip, herd, bodies, row)
+            marks, long = self._marks(frame), float((herd.length * self._grown(herd, bodies))[row])
+            marks.stand(bodies.xyz[row], long, self.floor)
         self._animals(frame, depth, clip, cam, herd, bodies, brush * KINDS + kind, colours)
         if row is not None:
-            self._ring(frame, clip, herd, bodies, row)
+            marks.ring(self._middles(bodies)[row : row + 1], long)
         self._words(frame, herd, title, time, measures, legend, colours)
         return frame
 
@@ -392,7 +392,7 @@ class SpacePainter:
         order = faces.seen(camera)
         draw_faces(image, depth, clip, cam, faces.corners, order, lit, faces.alphas, self.clear, haze)
         if not self.bare:
-            self._compass(image)
+            self._marks(image).compass(self.spacing)
         if self.backdrop is not None:
             image[:] = self.backdrop
         return image, depth
@@ -467,6 +467,9 @@ class SpacePainter:
 
     # who is selected ------------------------------------------------------------------------
 
+    def _marks(self, frame):
+        return SpaceMarks(frame, self.view, self.camera, self.theme, self.layout.unit)
+
     def _row(self, herd, selected):
         """Row of the selected animal, None if it is not there."""
         if selected is None or herd.ids is None:
@@ -480,53 +483,7 @@ class SpacePainter:
         middles[:, 2] += np.where(bodies.walks, 0.4 * self._lengths, 0.0)
         return middles
 
-    def _stand(self, frame, clip, herd, bodies, row):
-        """A circle on the ground under the selected animal, and a line down to it."""
-        camera, (x, y, z) = self.camera, bodies.xyz[row]
-        turn = np.linspace(0, 2 * np.pi, 49)
-        long = float((herd.length * self._grown(herd, bodies))[row])
-        ring = np.column_stack([x + 0.9 * long * np.cos(turn), y + 0.9 * long * np.sin(turn), 0 * turn + self.floor])
-        if (camera.project(ring)[1] < camera.numbers()[15]).any():
-            return
-        for width, ink, alpha in ((3.0, self.theme.paper, 0.6), (1.4, self.theme.ink, 0.9)):
-            at = camera.pixels(ring)
-            colour = (float(c) for c in ink)
-            draw_lines(frame, clip, np.hstack([at[:-1], at[1:]]), width * self.layout.unit, *colour, alpha)
-        if z - self.floor > 0.5 * long:
-            canvas = Canvas(frame, self.view)
-            ends = camera.pixels([[x, y, self.floor], [x, y, z]])
-            canvas.line(ends, 1.2 * self.layout.unit, self.theme.ink, 0.75, dash=(5, 4))
-
-    def _ring(self, frame, clip, herd, bodies, row):
-        """A ring in the picture around the selected animal."""
-        at, depth = self.camera.project(self._middles(bodies)[row : row + 1])
-        if depth[0] <= self.camera.numbers()[15]:
-            return
-        long = float((herd.length * self._grown(herd, bodies))[row])
-        radius = np.array([max(8.0 * self.layout.unit, 0.95 * long * self.camera.focal / depth[0])])
-        for width, ink, alpha in ((4.4, self.theme.paper, 0.8), (2.0, self.theme.ink, 1.0)):
-            draw_rings(frame, clip, at, radius, width * self.layout.unit, *(float(c) for c in ink), alpha)
-
     # words ------------------------------------------------------------------------------------
-
-    def _compass(self, frame):
-        """Where east, north and up are, and how wide a square of the grid is, in the upper right corner."""
-        theme, unit, camera = self.theme, self.layout.unit, self.camera
-        canvas = Canvas(frame, self.view)
-        long = 26.0 * unit
-        middle = np.array([self.view[2] - 52.0 * unit, self.view[1] + 50.0 * unit])
-        right, up, ahead = camera.axes
-        tips = np.stack([right, -up], axis=1) * long
-        inks = (theme.predator, theme.exit, theme.link)
-        for k in np.argsort(-ahead, kind="stable"):
-            tip = middle + tips[k]
-            canvas.line([middle, tip], 2.2 * unit, inks[k], 0.95)
-            word = middle + tips[k] * 1.42
-            height = max(10, round(12 * unit))
-            canvas.words(("E", "N", "up")[k], word, height, theme.ink, anchor=(0.5, 0.5), halo=theme.paper)
-        text = f"grid {_metres(self.spacing)}"
-        at = (self.view[2] - 52 * unit, self.view[1] + 106.0 * unit)
-        canvas.words(text, at, max(10, round(12 * unit)), theme.ink, anchor=(0.5, 1), halo=theme.paper)
 
     def _words(self, frame, herd, title, time, measures, legend, colours):
         name = getattr(self.level, "name", "") if title is None else title
@@ -538,7 +495,3 @@ class SpacePainter:
 def sky_of(theme):
     """(at the horizon, above) of a theme."""
     return mix(theme.paper, theme.water, 0.30), mix(theme.paper, theme.water, 0.95)
-
-
-def _metres(value):
-    return f"{value:g} m" if value < 1000 else f"{value / 1000:g} km"

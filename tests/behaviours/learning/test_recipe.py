@@ -13,8 +13,9 @@ from flockbrush.learning import workers
 from flockbrush.learning.evolution import Evolution
 from flockbrush.learning.initial_conditions import body_of, speed_of, start_of
 from flockbrush.learning.learned_parameters import Learned
-from flockbrush.learning.recipe import USE, _Code, _setting, learn
+from flockbrush.learning.recipe import USE, _setting, learn
 from flockbrush.learning.rollout import HerdStart, rollout, theta_of
+from flockbrush.learning.search_space import Code
 from flockbrush.learning.trials import attempt, forget, keep, simulate
 from flockbrush.learning.workers import Workers, WorkStopped
 from tests.herd_film import Truth, evidence_of_truth, herd
@@ -197,7 +198,7 @@ def test_two_processes_learn_what_one_does(clip, found):
 
 
 def test_evolution_lets_nobody_wander_by_more_than_the_fits_leave_over():
-    code = _Code(np.full(12, 0.5), {"wander": 0.0}, True, most_wander=0.6)
+    code = Code(np.full(12, 0.5), {"wander": 0.0}, True, most_wander=0.6)
     _, most = code.read(np.ones_like(code.numbers))
     _, least = code.read(np.zeros_like(code.numbers))
     assert most["wander"] == pytest.approx(0.6) and least["wander"] == 0.0

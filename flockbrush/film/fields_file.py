@@ -1,0 +1,109 @@
+"""The npz files that observations are kept in: arrays by name, checked before they are unpacked."""
+
+from __future__ import annotations
+
+import math
+import tokenize
+import zipfile
+import zlib
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from flockbrush.behaviours.tomlfile import check_plain
+from flockbrush.engine import limits
+from flockbrush.engine.problems import Problem, ProblemsError
+
+SCHEMA = "flockbrush.fields/1"
+_UNKNOWN = "is no file of fields"
+
+
+def flat(prefix, thing, leave=()):
+    """{prefix.name: array} of a dataclass; what is None is left out."""
+    values = {f.name: getattr(thing, f.name) for f in fields(thing) if f.name not in leave}
+    return {f"{prefix}.{name}": np.asarray(value) for name, value in values.items() if value is not None}
+
+
+def part_of(data, prefix):
+    """{name: value} of what begins with the prefix; arrays of one value become that value."""
+    chosen = {key[len(prefix) + 1 :]: value for key, value in data.items() if key.startswith(prefix + ".")}
+    return {name: value.item() if value.ndim == 0 else value for name, value in chosen.items()}
+
+
+def write(path, arrays):
+    if sum(array.nbytes for array in arrays.values()) > limits.FIELDS_BYTES:
+        message = f"would be larger than {limits.FIELDS_BYTES.told}; take a part of the clip: --frames FIRST:LAST"
+        raise refused(path, message)
+    with open(path, "wb") as file:
+        np.savez_compressed(file, schema=np.array(SCHEMA), **arrays)
+
+
+def read(path):
+    """Every array of an npz; ProblemsError."""
+    check_plain(path, limits.FIELDS_BYTES)
+    with damage(path), open(path, "rb") as file:
+        _check_members(file)
+        file.seek(0)
+        return _arrays(path, file)
+
+
+def _check_members(file):
+    """ValueError unless the arrays of an npz are as long as they say, and not too much together."""
+    with zipfile.ZipFile(file) as packed:
+        if sum(info.file_size for info in packed.infolist()) > limits.FIELDS_BYTES:
+            raise ValueError(f"it unpacks to more than {limits.FIELDS_BYTES.told}")
+        for info in packed.infolist():
+            with packed.open(info) as member:
+                version = np.lib.format.read_magic(member)
+                read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+                shape, _, kind = read(member)
+                if info.file_size - member.tell() != math.prod(shape) * kind.itemsize:
+                    raise ValueError(f"{info.filename} is not as long as it says")
+
+
+def _arrays(path, file):
+    with np.load(file, allow_pickle=False) as archive:
+        if not hasattr(archive, "files") or "schema" not in archive.files:
+            raise refused(path, f"{_UNKNOWN}: it has no schema; make one with flockbrush fields CLIP")
+        if str(archive["schema"]) != SCHEMA:
+            raise refused(path, f"its schema is {str(archive['schema'])!r}, and {SCHEMA!r} is read here")
+        return {name: archive[name] for name in archive.files}
+
+
+class damage:
+    """Whatever goes wrong while a file is taken apart is told of the file."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, error, trace):
+        if kind is None or not issubclass(kind, _TROUBLE):
+            return False
+        said = str(error).replace("allow_pickle=False", "it").strip("'\"") or kind.__name__
+        raise refused(self.path, f"{_UNKNOWN}, or it is damaged: {said}") from None
+
+
+_TROUBLE = (
+    ValueError, TypeError, LookupError, AttributeError, EOFError, OSError, RecursionError, OverflowError,
+    NotImplementedError, SyntaxError, tokenize.TokenError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+
+
+def packed(picture):
+    import cv2
+
+    return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 92])[1].ravel()
+
+
+def unpacked(path, raw):
+    from flockbrush.film.media import decoded
+
+    return decoded(raw.tobytes(), f"{path}: clip.picture")
+
+
+def refused(path, message):
+    return ProblemsError([Problem(str(Path(path)), None, None, message)])

@@ -1,0 +1,89 @@
+"""Where the search of the recipe begins, and what it may change."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flockbrush.behaviours.brush import shipped
+from flockbrush.learning.herd_views import told_apart
+from flockbrush.learning.rollout import LEAST, params_of, theta_of
+from flockbrush.learning.trials import SIGHTS
+
+WEAK = 0.15  # weights below it are made larger, and Ω smaller: only their product tells, and weights end at 1e-3
+LIMITS = 0.8, 0.9, 0.96, 0.99  # of all turns are slower than a limit of turning that is tried
+EXTRAS = {"wander": (0.01, 3.0), "max_turn": (0.4, 20.0), "sensitivity": (0.05, 100.0)}  # freed, on a logarithmic scale
+
+
+def stronger(theta, extras):
+    """The same forces by larger weights and a smaller Ω, where all weights are small."""
+    theta, weights = np.array(theta), np.array(theta)[0:9:3]
+    if weights.max() < WEAK:
+        by = 0.5 / weights.max()
+        theta[0:9:3] = np.clip(weights * by, LEAST, 1.0)
+        extras = extras | {"sensitivity": max(extras.get("sensitivity", 10.0) / by, EXTRAS["sensitivity"][0])}
+    return theta.tolist(), extras
+
+
+def turn_limits(clips):
+    """rad/s: how fast all but a few turns are, from `LIMITS`."""
+    seen = [np.abs(clip.sightings.turn) for clip in clips if told_apart(clip)]
+    turns = np.concatenate(seen) if seen else np.zeros(0)
+    turns = turns[np.isfinite(turns)]
+    return [float(np.clip(q, 0.5, 20.0)) for q in np.quantile(turns, LIMITS)] if len(turns) > 100 else []
+
+
+def begins(seed, starts, angular, brushes):
+    """[(name, theta, extras)]: random ones, and all shipped brushes of the herd model.
+
+    Every second random one sees twice as far.
+    """
+    out = []
+    for k in range(starts):
+        rng = np.random.default_rng([seed, 0, k])
+        theta = rng.uniform(0.02, 1.0, 12)
+        out.append((f"random {k + 1}", theta, {"neighbour_range": SIGHTS[k % 2], "wander": 0.0}))
+    library = shipped()
+    for name in library.names() if brushes else ():
+        brush = library.get(name)
+        if brush.model == "herd" and brush.provenance.kind != "learned":  # perhaps from this very clip
+            out.append((name, theta_of(brush.params), _extras_of(brush.params)))
+    if not angular:
+        out = [(name, np.where(np.arange(12) % 3 == 2, 1.0, theta), extras) for name, theta, extras in out]
+    return out
+
+
+def _extras_of(params):
+    """What a brush says besides the twelve numbers and differs from the defaults in."""
+    usual = type(params)()
+    kept = ("neighbour_range", "wander", "max_turn", "sensitivity", "leader_neighbours", "leader_cone", "unled")
+    return {name: getattr(params, name) for name in kept if getattr(params, name) != getattr(usual, name)} | {
+        "neighbour_range": params.neighbour_range, "wander": params.wander,
+    }  # fmt: skip
+
+
+class Code:
+    """Parameters as numbers between 0 and 1, and back: nine of theta, and the logarithms of the extras."""
+
+    def __init__(self, theta, extras, angular, most_wander):
+        self.limits = EXTRAS | {"wander": (EXTRAS["wander"][0], most_wander)}
+        self.theta, self.extras = np.array(theta, float), dict(extras)
+        self.free = np.array([k for k in range(9) if angular or k % 3 != 2])
+        usual = params_of(theta, extras)
+        logs = [self._to(name, getattr(usual, name)) for name in EXTRAS]
+        self.numbers = np.concatenate([self.theta[self.free], logs])
+
+    def _to(self, name, value):
+        low, high = self.limits[name]
+        return float(np.clip(np.log(max(value, low) / low) / np.log(high / low), 0.0, 1.0))
+
+    def read(self, numbers):
+        """(theta, extras) as JSON holds them."""
+        theta = self.theta.copy()
+        theta[self.free] = np.clip(numbers[: len(self.free)], LEAST, 1.0)
+        extras = dict(self.extras)
+        for name, x in zip(EXTRAS, numbers[len(self.free) :], strict=True):
+            low, high = self.limits[name]
+            extras[name] = float(low * (high / low) ** x)
+        if extras["wander"] <= 1.2 * EXTRAS["wander"][0]:
+            extras["wander"] = 0.0
+        return theta.tolist(), extras
