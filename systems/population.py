@@ -62,7 +62,6 @@ def give_birth(
         Nothing has been born then.
     """
     land, palette, clock, noise = (world.resource(kind) for kind in (Landscape, Palette, Clock, Noise))
-    agents = world.agents
     index = palette.named(brush)
     asset = palette.brushes[index]
     fauna, number = world.resource(SpeciesList), np.arange(count)
@@ -76,19 +75,14 @@ def give_birth(
     xy, forward = place(
         polygon, count, 2 * (axis + radius), radius, heading, formation, noise.key(stream, clock.tick),
         land.walls_within(2 * reach), land.blocked, land.cell,
-        _bodies(agents, land.wrap, float(length.max(initial=0.0))), outlines(land.solids), _inset(land, reach),
+        _bodies(world.agents, land.wrap, float(length.max(initial=0.0))), outlines(land.solids), _inset(land, reach),
     )  # fmt: skip
     land.see_to(float(length.max(initial=0.0) * palette.view_range.max()))
-    spread = asset.speed.deviation / np.sqrt(2 * asset.speed.reversion)
     chance = noise.normal(stream + " speed", clock.tick, number)[:, 0]
-    drawn = np.maximum(pace * asset.speed.mean + spread * chance, 0.0) * length
-    if speed is not None:
-        drawn[:] = speed
-    flat = land.relief.shape[:2] == (1, 1)
-    z = np.array([0.0 if flat else height_of_ground(land.relief, land.relief_cell, x, y) for x, y in xy]) + altitude
+    drawn = np.full(count, float(speed)) if speed is not None else _speeds(asset, pace, chance) * length
+    xyz = np.column_stack([xy, _heights(land, xy) + altitude])
     if depth > 0.0:
-        z += depth * noise.uniform(stream + " height", clock.tick, number)[:, 0]
-    xyz = np.column_stack([xy, z])
+        xyz[:, 2] += depth * noise.uniform(stream + " height", clock.tick, number)[:, 0]
     if palette.flies[index]:
         _clear_of_solids(xyz, float(radius.max(initial=0.0)), land.sky)
     stands = palette.flies_free[index] and known is not None and known.fly.slowest > 0.0 and altitude == 0.0 == depth
@@ -108,14 +102,25 @@ def give_birth(
             Transit.kind: TAKING_OFF if stands else SETTLED,
             Vision.range: asset.vision.range * length,
             Vision.field_of_view: np.radians(asset.vision.field_of_view),
-            BrushBinding.brush: index,
-            BrushBinding.previous: index,
-            BrushBinding.home: index,
+            **dict.fromkeys((BrushBinding.brush, BrushBinding.previous, BrushBinding.home), index),
             Speed.drawn: drawn,
             Speed.target: drawn,
             Destination.goal: 0 if land.goals else -1,
         },
     )
+
+
+def _speeds(asset, pace, chance):
+    """Body lengths a second, (n,): from the spread of the brush, by a standard normal number for each."""
+    spread = asset.speed.deviation / np.sqrt(2 * asset.speed.reversion)
+    return np.maximum(pace * asset.speed.mean + spread * chance, 0.0)
+
+
+def _heights(land, xy):
+    """m, (n,): of the ground."""
+    if land.relief.shape[:2] == (1, 1):
+        return np.zeros(len(xy))
+    return np.array([height_of_ground(land.relief, land.relief_cell, x, y) for x, y in xy])
 
 
 def body_of(brush, species):

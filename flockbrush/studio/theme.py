@@ -6,6 +6,7 @@ import math
 import os
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import pygame
 
@@ -101,118 +102,177 @@ def px(scale: float, size: float) -> int:
     return max(1, round(size * scale))
 
 
+class _Kit(NamedTuple):
+    """What the looks of controls are put together from."""
+
+    c: Chrome
+    scale: float
+    usual: dict  # font, told to each kind: they do not inherit its size
+    flat: dict
+    edged: dict
+    square: dict
+    symbols: dict
+    bare: dict
+    bars: dict
+
+
+def _kit(theme, scale):
+    c = chrome(theme)
+    flat = {"shape": "rounded_rectangle", "shape_corner_radius": str(px(scale, 4)), "shadow_width": "0"}
+    return _Kit(
+        c, scale,
+        usual={"name": "noto_sans", "size": str(px(scale, 14))},
+        flat=flat,
+        edged=flat | {"border_width": "1"},
+        square={"shape": "rectangle", "shadow_width": "0", "border_width": "0"},
+        symbols={"font": {"name": "fira_code_symbols", "size": str(px(scale, 11))}},
+        bare={"normal_bg": hexed(c.panel, 0), "normal_border": hexed(c.panel, 0)},
+        bars={"misc": flat | {"border_width": "0", "enable_arrow_buttons": "0"}},
+    )  # fmt: skip
+
+
 def look(theme: Theme, scale: float) -> dict:
     """The theme of pygame_gui for a theme of the pictures and a scale."""
-    c = chrome(theme)
-    usual = {"name": "noto_sans", "size": str(px(scale, 14))}  # told to each kind: they do not inherit its size
-    flat = {"shape": "rounded_rectangle", "shape_corner_radius": str(px(scale, 4)), "shadow_width": "0"}
-    edged = flat | {"border_width": "1"}
-    square = {"shape": "rectangle", "shadow_width": "0", "border_width": "0"}
-    symbols = {"font": {"name": "fira_code_symbols", "size": str(px(scale, 11))}}
-    bare = {"normal_bg": hexed(c.panel, 0), "normal_border": hexed(c.panel, 0)}
-    bars = {"misc": flat | {"border_width": "0", "enable_arrow_buttons": "0"}}
+    kit = _kit(theme, scale)
+    return _texts(kit) | _buttons(kit) | _containers(kit) | _windows(kit)
+
+
+def _texts(kit):
+    """Words and headings."""
     return {
-        "defaults": {"colours": _colours(c), "font": usual},
-        "label": {"font": usual, "colours": {"dark_bg": hexed(c.panel, 0)}, "misc": {"text_horiz_alignment": "left"}},
-        "@title": {"font": {"name": "noto_sans", "size": str(px(scale, 15)), "bold": "1"}},
+        "defaults": {"colours": _colours(kit.c), "font": kit.usual},
+        "label": {
+            "font": kit.usual,
+            "colours": {"dark_bg": hexed(kit.c.panel, 0)},
+            "misc": {"text_horiz_alignment": "left"},
+        },
+        "@title": {"font": {"name": "noto_sans", "size": str(px(kit.scale, 15)), "bold": "1"}},
         "@heading": {
-            "font": {"name": "noto_sans", "size": str(px(scale, 12)), "bold": "1"},
-            "colours": {"normal_text": hexed(c.muted)},
+            "font": {"name": "noto_sans", "size": str(px(kit.scale, 12)), "bold": "1"},
+            "colours": {"normal_text": hexed(kit.c.muted)},
         },
-        "@muted": {"font": _small(scale), "colours": {"normal_text": hexed(c.muted)}},
+        "@muted": {"font": _small(kit.scale), "colours": {"normal_text": hexed(kit.c.muted)}},
         "@value": {
-            "font": _small(scale),
-            "colours": {"normal_text": hexed(c.ink)},
+            "font": _small(kit.scale),
+            "colours": {"normal_text": hexed(kit.c.ink)},
             "misc": {"text_horiz_alignment": "right"},
         },
-        "@right": {"font": usual, "misc": {"text_horiz_alignment": "right"}},
-        "@note": {"font": _small(scale), "colours": {"normal_text": hexed(c.muted), "dark_bg": hexed(c.panel, 0)}},
+        "@right": {"font": kit.usual, "misc": {"text_horiz_alignment": "right"}},
+        "@note": {
+            "font": _small(kit.scale),
+            "colours": {"normal_text": hexed(kit.c.muted), "dark_bg": hexed(kit.c.panel, 0)},
+        },
         "@note_right": {
-            "font": _small(scale),
-            "colours": {"normal_text": hexed(c.muted)},
+            "font": _small(kit.scale),
+            "colours": {"normal_text": hexed(kit.c.muted)},
             "misc": {"text_horiz_alignment": "right"},
         },
-        "@clear": {"colours": {"dark_bg": hexed(c.panel)}},
-        "@page": {"font": _small(scale), "colours": {"dark_bg": hexed(c.panel)}},
-        "@panel_row": {"font": _small(scale)},
+        "@clear": {"colours": {"dark_bg": hexed(kit.c.panel)}},
+        "@page": {"font": _small(kit.scale), "colours": {"dark_bg": hexed(kit.c.panel)}},
+        "@panel_row": {"font": _small(kit.scale)},
+    }
+
+
+def _buttons(kit):
+    """Buttons of all kinds."""
+    return {
         "button": {
-            "font": usual,
-            "misc": edged | {"text_horiz_alignment_padding": str(px(scale, 8)), "tool_tip_delay": "0.6"},
+            "font": kit.usual,
+            "misc": kit.edged | {"text_horiz_alignment_padding": str(px(kit.scale, 8)), "tool_tip_delay": "0.6"},
         },
-        "@tool": {"misc": edged | {"text_horiz_alignment_padding": "0"}, "colours": bare},
-        "@plain": {"misc": edged, "colours": bare},
-        "@tab": {"misc": square, "font": _small(scale), "colours": bare | _tab(c)},
+        "@tool": {"misc": kit.edged | {"text_horiz_alignment_padding": "0"}, "colours": kit.bare},
+        "@plain": {"misc": kit.edged, "colours": kit.bare},
+        "@tab": {"misc": kit.square, "font": _small(kit.scale), "colours": kit.bare | _tab(kit.c)},
         "@small_button": {
-            "misc": edged | {"text_horiz_alignment_padding": str(px(scale, 4))},
-            "font": _small(scale),
+            "misc": kit.edged | {"text_horiz_alignment_padding": str(px(kit.scale, 4))},
+            "font": _small(kit.scale),
         },
-        "@primary": {"colours": _primary(c)},
+        "@primary": {"colours": _primary(kit.c)},
         "@swatch": {
-            "misc": edged
+            "misc": kit.edged
             | {
                 "text_vert_alignment": "bottom",
-                "text_vert_alignment_padding": str(px(scale, 3)),
+                "text_vert_alignment_padding": str(px(kit.scale, 3)),
                 "text_horiz_alignment_padding": "1",
             },
-            "font": {"name": "noto_sans", "size": str(px(scale, 12))},
-            "colours": bare | {"selected_bg": hexed(mix(c.panel, c.accent, 0.28)), "selected_text": hexed(c.ink)},
+            "font": {"name": "noto_sans", "size": str(px(kit.scale, 12))},
+            "colours": kit.bare
+            | {"selected_bg": hexed(mix(kit.c.panel, kit.c.accent, 0.28)), "selected_text": hexed(kit.c.ink)},
         },
-        "panel": {"misc": square, "colours": {"dark_bg": hexed(c.panel), "normal_border": hexed(c.border)}},
-        "@bar": {"colours": {"dark_bg": hexed(c.bar)}},
-        "@card": {"misc": edged, "colours": {"dark_bg": hexed(c.raised)}},
-        "scrolling_container": {"colours": {"dark_bg": hexed(c.panel, 0)}},
+    }
+
+
+def _containers(kit):
+    """Panels, sliders, menus, lists and fields."""
+    return {
+        "panel": {"misc": kit.square, "colours": {"dark_bg": hexed(kit.c.panel), "normal_border": hexed(kit.c.border)}},
+        "@bar": {"colours": {"dark_bg": hexed(kit.c.bar)}},
+        "@card": {"misc": kit.edged, "colours": {"dark_bg": hexed(kit.c.raised)}},
+        "scrolling_container": {"colours": {"dark_bg": hexed(kit.c.panel, 0)}},
         "horizontal_slider": {
-            "misc": flat
-            | {"border_width": "0", "enable_arrow_buttons": "0", "sliding_button_width": str(px(scale, 14))}
+            "misc": kit.flat
+            | {"border_width": "0", "enable_arrow_buttons": "0", "sliding_button_width": str(px(kit.scale, 14))}
         },
-        "horizontal_slider.button": {"misc": edged},
-        "horizontal_slider.#sliding_button": {"misc": edged, "colours": _knob(c)},
-        "vertical_scroll_bar": bars,
-        "vertical_scroll_bar.#sliding_button": {"misc": flat | {"border_width": "0"}, "colours": _thumb(c)},
-        "horizontal_scroll_bar": bars,
-        "horizontal_scroll_bar.#sliding_button": {"misc": flat | {"border_width": "0"}, "colours": _thumb(c)},
-        "drop_down_menu": {"misc": edged | {"expand_direction": "down", "open_button_width": str(px(scale, 18))}},
+        "horizontal_slider.button": {"misc": kit.edged},
+        "horizontal_slider.#sliding_button": {"misc": kit.edged, "colours": _knob(kit.c)},
+        "vertical_scroll_bar": kit.bars,
+        "vertical_scroll_bar.#sliding_button": {"misc": kit.flat | {"border_width": "0"}, "colours": _thumb(kit.c)},
+        "horizontal_scroll_bar": kit.bars,
+        "horizontal_scroll_bar.#sliding_button": {"misc": kit.flat | {"border_width": "0"}, "colours": _thumb(kit.c)},
+        "drop_down_menu": {
+            "misc": kit.edged | {"expand_direction": "down", "open_button_width": str(px(kit.scale, 18))}
+        },
         "@up": {"misc": {"expand_direction": "up"}},
-        "drop_down_menu.button": {"misc": flat | {"border_width": "0"}, "font": _small(scale)},
-        "drop_down_menu.#expand_button": symbols,
+        "drop_down_menu.button": {"misc": kit.flat | {"border_width": "0"}, "font": _small(kit.scale)},
+        "drop_down_menu.#expand_button": kit.symbols,
         "drop_down_menu.#selected_option": {
-            "misc": flat | {"border_width": "0", "text_horiz_alignment": "left"},
-            "font": _small(scale),
+            "misc": kit.flat | {"border_width": "0", "text_horiz_alignment": "left"},
+            "font": _small(kit.scale),
         },
-        "selection_list": {"misc": edged | {"list_item_height": str(px(scale, 24))}},
-        "selection_list.button": {"misc": square, "font": _small(scale)},
-        "text_entry_line": {"misc": edged | {"padding": f"{px(scale, 5)},{px(scale, 3)}"}, "font": _small(scale)},
+        "selection_list": {"misc": kit.edged | {"list_item_height": str(px(kit.scale, 24))}},
+        "selection_list.button": {"misc": kit.square, "font": _small(kit.scale)},
+        "text_entry_line": {
+            "misc": kit.edged | {"padding": f"{px(kit.scale, 5)},{px(kit.scale, 3)}"},
+            "font": _small(kit.scale),
+        },
         "text_box": {
-            "font": usual,
-            "misc": square | {"padding": f"{px(scale, 6)},{px(scale, 4)}"},
-            "colours": {"dark_bg": hexed(c.panel)},
+            "font": kit.usual,
+            "misc": kit.square | {"padding": f"{px(kit.scale, 6)},{px(kit.scale, 4)}"},
+            "colours": {"dark_bg": hexed(kit.c.panel)},
         },
+    }
+
+
+def _windows(kit):
+    """Windows, and what stands above others."""
+    return {
         "window": {
             "misc": {
                 "shape": "rectangle",
-                "shadow_width": str(px(scale, 10)),
+                "shadow_width": str(px(kit.scale, 10)),
                 "border_width": "1",
-                "title_bar_height": str(px(scale, 32)),
+                "title_bar_height": str(px(kit.scale, 32)),
             },
-            "colours": {"dark_bg": hexed(c.panel), "normal_border": hexed(c.border)},
+            "colours": {"dark_bg": hexed(kit.c.panel), "normal_border": hexed(kit.c.border)},
         },
         "window.#title_bar": {
-            "misc": square | {"text_horiz_alignment": "left", "text_horiz_alignment_padding": str(px(scale, 10))},
-            "font": {"name": "noto_sans", "size": str(px(scale, 14)), "bold": "1"},
-            "colours": {name: hexed(c.bar) for name in ("normal_bg", "hovered_bg", "active_bg", "selected_bg")}
-            | {"active_text": hexed(c.ink)},
+            "misc": kit.square
+            | {"text_horiz_alignment": "left", "text_horiz_alignment_padding": str(px(kit.scale, 10))},
+            "font": {"name": "noto_sans", "size": str(px(kit.scale, 14)), "bold": "1"},
+            "colours": {name: hexed(kit.c.bar) for name in ("normal_bg", "hovered_bg", "active_bg", "selected_bg")}
+            | {"active_text": hexed(kit.c.ink)},
         },
-        "window.#close_button": symbols | {"misc": square},
-        "tool_tip": {"misc": {"rect_width": str(px(scale, 260))}},
+        "window.#close_button": kit.symbols | {"misc": kit.square},
+        "tool_tip": {"misc": {"rect_width": str(px(kit.scale, 260))}},
         "tool_tip.text_box": {
-            "misc": edged | {"padding": f"{px(scale, 8)},{px(scale, 6)}"},
-            "font": _small(scale),
-            "colours": {"dark_bg": hexed(c.raised), "normal_border": hexed(c.border)},
+            "misc": kit.edged | {"padding": f"{px(kit.scale, 8)},{px(kit.scale, 6)}"},
+            "font": _small(kit.scale),
+            "colours": {"dark_bg": hexed(kit.c.raised), "normal_border": hexed(kit.c.border)},
         },
-        "progress_bar": {"misc": flat | {"border_width": "0"}},
-        "check_box": {"misc": edged, "font": {"name": "fira_code_symbols", "size": str(px(scale, 13))}},
-        "check_box.label": {"font": _small(scale)},
-    }  # fmt: skip
+        "progress_bar": {"misc": kit.flat | {"border_width": "0"}},
+        "check_box": {"misc": kit.edged, "font": {"name": "fira_code_symbols", "size": str(px(kit.scale, 13))}},
+        "check_box.label": {"font": _small(kit.scale)},
+    }
 
 
 def _small(scale):
