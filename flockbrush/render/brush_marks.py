@@ -48,11 +48,12 @@ def contrast(one, other) -> float:
 
 
 @cache
-def _shipped() -> dict:
+def _shipped() -> dict[str, tuple[int, Colour]]:
     """{name: (pattern, colour)} of the brushes that come with Flockbrush."""
     from flockbrush.behaviours.brush import shipped
 
-    library, found = shipped(), {}
+    library = shipped()
+    found: dict[str, tuple[int, Colour]] = {}
     for name in sorted(library.names()):
         colour = rgb(library.get(name).colour)
         found[name] = _freest(colour, found.values()), colour
