@@ -46,6 +46,7 @@ HERE = Path(__file__).resolve().parent
 FLAGS = ("-O3", "-march=native", "-ffast-math", "-fopenmp", "-std=c++17")
 OWN, REACH, SEPARATION = 0.2, 5.0, 3.0  # m; the first is a body length
 LINK = 4.0  # m; birds nearer than this are of one part
+SOON = 30.0  # s
 WHOLE = 0.9  # a flock with a smaller share of its birds in one piece is torn
 IN_RANGE = 13.5  # others in the ball: 12 of them in the cone of 300 degrees
 
@@ -167,6 +168,8 @@ def pillars(seeds, first, way, ticks=1280):
     print(f"{seeds} flocks: {(room < 0).sum()} with a bird inside an obstacle, least room {room.min():.7f} m;")
     print(f"  {touched.mean():.3f} of the birds came to touch one; {through.mean():.3f} got through;")
     print(f"  {split.sum()} were torn, of these {again.sum()} were one again at the end")
+    soon = ~split | (joined - np.where(split, torn, 0.0) <= SOON)
+    print(f"  {soon.sum()} of {seeds} were whole, or one again within {SOON:g} s")
     if again.any():
         wait = joined[again] - torn[again]
         print(f"  (half of them within {np.median(wait):.1f} s, nine tenths within {np.quantile(wait, 0.9):.1f} s);")
