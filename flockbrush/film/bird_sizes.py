@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 LEAST_AREA = 6  # pixels: below, noise
-GAP = 0.4  # of the longer of two pieces: farther apart they are not one bird
+GAP, SHORT_GAP = 0.4, 1.2  # of the longer and of the shorter of two pieces: farther apart they are not one bird
 MOST_PIECES = 600  # patches: with more, pieces are not joined, which would take long and be chance
 SOLID = 0.3  # part of its convex hull that a bird fills
 THIN = 12.0  # longer than this for its width: a wire, a twig
@@ -124,8 +124,8 @@ def _linked(patches):
             if b == a or (spans[b], b) > (spans[a], a):  # the longer one looks for the shorter
                 continue
             gap = float(cdist(patches[a].points[::2], patches[b].points[::2]).min())
-            if gap <= GAP * spans[a] + 1.0:
-                near.append((gap / spans[a], a, b))
+            if gap <= min(GAP * spans[a], SHORT_GAP * spans[b]) + 1.0:
+                near.append((gap / spans[b], a, b))
     top = list(range(len(patches)))  # the join that each patch is in
     for _, a, b in sorted(near):
         one, other = top[a], top[b]

@@ -229,6 +229,9 @@ def drawn(kind, seed=1):
     if kind == "over a twelfth":
         at = drawn_skies.in_a_v(5, 70, (560, 240))
         return drawn_skies.photograph(at, 70, seed), at, 70
+    if kind == "pale bodies, branches":
+        at = drawn_skies.in_a_v(8, 24, (330, 240), heading=90)
+        return drawn_skies.branches(drawn_skies.photograph(at, 24, 2, heading=90, body="sky"), 2), at, 24
     if kind in ("pale bodies", "white bodies"):
         at = drawn_skies.in_a_v(9, 40, (560, 240))
         return drawn_skies.photograph(at, 40, seed, body="sky" if kind == "pale bodies" else 250), at, 40
@@ -249,6 +252,7 @@ def drawn(kind, seed=1):
         ("large moon", "1 larger than a bird, at 80,60"),
         ("faint, moon", "1 larger than a bird, at 80,60"),
         ("branches", "larger than a bird"),
+        ("pale bodies, branches", "than a bird"),
     ],
 )
 def test_each_bird_of_a_drawn_sky_is_one_bird(kind, said):
