@@ -1,5 +1,7 @@
 """Seconds of the first `flockbrush run` after installing, with nothing compiled: one process, all cores, and warm.
 
+Beside them the processor's time of all processes, and how many kernels were compiled: on a busy machine read these.
+
 Run with::
 
     python benchmarks/cold_start.py [LEVEL]
@@ -13,17 +15,20 @@ import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 
 from flockbrush.cli.bench import machine
 
 
 def seconds(level, folder, threads):
-    """Wall seconds of a run of one tick, with kernels in a folder."""
+    """Wall and CPU seconds of a run of one tick, with kernels in a folder."""
     environment = os.environ | {"NUMBA_CACHE_DIR": folder, "FLOCKBRUSH_THREADS": str(threads)}
-    begin = time.perf_counter()
+    begin, before = time.perf_counter(), os.times()
     command = [sys.executable, "-m", "flockbrush", "run", level, "--ticks", "1"]
     subprocess.run(command, env=environment, stdout=subprocess.DEVNULL, check=True)
-    return time.perf_counter() - begin
+    after = os.times()
+    cpu = after.children_user + after.children_system - before.children_user - before.children_system
+    return time.perf_counter() - begin, cpu
 
 
 def main():
@@ -33,12 +38,13 @@ def main():
     rows = []
     for threads in (1, cores):
         with tempfile.TemporaryDirectory() as folder:
-            cold = seconds(level, folder, threads)
-            rows.append((threads, cold, seconds(level, folder, threads)))
+            cold, cpu = seconds(level, folder, threads)
+            kernels = sum(1 for _ in Path(folder).rglob("*.nbc"))
+            rows.append((threads, cold, seconds(level, folder, threads)[0], cpu, kernels))
     print(f"first run of {level}")
-    print(f"{'cores':>6} {'cold, s':>9} {'warm, s':>9} {'of one core':>12}")
-    for threads, cold, warm in rows:
-        print(f"{threads:>6} {cold:>9.1f} {warm:>9.1f} {cold / rows[0][1]:>12.2f}")
+    print(f"{'cores':>6} {'cold, s':>9} {'warm, s':>9} {'of one core':>12} {'CPU, s':>9} {'kernels':>8}")
+    for threads, cold, warm, cpu, kernels in rows:
+        print(f"{threads:>6} {cold:>9.1f} {warm:>9.1f} {cold / rows[0][1]:>12.2f} {cpu:>9.1f} {kernels:>8}")
     print(machine())
 
 

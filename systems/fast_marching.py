@@ -53,7 +53,7 @@ def march_(seeds, slowness, limit, targets):
         wanted[(c // nx + 1) * wide + c % nx + 1] = True
     missing = wanted.sum() if len(targets) else -1
     # a cell is put on the heap as a seed and once by each neighbour at most; memory that stays unused costs nothing
-    times, cells, size = np.empty(5 * slow.size), np.empty(5 * slow.size, np.int64), 0
+    times, cells, size = np.empty(5 * slow.size), np.empty(5 * slow.size, np.int64), np.int64(0)
     for c in range(slow.size):
         if first[c] < np.inf and first[c] <= limit and slow[c] < np.inf:
             rise_(times, cells, size, first[c], c)
@@ -148,7 +148,7 @@ def replace_first_(keys, items, size, key, item):
 
     The gap goes down to a leaf first, and the item up from there: it was the last, so it rarely rises far.
     """
-    i = 0
+    i = np.int64(0)
     while 2 * i + 2 < size:
         below = 2 * i + 1
         below += keys[below + 1] < keys[below]

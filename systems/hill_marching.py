@@ -47,7 +47,7 @@ def march_on_hills_(seeds, slowness, height, cell):
     slow, first, up = rimmed_(slowness), rimmed_(seeds), rimmed_(height)
     known, way = np.full(slow.size, np.inf), np.zeros((slow.size, 2))
     # a cell is put on the heap as a seed and once by each neighbour at most
-    keys, cells, size = np.empty(9 * slow.size), np.empty(9 * slow.size, np.int64), 0
+    keys, cells, size = np.empty(9 * slow.size), np.empty(9 * slow.size, np.int64), np.int64(0)
     for c in range(slow.size):
         if first[c] < np.inf and slow[c] < np.inf:
             rise_(keys, cells, size, first[c], c)

@@ -102,7 +102,7 @@ def _pace(
         b = brush[i]
         v = drawn[i]
         v += -reversion[b] * (v - own[i] * mean[b] * length[i]) * dt + deviation[b] * length[i] * root * normal_(
-            key, ids[i], 0
+            key, ids[i], np.int64(0)
         )
         drawn[i] = max(v, 0.0)  # eq. 6, no walking backwards
         ease = _look_up(table, table_first[b], table_first[b + 1], density[i])
@@ -165,7 +165,7 @@ def pause(
         changes = uniform_(key, ids[i], 0) < rate * dt / (1.0 + 0.5 * rate * dt)
         if changes and was[i] <= 0.0:
             spread = deviation[b] / np.sqrt(2.0 * reversion[b]) * length[i]
-            drawn[i] = max(usual + spread * normal_(key, ids[i], 1), CRAWL * usual)
+            drawn[i] = max(usual + spread * normal_(key, ids[i], np.int64(1)), CRAWL * usual)
         elif changes or was[i] <= 0.0:
             drawn[i] = target[i] = 0.0
         else:

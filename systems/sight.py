@@ -293,7 +293,7 @@ def _add_rings(inner, outer, width, widest, n, at, plain, dense, near, bodies, r
         rings[3 * m], outers2[m] = plain, high2
         plain = at = _add_bodies(at, low2, high2, -1.0, high2, n, dense, widest > 0.0, near, bodies)
         if widest > 0.0:
-            at = _add_bodies(at, low2, high2, high2, np.inf, n, dense, True, near, bodies)
+            at = _add_bodies(at, low2, high2, high2, np.inf, n, dense, widest > 0.0, near, bodies)
         rings[3 * m + 1], rings[3 * m + 2] = plain, at
     return steps, at, plain
 
@@ -306,7 +306,7 @@ def _covered_by(old, new, steps, n, i, cosine, cells, bodies, rings, rims):
     """
     if new == 0:
         return 1
-    n = uncovered(n, 0, old, new, bodies, rims)
+    n = uncovered(n, np.int64(0), old, new, bodies, rims)
     first = n
     n = left_rims(n, old, new, cells.fx[i], cells.fy[i], cosine, bodies, rims)
     for m in range(steps + 1):

@@ -216,7 +216,7 @@ def herd_kernel(
     direction,
 ):  # fmt: skip
     """The next heading of each row asked (eqs. 2-5); neighbours by row."""
-    most = 1
+    most = np.int64(1)  # a plain 1 is a type of its own, for which numba would compile `_room` once more
     for k in range(lo, hi):
         most = max(most, first[rows[k] + 1] - first[rows[k]])
     heeded = np.empty((5, _room(lo, hi, rows, most, obstacle_first)))
@@ -236,7 +236,7 @@ def herd_kernel_by_slot(
     direction,
 ):  # fmt: skip
     """The same, with the same bits; neighbours by slot (`flockbrush.behaviours.behaviour.BySlot`)."""
-    most = 1
+    most = np.int64(1)  # a plain 1 is a type of its own, for which numba would compile `_room` once more
     for k in range(lo, hi):
         most = max(most, count[rows[k]])
     heeded = np.empty((5, _room(lo, hi, rows, most, obstacle_first)))
@@ -272,7 +272,7 @@ def _by_row(
     rule = pointer(weight), pointer(radial), pointer(angular), dt * sensitivity, dt * slope_aversion
     for k in range(lo, hi):
         i = rows[k]
-        per_length, n = 1.0 / length[i], 0
+        per_length, n = 1.0 / length[i], np.int64(0)
         for at in range(first[i], first[i + 1]):
             j, dx, dy = near[at], offset[at, 0] * per_length, offset[at, 1] * per_length
             kin = 1.0 if species[j] == species[i] else 0.0
@@ -298,7 +298,7 @@ def _by_slot(
     herd = pointer(x), pointer(y), pointer(fx), pointer(fy), pointer(kind), pointer(seen)
     for k in range(lo, hi):
         i = rows[k]
-        n, s, per_length = 0, slot[i], 1.0 / length[i]
+        n, s, per_length = np.int64(0), slot[i], 1.0 / length[i]
         if count[i] > 0:
             px, py, pu, pv, pk, who = herd
             for at in range(begin[s], begin[s] + count[i]):
