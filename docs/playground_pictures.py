@@ -18,7 +18,6 @@ from flockbrush.studio.app import App
 from flockbrush.studio.session import Session
 
 HERE = Path(__file__).parent
-PANELS = {"brush": 0, "animal": 1, "view": 2, "charts": 3, "profile": 4}
 
 
 class Stage:
@@ -63,7 +62,7 @@ class Stage:
         self.post(pygame.MOUSEMOTION, pos=self.at(xy), rel=(0, 0), buttons=(0, 0, 0))
 
     def panel(self, name):
-        self.app.column.show(PANELS[name])
+        self.app.column.show_titled(name.capitalize())
 
     def select(self, brush, near):
         """Look closely at the animal of a brush that is nearest to a place."""
@@ -147,7 +146,8 @@ def space(level, theme, seconds, closer=1.0, turn=0.0, over=0.0, overlays=()):
     """A herd in space, from where one sees it well."""
     stage = Stage(level, theme, seconds=seconds)
     stage.app.overlays |= set(overlays)
-    stage.app.toggle_space()
+    if not stage.app.canvas.in_space:  # levels of birds open in space
+        stage.app.toggle_space()
     canvas = stage.app.canvas
     canvas.look(canvas.camera.turned(np.radians(turn), np.radians(over)).zoomed(closer))
     stage.live(1)  # trails in space begin when one looks
