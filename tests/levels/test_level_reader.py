@@ -1,12 +1,8 @@
 """What a designer draws is what the animals get, and what cannot be is told in words."""
 
-import base64
-import gzip
 import json
 import math
 import struct
-import tracemalloc
-import zlib
 
 import cv2
 import flockbrush.systems.gusts  # noqa: F401  a command
@@ -15,13 +11,9 @@ import pytest
 from flockbrush.engine import limits
 from flockbrush.engine.commands import COMMANDS
 from flockbrush.engine.problems import ProblemsError
-from flockbrush.levels.geometry import signed_area
 from flockbrush.levels.reader import read_level_files
 from small_level import (
     GRASS,
-    MARCH,
-    PLAIN,
-    SLOW,
     WALL,
     Shelf,
     herd,
@@ -35,156 +27,12 @@ from small_level import (
     read,
     thing,
     tiles,
-    tileset,
     with_objects,
 )
 
 
 def png(picture):
     return cv2.imencode(".png", picture)[1].tobytes()
-
-
-class TestShapes:
-    """Pitfall 1: y is down and rotation clockwise in Tiled, offsets and groups add up."""
-
-    def test_the_north_west_corner_of_tiled_is_the_top_of_our_y(self):
-        spawn = read(level()).spawns[0]
-        assert spawn.polygon.min(axis=0) == pytest.approx([4, 4])  # 32 px = 2 tiles = 4 m; 20 - (32+96)/16*2 = 4
-        assert spawn.polygon.max(axis=0) == pytest.approx([20, 16])
-
-    def test_every_area_is_counter_clockwise_however_it_was_drawn(self):
-        corners = [(0, 0), (32, 0), (32, 32), (0, 16)]
-        for points in (corners, corners[::-1]):
-            rock = thing(2, "Obstacle", 16, 16, extra=polygon(*points))
-            shape = read(with_objects("obstacles", rock)).obstacles[0].polygon
-            assert signed_area(shape) == pytest.approx(12)  # 768 px^2 at 64 px^2 a m^2
-
-    def test_a_polyline_keeps_its_direction_and_starts_at_its_origin(self):
-        arrow = thing(2, "Guide", 16, 144, extra=polyline((0, 0), (128, -64)))
-        assert read(with_objects("guides", arrow)).guides[0].points == pytest.approx(np.array([(2, 2), (18, 10)]))
-
-    def test_rotation_is_clockwise_about_the_top_left_corner(self):
-        rock = thing(2, "Obstacle", 80, 80, 32, 16, extra={"rotation": 90})
-        shape = read(with_objects("obstacles", rock)).obstacles[0].polygon
-        assert shape.min(axis=0) == pytest.approx([8, 6])  # turned down and to the left of (10, 10) m
-        assert shape.max(axis=0) == pytest.approx([10, 10])
-
-    def test_a_quarter_turn_in_two_eighths_agrees_with_one_in_a_quarter(self):
-        rock = thing(2, "Obstacle", 80, 80, 32, 32, extra={"rotation": 45})
-        shape = read(with_objects("obstacles", rock)).obstacles[0].polygon
-        diagonal = 4 * math.sqrt(2)
-        assert shape.min(axis=0) == pytest.approx([10 - diagonal / 2, 10 - diagonal])
-        assert shape.max(axis=0) == pytest.approx([10 + diagonal / 2, 10])
-
-    def test_a_tile_object_stands_on_its_bottom_left_corner(self):
-        rock = thing(2, "Obstacle", 80, 80, 32, 16, extra={"gid": GRASS})
-        shape = read(with_objects("obstacles", rock)).obstacles[0].polygon
-        assert shape.min(axis=0) == pytest.approx([10, 10])
-        assert shape.max(axis=0) == pytest.approx([14, 12])
-
-    def test_a_tileset_may_centre_its_tile_objects(self):
-        document = with_objects("obstacles", thing(2, "Obstacle", 80, 80, 32, 16, extra={"gid": 0x80000000 | GRASS}))
-        document["tilesets"][0]["objectalignment"] = "center"
-        assert read(document).obstacles[0].polygon.mean(axis=0) == pytest.approx([10, 10])
-
-    def test_an_ellipse_is_a_polygon_that_touches_its_box(self):
-        pond = thing(2, "Obstacle", 16, 16, 64, 32, extra={"ellipse": True})
-        shape = read(with_objects("obstacles", pond)).obstacles[0].polygon
-        assert len(shape) == 32
-        assert shape.min(axis=0) == pytest.approx([2, 14])
-        assert shape.max(axis=0) == pytest.approx([10, 18])
-        assert signed_area(shape) == pytest.approx(math.pi * 4 * 2, rel=0.01)
-
-    def test_a_capsule_is_a_box_with_round_ends(self):
-        log = thing(2, "Obstacle", 16, 16, 64, 16, extra={"capsule": True})
-        shape = read(with_objects("obstacles", log)).obstacles[0].polygon
-        assert shape.max(axis=0) - shape.min(axis=0) == pytest.approx([8, 2])
-        assert signed_area(shape) == pytest.approx(6 * 2 + math.pi, rel=0.01)
-
-    def test_offsets_of_nested_groups_and_layers_add_up(self):
-        inner = objects("spawns", herd(), offsetx=-16, offsety=-8)
-        group = {"type": "group", "name": "north", "offsetx": -8, "layers": [inner]}
-        outer = {"type": "group", "name": "all", "offsety": 16, "layers": [group]}
-        spawn = read(level(tiles(), outer)).spawns[0]
-        assert spawn.polygon.min(axis=0) == pytest.approx([1, 3])
-
-    def test_a_tile_layer_is_offset_by_whole_tiles_or_not_at_all(self):
-        gids = [0] * 100
-        gids[0] = WALL
-        ground = read(level(tiles(gids=gids, offsetx=32, offsety=16), objects("spawns", herd()))).terrain
-        assert np.argwhere(~ground.walkable).tolist() == [[8, 2]]
-        assert "may be offset by whole tiles of 16 px only, got 8, 0" in problem(
-            level(tiles(offsetx=8), objects("spawns", herd()))
-        )
-
-    def test_a_double_click_at_a_corner_does_no_harm(self):
-        rock = thing(2, "Obstacle", 16, 16, extra=polygon((0, 0), (32, 0), (32, 0), (32, 32), (0, 0)))
-        assert len(read(with_objects("obstacles", rock)).obstacles[0].polygon) == 3
-
-    def test_an_outline_that_crosses_itself_is_refused(self):
-        bow = thing(2, "Obstacle", 16, 16, name="bow", extra=polygon((0, 0), (32, 32), (32, 0), (0, 32)))
-        assert "object 2 'bow' in layer 'obstacles': its outline crosses itself near (2.0, 18.0) m" in problem(
-            with_objects("obstacles", bow)
-        )
-
-    @pytest.mark.parametrize(
-        "shape",
-        [{}, polygon((0, 0), (32, 32)), polygon((0, 0), (16, 16), (32, 32)), {"ellipse": True}, {"width": 32}],
-    )
-    def test_a_shape_without_area_is_refused(self, shape):
-        assert "it has no area; drag it larger or delete it" in problem(
-            with_objects("obstacles", thing(2, "Obstacle", 16, 16, extra=shape))
-        )
-
-    def test_a_shape_of_the_wrong_kind_says_which_is_right(self):
-        assert "a Guide must be a polyline, and this is a rectangle, ellipse or polygon" in problem(
-            with_objects("guides", thing(2, "Guide", 16, 16, 32, 32))
-        )
-        assert "an Exit must be a rectangle, ellipse or polygon, and this is a polyline" in problem(
-            with_objects("exits", thing(2, "Exit", 16, 16, extra=polyline((0, 0), (9, 9))))
-        )
-
-    def test_an_area_goal_has_its_centre_of_mass(self):
-        fold = thing(2, "Goal", 16, 16, 32, 64, name="fold")
-        goal = read(with_objects("goals", fold)).goals[0]
-        assert goal.xy == pytest.approx([4, 14])
-        assert goal.polygon is not None
-
-
-PYRAMID = "-2 -2 0; 2 -2 0; 2, 2, 0; -2 2 0; 0 0 5"
-
-
-def rock_with(**values):
-    return with_objects("obstacles", thing(2, "Obstacle", 16, 16, 32, 32, "rock", **values))
-
-
-class TestHulls:
-    """A solid with flat faces is told by its corners."""
-
-    def test_corners_are_metres_from_the_middle_of_its_foot(self):
-        rock = read(rock_with(shape="hull", corners=PYRAMID, z_max=5.0)).obstacles[0]
-        assert rock.corners.shape == (5, 3)
-        assert rock.corners[4].tolist() == [0.0, 0.0, 5.0]
-
-    @pytest.mark.parametrize(
-        ("corners", "told"),
-        [
-            ("", "4 to 32 corners of three numbers"),
-            ("0 0 0; 1 0 0; 0 1 0", "4 to 32 corners"),
-            ("0 0; 1 0; 0 1; 1 1", "three numbers"),
-            ("0 0 0; 1 0 0; 0 1 0; 1 1 0", "must not lie in one plane"),
-            ("0 0 0; 1 0 0; 0 1 0; 0 0 up", "could not convert"),
-            ("0 0 0; 1 0 0; 0 1 0; 0 0 nan", "no level is larger"),
-            ("0 0 0; 1 0 0; 0 1 0; 0 0 1e300", "no level is larger"),
-            ("; ".join(f"{k} {k * k} {k**3}" for k in range(40)), "4 to 32 corners"),
-        ],
-    )
-    def test_what_is_no_hull_is_told(self, corners, told):
-        found = problem(rock_with(shape="hull", corners=corners))
-        assert "rock" in found and "such as '-2 -2 0;" in found and told in found
-
-    def test_corners_of_a_box_are_told(self):
-        assert "set shape to 'hull', it is 'box'" in problem(rock_with(corners=PYRAMID))
 
 
 class TestDefaults:
@@ -240,131 +88,6 @@ class TestDefaults:
         arrow["properties"][0]["value"] = 1
         document = level(tiles(), objects("spawns", herd()), objects("guides", arrow), objects("goals", fold))
         assert "goal: object 1 is no Goal" in problem(document)
-
-
-class TestTiles:
-    """Pitfall 3: flip flags, encodings, chunks."""
-
-    gids = np.array([GRASS, WALL] + [GRASS] * 98, "<u4")
-
-    def walls(self, **layer):
-        ground = read(level(tiles(**layer), objects("spawns", herd()))).terrain
-        return np.argwhere(~ground.walkable).tolist()
-
-    def test_the_first_tile_of_the_file_is_the_north_west_one(self):
-        assert self.walls(gids=self.gids.tolist()) == [[9, 1]]
-
-    def test_flipped_tiles_are_the_same_ground(self):
-        flags = np.array([0x80000000, 0xF0000000] + [0x40000000] * 98, "<u4")
-        assert self.walls(gids=(self.gids | flags).tolist()) == [[9, 1]]
-
-    @pytest.mark.parametrize("compression, pack", [("", bytes), ("zlib", zlib.compress), ("gzip", gzip.compress)])
-    def test_packed_tiles_are_the_same_ground(self, compression, pack):
-        packed = base64.b64encode(pack(self.gids.tobytes())).decode()
-        assert self.walls(data=packed, encoding="base64", compression=compression) == [[9, 1]]
-
-    @pytest.mark.parametrize(
-        "layer, message",
-        [
-            ({"encoding": "base64", "compression": "zstd"}, "zstd is not read; set Map > Tile Layer Format to CSV"),
-            ({"encoding": "base32"}, "unknown tile data encoding 'base32'; there are csv and base64"),
-            ({"encoding": "base64", "compression": "lzma"}, "unknown tile data compression 'lzma'"),
-            ({"encoding": "base64"}, "base64 tile data must be a text"),
-            ({"encoding": "base64", "data": "no*base64"}, "tile data is not valid base64"),
-            ({"encoding": "base64", "data": "AAAA"}, "must have 400 bytes (100 tiles), got 3"),
-            ({"encoding": "base64", "compression": "zlib", "data": "AAAA"}, "tile data is not valid zlib"),
-            ({"data": [1] * 99}, "tile data must have 100 tiles, got 99"),
-            ({"data": [True] * 100}, "must be whole numbers from 0 to 4294967295"),
-            ({"data": [1.0] * 100}, "must be whole numbers from 0 to 4294967295"),
-            ({"data": [-1] * 100}, "must be whole numbers from 0 to 4294967295"),
-            ({"data": [2**40] * 100}, "must be whole numbers from 0 to 4294967295"),
-            ({"data": "1,1"}, "tile data must be a list of numbers"),
-        ],
-    )
-    def test_tiles_that_cannot_be_read_say_why(self, layer, message):
-        assert message in problem(level(tiles(**layer), objects("spawns", herd())))
-
-    def test_a_bomb_is_not_unpacked(self):
-        bomb = base64.b64encode(zlib.compress(bytes(50_000_000))).decode()
-        document = level(tiles(data=bomb, encoding="base64", compression="zlib"), objects("spawns", herd()))
-        tracemalloc.start()
-        try:
-            assert "unpacks to more than 400 bytes" in problem(document)
-            assert tracemalloc.get_traced_memory()[1] < 5_000_000
-        finally:
-            tracemalloc.stop()
-
-    def test_a_tile_of_the_wrong_class_is_named_with_its_place(self):
-        gids = [GRASS] * 100
-        gids[23], gids[35], gids[40] = MARCH, PLAIN, 77
-        found = problems(level(tiles(gids=gids), objects("spawns", herd())))
-        assert any("tile id 3 at column 3, row 2 must be a Terrain tile, and it is a Brush tile" in p for p in found)
-        assert any("tile id 5 at column 5, row 3 must be a Terrain tile, and it has no class" in p for p in found)
-        assert any("tile id 77 at column 0, row 4 must be a Terrain tile, and no tileset has it" in p for p in found)
-
-    def test_an_infinite_map_is_as_large_as_what_is_painted(self):
-        def chunk(x, y, *cells):
-            data = [0] * 256
-            for ix, iy, gid in cells:
-                data[iy * 16 + ix] = gid
-            return {"x": x, "y": y, "width": 16, "height": 16, "data": data}
-
-        chunks = [chunk(-16, -16, (14, 12, WALL)), chunk(0, 0, (3, 1, GRASS))]  # tiles (-2, -4) to (3, 1)
-        ground = {"type": "tilelayer", "name": "terrain", "chunks": chunks}
-        spawn = thing(1, "Spawn", 0, 0, 16, 16, brush="march", count=1)
-        found = read(level(ground, objects("spawns", spawn), infinite=True, width=99, height=99))
-        assert (found.width, found.height) == (12, 12)
-        assert np.argwhere(~found.terrain.walkable).tolist() == [[5, 0]]
-        assert found.spawns[0].polygon.min(axis=0) == pytest.approx([4, 2])
-
-    def test_chunks_worlds_apart_are_refused_before_memory_is_taken(self):
-        chunks = [{"x": x, "y": x, "width": 1, "height": 1, "data": [GRASS]} for x in (-5_000_000, 5_000_000)]
-        document = level({"type": "tilelayer", "name": "terrain", "chunks": chunks}, objects("spawns", herd()))
-        assert "there may be at most 4194304" in problem({**document, "infinite": True})
-
-    def test_an_empty_infinite_map_has_no_size(self):
-        assert "an infinite map is as large as what is painted" in problem(
-            level(objects("spawns", herd()), infinite=True)
-        )
-
-    def test_later_terrain_covers_earlier_and_unpainted_ground_is_plain(self):
-        over = [0] * 100
-        over[0] = WALL
-        under = [0] * 100
-        under[0], under[1] = GRASS, GRASS
-        ground = read(level(tiles(gids=under), tiles("terrain top", over), objects("spawns", herd()))).terrain
-        assert ground.names == ["grass", "wall"]
-        assert ground.index[9, :3].tolist() == [1, 0, -1]
-        assert ground.walkable[9, :3].tolist() == [False, True, True]
-
-    def test_the_opacity_of_a_brush_layer_and_its_groups_is_its_weight(self):
-        painted = tiles("brush soft", [MARCH] + [0] * 99, opacity=0.5)
-        group = {"type": "group", "name": "g", "opacity": 0.5, "layers": [painted]}
-        layer = read(level(tiles(), group, objects("spawns", herd()))).brush_layers[0]
-        assert (layer.name, layer.weight, layer.assets) == ("g/brush soft", 0.25, ["march"])
-        assert layer.index[9, 0] == 0
-        assert (layer.index >= 0).sum() == 1
-
-    def test_painted_speeds_make_a_cap_and_a_factor(self):
-        found = read(level(tiles(), tiles("speed", [SLOW] + [0] * 99), objects("spawns", herd())))
-        assert found.cap.values[9, 0] == 1.5
-        assert np.isinf(found.cap.values).sum() == 99
-        assert found.factor.values[9, 0] == 0.5
-        assert found.cap.cell == 2
-
-    def test_a_tileset_may_be_a_file_of_its_own(self):
-        document = level(tilesets=[{"firstgid": 1, "source": "kinds.tsj"}])
-        found = read(document, {"kinds.tsj": json.dumps(tileset()).encode()})
-        assert found.terrain.names == ["grass"]
-        assert list(found.files) == ["small.tmj", "kinds.tsj"]
-        assert "'kinds.tsj': 'kinds.tsj' is not among the recorded files" in problems(document)[0]
-
-    def test_a_tileset_that_grew_does_not_swallow_the_next_one(self):
-        grown = {"firstgid": 1, **tileset(), "tilecount": 64}
-        speeds = {"name": "speeds", "tilecount": 1, "tiles": [tileset()["tiles"][3] | {"id": 0}]}
-        document = level(tiles(), tiles("speed", [6] * 100), objects("spawns", herd()))
-        document["tilesets"] = [grown, {"firstgid": 6, **speeds}]
-        assert read(document).cap.values.max() == 1.5
 
 
 class TestNumbers:
