@@ -157,7 +157,7 @@ def space(level, theme, seconds, closer=1.0, turn=0.0, over=0.0, overlays=()):
 
 def starlings():
     """A flock between pillars, one bird selected."""
-    stage = space("pillars", "light", 7, closer=1.15, turn=-35, over=6)
+    stage = space("pillars", "light", 7)  # as the level opens: turned, a pillar may stand before the eye
     stage.app.canvas.follow()
     stage.live(1.5)
     stage.app.take_tool("select")
