@@ -5,7 +5,7 @@ import math
 import struct
 
 import cv2
-import flockbrush.systems.gusts  # noqa: F401  a command
+import flockbrush.levels.build  # noqa: F401  all commands are known
 import numpy as np
 import pytest
 from flockbrush.engine import limits

@@ -2,7 +2,6 @@
 
 import math
 
-import flockbrush.systems.gusts  # noqa: F401  a command
 import numpy as np
 import pytest
 from flockbrush.levels.geometry import signed_area

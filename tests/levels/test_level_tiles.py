@@ -6,7 +6,6 @@ import json
 import tracemalloc
 import zlib
 
-import flockbrush.systems.gusts  # noqa: F401  a command
 import numpy as np
 import pytest
 from small_level import (
