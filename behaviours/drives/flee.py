@@ -3,7 +3,8 @@
 Whom an animal fears says its species; fear is full within half the distance at which it notices the danger.  The
 way is the sum of all dangers, each by its fear, turned along walls that are close ahead.  It runs or flies as fast as
 its species does in full fear; with less it leaves more to its brush.  Who flies rises and sinks no faster than its
-species does, ends its dive well above the ground, and goes the faster to the side.
+species does, ends its dive well above the ground, and goes the faster to the side; nobody flies backwards, so it turns
+off to one side before a danger that is straight ahead.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ FEAR = 1  # of the lists of noticed animals
 WALLS = 3.0  # body lengths: nearer walls ahead are run along
 LOW = 5.0  # body lengths above the ground: nobody dives any lower
 EASE = 2.0  # s before that in which a dive is ended
+BEHIND = -0.9  # cosine of the angle to the way of flight beyond which a bird turns off to the side first
 
 
 class Params(DriveParameters):
@@ -57,7 +59,11 @@ def _within_wings(scene, rows, wanted):
     room = np.maximum(bodies.height[rows] - LOW * scene.length[rows], 0.0)
     rise = np.clip(wanted[:, 2], -np.minimum(bodies.sink[rows], room / EASE), bodies.climb[rows])
     aside = np.sqrt((wanted[:, :2] ** 2).sum(axis=1)) > 0.1 * speed
-    level = unit_rows(np.where(aside[:, None], wanted, scene.forward[rows])[:, :2])
+    ahead = unit_rows(scene.forward[rows][:, :2])
+    level = unit_rows(np.where(aside[:, None], wanted[:, :2], ahead))
+    left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    side = np.where((left * level).sum(axis=1) >= 0.0, 1.0, -1.0)[:, None]
+    level = np.where((ahead * level).sum(axis=1)[:, None] < BEHIND, side * left, level)
     return np.column_stack([level * np.sqrt(np.maximum(speed**2 - rise**2, 0.0))[:, None], rise])
 
 
