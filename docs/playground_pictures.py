@@ -16,6 +16,7 @@ from flockbrush.components import BrushBinding, Position
 from flockbrush.render import contact_sheet, write_png
 from flockbrush.studio.app import App
 from flockbrush.studio.session import Session
+from flockbrush.studio.thumbnails import make_in_background
 
 HERE = Path(__file__).parent
 
@@ -38,6 +39,7 @@ class Stage:
     def settle(self):
         """Let ground, thumbnails and labels be drawn to the end, while the herd stands."""
         self.app.session.pause()
+        make_in_background((), self.app.thumbnails.SIDE, self.app.theme).wait()
         for _ in range(200):
             self.app.frame(1 / 30)
             pygame.time.wait(5)

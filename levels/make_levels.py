@@ -270,7 +270,7 @@ def crowded():
 @level
 def pillars():
     """Starlings through a field of pillars, split by a great one, joined again, led through a gate (Reynolds 1987)."""
-    s = new(170, 50, 2.0, boundary="open", seed=8)
+    s = new(170, 50, 2.0, boundary="open", seed=1)
     s.ground("grass")
     s.ground("meadow", rolling(s.x, s.y, 81, 60) > 0.5)
     s.ground("gravel", near_line(s.x, s.y, [(40, 50), (330, 50)]) < 5 + 1.5 * rolling(s.x, s.y, 82, 30))

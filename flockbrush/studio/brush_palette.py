@@ -93,10 +93,13 @@ class PaletteButtons:
     def _brush_picture(self, entry):
         """(what a brush does, above a strip of ground painted with it; whether it is the final picture)."""
         app, (width, height) = self.app, self.picture
-        picture, ready = app.thumbnails.get(entry, self.picture)
-        strip = swatch(entry, rgb(app.colour_of(entry)), app.theme, (width, max(6, height // 5)), app.scale)
-        whole = picture.copy()
-        whole.blit(pygame.surfarray.make_surface(strip.swapaxes(0, 1)), (0, height - len(strip)))
+        band = max(6, height // 6)
+        side = height - band - 2
+        picture, ready = app.thumbnails.get(entry, (side, side))
+        strip = swatch(entry, rgb(app.colour_of(entry)), app.theme, (width, band), app.scale)
+        whole = pygame.Surface(self.picture, pygame.SRCALPHA)
+        whole.blit(picture, ((width - side) // 2, 0), special_flags=pygame.BLEND_PREMULTIPLIED)
+        whole.blit(pygame.surfarray.make_surface(strip.swapaxes(0, 1)), (0, height - band))
         return whole, ready
 
     def _words(self, entry):
