@@ -230,7 +230,7 @@ def main():
     parser.add_argument("--scene", nargs="+", default=SCENES, choices=SCENES)
     parser.add_argument("--seeds", default="9001:9020", help="first:last")
     told = parser.parse_args()
-    first, last = map(int, told.seeds.split(":"))
+    first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])  # one seed stands for itself
     for kind in told.brush:
         for scene in told.scene:
             print(f"{kind}, {scene}: formed after, least room, falcon as near as, not formed for, again after")

@@ -98,7 +98,7 @@ def main():
     parser.add_argument("--brush", help="river, mills: this mill instead of the filled one, or of both")
     parser.add_argument("--animals", type=int, help="river, mills: so many instead of 160, or of 50 to 800")
     told = parser.parse_args()
-    first, last = map(int, told.seeds.split(":"))
+    first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])  # one seed stands for itself
     if told.scene == "anthill":
         return judge(told.scene, "half round, rotation", anthill, first, last)
     if told.scene == "river":

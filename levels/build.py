@@ -364,9 +364,6 @@ def _queue_script(simulation, level):
         raise ProblemsError(problems)
 
 
-# more or fewer animals ----------------------------------------------------------
-
-
 # without a level file --------------------------------------------------------------
 
 

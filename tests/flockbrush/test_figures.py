@@ -125,7 +125,8 @@ def test_matplotlib_is_imported_only_to_draw(monkeypatch):
         return real(name, *arguments, **options)
 
     monkeypatch.setattr(builtins, "__import__", watched)
-    importlib.util.module_from_spec(importlib.util.find_spec("flockbrush.output.figures"))
+    spec = importlib.util.find_spec("flockbrush.output.figures")
+    spec.loader.exec_module(importlib.util.module_from_spec(spec))  # as if for the first time
     assert not drawing_problems("a.png")
     with pytest.raises(AssertionError, match="imported before"):
         figure_of([WITH_GAP])
