@@ -2,44 +2,20 @@
 
 import datetime
 import hashlib
-import math
-import random
 import re
-import time
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from flockbrush.behaviours.behaviour import behaviours
-from flockbrush.behaviours.brush import SUFFIX, Brush, BrushLibrary, SpeedSpec, load_brush, save_brush, shipped
+from flockbrush.behaviours.brush import SUFFIX, Brush, SpeedSpec, load_brush, save_brush
 from flockbrush.behaviours.brush_writer import brush_to_toml
 from flockbrush.behaviours.validation import bounds
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.problems import ProblemsError
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
-
-HERD = behaviours()["herd"].Params
-
-GOOD = """\
-schema = "flockbrush.brush/1"
-model = "herd"
-colour = "#c9a24b"
-
-[parameters]
-avoidance_weight = 0.5
-unled = "keep"
-
-[speed]
-mean = 2
-
-[provenance]
-kind = "hand-set"
-source = "a test"
-date = 2026-11-21
-by = "the tests"
-"""
+from small_brush import GOOD, HERD, line, quick, replaced, text
 
 
 def read(text, file="meadow.brush.toml"):
@@ -50,11 +26,6 @@ def complaints(text, file="f.brush.toml"):
     with pytest.raises(ProblemsError) as error:
         read(text, file)
     return [str(problem) for problem in error.value.problems]
-
-
-def replaced(old, new):
-    assert old in GOOD
-    return GOOD.replace(old, new)
 
 
 # what a brush says
@@ -264,14 +235,6 @@ def test_a_model_without_strict_rules_still_gets_numbers_for_numbers():
         assert "unknown name" in str(error.value.problems[1])
 
 
-# to a file and back
-
-line = st.text(st.characters(exclude_categories=["C", "Zl", "Zp"]), max_size=120).filter(str.isprintable)
-text = st.text(
-    st.sampled_from("ab \n\t\"'\\#=é中🐑\u00a0") | st.characters(exclude_categories=["C", "Z"]), max_size=400
-).filter(lambda text: all(character.isprintable() or character in "\n\t" for character in text))
-
-
 def numbers(low, high):
     return st.floats(low, high)
 
@@ -332,10 +295,6 @@ brushes = st.fixed_dictionaries(
         ),
     }
 ).map(lambda values: Brush(**values))
-
-
-def quick(examples):
-    return settings(max_examples=examples, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
 
 
 @quick(150)
@@ -427,291 +386,3 @@ def test_a_save_that_fails_half_way_leaves_the_old_file_and_no_litter(tmp_path, 
 def test_saving_where_there_is_no_folder_is_a_problem_not_a_crash(tmp_path):
     with pytest.raises(ProblemsError, match="cannot be written"):
         save_brush(read(GOOD), tmp_path / "none")
-
-
-# libraries
-
-
-@pytest.fixture
-def folders(tmp_path):
-    for folder, names in {"mine": ["march", "trot"], "theirs": ["march", "rest"]}.items():
-        (tmp_path / folder).mkdir()
-        for name in names:
-            (tmp_path / folder / f"{name}.brush.toml").write_text(GOOD + f"notes = '{folder}'\n")
-    return [tmp_path / "mine", tmp_path / "theirs"]
-
-
-def test_the_first_folder_with_a_name_wins(folders):
-    assert BrushLibrary(folders).get("march").provenance.notes == "mine"
-    assert BrushLibrary(folders[::-1]).get("march").provenance.notes == "theirs"
-    assert BrushLibrary(folders).path("march") == folders[0] / "march.brush.toml"
-
-
-def test_a_library_names_each_brush_once_in_order(folders):
-    (folders[0] / "notes.txt").touch()
-    (folders[0] / ".hidden.brush.toml").touch()
-    assert BrushLibrary(folders).names() == ["march", "rest", "trot"]
-
-
-def test_the_brushes_inside_a_recording_come_before_all_folders(folders):
-    library = BrushLibrary(folders, files={"brushes/march.brush.toml": GOOD.encode(), "level.tmj": b"{}"})
-    assert library.get("march").provenance.notes == ""
-    assert library.names() == ["march", "rest", "trot"]
-    assert BrushLibrary(files={"a.brush.toml": GOOD.encode()}).get("a").name == "a"
-
-
-def test_an_unknown_brush_is_answered_with_the_nearest(folders):
-    with pytest.raises(ProblemsError) as error:
-        BrushLibrary(folders).get("marsh")
-    assert str(error.value) == "marsh.brush.toml: there is no brush 'marsh'; did you mean 'march'?"
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["../mine/march", "..", "/etc/passwd", "a/b", "a\\b", "C:x", "", "nul\0", "a" * 65, "é", "march\n", ".x", None],
-)
-def test_no_name_leads_out_of_the_folder(folders, name):
-    with pytest.raises(ProblemsError, match="invalid brush name"):
-        BrushLibrary(folders[1:]).get(name)
-
-
-def test_a_name_with_the_ending_of_the_file_gets_a_hint(folders):
-    with pytest.raises(ProblemsError, match=re.escape("leave out '.brush.toml'")):
-        BrushLibrary(folders).get("march.brush.toml")
-
-
-def test_an_edited_file_is_read_anew(folders):
-    library = BrushLibrary(folders)
-    before = library.get("trot")
-    assert library.get("trot") is before
-    (folders[0] / "trot.brush.toml").write_text(GOOD)
-    assert library.get("trot").provenance.notes == ""
-
-
-def test_a_library_lists_the_problems_of_all_its_brushes(folders):
-    (folders[0] / "bad.brush.toml").write_text(replaced("mean = 2", "mean = -2"))
-    (folders[1] / "worse.brush.toml").mkdir()
-    told = [str(problem) for problem in BrushLibrary(folders).problems()]
-    assert len(told) == 2
-    assert told[0].endswith("bad.brush.toml:10: speed.mean: must be from 0 to 100 BL/s, got -2")
-    assert told[1].endswith("worse.brush.toml: is a folder, not a file")
-
-
-def test_a_folder_that_is_not_there_is_said(tmp_path):
-    with pytest.raises(ProblemsError, match="there is no such folder"):
-        BrushLibrary([tmp_path / "none"])
-
-
-# the shipped brushes
-
-EXPECTED = [
-    "column",
-    "front",
-    "graze",
-    "lanes",
-    "march",
-    "mill-filled",
-    "mill-hollow",
-    "sheep-drone",
-    "sheep-gps",
-    "sheep-narrow",
-    "stampede",
-    "swarm",
-    "zebrafish",
-]
-
-
-def test_the_shipped_brushes_are_there_and_without_problems():
-    assert set(EXPECTED) <= set(shipped().names())
-    assert shipped().problems() == []
-
-
-@pytest.mark.parametrize("name", EXPECTED)
-def test_a_shipped_brush_says_what_it_does_and_where_its_numbers_come_from(name):
-    brush = shipped().get(name)
-    assert brush.title and brush.description
-    assert len(brush.provenance.notes) > 100
-    assert brush.provenance.kind in ("published", "hand-set", "searched", "learned")
-
-
-@pytest.mark.parametrize("name", EXPECTED)
-def test_a_shipped_brush_is_as_the_program_would_write_it_but_for_comments(name):
-    def bare(text):
-        return [line.split("  # ")[0].rstrip() for line in text.splitlines() if not line.startswith("#")]
-
-    brush = shipped().get(name)
-    assert set(brush.parameters) == set(HERD.model_fields)
-    written = bare(brush.source.decode())
-    assert set(written) <= set(bare(brush_to_toml(brush)))
-
-
-def test_shipped_brushes_can_be_told_apart_by_colour():
-    def rgb(name):
-        return [int(shipped().get(name).colour[i : i + 2], 16) for i in (1, 3, 5)]
-
-    pairs = [(a, b) for a in EXPECTED for b in EXPECTED if a < b]
-    assert min(math.dist(rgb(a), rgb(b)) for a, b in pairs) > 40
-
-
-def test_sheep_narrow_has_the_published_numbers():
-    """Gong et al. 2025: the parameters learned from the clip sheep-narrow."""
-    p = shipped().get("sheep-narrow").params
-    assert (p.avoidance_weight, p.avoidance_radial, p.avoidance_angular) == (0.742, 0.526, 1)
-    assert (p.cohesion_weight, p.cohesion_radial, p.cohesion_angular) == (0.505, 1, 0.965)
-    assert (p.alignment_weight, p.alignment_radial, p.alignment_angular) == (0.499, 1, 1)
-    assert (p.obstacle_weight, p.obstacle_radial, p.obstacle_angular) == (0.153, 1, 0.5)
-
-
-def test_sheep_drone_says_which_film_it_was_learned_from_and_how_well():
-    papers = shipped().get("sheep-drone").provenance
-    assert papers.kind == "learned" and papers.licence.startswith("public domain")
-    assert re.fullmatch("[0-9a-f]{64}", papers.clip_sha256) and papers.frames == (11, 41) and papers.seed == 0
-    assert "flockbrush learn sheep_0043.mp4 --frames 11:72" in " ".join(papers.notes.split())
-    told = papers.report
-    for name in ("polarization", "milling"):  # within two deviations of the clip, in frames it was not learned from
-        assert told[f"held-out {name}, error"] < max(2 * told[f"held-out {name}, clip deviation"], 0.05)
-
-
-@pytest.mark.parametrize("name", ["sheep-gps", "zebrafish"])
-def test_a_brush_from_tracks_says_which_and_how_it_was_judged(name):
-    papers = shipped().get(name).provenance
-    notes = " ".join(papers.notes.split())
-    assert papers.kind == "learned" and "GPL-3.0" in papers.licence and re.fullmatch("[0-9a-f]{64}", papers.clip_sha256)
-    assert f"learning.py tracks --data DIR --only {name} --quick" in notes
-    page = (Path(__file__).parents[2] / "docs" / "benchmark-tracks.md").read_text(encoding="utf-8")
-    assert notes.split("The verdict: ")[1].split(". ")[0] in page
-
-
-# fuzzing: whatever comes in, a brush or problems come out, soon
-
-ODD = [
-    "true",
-    "nan",
-    "-inf",
-    "1e400",
-    "0x" + "f" * 500,
-    "9" * 4400,
-    '"\\u0000"',
-    '"""',
-    "[[[]]]",
-    "{}",
-    "{a=1}",
-    "[]",
-    "-1",
-    "''",
-]
-ODD += [
-    "2026-13-01",
-    "2026-11-21",
-    "07:30:00",
-    "1_000",
-    "0b2",
-    "[1,",
-    "{",
-    "é",
-    '"🐑"',
-    "[" * 50,
-    "{a=" * 40,
-    "0.5.5",
-    "1e-320",
-    "-0",
-]
-LINES = [
-    "[speed]",
-    "[[speed]]",
-    "[parameters.speed]",
-    "[",
-    "]]",
-    "speed = 1",
-    "a.b.c.d = 1",
-    "speed.mean.x = 2",
-    "\ufeff",
-    "\0",
-]
-LINES += [
-    "[a" + ".a" * 40 + "]",
-    '"" = 1',
-    "'x y' = 2",
-    "\u202e = 1",
-    'model = ["herd"]',
-    'schema = "flockbrush.brush/1"',
-    "\r",
-]
-
-
-def mangled(source, rng):
-    """A brush file with one to four wounds."""
-    kinds = rng.choice([range(8), [2, 3], [3]])  # byte by byte, or line by line so that it is often TOML still
-    for _ in range(rng.randint(1, 4)):
-        lines = source.split(b"\n")
-        i = rng.randrange(len(lines))
-        wound = rng.choice(kinds)
-        if wound == 0 and source:
-            at = rng.randrange(len(source))
-            source = source[:at] + bytes([source[at] ^ 1 << rng.randrange(8)]) + source[at + 1 :]
-            continue
-        if wound == 1:
-            source = source[: rng.randrange(len(source) + 1)]
-            continue
-        if wound == 2:
-            del lines[i]
-        elif wound == 3:
-            lines[i] = lines[i].split(b"=")[0] + b"= " + rng.choice(ODD).encode()
-        elif wound == 4:
-            lines.insert(i, rng.choice(LINES).encode())
-        elif wound == 5:
-            lines.insert(i, rng.choice(lines))
-        elif wound == 6:
-            lines[i] = rng.randbytes(rng.randint(1, 20))
-        else:
-            rng.shuffle(lines)
-        source = b"\n".join(lines)
-    return source
-
-
-@quick(900)
-@given(st.integers(0, 2**32), st.sampled_from([GOOD.encode(), *(shipped().get(name).source for name in EXPECTED)]))
-def test_a_damaged_file_gives_a_brush_or_problems_and_nothing_else(seed, source):
-    source = mangled(source, random.Random(seed))
-    start = time.perf_counter()
-    try:
-        brush = load_brush(source, "f.brush.toml")
-    except ProblemsError as error:
-        assert error.problems
-        assert all(problem.file == "f.brush.toml" and problem.message for problem in error.problems)
-        assert all(problem.line is None or 1 <= problem.line <= source.count(b"\n") + 1 for problem in error.problems)
-        assert str(error).replace("\n", "").isprintable()
-    else:
-        assert load_brush(brush_to_toml(brush).encode(), "f.brush.toml") == brush
-    assert time.perf_counter() - start < 2
-
-
-@quick(300)
-@given(st.binary(max_size=300) | st.text(st.sampled_from("[]{}=.,\"'#\\\n ab1-:T+e_"), max_size=80).map(str.encode))
-def test_noise_is_no_brush(data):
-    with pytest.raises(ProblemsError):
-        load_brush(data, "f.brush.toml")
-
-
-plain = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.dates() | st.times(),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
-    max_leaves=6,
-)
-KEYS = ["model", "colour", "parameters", "speed", "body", "vision", "provenance", "params", "title", "name"]
-
-
-@quick(300)
-@given(
-    st.sampled_from(KEYS), plain, st.sampled_from(["mean", "by_density", "kind", "frames", "report", "versions", "x"])
-)
-def test_values_of_any_type_anywhere_give_a_brush_or_problems(key, value, inner):
-    from flockbrush.behaviours.brush import _read
-    from flockbrush.behaviours.tomlfile import TomlFile, parse_toml
-
-    good = parse_toml(GOOD.encode(), "f.brush.toml").data
-    for data in ({**good, key: value}, {**good, key: {inner: value}}):
-        try:
-            _read(TomlFile("f.brush.toml", data, {}), behaviours())
-        except ProblemsError as error:
-            assert str(error).replace("\n", "").isprintable()

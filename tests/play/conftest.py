@@ -1,6 +1,7 @@
 """Settings, journals and pictures of these tests, and of nobody else."""
 
 import pytest
+from small_pasture import pasture
 
 
 @pytest.fixture(autouse=True)
@@ -9,6 +10,18 @@ def at_home(tmp_path, monkeypatch):
     for name in ("FLOCKBRUSH_CONFIG", "FLOCKBRUSH_STATE", "FLOCKBRUSH_CACHE", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
         monkeypatch.setenv(name, str(tmp_path / "user" / name.lower()))
     monkeypatch.delenv("FLOCKBRUSH_SCALE", raising=False)
+
+
+@pytest.fixture
+def level(tmp_path):
+    """A small level in a folder of its own."""
+    return pasture(tmp_path / "levels")
+
+
+@pytest.fixture
+def state(tmp_path):
+    """Where sessions are kept."""
+    return tmp_path / "state"
 
 
 @pytest.fixture

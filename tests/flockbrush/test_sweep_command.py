@@ -1,0 +1,171 @@
+"""The command sweep: what it prints, refuses and leaves behind."""
+
+import importlib.util
+import json
+
+import cv2
+import numpy as np
+import pytest
+from flockbrush.engine.problems import ProblemsError
+from pens import pen
+from small_sweep import FLOCKS, here, rows_without_times, sweep_file
+
+from flockbrush.studies.experiments import lasting
+from flockbrush.studies.sweep import sweep_to
+from flockbrush.studies.sweep_file import parse_sweep, read_sweep
+
+
+def test_the_command_writes_rows_summary_and_plots(cli, tmp_path):
+    told = cli("sweep", sweep_file(tmp_path), "--out", tmp_path / "out", "--jobs", 1, "--json")
+    assert told.code == 0, told.err
+    found = json.loads(told.out)
+    assert (found["runs"], found["done"], found["failed"]) == (24, 24, 0)
+    assert found["scenarios"][0]["parameters"] == {"birds": 3, "angle": 180}
+    assert found["scenarios"][0]["means"]["leads"]["mean"] == pytest.approx(1.0, abs=0.5)
+    assert [line["kept"] for line in found["expected"]] == [True, True]
+    rows = rows_without_times(tmp_path / "out")
+    assert len(rows) == 24
+    assert rows[0] | {"seed": "0", "birds": "3", "angle": "180.0", "status": "ok"} == rows[0]
+    for name in ("means", "formations", "forming", "distance_over_time"):
+        picture = cv2.imread(str(tmp_path / "out" / f"{name}.png"))
+        assert picture is not None and np.ptp(picture) > 100
+    if importlib.util.find_spec("pyarrow"):
+        import pyarrow.parquet as pq
+
+        table = pq.read_table(tmp_path / "out" / "runs.parquet")
+        assert table["leads"].to_pylist() == [int(row["leads"]) for row in rows]
+        assert table.schema.metadata[b"schema"] == b"flockbrush.runs/1"
+    again = cli("sweep", sweep_file(tmp_path), "--out", tmp_path / "out", "--resume")
+    assert again.code == 0
+    assert "24 of 24 runs" in again.out
+    assert rows_without_times(tmp_path / "out") == rows
+
+
+def test_the_exit_code_tells_of_what_was_expected_and_did_not_come(cli, tmp_path):
+    wrong = FLOCKS.replace("mean = [0.5, 1.5]", "mean = [2.5, 3.5]")
+    told = cli("sweep", sweep_file(tmp_path, wrong), "--out", tmp_path / "out", "--jobs", 1)
+    assert told.code == 1
+    assert "MISSED" in told.out
+
+
+def test_files_that_are_not_there_are_told(cli, tmp_path):
+    assert "there is no such file" in cli("sweep", "nowhere.sweep.toml", "--out", tmp_path / "out").err
+    assert (
+        "no shipped sweep of that name; did you mean 'v_rules'?" in cli("sweep", "v_rule", "--out", tmp_path / "o").err
+    )
+    (tmp_path / "file").touch()
+    assert "--out names a folder" in cli("sweep", sweep_file(tmp_path), "--out", tmp_path / "file").err
+    assert cli("sweep", sweep_file(tmp_path), "--out", tmp_path / "o", "--jobs", 1, "--cluster", "tcp://x:1").code == 2
+
+
+LEVEL = """
+schema = "flockbrush.sweep/1"
+measures = ["animals", "polarization", "mean polarization", "crossed gate to its right"]
+[seeds]
+count = 2
+[grid]
+agents = [6, 12]
+brush.march.sensitivity = [5, 20]
+[fixed]
+level = "pen.tmj"
+seconds = 1.0
+every = 0.25
+"""
+
+
+def test_any_level_is_swept_over_its_brushes_and_animals(tmp_path):
+    pen(tmp_path)
+    sweep = read_sweep(sweep_file(tmp_path, LEVEL))
+    assert [tuple(s.varied) for s in sweep.scenarios] == [("agents", "brush.march.sensitivity")] * 4
+    rows = sweep_to(sweep, tmp_path / "out", here, 2).rows
+    assert {row["status"] for row in rows.values()} == {"ok"}
+    measured = [[rows[s.hash, seed]["measures"] for seed in (0, 1)] for s in sweep.scenarios]
+    assert [m[0]["animals"] for m in measured] == [6, 6, 12, 12]
+    assert len({m["polarization"] for pair in measured for m in pair}) == 8
+    assert all(0 < m["mean polarization"] <= 1 for pair in measured for m in pair)
+
+
+def test_a_run_of_a_sweep_is_the_run_of_the_level(tmp_path):
+    from flockbrush.runs.run import start
+
+    pen(tmp_path)
+    sweep = read_sweep(sweep_file(tmp_path, LEVEL.replace("brush.march.sensitivity = [5, 20]\n", "")))
+    rows = sweep_to(sweep, tmp_path / "out", here, 2).rows
+    simulation = start(tmp_path / "pen.tmj", 1, 12)
+    simulation.run(32)
+    measured = rows[sweep.scenarios[1].hash, 1]["measures"]
+    assert measured["polarization"] == simulation.measures()["polarization"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("march.sensitivity", "marsh.sensitivity", "8: grid.brush.marsh.sensitivity: the level uses no brush 'marsh'"),
+        (
+            "march.sensitivity",
+            "march.sensitive",
+            "8: grid.brush.march.sensitive: unknown name; did you mean 'sensitivity'",
+        ),
+        ("[5, 20]", "[5, -20]", "8: grid.brush.march.sensitivity[1]: must be from 0 to 1000"),
+        ("pen.tmj", "pan.tmj", "10: fixed.level: pan.tmj: there is no such file"),
+        ('"animals"', '"animal"', "3: measures: there is no measure 'animal'; did you mean 'animals'?"),
+        ("agents = [6, 12]", "agents = [6, 0]", "7: grid.agents[1]: must be at least 1"),
+    ],
+)
+def test_mistakes_about_levels_are_told_with_their_line(tmp_path, old, new, said):
+    pen(tmp_path)
+    with pytest.raises(ProblemsError) as found:
+        parse_sweep(LEVEL.replace(old, new, 1).encode(), "f.sweep.toml", tmp_path)
+    assert f"f.sweep.toml:{said}" in str(found.value)
+
+
+PLANE = """
+schema = "flockbrush.sweep/1"
+measures = ["polarization"]
+[seeds]
+count = 2
+[grid]
+brush.march.wander = [0.0, 3.0]
+[fixed]
+plane = "march"
+agents = 12
+seconds = 2.0
+"""
+
+
+def test_a_herd_on_a_plane_is_swept_over_its_brush(tmp_path):
+    from flockbrush.behaviours.brush import shipped
+    from flockbrush.levels.build import plane
+
+    sweep = read_sweep(sweep_file(tmp_path, PLANE))
+    rows = sweep_to(sweep, tmp_path / "out", here, 2).rows
+    wandering = sweep.scenarios[1]
+    simulation = plane(shipped().get("march").with_parameters(wander=3.0), 12, seed=1)
+    simulation.run(64)
+    assert rows[wandering.hash, 1]["measures"]["polarization"] == simulation.measures()["polarization"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('plane = "march"', 'plane = "marsh"', "there is no brush 'marsh'; did you mean 'march'?"),
+        ('plane = "march"', 'plane = "march"\nlevel = "meadow"', "takes level, or plane"),
+        ('plane = "march"\n', "", "takes level, or plane"),
+    ],
+)
+def test_mistakes_about_planes_are_told(tmp_path, old, new, said):
+    with pytest.raises(ProblemsError) as found:
+        parse_sweep(PLANE.replace(old, new, 1).encode(), "f.sweep.toml", tmp_path)
+    assert said in str(found.value)
+
+
+def test_what_lasts_in_a_flock_that_never_settles_is_measured():
+    from flockbrush.behaviours.v_rules.rules import OVERLAP, VRuleSettings
+
+    best = 1 + OVERLAP
+    v = np.array([(0, 0, 0), (best, -0.4, 0), (-best, -0.4, 0), (2 * best, -0.8, 0)])
+    apart = v + [(0, 0, 0), (9, 0, 0), (0, 0, 0), (9, 0, 0)]
+    found = lasting(np.array([v] * 8 + [v, v, apart, apart, v, v, v, v]), VRuleSettings(), every=10)
+    assert found["v_like"] == pytest.approx(6 / 8)
+    assert found["persistence"] == pytest.approx(80 / 3)  # V, several groups, V
+    assert found["mean_groups"] == pytest.approx((6 * 1 + 2 * 2) / 8)
