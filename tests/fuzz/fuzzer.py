@@ -27,7 +27,8 @@ for folder in (HERE.parents[1], HERE, HERE.parent, HERE.parent / "flockbrush"): 
         sys.path.append(str(folder))
 
 from flockbrush.engine.plain_text import plain
-from kinds import TOLD, kinds
+from kind import TOLD
+from kinds import kinds
 
 SECONDS = 30  # one case may take so long, on a busy machine
 MEBIBYTES = 700  # by which one case may raise the peak of memory

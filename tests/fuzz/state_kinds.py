@@ -4,7 +4,7 @@ import json
 from functools import cached_property
 
 import mutations as m
-from kinds import Kind
+from kind import Kind
 
 
 class Sessions(Kind):

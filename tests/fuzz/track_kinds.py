@@ -7,7 +7,8 @@ from functools import cached_property
 
 import mutations as m
 import numpy as np
-from kinds import Kind
+from kind import Kind
+from picture_kinds import array_of
 
 FRAMES, ANIMALS = 12, 3
 
@@ -75,8 +76,6 @@ class TrexFiles(_Animals):
         return [packed.getvalue()]
 
     def changed(self, rng, data):
-        from kinds import _array
-
         with zipfile.ZipFile(io.BytesIO(data)) as old:
             members = {name: old.read(name) for name in old.namelist()}
         name, how = rng.choice(sorted(members)), rng.randrange(6)
@@ -85,7 +84,7 @@ class TrexFiles(_Animals):
         elif how == 1:
             members[name] = members[rng.choice(sorted(members))]
         elif how == 2:
-            members[name] = _array(m.odd(rng))
+            members[name] = array_of(m.odd(rng))
         elif how == 3:
             members[name] = array_file(odd_array(rng))
         elif how == 4:
