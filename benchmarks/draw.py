@@ -6,6 +6,7 @@ Run from the repository's root::
 
 All drawers draw the same animals, capsules of 1.2 x 0.7 m at one per 4 square metres, on one thread at 1280 x 720.
 ``animals`` is the rasteriser alone; ``frame`` adds the copy of the ground, legend and checks; ``trails`` adds trails.
+``look`` are beasts, and birds on the wing, 38 pixels long; ``none`` the same animals without legs and wings.
 Then what a window draws besides: mending the ground under a stroke, looking elsewhere, and every overlay, on a running
 level with so many animals; ``anew`` is what an overlay takes when camera or ground have changed.
 pygame blits sprites turned in advance (64 headings); OpenCV draws an anti-aliased line per animal.
@@ -126,6 +127,27 @@ def lines(level, herd, frames):
     return median(draw, frames)
 
 
+def legs(look, clip, frames, count=338, long=38.0):
+    """{what: (median, least)} ms of a frame of animals so many pixels long, with legs or wings and without."""
+    from flockbrush.render.animal_looks import CLIPS
+    from flockbrush.render.mesh_bodies import LOOK_NAMES, Postures
+
+    level, herd = scene(count, np.random.default_rng(1))
+    painter = Painter(level, SIZE, trails=None, words=False, live=True)
+    painter.refine(np.inf)
+    flat = herd._replace(length=long / painter.camera.scale, radius=0.2 * long / painter.camera.scale)
+    if clip == "fly":
+        flat = flat._replace(wings=np.linspace(-1, 1, count), z=np.full(count, 3.0))
+    phase, out = np.linspace(0, 1, count), painter.ground.copy()
+    told = np.full(count, LOOK_NAMES.index(look)), np.full(count, CLIPS.index(clip))
+    return {
+        f"{count} of look {look}": median(
+            lambda k: painter.frame(flat._replace(postures=Postures(*told, phase + k / 30)), out=out), frames
+        ),
+        f"{count} of look {look}, none": median(lambda k: painter.frame(flat, out=out), frames),
+    }
+
+
 def window(count, frames, name="gorge"):
     """{what: (median, least)} in milliseconds of what a window draws besides the animals."""
     from flockbrush.render import Scenery
@@ -178,7 +200,8 @@ def main():
         level, herd = scene(count, rng)
         peers = {"pygame blits": blits(level, herd, options.frames), "cv2 lines": lines(level, herd, options.frames)}
         table[count] = ours(level, herd, options.frames) | peers
-    beside = window(options.window, options.frames) if options.window else {}
+    beside = legs("beast", "walk", options.frames) | legs("bird", "fly", options.frames)
+    beside |= window(options.window, options.frames) if options.window else {}
     if options.json:
         print(json.dumps(table | {"window": beside}, indent=2))
         return

@@ -46,9 +46,10 @@ def draw_bodies(frame, depth, clip, cam, order, xyz, forward, up, length, radius
     """
     points, places = np.empty((20, 3)), np.empty((20, 2))
     light, seen = np.empty(3), np.empty(3)
-    ink, place, axes = np.empty((4, 3)), np.empty(3), np.empty((3, 3))
+    ink, axes = np.empty((4, 3)), np.empty((3, 3))
     for i in order:
-        rx, ry, rz = deep(cam, xyz[i, 0], xyz[i, 1], xyz[i, 2])
+        place = xyz[i]
+        rx, ry, rz = deep(cam, place[0], place[1], place[2])
         if rz < cam[15] + 1.2 * length[i]:
             continue
         share = cam[12] / rz
@@ -56,61 +57,67 @@ def draw_bodies(frame, depth, clip, cam, order, xyz, forward, up, length, radius
         x, y = cam[13] + rx * share, cam[14] - ry * share
         if x < clip[0] - 1.5 * long or x > clip[2] + 1.5 * long or y < clip[1] - 1.5 * long or y > clip[3] + 1.5 * long:
             continue
-        fx, fy, fz = _unit(forward[i, 0], forward[i, 1], forward[i, 2], 1.0, 0.0, 0.0)
-        ux, uy, uz = up[i, 0], up[i, 1], up[i, 2]
-        lx, ly, lz = _unit(uy * fz - uz * fy, uz * fx - ux * fz, ux * fy - uy * fx, -fy, fx, 0.0)
-        ux, uy, uz = fy * lz - fz * ly, fz * lx - fx * lz, fx * ly - fy * lx
-        size = long / share
-        bx, by, bz = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-        light[0] = sun[0] * fx + sun[1] * fy + sun[2] * fz
-        light[1] = sun[0] * lx + sun[1] * ly + sun[2] * lz
-        light[2] = sun[0] * ux + sun[1] * uy + sun[2] * uz
-        ex, ey, ez = (cam[0] - bx) / size, (cam[1] - by) / size, (cam[2] - bz) / size
-        seen[0] = ex * fx + ey * fy + ez * fz
-        seen[1] = ex * lx + ey * ly + ez * lz
-        seen[2] = ex * ux + ey * uy + ez * uz
-        fog = haze_at(rz, clear)
+        _axes(axes, forward[i], up[i])
+        size, near, fog = long / share, share / cam[12] * 1.002, haze_at(rz, clear)
         if big[i]:
             mesh_inks(ink, colours[look[i]], look[i] % KINDS == LEADER)
             _fade(ink, haze, fog)
-            place[0], place[1], place[2] = bx, by, bz
-            axes[0, 0], axes[0, 1], axes[0, 2] = fx, fy, fz
-            axes[1, 0], axes[1, 1], axes[1, 2] = lx, ly, lz
-            axes[2, 0], axes[2, 1], axes[2, 2] = ux, uy, uz
             posture = (postures.look[i], postures.clip[i], postures.phase[i])
             wide = 2 * radius[i] / (WIDE * length[i])
-            near = share / cam[12] * 1.002
             draw_mesh(frame, depth, clip, cam, meshes, posture, place, axes, size, wide, ink, near, sun)
             continue
+        for k in range(3):
+            light[k], seen[k] = 0.0, 0.0
+            for c in range(3):
+                light[k] += sun[c] * axes[k, c]
+                seen[k] += (cam[c] - place[c]) / size * axes[k, c]
         _inks(ink, colours[look[i]], look[i] % KINDS, beat[i] > NO_WINGS)
         _fade(ink, haze, fog)
         thick = min(max(radius[i] / length[i], 0.06), 0.5)
-        far = long < COARSE
-        if far:
-            count = _far_body(points, walks[i], beat[i], long)
+        count = _body(points, walks[i], beat[i], thick, long)
+        _project(places, points, count, cam, place, axes, size)
+        lift, far, winged = axes[2, 2], long < COARSE, beat[i] > NO_WINGS
+        if far and walks[i]:
+            _draw_far_beast(frame, depth, clip, places, light, seen, lift, ink, near, max(thick, 0.14), long)
+        elif far:
+            _draw_far_bird(frame, depth, clip, points, places, light, seen, lift, ink, near, long, winged)
         elif walks[i]:
-            count = _beast(points, thick, long)
+            _draw_beast(frame, depth, clip, points, places, light, seen, lift, ink, near, long)
         else:
-            count = _bird(points, beat[i], long)
-        for k in range(count):
-            px, py, pz = points[k, 0] * size, points[k, 1] * size, points[k, 2] * size
-            rx, ry, rz = deep(
-                cam,
-                bx + px * fx + py * lx + pz * ux,
-                by + px * fy + py * ly + pz * uy,
-                bz + px * fz + py * lz + pz * uz,
-            )
-            places[k, 0], places[k, 1] = cam[13] + cam[12] * rx / rz, cam[14] - cam[12] * ry / rz
-        near = share / cam[12] * 1.002
-        if far:
-            if walks[i]:
-                _draw_far_beast(frame, depth, clip, places, light, seen, uz, ink, near, max(thick, 0.14), long)
-            else:
-                _draw_far_bird(frame, depth, clip, points, places, light, seen, uz, ink, near, long, count > 3)
-        elif walks[i]:
-            _draw_beast(frame, depth, clip, points, places, light, seen, uz, ink, near, long)
-        else:
-            _draw_bird(frame, depth, clip, points, places, light, seen, uz, ink, near, long, beat[i] > NO_WINGS)
+            _draw_bird(frame, depth, clip, points, places, light, seen, lift, ink, near, long, winged)
+
+
+@kernel
+def _axes(axes, forward, up):
+    """Unit vectors (3, 3) ahead, to the left and out of the back of an animal."""
+    fx, fy, fz = _unit(forward[0], forward[1], forward[2], 1.0, 0.0, 0.0)
+    ux, uy, uz = up[0], up[1], up[2]
+    lx, ly, lz = _unit(uy * fz - uz * fy, uz * fx - ux * fz, ux * fy - uy * fx, -fy, fx, 0.0)
+    _put(axes, 0, fx, fy, fz)
+    _put(axes, 1, lx, ly, lz)
+    _put(axes, 2, fy * lz - fz * ly, fz * lx - fx * lz, fx * ly - fy * lx)
+
+
+@kernel
+def _body(points, walks, beat, thick, long):
+    """Corners of a body, as many as one sees of one so long in pixels; how many."""
+    if long < COARSE:
+        return _far_body(points, walks, beat, long)
+    return _beast(points, thick, long) if walks else _bird(points, beat, long)
+
+
+@kernel
+def _project(places, points, count, cam, place, axes, size):
+    """Where corners (body lengths) are in the picture, pixels."""
+    for k in range(count):
+        px, py, pz = points[k, 0] * size, points[k, 1] * size, points[k, 2] * size
+        rx, ry, rz = deep(
+            cam,
+            place[0] + px * axes[0, 0] + py * axes[1, 0] + pz * axes[2, 0],
+            place[1] + px * axes[0, 1] + py * axes[1, 1] + pz * axes[2, 1],
+            place[2] + px * axes[0, 2] + py * axes[1, 2] + pz * axes[2, 2],
+        )
+        places[k, 0], places[k, 1] = cam[13] + cam[12] * rx / rz, cam[14] - cam[12] * ry / rz
 
 
 @kernel

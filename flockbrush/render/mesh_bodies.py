@@ -1,7 +1,7 @@
 """Animals drawn with the meshes and poses of their looks, where they are large enough in a picture for legs and wings.
 
 `Meshes` packs the poses of all looks into flat arrays for one kernel; `Postures` says which look, clip and phase each
-animal of a picture shows.  Smaller animals are drawn by `sprites` and `body_meshes`.
+animal of a picture shows.  Smaller animals are drawn by `sprites` and `body_meshes`, those of the plan by `top_views`.
 """
 
 from __future__ import annotations
@@ -14,15 +14,13 @@ import numpy as np
 from flockbrush.render.animal_looks import CLIPS, DARK, LIGHT, LOOKS, WIDE, mesh_of, poses_of
 from flockbrush.render.facets import deep, draw_triangle
 from flockbrush.render.shapes import kernel
-from flockbrush.render.sprites import KINDS, NO_WINGS, PLAIN, SHADOW, figure
 
 LOOK_NAMES = tuple(LOOKS)
 FROM = 30.0  # pixels that the mesh of an animal is long or wide; smaller ones have no legs that one could see
 NO_LOOK = -1
 MOST_POINTS = 160  # of a mesh
-MOST = 300  # animals in view that a window has time for; of more, nobody has legs
+MOST = 300  # animals in view in space that a window has time for; of more, nobody has legs
 BODY, HEAD, LIMB, WING = 0, 1, 2, 3  # rows of the inks of an animal
-ABOVE = 1e6  # m: so high is the eye that sees the plan
 PALE = 0.45  # share of the head's colour: of a mesh one sees by its shape where the head is
 
 
@@ -117,11 +115,22 @@ def large(herd, long, flat: bool, least=FROM) -> np.ndarray:
     return known & ((across if flat else np.maximum(across, sides[:, 2])) * long >= least)
 
 
-def from_above(camera) -> np.ndarray:
-    """The numbers of a camera in space (`OrbitCamera.numbers`) that shows what a plan's `ViewCamera` shows."""
-    return np.array(
-        [*camera.centre, ABOVE, 1, 0, 0, 0, 1, 0, 0, 0, -1, camera.scale * ABOVE, *camera.middle, 1.0], float
-    )
+@kernel
+def pose(body, meshes, posture, size, wide):
+    """Corners (MOST_POINTS, 3) of a mesh in a posture, m in its own axes, between two poses kept; how many."""
+    look, way, phase = posture
+    count, start, poses = meshes.corners[look], meshes.first[look, way], meshes.poses[look, way]
+    if start < 0:
+        start, poses = meshes.first[look, 0], 1  # at rest
+    at = (phase % 1.0) * poses
+    one = int(at) % poses
+    other, share = (one + 1) % poses, at - int(at)
+    for k in range(count):
+        for c in range(3):
+            a, b = meshes.points[start + one * count + k, c], meshes.points[start + other * count + k, c]
+            body[k, c] = size * (a + (b - a) * share)
+        body[k, 1] *= wide
+    return count
 
 
 @kernel
@@ -144,20 +153,9 @@ def draw_mesh(frame, depth, clip, cam, meshes, posture, place, axes, size, wide,
     sun : (3,)
         Unit vector to the light.
     """
-    look, way, phase = posture
-    count = meshes.corners[look]
+    look = posture[0]
     body, seen = np.empty((MOST_POINTS, 3)), np.empty((MOST_POINTS, 3))
-    start, poses = meshes.first[look, way], meshes.poses[look, way]
-    if start < 0:
-        start, poses = meshes.first[look, 0], 1  # at rest
-    at = (phase % 1.0) * poses
-    one = int(at) % poses
-    other, share = (one + 1) % poses, at - int(at)
-    for k in range(count):
-        for c in range(3):
-            a, b = meshes.points[start + one * count + k, c], meshes.points[start + other * count + k, c]
-            body[k, c] = size * (a + (b - a) * share)
-        body[k, 1] *= wide
+    for k in range(pose(body, meshes, posture, size, wide)):
         x = place[0] + body[k, 0] * axes[0, 0] + body[k, 1] * axes[1, 0] + body[k, 2] * axes[2, 0]
         y = place[1] + body[k, 0] * axes[0, 1] + body[k, 1] * axes[1, 1] + body[k, 2] * axes[2, 1]
         z = place[2] + body[k, 0] * axes[0, 2] + body[k, 1] * axes[1, 2] + body[k, 2] * axes[2, 2]
@@ -205,41 +203,3 @@ def mesh_inks(ink, colours, yellow):
         ink[HEAD, c] = skin + (colours[1, c] - skin) * PALE
         ink[LIMB, c] = skin + (colours[2, c] - skin) * 0.8
         ink[WING, c] = 0.92 * skin
-
-
-@kernel
-def draw_plan(
-    frame, depth, clip, cam, meshes, rows, postures, at, xy, forward, length, radius, look, standing, beats, colours,
-    halos, sun,
-):  # fmt: skip
-    """Draw the animals of these rows from straight above, in this order, on their shadows.
-
-    Parameters
-    ----------
-    at, xy, forward : (n, 2)
-        Pixels; metres; unit vectors, y up.
-    look : (n,) int64
-        Row of `colours` (k, 7, 3), as `Stamps` has them; leaders and predators lie on a `figure` in that of `halos`.
-    standing, beats : (n,)
-        Who is at 0 stands on its shadow; how high wings are, or NO_WINGS.
-    """
-    axes, place, ink = np.zeros((3, 3)), np.zeros(3), np.empty((4, 3))
-    axes[2, 2] = 1.0
-    scale = cam[12] / cam[2]
-    for i in rows:
-        norm = np.sqrt(forward[i, 0] ** 2 + forward[i, 1] ** 2)
-        fx, fy = (forward[i, 0] / norm, forward[i, 1] / norm) if norm > 1e-9 else (1.0, 0.0)
-        long, thick, kind, grounded = length[i] * scale, radius[i] * scale, look[i] % KINDS, standing[i] <= 0
-        beat = NO_WINGS if kind == PLAIN else beats[i]
-        if kind == PLAIN and grounded:
-            lift = 0.10 * long + 0.45
-            x, y = at[i, 0] + 0.8 * lift, at[i, 1] + lift
-            figure(frame, clip, x, y, fx, -fy, 0.94 * long, 0.85 * thick, SHADOW, False, halos[look[i]], NO_WINGS)
-        elif kind != PLAIN:
-            figure(frame, clip, at[i, 0], at[i, 1], fx, -fy, long, thick, kind, grounded, halos[look[i]], beat)
-        axes[0, 0], axes[0, 1], axes[1, 0], axes[1, 1] = fx, fy, -fy, fx
-        place[0], place[1] = xy[i, 0], xy[i, 1]
-        mesh_inks(ink, colours[look[i]], False)
-        posture = (postures.look[i], postures.clip[i], postures.phase[i])
-        wide = 2 * radius[i] / (WIDE * length[i])
-        draw_mesh(frame, depth, clip, cam, meshes, posture, place, axes, length[i], wide, ink, 1.0, sun)

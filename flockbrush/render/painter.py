@@ -7,10 +7,11 @@ import numpy as np
 from flockbrush.render.drawn_ground import brush_key
 from flockbrush.render.drawn_herd import EMPTY, DrawnHerd, checked
 from flockbrush.render.hud import Hud, Layout, things_of
-from flockbrush.render.mesh_bodies import MOST, draw_plan, from_above, large, meshes
+from flockbrush.render.mesh_bodies import FROM, large, meshes
 from flockbrush.render.sprites import KINDS, NO_WINGS, SHADOW, Stamps
 from flockbrush.render.style import PALETTE, PLAN_SUN, Theme, rgb, theme_of
 from flockbrush.render.tiles import Tiles
+from flockbrush.render.top_views import MOST_ABOVE, Bodies, draw_plan, draw_shadows, from_above, top_views
 from flockbrush.render.trails import Trails
 from flockbrush.render.view_camera import ViewCamera, checked_size
 
@@ -39,6 +40,8 @@ class Painter:
     shadows : bool
     live : bool
         For a window: the ground is shown as far as it is drawn, and `refine` goes on with it; else it is always whole.
+    limbs : float
+        Pixels of an animal's length or width from which it has legs and wings.
 
     Attributes
     ----------
@@ -57,6 +60,7 @@ class Painter:
         labels=None,
         shadows=True,
         live=False,
+        limbs=FROM,
     ):
         self.level, self.size, self.theme = level, checked_size(size), theme_of(theme)
         self.brushes = {brush_key(name): rgb(colour) for name, colour in (brushes or {}).items()}
@@ -64,7 +68,7 @@ class Painter:
         self.layout = (
             Layout.of(self.size, 2 if self.things else 1) if words else Layout(self.size, _unit(self.size), 0, 0, 0)
         )
-        self.shadows, self.live = shadows, live
+        self.shadows, self.live, self.limbs = shadows, live, limbs
         self.hud = Hud(self.layout, self.theme)
         self.home = ViewCamera.fit(level.width, level.height, self.size, self.layout.view, self.layout.pad)
         self.camera = self.home
@@ -202,40 +206,48 @@ class Painter:
         return np.array(self.camera.view, np.int64)
 
     def _animals(self, frame, herd, look, stamps):
-        at = self.camera.pixels(herd.xy)
+        at, winged = self.camera.pixels(herd.xy), np.isfinite(herd.wings)
         forward = herd.forward * (1.0, -1.0)
-        scale, clip = self.camera.scale, self._clip
-        standing = herd.z if self.shadows else np.ones(len(herd.xy))
-        winged = np.isfinite(herd.wings)
         beats = np.where(winged, herd.wings, NO_WINGS)
-        flying = ((herd.z > 0) | winged) & self.shadows
-        if flying.any():
-            lift = np.maximum(herd.z, winged * herd.length)[flying] * (0.35 * scale)
-            below = at[flying] + np.stack([0.8 * lift, lift], axis=1)
-            flat = np.ones(len(below))
-            shade = look[flying] // KINDS * KINDS + SHADOW
-            shapes = (herd.length[flying], herd.radius[flying], shade, flat, scale)
-            flat_wings = np.where(winged[flying] & ~herd.predator[flying], 0.0, NO_WINGS)
-            stamps.draw(frame, clip, below, np.ascontiguousarray(forward[flying]), *shapes, flat_wings)
-        big = large(herd, herd.length * scale, True)
-        if self.live and self._in_view(at[big], herd.length[big]).sum() > MOST:
+        lift = np.maximum(herd.z, winged * herd.length) * (0.35 * self.camera.scale)
+        below = np.stack([0.8 * lift, lift], axis=1)
+        big = large(herd, herd.length * self.camera.scale, True, self.limbs)
+        if self.live and self._in_view(at[big], herd.length[big]).sum() > MOST_ABOVE:
             big = np.zeros_like(big)
+        flying = ((herd.z > 0) | winged) & self.shadows & ~big
+        if flying.any():
+            shade = look // KINDS * KINDS + SHADOW
+            flat_wings = np.where(winged & ~herd.predator, 0.0, NO_WINGS)
+            self._stamp(frame, flying, at + below, forward, herd, shade, np.ones(len(at)), flat_wings)
+        standing = herd.z if self.shadows else np.ones(len(at))
         if not big.any():
-            stamps.draw(frame, clip, at, forward, herd.length, herd.radius, look, standing, scale, beats)
+            self._stamp(frame, None, at, forward, herd, look, standing, beats)
             return
-        columns = (at, forward, herd.length, herd.radius, look, standing)
-        stamps.draw(frame, clip, *(np.ascontiguousarray(column[~big]) for column in columns), scale, beats[~big])
-        self._with_legs(frame, clip, at, herd, look, big, standing, beats)
+        self._stamp(frame, ~big, at, forward, herd, look, standing, beats)
+        lift = 0.10 * herd.length * self.camera.scale + 0.45
+        below = np.where((herd.z > 0)[:, None] | winged[:, None], below, np.stack([0.8 * lift, lift], axis=1))
+        shade = np.where(winged, 0.5, 1.0) * stamps.colours[look, 6, 0]
+        bodies = Bodies(at, herd.xy, herd.forward, herd.length, herd.radius, look, below, shade, beats)
+        self._with_legs(frame, np.flatnonzero(big & self._in_view(at, herd.length)), bodies, herd.postures)
 
-    def _with_legs(self, frame, clip, at, herd, look, big, standing, beats):
-        """Animals that are large enough in the picture for legs and wings."""
-        seen = self._in_view(at, herd.length)
+    def _stamp(self, frame, rows, at, forward, herd, look, standing, beats):
+        """Animals of these rows (None: of all) without legs."""
+        columns = (at, forward, herd.length, herd.radius, look, standing, beats)
+        if rows is not None:
+            columns = tuple(column[rows] for column in columns)
+        *columns, beats = (np.ascontiguousarray(column) for column in columns)
+        self._stamps.draw(frame, self._clip, *columns, self.camera.scale, beats)
+
+    def _with_legs(self, frame, rows, bodies, postures):
+        """Animals of these rows, which are large enough in the picture for legs and wings."""
         if self._depth is None:
             self._depth = np.zeros(frame.shape[:2], np.float32)
+        clip, views, stamps = self._clip, top_views(), self._stamps
+        if self.shadows:
+            draw_shadows(frame, clip, self.camera.scale, rows, bodies, postures, views, meshes(), stamps.colours)
         draw_plan(
-            frame, self._depth, clip, from_above(self.camera), meshes(), np.flatnonzero(big & seen), herd.postures,
-            at, herd.xy, herd.forward, herd.length, herd.radius, look, standing, beats, self._stamps.colours,
-            self._stamps.halos, PLAN_SUN,
+            frame, self._depth, clip, from_above(self.camera), rows, bodies, postures, views, meshes(),
+            stamps.colours, stamps.halos, PLAN_SUN,
         )  # fmt: skip
 
     def _in_view(self, at, length):

@@ -19,11 +19,15 @@ from types import SimpleNamespace
 import numpy as np
 
 from flockbrush.behaviours.behaviour import behaviours
+from flockbrush.behaviours.species import shipped_species
 from flockbrush.components import Heading, Position
 from flockbrush.engine import files, pictures
 from flockbrush.levels.build import plane
+from flockbrush.render.animal_looks import CLIPS, mesh_of
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_herd import DrawnHerd
+from flockbrush.render.gaits import RESTING
+from flockbrush.render.mesh_bodies import LOOK_NAMES, Postures
 from flockbrush.render.painter import Painter
 from flockbrush.render.style import mix, rgb, theme_of
 from flockbrush.render.view_camera import ViewCamera
@@ -43,7 +47,8 @@ MILL = 0.7  # milling that makes a mill, of a herd that began on a ring
 MARCH, SOME = 0.75, 0.35  # polarization out of disorder that makes a march for certain; that makes one if no mill
 ALONG = np.pi / 7  # rad; marches go up to the right
 AS_STORED = -1  # cv2.IMREAD_UNCHANGED
-VERSION = 3  # of these pictures: counts up when they look otherwise
+LIMBS = 12.0  # pixels of the picture before it is shrunk, from which animals have legs
+VERSION = 4  # of these pictures: counts up when they look otherwise
 
 
 def thumbnail(brush, size=64, theme="light") -> np.ndarray:
@@ -110,7 +115,7 @@ def make_in_background(names=(), size=64, theme="light") -> subprocess.Popen:
 def draw_thumbnail(brush, size, theme) -> np.ndarray:
     """The picture of a brush, made now."""
     look = replace(theme, texture=theme.texture / 2)
-    image = _picture(brush, FINE * size, look, brush.colour, WINDOW, winged=True)
+    image = _picture(brush, FINE * size, look, brush.colour, WINDOW, limbs=True)
     return _ringed(image, size, rgb(brush.colour), look)
 
 
@@ -128,8 +133,11 @@ def draw_tile(brush, size) -> np.ndarray:
     return image
 
 
-def _picture(brush, side, theme, colour, window, winged=False):
-    """Animals under a brush after some seconds, with trails, on a square of bare ground; birds with wings, if asked."""
+def _picture(brush, side, theme, colour, window, limbs=False):
+    """Animals under a brush after some seconds, with trails, on a square of bare ground; with legs and wings, if asked.
+
+    Only a bird's wings make it larger: that one sees them is worth more than how far apart the birds are.
+    """
     simulation = _settled(brush)
     try:
         step = max(1, round(TRAIL / 16 / simulation.clock.dt))
@@ -145,22 +153,35 @@ def _picture(brush, side, theme, colour, window, winged=False):
     far = float(np.quantile(np.abs(xy - middle).max(axis=1), 0.6 if flies else 0.9)) / length
     window = (window[0], SKY) if flies else window
     across = float(np.clip(2.3 * far + 1.5, *window)) * length
-    winged = winged and _in_the_air(brush)
+    winged = limbs and _in_the_air(brush)
     larger = max(LARGER, across / length / (LEAST_WINGED if winged else LEAST))
-    painter = Painter(SimpleNamespace(width=across, height=across, name=""), (side, side), theme, words=False)
+    level = SimpleNamespace(width=across, height=across, name="")
+    painter = Painter(level, (side, side), theme, words=False, limbs=LIMBS)
     painter.look(ViewCamera.fit(across, across, (side, side)))
     painter.backdrop = np.empty((side, side, 3), np.uint8)
     painter.backdrop[:] = theme.ground
     danger = behaviours()[brush.model].danger
-    beats = np.sin(2 * np.pi * 0.381966 * np.arange(len(xy))) if winged else None
+    phase = 0.381966 * np.arange(len(xy)) % 1.0
+    beats = np.sin(2 * np.pi * phase) if winged else None
+    moved = np.linalg.norm(xy - moments[0][0], axis=1) > RESTING * TRAIL * length
+    postures = _postures(brush, moved, winged, phase) if limbs else None
     for k, (xy, forward) in enumerate(moments):
         herd = DrawnHerd(
             xy - middle + across / 2, forward, larger * length, larger * brush.body.radius,
             brush=np.zeros(len(xy), int), brush_colours=(colour,), predator=np.full(len(xy), danger),
-            ids=np.arange(len(xy)), wings=beats,
+            ids=np.arange(len(xy)), wings=beats, postures=postures,
         )  # fmt: skip
         frame = painter.frame(herd, time=k * step * simulation.clock.dt, legend=False)
     return frame
+
+
+def _postures(brush, moved, winged, phase):
+    """What the bodies of animals show under a brush: those of the species it is named after, of beasts, or of birds."""
+    species, named = shipped_species(), next(iter(brush.made_for), "")
+    look = species.get(named).look if named in species.names() else "bird" if winged else "beast"
+    clip = "fly" if winged else next(clip for clip in ("swim", "walk") if clip in mesh_of(look).clips)
+    clips = np.where(moved | winged, CLIPS.index(clip), CLIPS.index("rest"))
+    return Postures(np.full(len(phase), LOOK_NAMES.index(look)), clips, phase)
 
 
 def _in_the_air(brush):

@@ -1,12 +1,16 @@
 """Animals drawn with the legs and wings of their species where they are large enough, in the plan and in space."""
 
+import cv2
 import numpy as np
 import pytest
 
 from flockbrush.output.pictures import herd_of
 from flockbrush.render.animal_looks import CLIPS
 from flockbrush.render.gaits import Gaits
-from flockbrush.render.mesh_bodies import LOOK_NAMES, Postures
+from flockbrush.render.mesh_bodies import LOOK_NAMES, Postures, draw_mesh, mesh_inks, meshes
+from flockbrush.render.sprites import KINDS
+from flockbrush.render.style import PLAN_SUN
+from flockbrush.render.top_views import from_above
 from flockbrush.runs.run import start
 from flockbrush.runs.snapshots import moment_of
 from tests.flockbrush.test_draw_animals import changed, herd, painter
@@ -31,6 +35,28 @@ def test_limbs_of_large_animals_move_through_a_cycle_and_come_back(look):
     assert np.array_equal(one, whole)
     assert len(changed(one, half)) > 20
     assert len(changed(one, p.ground)) > 300
+
+
+@pytest.mark.parametrize("look", MOVING)
+@pytest.mark.parametrize("turn", [0.0, 0.7, 2.5])
+def test_what_maps_show_from_above_is_what_triangles_show(look, turn):
+    """`draw_mesh` is the oracle; it draws triangles half a pixel larger all around."""
+    length, radius, at, heading = 7.0, 2.8, (20.0, 15.0), np.array([np.cos(turn), np.sin(turn)])
+    told = dict(length=length, radius=radius, heading=turn, postures=posture(look, 0.2))
+    p = painter(shadows=False)
+    maps, triangles = p.frame(herd(at, **told)), p.ground.copy()
+    axes = np.array([[*heading, 0.0], [-heading[1], heading[0], 0.0], [0.0, 0.0, 1.0]])
+    ink = np.empty((4, 3))
+    mesh_inks(ink, p._stamps.colours[KINDS], False)
+    row = tuple(int(column[0]) for column in told["postures"][:2])
+    draw_mesh(
+        triangles, np.zeros(triangles.shape[:2], np.float32), p._clip, from_above(p.camera), meshes(), (*row, 0.2),
+        np.array([*at, 0.0]), axes, length, 2 * radius / (0.4 * length), ink, 1.0, PLAN_SUN,
+    )  # fmt: skip
+    seen, due = (np.abs(image.astype(int) - p.ground).sum(2) > 30 for image in (maps, triangles))
+    assert due.sum() > 400 and (seen ^ due).sum() < 0.2 * due.sum(), "half a pixel around thin legs"
+    inside = cv2.erode((seen & due).astype(np.uint8), np.ones((5, 5))) > 0
+    assert np.abs(maps.astype(int) - triangles)[inside].mean() < 8
 
 
 def test_small_animals_are_drawn_without_limbs():

@@ -5,6 +5,8 @@ import pytest
 from flockbrush.behaviours.brush import shipped
 from flockbrush.levels.tile_pictures import brush_picture
 
+from flockbrush.render.animal_looks import CLIPS
+from flockbrush.render.mesh_bodies import LOOK_NAMES
 from flockbrush.render.style import rgb
 from flockbrush.studio import thumbnails
 from flockbrush.studio.thumbnails import cached, draw_tile, placeholder, thumbnail
@@ -87,3 +89,15 @@ def test_a_brush_of_ones_own_that_has_a_shipped_name_keeps_its_colour():
     tile = brush_picture("march", "#00ff00")
     assert tuple(tile[16, 4, :3].astype(int)) != tuple(brush_picture("march", shipped().get("march").colour)[16, 4, :3])
     assert tile[10, 4, 1] > 180
+
+
+@pytest.mark.parametrize(
+    ("name", "look", "clip"),
+    [("march", "beast", "walk"), ("evacuate", "person", "walk"), ("zebrafish", "fish", "swim"),
+     ("starlings", "bird", "fly")],
+)  # fmt: skip
+def test_animals_have_the_legs_and_wings_of_their_species(name, look, clip):
+    brush, moved = shipped().get(name), np.array([True, False])
+    found = thumbnails._postures(brush, moved, thumbnails._in_the_air(brush), np.zeros(2))
+    assert LOOK_NAMES[found.look[0]] == look and CLIPS[found.clip[0]] == clip
+    assert CLIPS[found.clip[1]] == ("fly" if clip == "fly" else "rest")
