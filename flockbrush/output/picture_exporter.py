@@ -16,7 +16,10 @@ LOOKS = (
 CAMERA = Option("camera", None, "A camera with keyframes: a .camera.toml file (docs/exports.md).", metavar="FILE")
 CLEAN = (
     CAMERA,
-    Option("overlays", True, "Ground, obstacles and animals alone: no words, guides, trails.", negated="no_overlays"),
+    Option(
+        "overlays", True, "Ground, obstacles and animals alone, without words, trails, dust.", negated="no_overlays"
+    ),
+    Option("dust", True, "No dust behind runners and no ripples behind swimmers.", negated="no_dust"),
     Option("size", None, "Pixels of the picture, as 1920x1080.", metavar="WxH"),
 )
 ALPHA = Option("alpha", False, "Animals and their shadows alone, on transparent ground; no words, guides, trails.")
@@ -35,7 +38,7 @@ class Pictures(Exporter):
     def open(self):
         from flockbrush.output.pictures import painter_of
 
-        told = {name: self.options.get(name) for name in ("size", *(option.name for option in LOOKS))}
+        told = {name: self.options.get(name) for name in ("size", "dust", *(option.name for option in LOOKS))}
         told["size"] = size_of(told["size"])
         self.camera = camera_of(self.options)
         if self.camera is not None:

@@ -18,6 +18,7 @@ def herd_of(simulation, moment: Moment):
     from flockbrush.render.drawn_herd import DrawnHerd
     from flockbrush.render.gaits import gaits_of, in_flight, wings_of
     from flockbrush.render.mesh_bodies import Postures
+    from flockbrush.render.wakes import wakes_of
     from flockbrush.systems.palette import Palette
 
     palette, gaits = simulation.world.resource(Palette), gaits_of(simulation)
@@ -40,21 +41,22 @@ def herd_of(simulation, moment: Moment):
         wings=wings_of(clip, phase, flying) if flying.any() else None,
         up=moment.up,
         postures=Postures(gaits.limbs().look[moment.species], clip, phase),
+        wakes=wakes_of(simulation, moment, clip, flying),
     )
 
 
-def painter_of(simulation, size=None, theme="light", view="plan", azimuth=90.0, elevation=None, clean=False):
+def painter_of(simulation, size=None, theme="light", view="plan", azimuth=90.0, elevation=None, clean=False, dust=True):
     """A painter for a running world: of the plan with the level's proportions unless a size is given, or of space.
 
     `azimuth` and `elevation`, in degrees, say from where one looks in space: counter-clockwise from east, and upwards;
     flocks in the air are looked at from lower down than herds on the ground unless told.  `clean` leaves out words,
-    trails and all that only the designer sees.
+    trails and all that only the designer sees, and dust and ripples behind the animals, as does `dust` = False.
     """
     from flockbrush.render import Painter, Scenery
     from flockbrush.render.scenery import BareScenery
 
     scenery = BareScenery(simulation) if clean else Scenery(simulation)
-    drawn = {"words": False, "trails": None} if clean else {}
+    drawn = {"words": False, "trails": None, "dust": False} if clean else {"dust": dust}
     if view != "space":
         size = size or picture_size(simulation.level, words=0 if clean else WORDS)
         return Painter(scenery, size=size, theme=theme, **drawn)

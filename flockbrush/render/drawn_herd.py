@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flockbrush.render.mesh_bodies import NO_LOOK, Postures
+from flockbrush.render.wakes import Wakes
 
 
 class DrawnHerd(NamedTuple):
@@ -36,6 +37,8 @@ class DrawnHerd(NamedTuple):
         Unit vector out of the back, for those that bank; seen in space only.
     postures : Postures, optional
         Look, clip and phase of each, for who is large enough in the picture for legs and wings.
+    wakes : Wakes, optional
+        Dust and ripples that each leaves behind; drawn where the time is told.
     ids : (n,) int array, optional
         Lets trails follow their animals when others are born or die.
     """
@@ -55,6 +58,7 @@ class DrawnHerd(NamedTuple):
     wings: np.ndarray | None = None
     up: np.ndarray | None = None
     postures: Postures | None = None
+    wakes: Wakes | None = None
 
 
 EMPTY = DrawnHerd(np.zeros((0, 2)), np.zeros((0, 2)))

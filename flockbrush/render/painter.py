@@ -14,6 +14,7 @@ from flockbrush.render.tiles import Tiles
 from flockbrush.render.top_views import MOST_ABOVE, Bodies, draw_plan, draw_shadows, from_above, top_views
 from flockbrush.render.trails import Trails
 from flockbrush.render.view_camera import ViewCamera, checked_size
+from flockbrush.render.wakes import wakes_on_plan
 
 
 class Painter:
@@ -42,6 +43,8 @@ class Painter:
         For a window: the ground is shown as far as it is drawn, and `refine` goes on with it; else it is always whole.
     limbs : float
         Pixels of an animal's length or width from which it has legs and wings.
+    dust : bool
+        Draw dust behind runners and ripples behind swimmers, for herds with wakes.
 
     Attributes
     ----------
@@ -61,6 +64,7 @@ class Painter:
         shadows=True,
         live=False,
         limbs=FROM,
+        dust=True,
     ):
         self.level, self.size, self.theme = level, checked_size(size), theme_of(theme)
         self.brushes = {brush_key(name): rgb(colour) for name, colour in (brushes or {}).items()}
@@ -69,6 +73,7 @@ class Painter:
             Layout.of(self.size, 2 if self.things else 1) if words else Layout(self.size, _unit(self.size), 0, 0, 0)
         )
         self.shadows, self.live, self.limbs = shadows, live, limbs
+        self.dust = dust
         self.hud = Hud(self.layout, self.theme)
         self.home = ViewCamera.fit(level.width, level.height, self.size, self.layout.view, self.layout.pad)
         self.camera = self.home
@@ -187,6 +192,8 @@ class Painter:
         stamps = self._stamps_of(herd)
         look = stamps.looks(herd.brush, herd.leader, herd.predator)  # type: ignore[arg-type]  # `checked` fills them
         self._trails_of(trails, frame, herd, look // KINDS, stamps, time)
+        if self.dust:
+            wakes_on_plan(frame, self._no_depth(frame), self._clip, self.camera, self.theme, herd, time)
         self._animals(frame, herd, look, stamps)
         self._words(frame, herd, title, time, measures, legend, stamps)
         return frame
@@ -240,15 +247,18 @@ class Painter:
 
     def _with_legs(self, frame, rows, bodies, postures):
         """Animals of these rows, which are large enough in the picture for legs and wings."""
-        if self._depth is None:
-            self._depth = np.zeros(frame.shape[:2], np.float32)
         clip, views, stamps = self._clip, top_views(), self._stamps
         if self.shadows:
             draw_shadows(frame, clip, self.camera.scale, rows, bodies, postures, views, meshes(), stamps.colours)
         draw_plan(
-            frame, self._depth, clip, from_above(self.camera), rows, bodies, postures, views, meshes(),
+            frame, self._no_depth(frame), clip, from_above(self.camera), rows, bodies, postures, views, meshes(),
             stamps.colours, stamps.halos, PLAN_SUN,
         )  # fmt: skip
+
+    def _no_depth(self, frame):
+        if self._depth is None:
+            self._depth = np.zeros(frame.shape[:2], np.float32)
+        return self._depth
 
     def _in_view(self, at, length):
         reach = 2.0 * length[:, None] * self.camera.scale

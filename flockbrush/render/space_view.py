@@ -32,6 +32,7 @@ from flockbrush.render.space_marks import SpaceMarks
 from flockbrush.render.sprites import KINDS, NO_WINGS, look_colours
 from flockbrush.render.style import SUN, mix, theme_of
 from flockbrush.render.view_camera import ViewCamera, checked_size
+from flockbrush.render.wakes import wakes_in_space
 from flockbrush.render.ways import Ways
 
 SIGHT = 7.0  # times the size of the scene: what is farther is more haze than colour
@@ -71,7 +72,7 @@ class SpacePainter:
         How long trails are, seconds; None or 0 for no trails.
     words : bool
         Leave room for title, clock and legend.
-    shadows : bool
+    shadows, dust : bool
     live : bool
         For a window: the ground is shown as far as it is drawn, and `refine` goes on with it.
     floor : float
@@ -87,10 +88,11 @@ class SpacePainter:
 
     def __init__(
         self, level=None, size=(1280, 720), theme="light", brushes=None, trails=TRAILS, words=True, shadows=True,
-        live=False, floor=0.0,
+        live=False, floor=0.0, dust=True,
     ):  # fmt: skip
         self.level, self.size, self.theme = level, checked_size(size), theme_of(theme)
-        self.shadows, self.live, self.floor = shadows, live, 0.0 if level is not None else float(floor)
+        self.shadows, self.dust, self.live = shadows, dust, live
+        self.floor = 0.0 if level is not None else float(floor)
         unit = float(np.clip(min(self.size[0] / 1280, self.size[1] / 720), 0.45, 6))
         self.layout = Layout.of(self.size) if words else Layout(self.size, unit, 0, 0, 0)
         self.hud = Hud(self.layout, self.theme)
@@ -303,6 +305,8 @@ class SpacePainter:
         if row is not None:
             marks, long = self._marks(frame), float((herd.length * self._grown(herd, bodies))[row])
             marks.stand(bodies.xyz[row], long, self.floor)
+        if self.dust:
+            wakes_in_space(frame, depth, clip, self.camera, self.floor, self.theme, herd, bodies.xyz, time)
         self._animals(frame, depth, clip, cam, herd, bodies, brush * KINDS + kind, colours)
         if row is not None:
             marks.ring(self._middles(bodies)[row : row + 1], long)

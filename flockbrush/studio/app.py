@@ -35,7 +35,7 @@ from flockbrush.studio.widgets import NO_MARGINS, words
 SLOWEST = 1 / 25  # s; a frame whose simulation would take longer lets the simulation lag instead
 LEAST = 0.008  # s of a frame that the simulation has in any case
 CALM = 0.1  # s between two drawings of controls that nobody touches
-OVERLAYS = ("trails", "shadows", "forces", "field_of_view")  # shown at first
+OVERLAYS = ("trails", "shadows", "dust", "forces", "field_of_view")  # shown at first
 QUICK = 0.03  # s, while the mouse moves over them
 FRESH = 0.15  # s between two looks at labels
 DISK = 1.0  # s between two looks at the level file

@@ -236,6 +236,7 @@ class Viewport:
         moment = self._now()
         self._go_along()
         trails, self.painter.shadows = "trails" in app.overlays, "shadows" in app.overlays
+        self.painter.dust = "dust" in app.overlays
         if self.in_space:
             lying = self._lying()
             news = frozenset(lying), app.selected, round(moment.time / LAID)

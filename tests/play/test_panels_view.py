@@ -25,11 +25,11 @@ def window(level):
 
 def test_every_overlay_has_a_check_box_with_a_tooltip(window):
     offered = {name: words for group in overlays().values() for name, words in group.items()}
-    assert offered.keys() == window.panel.boxes.keys() == OVERLAYS.keys() | {"trails", "shadows"}
+    assert offered.keys() == window.panel.boxes.keys() == OVERLAYS.keys() | {"trails", "shadows", "dust"}
     assert all(window.panel.boxes[name].tool_tip_text == offered[name][1] for name in offered)
 
 
-@pytest.mark.parametrize("name", [*OVERLAYS, "trails", "shadows"])
+@pytest.mark.parametrize("name", [*OVERLAYS, "trails", "shadows", "dust"])
 def test_a_check_box_shows_and_hides_its_overlay(window, name):
     before = name in window.overlays
     window.click(window.panel.boxes[name])

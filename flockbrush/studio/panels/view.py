@@ -13,6 +13,7 @@ from flockbrush.studio.panels.panel import Panel
 ALWAYS = {
     "trails": ("Trails", "Where each animal has been in the last seconds"),
     "shadows": ("Shadows", "Shadows under the animals, and how high they fly"),
+    "dust": ("Dust and ripples", "Dust behind runners on dry ground, ripples behind swimmers and waders"),
 }
 CAMERA = {
     "space": ("In space", "View the herd in space (3): the middle button orbits, the wheel zooms"),
