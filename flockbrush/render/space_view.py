@@ -373,8 +373,7 @@ class SpacePainter:
         texture.source = picture
 
     def _paint_world(self, faces, lit):
-        theme, camera = self.theme, self.camera
-        image, depth = self._sheets
+        theme, camera, (image, depth) = self.theme, self.camera, self._sheets
         depth[:] = 0.0
         sky, zenith = sky_of(theme)
         land = mix(theme.ground, theme.paper, 0.45)
