@@ -193,8 +193,9 @@ class Commands:
 
     def __init__(self):
         self._order = itertools.count()
-        self._pending: list[tuple[int, int, object]] = []
+        self._pending: list[tuple[int, int, object, int]] = []
         self.log: list[tuple[int, object]] = []  # (tick, command), as applied
+        self.lived: float = -1  # until this tick what the script does comes from a log
         self.source = ""  # the recording that is lived again, for messages
 
     def submit(self, cmd, tick=0):
@@ -209,17 +210,41 @@ class Commands:
         """
         if COMMANDS.get(type(cmd).__name__) is not type(cmd):
             raise TypeError(f"{type(cmd).__name__} is no command; mark its class with @command")
-        heapq.heappush(self._pending, (int(tick), next(self._order), _as_replayed(cmd)))
+        self._push(tick, _as_replayed(cmd))
+
+    def follow(self, key, tick, cmd):
+        """Have a key of the level's script give this command at this tick, instead of what it was to give.
+
+        Parameters
+        ----------
+        key : int
+            Identity of the key, at least 1.
+        tick : int
+        cmd : command or None
+            None: the key is gone.
+        """
+        self.replace([entry for entry in self.waiting if entry[2] != key])
+        if cmd is not None and tick > self.lived:
+            self._push(tick, _as_replayed(cmd), key)
+
+    def _push(self, tick, cmd, key=0):
+        heapq.heappush(self._pending, (int(tick), next(self._order), cmd, key))
+
+    @property
+    def waiting(self):
+        """(tick, command, key of the script or 0) of what is still to come, in the order of its coming."""
+        return [(tick, cmd, key) for tick, _, cmd, key in sorted(self._pending, key=lambda entry: entry[:2])]
 
     @property
     def pending(self):
         """(tick, command) of what is still to come, in the order of its coming."""
-        return [(tick, cmd) for tick, _, cmd in sorted(self._pending, key=lambda entry: entry[:2])]
+        return [(tick, cmd) for tick, cmd, _ in self.waiting]
 
-    def replace(self, pairs):
-        """Have exactly these (tick, command) waiting, as a replay does: from a queue, a log or a recording."""
-        self._pending = [(int(tick), next(self._order), cmd) for tick, cmd in pairs]
-        heapq.heapify(self._pending)
+    def replace(self, entries):
+        """Have exactly these waiting, as a replay does: (tick, command) of a log or a recording, or `waiting`."""
+        self._pending = []
+        for tick, cmd, *key in entries:
+            self._push(tick, cmd, *key)
 
     def apply(self, world):
         """Apply all that is due, in order of tick, then of submission.
@@ -232,12 +257,12 @@ class Commands:
         """
         now = world.resource(Clock).tick
         while self._pending and self._pending[0][0] <= now:
-            _, _, cmd = heapq.heappop(self._pending)
+            _, _, cmd, _ = heapq.heappop(self._pending)
             try:
                 cmd.apply(world)
             except (ValueError, LookupError) as error:
                 raise CommandError(now, cmd, error.args[0] if error.args else error, self.source) from error
-            self.log.append((now, cmd))
+            self._applied(world, cmd)
 
     def perform(self, world, commands):
         """Do these at once, all of them or none, before whatever waits: an edit of a designer.
@@ -279,13 +304,55 @@ class Commands:
             cmd.apply(world)
         except (ValueError, LookupError) as error:
             raise CommandError(now, cmd, error.args[0] if error.args else error) from error
-        self.log.append((now, cmd))
+        self._applied(world, cmd)
         return undo
+
+    def _applied(self, world, cmd):
+        """Log a command, and follow the script as it is from now on."""
+        clock = world.resource(Clock)
+        self.log.append((clock.tick, cmd))
+        for key, tick, given in _rescripted(cmd, clock.dt):
+            self.follow(key, tick, given if tick >= clock.tick else None)
 
     def state(self):
         """What waits, as bytes (see `flockbrush.engine.state`)."""
-        return json.dumps([[tick, *to_record(cmd)] for tick, cmd in self.pending], allow_nan=False).encode()
+        return json.dumps([[tick, *to_record(cmd), key] for tick, cmd, key in self.waiting], allow_nan=False).encode()
 
     def set_state(self, data):
         """Put back what `state` gave."""
-        self.replace([(tick, from_record(name, values)) for tick, name, values in json.loads(data)])
+        self.replace([(tick, from_record(name, values), *key) for tick, name, values, *key in json.loads(data)])
+
+
+def tick_at(seconds, dt):
+    """The first tick that is no earlier than so many seconds after the start."""
+    return math.ceil(seconds / dt)
+
+
+def _rescripted(cmd, dt):
+    """[(key, tick, command or None)] for a command that changes the level's script: its ``rescript()`` says how."""
+    told = cmd.rescript() if hasattr(cmd, "rescript") else None
+    if told is None:
+        return []
+    key, seconds, given = told
+    return [(key, tick_at(seconds, dt), given)]
+
+
+def script_after(script, commands, dt):
+    """What a script will do once commands were applied that may change it.
+
+    Parameters
+    ----------
+    script : list of (tick, command, key)
+    commands : iterable of (tick, command)
+    dt : float
+        Seconds of a tick.
+
+    Returns
+    -------
+    list of (tick, command, key)
+    """
+    for _, cmd in commands:
+        for key, tick, given in _rescripted(cmd, dt):
+            script = [entry for entry in script if entry[2] != key]
+            script += [] if given is None else [(tick, given, key)]
+    return script

@@ -278,8 +278,9 @@ def resume(run, world, tick=None):
     now, queue = world.resource(Clock).tick, world.resource(Commands)
     queue.source = str(run.path)
     known = max([run.last_tick - 1, *(when for when, _ in run.commands)])  # what came later, the level's script knows
-    later = [(when, cmd) for when, cmd in queue.pending if when > known]
+    later = [entry for entry in queue.waiting if entry[0] > known]
     queue.replace([(when, cmd) for when, cmd in run.commands if when >= now] + later)
+    queue.lived = known
 
 
 def first_difference(run, world, step, to_tick=None, progress=None):

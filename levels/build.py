@@ -13,7 +13,7 @@ from flockbrush.behaviours.program import known_brushes
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.components import AGENT
 from flockbrush.engine.clock import Clock
-from flockbrush.engine.commands import Commands, from_record
+from flockbrush.engine.commands import Commands, from_record, tick_at
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.engine.schedule import Schedule
@@ -359,7 +359,7 @@ def _queue_script(simulation, level):
             where = f"object {key.id} {key.name!r} in layer 'script'"
             problems.append(Problem(str(level.path), key.line, where, str(error.args[0] if error.args else error)))
             continue
-        simulation.submit(command, math.ceil(key.at / DT))
+        simulation.world.resource(Commands).follow(key.id, tick_at(key.at, DT), command)
     if problems:
         raise ProblemsError(problems)
 

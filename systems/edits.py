@@ -327,6 +327,10 @@ class RemoveThing(OfThing):
             land = world.resource(Landscape)
             _check_free(land, land.goals[there].name)
 
+    def rescript(self):
+        """(key, s, None): the script no longer does what a key said; None for other things."""
+        return (self.id, 0.0, None) if self.kind == "key" else None
+
     def there(self, world):
         """Index of the thing, or None."""
         return next((k for k, thing in enumerate(_things(world, self.kind, self.id)) if thing.id == self.id), None)

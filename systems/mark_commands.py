@@ -158,7 +158,7 @@ class DrawArea(OfThing):
 class PlaceKey(OfThing):
     """Put a timed command into the level's script, or change the one with this id.
 
-    The script is followed from the next start on: what waits in this run stays.
+    The script is followed at once: the command is given at its time, unless that has passed.
     """
 
     kind = "key"
@@ -185,6 +185,10 @@ class PlaceKey(OfThing):
         """The command's arguments, with the place where the key stands."""
         known = {f.name for f in fields(COMMANDS[self.command])} if self.command in COMMANDS else set()
         return {name: getattr(self, name) for name in "xy" if name in known} | self.args
+
+    def rescript(self):
+        """(key, s, command): what the script does from now on."""
+        return self.id, self.when, from_record(self.command, self.given())
 
     def ground_box(self, world):
         return None

@@ -146,7 +146,7 @@ class Marks:
     zones: list[Zone] = field(default_factory=list)
     lines: list[Line] = field(default_factory=list)
     areas: list[Area] = field(default_factory=list)
-    keys: list[Key] = field(default_factory=list)  # as the level has them: those that wait are in `Commands`
+    keys: list[Key] = field(default_factory=list)  # as the level has them; what is still to come waits in `Commands`
     names: list[str] = field(default_factory=list)
     layers: Sheets = field(default_factory=Sheets)
     factor: np.ndarray | None = None

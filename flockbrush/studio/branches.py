@@ -9,8 +9,9 @@ from functools import partial
 from typing import Any
 
 from flockbrush.behaviours.brush import BrushLibrary
-from flockbrush.engine.commands import Commands
+from flockbrush.engine.commands import Commands, script_after
 from flockbrush.engine.state import StateError, check_beginning, pieces, snapshot, state_hash
+from flockbrush.levels.build import DT
 from flockbrush.levels.schema import Level
 from flockbrush.runs import run as running
 from flockbrush.studio.scribe import Scribe
@@ -92,7 +93,7 @@ class Branch:
     ----------
     header, assets : dict
         What a recording of it begins with.
-    script : list of (tick, command)
+    script : list of (tick, command, key)
         What the level itself will do.
     commands : list of (tick, command)
         As applied, in order; the script's among them.
@@ -100,8 +101,8 @@ class Branch:
         State hash after so many ticks, before anything was done there.
     changes : list of (tick, box)
         Where the ground changed: (west, south, east, north) in metres, or "all".
-    waiting : list of (tick, command)
-        What of the script is still to come at its end.
+    waiting : list of (tick, command, key)
+        What of the script, as it is then, is still to come at its end.
     parent, left : str, int
         The branch it comes from, and the tick at which it left that one.
     editor : flockbrush.levels.editor.Editor
@@ -135,7 +136,7 @@ class Branch:
     def begun(cls, name, beginning, simulation):
         """A branch at its first tick."""
         header, assets = running.beginning_of(simulation)
-        branch = cls(name, beginning, header, assets, simulation.world.resource(Commands).pending)
+        branch = cls(name, beginning, header, assets, simulation.world.resource(Commands).waiting)
         branch.waiting = branch.script
         branch.hashes[0] = state_hash(simulation.world)
         branch.keyframes.keep(0, snapshot(simulation.world))
@@ -145,7 +146,7 @@ class Branch:
         """Know all that a recording knows, and so many bytes of its snapshots, so that any moment is near one."""
         self.commands, self.hashes, self.last_tick = run.commands, dict(sorted(run.hashes.items())), run.last_tick
         known = max([run.last_tick - 1, *(tick for tick, _ in run.commands)])
-        self.waiting = [(tick, cmd) for tick, cmd in self.script if tick > known]
+        self.waiting = self._to_come(known)
         self.changes = [(tick, "all") for tick, cmd in run.commands if hasattr(cmd, "ground_box")]
         for tick in _coarse_to_fine(sorted(run.keyframes)):
             try:
@@ -161,6 +162,10 @@ class Branch:
         """Commands that were applied at the start of this tick."""
         return [cmd for _, cmd in between(self.commands, tick, tick)]
 
+    def _to_come(self, tick):
+        """What of the script, as the commands left it, comes after a tick."""
+        return [entry for entry in script_after(self.script, self.commands, DT) if entry[0] > tick]
+
     def until(self, tick, name):
         """A new branch with all that happened up to a tick, and what was done there."""
         new = Branch(name, self.beginning, self.header, self.assets, self.script, self.keyframes.until(tick))
@@ -168,7 +173,7 @@ class Branch:
         new.hashes = {t: digest for t, digest in self.hashes.items() if t <= tick}
         new.changes = between(self.changes, 0, tick)
         new.samples = [sample for sample in self.samples if sample.tick <= tick]
-        new.waiting = [(when, cmd) for when, cmd in self.script if when > tick]
+        new.waiting = new._to_come(tick)
         new.last_tick = new.left = tick
         new.parent, new.differs = self.name, self.differs
         return new

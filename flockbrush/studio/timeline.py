@@ -115,9 +115,9 @@ class Timeline:
     def changes_within(self, ticks):
         """Whether a command will be done in the next so many ticks."""
         now, branch = self.tick, self.current
-        waiting = self.queue.pending if self.at_end else branch.waiting
+        waiting = self.queue.waiting if self.at_end else branch.waiting
         again = [] if self.at_end else between(branch.commands, now, now + ticks)
-        return bool(again) or any(when < now + ticks for when, _ in waiting)
+        return bool(again) or any(entry[0] < now + ticks for entry in waiting)
 
     # living ----------------------------------------------------------------------
 
@@ -196,7 +196,12 @@ class Timeline:
         self._do_again()
         self.queue.apply(self.simulation.world)
         self.queue.log.clear()
-        self.queue.replace(self.current.waiting)
+        self._wait(self.current.waiting)
+
+    def _wait(self, waiting):
+        """Live on from here, with this of the script still to come."""
+        self.queue.replace(waiting)
+        self.queue.lived = -1
 
     def _compare(self):
         branch, now = self.current, self.tick
@@ -259,13 +264,14 @@ class Timeline:
         """Before the world stands elsewhere: remember what waits at the branch's end."""
         self.flush()
         if self.at_end:
-            self.current.waiting = self.queue.pending
+            self.current.waiting = self.queue.waiting
 
     def _stand(self, tick):
         """Put a kept moment of the current branch into the world."""
         kept = self.current.keyframes if self.current.keyframes.cut(tick) is not None else self._near
         restore(self.simulation.world, kept[tick])
         self.queue.replace([])
+        self.queue.lived = math.inf  # what the script does is among what was done
         self.queue.log.clear()
         self._done = -1
         if self.at_end:
@@ -273,7 +279,7 @@ class Timeline:
 
     def _put_back(self, tick):
         """Out of the middle of a tick that failed at the branch's end, to before it."""
-        self.current.waiting = self.queue.pending
+        self.current.waiting = self.queue.waiting
         self._stand(self.current.keyframes.before(tick))
         while self.tick < tick:
             self._live_again()
@@ -287,7 +293,7 @@ class Timeline:
         new = self.current.until(self.tick, self.free_name(name))
         if self.at_end:
             new.waiting = list(self.current.waiting)
-        self.queue.replace(new.waiting)
+        self._wait(new.waiting)
         self.branches[new.name] = self.current = new
         self._record()
         return new

@@ -103,5 +103,8 @@ def test_the_queue_is_kept_as_bytes():
     queue, other = Commands(), Commands()
     queue.submit(Call("b"), 9)
     queue.submit(Call("a"), 4)
+    queue.follow(7, 9, Call("c"))
     other.set_state(queue.state())
-    assert other.pending == queue.pending == [(4, Call("a")), (9, Call("b"))]
+    assert other.waiting == queue.waiting == [(4, Call("a"), 0), (9, Call("b"), 0), (9, Call("c"), 7)]
+    other.follow(7, 0, None)
+    assert other.pending == [(4, Call("a")), (9, Call("b"))]

@@ -65,5 +65,5 @@ def verified(path):
 def by_hand(session, branch=None):
     """(tick, command) of a branch without those of the level's script."""
     branch = session.branches[branch or session.branch_name]
-    script = list(branch.script)
+    script = [entry[:2] for entry in branch.script]
     return [entry for entry in branch.commands if entry not in script]

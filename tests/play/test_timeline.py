@@ -7,6 +7,8 @@ from flockbrush.engine.commands import CommandError
 from flockbrush.engine.recording import open_recording
 from flockbrush.engine.state import pieces, snapshot, state_hash
 from flockbrush.systems.commands import AddAnimals, AddObstacle, PaintBrush, RemoveAnimals, SetParameter, SwitchBrush
+from flockbrush.systems.edits import RemoveThing
+from flockbrush.systems.mark_commands import PlaceKey
 from flockbrush.systems.steer import Steer
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -84,7 +86,31 @@ def test_what_was_done_is_done_again_when_one_passes_by(timeline, level):
 
 
 def by_hand_of(timeline):
-    return [entry for entry in timeline.current.commands if entry not in timeline.current.script]
+    script = [entry[:2] for entry in timeline.current.script]
+    return [entry for entry in timeline.current.commands if entry not in script]
+
+
+def test_keys_placed_on_the_way_act_in_every_branch_as_in_a_straight_run(timeline, level, tmp_path):
+    lived(timeline, 2)
+    timeline.perform([PlaceKey(90, "later", 12 / 32, "RemoveAnimals", {"radius": 9.0}, 6.0, 8.0)])
+    lived(timeline, 18)
+    first = by_hand_of(timeline)
+    assert [(tick, type(cmd).__name__) for tick, cmd in first] == [(2, "PlaceKey"), (12, "RemoveAnimals")]
+    timeline.export(tmp_path / "keys.flock")
+    assert verified(tmp_path / "keys.flock").last_tick == 20
+    timeline.go_to(7)
+    timeline.fork()
+    lived(timeline, 13)
+    assert by_hand_of(timeline) == first  # it still waited where the branch left
+    timeline.go_to(7)
+    timeline.fork()
+    timeline.perform([RemoveThing("key", 90)])
+    lived(timeline, 13)
+    assert len(timeline.simulation.agents) == 9
+    for name in timeline.branches:
+        timeline.switch(name)
+        done = [(tick, cmd) for tick, cmd in by_hand_of(timeline) if not isinstance(cmd, RemoveAnimals)]
+        assert timeline.current.differs is None and timeline.current.hashes == straight_run(level, done, 20)
 
 
 def test_the_past_cannot_be_edited_without_a_branch(timeline):

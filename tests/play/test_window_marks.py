@@ -78,7 +78,7 @@ def test_what_was_drawn_is_in_the_recording(window, tmp_path):
     assert names.count("DrawZone") == 1
 
 
-def test_a_script_key_is_placed_moved_changed_and_followed_from_the_next_start(window, tmp_path):
+def test_a_script_key_is_placed_moved_changed_and_followed(window, tmp_path):
     window.key("j")
     window.click((12, 3))
     window.dialog.choose("SwitchBrush")
@@ -92,6 +92,8 @@ def test_a_script_key_is_placed_moved_changed_and_followed_from_the_next_start(w
     (key,) = saved(window, tmp_path).script
     assert (key.at, key.command, key.args["brush"]) == (0.25, "SwitchBrush", "swarm")
     assert key.xy == pytest.approx((14, 4), abs=0.1) and key.args.get("x", 14) == pytest.approx(14, abs=0.1)
+    window.session.step(20)
+    assert set(window.behaviour()) == {"swarm"}
     window.session.restart()
     window.session.step(20)
     assert set(window.behaviour()) == {"swarm"}

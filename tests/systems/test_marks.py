@@ -9,7 +9,8 @@ from flockbrush.levels.build import build
 from flockbrush.levels.schema import Zone
 from flockbrush.systems.edits import RemoveThing, as_command
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone
+from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone, PlaceKey
+from flockbrush.systems.marks import Key
 from flockbrush.systems.named_regions import in_region
 from small_herd import Shelf, box, brush, level, spawn, straight
 
@@ -135,3 +136,69 @@ def test_two_counts_of_one_name_are_refused():
     do(simulation, DrawArea(31, "yard", HERE.tolist()))
     with pytest.raises(CommandError, match="there is a line or an area 'yard' already"):
         do(simulation, DrawLine(32, "yard", [[1.0, 1.0], [2.0, 1.0]]))
+
+
+def placed(when, number=40, name="RemoveAnimals", **args):
+    return PlaceKey(number, "key", when, name, args or {"radius": 50.0}, 14.0, 14.0)
+
+
+def test_a_key_placed_in_a_run_acts_at_its_time_and_a_replay_does_the_same():
+    simulation = field()
+    do(simulation, placed(0.5))
+    simulation.run(16)
+    assert len(simulation.agents) == 12
+    simulation.run(1)
+    assert len(simulation.agents) == 0
+    log, hashed = simulation.world.resource(Commands).log, state_hash(simulation.world)
+    assert [(tick, type(cmd).__name__) for tick, cmd in log] == [(0, "PlaceKey"), (16, "RemoveAnimals")]
+    twin = field()
+    queue = twin.world.resource(Commands)
+    queue.replace(log)
+    queue.lived = 17
+    twin.run(17)
+    assert state_hash(twin.world) == hashed and queue.log == log
+
+
+@pytest.mark.parametrize(
+    ("change", "gone_at"),
+    [
+        (None, 16),
+        (RemoveThing("key", 40), None),
+        (placed(0.75), 24),
+        (placed(0.1), None),  # its time has passed
+        (placed(0.25), 8),  # this very tick
+    ],
+)
+def test_a_key_follows_what_is_done_to_it_until_its_time(change, gone_at):
+    simulation = field()
+    do(simulation, placed(0.5))
+    simulation.run(8)
+    if change is not None:
+        do(simulation, change)
+    for tick in range(8, 32):
+        assert (len(simulation.agents) == 0) == (gone_at is not None and gone_at < tick), tick
+        simulation.run(1)
+
+
+def test_undo_takes_back_what_a_key_was_to_do():
+    simulation = field()
+    back = do(simulation, placed(0.5))
+    again = do(simulation, placed(0.25))
+    do(simulation, *again)
+    assert [tick for tick, _ in simulation.world.resource(Commands).pending] == [16]
+    do(simulation, *back)
+    assert simulation.world.resource(Commands).pending == []
+
+
+def test_a_key_of_the_level_that_is_moved_acts_once_and_a_snapshot_has_what_waits():
+    script = [Key(40, "key", 0.5, "RemoveAnimals", {"x": 14.0, "y": 14.0, "radius": 50.0}, np.array([14.0, 14.0]))]
+    simulation = field(script=script)
+    (moved,) = (as_command(simulation.world, "key", 40),)
+    do(simulation, PlaceKey(40, "key", 0.25, moved.command, moved.args, 15.0, 15.0))
+    kept = snapshot(simulation.world)
+    for _ in range(2):
+        simulation.run(20)
+        log = simulation.world.resource(Commands).log
+        assert [tick for tick, cmd in log if type(cmd).__name__ == "RemoveAnimals"] == [8]
+        restore(simulation.world, kept)
+        del log[1:]

@@ -57,7 +57,7 @@ class KeyTool(Tool):
     """Puts timed commands into the level's script, and opens those there are."""
 
     name, title, key, icon = "key", "Script key", "j", "key"
-    tip = "Put a timed command into the level's script; it is followed from the next start on"
+    tip = "Put a timed command into the level's script; it is given at its time, if that is still ahead"
     hint = "Click where the command is meant to act; click a key to change it.  Ctrl+R starts the level with it."
 
     def press(self, xy, button, mods):
