@@ -1,4 +1,4 @@
-"""A clip and simulated herds in eight measures, each with the limits within which they are alike.
+"""A clip and simulated herds in nine measures of moments, each with the limits within which they are alike.
 
 Positions half a second apart, or more where animals are slow, say how fast an animal goes and how much it turns, in a
 clip and in a run alike; runs are seen with the noise of the clip's sightings.  The beginning of a run is the clip's,
@@ -31,7 +31,7 @@ PART = 0.25  # of the clip, which they are never longer than
 LOOKS = 36  # moments of a clip that are looked at
 SETTLED = 1 / 3  # of the time, that is left out at the beginning
 BLOCKS, RESAMPLED = 5, 200  # of the bootstrap
-DEVIATIONS = 2.5  # of clip and runs together, within which herds are alike
+DEVIATIONS = 3.0  # of clip and runs together, within which herds are alike: any of a dozen may be off by chance
 STANDS, SLOWEST = 0.15, 0.05  # of the clip's fast animals; BL/s: who is slower stands
 WAVERS = 0.7  # of what as many strangers would have by chance: how far the order of a herd without any wavers
 RINGS = 10  # of distance, in which velocities are compared
@@ -55,14 +55,16 @@ MEASURES = {
     m.name: m
     for m in (
         BatteryMeasure("polarization", "", 0.06, lasting=0.2),
-        BatteryMeasure("milling", "", 0.08, lasting=0.35),
+        BatteryMeasure("milling", "", 0.10, lasting=0.35),
         BatteryMeasure("nearest neighbour", "BL", 0.03, 0.10, lasting=0.1, lasting_share=0.35),
         BatteryMeasure("speeds", "BL/s", 0.03, 0.10, lasting=0.05, lasting_share=0.25),
-        BatteryMeasure("turning", "rad/s", 0.06, 0.20),
-        BatteryMeasure("spread", "BL", 0.1, 0.08, lasting=0.5, lasting_share=0.5),
+        BatteryMeasure("turning", "rad/s", 0.06, 0.25),
+        BatteryMeasure("spread", "BL", 0.1, 0.10, lasting=0.5, lasting_share=0.5),
         BatteryMeasure("growth", "1/s", 0.05),
-        BatteryMeasure("correlation length", "BL", 0.5, 0.35),
+        BatteryMeasure("correlation length", "BL", 0.5, 0.5),
         BatteryMeasure("share standing", "", 0.08, lasting=0.2),
+        BatteryMeasure("response to neighbours", "rad", 0.0, 0.14),  # of the scatter of turns
+        BatteryMeasure("scatter of turns", "rad", 0.0, 0.5),
     )
 }
 
@@ -119,15 +121,20 @@ def looks_of_run(
         from flockbrush.learning.herd_views import _view_of_fields
 
         return _of_view(_view_of_fields(fields_of(run, clip.fields)), fps, every)
+    first, xy, forward, who = seen_run(run, clip)
+    return _looks(first, xy, forward, who, fps, every, span)
+
+
+def seen_run(run: Run, clip: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A run as uncertain as a clip's sightings: first rows of frames (T + 1,), places and heads (m, 2), who (m,)."""
     inside = in_picture(run, clip.fields)
     frame = np.repeat(np.arange(len(run)), np.diff(run.first))[inside]
-    first = np.searchsorted(frame, np.arange(len(run) + 1))
     rng = np.random.default_rng(len(frame))
     xy = run.xy[inside] + clip.place_noise * rng.normal(size=(len(frame), 2))
-    angle = np.arctan2(run.forward[inside, 1], run.forward[inside, 0]) + clip.heading_noise * rng.normal(
-        size=len(frame)
-    )
-    return _looks(first, xy, np.column_stack([np.cos(angle), np.sin(angle)]), run.ids[inside], fps, every, span)
+    angle = np.arctan2(run.forward[inside, 1], run.forward[inside, 0])
+    angle = angle + clip.heading_noise * rng.normal(size=len(frame))
+    first = np.searchsorted(frame, np.arange(len(run) + 1))
+    return first, xy, np.column_stack([np.cos(angle), np.sin(angle)]), run.ids[inside]
 
 
 def _of_view(view, fps, every):
@@ -333,7 +340,7 @@ class Battery:
         span = span_of(clip, looks_of(clip, every))
         looks = looks_of(clip, every, span)
         series = Series.of(looks, yard_of(looks, single, span), len(looks) * every / clip.fps)
-        values = {name: series.value(name) for name in MEASURES}
+        values = {name: series.value(name) for name in (*series.rows, "growth")}
         values = {name: value for name, value in values.items() if np.isfinite(value).all()}
         if not clip.fields.holds_all:  # the herd's own outline is not to be seen
             values = {n: v for n, v in values.items() if n not in ("spread", "growth", "correlation length")}

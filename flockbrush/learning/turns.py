@@ -345,18 +345,39 @@ def likelihood(turns: Turns, foretold) -> float:
     return -_judged(turns, foretold, None).loss
 
 
-def _judged(turns, foretold, spread):
-    """How likely the turns are, by Student's t, and the normal equations."""
-    turn, slope = foretold
-    off = turns.turn - turn
+def residuals(turns: Turns, foretold, spread=None):
+    """What is left of the turns, how much each counts, and their spread.
+
+    Parameters
+    ----------
+    foretold : (k,) ndarray
+        rad.
+    spread : float, optional
+        rad, to begin with.
+
+    Returns
+    -------
+    off, share : (k,) ndarray
+        rad; weights of Student's t.
+    spread : float
+        rad, the scale that is likeliest.
+    """
+    off = turns.turn - foretold
     off -= 2 * np.pi * np.round(off / (2 * np.pi))
     total = turns.weight.sum()
     if spread is None:
         spread = max(1.4826 * float(np.median(np.abs(off))), SMALLEST)
-    for _ in range(4):  # the scale that is likeliest, by expectation and maximisation
+    for _ in range(4):  # by expectation and maximisation
         share = turns.weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2)
         spread = max(float(np.sqrt((share * off * off).sum() / total)), SMALLEST)
-    share = turns.weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2)
+    return off, turns.weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2), spread
+
+
+def _judged(turns, foretold, spread):
+    """How likely the turns are, by Student's t, and the normal equations."""
+    turn, slope = foretold
+    off, share, spread = residuals(turns, turn, spread)
+    total = turns.weight.sum()
     tail = np.log1p((off / spread) ** 2 / FREEDOM)
     loss = float((turns.weight * (FREEDOM + 1.0) / 2 * tail).sum() / total + np.log(spread))
     weighed = slope * (share / spread**2)[:, None]

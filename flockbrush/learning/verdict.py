@@ -18,6 +18,7 @@ from flockbrush.film.observations import Evidence
 from flockbrush.learning.battery import DEVIATIONS, MEASURES, Battery, BatteryRow, Series, looks_of_run
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.likelihood import likelihoods, read
+from flockbrush.learning.response import response
 from flockbrush.learning.rollout import NAMES, Run, rollout
 from flockbrush.learning.simulate import shaken, simulated
 
@@ -144,8 +145,11 @@ class _Herd:
 def contend(battery: Battery, name: str, brush, seeds, long_seeds=()) -> Contender:
     """A brush, or True or False for a herd that goes on or stands, beside a clip."""
     clip = battery.clip
-    runs = (idle(clip, s, brush) if isinstance(brush, bool) else simulated(clip, brush, s, True) for s in seeds)
-    rows = battery.compared([battery.measured(run) for run in runs])
+    if isinstance(brush, bool):
+        rows = battery.compared([battery.measured(idle(clip, s, brush)) for s in seeds])
+    else:
+        runs = [simulated(clip, brush, s, True) for s in seeds]
+        rows = battery.compared([battery.measured(run) for run in runs]) + response(clip, brush, runs)
     lasting = []
     if clip.fields.holds_all and len(long_seeds):
         lasting = _lasting(battery, rows, [alone(clip, brush, s) for s in long_seeds])
@@ -158,9 +162,10 @@ def _lasting(battery, rows, runs) -> list[BatteryRow]:
     growth = battery.series.growth if "growth" in battery.values else 0.0
     out = []
     for row in rows:
-        kind, value = MEASURES[row.name], battery.values[row.name]
+        kind = MEASURES[row.name]
         if not kind.lasting:
             continue
+        value = battery.values[row.name]
         values = np.array(
             [s.value(row.name) if len(s.value(row.name)) == len(value) else value * np.nan for s in found]
         )

@@ -1,0 +1,131 @@
+"""How a herd turns in answer to its neighbours, in a clip and in runs of a brush, by the brush's own forces.
+
+Order, milling and distances of a few seconds are met by many brushes.  Turns tell them apart: each is compared with
+what the brush foretells where the neighbours were seen (`flockbrush.learning.turns`).  What is left over is explained
+by a change of the nine numbers of avoidance, cohesion and alignment as far as it can be, to first order.  Runs of the
+brush are looked at in the same way, with the noise of the clip's sightings, so that whatever the view adds is in both:
+only a change that the clip asks for and the runs do not is a difference (a posterior predictive check [1]_ by the
+score of the likelihood).  The other measure is how far turns scatter about what is foretold.
+
+References
+----------
+.. [1] Gelman, A., Meng, X.-L. & Stern, H. (1996). Posterior predictive assessment of model fitness via realized
+   discrepancies. Statistica Sinica 6, 733-807.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from flockbrush.behaviours.models.herd import Params
+from flockbrush.film.observations import Evidence, Sightings
+from flockbrush.learning.battery import DEVIATIONS, MEASURES, BatteryRow, seen_run
+from flockbrush.learning.herd_views import told_apart
+from flockbrush.learning.rollout import Run, theta_of
+from flockbrush.learning.turns import predicted, residuals, turns_of
+
+RESPONSE, SCATTER = "response to neighbours", "scatter of turns"
+FORCES = 9  # of the numbers of theta: those of obstacles are not asked
+SPAN = 0.12  # s over which a turn is observed where frames are closer
+LOOKS = 36  # frames of a clip that are looked at
+FEWEST = 100  # turns, below which nothing is said
+FAINTEST = 1e-3  # of the strongest direction in the numbers: what moves turns by less is not told
+
+
+class Answer(NamedTuple):
+    """How the animals of a clip or a run turn beside what a brush foretells."""
+
+    gram: np.ndarray  # (9, 9) rad², mean products of the derivatives of turns by the numbers
+    pull: np.ndarray  # (9,) rad², their mean products with what is left over
+    scatter: float  # rad
+    forces: float  # rad, root mean square turn by neighbours
+    turns: int
+
+
+def response(clip: Evidence, brush, runs: Sequence[Run]) -> list[BatteryRow]:
+    """Two measures of a clip beside runs of a brush that begin as the clip begins.
+
+    Parameters
+    ----------
+    clip : Evidence
+    brush : Brush or Learned
+        Anything with ``params``, ``body`` and ``vision``.
+    runs : sequence of Run
+
+    Returns
+    -------
+    list of BatteryRow
+        Empty where animals are not told apart, the brush is not of the model `herd`, or too few turns are seen.
+    """
+    if not told_apart(clip) or type(brush.params) is not Params or len(runs) < 2:
+        return []
+    mine = _answer(clip, clip.sightings, brush)
+    theirs = [_answer(clip, _seen(run, clip), brush) for run in runs]
+    if mine is None or any(other is None for other in theirs):
+        return []
+    values, vectors = np.linalg.eigh(np.mean([a.gram for a in (mine, *theirs)], axis=0))
+    told = values > max(FAINTEST * values.max(), 0.0)
+    if not told.any():
+        return []
+    whitened = vectors[:, told] / np.sqrt(values[told])  # a step of length 1 changes turns by 1 rad, root mean square
+    asked, wished = mine.pull @ whitened, np.array([a.pull for a in theirs]) @ whitened
+    of_runs, more = wished.mean(0), 1.0 + 1.0 / len(theirs)
+    chance = mine.scatter * np.sqrt(told.sum() / mine.turns * more)  # of so many numbers fitted to so many turns
+    scatters = np.array([a.scatter for a in theirs])
+    rows = [
+        (RESPONSE, mine.forces, np.mean([a.forces for a in theirs]), np.linalg.norm(asked - of_runs), chance),
+        (SCATTER, mine.scatter, scatters.mean(), abs(mine.scatter - scatters.mean()), scatters.std(ddof=1) * more**0.5),
+    ]
+    return [
+        BatteryRow(name, own, float(herd), float(off), max(MEASURES[name].share * mine.scatter, DEVIATIONS * chance))
+        for name, own, herd, off, chance in rows
+    ]
+
+
+def _answer(clip, seen, brush):
+    """The `Answer` of what is seen; None of too few turns."""
+    ahead = max(1, round(SPAN * clip.fps))
+    frames = range(0, len(clip.fields) - ahead, max(1, len(clip.fields) // LOOKS))
+    same = replace(clip, sightings=_stepped(seen, clip.fps, ahead))
+    turns = turns_of(same, brush.body, brush.vision, brush.params, span=SPAN, frames=frames) if len(frames) else None
+    if turns is None or len(turns.rows) < FEWEST:
+        return None
+    theta = theta_of(brush.params)
+    foretold = predicted(turns, theta, brush.params)
+    alone = np.array(theta)
+    alone[0:FORCES:3] = 0.0
+    by_forces = foretold[0] - predicted(turns, alone, brush.params)[0]
+    off, share, scatter = residuals(turns, foretold[0])
+    weight = share / share.sum()
+    slope = foretold[1][:, :FORCES]
+    weighed = slope * weight[:, None]
+    return Answer(
+        weighed.T @ slope, weighed.T @ off, scatter, float(np.sqrt(weight @ by_forces**2)), len(turns.rows)
+    )  # fmt: skip
+
+
+def _seen(run, clip):
+    """The sightings of a run as uncertain as those of the clip."""
+    first, xy, forward, who = seen_run(run, clip)
+    unknown = np.full(len(xy), np.nan)
+    return Sightings(first, xy, forward, unknown, unknown, who)
+
+
+def _stepped(seen, fps, ahead):
+    """Sightings whose speeds and turns are differences over so many frames, of the same animal; NaN elsewhere."""
+    speed, turn = np.full(len(seen.xy), np.nan), np.full(len(seen.xy), np.nan)
+    angle = np.arctan2(seen.forward[:, 1], seen.forward[:, 0])
+    for t in range(len(seen) - ahead):
+        here, there = seen.of(t), seen.of(t + ahead)
+        _, mine, later = np.intersect1d(seen.track[here], seen.track[there], return_indices=True)
+        mine, later = mine + here.start, later + there.start
+        named = seen.track[mine] >= 0
+        mine, later = mine[named], later[named]
+        speed[mine] = np.hypot(*(seen.xy[later] - seen.xy[mine]).T) * (fps / ahead)
+        turned = angle[later] - angle[mine]
+        turn[mine] = ((turned + np.pi) % (2 * np.pi) - np.pi) * (fps / ahead)
+    return replace(seen, speed=speed, turn=turn)

@@ -1,0 +1,71 @@
+"""Turns tell brushes apart that order and distances do not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flockbrush.behaviours.brush import shipped
+from herd_film import evidence_of_truth, herd
+
+from flockbrush.learning import response as module
+from flockbrush.learning.response import RESPONSE, SCATTER, response
+from flockbrush.learning.rollout import theta_of
+from flockbrush.learning.simulate import simulated
+from flockbrush.learning.turns import predicted, residuals, turns_of
+
+TRUTH = shipped().get("column")
+
+
+@pytest.fixture(scope="module")
+def clip():
+    """Four seconds of sixty animals under a shipped brush, seen as uncertainly as blobs are."""
+    exact, rng = evidence_of_truth(herd("own:column", 60, 4.0, 25.0, 4)), np.random.default_rng(1)
+    seen, place, heading = exact.sightings, 0.02, 0.03
+    angle = np.arctan2(seen.forward[:, 1], seen.forward[:, 0]) + heading * rng.normal(size=len(seen.xy))
+    xy = seen.xy + place * rng.normal(size=seen.xy.shape)
+    noisy = replace(seen, xy=xy, forward=np.column_stack([np.cos(angle), np.sin(angle)]))
+    return replace(exact, sightings=noisy, place_noise=place, heading_noise=heading)
+
+
+def changed(**params):
+    return TRUTH.model_copy(update={"params": TRUTH.params.model_copy(update=params)})
+
+
+def rows_of(clip, brush, runs=4):
+    found = response(clip, brush, [simulated(clip, brush, seed, True) for seed in range(runs)])
+    return {row.name: row for row in found}
+
+
+def test_the_truth_turns_as_the_clip_does(clip):
+    rows = rows_of(clip, TRUTH)
+    assert rows[RESPONSE].met and rows[SCATTER].met
+    assert rows[RESPONSE].clip == pytest.approx(rows[RESPONSE].herd, rel=0.15)
+
+
+@pytest.mark.parametrize("weight", ["cohesion_weight", "alignment_weight"])
+def test_who_hardly_minds_its_neighbours_is_told_by_its_turns(clip, weight):
+    row = rows_of(clip, changed(**{weight: 0.1 * getattr(TRUTH.params, weight)}))[RESPONSE]
+    assert row.far > 1.5
+
+
+def test_who_wanders_is_told_by_the_scatter_of_turns(clip):
+    assert not rows_of(clip, changed(wander=1.5))[SCATTER].met
+
+
+def test_what_a_clip_asks_for_is_the_least_squares_change_of_the_numbers(clip):
+    turns = turns_of(clip, TRUTH.body, TRUTH.vision, TRUTH.params)
+    turn, slope = predicted(turns, theta_of(TRUTH.params), TRUTH.params)
+    off, share, _ = residuals(turns, turn)
+    root, weight = np.sqrt(share)[:, None], share / share.sum()
+    wished = slope[:, :9] @ np.linalg.lstsq(root * slope[:, :9], root[:, 0] * off, rcond=1e-3)[0]
+    gram, pull = (slope[:, :9] * weight[:, None]).T @ slope[:, :9], (slope[:, :9] * weight[:, None]).T @ off
+    values, vectors = np.linalg.eigh(gram)
+    told = values > module.FAINTEST**2 * values.max()
+    asked = np.linalg.norm(pull @ vectors[:, told] / np.sqrt(values[told]))
+    assert asked == pytest.approx(np.sqrt(weight @ wished**2), rel=1e-3)
+
+
+def test_nothing_is_said_of_other_models_and_of_fields_alone(clip):
+    fields = replace(clip, sightings=None)
+    assert response(fields, TRUTH, [simulated(fields, TRUTH, seed) for seed in (1, 2)]) == []
+    assert response(clip, shipped().get("starlings"), [simulated(clip, TRUTH, seed) for seed in (1, 2)]) == []
