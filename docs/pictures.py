@@ -4,12 +4,14 @@ from pathlib import Path
 
 from flockbrush.output.pictures import herd_of, painter_of
 from flockbrush.render import contact_sheet, write_png
+from flockbrush.render.style import THEMES
 from flockbrush.runs.run import start
 from flockbrush.runs.snapshots import moment_of
 
 HERE = Path(__file__).parent
 TRAIL = 2  # s
 LARGE = "sheep-pasture"  # has a picture of its own
+THEMED = "meadow"  # is drawn in all themes
 STILLS = {  # level: seconds that it has run, and from where one looks
     LARGE: (26, "plan"),
     "meadow": (8, "plan"),
@@ -30,12 +32,12 @@ STILLS = {  # level: seconds that it has run, and from where one looks
 }
 
 
-def walked(name, size=None):
+def walked(name, size=None, theme="light"):
     """A level after its seconds, with trails of the last few; (h, w, 3)."""
     seconds, view = STILLS[name]
     simulation = start(name)
     in_space = view == "space"
-    painter = painter_of(simulation, size, view=view, elevation=16.0 if in_space else None)
+    painter = painter_of(simulation, size, theme, view=view, elevation=16.0 if in_space else None)
     simulation.run(round(seconds / simulation.clock.dt) - 32 * TRAIL)
     for step in range(8 * TRAIL + 1):
         herd = herd_of(simulation, moment_of(simulation))
@@ -51,4 +53,6 @@ def walked(name, size=None):
 if __name__ == "__main__":
     write_png(HERE / f"{LARGE}.png", walked(LARGE))
     stills = [(name, walked(name, (560, 354))) for name in STILLS if name != LARGE]
+    themes = [(f"{THEMED}, {theme}", walked(THEMED, (620, 420), theme)) for theme in THEMES]
+    write_png(HERE / "themes.png", contact_sheet(themes, columns=3))
     write_png(HERE / "levels.png", contact_sheet(stills, columns=3))

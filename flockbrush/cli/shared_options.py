@@ -14,6 +14,7 @@ class ThemeName(str, enum.Enum):
 
     light = "light"
     dark = "dark"
+    vivid = "vivid"
 
 
 LevelName = Annotated[str, typer.Argument(metavar="LEVEL", help="A .tmj file, or the name of a shipped level.")]

@@ -6,7 +6,11 @@ import re
 
 from flockbrush.output.exporter import Exporter, Option
 
-THEME = Option("theme", "light", "Colours.", ("light", "dark"))
+THEME = Option("theme", "light", "Colours.", ("light", "dark", "vivid"))
+PALETTE = Option(
+    "palette", "own", "Colours of brushes: their own, or some that differ for colour-blind eyes.",
+    ("own", "okabe-ito", "tol"),
+)  # fmt: skip
 LOOKS = (
     THEME,
     Option("view", "plan", "From straight above, or going with the herd.", ("plan", "space")),
@@ -28,7 +32,7 @@ ALPHA = Option("alpha", False, "Animals and their shadows alone, on transparent 
 class Pictures(Exporter):
     """Draws every moment, for trails need them all."""
 
-    choices: tuple[Option, ...] = (*LOOKS, *CLEAN)
+    choices: tuple[Option, ...] = (*LOOKS, PALETTE, *CLEAN)
     labels = False
 
     @classmethod
@@ -37,9 +41,11 @@ class Pictures(Exporter):
 
     def open(self):
         from flockbrush.output.pictures import painter_of
+        from flockbrush.render.style import theme_of
 
         told = {name: self.options.get(name) for name in ("size", "dust", *(option.name for option in LOOKS))}
         told["size"] = size_of(told["size"])
+        told["theme"] = theme_of(told["theme"] or "light", self.options.get("palette"))
         self.camera = camera_of(self.options)
         if self.camera is not None:
             told["view"] = "space"

@@ -9,7 +9,7 @@ from flockbrush.render.drawn_herd import EMPTY, DrawnHerd, checked
 from flockbrush.render.hud import Hud, Layout, things_of
 from flockbrush.render.mesh_bodies import FROM, large, meshes
 from flockbrush.render.sprites import KINDS, NO_WINGS, SHADOW, Stamps
-from flockbrush.render.style import PALETTE, PLAN_SUN, Theme, rgb, theme_of
+from flockbrush.render.style import PALETTE, PLAN_SUN, Theme, rgb, theme_of, worn
 from flockbrush.render.tiles import Tiles
 from flockbrush.render.top_views import MOST_ABOVE, Bodies, draw_plan, draw_shadows, from_above, top_views
 from flockbrush.render.trails import Trails
@@ -185,6 +185,7 @@ class Painter:
             When a column does not fit or is not finite, naming the animal.
         """
         herd = checked(herd)
+        herd = herd._replace(brush_colours=worn(herd.brush_colours, self.theme))
         self._learn(herd)
         frame = self._copy(self.ground, out)
         if under is not None:
@@ -302,7 +303,8 @@ class Painter:
 
     def _know_painted_brushes(self):
         """Find the colours of brushes painted on the level that nobody has told us."""
-        for name, colour in getattr(self.level, "brush_colours", {}).items():
+        known = getattr(self.level, "brush_colours", {})
+        for name, colour in zip(known, worn(tuple(known.values()), self.theme), strict=True):
             self.brushes[brush_key(name)] = rgb(colour)
         unknown = [name for name in painted_brushes(self.level) if name not in self.brushes]
         if unknown:

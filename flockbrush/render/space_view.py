@@ -30,7 +30,7 @@ from flockbrush.render.shapes import bilinear
 from flockbrush.render.solid_meshes import stood_up, together
 from flockbrush.render.space_marks import SpaceMarks
 from flockbrush.render.sprites import KINDS, NO_WINGS, look_colours
-from flockbrush.render.style import SUN, mix, theme_of
+from flockbrush.render.style import SUN, mix, theme_of, worn
 from flockbrush.render.view_camera import ViewCamera, checked_size
 from flockbrush.render.wakes import wakes_in_space
 from flockbrush.render.ways import Ways
@@ -285,7 +285,7 @@ class SpacePainter:
         ValueError
             When a column does not fit or is not finite, naming the animal.
         """
-        told, herd = herd, checked(herd)
+        told, herd = herd, checked(herd._replace(brush_colours=worn(herd.brush_colours, self.theme)))
         bodies = self._bodies = self.bodies_of(herd, told)
         if self.plan is not None:
             self.plan._learn(herd)

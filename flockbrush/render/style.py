@@ -10,7 +10,7 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -20,6 +20,13 @@ Colour = tuple[int, int, int]
 # Okabe-Ito without yellow (leaders) and vermilion (predators), moved until no two are alike to colour-blind eyes.
 PALETTE = ("#097abe", "#028157", "#d580a3", "#02a8df", "#61498f", "#c37c06", "#3f5555", "#a8577e")
 
+# "own" are the colours in the brushes' files. The others make the brushes of a level differ for all eyes.
+# tol: after P. Tol, "Colour schemes", SRON technical note, 2021, without what is like leaders or predators
+PALETTES = {
+    "own": (),
+    "okabe-ito": PALETTE,
+    "tol": ("#332288", "#88ccee", "#44aa99", "#cc6677", "#882255", "#aa4499", "#bbbbbb"),
+}
 
 SUN = np.array([-0.42, -0.38, 0.824])  # unit vector to the sun in space: light from the south-west
 PLAN_SUN = SUN * (1, -1, 1)  # on the plan from the north-west, as shadows fall there
@@ -95,6 +102,7 @@ class Theme:
     link: Colour  # lines between animals
     sight: Colour  # the field of view
     hidden: Colour  # what cannot be seen
+    palette: str = "own"  # colours of brushes, from `PALETTES`
 
 
 LIGHT = Theme(
@@ -173,7 +181,45 @@ DARK = Theme(
     hidden=rgb("#000000"),
 )
 
-THEMES = {theme.name: theme for theme in (LIGHT, DARK)}
+VIVID = Theme(
+    name="vivid",
+    paper=rgb("#fbfaf4"),
+    ground=rgb("#b9d08c"),
+    rough=rgb("#d6c08d"),
+    road=rgb("#ead9b0"),
+    water=rgb("#79b7dc"),
+    rock=rgb("#a8a196"),
+    frame=rgb("#7d8d64"),
+    ink=rgb("#17241b"),
+    muted=rgb("#4d5a4c"),
+    obstacle=rgb("#857f76"),
+    obstacle_edge=rgb("#4b4741"),
+    guide=rgb("#6c3fa3"),
+    goal=rgb("#a3211f"),
+    exit=rgb("#0b6644"),
+    spawn=rgb("#4f6152"),
+    cap=rgb("#7a4512"),
+    shadow=rgb("#1b2a14"),
+    shadow_alpha=0.34,
+    leader=rgb("#ffd60a"),
+    predator=rgb("#c62d18"),
+    outline=rgb("#141d18"),
+    rim=0.7,
+    lift=0.0,
+    head=rgb("#ffffff"),
+    head_share=0.62,
+    tint=0.22,
+    trail=0.6,
+    texture=0.07,
+    wash=rgb("#e3ead0"),
+    wash_share=0.06,
+    relief=0.28,
+    link=rgb("#0f4a78"),
+    sight=rgb("#b85f00"),
+    hidden=rgb("#20242e"),
+)
+
+THEMES = {theme.name: theme for theme in (LIGHT, DARK, VIVID)}
 
 
 # cividis after Nuñez et al. 2018: even steps of lightness, the same order for colour-blind eyes
@@ -195,10 +241,21 @@ def scale_colours(theme: str) -> np.ndarray:
     return np.round(np.stack(colours, axis=1)).astype(np.uint8)
 
 
-def theme_of(theme: str | Theme) -> Theme:
-    """The theme of this name, or the theme itself."""
-    if isinstance(theme, Theme):
+@cache
+def theme_of(theme: str | Theme, palette: str | None = None) -> Theme:
+    """The theme of this name, or the theme itself; with another palette of brushes, if one is named."""
+    if not isinstance(theme, Theme):
+        if theme not in THEMES:
+            raise ValueError(f"no theme {theme!r}; there are {', '.join(THEMES)}")
+        theme = THEMES[theme]
+    if palette is None or palette == theme.palette:
         return theme
-    if theme not in THEMES:
-        raise ValueError(f"no theme {theme!r}; there are {', '.join(THEMES)}")
-    return THEMES[theme]
+    if palette not in PALETTES:
+        raise ValueError(f"no palette {palette!r}; there are {', '.join(PALETTES)}")
+    return replace(theme, palette=palette)
+
+
+def worn(colours, theme: Theme):
+    """The colours that brushes of a world have in a theme, from their own ones: those of its palette, in turn."""
+    chosen = PALETTES[theme.palette]
+    return tuple(chosen[k % len(chosen)] for k in range(len(colours))) if chosen else colours

@@ -11,7 +11,7 @@ import pygame
 from flockbrush.engine.commands import from_record
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.problems import ProblemsError
-from flockbrush.render.style import THEMES
+from flockbrush.render.style import THEMES, theme_of
 from flockbrush.studio.dialogs import Dialog
 from flockbrush.studio.forms import Form, FormRow, blank, changed, live_commands, number, rows_of, said
 from flockbrush.studio.help import Help
@@ -253,9 +253,15 @@ class Deeds:
     # the window ------------------------------------------------------------------------
 
     def set_theme(self, name):
-        """Light or dark."""
-        self.theme = THEMES[name]
+        """Light, dark or vivid."""
+        self.theme = theme_of(name, self.theme.palette)
         self.remember(theme=name)
+        self.build()
+
+    def set_palette(self, name):
+        """The colours of brushes: their own, or those of a palette."""
+        self.theme = theme_of(self.theme.name, name)
+        self.remember(palette=name)
         self.build()
 
     def set_scale(self, scale):
@@ -265,8 +271,9 @@ class Deeds:
         self.build()
 
     def toggle_theme(self):
-        """The other theme."""
-        self.set_theme("dark" if self.theme.name == "light" else "light")
+        """The next theme."""
+        names = list(THEMES)
+        self.set_theme(names[(names.index(self.theme.name) + 1) % len(names)])
 
     def toggle_columns(self):
         """Hide the columns, or show them again."""

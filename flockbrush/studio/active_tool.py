@@ -6,6 +6,7 @@ import numpy as np
 
 from flockbrush.behaviours.brush import shipped
 from flockbrush.render.style import palette as fallback_colours
+from flockbrush.render.style import worn
 from flockbrush.studio.hunters import hunters
 from flockbrush.studio.tools import TOOLS
 from flockbrush.studio.tools import world_tools as lookup
@@ -202,7 +203,10 @@ class Hand:
 
     def colour_of(self, name):
         """The colour "#rrggbb" of a brush."""
-        brush = self.find_brush(name)
+        brush, names = self.find_brush(name), self.world_palette().names
+        if self.theme.palette != "own":
+            offered = [*names, *(other for other in self.library.names() if other not in names)]
+            return worn(offered, self.theme)[offered.index(name) if name in offered else 0]
         return brush.colour if brush is not None else tuple(fallback_colours(1)[0])
 
     def brush_of(self, animal):

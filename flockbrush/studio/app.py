@@ -77,7 +77,7 @@ class App(Hand, Deeds, CanvasEvents):
     def __init__(self, session, size=(1280, 720), theme=None, scale=None, brush=None):
         self.session = session
         self.settings, problem = load_settings()
-        self.theme = theme_of(theme or self.settings.theme or "light")
+        self.theme = theme_of(theme or self.settings.theme or "light", self.settings.palette)
         self.wanted_scale = scale or self.settings.ui_scale
         self.overlays = set(OVERLAYS if self.settings.overlays is None else self.settings.overlays)
         self.selected: int | None = None

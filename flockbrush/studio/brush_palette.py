@@ -180,32 +180,34 @@ class Thumbnails:
         brush, theme = self.app.find_brush(name), self.app.theme
         if brush is None:
             return pygame.Surface(size, pygame.SRCALPHA), True
-        key = (brush.source, size, theme.name)
+        own = theme.palette == "own"
+        colour = None if own else self.app.colour_of(name)
+        key = (brush.source, size, theme.name, colour)
         if key in self.made:
             return self.made[key], True
-        array = thumbnails.cached(brush, self.SIDE, theme)
+        array = thumbnails.cached(brush, self.SIDE, theme, colour)
         if array is not None:
             self.made[key] = surface_of(array, size)
             return self.made[key], True
         if self._working:
-            self._make(brush, theme)
+            self._make(brush, theme, colour)
         if key not in self._plain:
-            self._plain[key] = surface_of(thumbnails.placeholder(brush, self.SIDE, theme), size)
+            self._plain[key] = surface_of(thumbnails.placeholder(brush, self.SIDE, theme, colour), size)
         return self._plain[key], False
 
-    def _make(self, brush, theme):
+    def _make(self, brush, theme, colour):
         """Have a picture made: of shipped brushes by another process, of others by a thread, one after the other."""
         from threading import Thread
 
         from flockbrush.behaviours.brush import shipped
         from flockbrush.studio import thumbnails
 
-        if theme.name not in self._makers:
+        if colour is None and theme.name not in self._makers:
             self._makers[theme.name] = thumbnails.make_in_background((), self.SIDE, theme)
         library = shipped()
-        ours = brush.name in library.names() and library.get(brush.name).source == brush.source
+        ours = colour is None and brush.name in library.names() and library.get(brush.name).source == brush.source
         if not ours and (self._thread is None or not self._thread.is_alive()):
-            self._thread = Thread(target=thumbnails.thumbnail, args=(brush, self.SIDE, theme), daemon=True)
+            self._thread = Thread(target=thumbnails.thumbnail, args=(brush, self.SIDE, theme, colour), daemon=True)
             self._thread.start()
 
     def close(self):

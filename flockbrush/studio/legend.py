@@ -8,6 +8,7 @@ import pygame
 from flockbrush.render.drawn_terrain import nice
 from flockbrush.render.painter import brush_rgb
 from flockbrush.render.sprites import KINDS, LEADER, NO_WINGS, PLAIN, PREDATOR, Stamps, figure
+from flockbrush.render.style import worn
 from flockbrush.studio.theme import chrome, font, px
 
 MOST = 8  # brushes in the legend; the rest is counted
@@ -29,7 +30,7 @@ class Legend:
         if self._wait > 0 or herd is None:
             return
         self._wait = FRESH
-        said = (self._entries(herd), tuple(herd.brush_colours), self.app.theme.name, self.app.scale)
+        said = (self._entries(herd), tuple(herd.brush_colours), self.app.theme, self.app.scale)
         if said != self._said:
             self._said = said
             self.picture = self._card(herd, said[0])
@@ -62,7 +63,7 @@ class Legend:
         card = pygame.Surface(size, pygame.SRCALPHA)
         pygame.draw.rect(card, (*c.panel, 225), card.get_rect(), border_radius=px(u, 5))
         pygame.draw.rect(card, c.border, card.get_rect(), 1, border_radius=px(u, 5))
-        colours = Stamps(brush_rgb(herd.brush_colours), app.theme).colours
+        colours = Stamps(brush_rgb(worn(herd.brush_colours, app.theme)), app.theme).colours
         for k, (name, kind, brush, count) in enumerate(rows):
             y = pad + k * line
             if kind >= 0:

@@ -21,7 +21,8 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, validate_assignment=True, allow_inf_nan=False)
 
-    theme: Literal["light", "dark"] | None = Field(default=None, description="colours of the window")
+    theme: Literal["light", "dark", "vivid"] | None = Field(default=None, description="colours of the window")
+    palette: Literal["own", "okabe-ito", "tol"] | None = Field(default=None, description="colours of brushes")
     ui_scale: float | None = Field(default=None, ge=0.5, le=4, description="size of text and buttons; 1 is normal")
     brush_size: float | None = Field(default=None, gt=0, le=10_000, description="radius of the brush, m")
     overlays: tuple[str, ...] | None = Field(default=None, description="overlays that are shown", max_length=100)

@@ -51,7 +51,7 @@ LIMBS = 12.0  # pixels of the picture before it is shrunk, from which animals ha
 VERSION = 4  # of these pictures: counts up when they look otherwise
 
 
-def thumbnail(brush, size=64, theme="light") -> np.ndarray:
+def thumbnail(brush, size=64, theme="light", colour=None) -> np.ndarray:
     """What animals do under a brush: a disc with a moving group and short trails, ringed with the brush's colour.
 
     Parameters
@@ -59,7 +59,9 @@ def thumbnail(brush, size=64, theme="light") -> np.ndarray:
     brush : Brush
     size : int
         Pixels.
-    theme : {"light", "dark"} or Theme
+    theme : {"light", "dark", "vivid"} or Theme
+    colour : "#rrggbb", optional
+        Instead of the brush's own.
 
     Returns
     -------
@@ -67,22 +69,22 @@ def thumbnail(brush, size=64, theme="light") -> np.ndarray:
         Red, green, blue and opacity.
     """
     look = theme_of(theme)
-    path = cache_folder() / f"{_key(brush, size, look.name)}.png"
+    path = cache_folder() / f"{_key(brush, size, look.name, colour)}.png"
     kept = _kept(path, size)
     if kept is None:
-        kept = draw_thumbnail(brush, size, look)
+        kept = draw_thumbnail(brush, size, look, colour)
         _keep(path, kept)
     return kept
 
 
-def cached(brush, size=64, theme="light") -> np.ndarray | None:
+def cached(brush, size=64, theme="light", colour=None) -> np.ndarray | None:
     """The picture if it has been made before, else None; at once."""
-    return _kept(cache_folder() / f"{_key(brush, size, theme_of(theme).name)}.png", size)
+    return _kept(cache_folder() / f"{_key(brush, size, theme_of(theme).name, colour)}.png", size)
 
 
-def placeholder(brush, size=64, theme="light") -> np.ndarray:
+def placeholder(brush, size=64, theme="light", colour=None) -> np.ndarray:
     """What stands in for a picture that is still being made: the empty disc in the brush's ring."""
-    return _empty_disc(size, rgb(brush.colour), theme_of(theme))
+    return _empty_disc(size, rgb(colour or brush.colour), theme_of(theme))
 
 
 @lru_cache(maxsize=256)
@@ -112,11 +114,11 @@ def make_in_background(names=(), size=64, theme="light") -> subprocess.Popen:
 # the picture ---------------------------------------------------------------------
 
 
-def draw_thumbnail(brush, size, theme) -> np.ndarray:
+def draw_thumbnail(brush, size, theme, colour=None) -> np.ndarray:
     """The picture of a brush, made now."""
-    look = replace(theme, texture=theme.texture / 2)
-    image = _picture(brush, FINE * size, look, brush.colour, WINDOW, limbs=True)
-    return _ringed(image, size, rgb(brush.colour), look)
+    look, colour = replace(theme, texture=theme.texture / 2, palette="own"), colour or brush.colour
+    image = _picture(brush, FINE * size, look, colour, WINDOW, limbs=True)
+    return _ringed(image, size, rgb(colour), look)
 
 
 def draw_tile(brush, size) -> np.ndarray:
@@ -254,8 +256,9 @@ def cache_folder() -> Path:
     return Path(own) if own else files.cache_folder() / "thumbnails"
 
 
-def _key(brush, size, look):
-    return hashlib.sha256(b"%d %d %s " % (VERSION, size, look.encode()) + brush.source).hexdigest()[:32]
+def _key(brush, size, look, colour=None):
+    shown = f"{VERSION} {size} {look} {colour or ''}"
+    return hashlib.sha256(shown.encode() + brush.source).hexdigest()[:32]
 
 
 def _kept(path, size):

@@ -57,6 +57,9 @@ class SmallWindow:
     def toggle_follow(self):
         self.canvas.follows = not self.canvas.follows
 
+    def colour_of(self, name):
+        return "#4b7bc9"
+
     def set_theme(self, name):
         self.asked_theme = name
 

@@ -39,7 +39,7 @@ def test_a_picture_is_made_once(cache, march, monkeypatch):
     monkeypatch.setattr(thumbnails, "draw_thumbnail", None)
     assert np.array_equal(thumbnail(march, 48), first)
     assert np.array_equal(cached(march, 48), first)
-    assert cached(march, 48, "dark") is None
+    assert cached(march, 48, "dark") is None and cached(march, 48, colour="#097abe") is None
 
 
 def test_a_changed_brush_has_another_picture(cache, march):

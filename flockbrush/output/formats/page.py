@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flockbrush.output.exporter import Exporter, exporter
-from flockbrush.output.picture_exporter import THEME
+from flockbrush.output.picture_exporter import PALETTE, THEME
 
 
 @exporter(".html")
@@ -12,7 +12,7 @@ class Html(Exporter):
 
     contents, opens_in = "a page with the run: play, scrub, orbit, charts, cards", "every browser, also offline"
     fps = 16.0
-    choices = (THEME,)
+    choices = (THEME, PALETTE)
 
     def open(self):
         from flockbrush.output.page.writer import PageWriter

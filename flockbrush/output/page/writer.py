@@ -19,7 +19,7 @@ from flockbrush.output.trajectory_table import metadata_of
 from flockbrush.render.animal_looks import CLIPS, mesh_of, poses_of
 from flockbrush.render.gaits import Gaits, looks_of
 from flockbrush.render.space_view import sky_of
-from flockbrush.render.style import PALETTE, mix, theme_of
+from flockbrush.render.style import PALETTE, mix, theme_of, worn
 from flockbrush.runs.run import versions
 from flockbrush.runs.snapshots import words_of
 from flockbrush.systems.landscape import Landscape
@@ -46,12 +46,12 @@ class PageWriter:
     simulation : Simulation
     fps : float
     options : dict
-        ``theme``; ``source``: what is known of the recording it comes from, by name.
+        ``theme``, ``palette``; ``source``: what is known of the recording it comes from, by name.
     """
 
     def __init__(self, file, simulation, fps, options):
         self.file, self.simulation, self.fps, self.options = file, simulation, fps, options
-        self.theme = theme_of(options.get("theme") or "light")
+        self.theme = theme_of(options.get("theme") or "light", options.get("palette"))
         self.gaits, self.frames, self.times = Gaits(simulation), 0, []
         self.rows, self.sizes, self.measures = [], {}, {name: [] for name, _, _ in MEASURES}
         self.labels: list[str] = []
@@ -104,7 +104,7 @@ class PageWriter:
         self._write(text)
         self._write(f"<!--\n{(HERE / 'three.LICENSE.txt').read_text(encoding='utf-8')}-->\n")
         self._data("three", (HERE / "three.min.js").read_bytes())
-        place = SceneMeshes(self.simulation, self.theme.name)
+        place = SceneMeshes(self.simulation, self.theme)
         self.moving = MovingSolids(place)
         self.painted = PaintedGround(place)
         self._data("ground", jpeg_of(self.painted.picture), compressed=True)
@@ -138,7 +138,7 @@ class PageWriter:
             "times": self.times,
             "columns": COLUMNS,
             "words": words,
-            "brush_colours": [brush.colour for brush in palette.brushes],
+            "brush_colours": worn([brush.colour for brush in palette.brushes], look),
             "predators": [bool(danger) for danger in palette.danger],
             "other_colours": PALETTE,
             "leader": look.leader,

@@ -151,7 +151,7 @@ class AnimalPanel(Panel):
         surface, px, colours = blank(self.pictures["facts"].size), self.px, self.colours
         agents, palette = session.simulation.agents, palette_of(session)
         brush = palette.brushes[agents[BrushBinding.brush][row]]
-        pygame.draw.circle(surface, brush.colour, (px(8), px(15)), px(7))
+        pygame.draw.circle(surface, self.app.colour_of(brush.name), (px(8), px(15)), px(7))
         species = session.simulation.world.resource(SpeciesList).names[agents[Species.index][row]]
         write(surface, f"{species} {entity}", (px(22), px(15)), px(15), colours.ink, bold=True, room=self.wide - px(24))
         for k, (words, said) in enumerate(facts):

@@ -157,7 +157,7 @@ class BrushPanel(Panel):
             right = surface.get_width() - write(
                 surface, said[1], (surface.get_width(), middle), height, colour, (1, 0.5)
             )
-            pygame.draw.circle(surface, brush.colour, (px(7), middle), px(6))
+            pygame.draw.circle(surface, self.app.colour_of(brush.name), (px(7), middle), px(6))
             write(surface, said[0], (px(18), middle), height, self.colours.muted, room=right - px(24))
             self.about.show(surface, (said, self.app.theme.name))
             title, more = brush.title or brush.name, brush.description or "No description."

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pygame
 from pygame_gui.elements import UIImage
 
+from flockbrush.render.style import worn
 from flockbrush.studio.theme import chrome, font, px
 
 FRESH = 0.25  # s; numbers that change faster than this cannot be read, and cost time
@@ -18,7 +19,7 @@ class Panel:
     ----------
     app : App
         The panels use ``session``, ``selected``, ``brush``, ``theme``, ``scale``, ``overlays``, ``settings``,
-        ``seconds``, ``memory``, ``remember``, ``notify``, ``ask_text``, ``set_theme`` and ``set_scale``.
+        ``seconds``, ``memory``, ``remember``, ``notify``, ``ask_text``, ``set_theme``, ``set_scale`` and ``colour_of``.
     manager : pygame_gui.UIManager
     container : pygame_gui.elements.UIPanel
     """
@@ -94,7 +95,9 @@ class Panel:
     @property
     def brush_colours(self) -> dict:
         """Colours "#rrggbb" of the world's brushes by name."""
-        return {brush.name: brush.colour for brush in palette_of(self.app.session).brushes}
+        brushes = palette_of(self.app.session).brushes
+        colours = worn([brush.colour for brush in brushes], self.app.theme)
+        return {brush.name: colour for brush, colour in zip(brushes, colours, strict=True)}
 
 
 def palette_of(session):

@@ -7,7 +7,7 @@ from pygame_gui import UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED, UI_DROP_DOW
 from pygame_gui.elements import UICheckBox, UIDropDownMenu, UILabel, UIScrollingContainer
 
 from flockbrush.render.overlay_registry import OVERLAYS, load_overlays
-from flockbrush.render.style import THEMES
+from flockbrush.render.style import PALETTES, THEMES
 from flockbrush.studio.panels.panel import Panel
 
 ALWAYS = {
@@ -36,7 +36,11 @@ class ViewPanel(Panel):
             allow_scroll_x=False,
         )  # fmt: skip
         self.wide = self.inner
-        self.boxes, y = {}, 0
+        self.camera, self.boxes, y = {}, {}, self._head("Camera", 0)
+        for name, (words, tip) in CAMERA.items():
+            self.camera[name] = self._check(words, tip, y, self._camera_now(name))
+            y += px(24)
+        y += px(4)
         for heading, offered in overlays().items():
             y = self._head(heading, y)
             for name, (words, tip) in offered.items():
@@ -47,13 +51,12 @@ class ViewPanel(Panel):
         self._label("Colours", y)
         self.theme = self._menu(list(THEMES), self.app.theme.name, y)
         y += px(34)
+        self._label("Brushes", y)
+        self.palette = self._menu(list(PALETTES), self.app.theme.palette, y)
+        y += px(34)
         self._label("Text size", y)
         self.scale = self._menu([AUTOMATIC, *map(said, SCALES)], self._scale_now(), y)
-        y = self._head("Camera", y + px(38))
-        self.camera = {}
-        for name, (words, tip) in CAMERA.items():
-            self.camera[name] = self._check(words, tip, y, self._camera_now(name))
-            y += px(24)
+        y += px(38)
         self.scroll.set_scrollable_area_dimensions((self.wide, y))
 
     def close(self):
@@ -81,6 +84,9 @@ class ViewPanel(Panel):
                     return True
         if event.type == UI_DROP_DOWN_MENU_CHANGED and event.ui_element is self.theme:
             self.app.set_theme(event.text)
+            return True
+        if event.type == UI_DROP_DOWN_MENU_CHANGED and event.ui_element is self.palette:
+            self.app.set_palette(event.text)
             return True
         if event.type == UI_DROP_DOWN_MENU_CHANGED and event.ui_element is self.scale:
             self.app.set_scale(None if event.text == AUTOMATIC else float(event.text.rstrip(" %")) / 100)

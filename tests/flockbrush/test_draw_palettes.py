@@ -1,0 +1,62 @@
+"""Colours of brushes that a person chooses for all pictures, and the third theme."""
+
+import base64
+import json
+import re
+import zlib
+
+import numpy as np
+import pytest
+
+from flockbrush.output.export import Exports
+from flockbrush.output.pictures import herd_of, painter_of
+from flockbrush.render.brush_marks import difference
+from flockbrush.render.style import PALETTES, THEMES, rgb, theme_of, worn
+from flockbrush.runs.run import start
+from flockbrush.runs.snapshots import moment_of
+
+
+@pytest.mark.parametrize("name", [name for name in PALETTES if name != "own"])
+def test_eyes_of_all_kinds_tell_the_colours_of_a_palette_apart(name):
+    colours = [rgb(colour) for colour in PALETTES[name]]
+    assert len(colours) >= 7
+    apart = [difference(a, b) for k, a in enumerate(colours) for b in colours[:k]]
+    assert min(apart) > 9
+    for theme in THEMES.values():
+        assert min(difference(colour, theme.predator) for colour in colours) > 9
+        assert min(difference(colour, theme.leader) for colour in colours) > 20
+
+
+def test_a_palette_colours_the_brushes_of_a_world_in_turn():
+    own = ("#ff0000", "#00ff00", "#0000ff")
+    assert worn(own, theme_of("light")) == own
+    assert worn(own, theme_of("dark", "tol")) == PALETTES["tol"][:3]
+    assert theme_of("light", "tol") is theme_of("light", "tol")
+    assert theme_of(theme_of("light", "tol"), "own") == theme_of("light")
+    with pytest.raises(ValueError, match="okabe-ito"):
+        theme_of("light", "rainbow")
+
+
+@pytest.mark.parametrize("view", ["plan", "space"])
+@pytest.mark.parametrize("theme", THEMES)
+def test_pictures_show_animals_in_the_colours_of_the_palette(view, theme):
+    run = start("meadow", seed=1)
+    herd = herd_of(run, moment_of(run))
+    frames = []
+    for palette in ("own", "tol"):
+        painter = painter_of(run, (480, 320), theme_of(theme, palette), view=view)
+        frames.append(painter.frame(herd, time=0.0).astype(int))
+    run.close()
+    assert (np.abs(frames[0] - frames[1]).max(axis=2) > 20).sum() > 100
+
+
+def test_a_page_has_the_palette_that_was_asked_for(tmp_path):
+    run, page = start("meadow", seed=1), tmp_path / "run.html"
+    with Exports([page], run, palette="okabe-ito") as exports:
+        exports.take()
+        run.run(4)
+        exports.take()
+    run.close()
+    data = re.search('data-kind="about">([^<]+)<', page.read_text()).group(1)
+    about = json.loads(zlib.decompress(base64.b64decode(data)))
+    assert about["brush_colours"][:2] == list(PALETTES["okabe-ito"][:2])
