@@ -39,7 +39,7 @@ class TopViews(NamedTuple):
         Which of the triangles in `shown` is on top, from 1; `CLOSE` around the body, and else 0.
     places : (looks, 5) int64
         First texel of a look's maps, texels aside and ahead, and the map's corner: right of the body and behind it.
-    first, count : (looks, clips) int64
+    first, phases : (looks, clips) int64
         First map of a clip, that of rest where the look has no such clip; how many there are.
     ready : (maps,) bool
         Which have been made.
@@ -54,7 +54,7 @@ class TopViews(NamedTuple):
     texels: np.ndarray
     places: np.ndarray
     first: np.ndarray
-    count: np.ndarray
+    phases: np.ndarray
     ready: np.ndarray
     bounds: np.ndarray
     shown: np.ndarray
@@ -100,7 +100,7 @@ def from_above(camera) -> np.ndarray:
 def _map_of(views, meshes, posture):
     """(number, first texel) of the map that shows a posture best; it is made if it has not been yet."""
     look, clip, phase = posture
-    count = views.count[look, clip]
+    count = views.phases[look, clip]
     k = int(np.floor((phase % 1.0) * count + 0.5)) % count
     number = views.first[look, clip] + k
     at = views.places[look, 0] + (number - views.first[look].min()) * views.places[look, 1] * views.places[look, 2]
