@@ -7,12 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flockbrush.render.brush_marks import swatch
 from flockbrush.render.canvas import Canvas
+from flockbrush.render.drawn_ground import brush_key
 from flockbrush.render.drawn_terrain import nice
 from flockbrush.render.sprites import KINDS, LEADER, NO_WINGS, PLAIN, PREDATOR, figure
-from flockbrush.render.style import Theme
+from flockbrush.render.style import Theme, rgb
 from flockbrush.render.text import shortened, width_of
 from flockbrush.render.view_camera import ViewCamera
+
+PATCH = 0.55  # scale of the patterns on patches of ground in the legend
 
 
 @dataclass(frozen=True)
@@ -87,8 +91,11 @@ class Hud:
         canvas.segments([[start, y, stop, y], *ends], thick, theme.ink, 0.9)
         return start - 1.5 * height
 
-    def legend(self, frame, right, herd, colours):
-        """First row of the legend of a `checked` herd; `colours` are those of all looks."""
+    def legend(self, frame, right, herd, colours, painted=()):
+        """First row of the legend of a `checked` herd; `colours` are those of all looks.
+
+        Animals whose brush is `painted` on the level stand on a patch of its ground.
+        """
         if not len(herd.xy):
             return
         known = len(colours) // KINDS - 1
@@ -97,12 +104,15 @@ class Hud:
         names = ["animals", *(str(name) for name in herd.brush_names)]
         names += [f"brush {k + 1}" for k in range(known)][len(names) - 1 :]
         shown = [(names[k], k * KINDS, int(counts[k])) for k in np.argsort(-counts, kind="stable") if counts[k]]
-        self.animals(frame, right, shown, int(herd.leader.sum()), int(herd.predator.sum()), colours)
+        told = zip(map(str, herd.brush_names), map(rgb, herd.brush_colours), strict=False)
+        grounds = {name: colour for name, colour in told if brush_key(name) in painted}
+        self.animals(frame, right, shown, int(herd.leader.sum()), int(herd.predator.sum()), colours, grounds)
 
-    def animals(self, frame, right, brushes, leaders, predators, colours):
+    def animals(self, frame, right, brushes, leaders, predators, colours, grounds=None):
         """First row of the legend: brushes with their counts, then leaders and predators.
 
-        `brushes` are (name, look, count), in the order they are to be shown; `colours` those of all looks.
+        `brushes` are (name, look, count), in the order they are to be shown; `colours` those of all looks,
+        `grounds` {name: colour} of those that stand on painted ground.
         """
         layout = self.layout
         if not layout.font:
@@ -112,9 +122,9 @@ class Hud:
         marked = [("leader" if leaders == 1 else "leaders", leaders, first + LEADER)]
         marked += [("predator" if predators == 1 else "predators", predators, PREDATOR)]
         marks = [(name, f"{count:,}", look) for name, count, look in marked if count]
-        self._row(frame, layout.pad, right, entries, marks, colours)
+        self._row(frame, layout.pad, right, entries, marks, colours, grounds or {})
 
-    def _row(self, frame, left, right, entries, marks, colours):
+    def _row(self, frame, left, right, entries, marks, colours, grounds):
         height = self.layout.font
         y = self.layout.size[1] - self.layout.below + round(1.15 * height)
         room = right - left - sum(map(self._width, marks))
@@ -127,6 +137,8 @@ class Hud:
             if x + self._width((name, count, look)) - height > right:
                 return
             if look is not None:
+                if name in grounds and look % KINDS == PLAIN:
+                    self._ground(frame, x, y, name, grounds[name])
                 self._animal(frame, x + 0.6 * height, y, look, colours)
                 x += 1.7 * height
             ink = self.theme.muted if look is None else self.theme.ink
@@ -137,6 +149,15 @@ class Hud:
         name, count, look = entry
         height = self.layout.font
         return width_of(name, height) + width_of(count, height) + (1.9 if look is None else 3.6) * height
+
+    def _ground(self, frame, x, y, name, colour):
+        """A patch of ground painted with a brush, under an animal of the legend."""
+        tall = self.layout.font
+        left, top, wide, high = round(x - 0.2 * tall), round(y - 0.65 * tall), round(1.6 * tall), round(1.3 * tall)
+        patch = swatch(name, colour, self.theme, (wide, high), PATCH * self.layout.unit)
+        rows, columns = slice(max(top, 0), top + high), slice(max(left, 0), left + wide)
+        view = frame[rows, columns]
+        view[:] = patch[: view.shape[0], : view.shape[1]]
 
     def _animal(self, frame, x, y, look, colours):
         clip = np.array([0, 0, *self.layout.size])

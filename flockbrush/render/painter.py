@@ -275,7 +275,7 @@ class Painter:
     def _words(self, frame, herd, title, time, measures, legend, stamps):
         self.hud.above(frame, getattr(self.level, "name", "") if title is None else title, time, measures)
         if legend:
-            self.hud.legend(frame, self._bar, herd, stamps.colours)
+            self.hud.legend(frame, self._bar, herd, stamps.colours, painted_brushes(self.level))
 
     # colours ---------------------------------------------------------------------
 

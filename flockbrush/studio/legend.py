@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pygame
 
+from flockbrush.render.brush_marks import swatch
+from flockbrush.render.drawn_ground import brush_key
 from flockbrush.render.drawn_terrain import nice
-from flockbrush.render.painter import brush_rgb
+from flockbrush.render.hud import PATCH
+from flockbrush.render.painter import brush_rgb, painted_brushes
 from flockbrush.render.sprites import KINDS, LEADER, NO_WINGS, PLAIN, PREDATOR, Stamps, figure
 from flockbrush.render.style import worn
 from flockbrush.studio.theme import chrome, font, px
@@ -30,10 +33,11 @@ class Legend:
         if self._wait > 0 or herd is None:
             return
         self._wait = FRESH
-        said = (self._entries(herd), tuple(herd.brush_colours), self.app.theme, self.app.scale)
+        painted = frozenset(painted_brushes(self.app.canvas.painter.level))
+        said = (self._entries(herd), tuple(herd.brush_colours), self.app.theme, self.app.scale, painted)
         if said != self._said:
             self._said = said
-            self.picture = self._card(herd, said[0])
+            self.picture = self._card(herd, said[0], painted)
 
     def _entries(self, herd):
         """((name, kind of figure, brush index, count), ...) in the order they are shown."""
@@ -51,7 +55,7 @@ class Legend:
             rows.append(("predators" if predator.sum() > 1 else "predator", PREDATOR, 0, int(predator.sum())))
         return tuple(rows)
 
-    def _card(self, herd, rows):
+    def _card(self, herd, rows, painted):
         app, c, u = self.app, chrome(self.app.theme), self.app.scale
         letters = font(px(u, 12))
         line, pad = letters.get_linesize() + px(u, 2), px(u, 8)
@@ -63,20 +67,25 @@ class Legend:
         card = pygame.Surface(size, pygame.SRCALPHA)
         pygame.draw.rect(card, (*c.panel, 225), card.get_rect(), border_radius=px(u, 5))
         pygame.draw.rect(card, c.border, card.get_rect(), 1, border_radius=px(u, 5))
-        colours = Stamps(brush_rgb(worn(herd.brush_colours, app.theme)), app.theme).colours
+        brushes = brush_rgb(worn(herd.brush_colours, app.theme))
+        colours = Stamps(brushes, app.theme).colours
         for k, (name, kind, brush, count) in enumerate(rows):
             y = pad + k * line
             if kind >= 0:
-                card.blit(self._figure(kind, brush, colours, px(u, 22), line, c.panel), (pad, y))
+                ground = np.array(c.panel, np.uint8)
+                if kind == PLAIN and brush_key(name) in painted:
+                    ground = swatch(name, tuple(brushes[brush].tolist()), app.theme, (px(u, 22), line), PATCH * u)
+                card.blit(self._figure(kind, brush, colours, px(u, 22), line, ground), (pad, y))
             ink = c.ink if kind >= 0 else c.muted
             card.blit(letters.render(name, True, ink), (pad + px(u, 28), y))
             number = letters.render(f"{count:,}", True, c.muted)
             card.blit(number, (size[0] - pad - number.get_width(), y))
         return card
 
-    def _figure(self, kind, brush, colours, width, height, paper):
-        """An animal as it is drawn on the ground."""
-        image = np.full((height, width, 3), paper, np.uint8)
+    def _figure(self, kind, brush, colours, width, height, ground):
+        """An animal as it is drawn on the ground, (3,) or (height, width, 3)."""
+        image = np.empty((height, width, 3), np.uint8)
+        image[:] = ground
         clip = np.array([0, 0, width, height])
         look = (
             PREDATOR if kind == PREDATOR else (brush + 1) * KINDS + kind

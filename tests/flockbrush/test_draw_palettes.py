@@ -11,6 +11,9 @@ import pytest
 from flockbrush.output.export import Exports
 from flockbrush.output.pictures import herd_of, painter_of
 from flockbrush.render.brush_marks import difference
+from flockbrush.render.drawn_herd import checked
+from flockbrush.render.painter import brush_rgb, painted_brushes
+from flockbrush.render.sprites import look_colours
 from flockbrush.render.style import PALETTES, THEMES, rgb, theme_of, worn
 from flockbrush.runs.run import start
 from flockbrush.runs.snapshots import moment_of
@@ -60,3 +63,20 @@ def test_a_page_has_the_palette_that_was_asked_for(tmp_path):
     data = re.search('data-kind="about">([^<]+)<', page.read_text()).group(1)
     about = json.loads(zlib.decompress(base64.b64decode(data)))
     assert about["brush_colours"][:2] == list(PALETTES["okabe-ito"][:2])
+    grounds = dict(zip(about["words"]["brush"], about["brush_grounds"], strict=True))
+    assert grounds["graze"].startswith("data:image/jpeg;base64,") and grounds["graze"] != grounds["march"]
+
+
+@pytest.mark.parametrize("view", ["plan", "space"])
+def test_the_legend_shows_the_ground_that_a_brush_is_painted_on(view):
+    run = start("meadow", seed=1)
+    shown = herd_of(run, moment_of(run))
+    painter = painter_of(run, (640, 420), view=view)
+    blank = np.full((420, 640, 3), 255, np.uint8)
+    with_ground, without = blank.copy(), blank.copy()
+    checked_herd, colours = checked(shown), look_colours(brush_rgb(shown.brush_colours), painter.theme)
+    painter.hud.legend(with_ground, 640, checked_herd, colours, painted_brushes(painter.level))
+    painter.hud.legend(without, 640, checked_herd, colours)
+    run.close()
+    assert "graze" in painted_brushes(painter.level)
+    assert (with_ground != without).any(axis=2).sum() > 150

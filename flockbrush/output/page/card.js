@@ -48,13 +48,15 @@ class Legend {
     }
     for (const [code, count] of [...counts].sort((a, b) => a[0] - b[0])) {
       const danger = name === "brush" && about.predators[code];
-      this.line(`#${animals.colourOf(name, code).getHexString()}`, about.words[name][code] || "–", count, danger);
+      const ground = name === "brush" ? about.brush_grounds[code] : null;
+      this.line(`#${animals.colourOf(name, code).getHexString()}`, about.words[name][code] || "–", count, danger, ground);
     }
     if (leaders) this.line(getComputedStyle(document.documentElement).getPropertyValue("--leader"), "leaders", leaders, true);
   }
 
-  line(colour, text, count, square) {
+  line(colour, text, count, square, ground) {
     const item = element("li");
+    if (ground) item.append(element("img", undefined, { className: "ground", src: ground, alt: "", title: "Ground painted with this brush" }));
     item.append(element("span", undefined, { className: square ? "swatch square" : "swatch", style: `background: ${colour}` }), element("span", text), element("span", `${count}`, { className: "number" }));
     this.list.append(item);
   }

@@ -17,9 +17,13 @@ from flockbrush.output.painted_ground import PaintedGround
 from flockbrush.output.scene_meshes import SceneMeshes, jpeg_of
 from flockbrush.output.trajectory_table import metadata_of
 from flockbrush.render.animal_looks import CLIPS, mesh_of, poses_of
+from flockbrush.render.brush_marks import swatch
+from flockbrush.render.drawn_ground import brush_key
 from flockbrush.render.gaits import Gaits, looks_of
+from flockbrush.render.painter import painted_brushes
+from flockbrush.render.scenery import Scenery
 from flockbrush.render.space_view import sky_of
-from flockbrush.render.style import PALETTE, mix, theme_of, worn
+from flockbrush.render.style import PALETTE, mix, rgb, theme_of, worn
 from flockbrush.runs.run import versions
 from flockbrush.runs.snapshots import words_of
 from flockbrush.systems.landscape import Landscape
@@ -27,6 +31,7 @@ from flockbrush.systems.measures import compute_milling, compute_polarization
 from flockbrush.systems.palette import Palette
 
 HERE = Path(__file__).parent
+GROUND = (56, 32)  # pixels of a patch of painted ground in the legend, twice those on the page
 SCRIPTS = ("unpack.js", "shaders.js", "place.js", "animals.js", "charts.js", "card.js", "main.js")
 MEASURES = (
     ("polarization", "1", "0: each its own way, 1: all the same way"),
@@ -124,6 +129,17 @@ class PageWriter:
             self.frames += len(self.rows)
             self.rows = []
 
+    def _grounds(self, palette):
+        """A picture of the ground that each brush is painted on, as an address; None for those that are not."""
+        found, colours = [], worn([brush.colour for brush in palette.brushes], self.theme)
+        painted = painted_brushes(Scenery(self.simulation))
+        for name, colour in zip(palette.names, colours, strict=True):
+            patch = None
+            if brush_key(name) in painted:
+                patch = jpeg_of(swatch(name, rgb(colour), self.theme, GROUND, 1.2))
+            found.append(patch and "data:image/jpeg;base64," + base64.b64encode(patch).decode())
+        return found
+
     def _about(self):
         simulation, look = self.simulation, self.theme
         palette, words = simulation.world.resource(Palette), words_of(simulation)
@@ -139,6 +155,7 @@ class PageWriter:
             "columns": COLUMNS,
             "words": words,
             "brush_colours": worn([brush.colour for brush in palette.brushes], look),
+            "brush_grounds": self._grounds(palette),
             "predators": [bool(danger) for danger in palette.danger],
             "other_colours": PALETTE,
             "leader": look.leader,
