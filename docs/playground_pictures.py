@@ -151,7 +151,11 @@ def space(level, theme, seconds, closer=1.0, turn=0.0, over=0.0, overlays=()):
     if not stage.app.canvas.in_space:  # levels of birds open in space
         stage.app.toggle_space()
     canvas = stage.app.canvas
-    canvas.look(canvas.camera.turned(np.radians(turn), np.radians(over)).zoomed(closer))
+    canvas.look(canvas.camera.turned(np.radians(turn), np.radians(over)))
+    canvas.fit_herd()
+    canvas.look(canvas.camera.zoomed(closer))
+    if not canvas.follows:
+        canvas.follow()
     stage.live(1)  # trails in space begin when one looks
     stage.panel("view")
     return stage
@@ -160,8 +164,6 @@ def space(level, theme, seconds, closer=1.0, turn=0.0, over=0.0, overlays=()):
 def starlings():
     """A flock between pillars, one bird selected."""
     stage = space("pillars", "light", 7)  # as the level opens: turned, a pillar may stand before the eye
-    stage.app.canvas.follow()
-    stage.live(1.5)
     stage.app.take_tool("select")
     stage.app.select(int(stage.app.session.simulation.agents.ids[40]))
     return stage.picture()
@@ -169,10 +171,7 @@ def starlings():
 
 def skein():
     """A line of birds high above the ground, in the dark."""
-    stage = space("skein", "dark", 14, closer=1.1, turn=50, over=10)
-    stage.app.canvas.follow()
-    stage.live(1.5)
-    return stage.picture()
+    return space("skein", "dark", 14, turn=50, over=10).picture()
 
 
 def elephants():

@@ -117,6 +117,7 @@ class Viewport:
         if len(herd.xy) and float(np.mean(herd.z > herd.length)) > 0.5:
             self.toggle_space()
             self.follow()
+            self._followed = None, np.median(self._moment.xyz, axis=0)  # the first look shows all of it: it stays
 
     def _first_look(self):
         """From behind the herd, a little above it: who flies is seen before the sky."""
