@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flockbrush.output.scene_meshes import TEXTURE, SceneMeshes
+from flockbrush.output.scene_meshes import TEXTURE, SceneMeshes, jpeg_of
 
 EVERY = 1.0  # s: the whole picture is drawn anew no more often, as while an obstacle glides
 
@@ -63,3 +63,41 @@ class PaintedGround:
         top, bottom, left, right = rows.min(), rows.max() + 1, columns.min(), columns.max() + 1
         self.picture[top:bottom, left:right] = picture[top:bottom, left:right]
         return GroundPatch(int(left), int(top), picture[top:bottom, left:right].copy())
+
+
+class GroundPictures:
+    """Whole pictures of the ground for scenes, as it is painted: one a second at most.
+
+    Parameters
+    ----------
+    place : SceneMeshes
+    fps : float
+        Of the moments that it is told.
+
+    Attributes
+    ----------
+    first : bytes
+        The picture before the first moment, a JPEG.
+    """
+
+    def __init__(self, place: SceneMeshes, fps):
+        self._ground, self._fps = PaintedGround(place), fps
+        self.first = jpeg_of(self._ground.picture)
+        self._frame, self._next, self._stale = 0, 0.0, False
+
+    def take(self, time) -> tuple[int, bytes] | None:
+        """The next moment (s): its frame and the picture that is shown from there on, None for the one before."""
+        frame = self._frame
+        self._frame += 1
+        self._stale |= self._ground.take(time) is not None
+        if not self._stale or frame < self._next:
+            return None
+        return self._picture(frame)
+
+    def late(self) -> tuple[int, bytes] | None:
+        """The last frame and its picture, where something was painted since the picture before."""
+        return self._picture(self._frame - 1) if self._stale else None
+
+    def _picture(self, frame):
+        self._next, self._stale = frame + self._fps, False
+        return frame, jpeg_of(self._ground.picture)

@@ -108,10 +108,6 @@ class SceneMeshes:
         size = [int(np.clip(round(length * scale), 8, side)) for length in (self.width, self.height)]
         return Painter(self.scenery, size, self.theme, trails=None, words=False, labels=False)
 
-    def jpeg(self) -> bytes:
-        """That picture as a file."""
-        return jpeg_of(self.painter().ground)
-
     def obstacles(self) -> tuple[Faces, np.ndarray]:
         """(faces, colours (m, 3) 0 to 255 in the sun) of what stands there."""
         return self._faces(list(self.scenery.obstacles))

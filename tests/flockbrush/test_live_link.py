@@ -1,6 +1,5 @@
 """The live link: what a client sees and steers is the herd, and no client harms another or the herd."""
 
-import importlib.util
 import json
 import os
 import signal
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from blender import WITHOUT_BLENDER, blender_python
 from processes import environment
 
 pytest.importorskip("websockets", reason="the package websockets is not installed (extra live)")
@@ -378,11 +378,11 @@ class TestExamples:
         assert f"var brush_at := HEADER + {ends['species']} * count" in text
 
     @pytest.mark.tools
-    @pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="Blender's package bpy is not installed")
+    @pytest.mark.skipif(blender_python() is None, reason=WITHOUT_BLENDER)
     def test_the_add_on_draws_and_steers_in_blender(self):
         with serving(agents=60) as served:
             program = Path(__file__).parents[1] / "drive_blender.py"
-            words = [sys.executable, program, EXAMPLES / "blender/live_herd.py", served.link.address, "60,40"]
+            words = [blender_python(), program, EXAMPLES / "blender/live_herd.py", served.link.address, "60,40"]
             done = subprocess.run(words, capture_output=True, text=True, timeout=120)
         told = json.loads(done.stdout.split("TOLD")[1])
         assert "the token is wrong or missing" in told["refused"]

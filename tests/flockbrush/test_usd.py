@@ -1,13 +1,12 @@
 """USD scenes: read back by USD itself, judged by its validators, and opened in Blender where that is installed."""
 
-import importlib.util
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from blender import WITHOUT_BLENDER, blender_python
 from flockbrush.components import Heading, Position
 from flockbrush.engine.recording import open_recording, resume
 from processes import other_process
@@ -336,11 +335,11 @@ def test_a_look_that_cannot_be_used_is_refused_before_the_run(cli, recording, tm
 
 
 @pytest.mark.tools
-@pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="Blender's package bpy is not installed")
+@pytest.mark.skipif(blender_python() is None, reason=WITHOUT_BLENDER)
 @pytest.mark.parametrize("mode", MODES)
 def test_blender_shows_the_herd_where_it_was(scenes, lived, mode):
     program = Path(__file__).parents[1] / "look_with_blender.py"
-    done = subprocess.run([sys.executable, program, scenes[mode]], capture_output=True, text=True, timeout=300)
+    done = subprocess.run([blender_python(), program, scenes[mode]], capture_output=True, text=True, timeout=300)
     assert "TOLD" in done.stdout, done.stderr
     told = json.loads(done.stdout.split("TOLD")[1].splitlines()[0])
     assert told["frames"] == [0, 20] and told["camera"]

@@ -49,45 +49,39 @@ class UsdScene(Exporter):
 
     def open(self):
         from flockbrush.levels.build import Simulation
-        from flockbrush.output.painted_ground import PaintedGround
-        from flockbrush.output.scene_meshes import SceneMeshes, jpeg_of
+        from flockbrush.output.painted_ground import GroundPictures
+        from flockbrush.output.scene_meshes import SceneMeshes
         from flockbrush.output.usd.scene import UsdStage
 
         self.temporary.unlink(missing_ok=True)  # USD makes the file itself
         picture = self.beside(self.path)[0]
-        self._picture, self._ground, self._later, self._stale, self._shown = None, None, [], False, 0
+        self._picture, self._ground, self._later = None, None, []
         if isinstance(self.simulation, Simulation):
-            self._ground = PaintedGround(SceneMeshes(self.simulation, self.options["theme"]))
-            self._picture = jpeg_of(self._ground.picture)
+            self._ground = GroundPictures(SceneMeshes(self.simulation, self.options["theme"]), self.fps)
+            self._picture = self._ground.first
         self._scene = UsdStage(self.temporary, self.simulation, self.fps, self.options, self._picture and picture.name)
 
     def take(self, moment):
         with _in_words(self.temporary.parent):
             if self._ground is not None:
-                self._follow(moment.time)
+                self._paint(self._ground.take(moment.time))
             self._scene.take(moment)
         self.frames += 1
 
-    def _follow(self, time):
-        """Let the ground be painted as it is now; a picture a second at most."""
-        self._stale |= self._ground.take(time) is not None
-        if self._stale and (not self._later or self.frames >= self._shown + self.fps):
-            self._paint(self.frames)
-
-    def _paint(self, frame):
-        """Give the ground the picture of now from a frame on."""
-        from flockbrush.output.scene_meshes import jpeg_of
-
+    def _paint(self, new):
+        """Give the ground another picture from a frame on, if there is a new one."""
+        if new is None:
+            return
+        frame, picture = new
         name = self.path.with_suffix(f".ground.{len(self._later) + 1}.jpg").name
-        (self.temporary.parent / name).write_bytes(jpeg_of(self._ground.picture))
+        (self.temporary.parent / name).write_bytes(picture)
         self._scene.paint(name, frame)
         self._later.append(name)
-        self._shown, self._stale = frame, False
 
     def finish(self):
         with _in_words(self.temporary.parent):
-            if self._stale:
-                self._paint(self.frames - 1)
+            if self._ground is not None:
+                self._paint(self._ground.late())
             self._scene.finish()
         if self._picture is not None:
             write_bytes(self.beside(self.path)[0], self._picture)

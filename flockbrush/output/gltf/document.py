@@ -33,6 +33,7 @@ class GltfDocument:
         self.lists: dict[str, list] = {}
         self.used: list[str] = []
         self.top: dict = {}
+        self._run: dict = {"name": "run", "channels": [], "samplers": []}
         self._path = folder / "numbers"
         self._file = open(self._path, "wb")
         self._size = 0
@@ -49,6 +50,18 @@ class GltfDocument:
         if parent is not None:
             self.lists["nodes"][parent].setdefault("children", []).append(number)
         return number
+
+    def animate(self, node, path, times, output, interpolation="LINEAR"):
+        """Move a node by keyframes, two accessors; all are one animation, for Blender plays only one."""
+        channels, samplers = self._run["channels"], self._run["samplers"]
+        samplers.append({"input": times, "output": output, "interpolation": interpolation})
+        channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
+
+    def show(self, node, frames, fps, scale=(1.0, 1.0, 1.0)):
+        """Give a node its size from some frames on and no size from others: [(frame, whether it is shown)]."""
+        times = np.array([frame for frame, _ in frames], np.float32) / np.float32(fps)
+        sizes = np.array([np.multiply(scale, bool(shown)) for _, shown in frames], np.float32)
+        self.animate(node, "scale", self.numbers(times, bounds=True), self.numbers(sizes), "STEP")
 
     def extension(self, name):
         """Say that an extension is used; readers may do without."""
@@ -90,6 +103,8 @@ class GltfDocument:
         """Write the file; `OSError` (EFBIG) where glTF cannot say its length."""
         self.more(b"\0" * (-self._size % 4))
         self._file.close()
+        if self._run["channels"]:
+            self.add("animations", **self._run)
         lists = {name: entries for name, entries in self.lists.items() if entries}
         document = {"asset": {"version": "2.0", "generator": generator}, **self.top, **lists}
         if self.used:

@@ -38,7 +38,6 @@ class Herd:
         self.document, self.bodies, self.records, self.fps = document, bodies, records, fps
         self.words = words_of(bodies.simulation)
         self.poses = list(bodies.poses)
-        self.channels, self.samplers = [], []
         self.root = document.node("Herd", world)
         if not records.slots:
             return
@@ -48,8 +47,6 @@ class Herd:
         for row, animal in enumerate(records.slots):
             self._animal(animal, records.bodies[row], table[row])
         del table
-        if self.channels:
-            document.add("animations", name="run", channels=self.channels, samplers=self.samplers)
 
     def _animal(self, animal, body, track):
         kind, length, width = body
@@ -78,9 +75,7 @@ class Herd:
         frames = [frame for frame, _ in changes(shown)]
         if len(frames) == 1 and shown[0]:
             return
-        times = np.array([frame / self.fps for frame in frames], np.float32)
-        sizes = np.array([np.multiply(scale, bool(shown[frame])) for frame in frames], np.float32)
-        self._channel(node, "scale", self.document.numbers(sizes), self.document.numbers(times, bounds=True), "STEP")
+        self.document.show(node, [(frame, shown[frame]) for frame in frames], self.fps, scale)
 
     def _joints(self, look, track):
         """{part: (translations, rotations, scales)} of all frames, part -1 the body; each an accessor or a constant."""
@@ -116,19 +111,14 @@ class Herd:
             nodes[name] = self.document.node(name, parent, mesh=self.bodies.part_mesh(look, k, brush), **told)
             for path, (accessor, _) in zip(rest, tracks, strict=True):
                 if accessor is not None:
-                    self._channel(nodes[name], path, accessor, self.times, "LINEAR")
+                    self.document.animate(nodes[name], path, self.times, accessor)
 
     def _animate(self, node, path, values):
         accessor, first = self._track(values)
         first = unit(first) if path == "rotation" else first
         self.document.lists["nodes"][node][path] = first.tolist()
         if accessor is not None:
-            self._channel(node, path, accessor, self.times, "LINEAR")
-
-    def _channel(self, node, path, output, times, interpolation):
-        key = {"input": times, "output": output, "interpolation": interpolation}
-        self.samplers.append(key)
-        self.channels.append({"sampler": len(self.samplers) - 1, "target": {"node": node, "path": path}})
+            self.document.animate(node, path, self.times, accessor)
 
 
 STILL = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}

@@ -6,6 +6,7 @@ import numpy as np
 
 from flockbrush.output.gltf.document import INDICES, VERTICES
 from flockbrush.output.moving_solids import MovingSolids
+from flockbrush.output.painted_ground import GroundPictures
 from flockbrush.output.scene_meshes import SceneMeshes
 from flockbrush.render.style import SUN, linear_rgb
 
@@ -27,28 +28,57 @@ class PlaceNodes:
         ``theme``, ``azimuth``, ``elevation``.
     world : int
         The node whose axes are ours: z up.
+    fps : float
     """
 
-    def __init__(self, document, bodies, simulation, options, world):
-        self.document, self.bodies = document, bodies
+    def __init__(self, document, bodies, simulation, options, world, fps):
+        self.document, self.bodies, self.fps = document, bodies, fps
         self.place = SceneMeshes(simulation, options.get("theme") or "light")
         self.node = document.node("Place", world)
-        self.moving = MovingSolids(self.place)
-        self._ground()
+        self.moving, self.painted = MovingSolids(self.place), GroundPictures(self.place, fps)
+        self.grounds = []  # (frame from which it is shown, node)
+        self._surface = self._ground_surface()
+        self._ground(0, self.painted.first)
         self._lines("Guides", self.place.guides(), self.place.theme.guide)
         self._lines("Areas", self.place.areas(), self.place.theme.exit)
         self._goals()
         self._light(world)
 
-    def _ground(self):
-        document, ground = self.document, self.place.ground()
-        image = document.add(
-            "images", name="ground", mimeType="image/jpeg", bufferView=document.bytes(self.place.jpeg())
-        )
-        sampler = document.add("samplers", magFilter=9729, minFilter=9987, wrapS=33071, wrapT=33071)
-        texture = document.add("textures", source=image, sampler=sampler)
+    def take(self, time):
+        """Follow obstacles and paint for one more frame."""
+        self.moving.take()
+        new = self.painted.take(time)
+        if new is not None:
+            self._ground(*new)
+
+    def finish(self):
+        """Write what is known at the end: how obstacles moved, and when each picture of the ground is shown."""
+        late = self.painted.late()
+        if late is not None:
+            self._ground(*late)
+        ends = [*(frame for frame, _ in self.grounds[1:]), None]
+        for (frame, node), end in zip(self.grounds, ends, strict=True):
+            keys = {0: frame == 0} | {frame: True} | ({} if end is None else {end: False})
+            if keys != {0: True}:
+                self.document.show(node, list(keys.items()), self.fps)
+        self._obstacles()
+
+    def _ground(self, frame, picture):
+        """The ground with a picture (bytes of a JPEG) that is shown from a frame on; it has no size before."""
+        document = self.document
+        name = "ground" if not self.grounds else f"ground {len(self.grounds)}"
+        image = document.add("images", name=name, mimeType="image/jpeg", bufferView=document.bytes(picture))
+        texture = document.add("textures", source=image, sampler=0)
         surface = {"baseColorTexture": {"index": texture}, "metallicFactor": 0.0, "roughnessFactor": 1.0}
-        material = document.add("materials", name="ground", pbrMetallicRoughness=surface)
+        material = document.add("materials", name=name, pbrMetallicRoughness=surface)
+        mesh = document.add("meshes", name=name, primitives=[{**self._surface, "material": material}])
+        size = None if not self.grounds else [0.0, 0.0, 0.0]
+        self.grounds.append((frame, document.node(name.capitalize(), self.node, mesh=mesh, scale=size)))
+
+    def _ground_surface(self):
+        """The primitive that all grounds share."""
+        document, ground = self.document, self.place.ground()
+        document.add("samplers", magFilter=9729, minFilter=9987, wrapS=33071, wrapT=33071)
         uv = ground.uv.astype(np.float32)
         uv[:, 1] = 1 - uv[:, 1]  # counted from the top
         attributes = {
@@ -57,24 +87,20 @@ class PlaceNodes:
             "TEXCOORD_0": document.numbers(uv, VERTICES),
         }
         indices = document.numbers(ground.triangles.astype(np.uint32).ravel(), INDICES)
-        primitive = {"attributes": attributes, "indices": indices, "material": material}
-        document.node("Ground", self.node, mesh=document.add("meshes", name="ground", primitives=[primitive]))
+        return {"attributes": attributes, "indices": indices}
 
-    def obstacles(self, fps):
+    def _obstacles(self):
         """Write the obstacles as they were followed, those that are moved with keyframes."""
         solids = [solid for solid in self.moving.solids if len(solid.faces.corners)]
         if not solids:
             return
         root = self.document.node("Obstacles", self.node)
         stone = self.bodies.material("obstacle", self.place.theme.obstacle, doubleSided=True)
-        channels, samplers = [], []
         for solid in solids:
             mesh = self.document.add("meshes", name=solid.name, primitives=[self._solid(solid.faces, stone)])
             node = self.document.node(solid.name, root, mesh=mesh)
             if solid.moves:
-                self._track(node, solid.keys, fps, channels, samplers)
-        if channels:
-            self.document.add("animations", name="obstacles", channels=channels, samplers=samplers)
+                self._track(node, solid.keys)
 
     def _solid(self, faces, material):
         corners = faces.corners
@@ -90,15 +116,15 @@ class PlaceNodes:
         }
         return {"attributes": attributes, "material": material}
 
-    def _track(self, node, keys, fps, channels, samplers):
+    def _track(self, node, keys):
         """Keyframes of one obstacle: it moves evenly, and comes and goes at once."""
-        times = self.document.numbers(np.array([key.frame for key in keys], np.float32) / np.float32(fps), bounds=True)
+        times = np.array([key.frame for key in keys], np.float32) / np.float32(self.fps)
         places = np.array([key.offset for key in keys], np.float32)
-        sizes = np.array([[float(key.shown)] * 3 for key in keys], np.float32)
-        tracks = [("translation", places, "LINEAR"), ("scale", sizes, "STEP")]
-        for path, values, kind in tracks if not sizes.all() else tracks[:1]:
-            samplers.append({"input": times, "output": self.document.numbers(values), "interpolation": kind})
-            channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
+        self.document.animate(
+            node, "translation", self.document.numbers(times, bounds=True), self.document.numbers(places)
+        )
+        if not all(key.shown for key in keys):
+            self.document.show(node, [(key.frame, key.shown) for key in keys], self.fps)
 
     def _lines(self, kind, lines, colour):
         lines = [line for line in lines if len(line.points) > 1]

@@ -50,20 +50,20 @@ class GltfNodes:
         self.records = Records(path.parent, simulation, labels)
         self.place, self.times = None, []
         if isinstance(simulation, Simulation):
-            self.place = PlaceNodes(self.document, self.bodies, simulation, options, self.world)
+            self.place = PlaceNodes(self.document, self.bodies, simulation, options, self.world, fps)
 
     def take(self, moment):
         """Add one moment."""
         clip, phase = self.gaits.of(moment)
         self.times.append(moment.time)
         if self.place is not None:
-            self.place.moving.take()
+            self.place.take(moment.time)
         self.records.take(moment, self.bodies.shown(moment, clip, phase), phase)
 
     def finish(self):
         """Complete the file."""
         if self.place is not None:
-            self.place.obstacles(self.fps)
+            self.place.finish()
             self._camera()
         if self.options.get("gltf_mode") == "crowd":
             write_crowd(self.document, self.bodies, self.records, self.world, self.fps)
@@ -96,12 +96,5 @@ class GltfNodes:
         )
         if len(views) > 1:
             times = self.document.numbers(np.arange(len(views), dtype=np.float32) / np.float32(self.fps), bounds=True)
-            samplers = [
-                {"input": times, "output": self.document.numbers(values), "interpolation": "LINEAR"}
-                for values in (eyes, turns)
-            ]
-            channels = [
-                {"sampler": k, "target": {"node": node, "path": path}}
-                for k, path in enumerate(("translation", "rotation"))
-            ]
-            self.document.add("animations", name="camera", channels=channels, samplers=samplers)
+            self.document.animate(node, "translation", times, self.document.numbers(eyes))
+            self.document.animate(node, "rotation", times, self.document.numbers(turns))
