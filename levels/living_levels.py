@@ -87,6 +87,7 @@ def ridge():
     s.ground("dirt", near_line(s.x, s.y, [(20, 110), (90, 134), (140, 140), (190, 132), (262, 150)]) < 3)
     s.picture("height", "ridge-height.png", metres_per_level=0.2)
     s.draw("Goal", [(264, 150)], "summer pasture", radius=16, on_arrive="disperse")
+    s.brush("graze", np.hypot(s.x - 264, s.y - 150) < 30)
     s.box("Spawn", 40, 70, 40, 50, "herd", species="reindeer", brush="to-goal", count=100, heading="east")
     s.box("Spawn", 30, 30, 14, 14, "flock", species="starling", brush="starlings", count=80, heading="east",
           altitude=12, depth=5)  # fmt: skip

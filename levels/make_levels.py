@@ -123,7 +123,7 @@ def anthill():
     a = np.linspace(0, 2 * np.pi, 41)[:-1]
     c, d = np.cos(a), np.sin(a)
     ring = np.column_stack([7 + 5.8 * np.sign(c) * np.sqrt(np.abs(c)), 9 + 6.8 * np.sign(d) * np.sqrt(np.abs(d))])
-    s.draw("Guide", ring, "round the hill", closed=False, strength=1, radius=1.2, decay=1.0, loop=True)
+    s.draw("Guide", ring, "round the hill", closed=False, strength=1, radius=2.5, decay=1.0, loop=True)
     s.brush("ants-swarm", s.y >= 9)
     s.brush("ants-mill", s.y < 9)
     s.box("Spawn", 7, 16, 10, 2.4, "upper ants", species="ant", brush="ants-swarm", count=180, body_length=0.2)
