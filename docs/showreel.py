@@ -9,32 +9,35 @@ from flockbrush.runs.run import start
 from flockbrush.runs.snapshots import moment_of
 
 SIZE, FPS = (1280, 720), 32
-SCENES = {  # level: seconds that it has run when it is shown, and from where one looks
+SCENES = {  # level: seconds that it has run when it is shown, and from where one looks: degrees, up, or the plan
     "meadow": (6, "plan"),
     "gorge": (16, "plan"),
-    "merino": (20, "space"),
-    "predators-valley": (12, "space"),
+    "merino": (20, 90, 18),
+    "predators-valley": (12, 90, 18),
     "anthill": (12, "plan"),
-    "river": (20, "plan"),
-    "pillars": (8, "space"),
-    "geese": (20, "space"),
-    "skein": (8, "space"),
-    "sheep-pasture": (26, "plan"),
+    "river": (20, 60, 32),
+    "pillars": (8, 90, 18),
+    "geese": (20, 90, 18),
+    "skein": (8, 130, 24),
+    "sheep-pasture": (26, 110, 20),
 }
 
 
 def scene(name, seconds):
     """Pictures (h, w, 3) of a level, `FPS` a second."""
-    before, view = SCENES[name]
+    before, *look = SCENES[name]
+    space = look != ["plan"]
     simulation = start(name)
     try:
-        painter = painter_of(simulation, SIZE, view=view, elevation=18.0 if view == "space" else None)
+        azimuth, elevation = look if space else (90, None)
+        view = "space" if space else "plan"
+        painter = painter_of(simulation, SIZE, view=view, azimuth=azimuth, elevation=elevation)
         step = max(1, round(1 / (FPS * simulation.clock.dt)))
         simulation.run(round(before / simulation.clock.dt))
         for frame in range(round(seconds * FPS)):
             moment = moment_of(simulation)
             herd = herd_of(simulation, moment)
-            if view == "space":
+            if space:
                 painter.chase(herd, 1 / FPS if frame else None)
             yield painter.frame(herd, time=moment.time, title=name)
             simulation.run(step)

@@ -39,10 +39,10 @@ def export_table():
     from flockbrush.output.exporter import exporters
     from flockbrush.runs.terminal import table
 
-    made = table("file", "what is in it", "who opens it", "needs", title="Kinds of files")
+    made = table("file", "what is in it", "who opens it", "frames/s", "needs", title="Kinds of files")
     for kind in dict.fromkeys(exporters().values()):
         packages = ", ".join(package for _, package in kind.needs)
-        made.add_row(" ".join(kind.endings), kind.contents, kind.opens_in, packages)
+        made.add_row(" ".join(kind.endings), kind.contents, kind.opens_in, f"{kind.fps:g}", packages)
     return made
 
 

@@ -54,6 +54,6 @@ ReportFolder = Annotated[
 ]
 Fps = Annotated[
     float | None,
-    typer.Option(metavar="F", help="Frames per second of exports; default: every tick (32), 24 for USD."),
+    typer.Option(metavar="F", help="Frames per second of exports; each kind has its own (export --help)."),
 ]
 ThemeOption = Annotated[ThemeName, typer.Option(help="Colours of pictures and videos.")]

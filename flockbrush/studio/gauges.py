@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from flockbrush.components import BrushBinding, Heading, Position, Velocity
+from flockbrush.components import BrushBinding, Heading, Position, Species, Velocity
 from flockbrush.runs.snapshots import names_of
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.measures import compute_milling, compute_polarization, compute_unwrapped
@@ -31,6 +31,8 @@ class MeasureSample:
     speed: float  # m/s, mean
     counts: dict[str, int]  # animals by name of brush
     states: dict[str, int] = field(default_factory=dict)  # animals by state of their programs
+    species: dict[str, int] = field(default_factory=dict)  # animals by species
+    ever: int = 0  # animals that there have been
 
 
 @dataclass(frozen=True)
@@ -47,12 +49,18 @@ class MeasureHistory:
         Animals by name of brush.
     states : dict of str to ndarray (n,)
         Animals by state of their programs; empty in a world without programs.
+    species : dict of str to ndarray (n,)
+        Animals by species.
+    ever : ndarray (n,)
+        Animals that there have been.
     """
 
     time: np.ndarray
     values: dict[str, np.ndarray]
     counts: dict[str, np.ndarray]
     states: dict[str, np.ndarray] = field(default_factory=dict)
+    species: dict[str, np.ndarray] = field(default_factory=dict)
+    ever: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 def chart_of(samples):
@@ -61,11 +69,14 @@ def chart_of(samples):
     few = samples[::every] + (samples[-1:] if (len(samples) - 1) % every else [])
     brushes = sorted({name for sample in few for name in sample.counts})
     states = list(dict.fromkeys(name for sample in few for name in sample.states))
+    species = sorted({name for sample in few for name in sample.species})
     return MeasureHistory(
         np.array([sample.time for sample in few]),
         {name: np.array([getattr(sample, name) for sample in few]) for name in ("polarization", "milling", "speed")},
         {name: np.array([sample.counts.get(name, 0) for sample in few]) for name in brushes},
         {name: np.array([sample.states.get(name, 0) for sample in few]) for name in states},
+        {name: np.array([sample.species.get(name, 0) for sample in few]) for name in species},
+        np.array([sample.ever for sample in few]),
     )
 
 
@@ -98,24 +109,31 @@ def sample_of(simulation):
         return None
     agents, land = simulation.agents, simulation.world.resource(Landscape)
     forward, velocity = agents[Heading.forward], agents[Velocity.xyz]
-    names = names_of(simulation)[1]
-    counts = np.bincount(agents[BrushBinding.brush], minlength=len(names)).tolist()
+    species, brushes = names_of(simulation)
     return MeasureSample(
         simulation.clock.tick,
         simulation.clock.now,
         compute_polarization(forward),
         compute_milling(compute_unwrapped(agents[Position.xyz], land.wrap), forward),
         float(np.linalg.norm(velocity, axis=1).mean()) if len(agents) else math.nan,
-        {name: count for name, count in zip(names, counts, strict=True) if count},
+        _tally(brushes, agents[BrushBinding.brush]),
         _states(simulation.world),
+        _tally(species, agents[Species.index]),
+        simulation.world.next_entity - 1,
     )
+
+
+def _tally(names, codes):
+    """{name: how many have its code} of those that there are."""
+    counts = np.bincount(codes, minlength=len(names)).tolist()
+    return {name: count for name, count in zip(names, counts, strict=True) if count}
 
 
 def _states(world):
     """{state: animals in it} of all programs."""
     names = state_names(world)
-    tally = np.bincount(state_codes(world), minlength=len(names)).tolist() if names else []
-    return {name: count for name, count in zip(names, tally, strict=True) if name}
+    tally = _tally(names, state_codes(world)) if names else {}
+    return {name: count for name, count in tally.items() if name}
 
 
 class Profile:

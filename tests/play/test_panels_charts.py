@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from flockbrush.systems.commands import AddAnimals, RemoveAnimals
 from small_pasture import pasture
 from small_window import SmallWindow
 
-from flockbrush.studio.panels.chart_panel import DRAWN, ChartsPanel
+from flockbrush.studio.panels.chart_panel import DRAWN, ChartsPanel, counted_words
 from flockbrush.studio.panels.panel_strip import Strip, end_of, strip_picture, top_of, value_at
 from flockbrush.studio.theme import chrome
 
@@ -46,6 +47,20 @@ def test_the_present_is_marked_when_one_goes_back(window):
     window.wait(0.9)
     assert (window.picture() != end).any()
     assert window.panel.strips["speed"].said[2] == 1.0
+
+
+def test_a_line_counts_species_births_and_those_who_are_gone(window):
+    def words():
+        window.session.step(8)
+        return counted_words(window.session.chart, window.session.clock.now)
+
+    assert words() == ["sheep 9", "0 born and 0 gone since the start"]
+    window.session.do("add", [AddAnimals("march", 4, 4, 2, 3, "sheep"), AddAnimals("march", 9, 4, 2, 2, "dog")])
+    assert words() == ["sheep 12, dog 2", "5 born and 0 gone since the start"]
+    window.session.do("remove", [RemoveAnimals(6, 8, 99)])
+    assert words() == ["no animals", "5 born and 14 gone since the start"]
+    window.session.undo()
+    assert words() == ["sheep 12, dog 2", "5 born and 0 gone since the start"]
 
 
 def strip(now, values=None, time=None, **more):

@@ -18,8 +18,10 @@ MEASURES = {
     "speed": ("speed", " m/s", "Mean speed, metres per second"),
 }
 UNITY = {"polarization", "milling"}  # measures from 0 to 1
-DRAWN = (*MEASURES, "animals", "axis", "legend")
+DRAWN = (*MEASURES, "animals", "axis", "legend", "counts")
 MOST = 5  # brushes in the legend
+LINE = 19  # pixels of a line of words
+COUNTS_TIP = "Gone: left by an exit, a goal or the edge, caught, or removed by hand"
 
 
 class ChartsPanel(Panel):
@@ -35,8 +37,8 @@ class ChartsPanel(Panel):
             pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8)), self.manager, container=self.container,
             allow_scroll_x=False,
         )  # fmt: skip
-        self.wide, y, gap, legend = self.inner, px(4), px(10), (MOST + 1) * px(19)
-        room = area.height - px(46) - 3 * gap - legend
+        self.wide, y, gap, legend = self.inner, px(4), px(10), (MOST + 1) * px(LINE)
+        room = area.height - px(46) - 3 * gap - legend - 2 * px(LINE)
         tall = int(min(max(room / 4.3, px(56)), px(120)))
         self.strips = {}
         for name, (_, _, tip) in MEASURES.items():
@@ -45,8 +47,9 @@ class ChartsPanel(Panel):
             "animals", y, round(1.3 * tall), "How many animals each brush moves, laid on top of one another"
         )
         y = self._strip("axis", y, px(18), None)
-        self._strip("legend", y + px(4), legend, None)
-        self.scroll.set_scrollable_area_dimensions((self.wide, y + px(4) + legend))
+        y = self._strip("legend", y + px(4), legend, None)
+        y = self._strip("counts", y, 2 * px(LINE), COUNTS_TIP)
+        self.scroll.set_scrollable_area_dimensions((self.wide, y))
         self.next = len(DRAWN) - 1
         self.refresh()
 
@@ -87,6 +90,8 @@ class ChartsPanel(Panel):
             self.strips[name].show(axis_picture(end_of(last), self.strips[name].size, self.px(11), self.colours))
         elif name == "legend":
             self._legend(chart, now)
+        elif name == "counts":
+            self._counts(chart, now)
         else:
             strip = (self._measure if name in MEASURES else self._animals)(name, chart, now, end_of(last))
             self.strips[name].show(strip_picture(strip, self.strips[name].size, self.px(12), self.colours))
@@ -114,6 +119,13 @@ class ChartsPanel(Panel):
             return "brush", chart.counts, self.brush_colours
         return "state", chart.states, state_colours(self.app.session.simulation.world)
 
+    def _counts(self, chart, now):
+        """Who is there by species, and how many were born and are gone since the start."""
+        px, surface = self.px, blank(self.strips["counts"].size)
+        for k, text in enumerate(counted_words(chart, now)):
+            write(surface, text, (0, (k + 0.5) * px(LINE)), px(12), self.colours.muted, room=self.wide)
+        self.strips["counts"].show(surface)
+
     def _legend(self, chart, now):
         """Names of the brushes or states with their numbers at present, most first."""
         px, surface = self.px, blank(self.strips["legend"].size)
@@ -122,11 +134,23 @@ class ChartsPanel(Panel):
         known = {name: count for name, count in counts.items() if count and math.isfinite(count)}
         order = sorted(known, key=lambda name: -known[name])
         for k, name in enumerate(order[:MOST]):
-            y = (k + 0.5) * px(19)
+            y = (k + 0.5) * px(LINE)
             pygame.draw.circle(surface, colours.get(name, self.colours.muted), (px(6), y), px(5))
             write(surface, name, (px(18), y), px(12), self.colours.ink, room=0.6 * self.wide)
             write(surface, f"{known[name]:,.0f}", (self.wide, y), px(12), self.colours.muted, (1, 0.5))
         if len(order) > MOST:
             more = f"and {len(order) - MOST} more"
-            write(surface, more, (px(18), (MOST + 0.5) * px(19)), px(12), self.colours.muted)
+            write(surface, more, (px(18), (MOST + 0.5) * px(LINE)), px(12), self.colours.muted)
         self.strips["legend"].show(surface)
+
+
+def counted_words(chart, now) -> list[str]:
+    """Two lines: animals by species, most first; and who was born and is gone since the start of a chart."""
+    there = {name: value_at(chart.time, counts, now) for name, counts in chart.species.items()}
+    known = {name: int(count) for name, count in there.items() if count and math.isfinite(count)}
+    ever = value_at(chart.time, chart.ever, now)
+    if not math.isfinite(ever):
+        return []
+    herds = ", ".join(f"{name} {known[name]:,}" for name in sorted(known, key=lambda name: -known[name]))
+    born, gone = int(ever - chart.ever[0]), int(ever - sum(known.values()))
+    return [herds or "no animals", f"{born:,} born and {gone:,} gone since the start"]
