@@ -30,7 +30,7 @@ def herd_of(simulation, moment: Moment):
         forward=moment.forward,
         length=moment.length,
         radius=moment.radius,
-        leader=moment.leader,
+        leader=moment.leader & (2 * moment.leader.sum() <= len(moment)),  # a mark of most animals marks nobody
         brush=moment.brush,
         species=moment.species,
         brush_colours=tuple(brush.colour for brush in palette.brushes),

@@ -275,7 +275,7 @@ class Painter:
     def _words(self, frame, herd, title, time, measures, legend, stamps):
         self.hud.above(frame, getattr(self.level, "name", "") if title is None else title, time, measures)
         if legend:
-            self.hud.legend(frame, self._bar, herd, stamps.colours, painted_brushes(self.level))
+            self.hud.legend(frame, self._bar, herd, stamps.colours, brushes_in_sight(self.level))
 
     # colours ---------------------------------------------------------------------
 
@@ -329,6 +329,15 @@ def painted_brushes(level) -> list[str]:
     layers = [asset for layer in getattr(level, "brush_layers", None) or [] for asset in layer.assets]
     zones = [zone.brush for zone in getattr(level, "zones", None) or [] if zone.brush]
     return list(dict.fromkeys(brush_key(name) for name in [*layers, *zones]))
+
+
+def brushes_in_sight(level) -> set[str]:
+    """Names of the brushes that some cell of a level is painted with, or that apply in its zones."""
+    seen = {brush_key(zone.brush) for zone in getattr(level, "zones", None) or [] if zone.brush}
+    for layer in getattr(level, "brush_layers", None) or []:
+        counts = np.bincount(np.maximum(np.asarray(layer.index).ravel(), -1) + 1, minlength=len(layer.assets) + 1)
+        seen |= {brush_key(name) for name, count in zip(layer.assets, counts[1:], strict=False) if count}
+    return seen
 
 
 def shipped_colours() -> dict:

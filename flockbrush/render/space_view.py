@@ -25,7 +25,7 @@ from flockbrush.render.ground_texture import CLOSE, FINER, GroundTexture, close_
 from flockbrush.render.hud import Hud, Layout
 from flockbrush.render.mesh_bodies import MOST, large, meshes
 from flockbrush.render.orbit import OrbitCamera, box_corners
-from flockbrush.render.painter import brush_rgb, painted_brushes
+from flockbrush.render.painter import brush_rgb, brushes_in_sight
 from flockbrush.render.shapes import bilinear
 from flockbrush.render.solid_meshes import stood_up, together
 from flockbrush.render.space_marks import SpaceMarks
@@ -492,7 +492,7 @@ class SpacePainter:
         name = getattr(self.level, "name", "") if title is None else title
         self.hud.above(frame, name, time, measures)
         if legend:
-            self.hud.legend(frame, self.size[0] - self.layout.pad, herd, colours, painted_brushes(self.level))
+            self.hud.legend(frame, self.size[0] - self.layout.pad, herd, colours, brushes_in_sight(self.level))
 
 
 def sky_of(theme):

@@ -9,7 +9,7 @@ from flockbrush.render.brush_marks import swatch
 from flockbrush.render.drawn_ground import brush_key
 from flockbrush.render.drawn_terrain import nice
 from flockbrush.render.hud import PATCH
-from flockbrush.render.painter import brush_rgb, painted_brushes
+from flockbrush.render.painter import brush_rgb, brushes_in_sight
 from flockbrush.render.sprites import KINDS, LEADER, NO_WINGS, PLAIN, PREDATOR, Stamps, figure
 from flockbrush.render.style import worn
 from flockbrush.studio.theme import chrome, font, px
@@ -33,7 +33,7 @@ class Legend:
         if self._wait > 0 or herd is None:
             return
         self._wait = FRESH
-        painted = frozenset(painted_brushes(self.app.canvas.painter.level))
+        painted = frozenset(brushes_in_sight(self.app.canvas.painter.level))
         said = (self._entries(herd), tuple(herd.brush_colours), self.app.theme, self.app.scale, painted)
         if said != self._said:
             self._said = said

@@ -12,7 +12,7 @@ from flockbrush.output.export import Exports
 from flockbrush.output.pictures import herd_of, painter_of
 from flockbrush.render.brush_marks import difference
 from flockbrush.render.drawn_herd import checked
-from flockbrush.render.painter import brush_rgb, painted_brushes
+from flockbrush.render.painter import brush_rgb, brushes_in_sight
 from flockbrush.render.sprites import look_colours
 from flockbrush.render.style import PALETTES, THEMES, rgb, theme_of, worn
 from flockbrush.runs.run import start
@@ -75,8 +75,26 @@ def test_the_legend_shows_the_ground_that_a_brush_is_painted_on(view):
     blank = np.full((420, 640, 3), 255, np.uint8)
     with_ground, without = blank.copy(), blank.copy()
     checked_herd, colours = checked(shown), look_colours(brush_rgb(shown.brush_colours), painter.theme)
-    painter.hud.legend(with_ground, 640, checked_herd, colours, painted_brushes(painter.level))
+    painter.hud.legend(with_ground, 640, checked_herd, colours, brushes_in_sight(painter.level))
     painter.hud.legend(without, 640, checked_herd, colours)
     run.close()
-    assert "graze" in painted_brushes(painter.level)
+    assert brushes_in_sight(painter.level) == {"graze"}
     assert (with_ground != without).any(axis=2).sum() > 150
+
+
+def test_brushes_that_are_painted_nowhere_are_not_in_sight():
+    run = start("gorge", seed=1)
+    scenery = painter_of(run, (640, 420)).level
+    herd = herd_of(run, moment_of(run))
+    run.close()
+    assert "sheep-narrow" in herd.brush_names and brushes_in_sight(scenery) == set()
+
+
+def test_leaders_are_marked_where_they_are_the_fewer():
+    run = start("anthill", seed=1)
+    run.run(32)
+    moment = moment_of(run)
+    assert moment.leader.mean() > 0.5 and not herd_of(run, moment).leader.any()
+    moment.leader[len(moment) // 4 :] = False
+    assert np.array_equal(herd_of(run, moment).leader, moment.leader)
+    run.close()

@@ -20,7 +20,7 @@ from flockbrush.render.animal_looks import CLIPS, mesh_of, poses_of
 from flockbrush.render.brush_marks import swatch
 from flockbrush.render.drawn_ground import brush_key
 from flockbrush.render.gaits import Gaits, looks_of
-from flockbrush.render.painter import painted_brushes
+from flockbrush.render.painter import brushes_in_sight
 from flockbrush.render.scenery import Scenery
 from flockbrush.render.space_view import sky_of
 from flockbrush.render.style import PALETTE, mix, rgb, theme_of, worn
@@ -132,7 +132,7 @@ class PageWriter:
     def _grounds(self, palette):
         """A picture of the ground that each brush is painted on, as an address; None for those that are not."""
         found, colours = [], worn([brush.colour for brush in palette.brushes], self.theme)
-        painted = painted_brushes(Scenery(self.simulation))
+        painted = brushes_in_sight(Scenery(self.simulation))
         for name, colour in zip(palette.names, colours, strict=True):
             patch = None
             if brush_key(name) in painted:
