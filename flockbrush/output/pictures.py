@@ -30,7 +30,7 @@ def herd_of(simulation, moment: Moment):
         forward=moment.forward,
         length=moment.length,
         radius=moment.radius,
-        leader=moment.leader & (2 * moment.leader.sum() <= len(moment)),  # a mark of most animals marks nobody
+        leader=_marked(moment),
         brush=moment.brush,
         species=moment.species,
         brush_colours=tuple(brush.colour for brush in palette.brushes),
@@ -43,6 +43,13 @@ def herd_of(simulation, moment: Moment):
         postures=Postures(gaits.limbs().look[moment.species], clip, phase),
         wakes=wakes_of(simulation, moment, clip, flying),
     )
+
+
+def _marked(moment):
+    """(n,) bool: leaders among animals of a brush that mostly follow; a mark of nearly all would mark nobody."""
+    kind = moment.brush + 1
+    leading = np.bincount(kind, moment.leader)
+    return moment.leader & (2 * leading <= np.bincount(kind))[kind]
 
 
 def painter_of(simulation, size=None, theme="light", view="plan", azimuth=90.0, elevation=None, clean=False, dust=True):
