@@ -49,6 +49,24 @@ def test_a_zone_is_drawn_moved_changed_saved_and_taken_back(window, tmp_path):
     assert window.said("error") == []
 
 
+def test_a_zone_that_would_mix_says_what_to_do_and_can_take_a_share(window):
+    window.key("u")
+    window.drag((1, 3), (11, 12))
+    window.key("v")
+    window.click((1, 7))
+    window.key("p")
+    window.dialog.entries["strength"].set_text("0.5")
+    window.key("return")
+    (said,) = window.said("error")
+    assert "set share to yes" in said and "edge and strength" in said and window.dialog.alive()
+    window.dialog.entries["share"].set_text("yes")
+    window.key("return")
+    window.frames(2)
+    (zone,) = window.land.marks.zones
+    assert (zone.bounds.strength, zone.bounds.blend) == (0.5, "share")
+    window.session.step(2)
+
+
 def test_a_line_and_an_area_are_drawn_reshaped_and_deleted(window, tmp_path):
     window.key("y")
     window.drag((13, 2), (13, 14))
