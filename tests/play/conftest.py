@@ -25,6 +25,23 @@ def state(tmp_path):
 
 
 @pytest.fixture
+def in_own_folder(tmp_path, monkeypatch):
+    """What is written without a folder goes into the test's own."""
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def window(tmp_path):
+    """A window on a small level, without a script."""
+    from window import Window
+
+    window = Window(pasture(tmp_path, script=False))
+    window.set_size(1.5)
+    yield window
+    window.close()
+
+
+@pytest.fixture
 def shown():
     """``shown(window)``: the window with its first frame drawn, closed when the test is over."""
     import pygame

@@ -4,28 +4,30 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from flockbrush.behaviours.brush_writer import brush_to_toml
-from flockbrush.components import Body, BrushBinding, Destination, Position
-from flockbrush.engine.clock import Clock
-from flockbrush.engine.commands import CommandError, Commands, to_json
-from flockbrush.engine.state import restore, snapshot, state_hash
-from flockbrush.levels.build import build
-from flockbrush.levels.schema import Goal, Zone
+from edited_scene import (
+    CALM,
+    NEW,
+    RUN,
+    SQUARE,
+    do,
+    land_of,
+    nobody_in_walls,
+    scene,
+    settled,
+)
+from flockbrush.components import Destination, Position
+from flockbrush.engine.commands import CommandError, to_json
+from flockbrush.levels.schema import Zone
 from flockbrush.systems.commands import (
     AddAnimals,
     AddObstacle,
     MoveGoal,
-    PaintBrush,
-    PaintCap,
-    PaintCells,
     RemoveAnimals,
-    RemoveObstacle,
     SendTo,
     SetParameter,
     SwitchBrush,
 )
 from flockbrush.systems.edits import (
-    KINDS,
     DrawGuide,
     MarkSpawn,
     Paint,
@@ -39,55 +41,11 @@ from flockbrush.systems.edits import (
 )
 from flockbrush.systems.landscape import NATIVE, PATIENCE, Landscape
 from flockbrush.systems.life import Nursery, inside_polygon
-from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone
 from flockbrush.systems.painting import blended, cells_of, runs_of, stroke_cells
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.spawning import touching
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from small_herd import Shelf, box, brush, gaps_of, level, meadow, obstacle, put, spawn, straight, xy_of
-
-CALM, RUN = straight("calm", mean=0.0), brush("run", mean=2.0)
-NEW = brush_to_toml(brush("new", vision={"range": 9.0}))
-
-
-def scene(boundary="wall", **things):
-    goals = [
-        Goal(21, "gate", np.array([35.0, 5.0]), 1.0, "stay", ""),
-        Goal(22, "well", np.array([5.0, 35.0]), 1.0, "stay", ""),
-    ]
-    barn = obstacle(box(30, 30, 33, 33), "barn")
-    barn.id = 20
-    simulation = meadow(CALM, RUN, boundary=boundary, goals=goals, obstacles=[barn], **things)
-    put(simulation, [(10, 10), (12, 10), (20, 10)], 0.0, brush="calm", species="sheep")
-    put(simulation, [(10, 14), (25, 25)], 0.0, brush="run", species="dog")
-    return simulation
-
-
-def land_of(simulation):
-    return simulation.world.resource(Landscape)
-
-
-def do(simulation, *commands):
-    """What takes them back."""
-    return simulation.world.resource(Commands).perform(simulation.world, commands)
-
-
-def settled(simulation):
-    """Everything a designer can change, once the navigation field is up to date; animals by who and whose they are."""
-    world = simulation.world
-    land = land_of(simulation)
-    land.settle(10**9)
-    agents = world.agents
-    columns = [agents[f].tobytes() for f in (BrushBinding.home, Destination.goal)]
-    return [
-        land.state(),
-        world.resource(Nursery).state(),
-        world.resource(Palette).state(),
-        agents.ids.tolist(),
-        *columns,
-    ]
-
+from small_herd import box, gaps_of, meadow, put, xy_of
 
 # strokes ------------------------------------------------------------------------------------
 
@@ -190,30 +148,6 @@ def test_a_region_is_filled_to_its_border_and_no_further():
     do(simulation, fill(simulation.world, "brush", 20.0, 20.0, "calm"))
     assert (land_of(simulation).brush == 0).sum() == inside.sum()
     assert (land_of(simulation).brush[inside] == 0).all()
-
-
-# ground ---------------------------------------------------------------------------------------
-
-
-def nobody_in_walls(simulation):
-    land, agents = land_of(simulation), simulation.agents
-    xy = xy_of(simulation)
-    assert land.walkable[land_cells(land, xy)].all()
-    edges = np.ascontiguousarray(land.solid.ends)
-    thin = agents[Body.radius] - 1e-6
-    assert not touching(agents[Position.xyz], forward(agents), agents[Body.axis], thin, edges).any()
-    assert gaps_of(simulation).min(initial=0) > -1e-6
-
-
-def forward(agents):
-    from flockbrush.components import Heading
-
-    return agents[Heading.forward]
-
-
-def land_cells(land, xy):
-    at = np.clip((xy / land.cell).astype(int), 0, np.array(land.brush.shape)[::-1] - 1)
-    return at[:, 1], at[:, 0]
 
 
 def test_who_stands_where_water_is_painted_steps_out_of_it_at_once():
@@ -439,219 +373,3 @@ def test_everybody_gets_the_brush_back_that_was_its_own():
     simulation.run(3)
     do(simulation, *back)
     assert settled(simulation) == before
-
-
-# the way back ------------------------------------------------------------------------------------------
-
-spot = st.floats(1, 39)
-corner = st.tuples(spot, spot, st.floats(1, 8), st.floats(1, 8)).map(
-    lambda v: box(v[0], v[1], min(v[0] + v[2], 40), min(v[1] + v[3], 40)).tolist()
-)
-names = st.sampled_from(["calm", "run", "", "?"])
-strokes = st.one_of(
-    st.builds(Paint, st.just("brush"), names, spot, spot, spot, spot, st.floats(0, 6), st.sampled_from([0.0, 0.6])),
-    st.builds(Paint, st.just("cap"), st.sampled_from([0.0, 0.5, 2.0]), spot, spot, spot, spot, st.floats(0, 6), spot),
-    st.builds(Paint, st.just("cap"), st.floats(0, 4), spot, spot, spot, spot, st.floats(0, 6), st.floats(0, 1)),
-    st.builds(
-        Paint, st.just("surface"), st.sampled_from(["", "mud", "deep water", "thicket"]), spot, spot, spot, spot,
-        st.floats(0, 3),
-    ),
-    st.builds(PaintBrush, names, spot, spot, st.floats(0, 5)),
-    st.builds(PaintCap, st.floats(-1, 5), spot, spot, st.floats(0, 5)),
-    st.builds(PaintCells, st.just("brush"), st.just(["run", ""]), st.just([[3, 4, 5, 0], [3, 9, 2, 1], [4, 0, 40, 0]])),
-)  # fmt: skip
-ids = st.integers(19, 24)
-goals = st.sampled_from(["gate", "well", "pen", ""])
-things = st.one_of(
-    st.builds(AddObstacle, st.sampled_from(["rock", "barn"]), corner, id=st.sampled_from([0, 20, 30]), margin=spot),
-    st.builds(RemoveObstacle, st.sampled_from(["rock", "barn"]), st.sampled_from([0, 20, 30])),
-    st.builds(DrawGuide, ids, st.just("way"), corner, goal=goals),
-    st.builds(PlaceGoal, ids, goals, spot, spot, st.floats(0.5, 3), st.sampled_from(["stay", "next"]), goals),
-    st.builds(PlaceExit, ids, st.just("out"), corner),
-    st.builds(MarkSpawn, ids, st.just("pen"), corner, names, count=st.integers(0, 4), rate=st.sampled_from([0.0, 1.0])),
-    st.builds(DrawZone, ids, st.just("zone"), corner, names, st.sampled_from([0.0, 0.5]), st.sampled_from([1.0, 0.5])),
-    st.builds(DrawLine, ids, goals, corner),
-    st.builds(DrawArea, ids, goals, corner),
-    st.builds(RemoveThing, st.sampled_from(sorted(KINDS)), ids),
-    st.builds(MoveGoal, goals, spot, spot),
-)
-animals = st.one_of(
-    st.builds(AddAnimals, names, spot, spot, st.floats(1, 5), st.integers(1, 5)),
-    st.builds(RemoveAnimals, spot, spot, st.floats(0, 20)),
-    st.builds(SwitchBrush, names, x=spot, y=spot, radius=st.floats(0, 20)),
-    st.builds(SendTo, goals, x=spot, y=spot, radius=st.floats(0, 20)),
-    st.builds(SetParameter, names, st.just("cohesion_weight"), st.floats(0, 1)),
-    st.builds(UseBrush, st.sampled_from(["run", "other"]), st.just(brush_to_toml(RUN))),
-)
-
-
-@settings(max_examples=60, deadline=None)
-@given(
-    st.sampled_from(["wall", "wrap", "open", "despawn"]),
-    st.lists(st.one_of(strokes, things, animals), min_size=1, max_size=8),
-    st.integers(0, 3),
-)
-def test_whatever_is_done_is_taken_back_without_a_trace(boundary, commands, ticks):
-    simulation = scene(boundary)
-    before, done = settled(simulation), []
-    for command in commands:
-        whole = state_hash(simulation.world)
-        try:
-            done.append((command, do(simulation, command)))
-        except CommandError:
-            assert state_hash(simulation.world) == whole, command
-        else:
-            nobody_in_walls(simulation)
-    after, forward = settled(simulation), []
-    for _, back in reversed(done):
-        forward.append(do(simulation, *back))
-    assert settled(simulation) == before
-    for again in reversed(forward):
-        do(simulation, *again)
-    assert settled(simulation) == after
-    simulation.run(ticks)
-
-
-def test_an_edit_of_several_commands_is_done_whole_or_not_at_all():
-    simulation = scene()
-    before = settled(simulation)
-    good = [Paint("brush", "run", 10.0, 10.0, 12.0, 10.0, 3.0), DrawGuide(40, "way", [[5.0, 20.0], [35.0, 20.0]])]
-    with pytest.raises(CommandError, match="no goal 'nowhere'"):
-        do(simulation, *good, SendTo("nowhere"))
-    assert settled(simulation) == before
-
-
-# bad input ---------------------------------------------------------------------------------------------
-
-SQUARE = box(12, 20, 15, 23).tolist()
-BAD = [
-    (Paint("brush", "run", -50.0, 5.0, -40.0, 5.0, 3.0), "the stroke is not on the map, which is 40 x 40 m"),
-    (Paint("brush", "rnu", 5.0, 5.0, 6.0, 5.0, 3.0), "no brush 'rnu'; it has calm, run"),
-    (Paint("brush", 2.0, 5.0, 5.0, 6.0, 5.0, 3.0), "a brush is painted by its name, got 2.0"),
-    (Paint("cap", "fast", 5.0, 5.0, 6.0, 5.0, 3.0), "a cap is a number, got 'fast'"),
-    (Paint("cap", 5000.0, 5.0, 5.0, 6.0, 5.0, 3.0), "at most 1000 m/s, got 5000"),
-    (Paint("surface", "watr", 5.0, 5.0, 6.0, 5.0, 3.0), "no ground called 'watr'; did you mean 'water'"),
-    (Paint("brushes", "run", 5.0, 5.0, 6.0, 5.0, 3.0), "no layer 'brushes'; did you mean 'brush'"),
-    (Paint("brush", "run", 5.0, 5.0, 6.0, 5.0, -3.0), "radius must be 0 to 1e+06 m, got -3"),
-    (Paint("brush", "run", 5.0, 5.0, 6.0, 5.0, 3.0, 2.0), "softness must be 0 to 1, got 2"),
-    (Paint("brush", "run", 5.0, 5.0, 6e9, 5.0, 3.0), "not on the map"),
-    (Paint("surface", "deep water", 20.0, 20.0, 20.0, 20.0, 60.0), "has no room to step aside"),
-    (PaintCells("brush", ["run"], [[5, 38, 3, 0]]), "leaves the map, which has 40 x 40 cells"),
-    (PaintCells("brush", ["run"], [[5, 3, 3, 1]]), "has no name; there are 1"),
-    (PaintCells("brush", ["run"], [[5, 3, 3]]), "four whole numbers"),
-    (PaintCells("brush", ["run"], [[5, 3, 3, 0], [5, 5, 1, 0]]), "two runs meet in row 5, column 5"),
-    (PaintCells("brush", ["rnu"], [[5, 3, 3, 0]]), "no brush 'rnu'"),
-    (AddObstacle("all", box(-1, -1, 41, 41).tolist(), id=50), "has no room to step aside"),
-    (AddObstacle("odd", SQUARE, id=50, margin=-1.0), "margin must be 0 to 1000 m, got -1"),
-    (RemoveObstacle(id=77), "no obstacle 77 in this world"),
-    (DrawGuide(40, "way", [[5.0, 5.0]]), "a guide needs at least two different points, got 1"),
-    (DrawGuide(40, "way", [[5.0, 5.0], [5.0, 5.0]]), "at least two different points"),
-    (DrawGuide(40, "way", [[5.0, 5.0], [9.0, 5.0]], goal="gaet"), "no goal 'gaet'; did you mean 'gate'"),
-    (DrawGuide(40, "way", [[50.0, 5.0], [90.0, 5.0]]), "the guide is not on the map"),
-    (DrawGuide(40, "way", [[5.0, 5.0], [9.0, 5.0]], radius=-1.0), "radius must be 0 to"),
-    (DrawGuide(0, "way", [[5.0, 5.0], [9.0, 5.0]]), "id must be at least 1, got 0"),
-    (PlaceGoal(40, "pen", 5.0, 5.0, 1.0, "next", "wel"), "next: there is no goal 'wel'; did you mean 'well'"),
-    (PlaceGoal(40, "pen", 5.0, 5.0, 1.0, "next"), "so next must name a goal"),
-    (PlaceGoal(40, "pen", 5.0, 5.0, 1.0, "stay", "well"), "on_arrive must be 'next', got 'stay'"),
-    (PlaceGoal(40, "pen", 5.0, 5.0, 1.0, "rest"), "must be one of stay, despawn, next, disperse, got 'rest'"),
-    (PlaceGoal(40, "gate", 5.0, 5.0), "there is a goal 'gate' already"),
-    (PlaceGoal(40, "pen", 50.0, 5.0), "(50, 5) is not on the map"),
-    (PlaceExit(40, "out", [[0.0, 0.0], [1.0, 1.0]]), "an exit has 3 to 2000 points, got 2"),
-    (MarkSpawn(40, "pen", SQUARE, "rnu", count=3), "no brush 'rnu'"),
-    (MarkSpawn(40, "pen", SQUARE, "run"), "count must be at least 1, got 0"),
-    (MarkSpawn(40, "pen", SQUARE, "run", count=400), "of 400 animals fit"),
-    (MarkSpawn(40, "pen", box(38, 38, 44, 44).tolist(), "run", count=4), "the spawn reaches off the map"),
-    (RemoveThing("goal", 77), "there is no goal 77 in this world"),
-    (RemoveThing("gaol", 21), "there is no 'gaol' to remove; did you mean 'goal'"),
-    (UseBrush("bad", "schema = 3"), "bad.brush.toml"),
-]
-
-
-@pytest.mark.parametrize(("command", "reason"), BAD, ids=lambda value: str(value)[:50])
-def test_what_cannot_be_done_says_why_and_changes_nothing(command, reason):
-    simulation = scene()
-    simulation.run(3)
-    before = state_hash(simulation.world)
-    with pytest.raises(CommandError) as caught:
-        do(simulation, command)
-    assert reason in str(caught.value)
-    assert state_hash(simulation.world) == before
-    assert simulation.world.resource(Commands).log == []
-    simulation.run(2)
-
-
-def test_a_goal_that_others_lead_to_stays():
-    simulation = scene()
-    do(simulation, PlaceGoal(30, "pen", 20.0, 30.0, 1.0, "next", "well"))
-    do(simulation, DrawGuide(40, "way", [[5.0, 5.0], [9.0, 5.0]], goal="gate"))
-    for command, reason in (
-        (RemoveThing("goal", 22), "goal 'pen' leads to goal 'well'; change that first"),
-        (PlaceGoal(21, "door", 5.0, 5.0), "guide 'way' leads to goal 'gate'; change that first"),
-    ):
-        with pytest.raises(CommandError, match=reason):
-            do(simulation, command)
-
-
-# replay and snapshots --------------------------------------------------------------------------------------
-
-DAY = {
-    2: [Paint("brush", "run", 8.0, 10.0, 14.0, 10.0, 3.0, 0.5), Paint("cap", 0.5, 18.0, 10.0, 22.0, 10.0, 3.0, 0.5)],
-    5: [Paint("surface", "deep water", 20.0, 26.0, 26.0, 26.0, 2.0), UseBrush("new", NEW)],
-    9: [AddObstacle("rock", box(9, 9, 11, 12).tolist(), id=50), MarkSpawn(51, "pen", SQUARE, "new", count=3)],
-    12: [DrawGuide(52, "way", [[5.0, 20.0], [35.0, 20.0]]), RemoveThing("goal", 21), RemoveAnimals(20.0, 10.0, 3.0)],
-    16: [PlaceExit(53, "out", box(30, 0, 40, 40).tolist()), SwitchBrush("new"), AddAnimals("new", 8.0, 28.0, 3.0, 4)],
-}
-
-
-def fresh():
-    """A herd of a level, so that it can be built twice."""
-    goals = [Goal(21, "gate", np.array([35.0, 5.0]), 1.0, "stay", "")]
-    spawns = [spawn(box(8, 8, 24, 20), "run", 20), spawn(box(1, 1, 2, 2), "calm", 0, id=2)]
-    return build(level(boundary="wall", goals=goals, spawns=spawns), library=Shelf(CALM, RUN))
-
-
-def lived(simulation, until, each=lambda: None):
-    """Ticks with the edits of the day and everything taken back again after 20."""
-    back = []
-    while simulation.clock.tick < until:
-        tick = simulation.clock.tick
-        if tick in DAY:
-            back.append(do(simulation, *DAY[tick]))
-        if tick == 20:
-            for commands in reversed(back):
-                do(simulation, *commands)
-        each()
-        simulation.tick()
-    return simulation
-
-
-def test_a_replay_of_edits_lives_the_same_life():
-    hashes = []
-    simulation = fresh()
-    lived(simulation, 40, lambda: hashes.append(state_hash(simulation.world)))
-    replay = fresh()
-    replay.world.resource(Commands).replace(simulation.world.resource(Commands).log)
-    for digest in hashes:
-        tick = replay.clock.tick
-        if tick in DAY or tick == 20:  # the edits of a tick are done before the hash above was taken
-            replay.tick()
-            continue
-        assert state_hash(replay.world) == digest, tick
-        replay.tick()
-    assert state_hash(replay.world) == state_hash(simulation.world)
-
-
-@pytest.mark.parametrize("tick", [3, 6, 10, 13, 17, 21, 30])
-def test_a_snapshot_in_the_middle_of_edits_goes_on_the_same(tick):
-    simulation = lived(fresh(), tick)
-    kept = snapshot(simulation.world)
-    other = fresh()
-    lived(other, 19)  # another world, full of other things
-    restore(other.world, kept)
-    assert state_hash(other.world) == state_hash(simulation.world)
-    assert np.array_equal(land_of(other).navigation.fields, land_of(simulation).navigation.fields)
-    for _ in range(14):
-        simulation.tick()
-        other.tick()
-        assert state_hash(other.world) == state_hash(simulation.world)
-    assert other.world.resource(Clock).tick == tick + 14

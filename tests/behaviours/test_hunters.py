@@ -1,0 +1,127 @@
+"""Hunters and their prey."""
+
+import numpy as np
+import pytest
+from flockbrush.behaviours.behaviour import behaviours
+from flockbrush.behaviours.models.herd import Params
+from small_herd import brush, forward_of, meadow, put, xy_of
+from small_scenes import HERD, frozen, rows_, scene, steer
+
+FLEE, HUNT = behaviours()["flee"], behaviours()["hunt"]
+
+
+def wolf_and_deer(distance, wolf_first=False, **more):
+    rows = np.array([1, 0] if wolf_first else [0, 1])
+    return scene(
+        [(0, 0), (0, distance)], 0.0, species=rows.astype(np.int32), danger=(rows == 1).astype(np.uint8), **more
+    )
+
+
+def test_prey_turns_away_from_a_wolf_the_sooner_the_nearer_it_is_and_runs():
+    calm = HERD.steer(wolf_and_deer(11.0), rows_([0]), Params()).direction[0]
+    turned, paces = [], []
+    for distance in (13.0, 11.0, 6.0, 2.0):
+        wish = steer(FLEE, wolf_and_deer(distance), [0], flight_distance=12.0, panic_pace=3.0)
+        turned.append(wish.direction[0, 1])
+        paces.append(wish.pace[0])
+    assert turned[0] == pytest.approx(calm[1])
+    assert paces[0] == 1.0
+    assert turned == sorted(turned, reverse=True)
+    assert turned[-1] < -0.3
+    assert paces == pytest.approx([1.0, 1 + 2 * (1 / 12), 2.0, 1 + 2 * (10 / 12)])
+
+
+def test_haste_is_caught_from_ones_kind():
+    still, running = np.zeros((3, 3)), np.array([(0, 0, 0), (3.6, 0, 0), (3.6, 0, 0)], float)
+    xy = [(0, 0), (2, 0), (0, 2)]
+    assert steer(FLEE, scene(xy, 0.0, velocity=still), [0]).pace[0] == 1.0
+    caught = steer(FLEE, scene(xy, 0.0, velocity=running), [0], contagion=0.5).pace[0]
+    assert caught == pytest.approx(1 + 0.5 * (3.0 - 1.0))  # they run three times as fast as they would
+    assert steer(FLEE, scene(xy, 0.0, velocity=running), [0], contagion=0.0).pace[0] == 1.0
+
+
+def test_wolves_do_not_flee_from_their_own_kind():
+    pack = {"danger": np.ones(2, np.uint8)}
+    assert steer(FLEE, scene([(0, 0), (0, 2)], 0.0, **pack), [0]).pace[0] == 1.0
+
+
+def test_a_wolf_heads_for_prey_in_sight_and_faster_in_the_last_rush():
+    def chase(distance):
+        return steer(HUNT, wolf_and_deer(distance, True), [0], chase_distance=30.0, charge_distance=8.0)
+
+    nobody = steer(HUNT, scene([(0, 0)], 0.0, danger=np.ones(1, np.uint8)), [0])
+    assert nobody.direction[0].tolist() == [1.0, 0.0, 0.0]
+    assert nobody.pace[0] == 1.0
+    assert chase(31.0).pace[0] == 1.0
+    assert chase(20.0).pace[0] == 1.5
+    assert 0.1 < chase(20.0).direction[0, 1] < 0.9
+    rush = chase(5.0)
+    assert rush.pace[0] == 2.5
+    # where the prey will be: it walks east at 1.2 m/s while the wolf covers 5 m at 3 m/s
+    soon = np.array([1.2 * 5 / 3, 5.0])
+    assert rush.direction[0, :2] == pytest.approx(soon / np.hypot(*soon))
+
+
+def test_a_wolf_singles_out_the_stray():
+    # a deer alone at 6 m to the left, three together at 5 m to the right
+    xy = [(0, 0), (0, 6), (0, -5), (1, -5.5), (-1, -5.5)]
+    s = scene(xy, 0.0, danger=np.array([1, 0, 0, 0, 0], np.uint8), velocity=np.zeros((5, 3)))
+    near = [[1, 2, 3, 4], [0], [0, 3, 4], [0, 2, 4], [0, 2, 3]]
+    xy = np.array(xy, float)
+    seen = {
+        "first": np.cumsum([0] + [len(row) for row in near]),
+        "near": np.array([j for row in near for j in row], np.int32),
+        "offset": np.array([xy[j] - xy[i] for i, row in enumerate(near) for j in row]),
+    }
+    s = frozen(s, **seen)
+    assert steer(HUNT, s, [0], crowd_penalty=1.0).direction[0, 1] > 0.9
+    assert steer(HUNT, s, [0], crowd_penalty=0.0).direction[0, 1] < -0.9
+
+
+def test_deer_run_from_a_wolf_and_calm_down_when_it_is_gone():
+    deer = brush("deer", "flee", mean=1.0, vision={"range": 12.0}, flight_distance=10.0)
+    wolf = brush("wolf", "hunt", mean=1.0, vision={"range": 30.0})
+    simulation = meadow(deer, wolf, width=400, height=400)
+    grass = np.array([(200 + 2 * i, 200 + 2 * j) for i in range(5) for j in range(4)], float)
+    herd = put(simulation, grass, np.pi, brush="deer", species="deer")
+    simulation.run(64)
+    quiet = speed_of(simulation, herd)
+    (beast,) = put(simulation, xy_of(simulation).max(0) + (4, 0), np.pi, brush="wolf", species="wolf")
+    before = distance_to_herd(simulation, beast, herd)
+    simulation.run(96)
+    assert speed_of(simulation, herd) > 1.3 * quiet
+    assert forward_of(simulation)[:20, 0].mean() < -0.5  # away to the west
+    simulation.world.delete_entity(beast)
+    simulation.run(32 * 12)
+    assert speed_of(simulation, herd) < 1.15 * quiet
+    assert before > 2
+
+
+def test_wolves_catch_up_with_a_stray():
+    deer = brush("deer", "flee", mean=1.0, vision={"range": 8.0}, flight_distance=6.0, panic_pace=1.5)
+    wolf = brush("wolf", "hunt", mean=1.2, vision={"range": 40.0})
+    simulation = meadow(deer, wolf, width=600, height=600)
+    prey = put(simulation, [(300, 300)], 0.3, brush="deer", species="deer")
+    pack = put(simulation, [(280, 300), (280, 303), (280, 297)], 0.0, brush="wolf", species="wolf")
+    distances = []
+    for _ in range(20):
+        simulation.run(32)
+        distances.append(min(distance_to_herd(simulation, w, prey) for w in pack))
+    assert distances[-1] < 1.2  # body to body
+    assert distances[0] > 10
+    assert np.mean(distances[10:]) < np.mean(distances[:5])
+
+
+def rows_of(simulation, entities):
+    return [simulation.agents.row(e) for e in entities]
+
+
+def speed_of(simulation, entities):
+    from flockbrush.components import Velocity
+
+    return np.linalg.norm(simulation.agents[Velocity.xyz][rows_of(simulation, entities)], axis=1).mean()
+
+
+def distance_to_herd(simulation, entity, herd):
+    xy = xy_of(simulation)
+    return np.hypot(*(xy[rows_of(simulation, herd)] - xy[simulation.agents.row(entity)]).T).min()

@@ -1,0 +1,181 @@
+"""Edits taken back, replayed and kept in snapshots."""
+
+import numpy as np
+import pytest
+from edited_scene import (
+    CALM,
+    NEW,
+    RUN,
+    SQUARE,
+    do,
+    land_of,
+    nobody_in_walls,
+    scene,
+    settled,
+)
+from flockbrush.behaviours.brush_writer import brush_to_toml
+from flockbrush.engine.clock import Clock
+from flockbrush.engine.commands import CommandError, Commands
+from flockbrush.engine.state import restore, snapshot, state_hash
+from flockbrush.levels.build import build
+from flockbrush.levels.schema import Goal
+from flockbrush.systems.commands import (
+    AddAnimals,
+    AddObstacle,
+    MoveGoal,
+    PaintBrush,
+    PaintCap,
+    PaintCells,
+    RemoveAnimals,
+    RemoveObstacle,
+    SendTo,
+    SetParameter,
+    SwitchBrush,
+)
+from flockbrush.systems.edits import KINDS, DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing, UseBrush
+from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from small_herd import Shelf, box, level, spawn
+
+spot = st.floats(1, 39)
+corner = st.tuples(spot, spot, st.floats(1, 8), st.floats(1, 8)).map(
+    lambda v: box(v[0], v[1], min(v[0] + v[2], 40), min(v[1] + v[3], 40)).tolist()
+)
+names = st.sampled_from(["calm", "run", "", "?"])
+strokes = st.one_of(
+    st.builds(Paint, st.just("brush"), names, spot, spot, spot, spot, st.floats(0, 6), st.sampled_from([0.0, 0.6])),
+    st.builds(Paint, st.just("cap"), st.sampled_from([0.0, 0.5, 2.0]), spot, spot, spot, spot, st.floats(0, 6), spot),
+    st.builds(Paint, st.just("cap"), st.floats(0, 4), spot, spot, spot, spot, st.floats(0, 6), st.floats(0, 1)),
+    st.builds(
+        Paint, st.just("surface"), st.sampled_from(["", "mud", "deep water", "thicket"]), spot, spot, spot, spot,
+        st.floats(0, 3),
+    ),
+    st.builds(PaintBrush, names, spot, spot, st.floats(0, 5)),
+    st.builds(PaintCap, st.floats(-1, 5), spot, spot, st.floats(0, 5)),
+    st.builds(PaintCells, st.just("brush"), st.just(["run", ""]), st.just([[3, 4, 5, 0], [3, 9, 2, 1], [4, 0, 40, 0]])),
+)  # fmt: skip
+ids = st.integers(19, 24)
+goals = st.sampled_from(["gate", "well", "pen", ""])
+things = st.one_of(
+    st.builds(AddObstacle, st.sampled_from(["rock", "barn"]), corner, id=st.sampled_from([0, 20, 30]), margin=spot),
+    st.builds(RemoveObstacle, st.sampled_from(["rock", "barn"]), st.sampled_from([0, 20, 30])),
+    st.builds(DrawGuide, ids, st.just("way"), corner, goal=goals),
+    st.builds(PlaceGoal, ids, goals, spot, spot, st.floats(0.5, 3), st.sampled_from(["stay", "next"]), goals),
+    st.builds(PlaceExit, ids, st.just("out"), corner),
+    st.builds(MarkSpawn, ids, st.just("pen"), corner, names, count=st.integers(0, 4), rate=st.sampled_from([0.0, 1.0])),
+    st.builds(DrawZone, ids, st.just("zone"), corner, names, st.sampled_from([0.0, 0.5]), st.sampled_from([1.0, 0.5])),
+    st.builds(DrawLine, ids, goals, corner),
+    st.builds(DrawArea, ids, goals, corner),
+    st.builds(RemoveThing, st.sampled_from(sorted(KINDS)), ids),
+    st.builds(MoveGoal, goals, spot, spot),
+)
+animals = st.one_of(
+    st.builds(AddAnimals, names, spot, spot, st.floats(1, 5), st.integers(1, 5)),
+    st.builds(RemoveAnimals, spot, spot, st.floats(0, 20)),
+    st.builds(SwitchBrush, names, x=spot, y=spot, radius=st.floats(0, 20)),
+    st.builds(SendTo, goals, x=spot, y=spot, radius=st.floats(0, 20)),
+    st.builds(SetParameter, names, st.just("cohesion_weight"), st.floats(0, 1)),
+    st.builds(UseBrush, st.sampled_from(["run", "other"]), st.just(brush_to_toml(RUN))),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from(["wall", "wrap", "open", "despawn"]),
+    st.lists(st.one_of(strokes, things, animals), min_size=1, max_size=8),
+    st.integers(0, 3),
+)
+def test_whatever_is_done_is_taken_back_without_a_trace(boundary, commands, ticks):
+    simulation = scene(boundary)
+    before, done = settled(simulation), []
+    for command in commands:
+        whole = state_hash(simulation.world)
+        try:
+            done.append((command, do(simulation, command)))
+        except CommandError:
+            assert state_hash(simulation.world) == whole, command
+        else:
+            nobody_in_walls(simulation)
+    after, forward = settled(simulation), []
+    for _, back in reversed(done):
+        forward.append(do(simulation, *back))
+    assert settled(simulation) == before
+    for again in reversed(forward):
+        do(simulation, *again)
+    assert settled(simulation) == after
+    simulation.run(ticks)
+
+
+def test_an_edit_of_several_commands_is_done_whole_or_not_at_all():
+    simulation = scene()
+    before = settled(simulation)
+    good = [Paint("brush", "run", 10.0, 10.0, 12.0, 10.0, 3.0), DrawGuide(40, "way", [[5.0, 20.0], [35.0, 20.0]])]
+    with pytest.raises(CommandError, match="no goal 'nowhere'"):
+        do(simulation, *good, SendTo("nowhere"))
+    assert settled(simulation) == before
+
+
+# replay and snapshots --------------------------------------------------------------------------------------
+
+DAY = {
+    2: [Paint("brush", "run", 8.0, 10.0, 14.0, 10.0, 3.0, 0.5), Paint("cap", 0.5, 18.0, 10.0, 22.0, 10.0, 3.0, 0.5)],
+    5: [Paint("surface", "deep water", 20.0, 26.0, 26.0, 26.0, 2.0), UseBrush("new", NEW)],
+    9: [AddObstacle("rock", box(9, 9, 11, 12).tolist(), id=50), MarkSpawn(51, "pen", SQUARE, "new", count=3)],
+    12: [DrawGuide(52, "way", [[5.0, 20.0], [35.0, 20.0]]), RemoveThing("goal", 21), RemoveAnimals(20.0, 10.0, 3.0)],
+    16: [PlaceExit(53, "out", box(30, 0, 40, 40).tolist()), SwitchBrush("new"), AddAnimals("new", 8.0, 28.0, 3.0, 4)],
+}
+
+
+def fresh():
+    """A herd of a level, so that it can be built twice."""
+    goals = [Goal(21, "gate", np.array([35.0, 5.0]), 1.0, "stay", "")]
+    spawns = [spawn(box(8, 8, 24, 20), "run", 20), spawn(box(1, 1, 2, 2), "calm", 0, id=2)]
+    return build(level(boundary="wall", goals=goals, spawns=spawns), library=Shelf(CALM, RUN))
+
+
+def lived(simulation, until, each=lambda: None):
+    """Ticks with the edits of the day and everything taken back again after 20."""
+    back = []
+    while simulation.clock.tick < until:
+        tick = simulation.clock.tick
+        if tick in DAY:
+            back.append(do(simulation, *DAY[tick]))
+        if tick == 20:
+            for commands in reversed(back):
+                do(simulation, *commands)
+        each()
+        simulation.tick()
+    return simulation
+
+
+def test_a_replay_of_edits_lives_the_same_life():
+    hashes = []
+    simulation = fresh()
+    lived(simulation, 40, lambda: hashes.append(state_hash(simulation.world)))
+    replay = fresh()
+    replay.world.resource(Commands).replace(simulation.world.resource(Commands).log)
+    for digest in hashes:
+        tick = replay.clock.tick
+        if tick in DAY or tick == 20:  # the edits of a tick are done before the hash above was taken
+            replay.tick()
+            continue
+        assert state_hash(replay.world) == digest, tick
+        replay.tick()
+    assert state_hash(replay.world) == state_hash(simulation.world)
+
+
+@pytest.mark.parametrize("tick", [3, 6, 10, 13, 17, 21, 30])
+def test_a_snapshot_in_the_middle_of_edits_goes_on_the_same(tick):
+    simulation = lived(fresh(), tick)
+    kept = snapshot(simulation.world)
+    other = fresh()
+    lived(other, 19)  # another world, full of other things
+    restore(other.world, kept)
+    assert state_hash(other.world) == state_hash(simulation.world)
+    assert np.array_equal(land_of(other).navigation.fields, land_of(simulation).navigation.fields)
+    for _ in range(14):
+        simulation.tick()
+        other.tick()
+        assert state_hash(other.world) == state_hash(simulation.world)
+    assert other.world.resource(Clock).tick == tick + 14
