@@ -22,11 +22,12 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 import cv2  # noqa: E402
-from herd_film import Camera, herd, shoot  # noqa: E402
 
 from flockbrush.film import clip_fields as cells  # noqa: E402
 from flockbrush.film import clip_reader as clip  # noqa: E402
 from flockbrush.film import flow, masks, observe, sightings, stabilise  # noqa: E402
+from tests.foreign_herds import herd  # noqa: E402
+from tests.herd_film import Camera, shoot  # noqa: E402
 
 PARTS = {  # name: where the work is done
     "decode": [(clip, "_look_through")],

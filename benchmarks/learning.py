@@ -160,7 +160,8 @@ def _found(name, args):
 def _evidence(name, args):
     """What a perfect observer sees of a truth, or one who errs; and its twelve numbers."""
     from flockbrush.learning.rollout import BODY, HerdStart, params_of, rollout
-    from tests.herd_film import Truth, evidence_of_truth
+    from tests.foreign_herds import Truth
+    from tests.herd_film import evidence_of_truth
 
     nine, mean, deviation = TRUTHS[name]
     truth, rng = np.array([*nine, *OBSTACLE]), np.random.default_rng(1)

@@ -37,7 +37,7 @@ COUNTED = {
 def add(commands):
     """The command's options."""
     parser = commands.add_parser("halves", help="learn from the first half of clips, and foretell the second")
-    parser.add_argument("--clips", nargs="*", default=[*CLIPS, "sheep"], help="models of herd_film, or sheep")
+    parser.add_argument("--clips", nargs="*", default=[*CLIPS, "sheep"], help="models of foreign_herds, or sheep")
     parser.add_argument("--animals", type=int, default=70)
     parser.add_argument("--seconds", type=float, default=6.0)
     parser.add_argument("--budget", type=float, default=90.0, help="seconds of trials and evolution, as learn counts")
@@ -68,7 +68,8 @@ def run(options):
 def evidence_of_clip(name, options, folder):
     """What is seen of a clip."""
     from flockbrush.film.observe import observe
-    from tests.herd_film import Camera, evidence_of_truth, herd, shoot
+    from tests.foreign_herds import herd
+    from tests.herd_film import Camera, evidence_of_truth, shoot
 
     if name == "sheep":
         return observe(SHEEP)

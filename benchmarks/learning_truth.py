@@ -96,7 +96,8 @@ def case_of(name, animals, seed=1):
 
 def evidence_of(run, name, radius):
     """What a perfect observer would know of a run."""
-    from tests.herd_film import Truth, evidence_of_truth
+    from tests.foreign_herds import Truth
+    from tests.herd_film import evidence_of_truth
 
     shape = len(run), -1
     fps = 1.0 / (run.times[1] - run.times[0])

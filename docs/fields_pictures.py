@@ -8,7 +8,8 @@ import numpy as np
 from flockbrush.cli.field_commands import drawing
 from flockbrush.film.observe import observe
 from flockbrush.render import write_png
-from tests.herd_film import Camera, herd, shoot
+from tests.foreign_herds import herd
+from tests.herd_film import Camera, shoot
 
 HERE = Path(__file__).parent
 FRAME = 12

@@ -13,7 +13,8 @@ import cv2
 import numpy as np
 
 from flockbrush.render import write_png
-from tests.herd_film import Camera, herd, shoot
+from tests.foreign_herds import herd
+from tests.herd_film import Camera, shoot
 
 HERE = Path(__file__).parent
 MOMENTS = 2, 4

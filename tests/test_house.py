@@ -220,6 +220,12 @@ def test_no_file_is_too_long(room):
     assert lines and {name: count for name, count in lines.items() if count > LONG} == {}, "split it by subject"
 
 
+def test_no_file_of_tests_benchmarks_and_pictures_is_too_long():
+    paths = [path for folder in ("tests", "benchmarks", "docs") for path in (HOUSE / folder).rglob("*.py")]
+    lines = {str(path.relative_to(HOUSE)): path.read_text(encoding="utf-8").count("\n") for path in paths}
+    assert len(lines) > 100 and {name: count for name, count in lines.items() if count > LONG} == {}, "split it"
+
+
 WIDE = 100  # columns of prose in Markdown
 PAGES = [*HOUSE.glob("*.md"), *(HOUSE / "docs").rglob("*.md")]
 

@@ -4,9 +4,10 @@ import cv2
 import numpy as np
 import pytest
 from clip_film import film, song
-from herd_film import STILL, herd, shoot
 
 from flockbrush.cli.field_commands import _says
+from tests.foreign_herds import herd
+from tests.herd_film import STILL, shoot
 
 SIZE = (160, 120)
 

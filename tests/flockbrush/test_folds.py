@@ -4,7 +4,6 @@ from types import SimpleNamespace
 
 import pytest
 from flockbrush.engine.problems import ProblemsError
-from herd_film import evidence_of_truth, herd
 
 import flockbrush
 from flockbrush.learning import learn as learning
@@ -13,6 +12,8 @@ from flockbrush.learning.learned_parameters import Learned
 from flockbrush.learning.result import Findings
 from flockbrush.learning.rollout import theta_of
 from flockbrush.learning.verdict import judge
+from tests.foreign_herds import herd
+from tests.herd_film import evidence_of_truth
 
 
 @pytest.fixture(scope="module")

@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 
-import herd_film
 import numpy as np
 import pytest
-from herd_film import Camera, Look, herd, shoot
 
 from flockbrush.film.open_clip import Looking, look_at, looked_apart
 from flockbrush.learning.recipe import learn
+from tests import herd_film
+from tests.foreign_herds import herd
+from tests.herd_film import Camera, Look, shoot
 
 FRAMES = 40
 

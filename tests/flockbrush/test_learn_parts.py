@@ -13,7 +13,6 @@ from flockbrush.behaviours.brush import load_brush, shipped
 from flockbrush.behaviours.brush_writer import brush_to_toml
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.systems.measures import compute_nnd
-from herd_film import Camera, evidence_of_truth, herd
 
 from flockbrush.cli.learning_commands import command_line
 from flockbrush.learning.axis_variance import RANDOM, variance_told
@@ -31,6 +30,8 @@ from flockbrush.learning.rollout import HerdStart
 from flockbrush.learning.side_by_side import ComparisonGround
 from flockbrush.learning.simulate import simulated
 from flockbrush.learning.verdict import judge
+from tests.foreign_herds import herd
+from tests.herd_film import Camera, evidence_of_truth
 
 
 @pytest.fixture(scope="module")

@@ -3,13 +3,13 @@
 from pathlib import Path
 
 import cv2
-import herd_film
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
 from flockbrush.film.body_outlines import BodySize, bodies_of, size_of_bodies
 from flockbrush.film.body_shapes import Outlines, capsule
+from tests import foreign_herds, herd_film
 
 SHEEP = Path(__file__).parents[4] / "shared/data/aerial_sheep"
 
@@ -55,7 +55,7 @@ def judged(film, frame, bodies, reach=0.5):
 
 
 def filmed(name, look, body_px, count=80, **more):
-    truth = herd_film.herd(name, count, 0.16)
+    truth = foreign_herds.herd(name, count, 0.16)
     film = herd_film.shoot(truth, size=(480, 360), body_px=body_px, look=look, **more)
     return film, [herd_film.mask_of(f, look) for f in film.frames]
 
@@ -178,7 +178,7 @@ def test_a_heap_that_can_be_parted_in_two_ways_is_parted_as_before(angle):
 
 
 def test_animals_that_stand_in_a_heap_do_not_jump_to_and_fro():
-    truth = herd_film.herd("graze", 40, 0.4, starts=0.0, spacing=0.6, room=0.5)
+    truth = foreign_herds.herd("graze", 40, 0.4, starts=0.0, spacing=0.6, room=0.5)
     film = herd_film.shoot(truth, size=(360, 300), camera=herd_film.STILL, look="poor")
     masks = [herd_film.mask_of(frame, "poor") for frame in film.frames]
     one = BodySize(13.5, 5.6, 68.0, 9)

@@ -1,6 +1,5 @@
 """Heads of animals that stand are known by what heads of those look like that walk."""
 
-import herd_film
 import numpy as np
 import pytest
 
@@ -8,6 +7,7 @@ from flockbrush.film.body_outlines import bodies_of, size_of_bodies
 from flockbrush.film.body_shapes import Outlines
 from flockbrush.film.heads import by_looks
 from flockbrush.film.sightings import sightings_of
+from tests import foreign_herds, herd_film
 
 FPS, FRAMES = 25, 40
 TO_BL = np.array([[0.1, 0.0, 0.0], [0.0, -0.1, 40.0]])  # 10 px to a body length
@@ -94,7 +94,7 @@ def told(frames, turned_to=None):
 
 
 def test_a_dark_head_is_seen_at_the_end_where_it_is():
-    truth = herd_film.herd("swarm", 40, 0.1)
+    truth = foreign_herds.herd("swarm", 40, 0.1)
     film = herd_film.shoot(truth, size=(480, 360), body_px=16)
     mask = herd_film.mask_of(film.frames[0])
     bodies = bodies_of(mask, size_of_bodies([mask]), film.frames[0])

@@ -8,7 +8,8 @@ from flockbrush.learning.interaction import LEAST, SHOWN, idle_ones, interaction
 from flockbrush.learning.rollout import theta_of
 from flockbrush.learning.turns import turns_of
 from tests.behaviours.learning.test_recipe import swarm_of_graze
-from tests.herd_film import Truth, evidence_of_truth
+from tests.foreign_herds import Truth
+from tests.herd_film import evidence_of_truth
 
 EXTRAS = {"neighbour_range": 4.0}
 

@@ -11,7 +11,6 @@
 
 import dataclasses
 
-import herd_film
 import numpy as np
 import pytest
 from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
@@ -22,6 +21,7 @@ from flockbrush.film.speeds import crowding_of, speed_evidence
 from flockbrush.learning.herd_views import view_of_run
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.rollout import HerdStart, PlaneHerd, Run, params_of, rollout
+from tests import foreign_herds, herd_film
 
 ALONE = params_of(np.full(12, 1e-3), {"wander": 0.0, "leader_neighbours": -1})
 
@@ -35,7 +35,7 @@ def packed_and_loose(seed=0, frames=12):
     t = np.arange(frames)[:, None] / 12.5
     forward = np.broadcast_to([1.0, 0.0], (frames, 120, 2))
     places = xy[None] + (speed * t)[..., None] * forward
-    return herd_film.Truth("packed", 12.5, places, forward.copy(), np.broadcast_to(speed, (frames, 120)).copy())
+    return foreign_herds.Truth("packed", 12.5, places, forward.copy(), np.broadcast_to(speed, (frames, 120)).copy())
 
 
 def used_factors(herd):

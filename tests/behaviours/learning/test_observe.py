@@ -1,11 +1,9 @@
 """What is seen in films of herds is what was filmed: where the camera was, who is where, how fast and which way."""
 
 import cv2
-import herd_film
 import numpy as np
 import pytest
 from flockbrush.engine.problems import ProblemsError
-from herd_film import STILL, Camera, herd, shoot
 
 from flockbrush.film.camera_maps import Steady, after, back, fitted, moved_by, smoothed
 from flockbrush.film.clip_fields import grid_over, moments, painted, read_colours
@@ -15,6 +13,9 @@ from flockbrush.film.masks import colours_of
 from flockbrush.film.observations import CannotObserve, Evidence
 from flockbrush.film.observe import observe
 from flockbrush.film.stabilise import GroundLandmark, _Follower, follow_landmarks, register
+from tests import herd_film
+from tests.foreign_herds import herd
+from tests.herd_film import STILL, Camera, shoot
 
 SIZE = (480, 360)
 

@@ -10,7 +10,8 @@ from flockbrush.film.clip_fields import grid_over, outlined, painted
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.rollout import Walls
 from flockbrush.learning.side_by_side import ComparisonGround
-from tests.herd_film import evidence_of_truth, herd
+from tests.foreign_herds import herd
+from tests.herd_film import evidence_of_truth
 
 BODY = 12.0  # px
 MIDDLE, RADIUS = np.array([150.0, 90.0]), 40.0

@@ -18,7 +18,8 @@ from flockbrush.learning.rollout import HerdStart, rollout, theta_of
 from flockbrush.learning.search_space import Code
 from flockbrush.learning.trials import attempt, forget, keep, simulate
 from flockbrush.learning.workers import Workers, WorkStopped
-from tests.herd_film import Truth, evidence_of_truth, herd
+from tests.foreign_herds import Truth, herd
+from tests.herd_film import evidence_of_truth
 
 FEW = {"budget_s": 0.5, "starts": 2, "brushes": False}
 

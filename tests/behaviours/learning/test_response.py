@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from flockbrush.behaviours.brush import shipped
-from herd_film import evidence_of_truth, herd
 
 from flockbrush.learning import response as module
 from flockbrush.learning.response import RESPONSE, SCATTER, response
 from flockbrush.learning.rollout import theta_of
 from flockbrush.learning.simulate import simulated
 from flockbrush.learning.turns import predicted, residuals, turns_of
+from tests.foreign_herds import herd
+from tests.herd_film import evidence_of_truth
 
 TRUTH = shipped().get("column")
 

@@ -18,7 +18,8 @@ from flockbrush.learning.scores import (
     total,
     velocity_errors,
 )
-from tests.herd_film import Truth, evidence_of_truth
+from tests.foreign_herds import Truth
+from tests.herd_film import evidence_of_truth
 
 FPS = 10.0
 

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import herd_film
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
@@ -10,6 +9,7 @@ from scipy.optimize import linear_sum_assignment
 from flockbrush.film.body_outlines import bodies_of, size_of_bodies
 from flockbrush.film.body_shapes import Outlines
 from flockbrush.film.sightings import follow, matched, sightings_of
+from tests import foreign_herds, herd_film
 
 FISH = Path(__file__).parents[4] / "shared/data/zebrafish_100/test_trajectories.npy"
 TO_BL = np.array([[0.1, 0.0, 0.0], [0.0, -0.1, 40.0]])  # 10 px to a body length
@@ -168,7 +168,7 @@ def test_two_are_matched_so_that_both_find_somebody():
     [("swarm", "sheep", 4), ("mill", "cattle", 3), ("band", "fish", 3), ("graze", "dun", 6)],
 )
 def test_a_herd_filmed_by_a_moving_camera_is_followed(name, look, heading):
-    truth = herd_film.herd(name, 60, 1.2)
+    truth = foreign_herds.herd(name, 60, 1.2)
     film = herd_film.shoot(truth, size=(480, 360), body_px=12, look=look)
     masks = [herd_film.mask_of(f, look) for f in film.frames]
     size = size_of_bodies(masks[::5])

@@ -1,11 +1,12 @@
 """How the speeds of animals come and go is found from their tracks."""
 
-import herd_film
 import numpy as np
 import pytest
-from herd_film import Truth, evidence_of_truth
 
 from flockbrush.film.speed_process import speed_process
+from tests import foreign_herds
+from tests.foreign_herds import Truth
+from tests.herd_film import evidence_of_truth
 
 
 def walkers(mean=2.0, deviation=0.5, reversion=1.0, count=80, seconds=8.0, fps=25, common=0.0, seed=0):
@@ -80,7 +81,7 @@ def test_nothing_is_told_of_half_a_second_or_of_three_animals():
 
 
 def test_a_brush_of_ours_has_its_own_process_back():
-    truth = herd_film.herd("own:march", 100, 5.0, fps=16)
+    truth = foreign_herds.herd("own:march", 100, 5.0, fps=16)
     process = speed_process(evidence_of_truth(truth).sightings, 16)
     assert process.mean == pytest.approx(4.0, rel=0.02)
     assert process.reversion == pytest.approx(1.0, rel=0.35)

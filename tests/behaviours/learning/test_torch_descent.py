@@ -10,7 +10,8 @@ torch = pytest.importorskip("torch")
 from flockbrush.behaviours.brush import SpeedSpec
 
 from flockbrush.learning.torch_descent import STEP, DescentState, _Along, descend, fixed_step
-from tests.herd_film import evidence_of_truth, herd
+from tests.foreign_herds import herd
+from tests.herd_film import evidence_of_truth
 
 SPEED = SpeedSpec(mean=3.0, deviation=0.2)
 

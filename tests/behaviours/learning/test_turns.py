@@ -19,7 +19,8 @@ from flockbrush.learning.turns import (
     thinned,
     turns_of,
 )
-from tests.herd_film import evidence_of_truth, herd
+from tests.foreign_herds import herd
+from tests.herd_film import evidence_of_truth
 
 WALLS = Walls(np.array([(2, 2, 3, 2), (3, 2, 3, 3), (3, 3, 2, 3), (2, 3, 2, 2)], float), np.zeros(4, np.int32))
 

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 from flockbrush.behaviours.brush import shipped
-from herd_film import evidence_of_truth, herd
 
 from flockbrush.learning import verdict
 from flockbrush.learning.battery import MEASURES, Battery, BatteryRow
 from flockbrush.learning.simulate import simulated
 from flockbrush.learning.verdict import IDLE, ONWARDS, STILL, Contender, combined, concluded, idle, judge
+from tests.foreign_herds import herd
+from tests.herd_film import evidence_of_truth
 
 BRUSH = "swarm"
 
