@@ -170,3 +170,17 @@ def test_city_people_leave_by_all_gates_when_the_alarm_is_raised():
     gone = np.array([xy for entity, xy in last.items() if entity not in set(scene.agents.ids.tolist())])
     south, west = gone[:, 1] < 24, gone[:, 0] < 30
     assert min(south.sum(), (~south & west).sum(), (~south & ~west).sum()) > 15
+
+
+def test_the_guide_round_the_ant_hill_reaches_its_wall():
+    level = read_level(Path(reader.__file__).parent / "shipped" / "anthill.tmj")
+    (guide,), (hill,) = level.guides, level.obstacles
+    wall, way = finely(hill.polygon), finely(guide.points)
+    apart = np.linalg.norm(wall[:, None] - way, axis=2).min(axis=1)
+    assert apart.max() < guide.radius  # ants that are out of its reach pile up there
+
+
+def finely(corners):
+    """Points all along a closed line (k, 2)."""
+    share = np.linspace(0.0, 1.0, 50)[:, None]
+    return np.concatenate([a + share * (b - a) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)])
