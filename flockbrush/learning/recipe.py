@@ -73,8 +73,6 @@ LEAST_WANDER = 0.05  # rad/√s, that animals may always wander by
 FAINT = 0.1  # of the strongest weight, below which the ranges of a force tell nothing
 AGREEING = 3  # starts, where no turns say how sure a number is
 SURE = 0.1  # of what lies between 0 and 1: a number that is told is known better
-WHERE_DENSITY_COUNTS = ("aspect", "spread", "density", "nearest neighbour", "largest part", "neighbours")
-WHERE_ORDER_COUNTS = ("order nearby", "directions")
 
 
 # the recipe -------------------------------------------------------------------------------------------
@@ -154,11 +152,9 @@ def _setting(clips, use, beta, speed, body):
     cut = [len(c.fields) - round(HELD * len(c.fields)) if len(c.fields) >= FEWEST else 0 for c in clips]
     seen = tuple(c.part(slice(0, k)) if k else c for c, k in zip(clips, cut, strict=True))
     held = tuple(c.part(slice(k, None)) if k else c for c, k in zip(clips, cut, strict=True))
-    ignore = () if "density" in use else WHERE_DENSITY_COUNTS
-    ignore += () if "variance" in use else WHERE_ORDER_COUNTS
     speed = speed_of(list(clips)) if speed is None else speed
     body = body_of(list(clips)) if body is None else body
-    return Setting(clips, seen, held, speed, body, "occlusion" in use, "angular" in use, float(beta), ignore)
+    return Setting(clips, seen, held, speed, body, use, float(beta))
 
 
 def _version():
@@ -169,7 +165,7 @@ def _version():
 
 def _signature(clips, given, seed):
     digest = hashlib.sha256(json.dumps([seed, given.speed.model_dump(), given.body.model_dump()]).encode())
-    digest.update(repr((given.occlusion, given.angular, given.beta, given.ignore, given.device)).encode() + _version())
+    digest.update(repr((sorted(given.use), given.beta, given.device)).encode() + _version())
     for clip in clips:
         for array in (clip.fields.density, clip.fields.velocity, clip.fields.angular_variance):
             digest.update(np.ascontiguousarray(array).tobytes())
@@ -187,7 +183,7 @@ class _Search:
         self.deviation: dict[int, np.ndarray] = {}
         self.correlation: dict[int, np.ndarray] = {}
         self.budget = budget_s * RATE
-        self.begins = begins(seed, starts, given.angular, brushes)
+        self.begins = begins(seed, starts, "angular" in given.use, brushes)
         self.final: list[int] = []  # attempts that were judged to the end, the best first
         # what fits leave over: noise of sighting is in it, so it is an upper bound
         self.most_wander = EXTRAS["wander"][1]
@@ -345,7 +341,7 @@ class _Search:
 
     def _evolve_one(self, workers, parent, generations, number, many):
         begin = self.attempts[parent]
-        code = Code(begin.theta, begin.extras, self.given.angular, self.most_wander)
+        code = Code(begin.theta, begin.extras, "angular" in self.given.use, self.most_wander)
         cloud = Evolution(code.numbers, 0.05, GENERATION, (self.seed, 3, number))
         worths, best = [begin.score], None
         for g in range(generations):

@@ -21,6 +21,8 @@ from flockbrush.learning.rollout import DT, ClipGuide, Gates, Walls, params_of, 
 from flockbrush.learning.scores import LOOKS, ClipTarget, distance, order_off, total
 
 USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section 7.2 of the paper takes away, one by one
+WHERE_DENSITY_COUNTS = ("aspect", "spread", "density", "nearest neighbour", "largest part", "neighbours")
+WHERE_ORDER_COUNTS = ("order nearby", "directions")
 FEWEST = 24  # frames, with fewer nothing is held back
 BEGINS = 0.0, 0.25, 0.5  # of the frames seen, where trials begin
 BEYOND = (10.0, 16.0)  # s, a herd is run on after the clip: four times its length, within
@@ -45,15 +47,19 @@ class Setting:
     held: tuple  # of Evidence, what is held back
     speed: SpeedSpec
     body: BodySpec
-    occlusion: bool
-    angular: bool
+    use: frozenset[str]  # of `USE`: parts that are left out leave what animals do, and every loss and score
     beta: float
-    ignore: tuple[str, ...]  # measures that are not compared
     device: str = "auto"  # of descents on fields: cpu, cuda, or a graphics card where there is one
 
     def vision(self, extras):
         """What animals see, as far as they answer to it."""
-        return VisionSpec(range=extras.get("neighbour_range", SIGHTS[0]), occlusion=self.occlusion)
+        return VisionSpec(range=extras.get("neighbour_range", SIGHTS[0]), occlusion="occlusion" in self.use)
+
+    @property
+    def ignore(self) -> tuple[str, ...]:
+        """Measures that are not compared."""
+        without_density = () if "density" in self.use else WHERE_DENSITY_COUNTS
+        return without_density + (() if "variance" in self.use else WHERE_ORDER_COUNTS)
 
 
 # by clip, in this process: what many tasks ask for; with the clip, so that ids stay its
@@ -72,7 +78,7 @@ def descend(given: Setting, theta, extras, seed, rows=FEW, span=SPANS[1]):
 def _free(given):
     """(12,) bool, what may change: without angular ranges all directions count alike."""
     free = np.ones(12, bool)
-    if not given.angular:
+    if "angular" not in given.use:
         free[2::3] = False
     return free
 
@@ -134,9 +140,8 @@ def _turns(given, extras, span):
 def _descend_on_fields(given, theta, extras, seed):
     from flockbrush.learning.torch_descent import descend as descend_on_fields
 
-    use = USE - ({"angular"} if not given.angular else set()) - ({"occlusion"} if not given.occlusion else set())
     found = descend_on_fields(
-        list(given.seen), theta, free=_free(given), seed=seed, steps=DESCENT, use=use, beta=given.beta,
+        list(given.seen), theta, free=_free(given), seed=seed, steps=DESCENT, use=given.use, beta=given.beta,
         speed=given.speed, body=given.body, vision=given.vision(extras), extras=extras, device=given.device,
     )  # fmt: skip
     return {"theta": found.theta.tolist(), "extras": extras, "loss": np.asarray(found.losses).tolist()}
