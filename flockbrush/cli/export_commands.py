@@ -11,6 +11,7 @@ from flockbrush.engine.recording import resume
 from flockbrush.output.export import Exports, check_exports
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
+from flockbrush.runs.compile_ahead import compiling_ahead
 from flockbrush.runs.edit_file import edits_of
 from flockbrush.runs.terminal import print_json, print_line
 
@@ -22,7 +23,7 @@ def export_recording(path, outputs, fps, thread_count, options, json, edited=Tru
     use_threads(thread_count)
     with ExitStack() as stack:
         interrupts = stack.enter_context(terminal.Interrupts())
-        stack.enter_context(terminal.compiling())
+        stack.enter_context(compiling_ahead(path))
         file = edits_of(path) if edited else None
         simulation = running.rebuild(run)
         resume(run, simulation.world)

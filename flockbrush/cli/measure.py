@@ -12,6 +12,7 @@ from flockbrush.engine.parallel import threads
 from flockbrush.engine.recording import resume
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
+from flockbrush.runs.compile_ahead import compiling_ahead
 from flockbrush.runs.level_counts import Counts
 from flockbrush.runs.terminal import number, print_json, print_line, show, table
 from flockbrush.runs.v_measures import v_indicators
@@ -67,7 +68,7 @@ def measure_recording(path, plot, every, thread_count, json):
         check_plot(plot, [path])
     run = opened(path)
     use_threads(thread_count)
-    with terminal.Interrupts() as interrupts, terminal.compiling():
+    with terminal.Interrupts() as interrupts, compiling_ahead(path):
         simulation = running.rebuild(run)
         resume(run, simulation.world)
         with stepping(Path(path).name, simulation, run.last_tick, interrupts) as step:

@@ -12,6 +12,7 @@ from flockbrush.engine.parallel import threads
 from flockbrush.engine.recording import RecordingError, first_difference, resume, state_hash
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
+from flockbrush.runs.compile_ahead import compiling_ahead
 from flockbrush.runs.desync import HERE, THERE, check_folder, investigate, write_report
 from flockbrush.runs.terminal import print_json, print_line, show
 
@@ -26,7 +27,7 @@ def replay_recording(path, verify, to_tick, thread_count, json, folder=None):
         raise RecordingError(f"{path}: the recording ends with tick {run.last_tick}; there is no tick {to_tick}")
     use_threads(thread_count)
     difference = desync = None
-    with terminal.Interrupts() as interrupts, terminal.compiling():
+    with terminal.Interrupts() as interrupts, compiling_ahead(path):
         simulation = running.rebuild(run)
         watch = running.Stopwatch(simulation)
         with stepping(Path(path).name, simulation, end, interrupts) as stepped:

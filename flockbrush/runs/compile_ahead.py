@@ -26,7 +26,10 @@ EVERY = 5.0  # s between lines where stderr is no terminal
 
 @contextmanager
 def compiling_ahead(name, seed=None, agents=None, brush=None):
-    """As `flockbrush.runs.terminal.compiling`; kernels that `run.start` of this will need are compiled together."""
+    """As `flockbrush.runs.terminal.compiling`; kernels that `run.start` of this will need are compiled together.
+
+    ``name`` may be a recording, too.
+    """
     ahead = CompileAhead({"name": name, "seed": seed, "agents": agents, "brush": brush})
     try:
         with terminal.compiling(ahead.meet):
@@ -41,7 +44,7 @@ class CompileAhead:
     Parameters
     ----------
     work : dict
-        Arguments of `flockbrush.runs.run.start`: name, seed, agents, brush.
+        Arguments of `flockbrush.runs.run.start`: name (or path of a recording), seed, agents, brush.
     """
 
     def __init__(self, work):

@@ -10,6 +10,7 @@ import signal
 import sys
 
 FEW = 24  # animals; Python runs their kernels
+RECORDING = ".flock"
 TICKS = 2  # some kernels are first called when there is a tick before
 
 
@@ -23,21 +24,27 @@ def scout(parent, work):
 
     watch(parent.send)
     from flockbrush.engine.recording import state_hash
-    from flockbrush.runs import run
 
-    simulation = run.start(**work | {"agents": _few(work)})
+    simulation = _begun(work)
     simulation.run(TICKS)
     simulation.measures()
     simulation.parts()
     state_hash(simulation.world)
 
 
-def _few(work):
-    """As many animals as the run has, if they are few."""
-    from flockbrush.runs.run import open_level
+def _begun(work):
+    """The world of a level, or of a recording, with as many animals as it has if they are few."""
+    from flockbrush.engine.recording_reader import open_recording
+    from flockbrush.runs import run
 
-    agents = work["agents"] or open_level(work["name"])[0].agents
-    return work["agents"] if agents <= FEW else FEW
+    if work["name"].endswith(RECORDING):
+        level, library = run.embedded_level(open_recording(work["name"]))
+        return run.begin(level, library, agents=_few(level, None))
+    return run.start(**work | {"agents": _few(run.open_level(work["name"])[0], work["agents"])})
+
+
+def _few(level, agents):
+    return agents if (agents or level.agents) <= FEW else FEW
 
 
 def compile_calls(parent):

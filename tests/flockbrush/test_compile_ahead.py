@@ -49,13 +49,7 @@ def _found(ahead, calls):
 
 
 def test_a_scout_finds_the_kernels_of_a_run_with_the_types_of_the_run(level):
-    ahead = CompileAhead({"name": level, "seed": None, "agents": None, "brush": None})
-    ahead._scouting = True
-    ahead._start(ahead._listen, kernel_helper.scout, ahead.work)
-    with ahead._changed:
-        assert ahead._changed.wait_for(lambda: not ahead._scouting, 200)
-    calls = [ahead._next() for _ in range(ahead.found)]
-    ahead.close()
+    calls = _scouted(level)
     simulation = run.start(level)
     simulation.run(2)
     simulation.measures()
@@ -65,6 +59,18 @@ def test_a_scout_finds_the_kernels_of_a_run_with_the_types_of_the_run(level):
     assert {"flockbrush.systems.sight.look", "flockbrush.systems.grid._sort"} <= names
     strange = [call.key for call in calls if call.types not in _compiled(call)]
     assert not strange
+
+
+def _scouted(name):
+    """Calls that a scout finds."""
+    ahead = CompileAhead({"name": name, "seed": None, "agents": None, "brush": None})
+    ahead._scouting = True
+    ahead._start(ahead._listen, kernel_helper.scout, ahead.work)
+    with ahead._changed:
+        assert ahead._changed.wait_for(lambda: not ahead._scouting, 200)
+    calls = [ahead._next() for _ in range(ahead.found)]
+    ahead.close()
+    return calls
 
 
 def _compiled(call):
@@ -130,6 +136,24 @@ def test_whatever_opens_a_level_first_compiles_for_it(level, tmp_path, monkeypat
     ):
         assert called(list(map(str, options))) == 0, capsys.readouterr().err
     assert [(one["name"], one["seed"]) for one in work] == [(str(level), 3)] * 4
+
+
+def test_a_recording_is_lived_again_by_kernels_compiled_together(level, tmp_path, monkeypatch, capsys):
+    recording = str(tmp_path / "walk.flock")
+    assert called(["run", str(level), "--ticks", "4", "--record", recording]) == 0
+    calls = _scouted(recording)
+    assert "flockbrush.systems.sight.look" in {f"{call.module}.{call.name}" for call in calls}
+    assert not [call.key for call in calls if call.types not in _compiled(call)]
+    work = []
+    monkeypatch.setattr(CompileAhead, "meet", lambda ahead, kernel, types: None)
+    monkeypatch.setattr(CompileAhead, "close", lambda ahead: work.append(ahead.work["name"]))
+    for options in (
+        ["replay", recording],
+        ["measure", recording],
+        ["export", recording, "-o", str(tmp_path / "a.csv")],
+    ):
+        assert called(options) == 0, capsys.readouterr().err
+    assert work == [recording] * 3
 
 
 def _meets(level):
