@@ -147,12 +147,8 @@ def test_a_recording_is_lived_again_by_kernels_compiled_together(level, tmp_path
     work = []
     monkeypatch.setattr(CompileAhead, "meet", lambda ahead, kernel, types: None)
     monkeypatch.setattr(CompileAhead, "close", lambda ahead: work.append(ahead.work["name"]))
-    for options in (
-        ["replay", recording],
-        ["measure", recording],
-        ["export", recording, "-o", str(tmp_path / "a.csv")],
-    ):
-        assert called(options) == 0, capsys.readouterr().err
+    for options in (["replay"], ["measure"], ["export", "--to", str(tmp_path / "walk.csv")]):
+        assert called([*options, recording]) == 0, capsys.readouterr().err
     assert work == [recording] * 3
 
 
