@@ -198,8 +198,10 @@ class Commands:
         self.lived: float = -1  # until this tick what the script does comes from a log
         self.source = ""  # the recording that is lived again, for messages
 
-    def submit(self, cmd, tick=0):
+    def submit(self, cmd, tick=0, key=0):
         """Apply a command at the start of the given tick, or of the next one if that has begun.
+
+        ``key``: of the script that gives it, 0 for none (see `follow`).
 
         Raises
         ------
@@ -210,7 +212,7 @@ class Commands:
         """
         if COMMANDS.get(type(cmd).__name__) is not type(cmd):
             raise TypeError(f"{type(cmd).__name__} is no command; mark its class with @command")
-        self._push(tick, _as_replayed(cmd))
+        self._push(tick, _as_replayed(cmd), key)
 
     def follow(self, key, tick, cmd):
         """Have a key of the level's script give this command at this tick, instead of what it was to give.

@@ -359,7 +359,7 @@ def _queue_script(simulation, level):
             where = f"object {key.id} {key.name!r} in layer 'script'"
             problems.append(Problem(str(level.path), key.line, where, str(error.args[0] if error.args else error)))
             continue
-        simulation.world.resource(Commands).follow(key.id, tick_at(key.at, DT), command)
+        simulation.world.resource(Commands).submit(command, tick_at(key.at, DT), key.id)
     if problems:
         raise ProblemsError(problems)
 
