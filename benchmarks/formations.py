@@ -1,10 +1,17 @@
 """Figures of line formations: how well shapes are known, how soon key shapes are solved, what flights keep to.
 
-python benchmarks/formations.py
+    python benchmarks/formations.py
+
+With `--reach`, how many scattered flocks form up when nobody perceives anybody who is farther away than that:
+
+    python benchmarks/formations.py --reach 50 25 12.5 --seeds 9001:9008
+
+A flock passes when every bird keeps its place from 300 wingspans of flight on at the latest (`WITHIN`).
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 from pathlib import Path
@@ -16,10 +23,15 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from example_formations import movie, places
 from flockbrush.behaviours.formation.extraction import extract_frame
+from flockbrush.behaviours.formation.formation_shapes import textbook
 from flockbrush.behaviours.formation.key_shapes import NoShape, solve_levenberg_marquardt
+from flockbrush.behaviours.formation.reaching import FormingRules
 from flockbrush.behaviours.formation.steady_flight import SteadyFlight
+from flockbrush.systems.initiation import initiate, scattered, target_of
 
 KINDS = "V", "U", "J", "line"
+SIZES = 9, 14, 16, 28, 41  # birds
+WITHIN, HOLD = 300.0, 60  # wingspans of flight to one's place; frames for which everybody must keep it
 
 
 def known(frames=24):
@@ -29,7 +41,7 @@ def known(frames=24):
     print("|---|---|---|---|---|---|---|")
     total = np.zeros(3, int)
     for kind in KINDS:
-        for n in (9, 14, 16, 28, 41):
+        for n in SIZES:
             right = leads = found = out = false = 0
             for frame in range(frames):
                 x, y, leader, strays = places(kind, n, seed=7, frame=frame, outliers=round(n / 10))
@@ -99,7 +111,40 @@ def _paper(flight, keys):
     return (time.perf_counter() - began) / keys, fine
 
 
-if __name__ == "__main__":
+def formed_up(kind: str, birds: int, seeds: range, reach: float, within: float = WITHIN) -> int:
+    """How many flocks are in place after ``within`` wingspans of flight; nobody perceives farther than ``reach``."""
+    last = round(within / FormingRules().cruise)  # frame
+    goal = target_of(*textbook(kind, birds))
+    flown = [initiate(*scattered(birds, seed), goal, most=last + HOLD + 1, hold=HOLD, reach=reach) for seed in seeds]
+    return sum(0 <= one.frames <= last for one in flown)
+
+
+def initiation(reaches: list[float], seeds: range) -> None:
+    """Flocks in place within `WITHIN`, by reach and size, over the four shapes."""
+    of = len(KINDS) * len(seeds)
+    print(f"in place within {WITHIN:.0f} wingspans, of {of} flocks in each cell (V, U, J, line)\n")
+    print("| reach, wingspans | " + " | ".join(f"{n} birds" for n in SIZES) + " | all |")
+    print("|---" * (len(SIZES) + 2) + "|")
+    for reach in reaches:
+        cells = [sum(formed_up(kind, n, seeds, reach) for kind in KINDS) for n in SIZES]
+        share = sum(cells) / (of * len(SIZES))
+        print(f"| {reach:g} | " + " | ".join(map(str, cells)) + f" | {sum(cells)} of {of * len(SIZES)}, {share:.1%} |",
+              flush=True)  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--reach", type=float, nargs="+", help="wingspans; inf: of the whole flock")
+    parser.add_argument("--seeds", default="9001:9008", help="first:last")
+    told = parser.parse_args()
+    if told.reach:
+        first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])  # one seed stands for itself
+        initiation(told.reach, range(first, last + 1))
+        return
     known()
     false_birds()
     solved()
+
+
+if __name__ == "__main__":
+    main()

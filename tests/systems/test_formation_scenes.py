@@ -7,6 +7,7 @@ from flockbrush.components import Position
 from small_herd import box, meadow, obstacle, put_aloft, room_in_the_air
 
 from benchmarks.formation_scenes import passage
+from benchmarks.formations import formed_up
 
 KINDS = "geese", "skein"
 
@@ -38,3 +39,10 @@ def test_by_v_rules_birds_at_several_heights_come_to_that_of_those_ahead():
     put_aloft(simulation, [(40.0, 100.0, 30.0), (36.0, 98.0, 34.0), (32.0, 103.0, 22.0)], species="goose", length=0.8)
     simulation.run(32 * 16)
     assert simulation.agents[Position.xyz][:, 2] == pytest.approx(30.0, abs=0.2)
+
+
+def test_flocks_form_up_in_time_if_they_see_one_another_and_have_the_time():
+    seeds = range(1, 4)
+    assert formed_up("V", 9, seeds, np.inf) == 3
+    assert formed_up("V", 9, seeds, 0.5) == 0  # nobody sees anybody
+    assert formed_up("V", 9, seeds, np.inf, within=3.0) == 0
