@@ -14,6 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from flockbrush.render.picture_files import STEADY
 from tests.foreign_herds import HALF, RADIUS, Truth, units
 
 FINE = 6  # points to a pixel, along each side, that decide how much of it a body covers
@@ -201,7 +202,7 @@ class _Writer:
         self.stream = self.container.add_stream("libx264", rate=round(fps))
         self.stream.width, self.stream.height = size
         self.stream.pix_fmt = "yuv420p"
-        self.stream.options = {"crf": str(crf), "preset": "veryfast", "threads": "1"}
+        self.stream.options = {"crf": str(crf), "preset": "veryfast", "threads": "1"} | STEADY
 
     def write(self, picture):
         frame = self.av.VideoFrame.from_ndarray(picture, format="bgr24")

@@ -57,6 +57,23 @@ def test_the_same_frames_give_the_same_bytes(tmp_path):
     assert one.read_bytes() == other.read_bytes()
 
 
+def test_a_film_does_not_hang_on_what_memory_held_before(tmp_path):
+    """As random as memory is once others used it; long enough for the encoder to look ahead."""
+    rng = np.random.default_rng(0)
+    ground = cv2.GaussianBlur(rng.integers(0, 255, (480, 480, 3), np.uint8), (0, 0), 3)
+    ground = np.clip(3.0 * (ground.astype(float) - 128) + 128, 0, 255).astype(np.uint8)
+    films = []
+    for name in ("one.mp4", "two.mp4", "three.mp4"):
+        used = [rng.integers(0, 255, int(rng.integers(1_000, 3_000_000)), np.uint8) for _ in range(40)]
+        del used[::2]
+        with Video(tmp_path / name, 25, (480, 480)) as film:
+            for k in range(30):
+                turned = cv2.warpAffine(ground, cv2.getRotationMatrix2D((240, 240), 0.6 * k, 1.0), (480, 480))
+                film.write(turned)
+        films.append((tmp_path / name).read_bytes())
+    assert films[0] == films[1] == films[2]
+
+
 def test_and_so_they_do_in_another_process(tmp_path):
     here = written(tmp_path / "here.mp4", scene())
     code = (
