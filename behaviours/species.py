@@ -157,7 +157,7 @@ class Relation(Spec):
         return float(getattr(self, self.verb))
 
 
-class Species(Spec):
+class SpeciesSpec(Spec):
     """A kind of animal.
 
     Examples
@@ -210,7 +210,7 @@ class Species(Spec):
         return medium in self.media
 
 
-def load_species(source: str | os.PathLike | bytes, file: str | None = None) -> Species:
+def load_species(source: str | os.PathLike | bytes, file: str | None = None) -> SpeciesSpec:
     """Read a species.
 
     Parameters
@@ -231,7 +231,7 @@ def load_species(source: str | os.PathLike | bytes, file: str | None = None) -> 
     return species
 
 
-def _read(toml: TomlFile) -> Species:
+def _read(toml: TomlFile) -> SpeciesSpec:
     document = dict(toml.data)
     schema = document.pop("schema", None)
     if schema != SCHEMA:
@@ -246,7 +246,7 @@ def _read(toml: TomlFile) -> Species:
         problems.append(Problem(toml.name, None, None, message))
     if "name" in toml.data:
         problems.append(toml.problem(("name",), "a species' name is its file's name; remove this line"))
-    species, mistakes = validated(Species, document)
+    species, mistakes = validated(SpeciesSpec, document)
     problems += [toml.problem(path, message) for path, message in mistakes]
     if species is not None:
         problems += [
@@ -264,7 +264,7 @@ class SpeciesLibrary(FileLibrary):
 
     suffix = SUFFIX
 
-    def find(self, name: str) -> Species | None:
+    def find(self, name: str) -> SpeciesSpec | None:
         """The species of this name; None when there is no file of it: then it is a name alone, and can do anything.
 
         Raises
@@ -275,7 +275,7 @@ class SpeciesLibrary(FileLibrary):
         file = self.file_of(name) if NAME.fullmatch(name) else None
         return _parsed(str(file), self.bytes_of(file)) if file else None
 
-    def get(self, name: str) -> Species:
+    def get(self, name: str) -> SpeciesSpec:
         """As `find`, with a ProblemsError when there is none."""
         found = self.find(name)
         if found is None:
@@ -283,7 +283,7 @@ class SpeciesLibrary(FileLibrary):
             raise ProblemsError([Problem(shown(name) + SUFFIX, None, None, message)])
         return found
 
-    def named(self, key: str) -> list[Species]:
+    def named(self, key: str) -> list[SpeciesSpec]:
         """Those with this name or tag."""
         return [one for one in map(self.get, self.names()) if key == one.name or key in one.tags]
 
@@ -295,7 +295,7 @@ def usual_species(made_for: Iterable[str], library: SpeciesLibrary, present: Ite
 
 
 @functools.lru_cache(maxsize=256)
-def _parsed(file: str, source: bytes) -> Species:
+def _parsed(file: str, source: bytes) -> SpeciesSpec:
     return load_species(source, file)
 
 

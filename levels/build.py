@@ -27,7 +27,7 @@ from flockbrush.systems import program_commands as _program_commands
 from flockbrush.systems.binding import mixed_brushes, sheets_of
 from flockbrush.systems.commands import ApplyCommands
 from flockbrush.systems.decide import Roles
-from flockbrush.systems.foresight import Ahead, Migrate, SeeAhead
+from flockbrush.systems.foresight import Ahead, SeeAhead, ShiftMigration
 from flockbrush.systems.ground import Underfoot
 from flockbrush.systems.groups import measures_of, summary
 from flockbrush.systems.landscape import (
@@ -40,7 +40,7 @@ from flockbrush.systems.landscape import (
     Painted,
 )
 from flockbrush.systems.life import Live, Nursery, SpawnArea, bear, births_due
-from flockbrush.systems.marks import Marks
+from flockbrush.systems.marks import MapMarks
 from flockbrush.systems.motion import Move
 from flockbrush.systems.noticing import BeAlarmed, Notice, Noticed
 from flockbrush.systems.pace import Pace
@@ -61,7 +61,7 @@ from flockbrush.systems.senses import (
     SightInSpace,
 )
 from flockbrush.systems.spawning import INNER
-from flockbrush.systems.steer import Steer
+from flockbrush.systems.steer import AskModels
 from flockbrush.systems.terrain import compose_brushes, relief_of
 
 DT = 1 / 32  # s; a power of two: tick * dt is exact
@@ -149,9 +149,9 @@ def systems():
         Notice(),
         Roles(),
         BeAlarmed(),
-        Migrate(),
+        ShiftMigration(),
         RunPrograms(),
-        Steer(),
+        AskModels(),
         Pace(),
         Move(),
         Live(),
@@ -290,7 +290,7 @@ def landscape_of(level, palette):
         painted=painted,
         native=native,
         overhead=[_barrier(o) for o in level.obstacles if o.z_min > 0.0],
-        marks=Marks(
+        marks=MapMarks(
             level.zones, level.lines, level.areas, level.script, palette.names, sheets_of(level, palette.names),
             None if level.factor is None else level.factor.values,
         ),

@@ -50,7 +50,7 @@ from flockbrush.systems.senses import (
     SightByHiddenPoints,
     SightInSpace,
 )
-from flockbrush.systems.steer import Steer, scene_of
+from flockbrush.systems.steer import AskModels, scene_of
 
 SHARED = (Clock, Noise, Landscape, Palette, SpeciesList)
 
@@ -172,7 +172,7 @@ def _surroundings(world, row):
 
 def _explained(small, entity):
     agents, palette = small.agents, small.resource(Palette)
-    row, steer = agents.row(entity), Steer()
+    row, steer = agents.row(entity), AskModels()
     scene = steer.ask_models(small, scene_of(small))
     aloft = small.resource(Near).aloft
     aloft = np.zeros(len(agents), bool) if aloft is None else aloft

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from flockbrush.behaviours.species import Species, SpeciesLibrary, shipped_species
+from flockbrush.behaviours.species import SpeciesLibrary, SpeciesSpec, shipped_species
 
 NOTHING, FEAR, HUNT, FOLLOW = range(4)  # of `Relations.verb`: what one notices others for
 NOTICED = {"fear": FEAR, "hunt": HUNT, "follow": FOLLOW}
@@ -70,7 +70,7 @@ class SpeciesList:
         return self.names.index(name)
 
     @property
-    def assets(self) -> list[Species | None]:
+    def assets(self) -> list[SpeciesSpec | None]:
         """The species by index; None for a mere name."""
         return [self.library.find(name) for name in self.names]
 

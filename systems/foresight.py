@@ -67,7 +67,7 @@ class SeeAhead(System):
         )  # fmt: skip
 
 
-class Migrate(System):
+class ShiftMigration(System):
     """The migratory register moves evenly to where the script wants it."""
 
     stage, reads, writes = Stage.DECIDE, (Clock,), (Migration,)

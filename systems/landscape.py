@@ -13,7 +13,7 @@ from flockbrush.engine.solids import Solids
 from flockbrush.systems.binding import Sheets
 from flockbrush.systems.ground_edges import across_seam, outline_edges
 from flockbrush.systems.ground_height import heights_of_ground
-from flockbrush.systems.marks import BRUSHES_OWN, Above, Marks
+from flockbrush.systems.marks import BRUSHES_OWN, Above, MapMarks
 from flockbrush.systems.navigation import Navigation, navigation_of
 from flockbrush.systems.sky_solids import solids_in_the_air
 from flockbrush.systems.terrain import NO_BRUSH, compose_blocked, relief_of
@@ -142,7 +142,7 @@ class Landscape:
     painted: Painted | None = None
     above: Above | None = None
     native: Native | None = None
-    marks: Marks = field(default_factory=Marks)  # zones, lines and areas
+    marks: MapMarks = field(default_factory=MapMarks)  # zones, lines and areas
     sheets: Sheets = field(default_factory=Sheets)  # zones and layers by whom they bind
     stale: int | None = None
     _known: tuple | None = None  # what the navigation field was made of

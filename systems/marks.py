@@ -1,7 +1,7 @@
 """What a designer draws on the ground that stops nobody: zones, lines and areas that count, keys of the script.
 
-The `Landscape` keeps them as they are now.  Zones lie above all paint: `Marks.lay` composes what they say of the ground
-when a level is built, and again whenever a zone has changed.
+The `Landscape` keeps them as they are now.  Zones lie above all paint: `MapMarks.lay` composes what they say of the
+ground when a level is built, and again whenever a zone has changed.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ KINDS = {"zones": Zone, "lines": Line, "areas": Area, "keys": Key}
 
 
 @dataclass
-class Marks:
+class MapMarks:
     """Zones, lines, areas and keys as they are now, and what zones are laid over.
 
     Attributes

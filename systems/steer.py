@@ -44,7 +44,7 @@ class NotFinite(ArithmeticError):
     """A model produced NaN or infinity; nothing of it has reached a column."""
 
 
-class Steer(System):
+class AskModels(System):
     """Asks each model for the wishes of the animals it moves."""
 
     stage = Stage.STEER

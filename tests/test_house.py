@@ -226,6 +226,27 @@ def test_no_file_of_tests_benchmarks_and_pictures_is_too_long():
     assert len(lines) > 100 and {name: count for name, count in lines.items() if count > LONG} == {}, "split it"
 
 
+SHARED = {"Params"}  # every model names its parameters so; each is known by its model
+
+
+def names_twice(sources):
+    """Public classes that stand in more than one of these files, with the files: {file: source} -> {name: files}."""
+    found = {}
+    for file, source in sources.items():
+        for node in ast.parse(source).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                found.setdefault(node.name, []).append(file)
+    return {name: where for name, where in found.items() if len(where) > 1 and name not in SHARED}
+
+
+def test_the_name_of_a_class_has_one_meaning():
+    sources = {named(path): path.read_text(encoding="utf-8") for path in files(*ROOMS)}
+    assert len(sources) > 300 and names_twice(sources) == {}
+    assert names_twice({"a": "class X: pass", "b": "class X(Y): pass\nclass _Z: pass", "c": "class _Z: pass"}) == {
+        "X": ["a", "b"]
+    }
+
+
 WIDE = 100  # columns of prose in Markdown
 PAGES = [*HOUSE.glob("*.md"), *(HOUSE / "docs").rglob("*.md")]
 

@@ -9,7 +9,7 @@ from numba import njit
 
 
 @condition
-class Event(Condition):
+class EventHeard(Condition):
     """A named event is heard: from a script, Python, the mouse, a zone or another trigger."""
 
     event: str = given(..., "the event's name")

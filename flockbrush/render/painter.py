@@ -11,7 +11,7 @@ from flockbrush.render.mesh_bodies import FROM, large, meshes
 from flockbrush.render.sprites import KINDS, NO_WINGS, SHADOW, Stamps
 from flockbrush.render.style import PALETTE, PLAN_SUN, Theme, rgb, theme_of, worn
 from flockbrush.render.tiles import Tiles
-from flockbrush.render.top_views import MOST_ABOVE, Bodies, draw_plan, draw_shadows, from_above, top_views
+from flockbrush.render.top_views import MOST_ABOVE, DrawnBodies, draw_plan, draw_shadows, from_above, top_views
 from flockbrush.render.trails import Trails
 from flockbrush.render.view_camera import ViewCamera, checked_size
 from flockbrush.render.wakes import wakes_on_plan
@@ -235,7 +235,7 @@ class Painter:
         lift = 0.10 * herd.length * self.camera.scale + 0.45
         below = np.where((herd.z > 0)[:, None] | winged[:, None], below, np.stack([0.8 * lift, lift], axis=1))
         shade = np.where(winged, 0.5, 1.0) * stamps.colours[look, 6, 0]
-        bodies = Bodies(at, herd.xy, herd.forward, herd.length, herd.radius, look, below, shade, beats)
+        bodies = DrawnBodies(at, herd.xy, herd.forward, herd.length, herd.radius, look, below, shade, beats)
         self._with_legs(frame, np.flatnonzero(big & self._in_view(at, herd.length)), bodies, herd.postures)
 
     def _stamp(self, frame, rows, at, forward, herd, look, standing, beats):

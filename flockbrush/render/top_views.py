@@ -270,7 +270,7 @@ def _packed(red, green, blue):
     return np.int64(red + 0.5) | np.int64(green + 0.5) << 20 | np.int64(blue + 0.5) << 40 | np.int64(1) << 60
 
 
-class Bodies(NamedTuple):
+class DrawnBodies(NamedTuple):
     """The animals of a plan that have legs and wings there, one row each.
 
     Attributes

@@ -44,7 +44,7 @@ class Wakes(NamedTuple):
     velocity: np.ndarray
 
 
-class Marks(NamedTuple):
+class WakeMarks(NamedTuple):
     """Puffs or rings of a moment, one row each: the animal's row, place (m, 2) m, radius m, opacity 0 to 1."""
 
     row: np.ndarray
@@ -74,7 +74,7 @@ def wakes_of(simulation, moment, clip, flying) -> Wakes:
     )  # fmt: skip
 
 
-def marks_of(herd, rows, time, kind) -> Marks:
+def marks_of(herd, rows, time, kind) -> WakeMarks:
     """Puffs (DUST) or rings (RING) of these rows of a checked herd with wakes at a time, s; old ones first."""
     every, lasts = EVERY[kind], LASTS[kind]
     strength = herd.wakes[kind][rows]
@@ -95,7 +95,7 @@ def marks_of(herd, rows, time, kind) -> Marks:
         radius, alpha, aside = length * (0.14 + 0.6 * age / lasts), 0.7 * strength * left**2, 0.0
     place = herd.xy[rows] - back + aside
     every_row = np.broadcast_to(rows, age.shape)
-    return Marks(every_row.ravel(), place.reshape(-1, 2), radius.ravel(), alpha.ravel())
+    return WakeMarks(every_row.ravel(), place.reshape(-1, 2), radius.ravel(), alpha.ravel())
 
 
 def wake_ink(theme, kind):

@@ -20,7 +20,7 @@ from flockbrush.systems.life import Live
 from flockbrush.systems.motion import Move
 from flockbrush.systems.pace import Pace
 from flockbrush.systems.senses import FindNeighbours, Near, See, Sight
-from flockbrush.systems.steer import Steer
+from flockbrush.systems.steer import AskModels
 from pens import pen
 from processes import other_process
 from test_replaying import copied
@@ -117,7 +117,7 @@ def one_less(count):
         (FindNeighbours, lambda world: world.resource(Near).cells.x.__imul__(1 + 1e-9), "resource Near"),
         (See, lambda world: one_less(world.resource(Sight).found.count), "resource Sight"),
         (Roles, pushed(Role.leader, slice(None), 1), "Role.leader"),
-        (Steer, pushed(Wish.direction, slice(None), 1e-9), "Wish.direction"),
+        (AskModels, pushed(Wish.direction, slice(None), 1e-9), "Wish.direction"),
         (Move, pushed(Position.xyz, slice(None), 1e-9), "Position.xyz"),
     ],
     ids=lambda value: getattr(value, "__name__", None),

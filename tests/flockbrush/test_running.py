@@ -26,7 +26,7 @@ def test_a_run_tells_everything_in_one_object(cli, level, tmp_path):
     assert (report["seed"], report["ticks"], report["agents"]) == (3, 12, 24)
     assert 0 < report["seconds_per_tick"]["median"] <= report["seconds_per_tick"]["p95"] < 1
     assert before < report["startup_seconds"] < after
-    assert {"See", "Steer", "Move", "flush"} <= set(report["systems"])
+    assert {"See", "AskModels", "Move", "flush"} <= set(report["systems"])
     assert 0.5 < report["measures"]["polarization"] <= 1
     assert {"milling", "speed_mean", "speed_std", "nnd"} <= set(report["measures"])
     assert report["recording"] == str(tmp_path / "a.flock")

@@ -80,7 +80,7 @@ def test_the_profile_shows_every_system_and_every_part_of_a_frame(level):
     assert panel.means.keys() == FRAME.keys() == window.seconds.keys()
     assert panel.means["simulation"] == pytest.approx(4.0, rel=0.05)
     profile = window.session.profile()
-    assert {"See", "Steer", "Move"} <= profile.keys()
+    assert {"See", "AskModels", "Move"} <= profile.keys()
     assert panel.systems.size[1] == (len(profile) + 1) * panel.row
     window.close()
 

@@ -8,7 +8,7 @@ from flockbrush.systems.commands import AddAnimals, AddObstacle, RemoveAnimals, 
 from flockbrush.systems.edits import DrawGuide
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.steer import NotFinite, Steer
+from flockbrush.systems.steer import AskModels, NotFinite
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from small_pasture import by_hand, pasture, straight_run, stroke, verified
@@ -199,14 +199,14 @@ def test_a_script_that_fails_pauses_and_says_so(tmp_path):
 
 
 def test_a_model_without_a_number_pauses_and_says_which(session, monkeypatch):
-    ask = Steer._ask
+    ask = AskModels._ask
 
     def ill(world, scene, palette, index, rows):
         if scene.tick == 7 and world.agents.ids[0] == 1:
             raise NotFinite("model 'herd' (brush 'march') gave a wish that is not finite, for entity 1 in tick 7")
         return ask(world, scene, palette, index, rows)
 
-    monkeypatch.setattr(Steer, "_ask", staticmethod(ill))
+    monkeypatch.setattr(AskModels, "_ask", staticmethod(ill))
     session.play()
     played(session, 60)
     (notice,) = session.notices()
@@ -248,7 +248,7 @@ def test_the_profile_names_the_systems(session):
     assert session.profile() == {}
     session.step(140)
     profile = session.profile()
-    assert profile["Steer"] > 0 and set(profile) == set(session.simulation.schedule.nanoseconds)
+    assert profile["AskModels"] > 0 and set(profile) == set(session.simulation.schedule.nanoseconds)
 
 
 def test_only_the_ground_that_changed_is_named(session):

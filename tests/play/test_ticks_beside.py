@@ -5,7 +5,7 @@ import threading
 
 import pytest
 from flockbrush.systems.commands import AddAnimals
-from flockbrush.systems.steer import NotFinite, Steer
+from flockbrush.systems.steer import AskModels, NotFinite
 from small_pasture import by_hand, pasture, straight_run, stroke, verified
 from window import Window
 
@@ -160,14 +160,14 @@ def test_a_tick_in_which_something_is_due_is_waited_for_before_anybody_draws(tmp
 
 
 def test_an_error_in_a_tick_beside_is_a_notice_and_a_pause(session, monkeypatch):
-    ask = Steer._ask
+    ask = AskModels._ask
 
     def ill(world, scene, palette, index, rows):
         if scene.tick == 2:
             raise NotFinite("model 'herd' gave a wish that is not finite, for entity 1 in tick 2")
         return ask(world, scene, palette, index, rows)
 
-    monkeypatch.setattr(Steer, "_ask", staticmethod(ill))
+    monkeypatch.setattr(AskModels, "_ask", staticmethod(ill))
     session.play()
     for _ in range(5):
         session.catch_up(1.01 * TICK, PLENTY)

@@ -9,7 +9,7 @@ from flockbrush.engine.state import pieces, snapshot, state_hash
 from flockbrush.systems.commands import AddAnimals, AddObstacle, PaintBrush, RemoveAnimals, SetParameter, SwitchBrush
 from flockbrush.systems.edits import RemoveThing
 from flockbrush.systems.mark_commands import PlaceKey
-from flockbrush.systems.steer import Steer
+from flockbrush.systems.steer import AskModels
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from small_pasture import pasture, straight_run, verified
@@ -201,8 +201,8 @@ def test_a_command_that_fails_costs_no_tick(timeline, level):
 
 
 def ill_from(tick):
-    """A `Steer._ask` whose models fail from this tick on."""
-    ask = Steer._ask
+    """A `AskModels._ask` whose models fail from this tick on."""
+    ask = AskModels._ask
 
     def asked(world, scene, *rest):
         if scene.tick >= tick:
@@ -216,7 +216,7 @@ def test_a_model_that_fails_leaves_the_world_as_it_was(timeline, level, monkeypa
     lived(timeline, 11)
     timeline.perform([RemoveAnimals(6, 8, 1)])
     here = state(timeline)
-    monkeypatch.setattr(Steer, "_ask", ill_from(11))
+    monkeypatch.setattr(AskModels, "_ask", ill_from(11))
     for _ in range(2):
         with pytest.raises(WentWrong, match="ill"):
             timeline.step()
@@ -228,7 +228,7 @@ def test_a_model_that_fails_leaves_the_world_as_it_was(timeline, level, monkeypa
 
 def test_a_model_that_fails_everywhere_leaves_us_at_a_kept_moment(timeline, level, monkeypatch):
     lived(timeline, 11)
-    monkeypatch.setattr(Steer, "_ask", ill_from(0))
+    monkeypatch.setattr(AskModels, "_ask", ill_from(0))
     with pytest.raises(WentWrong):
         timeline.step()
     assert timeline.tick == 8 and timeline.current.last_tick == 11

@@ -18,7 +18,7 @@ from flockbrush.levels.reader import read_level
 from flockbrush.levels.schema import Exit, Goal, Zone
 from flockbrush.systems.commands import AddAnimals, AddObstacle, PaintBrush, SwitchBrush
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.steer import NotFinite, Steer
+from flockbrush.systems.steer import AskModels, NotFinite
 from small_herd import Shelf, box, brush, gaps_of, meadow, obstacle, put, room_in_the_air, spawn, straight, xy_of
 
 from flockbrush import levels
@@ -121,7 +121,7 @@ def test_worlds_in_one_process_do_not_disturb_one_another():
 def test_no_systems_of_one_stage_touch_the_same_thing():
     assert Schedule(systems()).ambiguities() == []
     with pytest.raises(Ambiguity):
-        Schedule([*systems(), Steer()])
+        Schedule([*systems(), AskModels()])
 
 
 def test_every_system_writes_only_what_it_says():
@@ -132,13 +132,13 @@ def test_every_system_writes_only_what_it_says():
 
 
 def test_a_system_that_lies_is_found():
-    class Sleepwalk(Steer):
+    class Sleepwalk(AskModels):
         def process(self, world):
             super().process(world)
             world.agents[Position.xyz][:] += 1.0
 
     simulation = lively()
-    simulation.schedule = Schedule([Sleepwalk() if isinstance(s, Steer) else s for s in systems()])
+    simulation.schedule = Schedule([Sleepwalk() if isinstance(s, AskModels) else s for s in systems()])
     assert ("Sleepwalk", "Position") in simulation.schedule.undeclared_writes(simulation.world)
 
 

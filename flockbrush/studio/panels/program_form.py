@@ -19,7 +19,7 @@ KIND = "condition"  # label of the row that says which condition it is
 
 
 @dataclass(frozen=True)
-class FormRow:
+class ProgramRow:
     """One field: what stands before it, where it is in the file, what it says, and what it may say."""
 
     label: str
@@ -35,7 +35,7 @@ class Card:
 
     title: str
     path: Path
-    rows: tuple[FormRow, ...]
+    rows: tuple[ProgramRow, ...]
 
 
 def document_of(program: Program) -> dict[str, Any]:
@@ -63,12 +63,12 @@ def cards_of(program: Program, brushes=()) -> list[Card]:
     for name, table in document["state"].items():
         path: Path = ("state", name)
         choices = {"brush": ("", *brushes), "then": ("", *states) if isinstance(table.get("then", ""), str) else ()}
-        rows = [FormRow(key, (*path, key), _said(table.get(key)), choices.get(key, ())) for key in STATE_ROWS]
+        rows = [ProgramRow(key, (*path, key), _said(table.get(key)), choices.get(key, ())) for key in STATE_ROWS]
         cards.append(Card(name, path, tuple(rows)))
     for k, table in enumerate(document["trigger"]):
         path = ("trigger", k)
         choices = {"to": states}
-        rows = [FormRow(key, (*path, key), _said(table.get(key)), choices.get(key, ())) for key in TRIGGER_ROWS]
+        rows = [ProgramRow(key, (*path, key), _said(table.get(key)), choices.get(key, ())) for key in TRIGGER_ROWS]
         rows += _condition_rows(table["when"], (*path, "when"), 0)
         cards.append(Card(table.get("name") or f"to {table['to']}", path, tuple(rows)))
     return cards
@@ -78,7 +78,7 @@ def _condition_rows(told, path, depth):
     """A row for the kind of a condition, and one for each of its fields; those inside it below."""
     kinds = conditions()
     word = next(name for name in told if name in kinds)
-    rows = [FormRow(KIND, path, word, tuple(kinds), depth)]
+    rows = [ProgramRow(KIND, path, word, tuple(kinds), depth)]
     if kinds[word].inner == "one":
         return rows + _condition_rows(told[word], (*path, word), depth + 1)
     if kinds[word].inner == "many":
@@ -86,7 +86,7 @@ def _condition_rows(told, path, depth):
             rows += _condition_rows(part, (*path, word, k), depth + 1)
         return rows
     fields = kinds[word].model_fields
-    return rows + [FormRow(name, (*path, name), _said(told.get(name)), (), depth) for name in fields]
+    return rows + [ProgramRow(name, (*path, name), _said(told.get(name)), (), depth) for name in fields]
 
 
 def _said(value) -> str:
@@ -94,7 +94,7 @@ def _said(value) -> str:
     return "" if value is None else toml(value) if plain else str(value)
 
 
-def changed(program: Program, row: FormRow, text: str) -> str:
+def changed(program: Program, row: ProgramRow, text: str) -> str:
     """The program's file with a row changed; ValueError with what is wrong with it."""
     document = copy.deepcopy(document_of(program))
     *way, key = row.path
