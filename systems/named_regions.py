@@ -12,12 +12,6 @@ from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.spawning import inside_polygon
 
 
-def region_names(land):
-    """Names that a region may have: those of zones and areas, and of goals, which may move."""
-    known = land.marks.regions()
-    return [*known, *(goal.name for goal in land.goals if goal.name not in known)]
-
-
 def in_region(name, xyz, land):
     """(n,) bool, who is in a region; nobody where the level has none of that name."""
     found = np.zeros(len(xyz), bool)

@@ -290,7 +290,7 @@ def check_levels(files, window=False):
         raise typer.Exit(terminal.PROBLEM)
 
 
-def render_level(name, output, seconds, seed, agents, theme):
+def render_level(name, output, seconds, seed, agents, theme, palette):
     """Draw a level, at its start or later."""
     check_png(output, [running.find_level(name)])
     job = RunRequest(name, seconds=seconds)
@@ -298,7 +298,7 @@ def render_level(name, output, seconds, seed, agents, theme):
         simulation = running.start(name, seed, agents)
         ticks = ticks_of(job, simulation.clock.dt)
         with (
-            Exports([output], simulation, theme=theme) as exports,
+            Exports([output], simulation, theme=theme, palette=palette) as exports,
             stepping(simulation.level.name, simulation, ticks, interrupts, True) as stepped,
         ):
             exports.take()

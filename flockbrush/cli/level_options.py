@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flockbrush.cli.shared_options import Agents, LevelName, Seed, ThemeName, ThemeOption
+from flockbrush.cli.shared_options import Agents, LevelName, PaletteName, PaletteOption, Seed, ThemeName, ThemeOption
 
 level_app = typer.Typer(help="Check, draw and create levels.", no_args_is_help=True)
 
@@ -33,11 +33,12 @@ def level_render(
     seed: Seed = None,
     agents: Agents = None,
     theme: ThemeOption = ThemeName.light,
+    palette: PaletteOption = PaletteName.own,
 ):
     """Draw a level with its animals."""
     from flockbrush.cli.commands import render_level
 
-    render_level(level, output, seconds, seed, agents, theme.value)
+    render_level(level, output, seconds, seed, agents, theme.value, palette.value)
 
 
 @level_app.command("init")

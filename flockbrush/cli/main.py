@@ -27,6 +27,7 @@ from flockbrush.cli.shared_options import (
     Fps,
     Json,
     LevelName,
+    PaletteName,
     RecordingPath,
     ReportFolder,
     Seconds,
@@ -112,6 +113,9 @@ def play(
     agents: Agents = None,
     record: Annotated[Path | None, typer.Option(metavar="FILE", help="Recording to write, for replay.")] = None,
     theme: Annotated[ThemeName | None, typer.Option(help="Colours; default: as in the last session.")] = None,
+    palette: Annotated[
+        PaletteName | None, typer.Option(help="Colours of brushes; default: as in the last session.")
+    ] = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Size of the window in pixels.")] = "1280x720",
     text_size: Annotated[
         float | None,
@@ -161,7 +165,16 @@ def play(
     from flockbrush.studio.start import StartOptions, play_level
 
     wishes = StartOptions(
-        level, brush, seed, agents, record, None if theme is None else theme.value, size, frames, text_size
+        level,
+        brush,
+        seed,
+        agents,
+        record,
+        None if theme is None else theme.value,
+        None if palette is None else palette.value,
+        size,
+        frames,
+        text_size,
     )
     return play_level(wishes)
 

@@ -17,6 +17,14 @@ class ThemeName(str, enum.Enum):
     vivid = "vivid"
 
 
+class PaletteName(str, enum.Enum):
+    """Colours of brushes."""
+
+    own = "own"
+    okabe_ito = "okabe-ito"
+    tol = "tol"
+
+
 LevelName = Annotated[str, typer.Argument(metavar="LEVEL", help="A .tmj file, or the name of a shipped level.")]
 TrackUnit = Annotated[str | None, typer.Option("--unit", metavar="m|px|bl", help="Of tracks that do not say it.")]
 TrackFps = Annotated[
@@ -57,3 +65,6 @@ Fps = Annotated[
     typer.Option(metavar="F", help="Frames per second of exports; each kind has its own (export --help)."),
 ]
 ThemeOption = Annotated[ThemeName, typer.Option(help="Colours of pictures and videos.")]
+PaletteOption = Annotated[
+    PaletteName, typer.Option(help="Colours of brushes: their own, or some that differ for colour-blind eyes.")
+]

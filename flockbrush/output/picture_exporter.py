@@ -41,11 +41,10 @@ class Pictures(Exporter):
 
     def open(self):
         from flockbrush.output.pictures import painter_of
-        from flockbrush.render.style import theme_of
 
         told = {name: self.options.get(name) for name in ("size", "dust", *(option.name for option in LOOKS))}
         told["size"] = size_of(told["size"])
-        told["theme"] = theme_of(told["theme"] or "light", self.options.get("palette"))
+        told["theme"] = chosen_theme(self.options)
         self.camera = camera_of(self.options)
         if self.camera is not None:
             told["view"] = "space"
@@ -89,6 +88,13 @@ def matte(on_black, on_white):
     alpha = np.clip(1 - (on_white - on_black).mean(axis=2) / 255, 0, 1)
     colour = on_black / np.maximum(alpha, 1e-6)[..., None]
     return np.dstack([np.where(alpha[..., None] > 0, np.clip(colour, 0, 255), 0), 255 * alpha]).round().astype(np.uint8)
+
+
+def chosen_theme(options):
+    """The theme that was asked for, with its palette of brushes."""
+    from flockbrush.render.style import theme_of
+
+    return theme_of(options.get("theme") or "light", options.get("palette"))
 
 
 def camera_of(options):

@@ -255,6 +255,12 @@ def theme_of(theme: str | Theme, palette: str | None = None) -> Theme:
     return replace(theme, palette=palette)
 
 
+def worn_rgb(brush: int, colours, theme: Theme) -> tuple[int, int, int]:
+    """Red, green, blue, 0 to 255, of brush number `brush` in a theme; `colours` are the own ones of all brushes."""
+    known = worn(colours, theme)
+    return rgb(known[brush] if brush < len(known) else PALETTE[brush % len(PALETTE)])
+
+
 def worn(colours, theme: Theme):
     """The colours that brushes of a world have in a theme, from their own ones: those of its palette, in turn."""
     chosen = PALETTES[theme.palette]

@@ -74,10 +74,10 @@ class App(Hand, Deeds, CanvasEvents):
         Seconds since the window was opened.
     """
 
-    def __init__(self, session, size=(1280, 720), theme=None, scale=None, brush=None):
+    def __init__(self, session, size=(1280, 720), theme=None, scale=None, brush=None, palette=None):
         self.session = session
         self.settings, problem = load_settings()
-        self.theme = theme_of(theme or self.settings.theme or "light", self.settings.palette)
+        self.theme = theme_of(theme or self.settings.theme or "light", palette or self.settings.palette)
         self.wanted_scale = scale or self.settings.ui_scale
         self.overlays = set(OVERLAYS if self.settings.overlays is None else self.settings.overlays)
         self.selected: int | None = None

@@ -29,6 +29,7 @@ class StartOptions:
     agents: int | None = None
     record: Path | None = None
     theme: str | None = None
+    palette: str | None = None  # of brushes
     size: str = "1280x720"
     frames: int | None = None
     text_size: float | None = None  # %, of text and buttons
@@ -108,7 +109,9 @@ def _play(session, wishes, size, interrupts):
 
     app, ended_well = None, False
     try:
-        app = App(session, size, wishes.theme, wishes.text_size and wishes.text_size / 100, wishes.brush)
+        app = App(
+            session, size, wishes.theme, wishes.text_size and wishes.text_size / 100, wishes.brush, wishes.palette
+        )
         known = None if is_recording(wishes.level) else wishes.level
         left = known and Session.recoverable(known, tell=lambda text: app.notify(text, "warning"))
         if left:

@@ -7,14 +7,17 @@ import zlib
 
 import numpy as np
 import pytest
+from flockbrush.systems.palette import Palette
 
+from flockbrush.cli.shared_options import PaletteName, ThemeName
 from flockbrush.output.export import Exports
+from flockbrush.output.gltf.bodies import LIGHT
 from flockbrush.output.pictures import herd_of, painter_of
 from flockbrush.render.brush_marks import difference
 from flockbrush.render.drawn_herd import checked
 from flockbrush.render.painter import brush_rgb, brushes_in_sight
 from flockbrush.render.sprites import look_colours
-from flockbrush.render.style import PALETTES, THEMES, rgb, theme_of, worn
+from flockbrush.render.style import PALETTES, THEMES, linear_rgb, rgb, theme_of, worn
 from flockbrush.runs.run import start
 from flockbrush.runs.snapshots import moment_of
 
@@ -38,6 +41,16 @@ def test_a_palette_colours_the_brushes_of_a_world_in_turn():
     assert theme_of(theme_of("light", "tol"), "own") == theme_of("light")
     with pytest.raises(ValueError, match="okabe-ito"):
         theme_of("light", "rainbow")
+
+
+def test_commands_know_every_palette_and_theme(tmp_path, cli):
+    assert [name.value for name in PaletteName] == list(PALETTES)
+    assert [name.value for name in ThemeName] == list(THEMES)
+    pictures = []
+    for palette in ("own", "tol"):
+        cli("level", "render", "meadow", "-o", tmp_path / f"{palette}.png", "--palette", palette)
+        pictures.append((tmp_path / f"{palette}.png").read_bytes())
+    assert pictures[0] != pictures[1]
 
 
 @pytest.mark.parametrize("view", ["plan", "space"])
@@ -65,6 +78,38 @@ def test_a_page_has_the_palette_that_was_asked_for(tmp_path):
     assert about["brush_colours"][:2] == list(PALETTES["okabe-ito"][:2])
     grounds = dict(zip(about["words"]["brush"], about["brush_grounds"], strict=True))
     assert grounds["graze"].startswith("data:image/jpeg;base64,") and grounds["graze"] != grounds["march"]
+
+
+def test_scenes_for_other_tools_have_the_palette_that_was_asked_for(tmp_path):
+    """The materials of brushes in glTF and USD, and the ground that is painted with them."""
+    usd = pytest.importorskip("pxr.Usd", reason="usd-core is not installed")
+    from pxr import UsdShade
+
+    grounds = []
+    for palette in ("own", "tol"):
+        run, paths = start("meadow", seed=1), [tmp_path / f"{palette}.glb", tmp_path / f"{palette}.usdc"]
+        brushes = run.world.resource(Palette).brushes
+        with Exports(paths, run, palette=palette) as exports:
+            exports.take()
+            exports.take()
+        run.close()
+        worn_here = worn([brush.colour for brush in brushes], theme_of("light", palette))
+        wanted = {brush.name: linear_rgb(rgb(c)) for brush, c in zip(brushes, worn_here, strict=True)}
+        data = paths[0].read_bytes()
+        materials = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])["materials"]
+        stage, found = usd.Stage.Open(str(paths[1])), []
+        for material in materials:
+            word, _, name = material["name"].partition(" ")
+            if word != "brush":
+                continue
+            found.append(name)
+            light = np.minimum(wanted[name] * LIGHT, 1)
+            assert material["pbrMetallicRoughness"]["baseColorFactor"][:3] == pytest.approx(light, abs=1e-4)
+            shader = UsdShade.Shader(stage.GetPrimAtPath(f"/World/Materials/brush_{name}/Surface"))
+            assert list(shader.GetInput("diffuseColor").Get()) == pytest.approx(wanted[name], abs=1e-6)
+        assert found
+        grounds.append(paths[1].with_suffix(".ground.jpg").read_bytes())
+    assert grounds[0] != grounds[1]
 
 
 @pytest.mark.parametrize("view", ["plan", "space"])

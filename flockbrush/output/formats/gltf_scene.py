@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flockbrush.output.exporter import Exporter, Option, exporter
-from flockbrush.output.picture_exporter import CAMERA, LOOKS, camera_problems
+from flockbrush.output.picture_exporter import CAMERA, LOOKS, PALETTE, camera_problems
 
 THEME, _, AZIMUTH, ELEVATION = LOOKS
 
@@ -20,7 +20,7 @@ class GltfScene(Exporter):
             "gltf_mode", "nodes", "nodes: an animated node for each animal, up to 1,000; crowd: a buffer of records "
             "for readers as in examples/.", ("nodes", "crowd"),
         ),
-        THEME, AZIMUTH, ELEVATION, CAMERA,
+        THEME, PALETTE, AZIMUTH, ELEVATION, CAMERA,
     )  # fmt: skip
 
     @classmethod

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from flockbrush.engine.files import write_bytes
 from flockbrush.output.exporter import Exporter, Option, exporter
-from flockbrush.output.picture_exporter import CAMERA, LOOKS, camera_problems
+from flockbrush.output.picture_exporter import CAMERA, LOOKS, PALETTE, camera_problems
 
 THEME, _, AZIMUTH, ELEVATION = LOOKS
 
@@ -31,7 +31,7 @@ class UsdScene(Exporter):
             "skel: a skeleton for each.", ("instancer", "xforms", "skel"),
         ),
         Option("prototype", None, "A file that replaces the look of a species.", many=True, metavar="SPECIES=FILE"),
-        THEME, AZIMUTH, ELEVATION, CAMERA,
+        THEME, PALETTE, AZIMUTH, ELEVATION, CAMERA,
     )  # fmt: skip
 
     @classmethod
@@ -50,6 +50,7 @@ class UsdScene(Exporter):
     def open(self):
         from flockbrush.levels.build import Simulation
         from flockbrush.output.painted_ground import GroundPictures
+        from flockbrush.output.picture_exporter import chosen_theme
         from flockbrush.output.scene_meshes import SceneMeshes
         from flockbrush.output.usd.scene import UsdStage
 
@@ -57,7 +58,7 @@ class UsdScene(Exporter):
         picture = self.beside(self.path)[0]
         self._picture, self._ground, self._later = None, None, []
         if isinstance(self.simulation, Simulation):
-            self._ground = GroundPictures(SceneMeshes(self.simulation, self.options["theme"]), self.fps)
+            self._ground = GroundPictures(SceneMeshes(self.simulation, chosen_theme(self.options)), self.fps)
             self._picture = self._ground.first
         self._scene = UsdStage(self.temporary, self.simulation, self.fps, self.options, self._picture and picture.name)
 

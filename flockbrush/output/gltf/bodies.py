@@ -7,7 +7,7 @@ import numpy as np
 from flockbrush.output.gltf.document import VERTICES
 from flockbrush.render.animal_looks import CLIPS, LIGHT, WIDE, mesh_of, phased, poses_of
 from flockbrush.render.gaits import looks_of
-from flockbrush.render.style import PALETTE, linear_rgb, rgb
+from flockbrush.render.style import linear_rgb, worn_rgb
 from flockbrush.runs.snapshots import words_of
 from flockbrush.systems.palette import Palette
 
@@ -21,10 +21,12 @@ class GltfBodies:
     ----------
     document : Document
     simulation : Simulation
+    theme : Theme
+        What brushes look like.
     """
 
-    def __init__(self, document, simulation):
-        self.document, self.simulation = document, simulation
+    def __init__(self, document, simulation, theme):
+        self.document, self.simulation, self.theme = document, simulation, theme
         self.poses: dict[tuple[str, str, int], int] = {}  # number of each pose that was shown
         self._parts: dict[tuple, dict] = {}
         self._materials: dict[int, int] = {}
@@ -37,7 +39,7 @@ class GltfBodies:
     def colour(self, brush) -> tuple[int, int, int]:
         """Red, green, blue of a brush, 0 to 255, sRGB."""
         known = getattr(self.simulation.world.resource(Palette), "brushes", ())
-        return rgb(known[brush].colour if brush < len(known) else PALETTE[brush % len(PALETTE)])
+        return worn_rgb(brush, tuple(each.colour for each in known), self.theme)
 
     def brush_name(self, brush) -> str:
         """The name of a brush."""

@@ -7,6 +7,7 @@ import numpy as np
 from flockbrush.output.gltf.document import INDICES, VERTICES
 from flockbrush.output.moving_solids import MovingSolids
 from flockbrush.output.painted_ground import GroundPictures
+from flockbrush.output.picture_exporter import chosen_theme
 from flockbrush.output.scene_meshes import SceneMeshes
 from flockbrush.render.style import SUN, linear_rgb
 
@@ -33,7 +34,7 @@ class PlaceNodes:
 
     def __init__(self, document, bodies, simulation, options, world, fps):
         self.document, self.bodies, self.fps = document, bodies, fps
-        self.place = SceneMeshes(simulation, options.get("theme") or "light")
+        self.place = SceneMeshes(simulation, chosen_theme(options))
         self.node = document.node("Place", world)
         self.moving, self.painted = MovingSolids(self.place), GroundPictures(self.place, fps)
         self.grounds = []  # (frame from which it is shown, node)

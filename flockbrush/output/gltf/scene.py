@@ -18,7 +18,7 @@ from flockbrush.output.gltf.document import GltfDocument
 from flockbrush.output.gltf.nodes import Herd, hemisphere
 from flockbrush.output.gltf.place import PlaceNodes, facing
 from flockbrush.output.gltf.records import Records
-from flockbrush.output.picture_exporter import camera_of
+from flockbrush.output.picture_exporter import camera_of, chosen_theme
 from flockbrush.output.trajectory_table import metadata_of
 from flockbrush.render.gaits import Gaits
 from flockbrush.runs.snapshots import words_of
@@ -45,7 +45,7 @@ class GltfNodes:
         self.world = self.document.node("World", rotation=UPRIGHT)
         self.document.add("scenes", name="Scene", nodes=[self.world])
         self.document.top["scene"] = 0
-        self.bodies, self.gaits = GltfBodies(self.document, simulation), Gaits(simulation)
+        self.bodies, self.gaits = GltfBodies(self.document, simulation, chosen_theme(options)), Gaits(simulation)
         labels = [name for name in words_of(simulation) if name not in ("species", "brush")]
         self.records = Records(path.parent, simulation, labels)
         self.place, self.times = None, []

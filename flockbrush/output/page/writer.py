@@ -14,6 +14,7 @@ from flockbrush.output.attitude import held
 from flockbrush.output.moving_solids import MovingSolids
 from flockbrush.output.page.frames import COLUMNS, FRAMES, packed, row_of
 from flockbrush.output.painted_ground import PaintedGround
+from flockbrush.output.picture_exporter import chosen_theme
 from flockbrush.output.scene_meshes import SceneMeshes, jpeg_of
 from flockbrush.output.trajectory_table import metadata_of
 from flockbrush.render.animal_looks import CLIPS, mesh_of, poses_of
@@ -23,7 +24,7 @@ from flockbrush.render.gaits import Gaits, looks_of
 from flockbrush.render.painter import brushes_in_sight
 from flockbrush.render.scenery import Scenery
 from flockbrush.render.space_view import sky_of
-from flockbrush.render.style import PALETTE, mix, rgb, theme_of, worn
+from flockbrush.render.style import PALETTE, mix, rgb, worn
 from flockbrush.runs.run import versions
 from flockbrush.runs.snapshots import words_of
 from flockbrush.systems.landscape import Landscape
@@ -56,7 +57,7 @@ class PageWriter:
 
     def __init__(self, file, simulation, fps, options):
         self.file, self.simulation, self.fps, self.options = file, simulation, fps, options
-        self.theme = theme_of(options.get("theme") or "light", options.get("palette"))
+        self.theme = chosen_theme(options)
         self.gaits, self.frames, self.times = Gaits(simulation), 0, []
         self.rows, self.sizes, self.measures = [], {}, {name: [] for name, _, _ in MEASURES}
         self.labels: list[str] = []

@@ -9,7 +9,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
 from flockbrush.render.animal_looks import CLIPS, DARK, WIDE, mesh_of, phased, poses_of
 from flockbrush.render.gaits import looks_of
-from flockbrush.render.style import PALETTE, linear_rgb, mix, rgb
+from flockbrush.render.style import linear_rgb, mix, worn_rgb
 from flockbrush.runs.snapshots import words_of
 from flockbrush.systems.palette import Palette
 
@@ -26,10 +26,12 @@ class UsdBodies:
     simulation : Simulation
     given : dict of str to Path
         Files that replace the look of a species.
+    theme : Theme
+        What brushes look like.
     """
 
-    def __init__(self, stage, simulation, given):
-        self.stage, self.simulation, self.given = stage, simulation, given
+    def __init__(self, stage, simulation, given, theme):
+        self.stage, self.simulation, self.given, self.theme = stage, simulation, given, theme
         self._materials: dict[tuple[str, str], str] = {}
         stage.CreateClassPrim(LOOKS)
         UsdGeom.Scope.Define(stage, MATERIALS)
@@ -96,7 +98,7 @@ class UsdBodies:
     def _material(self, name, brush, part):
         """A material of the colour of a brush: its own, for hooves and wing tips (dark) or for heads (light)."""
         known = getattr(self.simulation.world.resource(Palette), "brushes", ())
-        colour = rgb(known[brush].colour if brush < len(known) else PALETTE[brush % len(PALETTE)])
+        colour = worn_rgb(brush, tuple(each.colour for each in known), self.theme)
         shades = {"dark": mix((0, 0, 0), colour, DARK), "light": mix(colour, (255, 255, 255), 0.4)}
         word = f"brush_{name}_{part}" if part else f"brush_{name}"
         return write_material(self.stage, f"{MATERIALS}/{Tf.MakeValidIdentifier(word)}", shades.get(part, colour))

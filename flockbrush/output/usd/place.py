@@ -7,6 +7,7 @@ from pxr import Gf, Sdf, Tf, UsdGeom, UsdLux, UsdShade, Vt
 
 from flockbrush.levels.build import Simulation
 from flockbrush.output.moving_solids import MovingSolids
+from flockbrush.output.picture_exporter import chosen_theme
 from flockbrush.output.scene_meshes import PICTURE, SceneMeshes
 from flockbrush.output.usd.bodies import MATERIALS, write_material
 from flockbrush.output.usd.herd import NOTHING
@@ -21,7 +22,7 @@ def write_place(stage, simulation, options, texture=None):
     """Everything that stands there, and who follows the obstacles (`Obstacles`); None for flights without a place."""
     if not isinstance(simulation, Simulation):
         return None
-    place = SceneMeshes(simulation, options.get("theme") or "light")
+    place = SceneMeshes(simulation, chosen_theme(options))
     UsdGeom.Xform.Define(stage, PLACE)
     _ground(stage, place, texture)
     obstacles = Obstacles(stage, place)

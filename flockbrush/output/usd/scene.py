@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pxr import Sdf, Usd, UsdGeom, Vt
 
-from flockbrush.output.picture_exporter import camera_of
+from flockbrush.output.picture_exporter import camera_of, chosen_theme
 from flockbrush.output.trajectory_table import metadata_of
 from flockbrush.output.usd.bodies import UsdBodies
 from flockbrush.output.usd.herd import Instancer, Xforms
@@ -54,7 +54,7 @@ class UsdStage:
         self._layer.customLayerData = {"flockbrush": about}
         self._gaits, self._pending = Gaits(simulation), 0
         given = dict(text.split("=", 1) for text in options.get("prototype") or ())
-        bodies = UsdBodies(stage, simulation, {name: Path(file) for name, file in given.items()})
+        bodies = UsdBodies(stage, simulation, {name: Path(file) for name, file in given.items()}, chosen_theme(options))
         self._herd = MODES[options.get("usd_mode") or "instancer"](stage, bodies, simulation)
         self._obstacles = write_place(stage, simulation, options, texture)
         self._camera = camera_of(options)
