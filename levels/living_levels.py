@@ -162,8 +162,8 @@ def city():
           program="evacuation")  # fmt: skip
     for at in (12, 200, 400):  # the square fills again, and is cleared again
         s.draw("Key", [(30, 24 + at / 100)], f"alarm {at}", at=at, command="Event", name="alarm")
-    s.draw("Line", [(28.4, 10), (31.6, 10)], "south gate", closed=False)
-    s.draw("Line", [(21, 38), (23.4, 38)], "north-west gate", closed=False)
-    s.draw("Line", [(36.6, 38), (39, 38)], "north-east gate", closed=False)
+    s.draw("Line", [(28.4, 10), (31.6, 10)], "south", closed=False)
+    s.draw("Line", [(21, 38), (23.4, 38)], "north-west", closed=False)
+    s.draw("Line", [(36.6, 38), (39, 38)], "north-east", closed=False)
     s.box("Area", 30, 14, 6, 4, "before the south gate")
     return s
