@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from flockbrush.cli.shared_options import Json, ThemeName, ThemeOption
+from flockbrush.cli.shared_options import Json, PaletteName, PaletteOption, ThemeName, ThemeOption
 
 brush_app = typer.Typer(
     help="List, show and preview brushes: models of behaviour with their parameters.", no_args_is_help=True
@@ -112,8 +112,9 @@ def brush_preview(
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, metavar="K", help="Random seed.")] = 0,
     start: Annotated[StartLayout, typer.Option(help="Arrangement of the animals at the start.")] = StartLayout.scatter,
     theme: ThemeOption = ThemeName.light,
+    palette: PaletteOption = PaletteName.own,
 ):
     """Draw animals under a brush on a plane: at the start, half-way and at the end."""
     from flockbrush.cli.commands import preview_brush
 
-    preview_brush(name, output, agents, seconds, seed, start.value, theme.value)
+    preview_brush(name, output, agents, seconds, seed, start.value, theme.value, palette.value)

@@ -481,13 +481,14 @@ def check_brushes(files):
         raise typer.Exit(terminal.PROBLEM)
 
 
-def preview_brush(name, output, agents, seconds, seed, start, theme):
+def preview_brush(name, output, agents, seconds, seed, start, theme, palette):
     """Draw what animals under a brush do on a plain."""
     from flockbrush.output.preview import preview
+    from flockbrush.render.style import theme_of
 
     check_png(output)
     brush = find_brush(name)
     ticks_of(RunRequest("", seconds=seconds), 1 / 32)
     with terminal.Interrupts() as interrupts, terminal.compiling():
-        preview(brush, output, agents, seconds, seed, start, theme, interrupts)
+        preview(brush, output, agents, seconds, seed, start, theme_of(theme, palette), interrupts)
     print_line(f"wrote {output}")

@@ -28,6 +28,7 @@ from flockbrush.cli.shared_options import (
     Json,
     LevelName,
     PaletteName,
+    PaletteOption,
     RecordingPath,
     ReportFolder,
     Seconds,
@@ -87,6 +88,7 @@ def demo(
     record: Annotated[Path | None, typer.Option(metavar="FILE", help="Recording to write.")] = None,
     threads: Threads = None,
     theme: ThemeOption = ThemeName.light,
+    palette: PaletteOption = PaletteName.own,
 ):
     """Run a flock of sheep through a pasture with obstacles; write demo.mp4 and print measures."""
     from flockbrush.cli.commands import RunRequest, run_level
@@ -100,7 +102,7 @@ def demo(
             record=record,
             exports=[out],
             threads=threads,
-            options={"theme": theme.value},
+            options={"theme": theme.value, "palette": palette.value},
         )
     )
 

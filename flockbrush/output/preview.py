@@ -15,7 +15,7 @@ from flockbrush.output.pictures import herd_of
 from flockbrush.render import Painter, write_png
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_terrain import nice
-from flockbrush.render.style import rgb, theme_of
+from flockbrush.render.style import rgb, theme_of, worn
 from flockbrush.runs.snapshots import Moment, moment_of
 from flockbrush.runs.terminal import progress
 from flockbrush.systems.measures import compute_milling, compute_polarization
@@ -38,6 +38,7 @@ def preview(brush, path, agents=200, seconds=30.0, seed=0, start="scatter", them
         When the last panel is taken, half of it for the middle one.
     start : {"scatter", "grid", "ring", "line"}
         How the herd stands at first.
+    theme : str or Theme
     """
     simulation = plane(brush, agents, start=start, seed=seed, **(ALOFT if behaviours()[brush.model].flight else {}))
     ticks = round(seconds / simulation.clock.dt)
@@ -67,7 +68,7 @@ def _sheet(simulation, brush, panels, theme):
     width = len(panels) * (PANEL + GAP) + GAP
     image = np.full((HEAD + PANEL + FOOT, width, 3), rgb(look.paper), np.uint8)
     canvas = Canvas(image)
-    canvas.disc((GAP + 9, HEAD / 2), 9, rgb(brush.colour))
+    canvas.disc((GAP + 9, HEAD / 2), 9, rgb(worn([brush.colour], look)[0]))
     title = f"{brush.title or brush.name}"
     used = canvas.words(title, (GAP + 28, HEAD / 2), 24, look.ink, anchor=(0, 0.5))
     about = f"{brush.name}, model {brush.model}, {len(panels[-1][-1])} animals of {brush.body.length:g} m"

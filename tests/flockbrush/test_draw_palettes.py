@@ -46,11 +46,12 @@ def test_a_palette_colours_the_brushes_of_a_world_in_turn():
 def test_commands_know_every_palette_and_theme(tmp_path, cli):
     assert [name.value for name in PaletteName] == list(PALETTES)
     assert [name.value for name in ThemeName] == list(THEMES)
-    pictures = []
-    for palette in ("own", "tol"):
-        cli("level", "render", "meadow", "-o", tmp_path / f"{palette}.png", "--palette", palette)
-        pictures.append((tmp_path / f"{palette}.png").read_bytes())
-    assert pictures[0] != pictures[1]
+    few = ("--agents", 20, "--seconds", 0)
+    for words in (("level", "render", "meadow"), ("brush", "preview", "march", *few)):
+        pictures = [tmp_path / f"{words[0]}-{palette}.png" for palette in ("own", "tol")]
+        for palette, picture in zip(("own", "tol"), pictures, strict=True):
+            cli(*words, "-o", picture, "--palette", palette)
+        assert pictures[0].read_bytes() != pictures[1].read_bytes()
 
 
 @pytest.mark.parametrize("view", ["plan", "space"])
