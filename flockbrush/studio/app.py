@@ -79,7 +79,7 @@ class App(Hand, Deeds, CanvasEvents):
         self.settings, problem = load_settings()
         self.theme = theme_of(theme or self.settings.theme or "light", palette or self.settings.palette)
         self.wanted_scale = scale or self.settings.ui_scale
-        self.overlays = set(OVERLAYS if self.settings.overlays is None else self.settings.overlays)
+        self.overlays = self.settings.shown(OVERLAYS)
         self.selected: int | None = None
         self.memory: dict = {}
         self.seconds = {"simulation": 0.0, "drawing": 0.0, "interface": 0.0}

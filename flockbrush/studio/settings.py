@@ -8,12 +8,14 @@ import sys
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from flockbrush.behaviours.validation import validated
 from flockbrush.engine import limits
 from flockbrush.engine.files import home, write_bytes
 from flockbrush.engine.problems import ProblemsError
+
+LISTED = ("trails", "shadows", "forces", "field_of_view")  # overlays shown at first when files listed them
 
 
 class Settings(BaseModel):
@@ -25,7 +27,19 @@ class Settings(BaseModel):
     palette: Literal["own", "okabe-ito", "tol"] | None = Field(default=None, description="colours of brushes")
     ui_scale: float | None = Field(default=None, ge=0.5, le=4, description="size of text and buttons; 1 is normal")
     brush_size: float | None = Field(default=None, gt=0, le=10_000, description="radius of the brush, m")
-    overlays: tuple[str, ...] | None = Field(default=None, description="overlays that are shown", max_length=100)
+    overlays: dict[str, bool] = Field(default={}, description="overlays: shown or not", max_length=100)
+
+    @field_validator("overlays", mode="before")
+    @classmethod
+    def _of_a_list(cls, value):
+        """Earlier files list the overlays that are shown; of what came later they say nothing."""
+        if not isinstance(value, (list, tuple)):
+            return value
+        return dict.fromkeys(LISTED, False) | dict.fromkeys(map(str, value), True)
+
+    def shown(self, first) -> set[str]:
+        """Names of the overlays that are shown, if those of ``first`` are unless the person has chosen."""
+        return {name for name in {*first, *self.overlays} if self.overlays.get(name, True)}
 
     def save(self, path=None) -> str:
         """Keep them for the next time; returns a sentence about what went wrong, "" when nothing did."""

@@ -14,7 +14,7 @@ def path(tmp_path):
 
 
 def test_what_was_chosen_is_there_the_next_day(path):
-    chosen = Settings(theme="dark", ui_scale=1.25, brush_size=3.5, overlays=("trails", "links"))
+    chosen = Settings(theme="dark", ui_scale=1.25, brush_size=3.5, overlays={"trails": True, "links": False})
     assert chosen.save(path) == ""
     assert load_settings(path) == (chosen, "")
 
@@ -30,6 +30,16 @@ def test_a_file_that_is_no_settings_is_named_and_ignored(path, text):
     settings, said = load_settings(path)
     assert settings == Settings()
     assert str(path) in said and "\n" not in said
+
+
+def test_an_overlay_that_an_earlier_file_does_not_know_is_shown_as_at_first(path):
+    path.parent.mkdir()
+    path.write_text(json.dumps({"overlays": ["trails", "links"]}))
+    settings, said = load_settings(path)
+    assert said == "" and settings.shown(("trails", "shadows", "dust")) == {"trails", "links", "dust"}
+    settings.overlays |= {"dust": False}
+    settings.save(path)
+    assert load_settings(path)[0].shown(("trails", "shadows", "dust", "newer")) == {"trails", "links", "newer"}
 
 
 def test_one_wrong_setting_leaves_the_others(path):

@@ -80,7 +80,7 @@ class ViewPanel(Panel):
             for name, box in self.boxes.items():
                 if event.ui_element is box:
                     (self.app.overlays.add if box.is_checked else self.app.overlays.discard)(name)
-                    self.app.remember(overlays=tuple(sorted(self.app.overlays)))
+                    self.app.remember(overlays={**self.app.settings.overlays, name: box.is_checked})
                     return True
         if event.type == UI_DROP_DOWN_MENU_CHANGED and event.ui_element is self.theme:
             self.app.set_theme(event.text)
