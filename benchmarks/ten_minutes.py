@@ -1,13 +1,13 @@
-"""Ten minutes of every shipped level: who is still there, who still moves, who stands at a wall.
+"""Ten minutes of every shipped level: who is still there, who still moves, who is jammed.
 
     python benchmarks/ten_minutes.py                        all levels, as a table
     python benchmarks/ten_minutes.py elephants --stills DIR with pictures after 0, 120, 300 and 600 s
     python benchmarks/ten_minutes.py crowded --agents 500
 
 An animal *moves* when it was, within the last minute, ever further than five body lengths from where it was at the
-minute's beginning.  It is *jammed* when it did not, stands within two body lengths of the border, of an obstacle or
-of ground that bars its way, and its speed is not 0, as that of those who rest is.  `gone` counts animals that left
-the world by a goal, an exit or a hunter.
+minute's beginning.  It is *jammed* when it did not and made less than half of the way that it tried to make in
+that minute: bodies, a wall or the border are in its way.  `gone` counts animals that left the world by a goal, an
+exit or a hunter.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from flockbrush.components import Body, Heading, Position, Velocity
-from flockbrush.systems.landscape import Landscape
+from flockbrush.components import Body, Heading, Position, Speed, Velocity
 from flockbrush.systems.measures import compute_polarization
 
 from flockbrush.runs.run import shipped_levels, start
 
 SECONDS, STILLS = 600, (0, 120, 300, 600)
 MINUTE = 60  # samples, one a second
-FAR, NEAR = 5.0, 2.0  # body lengths
+FAR = 5.0  # body lengths
+HELD = 0.5  # of the way that it tried to make
 
 
 @dataclass
@@ -42,14 +42,16 @@ class Look:
 
 
 class Minute:
-    """Where everybody was in the last minute, by id."""
+    """Where everybody was in the last minute, how fast it was and tried to be, m and m/s, by id."""
 
     def __init__(self):
-        self.then, self.farthest, self.samples = {}, {}, []
+        self.samples, self.speeds = [], []
 
-    def see(self, ids, xyz):
+    def see(self, ids, xyz, speed, target):
         """A second later."""
         self.samples = [*self.samples[-MINUTE:], dict(zip(ids.tolist(), xyz.tolist(), strict=True))]
+        both = zip(speed.tolist(), target.tolist(), strict=True)
+        self.speeds = [*self.speeds[-MINUTE:], dict(zip(ids.tolist(), both, strict=True))]
 
     def way(self, ids):
         """(n,) m that each was away from its place at the beginning of the minute, at most."""
@@ -63,6 +65,14 @@ class Minute:
                 far[one] = max(far[one], float(np.linalg.norm(np.subtract(sample[one], first[one]))))
         return np.array([far[one] for one in ids.tolist()])
 
+    def jammed(self, ids, length):
+        """(n,) bool."""
+        sums = np.array(
+            [np.sum([sample[one] for sample in self.speeds if one in sample], axis=0) for one in ids.tolist()]
+        )
+        gone, tried = sums.reshape(-1, 2).T
+        return (self.way(ids) <= FAR * length) & (gone < HELD * tried)
+
 
 def watched(name, seconds=SECONDS, agents=None, at_still=lambda simulation, second: None):
     """A `Look` at a level after so many seconds; `at_still` is called at each second of `STILLS`."""
@@ -73,7 +83,8 @@ def watched(name, seconds=SECONDS, agents=None, at_still=lambda simulation, seco
             at_still(simulation, second)
         animals = simulation.agents
         seen.update(animals.ids.tolist())
-        minute.see(animals.ids, animals[Position.xyz])
+        speed = np.linalg.norm(animals[Velocity.xyz], axis=1)
+        minute.see(animals.ids, animals[Position.xyz], speed, animals[Speed.target])
         if second < seconds:
             simulation.run(ticks)
     look = _look(name, simulation, minute, seen)
@@ -86,20 +97,9 @@ def _look(name, simulation, minute, seen):
     xy, length = animals[Position.xyz][:, :2], animals[Body.length]
     inside = ((xy >= 0) & (xy <= (level.width, level.height))).all(axis=1)
     moved = minute.way(animals.ids) > FAR * length
-    jammed = ~moved & (_room(simulation, xy) < NEAR * length) & (np.linalg.norm(animals[Velocity.xyz], axis=1) > 0)
+    jammed = minute.jammed(animals.ids, length)
     share = [float(k.mean()) if len(k) else float("nan") for k in (inside, moved, jammed)]
     return Look(name, len(xy), len(seen) - len(xy), *share, compute_polarization(animals[Heading.forward]))
-
-
-def _room(simulation, xy):
-    """(n,) m to the next thing that bars the way: the border of the map, an obstacle or ground."""
-    level, land = simulation.level, simulation.world.resource(Landscape)
-    room = np.minimum(xy, np.subtract((level.width, level.height), xy)).min(axis=1)
-    for x0, y0, x1, y1 in land.solid.ends:
-        start, way = np.array((x0, y0)), np.array((x1 - x0, y1 - y0))
-        share = np.clip((xy - start) @ way / max(way @ way, 1e-12), 0.0, 1.0)
-        room = np.minimum(room, np.linalg.norm(xy - start - share[:, None] * way, axis=1))
-    return room
 
 
 def main():
