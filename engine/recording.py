@@ -110,10 +110,6 @@ class Recording:
         """Keep a record of a `flockbrush.engine.trail.Trail` after this many ticks."""
         self._append(TRAIL, tick, sums)
 
-    def keyframe(self, tick, state):
-        """Keep a `snapshot` after this many ticks."""
-        self._append(KEYFRAME, tick, state)
-
     def note(self, tick):
         """The recording now speaks of this tick."""
         self.last_tick = max(self.last_tick, int(tick))

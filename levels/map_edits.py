@@ -27,7 +27,6 @@ from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, Pla
 from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone, PlaceKey
 from flockbrush.systems.painting import blended, cells_of
 
-NAMES = {"brush": "Brush", "cap": "SpeedCap", "surface": "Terrain"}  # class of a layer's tiles
 HOME = {"brush": "brush", "cap": "speed", "surface": "terrain"}  # where they are painted
 OPACITY = {"brush": 0.4, "cap": 0.5, "surface": 1}
 _TYPES = {bool: "bool", int: "int", float: "float", str: "string"}  # of arguments, as Tiled calls them

@@ -185,15 +185,6 @@ class Document:
 
     # ------------------------------------------------------------ editing
 
-    def set_property(self, number, name, value):
-        """Give an object a property; the schema says which there are."""
-        thing = self.object(number)[0]
-        _set(thing, name, value)
-
-    def set_map_property(self, name, value):
-        """Give the map a property."""
-        _set(self.data, name, value)
-
     def move_object(self, number, xy):
         """Put an object's own origin at a place in metres."""
         thing, dx, dy = self.object(number)

@@ -13,33 +13,6 @@ from numba import njit
 FULL = 4.0  # a field turned aside by a wall keeps its length unless less than 1/4 of it is left
 
 
-def cancelling_field(field, blocked, radius_cells):
-    """The cancelling field CF of eq. 14 [1]_: added to a field, nobody is sent into a wall.
-
-    In a cell beside an obstacle it is the sum of eq. 14 over the blocked neighbours that the field could be
-    propagated to: those to the east, north, west and south, and a diagonal one when it stands out as a corner (both
-    cells between are free) and the field heads for it (within 22.5 degrees).  Counting every diagonal would cancel a
-    flat wall's part twice and send animals back.  From there CF spreads outwards, averaged, fading linearly to
-    nothing at the radius; away from the wall it never takes more than the field has in that direction.
-
-    Parameters
-    ----------
-    field : ndarray, (ny, nx, 2)
-        The field GF.
-    blocked : ndarray, (ny, nx) bool
-        Obstacles.
-    radius_cells : float
-        How far it reaches, in cells; up to 1: only beside the obstacle.  0: no cancelling at all.
-
-    Returns
-    -------
-    ndarray, (ny, nx, 2)
-        CF, zero in blocked cells.
-    """
-    blocked = np.ascontiguousarray(blocked, bool)
-    return _cancel(np.ascontiguousarray(field, np.float64), blocked, radius_cells, np.zeros(blocked.shape))[..., :2]
-
-
 def around_obstacles(field, blocked, radius_cells):
     """A guide field that leads along walls, and round them where it would run straight into one.
 
@@ -69,13 +42,36 @@ def around_obstacles(field, blocked, radius_cells):
     blocked = np.ascontiguousarray(blocked, bool)
     field = np.ascontiguousarray(field, np.float64)
     side = _sides(field, blocked) if radius_cells > 0 else np.zeros(blocked.shape)
-    out = turn_(field, _cancel(field, blocked, radius_cells, side))
+    out = turn_(field, cancelling_field(field, blocked, radius_cells, side))
     keep_out_(out, blocked)
     return out
 
 
-def _cancel(field, blocked, radius_cells, side):
-    """(ny, nx, 3) the cancelling field and, averaged likewise, the side to turn to."""
+def cancelling_field(field, blocked, radius_cells, side):
+    """The cancelling field CF of eq. 14 [1]_: added to a field, nobody is sent into a wall.
+
+    In a cell beside an obstacle it is the sum of eq. 14 over the blocked neighbours that the field could be
+    propagated to: those to the east, north, west and south, and a diagonal one when it stands out as a corner (both
+    cells between are free) and the field heads for it (within 22.5 degrees).  Counting every diagonal would cancel a
+    flat wall's part twice and send animals back.  From there CF spreads outwards, averaged, fading linearly to
+    nothing at the radius; away from the wall it never takes more than the field has in that direction.
+
+    Parameters
+    ----------
+    field : ndarray, (ny, nx, 2)
+        The field GF.
+    blocked : ndarray, (ny, nx) bool
+        Obstacles.
+    radius_cells : float
+        How far it reaches, in cells; up to 1: only beside the obstacle.  0: no cancelling at all.
+    side : ndarray, (ny, nx)
+        To which side cells turn: 1 left, -1 right, 0 neither.
+
+    Returns
+    -------
+    ndarray, (ny, nx, 3)
+        CF, zero in blocked cells, and the side, averaged likewise.
+    """
     if radius_cells <= 0:
         return np.zeros((*blocked.shape, 3))
     seeds, values = beside_(field, blocked, side)

@@ -20,7 +20,6 @@ from numba import njit
 TOLERANCE = 0.5  # wingspans from the curve: farther is out of line
 PER_NUMBER = 0.5  # what each number of a curve beyond two costs, in birds
 ALL_UP_TO = 100  # birds: more would take too long, and are sampled
-SAMPLES = 300  # of RANSAC
 LINE, V, PARABOLA = 0, 1, 2
 
 

@@ -68,43 +68,6 @@ def slope_(x, y):
     return SCALE * _bend(abs(x), abs(y))[0]
 
 
-def g(x, y):
-    """What a bird saves that flies ``x`` wingspans beside and ``y`` behind another.
-
-    Parameters
-    ----------
-    x, y : float or array_like
-        Wingspans; ``y`` is negative before the other.
-
-    Returns
-    -------
-    ndarray or float
-
-    Raises
-    ------
-    ValueError
-        Where ``x`` is within `REACH`: that is downwash, and the formula does not hold.
-
-    References
-    ----------
-    .. [1] Hummel, D. (1983). Aerodynamic aspects of formation flight in birds. J. Theor. Biol. 104(3), 321-347.
-    """
-    x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
-    if not (np.abs(x) > REACH).all():
-        raise ValueError(f"lateral distances must be more than π/4 = {REACH:.4f} wingspans, got {np.abs(x).min():.4g}")
-    if not np.isfinite(y).all():
-        raise ValueError("distances must be finite numbers")
-    out = np.empty(x.shape)
-    _fill(np.ascontiguousarray(x).ravel(), np.ascontiguousarray(y).ravel(), out.reshape(-1))
-    return out if out.ndim else float(out)
-
-
-@njit(cache=True, nogil=True)
-def _fill(x, y, out):
-    for i in range(len(x)):
-        out[i] = g_(x[i], y[i])
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
 def power(x, y):
     """Power reduction of every bird, e_i = Σ_j g_ij (eq. 1 without the drag ratio), (n,).

@@ -32,7 +32,6 @@ from flockbrush.engine.parallel import over_rows
 from numba import njit
 from pydantic import Field
 
-DIRECTION, POINT = 1, 2  # what `Air.bound` may be
 URGES = ("obstacle", "separation", "fear", "matching", "centring", "migration", "height")  # in order of priority
 REASONS = dict(  # what designers read: the names that the herd's forces have
     zip(URGES, ("obstacles", "avoidance", "fear", "alignment", "cohesion", "migration", "height"), strict=True)

@@ -19,7 +19,6 @@ from flockbrush.systems.senses import _cosine_of_half, _nearest_points
 from flockbrush.systems.visibility import edges_by_cell, no_edges, visible_neighbours
 
 BODILESS = "metric", "hidden_points"  # sights in which bodies hide nobody
-NOBODY = -1  # leader_neighbours at which nobody leads
 
 
 class Percept(NamedTuple):

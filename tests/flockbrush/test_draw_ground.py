@@ -16,7 +16,7 @@ from flockbrush.render.hud import GLYPHS, Layout, clock, say, things_of
 from flockbrush.render.painter import Painter
 from flockbrush.render.scenery import Scenery
 from flockbrush.render.shapes import cover_polygon, cover_segments
-from flockbrush.render.sheet import contact_sheet, level_sheet, preview
+from flockbrush.render.sheet import contact_sheet
 from flockbrush.render.style import DARK, LIGHT, PALETTE, rgb, theme_of
 from flockbrush.render.text import shortened, width_of, words
 
@@ -294,27 +294,6 @@ def test_a_contact_sheet_shows_every_picture():
         assert (sheet == 40 * k).all(axis=2).sum() >= (30 + 10 * k) * 50
     with pytest.raises(ValueError, match="at least one"):
         contact_sheet([])
-
-
-def test_a_sheet_of_levels_with_and_without_animals():
-    animals = DrawnHerd(np.array([[20.0, 15.0]]), np.array([[1.0, 0.0]]))
-    sheet = level_sheet([level(), level(**THINGS["goal"])], [None, animals], thumbnail=(120, 90))
-    assert sheet.ndim == 3 and sheet.std() > 3
-
-
-def test_a_preview_follows_the_herd_and_shows_three_looks():
-    rng = np.random.default_rng(0)
-    start = rng.uniform(0, 8, (40, 2))
-    east = np.tile([1.0, 0.0], (40, 1))
-    herds = [
-        DrawnHerd(start + (k * 2.0, 0), east, brush_colours=("#2040ff",), brush=np.zeros(40, int)) for k in range(30)
-    ]
-    picture = preview(herds, np.arange(30) / 4, (600, 240), title="march", measures=[{"polarization": 1.0}] * 3)
-    assert picture.shape == (240, 600, 3)
-    blue = (picture[:, :, 2].astype(int) - picture[:, :, 0] > 60).sum(axis=0)
-    assert all(blue[third * 200 : third * 200 + 200].sum() > 30 for third in range(3))
-    with pytest.raises(ValueError, match="as many times"):
-        preview(herds, [0.0])
 
 
 def test_the_same_level_gives_the_same_ground():

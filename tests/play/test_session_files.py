@@ -325,7 +325,7 @@ def test_a_disk_that_is_really_full_loses_nothing(session, tmp_path):
 def touched(level, seed):
     """Another program changes the level's seed."""
     document = Document.load(level)
-    document.set_map_property("seed", seed)
+    next(p for p in document.data["properties"] if p["name"] == "seed")["value"] = seed
     document.save(backup=False)
 
 
