@@ -26,7 +26,7 @@ from typing import Annotated, Any
 
 from flockbrush.behaviours.brush_tables import Provenance, SpeedSpec, VisionSpec
 from flockbrush.behaviours.brush_writer import brush_to_toml
-from flockbrush.behaviours.file_library import NAME, FileLibrary, read_source
+from flockbrush.behaviours.file_library import NAME, FileLibrary, check_schema, name_in, read_source
 from flockbrush.behaviours.spec import Line, Spec, Text, spec_field
 from flockbrush.behaviours.species import BodySpec, SpeciesLibrary, shipped_species
 from flockbrush.behaviours.tomlfile import Key, TomlFile
@@ -233,10 +233,10 @@ def load_brush(
 
 def _read(toml: TomlFile, models: Mapping[str, Any]) -> Brush:
     document = dict(toml.data)
-    _check_schema(toml, document.pop("schema", None))
-    problems: list[Problem] = []
-    document["name"], name_problems = _name_of(toml)
-    problems += name_problems
+    if not toml.data:
+        raise ProblemsError([Problem(toml.name, 1, None, f'is empty; a brush starts with: schema = "{SCHEMA}"')])
+    check_schema(toml, document.pop("schema", None), SCHEMA)
+    document["name"], problems = name_in(toml, SUFFIX)
     if "name" in toml.data:
         problems.append(toml.problem(("name",), "a brush's name is its file's name; remove this line"))
     document["params"], mistakes = _read_parameters(document, models)
@@ -252,25 +252,6 @@ def _read(toml: TomlFile, models: Mapping[str, Any]) -> Brush:
     if brush is None or problems:
         raise ProblemsError(sorted(problems, key=lambda problem: problem.line or 0))
     return brush
-
-
-def _check_schema(toml: TomlFile, schema: Any):
-    """Another schema has other rules: nothing else is said of the file then."""
-    if not toml.data:
-        raise ProblemsError([Problem(toml.name, 1, None, f'is empty; a brush starts with: schema = "{SCHEMA}"')])
-    if schema is None:
-        raise ProblemsError([Problem(toml.name, 1, "schema", f'is missing; a brush starts with: schema = "{SCHEMA}"')])
-    if schema != SCHEMA:
-        raise ProblemsError([toml.problem(("schema",), f"must be '{SCHEMA}', got {shown(schema)}")])
-
-
-def _name_of(toml: TomlFile) -> tuple[str, list[Problem]]:
-    base = re.split(r"[/\\]", toml.name)[-1]
-    name = base.removesuffix(SUFFIX)
-    if base.endswith(SUFFIX) and NAME.fullmatch(name):
-        return name, []
-    message = f"a brush file is called NAME{SUFFIX}, with letters, digits, - and _ in NAME; this one is called {base!r}"
-    return "unnamed", [Problem(toml.name, None, None, message)]
 
 
 def _read_parameters(document: dict, models: Mapping[str, Any]) -> tuple[BaseModel, list[tuple[Key, str]]]:

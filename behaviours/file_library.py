@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import ClassVar
 
 from flockbrush.behaviours.tomlfile import TomlFile, parse_toml, read_bytes
+from flockbrush.behaviours.validation import shown
+from flockbrush.engine.problems import Problem, ProblemsError
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
@@ -19,6 +21,29 @@ def read_source(source: str | os.PathLike | bytes, file: str | None, suffix: str
         file = file or os.fspath(source)
         source = read_bytes(source)
     return parse_toml(source, file or f"unnamed{suffix}"), source
+
+
+def check_schema(toml: TomlFile, found: object, schema: str) -> None:
+    """ProblemsError for another schema: that has other rules, so nothing else is said of the file then."""
+    kind = schema.removeprefix("flockbrush.").partition("/")[0]
+    if found is None:
+        message = f'is missing; a {kind} starts with: schema = "{schema}"'
+        raise ProblemsError([Problem(toml.name, 1, "schema", message)])
+    if found != schema:
+        raise ProblemsError([toml.problem(("schema",), f"must be '{schema}', got {shown(found)}")])
+
+
+def name_in(toml: TomlFile, suffix: str) -> tuple[str, list[Problem]]:
+    """The name that a file gives to what is in it; "unnamed" and a problem where it is called otherwise."""
+    base = re.split(r"[/\\]", toml.name)[-1]
+    name = base.removesuffix(suffix)
+    if base.endswith(suffix) and NAME.fullmatch(name):
+        return name, []
+    kind = suffix.split(".")[1]
+    message = (
+        f"a {kind} file is called NAME{suffix}, with letters, digits, - and _ in NAME; this one is called {base!r}"
+    )
+    return "unnamed", [Problem(toml.name, None, None, message)]
 
 
 class FileLibrary:

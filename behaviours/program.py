@@ -25,13 +25,12 @@ from __future__ import annotations
 import functools
 import hashlib
 import os
-import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
 from flockbrush.behaviours.amounts import Length, TimeRange
-from flockbrush.behaviours.file_library import NAME, FileLibrary, read_source
+from flockbrush.behaviours.file_library import NAME, FileLibrary, check_schema, name_in, read_source
 from flockbrush.behaviours.spec import Line, Spec, Text, spec_field
 from flockbrush.behaviours.tomlfile import Key, TomlFile, parse_toml
 from flockbrush.behaviours.trigger import Condition, read_condition
@@ -197,8 +196,8 @@ def load_program(source: str | os.PathLike | bytes, file: str | None = None) -> 
 
 def _read(toml: TomlFile) -> Program:
     document = dict(toml.data)
-    _check_schema(toml, document.pop("schema", None))
-    name, problems = _name_of(toml)
+    check_schema(toml, document.pop("schema", None), SCHEMA)
+    name, problems = name_in(toml, SUFFIX)
     states, mistakes = _read_states(document.pop("state", None))
     triggers, more = _read_triggers(document.pop("trigger", ()), states)
     mistakes += more
@@ -222,27 +221,6 @@ def _misspelt(word):
     if word == "name":
         return "a program's name is its file's name; remove this line"
     return f"unknown name; write {'[state.NAME]' if word == 'states' else '[[trigger]]'} tables"
-
-
-def _check_schema(toml, schema):
-    """Another schema has other rules: nothing else is said of the file then."""
-    if schema is None:
-        raise ProblemsError(
-            [Problem(toml.name, 1, "schema", f'is missing; a program starts with: schema = "{SCHEMA}"')]
-        )
-    if schema != SCHEMA:
-        raise ProblemsError([toml.problem(("schema",), f"must be '{SCHEMA}', got {shown(schema)}")])
-
-
-def _name_of(toml):
-    base = re.split(r"[/\\]", toml.name)[-1]
-    name = base.removesuffix(SUFFIX)
-    if base.endswith(SUFFIX) and NAME.fullmatch(name):
-        return name, []
-    message = (
-        f"a program file is called NAME{SUFFIX}, with letters, digits, - and _ in NAME; this one is called {base!r}"
-    )
-    return "unnamed", [Problem(toml.name, None, None, message)]
 
 
 def _read_states(tables) -> tuple[dict[str, State] | None, list[tuple[Key, str]]]:

@@ -28,7 +28,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from flockbrush.behaviours.file_library import NAME, FileLibrary, read_source
+from flockbrush.behaviours.file_library import NAME, FileLibrary, check_schema, name_in, read_source
 from flockbrush.behaviours.spec import Line, Spec, Text, spec_field
 from flockbrush.behaviours.tomlfile import TomlFile
 from flockbrush.behaviours.validation import shown, validated
@@ -233,17 +233,8 @@ def load_species(source: str | os.PathLike | bytes, file: str | None = None) -> 
 
 def _read(toml: TomlFile) -> SpeciesSpec:
     document = dict(toml.data)
-    schema = document.pop("schema", None)
-    if schema != SCHEMA:
-        told = "is missing; a species starts with: " if schema is None else "must be, instead of what it is: "
-        raise ProblemsError([toml.problem(("schema",), f'{told}schema = "{SCHEMA}"')])
-    problems = []
-    base = re.split(r"[/\\]", toml.name)[-1]
-    document["name"] = base.removesuffix(SUFFIX)
-    if not base.endswith(SUFFIX) or not NAME.fullmatch(document["name"]):
-        document["name"] = "unnamed"
-        message = f"a species file is called NAME{SUFFIX}, with letters, digits, - and _ in NAME; it is called {base!r}"
-        problems.append(Problem(toml.name, None, None, message))
+    check_schema(toml, document.pop("schema", None), SCHEMA)
+    document["name"], problems = name_in(toml, SUFFIX)
     if "name" in toml.data:
         problems.append(toml.problem(("name",), "a species' name is its file's name; remove this line"))
     species, mistakes = validated(SpeciesSpec, document)

@@ -63,6 +63,13 @@ def test_limits_of_a_medium_that_it_cannot_move_in_are_refused():
     assert "media does not name" in problems(SHEEP.decode() + "[fly]\nspeed = 3.0\n")[0]
 
 
+def test_another_schema_is_refused_as_it_is_in_brushes():
+    told = problems(SHEEP.decode().replace("species/1", "species/9") + "unknown = 3\n")
+    assert [line.partition("schema: ")[2] for line in told] == [
+        "must be 'flockbrush.species/1', got 'flockbrush.species/9'"
+    ]
+
+
 def test_a_species_is_found_beside_a_level_before_the_shipped_ones(tmp_path):
     (tmp_path / "sheep.species.toml").write_bytes(SHEEP)
     library = SpeciesLibrary([tmp_path, *shipped_species().folders])
