@@ -70,9 +70,7 @@ def flight(birds, seed, kind="starlings"):
     side = 2.0 * birds ** (1 / 3)
     square = np.array([(1000, 1000), (1000 + side, 1000), (1000 + side, 1000 + side), (1000, 1000 + side)])
     heading = 0.7 * seed
-    spawn = Spawn(
-        1, "flock", square, "starling", "starlings", birds, heading, None, 60.0, 0.0, 0.0, "scatter", None, side
-    )
+    spawn = Spawn(1, "flock", square, "starling", "starlings", birds, heading, altitude=60.0, depth=side)
     parameters, speed = FLOCKS[kind]
     brush = shipped().get("starlings").with_parameters(**parameters)
     brush = brush.model_copy(update={"speed": brush.speed.model_copy(update=speed)})

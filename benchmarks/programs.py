@@ -79,10 +79,8 @@ def herd(animals, program):
     square = np.array([(40, 40), (40 + side, 40), (40 + side, 40 + side), (40, 40 + side)])
     den = np.array([(5, 5), (30, 5), (30, 30), (5, 30)], float)
     spawns = [
-        Spawn(
-            1, "", square, "sheep", "graze", animals, None, None, 0, 0, 0, "scatter", program=program and program.name
-        ),
-        Spawn(2, "", den, "wolf", "wolf-hunt", 3, None, None, 0, 0, 0, "scatter"),
+        Spawn(1, "", square, "sheep", "graze", animals, program=program and program.name),
+        Spawn(2, "", den, "wolf", "wolf-hunt", 3),
     ]
     pond = Area(1, "pond", square * 0.2 + 0.4 * size)
     level = Level("bench", None, size, size, 4.0, "open", 1, spawns=spawns, areas=[pond])

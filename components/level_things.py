@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
+from flockbrush.engine import limits
 
 FAR = 1e6  # m; no level is larger
 
@@ -67,9 +68,13 @@ class Property:
             raise ValueError(f"{self.name} must be {self.low:g} to {self.high:g}{unit}, got {value:g}")
 
 
-def prop(kind, default, meaning, unit="", **bounds) -> Any:
-    """A field of a thing that a designer may set, a `Property` by the name of the field."""
-    return field(default=default, metadata={"property": Property("", kind, default, meaning, unit, **bounds)})
+def prop(kind, default, meaning, unit="", kept=..., **bounds) -> Any:
+    """A field of a thing that a designer may set, a `Property` by the name of the field.
+
+    The default is ``kept`` in the field, if that is given, and shown to a designer as ``default``.
+    """
+    told = Property("", kind, default, meaning, unit, **bounds)
+    return field(default=default if kept is ... else kept, metadata={"property": told})
 
 
 def properties_of(thing) -> tuple[Property, ...]:
@@ -112,3 +117,46 @@ class Exit:
     id: int
     name: str
     polygon: np.ndarray  # (k, 2) m
+
+
+@dataclass
+class Obstacle:
+    """What animals walk around: it stops bodies, sight, or both."""
+
+    id: int  # of the object in the level file; 0: it is in none
+    name: str
+    polygon: np.ndarray  # (k, 2) m, counter-clockwise
+    solid: bool = prop("bool", True, "keeps bodies out")
+    blocks_view: bool = prop("bool", True, "hides animals behind it")
+    margin: float = prop("number", 0.0, "room kept free around it", "m", low=0, high=1000)
+    z_min: float = prop("number", 0.0, "where it begins above the ground", "m", low=-FAR, high=FAR)
+    z_max: float = prop("number", 1000.0, "where it ends above the ground", "m", low=-FAR, high=FAR)
+    shape: str = prop("enum", "box", "how it stands up from its outline", enum="ObstacleShape")
+    corners: np.ndarray | None = None  # (k, 3) m east, north, up of the middle of its foot: those of a hull
+
+
+BRUSH = "a brush asset, by name, or a .brush.toml file relative to the level"
+
+
+@dataclass
+class Spawn:
+    """Where animals come into the world, and which."""
+
+    id: int
+    name: str
+    polygon: np.ndarray  # (k, 2) m
+    species: str = prop("text", "animal", "what they are, for statistics and export")
+    brush: str = prop("brush", "", BRUSH, required=True)
+    count: int = prop("int", 0, "how many; or give density", low=0, high=int(limits.ANIMALS))  # 0 with a rate: no end
+    heading: float | None = prop(  # rad, counter-clockwise from east; None: each its own
+        "heading", "random", "random, north-east, ..., or degrees from east", "deg", kept=None
+    )
+    speed: float | None = prop("number", 0.0, "at the start; 0: the brush's", "m/s", kept=None, low=0, high=1000)
+    altitude: float = prop("number", 0.0, "above the ground", "m", low=0, high=FAR)
+    depth: float = prop("number", 0.0, "from the lowest to the highest of a flock", "m", low=0, high=FAR)
+    start: float = prop("number", 0.0, "when the first appear", "s", low=0, high=1e7)
+    rate: float = prop("number", 0.0, "how many a second; 0: all at once", "1/s", low=0, high=1e5)
+    formation: str = prop("enum", "scatter", "how they stand at first", enum="Formation")
+    body_length: float | None = prop("number", 0.0, "nose to tail; 0: the brush's", "m", kept=None, low=0, high=100)
+    program: str = prop("program", "", "a program, by name: states and triggers")
+    since: float = 0.0  # s, when it was drawn: its start counts from there

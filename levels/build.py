@@ -34,12 +34,11 @@ from flockbrush.systems.landscape import (
     BARE,
     NATIVE,
     OF_BARE,
-    Barrier,
     Landscape,
     Native,
     Painted,
 )
-from flockbrush.systems.life import Live, Nursery, SpawnArea, bear, births_due
+from flockbrush.systems.life import Live, Nursery, bear, births_due
 from flockbrush.systems.marks import MapMarks
 from flockbrush.systems.motion import Move
 from flockbrush.systems.noticing import BeAlarmed, Notice, Noticed
@@ -280,7 +279,7 @@ def landscape_of(level, palette):
         native.cost,
         relief_of() if height is None else relief_of(height.values, height.cell),
         1.0 if height is None else height.cell,
-        [_barrier(o) for o in level.obstacles if o.z_min <= 0.0],
+        [replace(o) for o in level.obstacles if o.z_min <= 0.0],
         [replace(guide) for guide in level.guides],
         [replace(goal, xy=np.asarray(goal.xy, float)) for goal in level.goals],
         [replace(way_out) for way_out in level.exits],
@@ -289,7 +288,7 @@ def landscape_of(level, palette):
         of_bare=bare(),
         painted=painted,
         native=native,
-        overhead=[_barrier(o) for o in level.obstacles if o.z_min > 0.0],
+        overhead=[replace(o) for o in level.obstacles if o.z_min > 0.0],
         marks=MapMarks(
             level.zones, level.lines, level.areas, level.script, palette.names, sheets_of(level, palette.names),
             None if level.factor is None else level.factor.values,
@@ -298,11 +297,6 @@ def landscape_of(level, palette):
     land.marks.lay(land)
     land.rebuild()
     return land
-
-
-def _barrier(o):
-    heights = float(o.z_min), float(o.z_max), o.shape, o.corners
-    return Barrier(o.polygon, o.solid, o.blocks_view, o.name, o.margin, o.id, *heights)
 
 
 def kinds_of_ground(level):
@@ -336,7 +330,7 @@ def _bear_first(world, level):
                 bear(world, spawn, spawn.count, f"spawn {spawn.id}")
             except NoRoom as full:
                 problems.append(_no_room(level, spawn, full))
-        nursery.put(SpawnArea.of(spawn), born)
+        nursery.put(replace(spawn), born)
     if problems:
         raise ProblemsError(problems)
 
@@ -427,7 +421,7 @@ def herds_apart(
     spawns = [
         Spawn(
             k + 1, "herd", square + size * np.array([k % columns, k // columns]), "animal", brush.name, count,
-            heading, None, 0.0, 0.0, 0.0, start, body_length,
+            heading, formation=start, body_length=body_length,
         )
         for k, brush in enumerate(brushes)
     ]  # fmt: skip

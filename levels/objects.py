@@ -222,27 +222,13 @@ class ObjectReader:
         self.level.zones.append(Zone.of(number, name, shape[1], {**v, "brush": brush}))
 
     def spawn(self, number, name, shape, v, place):
-        brush = self.brush(v, place) if "brush" in v.given else ""
-        count = self.count(shape[1], v, place)
-        self.level.spawns.append(
-            Spawn(
-                number,
-                name,
-                shape[1],
-                v["species"],
-                brush,
-                count,
-                v["heading"],
-                v["speed"] or None,
-                v["altitude"],
-                v["start"],
-                v["rate"],
-                v["formation"],
-                v["body_length"] or None,
-                v["depth"],
-                self.reader.program(v["program"], place, v.lines.get("program")),
-            )
-        )
+        told = dict(v)
+        told["brush"] = self.brush(v, place) if "brush" in v.given else ""
+        told["count"] = self.count(shape[1], v, place)
+        told |= {"speed": v["speed"] or None, "body_length": v["body_length"] or None}
+        told["program"] = self.reader.program(v["program"], place, v.lines.get("program"))
+        del told["density"]
+        self.level.spawns.append(Spawn(number, name, shape[1], **told))
 
     def count(self, polygon, v, place):
         """How many animals: as counted, or from the density."""

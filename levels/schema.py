@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from flockbrush.components.level_things import FAR, Exit, Goal, Guide, properties_of
-from flockbrush.engine import limits
+from flockbrush.components.level_things import BRUSH, FAR, Exit, Goal, Guide, Obstacle, Spawn, properties_of
 from flockbrush.engine.problems import Problem
 from flockbrush.engine.raster import Raster
 from flockbrush.levels.level_class import ObjectClass, Property
@@ -52,43 +51,6 @@ class BrushLayer:
     def plain(self):
         """Whether it binds as what is painted by hand does."""
         return self.bounds == PaintBounds()
-
-
-@dataclass
-class Obstacle:
-    """What animals walk around; `solid` keeps bodies out, `blocks_view` hides who is behind."""
-
-    id: int
-    name: str
-    polygon: np.ndarray  # (k, 2) m
-    solid: bool
-    blocks_view: bool
-    margin: float  # m, kept free around it
-    z_min: float  # m
-    z_max: float  # m
-    shape: str  # box | cylinder | sphere | plane | hull
-    corners: np.ndarray | None = None  # (k, 3) m east, north, up of the middle of its foot: those of a hull
-
-
-@dataclass
-class Spawn:
-    """Where animals come into the world."""
-
-    id: int
-    name: str
-    polygon: np.ndarray
-    species: str
-    brush: str
-    count: int  # with a rate: how many in all, 0 for no end
-    heading: float | None  # rad, counter-clockwise from east; None: each its own
-    speed: float | None  # m/s at the start; None: the brush's
-    altitude: float  # m above ground
-    start: float  # s
-    rate: float  # animals per second; 0: all at once
-    formation: str  # scatter | grid | ring | mill | line
-    body_length: float | None = None  # m; None: the brush's
-    depth: float = 0.0  # m, from the lowest to the highest of those in the air
-    program: str = ""  # that they follow; "": none
 
 
 @dataclass
@@ -137,7 +99,6 @@ class Level:
 # ---------------------------------------------------------------- what Tiled may say
 
 
-_BRUSH = "a brush asset, by name, or a .brush.toml file relative to the level"
 _BOUNDS = (
     Property(
         "species",
@@ -151,6 +112,14 @@ _BOUNDS = (
 )
 
 _EDGE = Property("edge", "number", 0.0, "soft border: the weight grows to full over this length", "m", low=0, high=1000)
+
+
+def _spawn_properties() -> tuple[Property, ...]:
+    """Those of a spawn, with the density from which the reader counts animals."""
+    species, brush, count, *others = properties_of(Spawn)
+    density = Property("density", "number", 0.0, "how many per square metre; or give count", "1/m^2", low=0, high=1000)
+    return species, brush, count, density, *others
+
 
 CLASSES: dict[str, ObjectClass] = {
     c.name: c
@@ -185,7 +154,7 @@ CLASSES: dict[str, ObjectClass] = {
             "brush",
             "#c05a7a",
             "behaviour painted on the ground; the layer's opacity is the blend weight",
-            (Property("asset", "brush", "", _BRUSH, required=True),),
+            (Property("asset", "brush", "", BRUSH, required=True),),
         ),
         ObjectClass(
             "SpeedCap",
@@ -232,12 +201,7 @@ CLASSES: dict[str, ObjectClass] = {
             "#6a5a4a",
             "what animals walk around",
             (
-                Property("solid", "bool", True, "keeps bodies out"),
-                Property("blocks_view", "bool", True, "hides animals behind it"),
-                Property("margin", "number", 0.0, "room kept free around it", "m", low=0, high=1000),
-                Property("z_min", "number", 0.0, "where it begins above the ground", "m", low=-FAR, high=FAR),
-                Property("z_max", "number", 1000.0, "where it ends above the ground", "m", low=-FAR, high=FAR),
-                Property("shape", "enum", "box", "how it stands up from its outline", enum="ObstacleShape"),
+                *properties_of(Obstacle),
                 Property(
                     "corners",
                     "text",
@@ -272,7 +236,7 @@ CLASSES: dict[str, ObjectClass] = {
             "#8a5ab8",
             "applies only while inside; give a brush, a max_speed, a factor, an event, or several",
             (
-                Property("brush", "brush", "", _BRUSH),
+                Property("brush", "brush", "", BRUSH),
                 Property("max_speed", "number", 0.0, "top speed here; 0: no cap", "m/s", low=0, high=1000),
                 Property("factor", "number", 1.0, "multiplies speed", low=0.01, high=10),
                 Property("blend", "number", 0.5, "time to take the brush up", "s", low=0, high=3600),
@@ -301,23 +265,7 @@ CLASSES: dict[str, ObjectClass] = {
             "spawns",
             "#d0a02a",
             "where animals come into the world",
-            (
-                Property("species", "text", "animal", "what they are, for statistics and export"),
-                Property("brush", "brush", "", _BRUSH, required=True),
-                Property("count", "int", 0, "how many; or give density", low=0, high=int(limits.ANIMALS)),
-                Property(
-                    "density", "number", 0.0, "how many per square metre; or give count", "1/m^2", low=0, high=1000
-                ),
-                Property("heading", "heading", "random", "random, north-east, ..., or degrees from east", "deg"),
-                Property("speed", "number", 0.0, "at the start; 0: the brush's", "m/s", low=0, high=1000),
-                Property("altitude", "number", 0.0, "above the ground", "m", low=0, high=FAR),
-                Property("depth", "number", 0.0, "from the lowest to the highest of a flock", "m", low=0, high=FAR),
-                Property("start", "number", 0.0, "when the first appear", "s", low=0, high=1e7),
-                Property("rate", "number", 0.0, "how many a second; 0: all at once", "1/s", low=0, high=1e5),
-                Property("formation", "enum", "scatter", "how they stand at first", enum="Formation"),
-                Property("body_length", "number", 0.0, "nose to tail; 0: the brush's", "m", low=0, high=100),
-                Property("program", "program", "", "a program, by name: states and triggers"),
-            ),
+            _spawn_properties(),
             shapes=("area",),
         ),
         ObjectClass("Exit", "object", "exits", "#b83a3a", "animals that come here leave the world", shapes=("area",)),

@@ -11,13 +11,13 @@ from operator import attrgetter
 
 import numpy as np
 from flockbrush.components import Destination
-from flockbrush.components.level_things import ENUMS, Exit, Goal, Guide, properties_of
+from flockbrush.components.level_things import Exit, Goal, Guide, Spawn, properties_of
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import command
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.animal_commands import MOST
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.life import Nursery, SpawnArea, bear
+from flockbrush.systems.life import Nursery, bear
 from flockbrush.systems.obstacle_commands import (
     AddObstacle,
     RemoveObstacle,
@@ -37,8 +37,6 @@ __all__ = [
     "KINDS", "LAYERS", "AddObstacle", "DrawGuide", "MarkSpawn", "MoveGoal", "Paint", "PaintCells", "PlaceExit",
     "PlaceGoal", "RemoveObstacle", "RemoveThing", "UseBrush", "as_command", "fill", "pick", "region",
 ]  # fmt: skip
-
-FORMATIONS = ENUMS["Formation"]
 
 
 class OfThing:
@@ -246,15 +244,7 @@ class MarkSpawn(OfThing):
         need(0 <= self.count <= MOST, f"count must be 0 to {MOST}, got {self.count}")
         need(self.count or self.rate, "count must be at least 1, got 0")
         need(self.species, "a species needs a name")
-        need(self.formation in FORMATIONS, f"formation must be one of {', '.join(FORMATIONS)}, got {self.formation!r}")
-        for name, most, unit in (
-            ("start", 1e7, "s"),
-            ("rate", 1e5, "1/s"),
-            ("altitude", FAR, "m"),
-            ("depth", FAR, "m"),
-        ):
-            value = getattr(self, name)
-            need(0 <= value <= most, f"{name} must be 0 to {most:g} {unit}, got {value:g}")
+        check_told(self, Spawn, ("formation", "start", "rate", "altitude", "depth"))
         need(self.speed is None or 0 <= self.speed <= 1000, f"speed must be 0 to 1000 m/s, got {self.speed}")
         need(self.heading is None or abs(self.heading) <= FAR, f"heading is in radians, got {self.heading}")
         size = self.body_length
@@ -299,11 +289,7 @@ class MarkSpawn(OfThing):
         """The spawn as the world keeps it."""
         now = world.resource(Clock).now
         since = self.since if self.since is not None else now if before is None else before.since
-        return SpawnArea(
-            self.id, self.name, polygon_of(self.points, "a spawn"), self.species, self.brush, self.count, self.heading,
-            self.speed, self.altitude, self.start, self.rate, self.formation, self.body_length,
-            self.depth, since, self.program,
-        )  # fmt: skip
+        return Spawn(self.id, self.name, polygon_of(self.points, "a spawn"), **told(self, Spawn), since=since)
 
 
 # taking things away -------------------------------------------------------------------
@@ -442,10 +428,11 @@ def told(thing, kind):
     return {known.name: getattr(thing, known.name) for known in properties_of(kind)}
 
 
-def check_told(command, kind):
-    """ValueError when something is out of the bounds that it has in a level."""
+def check_told(command, kind, names=None):
+    """ValueError when something is out of the bounds that it has in a level; of these names alone, if told."""
     for known in properties_of(kind):
-        known.refuse(getattr(command, known.name))
+        if names is None or known.name in names:
+            known.refuse(getattr(command, known.name))
 
 
 def check_id(command, zero=False):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from flockbrush.components.level_things import Exit, Goal, Guide
+from flockbrush.components.level_things import ENUMS, Exit, Goal, Guide, Obstacle
 from flockbrush.engine.raster import bilinear_
 from flockbrush.engine.solids import Solids
 from flockbrush.systems.binding import Sheets
@@ -21,24 +21,8 @@ from flockbrush.systems.visibility import Edges, edges_by_cell, no_edges
 
 OF_BARE = {"walkable": True, "blocks_view": False, "cost": 1.0, "speed_factor": 1.0}  # what nothing painted means
 NATIVE, BARE = -2, -1  # of `Painted.ground`: as the level was read; nothing painted
-SHAPES = ("box", "cylinder", "sphere", "plane", "hull")  # how an obstacle stands up from its outline
+SHAPES = ENUMS["ObstacleShape"]  # how an obstacle stands up from its outline
 PATIENCE = 8  # ticks without a change after which the navigation field is made anew: strokes come in pieces
-
-
-@dataclass
-class Barrier:
-    """Something that stops bodies, sight, or both."""
-
-    polygon: np.ndarray  # (k, 2) m, counter-clockwise
-    solid: bool = True
-    blocks_view: bool = True
-    name: str = ""
-    margin: float = 0.0  # m, kept free around it by those who follow a field
-    id: int = 0  # of the object in the level file; 0: it is in none
-    z_min: float = 0.0  # m above the ground; animals on the ground pass below what begins higher
-    z_max: float = 1000.0  # m above the ground
-    shape: str = "box"  # how it stands up from its outline, one of `SHAPES`
-    corners: np.ndarray | None = None  # (k, 3) m east, north, up of the middle of its foot: those of a hull
 
 
 @dataclass
@@ -123,7 +107,7 @@ class Landscape:
     cost: np.ndarray
     relief: np.ndarray = field(default_factory=relief_of)
     relief_cell: float = 1.0
-    barriers: list[Barrier] = field(default_factory=list)
+    barriers: list[Obstacle] = field(default_factory=list)
     guides: list[Guide] = field(default_factory=list)
     goals: list[Goal] = field(default_factory=list)
     exits: list[Exit] = field(default_factory=list)
@@ -146,7 +130,7 @@ class Landscape:
     sheets: Sheets = field(default_factory=Sheets)  # zones and layers by whom they bind
     stale: int | None = None
     _known: tuple | None = None  # what the navigation field was made of
-    overhead: list[Barrier] = field(default_factory=list)  # what begins above the ground
+    overhead: list[Obstacle] = field(default_factory=list)  # what begins above the ground
     glides: list[Glide] = field(default_factory=list)  # what is on its way to another place
     _sky: tuple[Solids, Solids] | None = None
 
@@ -356,7 +340,7 @@ class Landscape:
         things, ground = known
         barriers, guides, goals = (
             [kind(**_arrays(thing)) for thing in told]
-            for kind, told in zip((Barrier, Guide, Goal), json.loads(things), strict=True)
+            for kind, told in zip((Obstacle, Guide, Goal), json.loads(things), strict=True)
         )
         ground = np.frombuffer(ground, np.int16).reshape(self.brush.shape)
         walkable = self._of_ground("walkable", "walkable", ground, ..., slice(None))
@@ -449,8 +433,20 @@ class Landscape:
             self._navigate_as_known(known)
 
 
-_THINGS: dict[str, Any] = {"barriers": Barrier, "overhead": Barrier, "guides": Guide, "goals": Goal, "exits": Exit}
+_THINGS: dict[str, Any] = {"barriers": Obstacle, "overhead": Obstacle, "guides": Guide, "goals": Goal, "exits": Exit}
 _ORDER = {  # of fields in the state: its hash depends on it
+    Obstacle: (
+        "polygon",
+        "solid",
+        "blocks_view",
+        "name",
+        "margin",
+        "id",
+        "z_min",
+        "z_max",
+        "shape",
+        "corners",
+    ),
     Guide: ("points", "strength", "radius", "decay", "goal", "loop", "name", "id"),
     Goal: ("name", "xy", "radius", "polygon", "on_arrive", "next", "id"),
     Exit: ("polygon", "name", "id"),
@@ -460,8 +456,7 @@ _ARRAYS = ("polygon", "points", "xy", "corners")
 
 def _plain(thing):
     """A barrier, guide, goal or exit as JSON takes it."""
-    names = _ORDER.get(type(thing)) or [f.name for f in fields(thing)]
-    told = {name: getattr(thing, name) for name in names}
+    told = {name: getattr(thing, name) for name in _ORDER[type(thing)]}
     if told.get("corners", ...) is None:  # none but hulls have any
         del told["corners"]
     return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in told.items()}

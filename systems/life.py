@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 from flockbrush.components import Body, Destination, Position, Species
+from flockbrush.components.level_things import Spawn
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.systems.fauna import HUNT, SpeciesList
@@ -19,37 +20,10 @@ from flockbrush.systems.spawning import inside_polygon
 
 
 @dataclass
-class SpawnArea:
-    """Where animals come into the world, and which."""
-
-    id: int
-    name: str
-    polygon: np.ndarray  # (k, 2) m
-    species: str
-    brush: str
-    count: int  # with a rate: how many in all, 0 for no end
-    heading: float | None = None  # rad; None: each its own
-    speed: float | None = None  # m/s at the start; None: the brush's
-    altitude: float = 0.0  # m above ground
-    start: float = 0.0  # s
-    rate: float = 0.0  # animals per second; 0: all at once
-    formation: str = "scatter"
-    body_length: float | None = None  # m; None: the brush's
-    depth: float = 0.0  # m above `altitude` up to which they are born
-    since: float = 0.0  # s, when it was drawn: its start counts from there
-    program: str = ""  # that they follow; "": none
-
-    @classmethod
-    def of(cls, spawn):
-        """The same from a level's spawn."""
-        return cls(**{f.name: getattr(spawn, f.name) for f in fields(cls) if f.name != "since"})
-
-
-@dataclass
 class Nursery:
     """The spawns of the world, and how many animals each has brought."""
 
-    spawns: list[SpawnArea] = field(default_factory=list)
+    spawns: list[Spawn] = field(default_factory=list)
     born: list[int] = field(default_factory=list)
     _told: tuple = ([], b"[]")  # the spawns once put into words, for it is asked for in every tick
 
@@ -79,12 +53,18 @@ class Nursery:
         self.state()
         if bytes(data[end:]) != self._told[1]:
             told = [{**spawn, "polygon": np.array(spawn["polygon"], float)} for spawn in json.loads(data[end:])]
-            self.spawns = [SpawnArea(**spawn) for spawn in told]
+            self.spawns = [Spawn(**spawn) for spawn in told]
+
+
+_ORDER = (  # of fields in the state: its hash depends on it
+    "id", "name", "polygon", "species", "brush", "count", "heading", "speed", "altitude", "start", "rate", "formation",
+    "body_length", "depth", "since", "program",
+)  # fmt: skip
 
 
 def _plain(spawn):
     """A spawn as JSON has it; one without a program as it was before there were any."""
-    told = {**vars(spawn), "polygon": spawn.polygon.tolist()}
+    told = {name: getattr(spawn, name) for name in _ORDER} | {"polygon": spawn.polygon.tolist()}
     return told if spawn.program else {name: value for name, value in told.items() if name != "program"}
 
 

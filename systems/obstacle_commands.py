@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from flockbrush.components import Body, Heading, Position
+from flockbrush.components.level_things import Obstacle
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import command
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.engine.solids import polyhedron
-from flockbrush.systems.landscape import SHAPES, Barrier, Glide, Landscape
+from flockbrush.systems.landscape import SHAPES, Glide, Landscape
 from flockbrush.systems.spawning import inside_polygon, touching
 from flockbrush.systems.undo import make_room, need
 
@@ -99,10 +100,10 @@ class AddObstacle:
     def apply(self, world):
         self.check(world)
         land = world.resource(Landscape)
-        *heights, shape, corners = self.stand(land)
-        corners = np.array(corners, float) if shape == "hull" else None
-        stands = self.name, self.margin, self.id, *heights, shape, corners
-        barrier = Barrier(self.polygon(), self.solid, self.blocks_view, *stands)
+        *stands, corners = self.stand(land)
+        corners = np.array(corners, float) if stands[-1] == "hull" else None
+        stops = self.polygon(), self.solid, self.blocks_view, self.margin
+        barrier = Obstacle(self.id, self.name, *stops, *stands, corners)
         things = self._things(land)
         before, there = list(things), by_id(things, self.id)
         if there is not None:

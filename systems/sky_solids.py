@@ -23,7 +23,7 @@ def solids_in_the_air(land):
 
 
 def _stood_up(barrier, land):
-    """The pieces of a `Barrier`."""
+    """The pieces of an `Obstacle`."""
     polygon, ground = barrier.polygon, land.ground(barrier.polygon.mean(0))
     low, high = barrier.z_min + ground, barrier.z_max + ground
     if barrier.shape == "plane":  # below it when it lies on the ground, above it when it is a ceiling

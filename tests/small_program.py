@@ -50,8 +50,8 @@ def world(prog, places, species="sheep", brush="graze", changes=None, level=None
         corner = 10.0 + 6.0 * k  # born on a diagonal, and put in its place at once
         follows = prog.name if kind == "sheep" else ""
         spawns.append(
-            Spawn(k + 1, "", box(corner, corner, corner + 5, corner + 5), kind, name, 1, 0.0, 0.0, 0.0, 0.0, 0.0,
-                  "scatter", program=follows)
+            Spawn(k + 1, "", box(corner, corner, corner + 5, corner + 5), kind, name, 1, 0.0, 0.0,
+                  program=follows)
         )  # fmt: skip
     whole = Level(
         "small", None, SIZE, SIZE, 4.0, "open", 1, height_map=relief, spawns=spawns, programs={prog.name: prog}

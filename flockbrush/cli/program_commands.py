@@ -168,15 +168,12 @@ def plane_for(program, library, animals, species, intruder, seed, body=None):
     side = math.sqrt(animals / DENSITY) * body
     size = side + 200.0
     low, high = 0.5 * (size - side), 0.5 * (size + side)
-    herd = Spawn(
-        1, "herd", _box(low, low, high, high), species, brush, animals, None, None, 0.0, 0.0, 0.0, "scatter",
-        program=program.name,
-    )  # fmt: skip
+    herd = Spawn(1, "herd", _box(low, low, high, high), species, brush, animals, program=program.name)
     spawns = [herd]
     if intruder is not None:
         west = low - 40.0
         place = _box(west, 0.5 * size - 4.0, west + 8.0, 0.5 * size + 4.0)
-        spawns.append(Spawn(2, "intruder", place, *intruder, 1, 0.0, None, 0.0, INTRUDER_AFTER, 0.0, "scatter"))
+        spawns.append(Spawn(2, "intruder", place, *intruder, 1, 0.0, start=INTRUDER_AFTER))
     level = Level("plane", None, size, size, max(size / 64, 4.0), "open", seed, spawns=spawns)
     level.programs = {program.name: program}
     return build(level, library=library)

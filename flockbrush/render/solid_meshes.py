@@ -132,8 +132,8 @@ def stood_up(obstacle, tall: float) -> Faces:
 
     Parameters
     ----------
-    obstacle : Barrier
-        Or anything with a `polygon` (k, 2) m; `z_min`, `z_max` (m) and `shape` as a `Barrier` has them.
+    obstacle : Obstacle
+        Or anything with a `polygon` (k, 2) m; `z_min`, `z_max` (m) and `shape` as an `Obstacle` has them.
     """
     polygon = np.asarray(obstacle.polygon, float)
     x, y = polygon.T

@@ -15,7 +15,7 @@ SHEEP = 100
 
 def pasture(low, high, seed=1):
     """A hundred sheep in a square of a pasture of 80 x 80 m."""
-    spawn = Spawn(1, "", box(low, low, high, high), "sheep", "merino-rest", SHEEP, None, None, 0, 0, 0, "scatter")
+    spawn = Spawn(1, "", box(low, low, high, high), "sheep", "merino-rest", SHEEP)
     spawn.program = "merino"
     level = Level("pasture", None, 80.0, 80.0, 4.0, "wall", seed, spawns=[spawn])
     level.programs = {"merino": shipped_programs().get("merino")}

@@ -243,25 +243,9 @@ def test_a_program_that_somebody_follows_is_not_forgotten():
 def stampede(seed=3, shuffle_seed=None):
     """A herd that a wolf frightens, with an event on the way."""
     spawns = [
-        Spawn(
-            1, "herd", box(80, 80, 100, 100), "sheep", "graze", 60, None, None, 0, 0, 0, "scatter", program="stampede"
-        ),
-        Spawn(2, "wolf", box(60, 88, 64, 92), "wolf", "wolf-hunt", 1, 0.0, None, 0, 0, 0, "scatter"),
-        Spawn(
-            3,
-            "late",
-            box(110, 80, 120, 90),
-            "sheep",
-            "graze",
-            8,
-            None,
-            None,
-            0,
-            1.0,
-            4.0,
-            "scatter",
-            program="stampede",
-        ),
+        Spawn(1, "herd", box(80, 80, 100, 100), "sheep", "graze", 60, program="stampede"),
+        Spawn(2, "wolf", box(60, 88, 64, 92), "wolf", "wolf-hunt", 1, 0.0),
+        Spawn(3, "late", box(110, 80, 120, 90), "sheep", "graze", 8, start=1.0, rate=4.0, program="stampede"),
     ]
     level = Level("herd", None, SIZE, SIZE, 4.0, "open", seed, spawns=spawns)
     level.programs = {"stampede": shipped_programs().get("stampede")}
