@@ -136,6 +136,39 @@ class Obstacle:
 
 
 BRUSH = "a brush asset, by name, or a .brush.toml file relative to the level"
+# whom paint and zones bind, and what zones do: a designer's view; the world keeps a `flockbrush.systems.marks.Zone`
+PAINT_BOUNDS = (
+    Property(
+        "species",
+        "text",
+        "",
+        "species that its brush binds, names or tags separated by commas; empty: those it is made for",
+    ),
+    Property("medium", "enum", "brush", "where they must be; brush: where the brush moves", enum="Medium"),
+    Property("z_min", "number", -FAR, "it binds from so high above the ground", "m", low=-FAR, high=FAR),
+    Property("z_max", "number", FAR, "it binds up to so high above the ground", "m", low=-FAR, high=FAR),
+)
+EDGE = Property("edge", "number", 0.0, "soft border: the weight grows to full over this length", "m", low=0, high=1000)
+ZONE: tuple[Property, ...] = (
+    Property("brush", "brush", "", BRUSH),
+    Property("max_speed", "number", 0.0, "top speed here; 0: no cap", "m/s", low=0, high=1000),
+    Property("factor", "number", 1.0, "multiplies speed", low=0.01, high=10),
+    Property("blend", "number", 0.5, "time to take the brush up", "s", low=0, high=3600),
+    Property("event", "text", "", "raised when an animal enters: programs listen for it"),
+    Property(
+        "event_reach",
+        "number",
+        0.0,
+        "who hears it: 0 the animal that entered, -1 all, else all within this radius",
+        "m",
+        low=-1,
+        high=FAR,
+    ),
+    *PAINT_BOUNDS,
+    Property("strength", "number", 1.0, "how far animals go from what they would do to its brush", low=0, high=1),
+    EDGE,
+    Property("share", "bool", False, "strength is the share of animals that take its brush"),
+)
 
 
 @dataclass

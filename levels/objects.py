@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.components.level_things import FAR
 from flockbrush.engine import limits
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.engine.solids import polyhedron
@@ -197,8 +198,8 @@ class ObjectReader:
             told = [[float(word) for word in corner.replace(",", " ").split()] for corner in text.split(";")]
             if not 4 <= len(told) <= MOST_CORNERS or any(len(corner) != 3 for corner in told):
                 raise ValueError(f"4 to {MOST_CORNERS} corners of three numbers each are needed")
-            if not np.abs(told).max() <= schema.FAR:
-                raise ValueError(f"no level is larger than {schema.FAR:g} m")
+            if not np.abs(told).max() <= FAR:
+                raise ValueError(f"no level is larger than {FAR:g} m")
             polyhedron(told)
         except ValueError as error:
             place.say(f"corners of a hull are 'east north up; east north up; ...' in m, such as {A_PYRAMID!r}: {error}")

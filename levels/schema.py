@@ -12,7 +12,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from flockbrush.components.level_things import BRUSH, FAR, Exit, Goal, Guide, Obstacle, Spawn, properties_of
+from flockbrush.components.level_things import (
+    BRUSH,
+    EDGE,
+    PAINT_BOUNDS,
+    ZONE,
+    Exit,
+    Goal,
+    Guide,
+    Obstacle,
+    Spawn,
+    properties_of,
+)
 from flockbrush.engine.problems import Problem
 from flockbrush.engine.raster import Raster
 from flockbrush.levels.level_class import ObjectClass, Property
@@ -99,21 +110,6 @@ class Level:
 # ---------------------------------------------------------------- what Tiled may say
 
 
-_BOUNDS = (
-    Property(
-        "species",
-        "text",
-        "",
-        "species that its brush binds, names or tags separated by commas; empty: those it is made for",
-    ),
-    Property("medium", "enum", "brush", "where they must be; brush: where the brush moves", enum="Medium"),
-    Property("z_min", "number", -FAR, "it binds from so high above the ground", "m", low=-FAR, high=FAR),
-    Property("z_max", "number", FAR, "it binds up to so high above the ground", "m", low=-FAR, high=FAR),
-)
-
-_EDGE = Property("edge", "number", 0.0, "soft border: the weight grows to full over this length", "m", low=0, high=1000)
-
-
 def _spawn_properties() -> tuple[Property, ...]:
     """Those of a spawn, with the density from which the reader counts animals."""
     species, brush, count, *others = properties_of(Spawn)
@@ -182,7 +178,7 @@ CLASSES: dict[str, ObjectClass] = {
             "#c05a7a",
             "species that a painted layer binds, and how much",
             (
-                *_BOUNDS,
+                *PAINT_BOUNDS,
                 Property(
                     "blend",
                     "enum",
@@ -191,7 +187,7 @@ CLASSES: dict[str, ObjectClass] = {
                     "animals that take it; cover: all, altogether",
                     enum="Blend",
                 ),
-                _EDGE,
+                EDGE,
             ),
         ),
         ObjectClass(
@@ -235,28 +231,7 @@ CLASSES: dict[str, ObjectClass] = {
             "zones",
             "#8a5ab8",
             "applies only while inside; give a brush, a max_speed, a factor, an event, or several",
-            (
-                Property("brush", "brush", "", BRUSH),
-                Property("max_speed", "number", 0.0, "top speed here; 0: no cap", "m/s", low=0, high=1000),
-                Property("factor", "number", 1.0, "multiplies speed", low=0.01, high=10),
-                Property("blend", "number", 0.5, "time to take the brush up", "s", low=0, high=3600),
-                Property("event", "text", "", "raised when an animal enters: programs listen for it"),
-                Property(
-                    "event_reach",
-                    "number",
-                    0.0,
-                    "who hears it: 0 the animal that entered, -1 all, else all within this radius",
-                    "m",
-                    low=-1,
-                    high=FAR,
-                ),
-                *_BOUNDS,
-                Property(
-                    "strength", "number", 1.0, "how far animals go from what they would do to its brush", low=0, high=1
-                ),
-                _EDGE,
-                Property("share", "bool", False, "strength is the share of animals that take its brush"),
-            ),
+            ZONE,
             shapes=("area",),
         ),
         ObjectClass(

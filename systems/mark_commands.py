@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 
 import numpy as np
+from flockbrush.components.level_things import ZONE
 from flockbrush.engine.commands import COMMANDS, command, from_record
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.binding import MEDIA
@@ -16,17 +17,6 @@ from flockbrush.systems.paint_commands import off_the_map
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
 from flockbrush.systems.undo import need
-
-BOUNDS = {  # of a zone's numbers: lowest, highest, unit
-    "max_speed": (0.0, 1000.0, " m/s"),
-    "factor": (0.01, 10.0, ""),
-    "blend": (0.0, 3600.0, " s"),
-    "event_reach": (-1.0, NO_LIMIT, " m"),
-    "z_min": (-NO_LIMIT, NO_LIMIT, " m"),
-    "z_max": (-NO_LIMIT, NO_LIMIT, " m"),
-    "strength": (0.0, 1.0, ""),
-    "edge": (0.0, 1000.0, " m"),
-}
 
 
 @command
@@ -60,9 +50,9 @@ class DrawZone(OfThing):
         check_on_map(world.resource(Landscape), polygon_of(self.points, "a zone"), "the zone")
         does = self.brush or self.max_speed or self.factor != 1.0 or self.event
         need(does, "the zone does nothing; give it a brush, a max_speed, a factor or an event")
-        for name, (low, high, unit) in BOUNDS.items():
-            value = getattr(self, name)
-            need(low <= value <= high, f"{name} must be {low:g} to {high:g}{unit}, got {value:g}")
+        for known in ZONE:
+            if known.kind == "number":
+                known.refuse(getattr(self, known.name))
         need(self.z_min < self.z_max, f"z_min must be below z_max, got {self.z_min:g} and {self.z_max:g} m")
         need(self.medium in MEDIA, f"medium must be one of {', '.join(MEDIA)}{did_you_mean(self.medium, list(MEDIA))}")
         zone = self.zone()
@@ -72,7 +62,7 @@ class DrawZone(OfThing):
 
     def zone(self):
         """The zone as the landscape keeps it; ValueError when the points are no outline."""
-        told = {name: getattr(self, name) for name in (*BOUNDS, "brush", "event", "species", "medium", "share")}
+        told = {known.name: getattr(self, known.name) for known in ZONE}
         return Zone.of(self.id, self.name, polygon_of(self.points, "a zone"), told)
 
     def ground_box(self, world):
