@@ -6,8 +6,9 @@ file, and a command with the id of something that is there puts the new one in i
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from operator import attrgetter
+from typing import Any, ClassVar
 
 import numpy as np
 from flockbrush.components import Destination
@@ -44,6 +45,34 @@ class OfThing:
 
     def inverse(self, world):
         return inverse_of(world, self.kind, self.id)
+
+
+@dataclass(frozen=True)
+class OfOutline(OfThing):
+    """A command that draws a thing of which only the name and the outline are told: ``what`` of class ``makes``."""
+
+    id: int
+    name: str
+    points: list
+    at: int = -1
+    what: ClassVar[str]
+    makes: ClassVar[Any]
+
+    def outline(self):
+        """(k, 2) m; ValueError when the points are none."""
+        return polygon_of(self.points, self.what)
+
+    def check(self, world):
+        check_id(self)
+        check_on_map(world.resource(Landscape), self.outline(), f"the {self.kind}")
+
+    def ground_box(self, world):
+        return "all"
+
+    def apply(self, world):
+        mine = self.makes(self.id, self.name, self.outline())
+        put_thing(_things(world, self.kind, self.id), mine, self.at)
+        world.resource(Landscape).changed()
 
 
 @command
@@ -185,26 +214,13 @@ class MoveGoal:
 
 
 @command
-class PlaceExit(OfThing):
+class PlaceExit(OfOutline):
     """Draw an area where animals leave the world, or change the one with this id."""
 
-    kind = "exit"
-    id: int
-    name: str
-    points: list
-    at: int = -1
-
-    def check(self, world):
-        check_id(self)
-        check_on_map(world.resource(Landscape), polygon_of(self.points, "an exit"), "the exit")
+    kind, what, makes = "exit", "an exit", Exit
 
     def ground_box(self, world):
-        return _thing_box(world.resource(Landscape).exits, self.id, polygon_of(self.points, "an exit"))
-
-    def apply(self, world):
-        land = world.resource(Landscape)
-        put_thing(land.exits, Exit(self.id, self.name, polygon_of(self.points, "an exit")), self.at)
-        land.changed()
+        return _thing_box(world.resource(Landscape).exits, self.id, self.outline())
 
 
 @command

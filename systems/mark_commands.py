@@ -9,7 +9,7 @@ from flockbrush.components.level_things import ZONE
 from flockbrush.engine.commands import COMMANDS, command, from_record
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.binding import MEDIA
-from flockbrush.systems.edits import KINDS, OfThing, check_id, check_on_map, put_thing
+from flockbrush.systems.edits import KINDS, OfOutline, OfThing, check_id, check_on_map, put_thing
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.marks import NO_LIMIT, Area, Key, Line, Zone
 from flockbrush.systems.obstacle_commands import line_of, polygon_of
@@ -93,56 +93,32 @@ def _check_brush(palette, zone):
     )
 
 
+class _Counting(OfOutline):
+    """Something that counts animals by its own name."""
+
+    def check(self, world):
+        super().check(world)
+        _check_free(world.resource(Landscape), self)
+
+
 @command
-class DrawLine(OfThing):
+class DrawLine(_Counting):
     """Draw a line whose crossings are counted, or change the one with this id."""
 
-    kind = "line"
-    id: int
-    name: str
-    points: list
-    at: int = -1
+    kind, makes = "line", Line
 
-    def check(self, world):
-        points, land = line_of(self.points), world.resource(Landscape)
-        check_id(self)
+    def outline(self):
+        points = line_of(self.points)
         need(2 <= len(points) <= 2000, f"a line has 2 to 2000 points, got {len(points)}")
         need((points != points[0]).any(), "a line needs two different points")
-        check_on_map(land, points, "the line")
-        _check_free(land, self)
-
-    def ground_box(self, world):
-        return "all"
-
-    def apply(self, world):
-        land = world.resource(Landscape)
-        put_thing(land.marks.lines, Line(self.id, self.name, line_of(self.points)), self.at)
-        land.changed()
+        return points
 
 
 @command
-class DrawArea(OfThing):
+class DrawArea(_Counting):
     """Draw an area in which animals are counted, or change the one with this id."""
 
-    kind = "area"
-    id: int
-    name: str
-    points: list
-    at: int = -1
-
-    def check(self, world):
-        land = world.resource(Landscape)
-        check_id(self)
-        check_on_map(land, polygon_of(self.points, "an area"), "the area")
-        _check_free(land, self)
-
-    def ground_box(self, world):
-        return "all"
-
-    def apply(self, world):
-        land = world.resource(Landscape)
-        put_thing(land.marks.areas, Area(self.id, self.name, polygon_of(self.points, "an area")), self.at)
-        land.changed()
+    kind, what, makes = "area", "an area", Area
 
 
 @command
