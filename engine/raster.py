@@ -14,16 +14,6 @@ from flockbrush.engine.maths import kernel_function
 
 
 @kernel_function
-def cell_of_(x, cell, count):
-    """Index of the cell at a distance x from the edge, kept within ``count`` cells."""
-    at = x / cell
-    if not at > 0.0:  # NaN too
-        at = 0.0
-    at = min(at, count - 1.0)
-    return int(at)
-
-
-@kernel_function
 def corners_(x, cell, count):
     """(lower index, upper index, share of the upper) between two cell centres."""
     at = x / cell - 0.5

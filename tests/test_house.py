@@ -247,6 +247,47 @@ def test_the_name_of_a_class_has_one_meaning():
     }
 
 
+COMPILERS = (
+    "njit",
+    "cache",
+    "kernel",
+    "kernel_function",
+    "lane_function",
+    "dataclass",
+)  # others register what is below
+
+
+def names_used(tree):
+    """Every name and attribute that is read, and every text that may be one: not what is only imported or exported."""
+    tree.body = [n for n in tree.body if not isinstance(n, ast.Assign) or ast.unparse(n.targets) != "__all__"]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
+            yield node.id
+        elif isinstance(node, ast.Attribute):
+            yield node.attr
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value
+
+
+def called_by_nobody(sources, callers=()):
+    """Functions and classes of these sources that nothing there names, nor in the sources of `callers`."""
+    used = {name for source in (*sources, *callers) for name in names_used(ast.parse(source))}
+    found = [node for source in sources for node in ast.parse(source).body if hasattr(node, "decorator_list")]
+    plain = [n for n in found if all(ast.unparse(d).partition("(")[0] in COMPILERS for d in n.decorator_list)]
+    return [node.name for node in plain if node.name not in used and not node.name.startswith("__")]
+
+
+def test_every_function_and_class_has_a_caller_besides_tests():
+    callers = [path for name in ("benchmarks", "docs", "examples") for path in (HOUSE / name).rglob("*.py")]
+    sources, others = ([path.read_text(encoding="utf-8") for path in p] for p in (files(*ROOMS), callers))
+    assert len(sources) > 300 and called_by_nobody(sources, others) == []
+    alone = "from a import f\n__all__ = ['f', 'g', 'C']\n@njit(cache=True)\ndef f(): pass\n"
+    assert called_by_nobody([alone, "def g(): h()\ndef h(): pass", "class C: pass\n@command\nclass D: pass"]) == [
+        "f", "g", "C",
+    ]  # fmt: skip
+    assert called_by_nobody([alone], ["import a\na.f()"]) == []
+
+
 WIDE = 100  # columns of prose in Markdown
 PAGES = [*HOUSE.glob("*.md"), *(HOUSE / "docs").rglob("*.md")]
 
