@@ -252,15 +252,41 @@ def draw_triangle(frame, depth, clip, ax, ay, bx, by, cx, cy, near, red, green, 
     lv = 1.0 / max(np.sqrt(vx * vx + vy * vy), 1e-9)
     lw = 1.0 / max(np.sqrt(wx * wx + wy * wy), 1e-9)
     ux, uy, vx, vy, wx, wy = ux * lu, uy * lu, vx * lv, vy * lv, wx * lw, wy * lw
+    iu, iv, iw = _over_slope(uy), _over_slope(vy), _over_slope(wy)
+    solid = alpha >= 1.0
+    solid_red, solid_green, solid_blue = np.uint8(red + 0.5), np.uint8(green + 0.5), np.uint8(blue + 0.5)
     for row in range(r0, r1):
         y = row + 0.5
         u, v, w = ux * (y - ay) + uy * ax + 1.0, vx * (y - by) + vy * bx + 1.0, wx * (y - cy) + wy * cx + 1.0
-        for col in range(c0, c1):
+        # it is seen from `low` to `high`, and altogether from `first` to `last`
+        span = _cut((c0 - 0.5, c1 + 0.5, c0 - 0.5, c1 + 0.5), u, iu)
+        low, high, first, last = _cut(_cut(span, v, iv), w, iw)
+        for col in range(max(int(low), c0), min(int(high) + 1, c1)):
             x = col + 0.5
-            inside = min(min(u - uy * x, v - vy * x), w - wy * x)
-            if inside <= 0 or depth[row, col] > near:
+            if depth[row, col] > near:
                 continue
-            over(frame, row, col, red, green, blue, min(inside, 1.0) * alpha)
+            if solid and first < x < last:
+                frame[row, col, 0], frame[row, col, 1], frame[row, col, 2] = solid_red, solid_green, solid_blue
+                continue
+            inside = min(min(u - uy * x, v - vy * x), w - wy * x)
+            if inside > 0:
+                over(frame, row, col, red, green, blue, min(inside, 1.0) * alpha)
+
+
+@kernel
+def _over_slope(slope):
+    """1 / slope of an edge; large where it is level."""
+    return 1.0 / slope if abs(slope) > 1e-6 else 1e6
+
+
+@kernel
+def _cut(span, edge, inverse):
+    """A row's span, and the span that is a pixel inside, where ``edge - x / inverse`` is more than 0, or than 1."""
+    low, high, first, last = span
+    at = edge * inverse
+    if inverse > 0:
+        return low, min(high, at), first, min(last, at - inverse)
+    return max(low, at), high, max(first, at - inverse), last
 
 
 # shadows and trails --------------------------------------------------------------------
