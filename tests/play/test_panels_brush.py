@@ -252,7 +252,7 @@ def test_a_brush_that_the_level_has_not_yet_is_brought_by_turning_a_knob(window)
     window.brush = "graze"
     window.wait()
     assert "graze" not in palette_of(window.session).names
-    assert window.panel.name == "graze" and "not on this level yet" in window.panel.about.said[0][0]
+    assert window.panel.name == "graze" and "not used here" in window.panel.about.said[0][0]
     window.panel.turn(row(window, "avoidance_weight").knob, 0.5, True)
     assert running(window, "graze").params.avoidance_weight == 0.5
     window.wait()

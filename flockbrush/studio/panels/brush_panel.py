@@ -168,7 +168,7 @@ class BrushPanel(Panel):
         from flockbrush.components import BrushBinding
 
         if not self.is_in_world:
-            return "not on this level yet"
+            return "not used here"
         world = self.app.session.simulation.world
         count = int((world.agents[BrushBinding.brush] == palette_of(self.app.session).index[brush.name]).sum())
         return f"{count:,} {'animal' if count == 1 else 'animals'}"
