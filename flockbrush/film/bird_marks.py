@@ -79,7 +79,7 @@ class Birds:
         return 1 + max((*self.ids, *said), default=0)
 
     def swap(self, k, one, other) -> Birds:
-        """From this frame on the two have each other's numbers; who is not seen here may be joined that way."""
+        """From this frame on the two have each other's numbers."""
         px, i, j = self.px.copy(), self.ids.index(one), self.ids.index(other)
         px[k:, i], px[k:, j] = self.px[k:, j], self.px[k:, i]
         names = {one: other, other: one}
@@ -90,6 +90,39 @@ class Birds:
         swapped = replace(self, px=px, corrections=corrections)
         here = {bird: (*at, False) for bird, at in swapped.at(k).items() if bird in names}
         return swapped._after(px, self.ids, k, here)
+
+    def lost(self, k) -> dict[int, tuple[float, float]]:
+        """Whose tracks broke off in the `JOIN` frames before frame k, and where; not whom a person took away."""
+        taken = {bird for rows in self.corrections.values() for bird, row in rows.items() if row[2]}
+        found = {}
+        for n, bird in enumerate(self.ids):
+            seen = np.flatnonzero(np.isfinite(self.px[:, n, 0]))
+            if 0 < k - seen[-1] <= JOIN and bird not in taken:
+                x, y = self.px[seen[-1], n].tolist()
+                found[bird] = x, y
+        return found
+
+    def join(self, one, other) -> Birds:
+        """The two are one bird, ``one``: the track of the other begins after that of ``one`` has ended.
+
+        Raises
+        ------
+        ValueError
+            When both are seen in one frame, or the other is seen before.
+        """
+        px, i, j = self.px.copy(), self.ids.index(one), self.ids.index(other)
+        seen = np.isfinite(px[:, j, 0])
+        begin = int(seen.argmax())
+        if np.isfinite(px[begin:, i, 0]).any():
+            raise ValueError(f"bird {one} is seen in frame {begin} or after it, as bird {other} is")
+        px[seen, i] = px[seen, j]
+        px[:, j] = np.nan
+        corrections = {
+            f: {one if bird == other else bird: row for bird, row in rows.items()}
+            for f, rows in self.corrections.items()
+        }
+        at = px[begin, i].tolist()
+        return replace(self, corrections=corrections)._after(px, self.ids, begin, {one: (at[0], at[1], False)})
 
     def remove(self, k, bird) -> Birds:
         """This is no bird from this frame on; before the first sight of it: it never was one."""

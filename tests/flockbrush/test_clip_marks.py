@@ -90,11 +90,28 @@ def test_swapped_birds_have_each_others_numbers_from_there_on_without_following(
     assert set(after.corrections[15]) == {a, b}
 
 
-def test_a_track_that_breaks_off_is_joined_by_swapping_it_with_its_other_half():
-    px = np.full((10, 2, 2), np.nan)
-    px[:5, 0] = px[5:, 1] = 7.0
-    joined = Birds(px, (1, 2)).swap(5, 1, 2)
-    assert joined.ids == (1,) and joined.sights() == {1: 10}
+def test_a_track_that_breaks_off_is_joined_to_its_other_half_with_its_corrections():
+    px = np.full((60, 3, 2), np.nan)
+    px[:5, 0] = px[8:, 1] = px[:, 2] = 7.0
+    birds = Birds(px, (1, 2, 3), {9: {2: (7.0, 7.0, False)}})
+    assert [birds.lost(k) for k in (4, 5, 34, 35)] == [{}, {1: (7.0, 7.0)}, {1: (7.0, 7.0)}, {}]
+    joined = birds.join(1, 2)
+    assert joined.ids == (1, 3) and joined.sights() == {1: 57, 3: 60}
+    assert joined.corrections == {8: {1: (7.0, 7.0, False)}, 9: {1: (7.0, 7.0, False)}}
+    with pytest.raises(ValueError, match="bird 1 is seen in frame 0"):
+        birds.join(1, 3)
+    assert birds.remove(2, 1).lost(5) == {}  # a person took it away
+
+
+def test_two_halves_that_were_joined_stay_so_when_they_are_followed_on(sky_film, followed_birds):
+    bird = whose(followed_birds, 0)[0]
+    px, n = followed_birds.px.copy(), followed_birds.ids.index(bird)
+    px = np.concatenate([px, np.full_like(px[:, :1], np.nan)], axis=1)
+    px[20:, -1], px[15:, n] = px[20:, n], np.nan
+    other = max(followed_birds.ids) + 1
+    joined = Birds(px, (*followed_birds.ids, other)).join(bird, other)
+    after = Follower(sky_film).follow(joined, joined.pending)
+    assert whose(after, 14)[0] == whose(after, 20)[0] == whose(after, 39)[0] == bird and other not in after.ids
 
 
 def test_what_is_no_bird_does_not_come_back_when_it_is_followed_again(sky_film, followed_birds):

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pygame
@@ -242,6 +243,21 @@ def test_a_number_dragged_onto_another_bird_swaps_them(bird_window):
     label = bird_window.mode._labels[a].move(bird_window.area.topleft).center
     bird_window.drag_pixels(label, bird_window.pixel(true(5)[1]))
     assert whose(bird_window, 4)[:2] == [a, b] and whose(bird_window, 6)[:2] == [b, a]
+
+
+def test_the_number_of_a_track_that_broke_off_is_dragged_onto_its_other_half(bird_window):
+    bird, *others = whose(bird_window, 0)
+    birds = bird_window.book.state.birds
+    px, n = np.concatenate([birds.px, np.full_like(birds.px[:, :1], np.nan)], axis=1), birds.ids.index(bird)
+    px[20:, -1], px[15:, n] = px[20:, n], np.nan
+    bird_window.book.do("broken", "birds", 0, birds=replace(birds, px=px, ids=(*birds.ids, 90)))
+    bird_window.go(22)
+    bird_window.frame(1 / 30)
+    label = bird_window.mode._labels[bird].move(bird_window.area.topleft).center
+    bird_window.drag_pixels(label, bird_window.pixel(true(22)[0]))
+    assert bird_window.book.state.birds.ids == birds.ids and whose(bird_window, 39) == [bird, *others]
+    bird_window.key("ctrl+z")
+    assert whose(bird_window, 39) == [90, *others]
 
 
 def test_who_is_chosen_is_removed_from_here_on_or_altogether(bird_window):

@@ -25,7 +25,8 @@ class BirdsMode(Mode):
     name = "birds"
     title = "Birds"
     hint = (
-        "Click: new   Drag: move   Drag a number onto a bird: swap   Right click: none   F: follow on   N: next break"
+        "Click: new   Drag: move   Drag a number onto a bird: swap, or join to a track that broke off   "
+        "Right click: none   F: follow on   N: next break"
     )
 
     def __init__(self, window):
@@ -222,7 +223,19 @@ class BirdsMode(Mode):
         else:
             other = self.bird_at(at)
             if other is not None and other != bird:
-                self.edit(f"birds {bird} and {other} swapped", birds=self.state.birds.swap(k, bird, other))
+                self._put_number(k, bird, other)
+
+    def _put_number(self, k, bird, other):
+        """Give a number to another bird: that of a track that broke off joins the two, else they swap theirs."""
+        birds = self.state.birds
+        if bird in birds.at(k):
+            self.edit(f"birds {bird} and {other} swapped", birds=birds.swap(k, bird, other))
+            return
+        try:
+            self.edit(f"birds {bird} and {other} joined", birds=birds.join(bird, other))
+            self.select(bird)
+        except ValueError as error:
+            self.window.toasts.say(f"Not joined: {error}. Swap the two in a frame where both are seen.", "warning")
 
     def _inside(self, place):
         return tuple(np.clip(place, 0, np.array(self.window.film.size) - 1).tolist())
@@ -273,6 +286,8 @@ class BirdsMode(Mode):
         radius = self._radius(np.array(list(places.values())))
         for bird, at in places.items():
             self._draw_bird(canvas, bird, at, radius, bird in said and not said[bird][2])
+        for bird, place in birds.lost(k).items():
+            self._draw_lost(canvas, bird, self.window.at(place), radius)
         if self.held is not None and self.held[0] == "number" and self._far():
             self._draw_number(canvas, self.held[1], self.held[3], keep=False)
 
@@ -296,6 +311,13 @@ class BirdsMode(Mode):
             canvas.disc(at, 2.2 * u, chrome(theme).accent)
         if mine or radius > 0.6 * RING * u:  # in a throng numbers would hide the birds: zoom in
             self._draw_number(canvas, bird, at + (0.75 * radius, -0.75 * radius))
+
+    def _draw_lost(self, canvas, bird, at, radius):
+        """Where a track broke off: a dashed ring, whose number can be dragged onto the other half."""
+        u = self.window.scale
+        canvas.ring(at, radius, 3.0 * u, self.window.theme.paper, 0.7)
+        canvas.ring(at, radius, 1.4 * u, COLOURS[bird % 8], dash=(3 * u, 3 * u))
+        self._draw_number(canvas, bird, at + (0.75 * radius, -0.75 * radius))
 
     def _draw_number(self, canvas, bird, corner, keep=True):
         height, theme = px(self.window.scale, 13), self.window.theme
