@@ -26,6 +26,7 @@ from flockbrush.learning.learned_brush import brush_of, name_of
 from flockbrush.learning.learned_parameters import Learned
 from flockbrush.learning.model_choice import check_kind, kind_of
 from flockbrush.learning.model_fit import learned_model
+from flockbrush.learning.other_starts import with_other_starts
 from flockbrush.learning.photo import SPEED, standing
 from flockbrush.learning.recipe import USE, learn
 from flockbrush.learning.regions import Region, regions_of
@@ -266,7 +267,7 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
         elif wishes.ablate:
             _ablate(found, wishes, interrupts, herd)
         found.seconds["comparing"] = time.perf_counter() - began
-        notes = [*found.notes, *_counted(found)]
+        notes = [*found.notes, *_counted(found), *filter(None, [found.starts_sentence()])]
         found.brush = _brush(herd, found.learned, found.clips, wishes, found.figures(), notes)
     write_text(herd.out, brush_to_toml(found.brush))
     load_brush(herd.out)  # it reads back
@@ -429,7 +430,9 @@ def _compare(found: Findings, wishes, interrupts, photo):
     brush = found.compared_brush
     runs = [simulated(frames, brush, seed) for seed in range(1 if wishes.quick else RUNS)]
     found.comparison = compared(frames, runs)
-    found.counts = with_other_numbers(found.brush, start_of(frames, 0, 0, found.brush.body), wishes.seed)
+    start = start_of(frames, 0, 0, found.brush.body)
+    found.counts = with_other_numbers(found.brush, start, wishes.seed)
+    found.starts = [] if photo or wishes.quick else with_other_starts(found.brush, start, wishes.seed)
     if wishes.report is not None:
         many = MOMENTS_OF_PHOTO if photo else MOMENTS
         found.moments = moments_of(wishes.clips[0], frames, runs[0], brush, many)

@@ -113,6 +113,7 @@ def as_json(findings: Findings) -> dict:
         "chosen": learned.chosen,
         "figures": findings.figures(),
         "counts": findings.counts,
+        "other_starts": findings.starts,
         "ablations": findings.ablations,
         "judgement": judgement_as_json(findings.judgement),
         "model": learned.kind,

@@ -13,6 +13,7 @@ from flockbrush.learning.battery import MEASURES
 from flockbrush.learning.comparison import JUDGED, Comparison, Verdict
 from flockbrush.learning.group_size_test import SECONDS
 from flockbrush.learning.learned_parameters import Learned
+from flockbrush.learning.other_starts import SECONDS as ALONE_FROM
 from flockbrush.learning.scores import CHANCE, beyond_chance
 from flockbrush.learning.verdict import ALONE, Judgement
 from flockbrush.learning.which_model import ModelComparison
@@ -47,6 +48,8 @@ class Findings:
         Of kinds of models, where `auto` chose one.
     counts : list of dict
         With other numbers of animals (`flockbrush.learning.group_size_test`).
+    starts : list of dict
+        From other starts than the clip's (`flockbrush.learning.other_starts`).
     ablations : list of dict
         `flockbrush.learning.ablation`.
     command : str
@@ -65,6 +68,7 @@ class Findings:
     comparison: Comparison | None = None
     judgement: Judgement | None = None
     counts: list[dict] = field(default_factory=list)
+    starts: list[dict] = field(default_factory=list)
     ablations: list[dict] = field(default_factory=list)
     command: str = ""
     seconds: dict[str, float] = field(default_factory=dict)
@@ -113,6 +117,19 @@ class Findings:
             if math.isfinite(clip) and abs(herd - beyond_chance(clip, seen, CHANCE[name])) > KEPT:
                 lost.append(name)
         return ", ".join(lost)
+
+    def starts_sentence(self) -> str:
+        """From which other starts herds come to the clip's polarization and milling; "" where that is not known."""
+        if not self.starts or self.comparison is None or not self.motion:
+            return ""
+        herds, told = len(self.starts[0]["milling"]), []
+        for row in self.starts:
+            each = ({"animals": row["animals"]} | {name: row[name][k] for name in JUDGED} for k in range(herds))
+            told.append(f"from {row['words']} {sum(not self.strayed(one) for one in each)}")
+        return (
+            f"Of {herds} herds of {self.starts[0]['animals']} animals each, {ALONE_FROM:g} s alone on a plane, "
+            f"so many come to the clip's polarization and milling: {', '.join(told)}."
+        )
 
     @property
     def motion(self) -> bool:
@@ -164,6 +181,8 @@ class Findings:
         if self.counts and self.motion:
             strayed = [(r, words) for r in self.counts if (words := self.strayed(r))]
             told.append((not strayed, _resized(self.counts, strayed)))
+        if self.starts_sentence():
+            told.append((None, self.starts_sentence()))
         count = float(np.median(self.whole.fields.count))
         if count < FEW:
             told.append((None, f"Only about {count:.0f} animals are seen: too few to say much of a herd."))

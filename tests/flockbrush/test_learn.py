@@ -36,6 +36,7 @@ def quick(monkeypatch):
     monkeypatch.setattr(flockbrush.film.open_clip, "observe", filmed.observe)
     monkeypatch.setattr(flockbrush.learning.learn, "learn", filmed.learn)
     monkeypatch.setattr(flockbrush.learning.learn, "with_other_numbers", lambda *_: [])
+    monkeypatch.setattr(flockbrush.learning.learn, "with_other_starts", lambda *_: [])
     monkeypatch.setattr(flockbrush.learning.learn, "shipped", _Few)
     monkeypatch.setattr(flockbrush.learning.learn, "JUDGED_RUNS", 2)
     for name, value in {"LONG_RUNS": 1, "RIVAL_RUNS": 1, "ALONE": 4.0, "MEASURED": 2.0}.items():
@@ -311,6 +312,7 @@ def test_a_small_film_is_looked_at_learned_and_done_again(cli, films, tmp_path, 
 
     monkeypatch.setattr(flockbrush.learning.learn, "QUICK_BUDGET", 1.0)
     monkeypatch.setattr(flockbrush.learning.learn, "with_other_numbers", lambda *_: [])
+    monkeypatch.setattr(flockbrush.learning.learn, "with_other_starts", lambda *_: [])
     out = tmp_path / "lambs.brush.toml"
     done = cli("learn", films / "one.mp4", "--out", out, "--quick", "--jobs", 1, "--json")
     assert done.code == 0, done.err

@@ -1,0 +1,55 @@
+"""From which starts a brush does what the clip shows: measured, and said in the report and in the brush's notes."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import flockbrush
+from flockbrush.learning.other_starts import with_other_starts
+from flockbrush.learning.result import Findings
+from flockbrush.learning.rollout import HerdStart
+
+
+def begun(animals=60):
+    """A turning disc of as many animals, .6 to a square body length."""
+    chance = np.random.default_rng(1)
+    radius, angle = np.sqrt(animals / 0.6 / np.pi * chance.random(animals)), chance.uniform(0, 2 * np.pi, animals)
+    way = np.column_stack([np.cos(angle), np.sin(angle)])
+    return HerdStart(radius[:, None] * way, way[:, ::-1] * (-1, 1))
+
+
+def found(brush, polarization, milling, seconds=20.0):
+    """Findings on a clip with this polarization and milling."""
+    verdicts = {"polarization": SimpleNamespace(clip=polarization), "milling": SimpleNamespace(clip=milling)}
+    fields = SimpleNamespace(count=np.array([60]), velocity=np.zeros((1, 1)))
+    one = Findings(brush, [], SimpleNamespace(fields=fields), None)
+    one.comparison = SimpleNamespace(verdict=verdicts.get)
+    one.starts = with_other_starts(brush, begun(), seconds=seconds)
+    return one
+
+
+@pytest.fixture(scope="module")
+def march():
+    return flockbrush.shipped().get("march")
+
+
+def test_a_mill_that_never_forms_from_a_scatter_says_so():
+    mill = found(flockbrush.shipped().get("mill-hollow"), 0.1, 0.9)
+    by = {row["start"]: row for row in mill.starts}
+    assert min(by["ring"]["milling"]) > 0.7 > max(by["scatter"]["milling"])
+    said = mill.starts_sentence()
+    assert "Of 3 herds of 60 animals each" in said
+    assert "from a scatter with random headings 0" in said and "from a turning ring 3" in said
+
+
+def test_a_march_holds_from_a_scatter_and_every_herd_is_another(march):
+    one = found(march, 0.98, 0.05, seconds=12.0)
+    scatter = one.starts[0]
+    assert "from a scatter with random headings 3" in one.starts_sentence()
+    assert len(set(scatter["polarization"])) == 3 and scatter["animals"] == 60
+
+
+def test_two_animals_have_no_crowd_and_one_has_no_start(march):
+    assert with_other_starts(march, begun(1)) == []
+    assert len(with_other_starts(march, begun(2), seconds=1.0)) == 3
