@@ -242,9 +242,22 @@ def _notes(tracks, pieces, motion, length):
     gapped = len(np.unique(pieces.animal[np.flatnonzero(np.bincount(pieces.animal)[pieces.animal] > 1)]))
     if pieces.gaps or gapped:
         yield f"{pieces.gaps} gaps were filled; {gapped} animals were away for more than {GAP:g} s and count anew then"
+    missing = _missing(tracks, motion)
+    if missing > 1 - WHOLE:
+        yield (
+            f"animals are missing for {missing:.0%} of the time between their first and last sight: neighbours seem "
+            "farther away then, and fewer, than they were"
+        )
     if tracks.heading is None:
         yield "headings are where animals go; slower than the noise they keep the heading they had"
     yield "tracks do not tell how wide a body is: half its width is taken to be 0.2 body lengths"
+
+
+def _missing(tracks, motion):
+    """Share of the time from the first to the last sight of an animal in which it is not there, gaps being filled."""
+    seen = tracks.seen[:, tracks.seen.any(0)]
+    stays = len(seen) - seen.argmax(0) - seen[::-1].argmax(0)
+    return 1.0 - np.isfinite(motion.xy[..., 0]).sum() / stays.sum()
 
 
 # pictures -------------------------------------------------------------------------------------------
