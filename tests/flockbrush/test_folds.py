@@ -67,3 +67,15 @@ def test_the_held_out_table_shows_the_brush_that_knew_nothing_of_these_frames(cl
     shown = found.comparison.verdict("polarization")
     assert shown.met and shown.herd > 0.9, shown
     assert found.counts[-1]["milling"] > 0.5  # other numbers of animals: the brush of the file
+
+
+@pytest.mark.parametrize("quick", [False, True])
+def test_the_report_says_from_which_starts_a_brush_holds(clips, march, monkeypatch, tmp_path, quick):
+    row = {"start": "ring", "words": "a turning ring", "animals": 30, "polarization": [0.98, 0.2], "milling": [0.1] * 2}
+    monkeypatch.setattr(learning, "with_other_starts", lambda *_: [row])
+    monkeypatch.setattr(learning, "with_other_numbers", lambda *_: [])
+    clip = clips["march"]
+    found = Findings(march, [clip], clip, learned_as(march), clip)
+    _compare(found, LearnOptions([tmp_path / "a.mp4"], tmp_path / "a.brush.toml", quick=quick), None, False)
+    said = any("from a turning ring 1" in words for _, words in found.checks())
+    assert said is not quick
