@@ -2,7 +2,8 @@
 
 For each path and herd size, on fresh seeds, beside the straight line between the same brushes in as many steps: the
 largest change of polarization or milling in one step, the largest deviation between seeds, and whether both go one
-way within two standard errors (`flockbrush.studies.morph`).
+way within two standard errors (`flockbrush.studies.morph`).  Of a pair that no path is shipped for, the straight line
+alone, in eighths.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import argparse
 
 import numpy as np
 from flockbrush.behaviours.brush import shipped
-from flockbrush.behaviours.mixture import load_path, mixed
+from flockbrush.behaviours.mixture import STEPS, can_mix, load_path, mixed
 
 from flockbrush.studies.morph import Trial, faults, measured
 
@@ -28,31 +29,45 @@ def shipped_paths():
     return found
 
 
-def judged(path, trial):
-    """What herds do at the steps of a path and of the straight line, (`Measured`, `Measured`)."""
-    start, end = (shipped().get(name) for name in (path.start, path.end))
-    shares = np.linspace(0.0, 1.0, len(path.along))
-    return tuple(
-        measured(lambda share, w=way: mixed(start, end, share, w), shares, trial, FIRST) for way in (path, None)
-    )
+def judged(start, end, path, trial):
+    """What herds do at the steps of a path, if there is one, and of the straight line: a `Measured` by way."""
+    shares = np.linspace(0.0, 1.0, len(path.along) if path else STEPS + 1)
+    ways = {"path": path, "straight line": None} if path else {"straight line": None}
+    return {
+        name: measured(lambda share, w=way: mixed(start, end, share, w), shares, trial, FIRST)
+        for name, way in ways.items()
+    }
+
+
+def brushes_of(pair):
+    """The two shipped brushes that ``A--B`` names, or a `ValueError`."""
+    names = pair.split("--")
+    if len(names) != 2 or set(names) - set(shipped().names()):
+        raise ValueError(f"{pair!r} is no pair A--B of shipped brushes; there are {', '.join(shipped().names())}")
+    start, end = (shipped().get(name) for name in names)
+    if not can_mix(start, end):
+        raise ValueError(f"{pair!r}: nothing is between brushes of unlike models or media")
+    return start, end
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("paths", nargs="*", metavar="A--B", help="all unless told")
+    parser.add_argument("paths", nargs="*", metavar="A--B", help="all shipped paths unless told")
     parser.add_argument("--seeds", type=int, default=64)
     parser.add_argument("--animals", type=int, nargs="+", default=[100, 400])
     parser.add_argument("--seconds", type=float, default=20.0)
     told = parser.parse_args()
     paths = shipped_paths()
-    if unknown := [name for name in told.paths if name not in paths]:
-        parser.error(f"no path {', '.join(unknown)} is shipped; there are {', '.join(paths)}")
+    try:
+        pairs = {name: brushes_of(name) for name in told.paths or paths}
+    except ValueError as error:
+        parser.error(str(error))
     print(f"{told.seeds} seeds from {FIRST} on, {told.seconds:g} s")
     print(f"{'path':<24} animals  way            largest step  largest deviation  goes back")
-    for name in told.paths or paths:
+    for name, (start, end) in pairs.items():
         for animals in told.animals:
             trial = Trial(animals, told.seeds, seconds=told.seconds)
-            for way, found in zip(("path", "straight line"), judged(paths[name], trial), strict=True):
+            for way, found in judged(start, end, paths.get(name), trial).items():
                 back = "yes" if any("goes back" in fault for fault in faults(found)) else "no"
                 step = np.abs(np.diff(found.mean, axis=0)).max()
                 line = f"{name:<24} {animals:>7}  {way:<13} {step:>13.2f} {found.deviation.max():>18.2f}  {back}"

@@ -5,7 +5,8 @@ rotation about it from 60 s on; a seed passes with .8 and .5.  river (fig. 8): m
 5 s; a seed passes with .8; --brush and --animals tell another mill and flock, on a map that grows with it.  mills: the
 disc with which the river begins, on open water, hollow and filled, 50 to 800 ducks (or --brush, --animals): a herd for
 each seed, all side by side in one world of the first seed.  lines: the front and the lanes for 90 s on a plane, 50,
-200 and 800 animals; a seed passes when the means from 60 s on are in the bands of ``bands.json``.
+200 and 800 animals (or --brush, --animals); a seed passes when the means from 60 s on are in the bands of
+``bands.json``.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))  # the repository, when ru
 from benchmarks.brush_bands import outside, stated, watch
 
 MIDDLE = np.array([7.0, 9.0])  # m, of the ant hill
+LINES = ("front", "lanes")
 RIVER = 0.72  # ducks per square body length with which the river begins
 
 
@@ -95,8 +97,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene", choices=["anthill", "river", "mills", "lines"])
     parser.add_argument("--seeds", default="9001:9020", help="first:last")
-    parser.add_argument("--brush", help="river, mills: this mill instead of the filled one, or of both")
-    parser.add_argument("--animals", type=int, help="river, mills: so many instead of 160, or of 50 to 800")
+    parser.add_argument("--brush", help="river, mills: this mill instead of the filled one, or of both; lines: one")
+    parser.add_argument("--animals", type=int, help="so many instead of 160 (river) or 50 to 800 (mills, lines)")
     told = parser.parse_args()
     first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])  # one seed stands for itself
     if told.scene == "anthill":
@@ -106,7 +108,11 @@ def main():
         name = f"river, {brush}, {told.animals or 160} ducks"
         return judge(name, "milling at 90 s", lambda seed: river(seed, brush, told.animals), first, last)
     if told.scene == "lines":
-        return judge_lines(first, last)
+        if told.brush not in (None, *LINES):
+            parser.error(f"--brush {told.brush}: of lines there are {' and '.join(LINES)}")
+        brushes = [told.brush] if told.brush else LINES
+        sizes = [told.animals] if told.animals else (50, 200, 800)
+        return judge_lines(first, last, brushes, sizes)
     for brush in [told.brush] if told.brush else ("mill-filled", "mill-hollow"):
         for ducks in [told.animals] if told.animals else (50, 100, 200, 400, 800):
             found = mills(brush, ducks, last - first + 1, first)
@@ -119,10 +125,10 @@ def main():
             )
 
 
-def judge_lines(first, last):
-    """The front and the lanes at every size."""
-    for animals in (50, 200, 800):
-        for brush in ("front", "lanes"):
+def judge_lines(first, last, brushes, sizes):
+    """The front, the lanes or both, at every size told."""
+    for animals in sizes:
+        for brush in brushes:
             words = ", ".join(stated()[brush]["bands"])
             judge(f"{brush}, {animals} animals", words, lambda s, b=brush, n=animals: lines(s, b, n), first, last)
 

@@ -5,7 +5,7 @@ import pytest
 from flockbrush.behaviours.brush import BrushLibrary, shipped
 from flockbrush.behaviours.mixture import STEPS, load_path, mixed, path_between
 
-from benchmarks.morphs import judged, shipped_paths
+from benchmarks.morphs import brushes_of, judged, shipped_paths
 from flockbrush.studies import morph as morph_study
 from flockbrush.studies.morph import (
     MOST_STEP,
@@ -152,8 +152,25 @@ def test_shipped_paths_lead_from_brush_to_brush():
 
 def test_shipped_paths_are_judged_beside_the_straight_line():
     path = shipped_paths()["swarm--march"]
-    on_path, straight = judged(path, Trial(animals=6, seeds=2, seconds=1.0))
+    ways = judged(*brushes_of("swarm--march"), path, Trial(animals=6, seeds=2, seconds=1.0))
+    on_path, straight = ways["path"], ways["straight line"]
     assert on_path.mean.shape == straight.mean.shape == (len(path.along), 2)
     ends = on_path.mean[[0, -1]], straight.mean[[0, -1]]
     np.testing.assert_allclose(*ends, atol=1e-9)  # the same brushes beside other herds
     assert not np.array_equal(on_path.mean[1:-1], straight.mean[1:-1])
+
+
+def test_a_pair_without_a_path_is_judged_along_the_straight_line():
+    ways = judged(*brushes_of("lanes--front"), None, Trial(animals=6, seeds=1, seconds=1.0))
+    assert list(ways) == ["straight line"] and ways["straight line"].mean.shape == (STEPS + 1, 2)
+
+
+@pytest.mark.parametrize("pair", ["lanes", "lanes--unicorn"])
+def test_what_is_no_pair_is_said(pair):
+    with pytest.raises(ValueError, match=f"'{pair}' is no pair A--B of shipped brushes.*lanes"):
+        brushes_of(pair)
+
+
+def test_brushes_of_unlike_models_are_no_pair():
+    with pytest.raises(ValueError, match="nothing is between"):
+        brushes_of("lanes--starlings")
