@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 HERE = Path(__file__).resolve().parent
+NEWEST = {"response to neighbours", "scatter of turns"}  # measures that figures of an earlier version lack
 RESULTS, PAGE = HERE / "learning_tracks.json", HERE.parent / "docs" / "benchmark-tracks.md"
 
 
@@ -244,6 +245,8 @@ def _of(name, done):
         met = ("met" if row["met"] else "missed") if row["told"] else "not told"
         numbers = " | ".join(f"{row[key]:.3g}" for key in ("clip", "herd", "off", "limit"))
         yield f"| {row['name']} | {numbers} | {met} |"
+    if NEWEST.isdisjoint(row["name"] for row in one["measures"]):
+        yield from ("", _prose(f"Not judged by {' and '.join(sorted(NEWEST))}."))
     yield from ("", "| parameter | value | confounded with |", "|---|---|---|")
     for row in one["parameters"]:
         if not row["name"].startswith("obstacle"):
