@@ -16,6 +16,8 @@ from flockbrush.behaviours.brush import shipped
 from flockbrush.engine.parallel import set_threads
 from flockbrush.levels.build import plane
 from flockbrush.runs import terminal
+from flockbrush.runs.compile_ahead import compiling_for
+from flockbrush.runs.kernel_helper import FEW, TICKS
 from flockbrush.runs.run import peak_memory, versions
 from flockbrush.runs.terminal import print_json, print_line, say, show, table
 
@@ -32,6 +34,13 @@ def scene(agents):
     sight = brush.vision.model_copy(update={"range": RANGE / length, "occlusion": True})
     far = brush.with_parameters(neighbour_range=RANGE / length).model_copy(update={"vision": sight})
     return plane(far, agents, DENSITY * length**2)
+
+
+def rehearse():
+    """The same with few animals, for whoever looks which kernels it calls."""
+    simulation = scene(FEW)
+    simulation.run(TICKS)
+    simulation.close()
 
 
 def timed(simulation, ticks):
@@ -63,7 +72,7 @@ def _processor():
 def benchmark(sizes, ticks, thread_counts, json):
     """Time every size with every number of threads; print the tables."""
     results = []
-    with terminal.compiling():
+    with compiling_for("flockbrush.cli.bench:rehearse"):
         for agents in sizes:
             for threads in thread_counts:
                 simulation = scene(agents)  # anew: every row times the same ticks

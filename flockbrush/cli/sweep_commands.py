@@ -14,6 +14,7 @@ from flockbrush.engine.files import refused
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.output.figures import drawing_problems
 from flockbrush.runs import terminal
+from flockbrush.runs.compile_ahead import compiling_for
 from flockbrush.runs.terminal import Stopped, print_json, say
 from flockbrush.studies import sweep_report as report
 from flockbrush.studies.sweep import ClusterGone, MixedCode, cluster, processes, sweep_to
@@ -22,11 +23,12 @@ from flockbrush.studies.sweep_file import SUFFIX, read_sweep
 
 def run_sweep(path, out, jobs=None, resume=False, address=None, json_wanted=False, theme="light", tls=None):
     """The command ``flockbrush sweep``."""
-    sweep = read_sweep(find_sweep(path))
+    file = find_sweep(path)
+    with compiling_for("flockbrush.studies.sweep_file:rehearse", path=file):  # reading builds the levels
+        sweep = read_sweep(file)
     out = Path(out)
     if out.exists() and not out.is_dir():
         raise refused(out, "is a file; --out names a folder")
-    terminal.tell_kernel_cache()
     begin = time.perf_counter()
     with terminal.Interrupts() as interrupts, _workers(jobs, address, tls) as (open_executor, width):
 

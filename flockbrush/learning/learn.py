@@ -40,10 +40,10 @@ from flockbrush.learning.verdict import RUNS as JUDGED_RUNS
 from flockbrush.learning.verdict import combined, judge
 from flockbrush.learning.which_model import HERD
 from flockbrush.output.figures import drawing_problems
+from flockbrush.runs.compile_ahead import compiling_for
 from flockbrush.runs.terminal import (
     Interrupts,
     Stopped,
-    compiling,
     measure,
     number,
     print_json,
@@ -113,7 +113,7 @@ def learn_brushes(wishes: LearnOptions) -> list[Findings]:
     """
     regions = _checked(wishes)
     outputs = [*_brush_files(wishes, regions), *([wishes.report] if wishes.report else [])]
-    with Interrupts() as interrupts, compiling(), held(*outputs):
+    with Interrupts() as interrupts, compiling_for("flockbrush.learning.rehearsal:rehearse"), held(*outputs):
         try:
             seen = [_looked(clip, wishes) for clip in wishes.clips]
         except KeyboardInterrupt:

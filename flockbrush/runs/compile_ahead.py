@@ -1,4 +1,4 @@
-"""Compile the kernels that a run begins with in several processes, where none are stored yet.
+"""Compile the kernels that some work begins with in several processes, where none are stored yet.
 
 A scout finds what will be called (`flockbrush.engine.kernel_calls`); this process and helpers compile it, each into
 numba's cache, from where this process then loads what others have made.  What the scout did not find is compiled when
@@ -21,16 +21,25 @@ from flockbrush.runs import kernel_helper, terminal
 FEW_STORED = 20  # kernels; with more, only some are to be compiled, and a scout would cost more than it brings
 MOST_HELPERS = 7  # each holds some 200 MB
 PATIENCE = 15.0  # s that a scout may find nothing while there is nothing else to do
+LEVEL = "flockbrush.runs.kernel_helper:rehearse"
 EVERY = 5.0  # s between lines where stderr is no terminal
 
 
-@contextmanager
 def compiling_ahead(name, seed=None, agents=None, brush=None):
-    """As `flockbrush.runs.terminal.compiling`; kernels that `run.start` of this will need are compiled together.
+    """`compiling_for` what `run.start` of this will need; ``name`` may be a recording, too."""
+    return compiling_for(LEVEL, name=name, seed=seed, agents=agents, brush=brush)
 
-    ``name`` may be a recording, too.
+
+@contextmanager
+def compiling_for(rehearsal, **work):
+    """As `flockbrush.runs.terminal.compiling`; kernels that the work will need are compiled together.
+
+    Parameters
+    ----------
+    rehearsal, work : str, dict
+        See `CompileAhead`.
     """
-    ahead = CompileAhead({"name": name, "seed": seed, "agents": agents, "brush": brush})
+    ahead = CompileAhead(work, rehearsal)
     try:
         with terminal.compiling(ahead.meet):
             yield
@@ -44,11 +53,15 @@ class CompileAhead:
     Parameters
     ----------
     work : dict
-        Arguments of `flockbrush.runs.run.start`: name (or path of a recording), seed, agents, brush.
+        Arguments of the rehearsal: numbers, words, paths (given as words) or None; by default those of
+        `flockbrush.runs.run.start`: name (or path of a recording), seed, agents, brush.
+    rehearsal : str
+        ``module:function`` that does the same as the work with few animals and few ticks, for the scout.
     """
 
-    def __init__(self, work):
+    def __init__(self, work, rehearsal=LEVEL):
         self.work = {name: value if isinstance(value, int | None) else str(value) for name, value in work.items()}
+        self.rehearsal = rehearsal
         self.found = self.done = 0
         self._waiting: list = []
         self._known: set[str] = set()
@@ -81,7 +94,7 @@ class CompileAhead:
 
     def _begin(self):
         self._scouting = True
-        self._start(self._listen, kernel_helper.scout, self.work)
+        self._start(self._listen, kernel_helper.scout, self.rehearsal, self.work)
         for _ in range(min(threads() - 1, MOST_HELPERS)):
             self._start(self._serve, kernel_helper.compile_calls)
 

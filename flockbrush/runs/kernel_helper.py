@@ -5,6 +5,7 @@ Nothing that imports numba may be imported before a task begins: a scout sets wh
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
 import sys
@@ -14,8 +15,8 @@ RECORDING = ".flock"
 TICKS = 2  # some kernels are first called when there is a tick before
 
 
-def scout(parent, work):
-    """Send the calls of kernels that a run begins with."""
+def scout(parent, rehearsal, work):
+    """Send the calls of kernels in a rehearsal (``module:function``) of the work."""
     _be_quiet()
     if "numba" in sys.modules:  # by a main program that imports it first of all: kernels would be compiled
         return
@@ -23,6 +24,12 @@ def scout(parent, work):
     from flockbrush.engine.kernel_calls import watch
 
     watch(parent.send)
+    module, name = rehearsal.split(":")
+    getattr(importlib.import_module(module), name)(**work)
+
+
+def rehearse(**work):
+    """The beginning of a run, with few animals."""
     from flockbrush.engine.recording import state_hash
 
     simulation = _begun(work)

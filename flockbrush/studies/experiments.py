@@ -26,8 +26,9 @@ from flockbrush.behaviours.v_rules.indicators import CLUTTERED, GROUPS, OTHER, S
 from flockbrush.behaviours.validation import validated
 from flockbrush.engine.plugins import load_entry_points
 from flockbrush.engine.problems import ProblemsError, did_you_mean
-from flockbrush.levels.build import plane
+from flockbrush.levels.build import DT, plane
 from flockbrush.runs.builds import build_of_worker
+from flockbrush.runs.kernel_helper import FEW, TICKS
 from flockbrush.runs.v_measures import v_indicators
 from flockbrush.studies.flock_parameters import FlockParameters
 from flockbrush.systems.measures import measures
@@ -74,6 +75,9 @@ class Experiment:
     def run(self, parameters, files, seeds) -> list[Row]:
         """One row for each seed."""
         raise NotImplementedError
+
+    def rehearse(self, parameters, files):
+        """Call the kernels of a run with few animals and few ticks; nothing where compiling takes no time."""
 
     def pictures(self, sweep, rows, folder, theme) -> list[Path]:
         """Pictures beyond the plots that every sweep gets."""
@@ -146,6 +150,9 @@ class LevelRuns(Experiment):
     def run(self, parameters, files, seeds):
         with _ONE_WORLD:
             return [self._one(parameters, files, seed) for seed in seeds]
+
+    def rehearse(self, parameters, files):
+        self._one(parameters | {"agents": FEW, "seconds": TICKS * DT, "every": None}, files, 0)
 
     @staticmethod
     def _one(parameters, files, seed) -> Row:

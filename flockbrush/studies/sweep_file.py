@@ -156,6 +156,13 @@ def read_sweep(path) -> Sweep:
     return parse_sweep(read_bytes(path), str(path), Path(path).parent)
 
 
+def rehearse(path):
+    """Read a sweep and begin a small run of its first scenario, for whoever looks which kernels it calls."""
+    sweep = read_sweep(path)
+    first = sweep.scenarios[0]
+    sweep.experiment.rehearse(first.parameters, first.files)
+
+
 def parse_sweep(data: bytes, name: str, folder=Path()) -> Sweep:
     """The sweep whose file has these bytes; paths in it start from the folder."""
     toml = parse_toml(data, name)

@@ -9,10 +9,14 @@ from flockbrush.engine import kernel_cache
 from flockbrush.engine.kernel_calls import KernelCall
 from flockbrush.engine.recording import state_hash
 from processes import environment
+from small_sweep import sweep_file
 
+from flockbrush.cli import bench
 from flockbrush.cli.main import called
+from flockbrush.learning import rehearsal
 from flockbrush.runs import compile_ahead, kernel_helper, run
 from flockbrush.runs.compile_ahead import CompileAhead
+from flockbrush.studies.sweep_file import read_sweep
 
 SHARED = """
 import multiprocessing
@@ -63,9 +67,12 @@ def test_a_scout_finds_the_kernels_of_a_run_with_the_types_of_the_run(level):
 
 def _scouted(name):
     """Calls that a scout finds."""
-    ahead = CompileAhead({"name": name, "seed": None, "agents": None, "brush": None})
+    return _rehearsed(CompileAhead({"name": name, "seed": None, "agents": None, "brush": None}))
+
+
+def _rehearsed(ahead):
     ahead._scouting = True
-    ahead._start(ahead._listen, kernel_helper.scout, ahead.work)
+    ahead._start(ahead._listen, kernel_helper.scout, ahead.rehearsal, ahead.work)
     with ahead._changed:
         assert ahead._changed.wait_for(lambda: not ahead._scouting, 200)
     calls = [ahead._next() for _ in range(ahead.found)]
@@ -150,6 +157,52 @@ def test_a_recording_is_lived_again_by_kernels_compiled_together(level, tmp_path
     for options in (["replay"], ["measure"], ["export", "--to", str(tmp_path / "walk.csv")]):
         assert called([*options, recording]) == 0, capsys.readouterr().err
     assert work == [recording] * 3
+
+
+SWEEP = """
+schema = "flockbrush.sweep/1"
+seeds.count = 1
+fixed = { plane = "march", agents = 4, seconds = 0.1 }
+"""
+
+
+def _works(tmp_path):
+    """What bench, sweep and learn do: (rehearsal, its arguments, the same here)."""
+    sweep = read_sweep(sweep_file(tmp_path, SWEEP))
+    scenario, runs = sweep.scenarios[0], sweep.experiment
+    return (
+        ("flockbrush.cli.bench:rehearse", {}, lambda: bench.timed(bench.scene(40), 1)),
+        (
+            "flockbrush.studies.sweep_file:rehearse",
+            {"path": str(tmp_path / "flocks.sweep.toml")},
+            lambda: (read_sweep(tmp_path / "flocks.sweep.toml"), runs.run(scenario.parameters, scenario.files, [0])),
+        ),
+        ("flockbrush.learning.rehearsal:rehearse", {}, rehearsal.rehearse),
+    )
+
+
+def test_rehearsals_call_the_kernels_of_the_work_with_its_types(tmp_path):
+    for name, arguments, work in _works(tmp_path):
+        calls = _rehearsed(CompileAhead(arguments, name))
+        work()
+        assert "flockbrush.systems.sight.look" in {f"{call.module}.{call.name}" for call in calls}, name
+        assert not [call.key for call in calls if call.types not in _compiled(call)], name
+
+
+def test_bench_sweep_and_learn_compile_in_several_processes(tmp_path, monkeypatch):
+    begun = []
+    monkeypatch.setattr(CompileAhead, "meet", lambda ahead, kernel, types: None)
+    monkeypatch.setattr(CompileAhead, "close", lambda ahead: begun.append((ahead.rehearsal, ahead.work)))
+    flocks, tracks = sweep_file(tmp_path, SWEEP), tmp_path / "tracks.csv"
+    tracks.write_text("id,frame,x,y\n1,0,0,0\n")
+    called(["bench", "--agents", "4", "--ticks", "2"])
+    called(["sweep", str(flocks), "--out", str(tmp_path / "out"), "--jobs", "1"])
+    called(["learn", str(tracks), "-o", str(tmp_path / "x.brush.toml"), "--fps", "16", "--unit", "bl"])
+    assert begun == [
+        ("flockbrush.cli.bench:rehearse", {}),
+        ("flockbrush.studies.sweep_file:rehearse", {"path": str(flocks)}),
+        ("flockbrush.learning.rehearsal:rehearse", {}),
+    ]
 
 
 def _meets(level):
