@@ -35,6 +35,7 @@ KEYFRAME_STEPS = 800_000  # and where there are many animals at most so many tic
 KEYFRAME_LEAST = 8  # but no fewer ticks, or recordings of very many would be snapshots and nothing else;
 KEYFRAME_ROOM = 10_000_000  # animals in snapshots, 1.4 GB: from there on the next ones get rarer
 PACKED_MORE = 60  # bytes by which an animal in a snapshot grows when herds begin to move: 34 to 114 on shipped levels
+PACKED_HASH = 45  # bytes of a tick's hash alone, as the playground records it
 PACKED_TICK = 400  # bytes of a tick's hash and sums: 310 to 570 on shipped levels of 90 animals and more
 
 
@@ -183,8 +184,18 @@ def recording_size(simulation, ticks: int, keyframes: int | None = None) -> int:
     ends = 3 if animals <= MANY else 0
     snapshots = ends + spacing.expected(ticks, animals)
     files = sum(map(len, simulation.assets().values()))
-    snapshot = packed_size(snapshot_parts(simulation.world)) + PACKED_MORE * animals
-    return files // 4 + ticks * PACKED_TICK + snapshots * snapshot
+    return files // 4 + ticks * PACKED_TICK + snapshots * _snapshot_size(simulation)
+
+
+def _snapshot_size(simulation):
+    return packed_size(snapshot_parts(simulation.world)) + PACKED_MORE * len(simulation.agents)
+
+
+def hashed_rate(simulation) -> float:
+    """About how many bytes a recording of hashes and snapshots, without sums, grows by in a second of an hour."""
+    ticks = round(3600 / simulation.clock.dt)
+    snapshots = usual_keyframes(simulation).expected(ticks, len(simulation.agents))
+    return (ticks * PACKED_HASH + snapshots * _snapshot_size(simulation)) / 3600
 
 
 def beginning_of(simulation):

@@ -95,6 +95,8 @@ class Session(Going, Keeping):
         session = cls(level.path, timeline, shelter, notices)
         session._file = LevelFile(level.path, level.files[level.path.name])
         session._edit()
+        if record is not None:
+            session.tell_size(record)
         return session
 
     @classmethod

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from flockbrush.studio.history import History
 from flockbrush.studio.recovery import Shelter
 
 AUTOSAVE_SECONDS = 1.0  # s; what a crash may take at most
+LITTLE_ROOM = 60  # minutes of the run that a disk has room for; with less, who records is warned
 
 
 @dataclass(frozen=True)
@@ -206,6 +208,17 @@ class Keeping:
             self._say("warning", f"Tiled does not know the brush: {error}")
 
     # the run ------------------------------------------------------------------------
+
+    def tell_size(self, path):
+        """Say how fast the file of a recording will grow, and for how long the disk has room if that is not long."""
+        rate = running.hashed_rate(self.simulation)
+        said = f"{path.name} grows by about {60 * rate / 1e6:.2g} MB a minute of the run"
+        with suppress(OSError):
+            minutes = shutil.disk_usage(path.parent).free / (60 * rate)
+            if minutes < LITTLE_ROOM:
+                self._say("warning", f"{said}; the disk has room for {minutes:.0f} minutes")
+                return
+        self._say("info", said)
 
     def export_recording(self, path):
         """Write the current branch as a recording that ``flockbrush replay --verify`` accepts; whether it worked."""

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import shutil
 import subprocess
 
@@ -410,6 +411,19 @@ def test_a_run_and_its_branches_are_recorded_where_one_says(level, tmp_path):
     assert verified(tmp_path / "walk.flock").last_tick == 6
     assert verified(tmp_path / "walk-2.flock").last_tick == 5
     assert called(["replay", str(tmp_path / "walk-2.flock"), "--verify"]) == 0  # as a designer would
+
+
+def test_where_a_recording_begins_its_size_is_said(level, tmp_path, monkeypatch):
+    session = Session.open(level, record=tmp_path / "walk.flock", state_folder=tmp_path / "state")
+    (said,) = [text for text in texts(session) if "walk.flock" in text]
+    session.step(round(60 / session.simulation.clock.dt))
+    session.close()
+    megabytes = float(re.search(r"about (\S+) MB a minute", said)[1])
+    assert megabytes == pytest.approx((tmp_path / "walk.flock").stat().st_size / 1e6, rel=0.5)
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: shutil._ntuple_diskusage(0, 0, round(5e6 * megabytes)))
+    session = Session.open(level, record=tmp_path / "run.flock", state_folder=tmp_path / "state")
+    assert "the disk has room for 5 minutes" in texts(session)[-1]
+    session.close()
 
 
 def test_a_recording_that_cannot_be_written_is_said(session, tmp_path):
