@@ -44,7 +44,7 @@ SKY = 60.0  # body lengths across at most, of birds
 LEAST = 14.0  # a bird is drawn at least as large as the picture over this
 LEAST_WINGED = 18.0  # the same with its wings spread
 MILL = 0.7  # milling that makes a mill, of a herd that began on a ring
-MARCH, SOME = 0.75, 0.35  # polarization out of disorder that makes a march for certain; that makes one if no mill
+SOME = 0.35  # polarization out of disorder that makes a march
 ALONG = np.pi / 7  # rad; marches go up to the right
 AS_STORED = -1  # cv2.IMREAD_UNCHANGED
 LIMBS = 12.0  # pixels of the picture before it is shrunk, from which animals have legs
@@ -203,15 +203,12 @@ def _middle(xy, reach=None):
 
 def _settled(brush):
     """A herd under the brush that shows what it does, some seconds after it stood there."""
+    ring = _run(brush, "ring", None)
+    if compute_milling(ring.agents[Position.xyz][:, :2], ring.agents[Heading.forward]) > MILL:
+        return ring
+    ring.close()
     disorder = _run(brush, "scatter", None)
-    order = compute_polarization(disorder.agents[Heading.forward])
-    if order < MARCH:
-        ring = _run(brush, "ring", None)
-        if compute_milling(ring.agents[Position.xyz][:, :2], ring.agents[Heading.forward]) > MILL:
-            disorder.close()
-            return ring
-        ring.close()
-    if order < SOME:
+    if compute_polarization(disorder.agents[Heading.forward]) < SOME:
         return disorder
     disorder.close()
     return _run(brush, "scatter", ALONG)

@@ -50,23 +50,23 @@ def learned_as(brush):
 
 
 def test_the_held_out_table_shows_the_brush_that_knew_nothing_of_these_frames(clips, march, monkeypatch, tmp_path):
-    """The judged brush is a march, the refitted one a mill; the frames held out are of a march."""
-    clip, mill = clips["march"], flockbrush.shipped().get("mill-filled")
+    """The judged brush is a march, the refitted one a swarm; the frames held out are of a march."""
+    clip, swarm = clips["march"], flockbrush.shipped().get("swarm")
     wishes = LearnOptions([tmp_path / "a.mp4"], tmp_path / "a.brush.toml", quick=True)
     verdict = judge(clip, march, {}, runs=2)
     first = Findings(march, [clip], clip, learned_as(march), clip, judgement=verdict)
-    refit = Findings(mill, [clip], clip, learned_as(mill), clip)
+    refit = Findings(swarm, [clip], clip, learned_as(swarm), clip)
     monkeypatch.setattr(learning, "_learned", lambda *_, **__: refit.learned)
     monkeypatch.setattr(learning, "_found", lambda *_: refit)
     monkeypatch.setattr(learning, "_judged", lambda *_: verdict)
     found = _refitted(
         BrushTask(wishes.out, [SimpleNamespace(whole=clip)]), [first, first], wishes, SimpleNamespace(asked=0)
     )
-    assert found.brush is mill and found.judged_brush is march
+    assert found.brush is swarm and found.judged_brush is march
     _compare(found, wishes, None, False)
     shown = found.comparison.verdict("polarization")
     assert shown.met and shown.herd > 0.9, shown
-    assert found.counts[-1]["milling"] > 0.5  # other numbers of animals: the brush of the file
+    assert found.counts[-1]["polarization"] < 0.5  # other numbers of animals: the brush of the file
 
 
 @pytest.mark.parametrize("quick", [False, True])

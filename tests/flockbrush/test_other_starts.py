@@ -34,8 +34,20 @@ def march():
     return flockbrush.shipped().get("march")
 
 
+def ring_mill():
+    """A mill of animals that see all round: it turns on from a ring, and never begins."""
+    brush = flockbrush.shipped().get("mill-hollow").with_parameters(
+        avoidance_weight=0.7, avoidance_radial=0.22, avoidance_angular=0.72, neighbour_range=8.0,
+        cohesion_weight=0.3, cohesion_radial=0.92, cohesion_angular=0.68, sensitivity=10.0,
+        alignment_weight=0.24, alignment_radial=0.31, alignment_angular=0.95, max_turn=1.7,
+    )  # fmt: skip
+    speed = brush.speed.model_copy(update={"mean": 6.0, "deviation": 0.6})
+    vision = brush.vision.model_copy(update={"range": 8.0, "field_of_view": 360.0})
+    return brush.model_copy(update={"speed": speed, "vision": vision})
+
+
 def test_a_mill_that_never_forms_from_a_scatter_says_so():
-    mill = found(flockbrush.shipped().get("mill-hollow"), 0.1, 0.9)
+    mill = found(ring_mill(), 0.1, 0.9)
     by = {row["start"]: row for row in mill.starts}
     assert min(by["ring"]["milling"]) > 0.7 > max(by["scatter"]["milling"])
     said = mill.starts_sentence()

@@ -114,11 +114,10 @@ def test_appointing_and_steering_are_undone_and_come_back_with_a_snapshot():
     assert state_hash(world) == changed
 
 
-@pytest.mark.parametrize(("ants", "plain"), [("ants-swarm", "swarm"), ("ants-mill", "mill-filled")])
-def test_without_a_guide_the_ants_do_what_the_brush_they_come_from_does(ants, plain):
+def test_without_a_guide_the_ants_do_what_the_brush_they_come_from_does():
     """So the bands that were measured for the one hold for the other."""
     places = []
-    for name in (ants, plain):
+    for name in ("ants-swarm", "swarm"):
         simulation = plane(shipped().get(name), 60, seed=3)
         simulation.run(64)
         places.append(simulation.agents[Position.xyz].tolist())

@@ -11,7 +11,7 @@ from flockbrush.learning.rollout import LEAST, MOST, NAMES, params_of, theta_of
 from flockbrush.learning.turns import best_fit, fit_turns, thinned
 
 TURNS, FEW, STARTS, STEPS = 1000, 300, 2, 15
-ALSO = "march", "swarm", "mill-filled"  # shipped brushes whose numbers the search begins with, too
+ALSO = "march", "swarm", "ants-mill"  # shipped brushes whose numbers the search begins with, too
 VIEWS = tuple(
     VisionSpec(range=reach, occlusion=seen == "exact", sight=seen) for seen in ("exact", "metric") for reach in (4, 8)
 )
