@@ -3,9 +3,9 @@
 A room of 12 m by 12 m with 150 people, one door of 0.8 to 4 m in a wall of 1 m, a place to go to behind it.  Flow is
 that of the middle of the crowd (from a fifth to four fifths of those who come through, over the time between them);
 density is that of the 2 m by 2 m before the door, its mean over the same time.  Ours is the brush `evacuate` of the
-level `city`, the species human.  JuPedSim's are its collision-free speed model and its social force model as they
-come, in a Python that has the package `jupedsim` (``--peer``; without one only ours is printed).  The last column is
-the specific flow by Weidmann's (1993) density and speed, ``d v(d)``, at the density that was found.
+level `city`, the species human.  JuPedSim's is its collision-free speed model as it comes, in a
+Python that has the package `jupedsim` (``--peer``; without one only ours is printed).  The last column is the specific
+flow by Weidmann's (1993) density and speed, ``d v(d)``, at the density that was found.
 """
 
 from __future__ import annotations
@@ -28,13 +28,12 @@ PEER = """
 import json, sys
 import jupedsim as jps
 from shapely.geometry import box as rectangle
-width, people, seed, side, wall, seconds, every, which = json.loads(sys.argv[1])
+width, people, seed, side, wall, seconds, every = json.loads(sys.argv[1])
 low, high = side / 2 - width / 2, side / 2 + width / 2
 room = [(0, 0), (side, 0), (side, low), (side + wall, low), (side + wall, 0), (side + 8, 0), (side + 8, side),
         (side + wall, side), (side + wall, high), (side, high), (side, side), (0, side)]
-model, kind = {"speed": (jps.CollisionFreeSpeedModel, jps.CollisionFreeSpeedModelAgentParameters),
-               "force": (jps.SocialForceModel, jps.SocialForceModelAgentParameters)}[which]
-world = jps.Simulation(model=model(), geometry=room, dt=0.01)
+kind = jps.CollisionFreeSpeedModelAgentParameters
+world = jps.Simulation(model=jps.CollisionFreeSpeedModel(), geometry=room, dt=0.01)
 out = world.add_exit_stage([(side + 5, 0), (side + 8, 0), (side + 8, side), (side + 5, side)])
 way = world.add_journey(jps.JourneyDescription([out]))
 box = rectangle(0.5, 0.5, side - 0.5, side - 0.5)
@@ -88,9 +87,9 @@ def ours(width, seed, folder):
     return looks
 
 
-def peers(python, width, seed, which):
+def peers(python, width, seed):
     """The same of JuPedSim, and its version."""
-    given = json.dumps([width, PEOPLE, seed, SIDE, WALL, SECONDS, EVERY, which])
+    given = json.dumps([width, PEOPLE, seed, SIDE, WALL, SECONDS, EVERY])
     done = subprocess.run([python, "-c", PEER, given], capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(f"{python} does not run JuPedSim: {done.stderr.strip().splitlines()[-1]}")
@@ -129,7 +128,7 @@ def main():
     parser.add_argument("--seeds", default="1:3", help="first:last")
     told = parser.parse_args()
     first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])
-    kinds = ["flockbrush", *(["JuPedSim speed", "JuPedSim force"] if told.peer else [])]
+    kinds = ["flockbrush", *(["JuPedSim"] if told.peer else [])]
     if not told.peer:
         print("without --peer PYTHON (one with the package jupedsim) only flockbrush is measured")
     print(
@@ -144,7 +143,7 @@ def main():
                     with tempfile.TemporaryDirectory() as folder:
                         looks = ours(width, seed, Path(folder))
                 else:
-                    looks, _ = peers(told.peer, width, seed, kind.split()[1])
+                    looks, _ = peers(told.peer, width, seed)
                 found.append(flow_and_density(looks, width))
             flow, density, through = np.mean(found, axis=0)
             print(

@@ -172,8 +172,8 @@ class ObjectReader:
         return np.array([fx * w, fy * h])
 
     def vertex_list(self, entries, key, place):
-        if not isinstance(entries, list) or not all(isinstance(p, dict) for p in entries):
-            place.say(f"'{key}' must be a list of points")
+        if not isinstance(entries, list) or not entries or not all(isinstance(p, dict) for p in entries):
+            place.say(f"'{key}' must be a list of points, at least one")
             return None
         if len(entries) > limits.CORNERS:
             place.say(f"the outline has {len(entries)} corners; there may be at most {limits.CORNERS}")

@@ -132,6 +132,7 @@ def test_the_level_that_is_spoiled_is_sound_at_first():
 @settings(max_examples=700, deadline=None, suppress_health_check=list(HealthCheck))
 @given(CHANGES)
 @example([(("small.tmj", ("layers", 4, "objects", 0, "width")), "replace", 10**30)])
+@example([(("small.tmj", ("layers", 4, "objects", 1, "polygon")), "replace", [])])
 def test_changed_documents(changes):
     documents = copy.deepcopy(FILES)
     for (name, path), how, value in changes:
