@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import inspect
-import os
 import re
 import shlex
-from collections.abc import Callable
 from dataclasses import dataclass, fields
-from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, get_type_hints
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from flockbrush.cli.shared_options import WorkOptions, grouped
 
 if TYPE_CHECKING:
     from flockbrush.film.open_clip import Looking
@@ -80,30 +78,6 @@ class LookByRegion(ClipOptions):
         Path | None,
         typer.Option(metavar="PNG", help="Mask of the first used frame, with a colour for each region."),
     ] = None
-
-
-def looking(command: Callable) -> Callable:
-    """The command with the options of its parameter ``look`` in that one's place."""
-    own = inspect.signature(command, eval_str=True)
-    kind = own.parameters["look"].annotation
-    hints = get_type_hints(kind, include_extras=True)
-    options = [
-        inspect.Parameter(f.name, inspect.Parameter.KEYWORD_ONLY, default=f.default, annotation=hints[f.name])
-        for f in fields(kind)
-    ]
-
-    @wraps(command)
-    def with_options(**given):
-        return command(look=kind(**{option.name: given.pop(option.name) for option in options}), **given)
-
-    parameters = [
-        each
-        for p in own.parameters.values()
-        for each in (options if p.name == "look" else [p.replace(kind=inspect.Parameter.KEYWORD_ONLY)])
-    ]
-    with_options.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
-    with_options.__annotations__ = {p.name: p.annotation for p in parameters}
-    return with_options
 
 
 def register(app: typer.Typer):
@@ -198,7 +172,7 @@ def command_line(name: str, arguments, options: dict) -> str:
 # learn -----------------------------------------------------------------------------------
 
 
-@looking
+@grouped
 def learn(
     clips: Annotated[
         list[Path], typer.Argument(metavar="CLIP", help="Films or tracks of one herd from above, or one photograph.")
@@ -228,9 +202,7 @@ def learn(
             help="Model to fit: herd, zones, topological, boids, another on the ground; or auto, which compares them.",
         ),
     ] = "herd",
-    jobs: Annotated[
-        int | None, typer.Option(min=1, max=256, metavar="N", help="Number of processes; default: one per core.")
-    ] = None,
+    work: WorkOptions = WorkOptions(),  # noqa: B008
     ablate: Annotated[
         str | None,
         typer.Option(
@@ -256,7 +228,7 @@ def learn(
     Each half of the clip is learned from and judged on the other half; then all frames are fitted.
     Ctrl-C keeps the best so far; --resume continues.
     """
-    how, without = look.read(), parts_of(ablate)
+    how, without, (jobs, workers) = look.read(), parts_of(ablate), work.read()
     if not re.fullmatch(r"auto|cpu|cuda(:\d+)?", device):
         raise typer.BadParameter(f"it is auto, cpu, cuda or cuda:0; got {device!r}", param_hint="--device")
     options = {
@@ -271,7 +243,7 @@ def learn(
     learn_brushes(
         LearnOptions(
             clips=clips, out=out, looking=how, beta=beta, seed=seed, starts=starts, model=model,
-            jobs=jobs or os.cpu_count() or 1, share=share, report=report, ablate=without, speed=speed,
+            jobs=jobs, workers=workers, share=share, report=report, ablate=without, speed=speed,
             length_m=look.body_length_m or 1.0, licence=licence, resume=resume, quick=quick, json=json, device=device,
             command=command_line("learn", clips, options),
         )
@@ -281,7 +253,7 @@ def learn(
 # reenact -----------------------------------------------------------------------------------
 
 
-@looking
+@grouped
 def reenact(
     clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A film of a herd from above, or tracks.")],
     brush: Annotated[str, typer.Option(metavar="NAME", help="A brush, or a .brush.toml file.")],
@@ -336,7 +308,7 @@ def relation(
 # fields ------------------------------------------------------------------------------------
 
 
-@looking
+@grouped
 def measure(
     clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A film of a herd from above, or a photograph.")],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="F.npz", help="Fields file to write.")],

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import enum
+import inspect
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
+from functools import wraps
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, get_type_hints
 
 import typer
+
+if TYPE_CHECKING:
+    from flockbrush.runs.cluster import Tls
 
 
 class ThemeName(str, enum.Enum):
@@ -68,3 +76,69 @@ ThemeOption = Annotated[ThemeName, typer.Option(help="Colours of pictures and vi
 PaletteOption = Annotated[
     PaletteName, typer.Option(help="Colours of brushes: their own, or some that differ for colour-blind eyes.")
 ]
+
+
+@dataclass(frozen=True)
+class WorkOptions:
+    """Who does the work of a command that shares it: processes here, or a cluster."""
+
+    jobs: Annotated[
+        int | None, typer.Option(min=1, max=1024, metavar="N", help="Number of processes; default: one per core.")
+    ] = None
+    cluster: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Address of the scheduler of a Dask cluster, such as tcp://host:8786."),
+    ] = None
+    tls_ca: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Certificate that signed those of the cluster (tls://).")
+    ] = None
+    tls_cert: Annotated[Path | None, typer.Option(metavar="FILE", help="Own certificate for the cluster.")] = None
+    tls_key: Annotated[Path | None, typer.Option(metavar="FILE", help="Key of the own certificate.")] = None
+
+    def read(self) -> tuple[int, tuple[str, Tls] | None]:
+        """(processes, address of the cluster and its certificates); typer.BadParameter where they do not agree."""
+        from flockbrush.runs.cluster import Tls
+
+        tls = Tls(self.tls_ca, self.tls_cert, self.tls_key)
+        if self.jobs is not None and self.cluster is not None:
+            raise typer.BadParameter("give --jobs or --cluster, not both", param_hint="--jobs")
+        if self.cluster is None and tls != Tls():
+            raise typer.BadParameter("these files are for --cluster tls://HOST:PORT", param_hint="--tls-ca")
+        return self.jobs or _cores(), None if self.cluster is None else (self.cluster, tls)
+
+
+def _cores():
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def grouped(command: Callable) -> Callable:
+    """The command with the fields of each parameter that is a dataclass as options, in that one's place."""
+    own = inspect.signature(command, eval_str=True)
+    options = {
+        name: [
+            inspect.Parameter(f.name, inspect.Parameter.KEYWORD_ONLY, default=f.default, annotation=hints[f.name])
+            for hints in [get_type_hints(p.annotation, include_extras=True)]
+            for f in fields(p.annotation)
+        ]
+        for name, p in own.parameters.items()
+        if is_dataclass(p.annotation)
+    }
+
+    @wraps(command)
+    def with_options(**given):
+        groups = {
+            name: own.parameters[name].annotation(**{option.name: given.pop(option.name) for option in group})
+            for name, group in options.items()
+        }
+        return command(**groups, **given)
+
+    parameters = [
+        each
+        for p in own.parameters.values()
+        for each in options.get(p.name, [p.replace(kind=inspect.Parameter.KEYWORD_ONLY)])
+    ]
+    with_options.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
+    with_options.__annotations__ = {p.name: p.annotation for p in parameters}
+    return with_options

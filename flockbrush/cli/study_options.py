@@ -18,6 +18,8 @@ from flockbrush.cli.shared_options import (
     TrackMetres,
     TrackPixels,
     TrackUnit,
+    WorkOptions,
+    grouped,
 )
 
 
@@ -57,24 +59,14 @@ def measure(
     measure_recording(recording, plot, every, threads, json)
 
 
+@grouped
 def sweep(
     file: Annotated[Path, typer.Argument(metavar="SWEEP", help="A .sweep.toml file, or the name of a shipped one.")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for rows, summary and plots.")],
-    jobs: Annotated[
-        int | None, typer.Option(min=1, max=1024, metavar="N", help="Number of processes; default: one per core.")
-    ] = None,
+    work: WorkOptions = WorkOptions(),  # noqa: B008  its fields become the options
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the sweep in DIR; failed runs are repeated.")
     ] = False,
-    cluster: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Address of the scheduler of a Dask cluster, such as tcp://host:8786."),
-    ] = None,
-    tls_ca: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Certificate that signed those of the cluster (tls://).")
-    ] = None,
-    tls_cert: Annotated[Path | None, typer.Option(metavar="FILE", help="Own certificate for the cluster.")] = None,
-    tls_key: Annotated[Path | None, typer.Option(metavar="FILE", help="Key of the own certificate.")] = None,
     theme: ThemeOption = ThemeName.light,
     json: Json = False,
 ):
@@ -84,11 +76,5 @@ def sweep(
     The exit code is 1 when a run failed or an expectation of the file was missed.
     """
     from flockbrush.cli.sweep_commands import run_sweep
-    from flockbrush.studies.sweep import Tls
 
-    if jobs is not None and cluster is not None:
-        raise typer.BadParameter("give --jobs or --cluster, not both", param_hint="--jobs")
-    tls = Tls(tls_ca, tls_cert, tls_key)
-    if cluster is None and tls != Tls():
-        raise typer.BadParameter("these files are for --cluster tls://HOST:PORT", param_hint="--tls-ca")
-    run_sweep(file, out, jobs, resume, cluster, json, theme.value, tls)
+    run_sweep(file, out, *work.read(), resume, json, theme.value)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,14 +13,15 @@ from flockbrush.engine.files import refused
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.output.figures import drawing_problems
 from flockbrush.runs import terminal
+from flockbrush.runs.cluster import ClusterGone, MixedCode, cluster
 from flockbrush.runs.compile_ahead import compiling_for
 from flockbrush.runs.terminal import Stopped, print_json, say
 from flockbrush.studies import sweep_report as report
-from flockbrush.studies.sweep import ClusterGone, MixedCode, cluster, processes, sweep_to
+from flockbrush.studies.sweep import processes, sweep_to
 from flockbrush.studies.sweep_file import SUFFIX, read_sweep
 
 
-def run_sweep(path, out, jobs=None, resume=False, address=None, json_wanted=False, theme="light", tls=None):
+def run_sweep(path, out, jobs, workers, resume, json_wanted, theme):
     """The command ``flockbrush sweep``."""
     file = find_sweep(path)
     with compiling_for("flockbrush.studies.sweep_file:rehearse", path=file):  # reading builds the levels
@@ -29,8 +29,8 @@ def run_sweep(path, out, jobs=None, resume=False, address=None, json_wanted=Fals
     out = Path(out)
     if out.exists() and not out.is_dir():
         raise refused(out, "is a file; --out names a folder")
-    begin = time.perf_counter()
-    with terminal.Interrupts() as interrupts, _workers(jobs, address, tls) as (open_executor, width):
+    begin, name = time.perf_counter(), workers[0] if workers else "workers"
+    with terminal.Interrupts() as interrupts, _workers(jobs, workers) as (open_executor, width):
 
         def look():
             interrupts.gently()
@@ -43,10 +43,10 @@ def run_sweep(path, out, jobs=None, resume=False, address=None, json_wanted=Fals
             say(f"stopped; finished work is in {out}; continue with --resume")
             raise
         except ClusterGone:
-            raise refused(address or "workers", f"is gone; finished work is in {out}; continue with --resume") from None
+            raise refused(name, f"is gone; finished work is in {out}; continue with --resume") from None
         except MixedCode as error:
             told = error.problems[0].message
-            raise refused(address or "workers", f"{told}; finished work is in {out}; continue with --resume") from None
+            raise refused(name, f"{told}; finished work is in {out}; continue with --resume") from None
     found = report.summarise(sweep, journal, time.perf_counter() - begin, width)
     found["files"] = [str(file) for file in report.write_files(sweep, journal, found, out, theme)]
     for problem in drawing_problems(out):
@@ -76,13 +76,12 @@ def find_sweep(name) -> Path:
 
 
 @contextmanager
-def _workers(count, address, tls=None):
+def _workers(width, elsewhere):
     """(opener of executors, how many workers): processes here, or a cluster."""
-    if address is not None:
-        with cluster(address, tls) as found:
-            yield found
+    if elsewhere is not None:
+        with cluster(*elsewhere) as found:
+            yield found.open, found.width
         return
-    width = count or _cores()
     opened = []
 
     def open_executor():
@@ -99,9 +98,3 @@ def _workers(count, address, tls=None):
     finally:
         for executor in opened:
             executor.shutdown(wait=True, cancel_futures=True)
-
-
-def _cores():
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

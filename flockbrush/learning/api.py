@@ -73,7 +73,7 @@ def learn(
     tracks: Tracks | Sequence[Tracks], *, unit: str | None = None, fps: float | None = None,
     body_length: float | None = None, frames: tuple[int, int] | None = None, name: str = "learned",
     seed: int = 0, starts: int = 5, quick: bool = False, jobs: int = 1, report: str | os.PathLike | None = None,
-    licence: str | None = None, beside: bool | None = None, model: str = "herd",
+    licence: str | None = None, beside: bool | None = None, model: str = "herd", cluster: str | None = None,
 ) -> LearnedBrush:  # fmt: skip
     """Learn a brush from tracks of animals, or from films.
 
@@ -110,6 +110,8 @@ def learn(
         "herd", "zones", "topological", "boids" or the name of another model on the ground; "auto" fits those with a
         likelihood, compares them on blocks held out (``result.models``) and learns the best, the herd where it is not
         told from it.
+    cluster : str, optional
+        Address of the scheduler of a Dask cluster, whose workers do what ``jobs`` processes would: ``tcp://host:8786``.
 
     Returns
     -------
@@ -129,6 +131,7 @@ def learn(
     '.098 ± .018'
     """
     from flockbrush.learning.learn import LearnOptions, learn_brushes
+    from flockbrush.runs.cluster import Tls
 
     given: list = list(tracks) if isinstance(tracks, Sequence) and not isinstance(tracks, str) else [tracks]
     if unit is not None and unit not in UNITS:
@@ -142,6 +145,7 @@ def learn(
             clips=[_file(one, k, Path(folder)) for k, one in enumerate(given)],
             out=Path(folder) / f"{name}.brush.toml", looking=looking, seed=seed, starts=starts, jobs=jobs,
             report=None if report is None else Path(report), licence=licence, quick=quick, beside=beside, model=model,
+            workers=None if cluster is None else (cluster, Tls()),
             length_m=body_length if unit == "m" and body_length else 1.0, command="flockbrush.learn(...)", silent=True,
         )  # fmt: skip
         found = learn_brushes(wishes)[0]

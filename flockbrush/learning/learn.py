@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import time
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.learn_tables import show_findings
 from flockbrush.learning.learned_brush import brush_of, name_of
 from flockbrush.learning.learned_parameters import Learned
-from flockbrush.learning.model_choice import check_kind, kind_of
+from flockbrush.learning.model_choice import AUTO, check_kind, kind_of
 from flockbrush.learning.model_fit import learned_model
 from flockbrush.learning.other_starts import with_other_starts
 from flockbrush.learning.photo import SPEED, standing
@@ -40,16 +41,9 @@ from flockbrush.learning.verdict import RUNS as JUDGED_RUNS
 from flockbrush.learning.verdict import combined, judge
 from flockbrush.learning.which_model import HERD
 from flockbrush.output.figures import drawing_problems
+from flockbrush.runs.cluster import Cluster, Tls, cluster
 from flockbrush.runs.compile_ahead import compiling_for
-from flockbrush.runs.terminal import (
-    Interrupts,
-    Stopped,
-    measure,
-    number,
-    print_json,
-    progress,
-    say,
-)
+from flockbrush.runs.terminal import Interrupts, Stopped, measure, number, print_json, progress, say
 
 RUNS = 3  # simulations compared with the clip
 MOMENTS, MOMENTS_OF_PHOTO = 4, 2  # pictures of a report
@@ -71,6 +65,7 @@ class LearnOptions:
     starts: int = 5
     model: str = HERD
     jobs: int = 1
+    workers: tuple[str, Tls] | None = None  # of a cluster, instead of processes
     share: float = 0.5  # of a clip that is learned from
     report: Path | None = None
     ablate: tuple[str, ...] = ()
@@ -83,6 +78,7 @@ class LearnOptions:
     json: bool = False
     device: str = "auto"
     command: str = ""
+    crew: Cluster | None = None  # `workers`, while they are asked
     silent: bool = False  # no tables; the result is for a program
 
 
@@ -113,7 +109,9 @@ def learn_brushes(wishes: LearnOptions) -> list[Findings]:
     """
     regions = _checked(wishes)
     outputs = [*_brush_files(wishes, regions), *([wishes.report] if wishes.report else [])]
-    with Interrupts() as interrupts, compiling_for("flockbrush.learning.rehearsal:rehearse"), held(*outputs):
+    crew = cluster(*wishes.workers) if wishes.workers else nullcontext()
+    rehearsed = compiling_for("flockbrush.learning.rehearsal:rehearse")
+    with Interrupts() as interrupts, rehearsed, held(*outputs), crew as wishes.crew:
         try:
             seen = [_looked(clip, wishes) for clip in wishes.clips]
         except KeyboardInterrupt:
@@ -143,6 +141,10 @@ def _checked(wishes) -> list[Region]:
     """The regions of the mask, when all that can be known to be wrong is right."""
     name, looking = name_of(wishes.out), wishes.looking
     check_kind(wishes.model)
+    if wishes.workers and wishes.model not in (HERD, AUTO):
+        raise refused(
+            "--cluster", f"the model {wishes.model} is fitted here: trials of the herd model alone are shared"
+        )
     regions = regions_of(looking.regions) if looking.regions else []
     if regions and len(wishes.clips) > 1:
         raise refused(looking.regions, "a mask of regions belongs to one clip; several were given")
@@ -379,6 +381,7 @@ def _learned(
             seed=wishes.seed,
             starts=min(wishes.starts, QUICK_STARTS) if wishes.quick else wishes.starts,
             jobs=wishes.jobs,
+            cluster=wishes.crew,
             use=use,
             beta=wishes.beta,
             budget_s=budget,

@@ -59,6 +59,7 @@ from flockbrush.learning.trials import (
 )
 from flockbrush.learning.workers import Workers, WorkStopped
 from flockbrush.runs.builds import RUNNING
+from flockbrush.runs.cluster import Cluster
 
 HELD = 0.3  # of the frames, at the end, are shown to nobody before the choice
 RATE = 280_000  # animal ticks that count as a second
@@ -83,7 +84,7 @@ def learn(
     use: frozenset[str] = USE, beta: float = 0.5, budget_s: float = 90.0,
     say: Callable[[int, int, float, str], None] | None = None, stop: Callable[[], bool] | None = None, resume=None,
     speed: SpeedSpec | None = None, body: BodySpec | None = None, brushes: bool = True, begins=None,
-    device: str = "auto",
+    device: str = "auto", cluster: Cluster | None = None,
 ) -> Learned:  # fmt: skip
     """Learn the herd of a clip, or of several of one kind.
 
@@ -116,6 +117,8 @@ def learn(
         Names, numbers and other parameters to begin with, instead of random ones and the shipped brushes.
     device : str
         Of descents on fields alone, which need torch: "cpu", "cuda", or "auto" for a graphics card where there is one.
+    cluster : Cluster, optional
+        Its workers do what ``jobs`` processes would; the result is the same.
 
     Returns
     -------
@@ -136,7 +139,7 @@ def learn(
     if begins is not None:
         search.begins = [(name, np.array(theta, float), dict(extras)) for name, theta, extras in begins]
     forget()
-    with Workers(given, jobs, _signature(clips, given, seed), resume, stop) as workers:
+    with Workers(given, jobs, _signature(clips, given, seed), resume, stop, cluster) as workers:
         try:
             search.run(workers)
         except (KeyboardInterrupt, WorkStopped):

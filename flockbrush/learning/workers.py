@@ -6,22 +6,28 @@ under a name made of both; with a file it survives the program, and whoever does
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import importlib
 import json
 import os
 import signal
 import time
-from concurrent.futures import ProcessPoolExecutor
+import uuid
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-from flockbrush.engine.files import write_bytes
+from flockbrush.engine.files import refused, write_bytes
 from flockbrush.engine.plain_json import read_json
 from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.runs.builds import build_of_worker
+from flockbrush.runs.cluster import OtherCode, let_go, work_as
 
 KEEP_EVERY = 5.0  # s of work that a program which is killed, or a machine that goes down, may lose
 _given = None  # what all tasks of a process are given
+_shared: dict[str, object] = {}  # the same of a worker of a cluster, by name: the last one
 
 
 class WorkStopped(Exception):
@@ -39,6 +45,14 @@ def _work(module, name, arguments):
     return getattr(importlib.import_module(module), name)(_given, **arguments)
 
 
+def _work_elsewhere(given_as, given, module, name, arguments):
+    """As `_work`, by a worker that somebody else started; arrays that came over the network must not be written to."""
+    if given_as not in _shared:
+        _shared.clear()
+        _shared[given_as] = copy.deepcopy(given)
+    return getattr(importlib.import_module(module), name)(_shared[given_as], **arguments)
+
+
 class Workers:
     """Processes that do tasks.
 
@@ -54,6 +68,8 @@ class Workers:
         Where results are kept.
     stop : callable, optional
         Asked between tasks; True ends the work.
+    cluster : Cluster, optional
+        Its workers do the tasks, instead of processes.
 
     Raises
     ------
@@ -61,9 +77,10 @@ class Workers:
         When the file keeps the results of other work: they would be lost.
     """
 
-    def __init__(self, given, jobs=1, signature="", path=None, stop=None):
-        self.given, self.jobs, self.signature, self.stop = given, jobs, signature, stop
-        self.path, self.pool = Path(path) if path else None, None
+    def __init__(self, given, jobs=1, signature="", path=None, stop=None, cluster=None):
+        self.given, self.jobs, self.signature, self.stop, self.cluster = given, jobs, signature, stop, cluster
+        self.path = Path(path) if path else None
+        self.pool: Executor | None = None
         self.known, self.kept = self._read(), time.monotonic()
 
     def _read(self):
@@ -87,7 +104,7 @@ class Workers:
 
     def __exit__(self, *error):
         if self.pool is not None:
-            self.pool.shutdown(wait=error[0] is None, cancel_futures=True)
+            let_go(self.pool, wait=error[0] is None)
 
     def map(self, function, tasks, done=None):
         """Results of ``function(given, **task)``, in the order of the tasks.
@@ -103,11 +120,14 @@ class Workers:
 
         Raises
         ------
-        Stopped
+        WorkStopped
+        ProblemsError
+            When the cluster is gone, kills its workers, or runs other code.
         """
         keys = [_key(function, task) for task in tasks]
         fresh = [k for k, key in enumerate(keys) if key not in self.known]
-        results = self._here(function, tasks, fresh) if self.jobs == 1 else self._there(function, tasks, fresh)
+        alone = self.jobs == 1 and self.cluster is None
+        results = (self._here if alone else self._there)(function, tasks, fresh)
         count = len(tasks) - len(fresh)
         try:
             for k, result in results:
@@ -134,10 +154,8 @@ class Workers:
         if not fresh:
             return
         if self.pool is None:
-            self.pool = ProcessPoolExecutor(
-                self.jobs, get_context("spawn"), initializer=_receive, initargs=(self.given,)
-            )
-        futures = [self.pool.submit(_work, function.__module__, function.__name__, tasks[k]) for k in fresh]
+            self._open()
+        futures = [self.submit(function.__module__, function.__name__, tasks[k]) for k in fresh]
         for k, future in zip(fresh, futures, strict=True):
             while True:
                 self._asked_to_stop()
@@ -146,6 +164,20 @@ class Workers:
                     break
                 except TimeoutError:
                     continue
+                except self.gone as error:
+                    reason = str(error) if isinstance(error, OtherCode) else "is gone"
+                    raise refused(self.name, f"{reason}; what was done is kept; continue with --resume") from None
+
+    def _open(self):
+        if self.cluster is None:
+            pool = ProcessPoolExecutor(self.jobs, get_context("spawn"), initializer=_receive, initargs=(self.given,))
+            self.pool, self.submit = pool, partial(pool.submit, _work)
+            self.name, self.gone = "a process that learned", (BrokenExecutor,)
+            return
+        shared = self.cluster.share(self.given)
+        self.pool, code = self.cluster.open(), build_of_worker().code
+        self.submit = partial(self.pool.submit, work_as, code, _work_elsewhere, uuid.uuid4().hex, shared)
+        self.name, self.gone = self.cluster.address, (*self.cluster.gone, OtherCode)
 
     def _keep(self):
         self.kept = time.monotonic()

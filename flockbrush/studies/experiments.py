@@ -8,8 +8,6 @@ numbers and the bytes of files, and nothing else.
 from __future__ import annotations
 
 import math
-import platform
-import threading
 import time
 from collections.abc import Mapping
 from functools import cache, lru_cache
@@ -27,14 +25,12 @@ from flockbrush.behaviours.validation import validated
 from flockbrush.engine.plugins import load_entry_points
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.levels.build import DT, plane
-from flockbrush.runs.builds import build_of_worker
 from flockbrush.runs.kernel_helper import FEW, TICKS
 from flockbrush.runs.v_measures import v_indicators
 from flockbrush.studies.flock_parameters import FlockParameters
 from flockbrush.systems.measures import measures
 from flockbrush.systems.palette import Palette
 
-_ONE_WORLD = threading.Lock()  # esper has one world at a time; workers of a cluster may have several threads
 Row = dict[str, Any]  # what one run gave, by name of measure
 
 
@@ -148,8 +144,7 @@ class LevelRuns(Experiment):
         return Ready(spec.model_dump() | others, files, measures)
 
     def run(self, parameters, files, seeds):
-        with _ONE_WORLD:
-            return [self._one(parameters, files, seed) for seed in seeds]
+        return [self._one(parameters, files, seed) for seed in seeds]
 
     def rehearse(self, parameters, files):
         self._one(parameters | {"agents": FEW, "seconds": TICKS * DT, "every": None}, files, 0)
@@ -355,18 +350,6 @@ def perform(name: str, parameters: dict, files: dict[str, bytes], seeds: tuple[i
         (seed, {measure: row.get(measure) for measure in wanted}, None, each)
         for seed, row in zip(seeds, rows, strict=True)
     ]
-
-
-class OtherCode(Exception):
-    """This process runs other code than the one that hands out the work."""
-
-
-def perform_as(code: str, *work):
-    """`perform`, unless this process runs other code (`flockbrush.runs.builds.build_of_worker`); OtherCode."""
-    here = build_of_worker().code
-    if here != code:
-        raise OtherCode(f"a worker on {platform.node()} has code {here[:12]}; here it is {code[:12]}")
-    return perform(*work)
 
 
 def _in_words(error):

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import itertools
 import json
-import logging
 import multiprocessing
 import os
-import re
 import signal
 import sys
 import threading
@@ -35,14 +33,13 @@ from flockbrush.engine import limits
 from flockbrush.engine.files import held, refused
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.runs.builds import build_of_sweep, build_of_worker, differences
+from flockbrush.runs.cluster import ClusterGone, MixedCode, OtherCode, let_go, work_as
 from flockbrush.runs.terminal import finite, say
-from flockbrush.studies.experiments import OtherCode, perform_as
+from flockbrush.studies.experiments import perform
 from flockbrush.studies.sweep_file import Scenario, Sweep, read_sweep
 
 JOURNAL = "runs.jsonl"
 ATTEMPTS = 3  # how often a worker may die of the same run before it is listed as failed
-ADDRESS = re.compile(r"(?:(?:tcp|tls|ucx|wss?)://)?(?:\[[0-9a-fA-F:]+\]|[\w.-]+):\d{1,5}")
-ANSWERS = "10s"  # a scheduler that says nothing for so long is not there
 BEAT = 0.2  # s between looks at the keyboard
 
 
@@ -58,7 +55,7 @@ class SweepJob:
     def submit(self, executor: Executor) -> Future:
         s = self.scenario
         code = build_of_worker().code
-        return executor.submit(perform_as, code, self.experiment, s.parameters, s.files, self.seeds, s.measures)
+        return executor.submit(work_as, code, perform, self.experiment, s.parameters, s.files, self.seeds, s.measures)
 
     def rows(self, entries):
         """Rows for the journal of what `perform` gave."""
@@ -71,14 +68,6 @@ class SweepJob:
                 "seconds": round(seconds, 6),
                 **({"measures": values} if error is None else {"error": error}),
             }
-
-
-class MixedCode(ProblemsError):
-    """A worker runs other code: its results cannot be compared with the others."""
-
-
-class ClusterGone(ProblemsError):
-    """Nobody is left to do the work."""
 
 
 # the engine --------------------------------------------------------------------------------
@@ -125,22 +114,14 @@ def run_jobs(
             if not whole or any(isinstance(error, BrokenExecutor) for _, error in died):
                 died += [(job, died[0][1] if died else BrokenExecutor()) for job in running.values()]
                 running.clear()
-                _let_go(executor)
+                let_go(executor)
                 executor = open_executor()
             for job, reason in died:
                 guilty = len(died) == 1 or not isinstance(reason, BrokenExecutor)
                 yield from _blame(replace(job, deaths=job.deaths + guilty), reason, suspects)
             look()
     finally:
-        _let_go(executor)
-
-
-def _let_go(executor):
-    """Ask for nothing more; those of clusters know no ``cancel_futures``."""
-    try:
-        executor.shutdown(wait=False, cancel_futures=True)
-    except TypeError:
-        executor.shutdown(wait=False)
+        let_go(executor)
 
 
 def _fill(executor, running, waiting, suspects, width):
@@ -194,104 +175,6 @@ def processes(count) -> Executor:
     """Spawned processes on this machine."""
     context = multiprocessing.get_context("spawn")
     return ProcessPoolExecutor(count, mp_context=context, initializer=_begin_worker)
-
-
-@dataclass(frozen=True)
-class Tls:
-    """The files of an encrypted connection to a scheduler, in PEM; what is None comes from the settings of Dask."""
-
-    ca: Path | None = None  # certificate of who signed those of the cluster
-    cert: Path | None = None  # of this program
-    key: Path | None = None  # of this program
-
-
-@contextmanager
-def cluster(address, tls=None):
-    """(opener of executors, workers) of a Dask cluster.
-
-    Parameters
-    ----------
-    address : str
-        Of its scheduler.
-    tls : Tls, optional
-        Nothing is sent unless it is encrypted, and both sides show a certificate.
-
-    Raises
-    ------
-    ProblemsError
-        When dask is not installed, nobody answers, or its workers run other code.
-    """
-    try:
-        from distributed import Client
-    except ImportError:
-        raise refused("--cluster", "dask is missing: pip install 'flockbrush[cluster]'") from None
-    if not ADDRESS.fullmatch(address):
-        raise refused("--cluster", f"an address is a host and a port, such as tcp://host:8786, got {address!r}")
-    _silence("distributed", "tornado", "asyncio")  # what matters of it is said in our own words
-    client = Client.__new__(Client)
-    try:
-        client.__init__(address, timeout=ANSWERS, set_as_default=False, security=_security(address, tls))  # type: ignore[misc]
-    except (OSError, ValueError, TypeError, TimeoutError) as error:
-        client.status = "closed"  # or its destructor prints a traceback
-        raise refused(address, f"no Dask scheduler answers there{_needs(address, tls)}: {error}") from None
-    try:
-        try:
-            _same_code(client, address)
-            workers = sum(client.nthreads().values())
-        except (OSError, ValueError, CancelledError) as error:  # TimeoutError is an OSError
-            raise refused(address, f"the scheduler there is gone, or has no workers: {error}") from None
-        yield (lambda: client.get_executor(pure=False)), workers
-    finally:
-        client.close(timeout=2)
-
-
-def _security(address, tls):
-    """What Dask is told about encryption; None leaves it to the address and to the settings of Dask."""
-    if tls is None or tls == Tls():
-        return None
-    from distributed.security import Security
-
-    if not address.startswith(("tls://", "wss://")):
-        raise refused("--cluster", f"with --tls-... the address begins with tls://, got {address!r}")
-    for name, path in (("--tls-ca", tls.ca), ("--tls-cert", tls.cert), ("--tls-key", tls.key)):
-        if path is not None and not Path(path).is_file():
-            raise refused(path, f"there is no such file; {name} names one in PEM")
-    told = {"tls_ca_file": tls.ca, "tls_client_cert": tls.cert, "tls_client_key": tls.key}
-    return Security(require_encryption=True, **{name: str(path) for name, path in told.items() if path is not None})
-
-
-def _needs(address, tls):
-    """What an encrypted scheduler may be waiting for."""
-    return (
-        " without --tls-ca, --tls-cert and --tls-key" if address.startswith("tls://") and tls in (None, Tls()) else ""
-    )
-
-
-def _silence(*libraries):
-    """Keep libraries from writing log lines and tracebacks between ours."""
-    for name in list(logging.root.manager.loggerDict):
-        if name.split(".")[0] in libraries:
-            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
-
-
-def _same_code(client, address):
-    """Workers of other code would mix results that cannot be compared; other libraries are named."""
-    if not client.nthreads():
-        client.wait_for_workers(1, timeout=30)
-    libraries = set()
-    for worker, there in sorted(client.run(_build, on_error="return").items()):
-        if not isinstance(there, dict):
-            raise refused(address, f"worker {worker} runs another flockbrush, or none: {' '.join(str(there).split())}")
-        apart = differences(there, build_of_worker())
-        if "code" in apart:
-            raise refused(address, f"worker {worker} has {apart['code']}; install the same there and start it again")
-        libraries |= {apart[name] for name in ("libraries",) if name in apart}
-    for found in sorted(libraries):
-        say(f"{address}: workers have {found}: the last bits of their results may differ")
-
-
-def _build():
-    return build_of_worker().as_json()
 
 
 # the journal ---------------------------------------------------------------------------------
@@ -459,4 +342,4 @@ def sweep_to(sweep: Sweep, folder, open_executor, width, resume=False, look=lamb
     return journal
 
 
-__all__ = ["SweepJob", "Journal", "cluster", "jobs_of", "processes", "read_sweep", "run_jobs", "sweep_to"]
+__all__ = ["SweepJob", "Journal", "jobs_of", "processes", "read_sweep", "run_jobs", "sweep_to"]

@@ -17,8 +17,9 @@ from test_replaying import copied
 from test_sweep import FLOCKS, sweep_file
 
 from flockbrush.runs.builds import OURS, build_of_run, build_of_sweep, build_of_worker, differences
-from flockbrush.studies.experiments import OtherCode, perform_as
-from flockbrush.studies.sweep import JOURNAL, Journal, MixedCode, jobs_of, run_jobs, sweep_to
+from flockbrush.runs.cluster import MixedCode, OtherCode, work_as
+from flockbrush.studies.experiments import perform
+from flockbrush.studies.sweep import JOURNAL, Journal, jobs_of, run_jobs, sweep_to
 from flockbrush.studies.sweep_file import read_sweep
 
 PACE = "flockbrush/systems/pace.py"
@@ -216,14 +217,14 @@ def test_other_libraries_are_named_and_another_processor_is_not(cli, sweep, tmp_
 
 def test_a_worker_refuses_work_for_other_code():
     parameters = ("v_rules", {"birds": 3, "steps": 1}, {}, (0,), ("leads",))
-    assert perform_as(build_of_worker().code, *parameters)[0][2] is None
+    assert work_as(build_of_worker().code, perform, *parameters)[0][2] is None
     with pytest.raises(OtherCode, match="has code .* here it is 000000000000"):
-        perform_as("0" * 64, *parameters)
+        work_as("0" * 64, perform, *parameters)
 
 
 def test_a_worker_that_comes_later_with_other_code_ends_the_sweep(sweep, tmp_path, monkeypatch):
     """Workers may join a cluster at any time: each job says for which code it is."""
-    monkeypatch.setattr("flockbrush.studies.experiments.build_of_worker", lambda: build_of_run())
+    monkeypatch.setattr("flockbrush.runs.cluster.build_of_worker", lambda: build_of_run())
     with pytest.raises(MixedCode, match="a worker on .* has code"):
         list(run_jobs(jobs_of(sweep, Journal(tmp_path / JOURNAL)), here, 2))
 

@@ -68,7 +68,7 @@ def test_a_scheduler_that_dies_is_told_in_one_line(tmp_path):
 
 def test_a_cluster_that_is_not_there_is_told(cli, tmp_path, monkeypatch):
     pytest.importorskip("distributed", reason="dask is not installed: pip install 'flockbrush[cluster]'")
-    monkeypatch.setattr("flockbrush.studies.sweep.ANSWERS", "1s")
+    monkeypatch.setattr("flockbrush.runs.cluster.ANSWERS", "1s")
     told = cli("sweep", sweep_file(tmp_path), "--out", tmp_path / "out", "--cluster", "localhost:1")
     assert told.code == 1
     assert "no Dask scheduler answers there" in told.err
