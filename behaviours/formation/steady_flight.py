@@ -15,6 +15,10 @@ What the paper leaves open and what is settled here:
 * The leader stays in front: who would pass it in a key shape stays just behind.
 * Between key shapes every bird goes monotonously, and the time between two is such that none goes faster through the
   formation than ``drift``.
+* Lateral distances change, too, if wanted (``lateral``): shapes of step 1 have the distances that they were drawn with,
+  key shapes an even one within the range of the example's means.  The distances between neighbours are interpolated,
+  not places, so that the order is kept and nobody comes into another's downwash.
+* A bird that changes sides in the example does so in the flight: `flockbrush.behaviours.formation.sides`.
 
 .. [1] Klotsman, M. & Tal, A. (2012). Animation of flocks flying in line formations. Artificial Life 18(1), 91-105.
 """
@@ -33,10 +37,10 @@ from flockbrush.behaviours.formation.key_shapes import (
     solve_levenberg_marquardt,
     solve_proximal,
 )
+from flockbrush.behaviours.formation.sides import NEAREST, Crossing, arrangements
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.problems import Problem, ProblemsError
 
-NEAREST = 0.9  # wingspans: drawn lateral distances are at least this, out of one another's downwash
 WAYS = 1.0, 0.7, 0.4, 0.2  # parts of the way to a key shape that are tried
 IN_FRONT = 0.05  # wingspans by which the leader leads at least
 CHAPTER = 60.0  # s of a chapter, at least
@@ -54,6 +58,8 @@ class Drawing:
     drift: float = 0.4  # wingspans per second, the fastest through the formation; a twentieth of a goose's airspeed
     least_time: float = 2.0  # s between key shapes, at least
     method: str = "proximal"  # or "levenberg-marquardt", the paper's
+    lateral: bool = False  # whether lateral distances change as in the example; else they are constant
+    crossing: float = 1.6  # wingspans per second, of a bird that changes sides; by eye
 
 
 def correspond(movie: FrameShape, birds: int, left: int) -> tuple[np.ndarray, bool]:
@@ -114,9 +120,11 @@ class SteadyFlight:
     Attributes
     ----------
     x : ndarray (n,)
-        Wingspans to the right of the leader, from left to right.
+        Wingspans to the right of the leader, from left to right, on the even grid of the first frame.
     low, high : ndarray (n,)
-        The learned ranges of shares, widened by epsilon.
+        The learned ranges of shares by bird, widened by epsilon.
+    initial : ndarray (frames, n, 2)
+        The shapes of step 1 by place: wingspans to the right and ahead of the leader.
 
     Raises
     ------
@@ -140,15 +148,19 @@ class SteadyFlight:
         self.drawing, self.left, self.noise = drawing or Drawing(), left, Noise(seed)
         self.spacing = max(NEAREST, float(np.mean([frame.spacing[0] for frame in frames])))
         self.x = (np.arange(birds) - left) * self.spacing
-        self.match, self.swap = correspond(_mirror(first) if exchange else first, birds, left)
-        self.total = float(total_power(self.x))
-        shapes = [self._initial(k, _mirror(f) if exchange else f) for k, f in enumerate(frames)]
-        self.initial = np.array(shapes)  # (frames, n) y on the grid
-        shares = np.array([relative_power(y, self.spacing) for y in shapes])
+        frames = [_mirror(frame) for frame in frames] if exchange else list(frames)
+        self.match, self.swap = correspond(frames[0], birds, left)
+        self.means = [float(max(NEAREST, one(f.spacing[0] for f in frames))) for one in (min, max)]
+        self.arrangements = arrangements(frames, self.match, self.swap, left)
+        shapes = [self._initial(k, frame, frames[0]) for k, frame in enumerate(frames)]
+        self.initial = np.array(shapes)
+        self.shares = np.array([relative_power(shape[:, 1], self.spacing) for shape in shapes])  # by place
+        mine = np.array([s[np.argsort(a.order)] for s, a in zip(self.shares, self.arrangements, strict=True)])
         eps = self.drawing.epsilon
-        self.low, self.high = (1 - eps) * shares.min(axis=0), (1 + eps) * shares.max(axis=0)
-        self.shares = shares
-        self.chapter = max(CHAPTER, 1.5 * max(self.pause(a, b) for a, b in zip(shapes, _next(shapes), strict=True)))
+        self.low, self.high = (1 - eps) * mine.min(axis=0), (1 + eps) * mine.max(axis=0)
+        self.crossings = [self._crossing(k) for k in range(len(frames))]
+        longest = max(self._passage(k) for k in range(len(frames)))
+        self.chapter = max(CHAPTER, 1.5 * longest)
         self._chapters: dict[int, Chapter] = {}
 
     def __len__(self):
@@ -156,12 +168,12 @@ class SteadyFlight:
 
     # step 1 -----------------------------------------------------------------------------
 
-    def _initial(self, at, frame):
+    def _initial(self, at, frame, first):
         """The frame's shape with our birds: curve, deviations, and the outliers' own (step 1)."""
-        n, curve = len(self.x), frame.curve
+        n, curve, (left, order) = len(self.x), frame.curve, self.arrangements[at]
         draws = self.noise.normal("formation shape", at, np.arange(n), 2)
         dx = np.maximum(frame.spacing[0] + frame.spacing[1] * draws[:, 0], NEAREST)
-        x = np.concatenate([-np.cumsum(dx[: self.left])[::-1], [0.0], np.cumsum(dx[self.left + 1 :])])
+        x = np.concatenate([-np.cumsum(dx[:left])[::-1], [0.0], np.cumsum(dx[left + 1 :])])
         if self.swap:
             curve = curve.mirrored()
         if n > len(frame.birds):
@@ -169,20 +181,46 @@ class SteadyFlight:
         y = np.array(_both_sides(curve, x, frame, self.swap))
         mean, deviation = frame.deviation
         y += mean + deviation * draws[:, 1]
-        for k, bird in enumerate(self.match):
-            if bird >= 0 and bird in frame.outliers:
-                y[k] = _both_sides(curve, x, frame, self.swap)[k] + frame.y[bird] - frame.curve.y(frame.x[bird])
-        y -= y[self.left]
-        return _behind_the_leader(y, self.left)
+        out = {frame.birds[k]: k for k in frame.outliers}
+        for k, bird in enumerate(self.match[order].tolist()):
+            if bird >= 0 and first.birds[bird] in out:
+                theirs = out[first.birds[bird]]
+                y[k] = _both_sides(curve, x, frame, self.swap)[k] + frame.y[theirs] - frame.curve.y(frame.x[theirs])
+        y -= y[left]
+        return np.stack([x if self.drawing.lateral else self._grid(left), _behind_the_leader(y, left)], axis=-1)
+
+    def _grid(self, left, spacing=None):
+        """Even lateral places (n,) with so many birds on the left of the leader."""
+        return (np.arange(len(self.x)) - left) * (spacing or self.spacing)
+
+    def _crossing(self, k):
+        """How birds change sides after the k-th frame, or None."""
+        then = (k + 1) % len(self.initial)
+        before, after = self.arrangements[k], self.arrangements[then]
+        if np.array_equal(before.order, after.order):
+            return None
+        return Crossing(before, after, self.initial[k], self.initial[then], self.drawing.drift, self.drawing.crossing)
+
+    def _passage(self, k):
+        """s that the flock needs from the shape of the k-th frame to the next."""
+        then = (k + 1) % len(self.initial)
+        if self.crossings[k] is not None:
+            return self.crossings[k].seconds
+        return self.pause(self.initial[k], self.initial[then])
 
     # step 3 -----------------------------------------------------------------------------
 
     def pause(self, a, b):
-        """s from one shape (n,) to another: monotone curves go at most at twice their mean speed."""
-        return max(self.drawing.least_time, 2.0 * float(np.abs(b - a).max()) / self.drawing.drift)
+        """s from one shape (n, 2) to another: monotone curves go at most at twice their mean speed."""
+        far = np.abs(b - a)
+        if self.drawing.lateral:  # distances between neighbours are interpolated: a bird goes at most their sum
+            gaps = np.abs(np.diff(b[:, 0]) - np.diff(a[:, 0]))
+            left = int(np.flatnonzero(a[:, 0] == 0.0)[0])
+            far[:left, 0], far[left + 1 :, 0] = np.cumsum(gaps[:left][::-1])[::-1], np.cumsum(gaps[left:])
+        return max(self.drawing.least_time, 2.0 * float(np.hypot(far[:, 0], far[:, 1]).max()) / self.drawing.drift)
 
     def key(self, k):
-        """The k-th key shape of the first chapter: y, wingspans ahead of the leader, (n,)."""
+        """The k-th key shape of the first chapter: wingspans to the right and ahead of the leader, (n, 2)."""
         return self._chapter(0).key(k)
 
     def _chapter(self, number):
@@ -192,59 +230,80 @@ class SteadyFlight:
             self._chapters[number] = Chapter(self, number)
         return self._chapters[number]
 
-    def drawn(self, at, last, before):
+    def drawn(self, at, last, before, arrangement):
         """A key shape (eqs. 2 to 4, eq. 2 projected) after the shape ``last`` of shares ``before``, and its shares."""
-        how = self.drawing
-        low, high = np.maximum(self.low, how.less * before), np.minimum(self.high, how.more * before)
+        how, (left, order) = self.drawing, arrangement
+        low, high = np.maximum(self.low[order], how.less * before), np.minimum(self.high[order], how.more * before)
         chance = self.noise.uniform("formation key", at, np.arange(len(self.x)))[:, 0]
+        spacing = self.spacing
+        if how.lateral:  # "the x-distance is constant, chosen from the range of possible mean x-distances"
+            least, most = self.means
+            spacing = least + float(self.noise.uniform("formation spacing", at, [0])[0, 0]) * (most - least)
         try:
             share = project(low + chance * (high - low), low, high)
-            return self._shape(share, last), share
+            x = self._grid(left, spacing)
+            return np.stack([x, self._shape(share, last[:, 1], x, arrangement)], axis=-1), share
         except (NoShape, ValueError):
             message = (
                 f"no shape saves the shares of power that this one does; allow more than epsilon = {how.epsilon:g}"
             )
             raise _wrong(self.formation, message) from None
 
-    def _shape(self, share, last):
+    def _shape(self, share, last, x, arrangement):
         """The key shape of these shares, nobody before the leader; or as much of the way there as keeps the ranges."""
-        how, wanted = self.drawing, share * self.total
+        how, wanted, (left, order) = self.drawing, share * float(total_power(x)), arrangement
         if how.method == "proximal":
-            y = solve_proximal(self.x, wanted, last, how.proximal)
+            y = solve_proximal(x, wanted, last, how.proximal)
         else:
             try:
-                y = solve_levenberg_marquardt(self.x, wanted, last)
+                y = solve_levenberg_marquardt(x, wanted, last)
             except NoShape:  # no shape has these shares: as near as the proximal form comes
-                y = solve_proximal(self.x, wanted, last, how.proximal)
-        y = _behind_the_leader(y - y[self.left], self.left)
+                y = solve_proximal(x, wanted, last, how.proximal)
+        y = _behind_the_leader(y - y[left], left)
         best, least = y, np.inf
         for way in WAYS:
             there = last + way * (y - last)
-            beyond = max(self._beyond(last + part * (there - last)) for part in (0.3, 0.7, 1.0))
+            beyond = max(self._beyond(last + part * (there - last), order) for part in (0.3, 0.7, 1.0))
             if beyond < least - 1e-3:
                 best, least = there, beyond
             if least <= 0.0:
                 break
         return best
 
-    def _beyond(self, y):
+    def _beyond(self, y, order):
         """By how much the worst share leaves its range, relative; not above 0 when none does."""
         share = relative_power(y, self.spacing)
-        return float((np.maximum(self.low - share, share - self.high) / np.maximum(share, 1e-12)).max())
+        low, high = self.low[order], self.high[order]
+        return float((np.maximum(low - share, share - high) / np.maximum(share, 1e-12)).max())
 
     # step 4 -----------------------------------------------------------------------------
 
     def at(self, time):
-        """Where the birds fly at a time in seconds: y, wingspans ahead of the leader, (n,)."""
+        """Where every bird is at a time in seconds: wingspans to the right and ahead of the leader, (n, 2)."""
+        chapter, since = self._since(time)
+        return chapter.at(since)
+
+    def places(self, time):
+        """The places at that time, from left to right, (n, 2): as `at`, but whose bird changes sides is free."""
+        chapter, since = self._since(time)
+        if since < chapter.times[0]:
+            return chapter.crossing.places(since)
+        return chapter.shape(since)
+
+    def changes_sides(self, time):
+        """Whether somebody is between two sides at that time."""
+        chapter, since = self._since(time)
+        return 0.0 < since < chapter.times[0]
+
+    def _since(self, time):
         if not time >= 0:
             raise ValueError(f"a flight begins at 0 s, got {time}")
         number, since = divmod(time, self.chapter)
-        return self._chapter(int(number)).at(since)
+        return self._chapter(int(number)), since
 
     def frames(self, count, fps=25.0):
         """The first ``count`` frames: (count, n, 2), wingspans, the leader at the origin."""
-        y = np.array([self.at(k / fps) for k in range(count)])
-        return np.stack([np.broadcast_to(self.x, y.shape), y], axis=-1)
+        return np.array([self.at(k / fps) for k in range(count)])
 
     def report(self, frames, fps=25.0):
         """What a flight kept to.
@@ -253,29 +312,51 @@ class SteadyFlight:
         -------
         dict
             ``outside``: the part of all shares that left its range; ``beyond``: by how much at most, relative;
-            ``fastest``: wingspans a second through the formation; ``leader_in_front``: the part of frames.
+            ``fastest``: wingspans a second through the formation; ``leader_in_front``: the part of frames;
+            ``least_aside``: wingspans, the least lateral distance of neighbours.  All of these in the frames in
+            which nobody changes sides; ``switches``: how many do so.
         """
-        share = np.array([relative_power(y, self.spacing) for y in frames[:, :, 1]])
+        crossing = np.array([self.changes_sides(k / fps) for k in range(len(frames))])
+        stands = np.flatnonzero(~crossing)
+        places = np.argsort(frames[stands, :, 0], axis=1)  # bird in each place
+        share = np.empty(places.shape)
+        for k, order in zip(range(len(stands)), places, strict=True):
+            share[k, order] = relative_power(frames[stands[k], order, 1], self.spacing)
         off = np.maximum(self.low - share, share - self.high) / np.where(share > 0, share, 1.0)
-        speed = np.abs(np.diff(frames[:, :, 1], axis=0)).max() * fps if len(frames) > 1 else 0.0
+        steady = stands[:-1][np.diff(stands) == 1]
+        ways = np.linalg.norm(frames[steady + 1] - frames[steady], axis=2)
         return {
             "frames": len(frames),
             "birds": len(self.x),
             "outside": float((off > 1e-9).mean()),
             "beyond": float(max(off.max(), 0.0)),
-            "fastest": float(speed),
-            "leader_in_front": float((frames[:, :, 1].argmax(axis=1) == self.left).mean()),
+            "fastest": float(ways.max()) * fps if len(ways) else 0.0,
+            "leader_in_front": float((frames[stands, :, 1].argmax(axis=1) == self.left).mean()),
+            "least_aside": float(np.diff(np.sort(frames[stands, :, 0], axis=1), axis=1).min()),
+            "switches": self._switches((len(frames) - 1) / fps),
         }
+
+    def _switches(self, until):
+        """How many birds have begun to change sides by that time."""
+        begun = [self.crossings[k % len(self.crossings)] for k in range(int(until // self.chapter) + 1)]
+        return sum(len(crossing.birds) for crossing in begun if crossing is not None)
 
 
 class Chapter:
-    """A part of a flight: from the step-1 shape of one frame of the example to that of the next, by key shapes."""
+    """A part of a flight: from the step-1 shape of one frame of the example to that of the next, by key shapes.
+
+    Where birds change sides between the two, they do so first, and the key shapes lead from the new shape back to it.
+    """
 
     def __init__(self, flight: SteadyFlight, number: int):
         frames = len(flight.initial)
-        self.flight, self.number = flight, number
-        self.keys, self.times = [flight.initial[number % frames]], [0.0]
-        self.end, self.share = flight.initial[(number + 1) % frames], flight.shares[number % frames]
+        start, then = number % frames, (number + 1) % frames
+        self.flight, self.number, self.crossing = flight, number, flight.crossings[start]
+        if self.crossing is not None:
+            start = then
+        self.arrangement = flight.arrangements[then]
+        self.keys, self.times = [flight.initial[start]], [self.crossing.seconds if self.crossing else 0.0]
+        self.end, self.share = flight.initial[then], flight.shares[start]
 
     def key(self, k):
         """The k-th key shape; the last one where there are fewer."""
@@ -286,32 +367,46 @@ class Chapter:
     def _draw(self):
         """One more key shape; the last as soon as there is time for no other."""
         flight, last, now = self.flight, self.keys[-1], self.times[-1]
-        y, share = flight.drawn(self.number * MANY + len(self.keys), last, self.share)
-        then = now + flight.pause(last, y)
-        if then + flight.pause(y, self.end) > flight.chapter:
-            y, then = self.end, flight.chapter
-        self.keys.append(y)
+        shape, share = flight.drawn(self.number * MANY + len(self.keys), last, self.share, self.arrangement)
+        then = now + flight.pause(last, shape)
+        if then + flight.pause(shape, self.end) > flight.chapter:
+            shape, then = self.end, flight.chapter
+        self.keys.append(shape)
         self.times.append(then)
         self.share = share
 
     def at(self, time):
-        """Where the birds fly ``time`` s after the chapter began: y, wingspans ahead of the leader, (n,)."""
+        """Where every bird is ``time`` s after the chapter began, (n, 2)."""
+        if time < self.times[0]:
+            return self.crossing.at(time)
+        out = np.empty((len(self.arrangement.order), 2))
+        out[self.arrangement.order] = self.shape(time)
+        return out
+
+    def shape(self, time):
+        """The shape by place, from left to right, after any change of sides, (n, 2)."""
         while self.times[-1] <= time:
             self._draw()
-        keys, times = self.keys, self.times
+        times = self.times
         k = int(np.searchsorted(times, time, side="right")) - 1
         self.key(k + 2)
-        gap = times[k + 1] - times[k]
-        rise = (keys[k + 1] - keys[k]) / gap
-        rest = np.zeros_like(rise)  # at the ends of a chapter
-        before = (keys[k] - keys[k - 1]) / (times[k] - times[k - 1]) if k else rest
-        after = (keys[k + 2] - keys[k + 1]) / (times[k + 2] - times[k + 1]) if k + 2 < len(keys) else rest
-        return _hermite((time - times[k]) / gap, gap, keys[k], keys[k + 1], _gentle(before, rise), _gentle(rise, after))
+        now = [keys[:, 1] for keys in self.keys[max(k - 1, 0) : k + 3]]
+        y = _between(now, times[max(k - 1, 0) : k + 3], min(k, 1), time)
+        if not self.flight.drawing.lateral:
+            return np.stack([self.keys[k][:, 0], y], axis=-1)
+        now = [np.diff(keys[:, 0]) for keys in self.keys[max(k - 1, 0) : k + 3]]
+        x = np.r_[0.0, np.cumsum(_between(now, times[max(k - 1, 0) : k + 3], min(k, 1), time))]
+        return np.stack([x - x[self.arrangement.left], y], axis=-1)
 
 
-def _next(shapes):
-    """The shape after each, the first after the last."""
-    return [*shapes[1:], shapes[0]]
+def _between(keys, times, k, time):
+    """A monotone curve through keys, between the k-th and the next; at rest where there is none before or after."""
+    gap = times[k + 1] - times[k]
+    rise = (keys[k + 1] - keys[k]) / gap
+    rest = np.zeros_like(rise)
+    before = (keys[k] - keys[k - 1]) / (times[k] - times[k - 1]) if k else rest
+    after = (keys[k + 2] - keys[k + 1]) / (times[k + 2] - times[k + 1]) if k + 2 < len(keys) else rest
+    return _hermite((time - times[k]) / gap, gap, keys[k], keys[k + 1], _gentle(before, rise), _gentle(rise, after))
 
 
 def _wrong(formation, message):

@@ -52,6 +52,12 @@ class Params(Parameters):
     deviation: float = quantity(
         0.15, "wingspans", "how far birds are from the shape in the example; 0 makes it stiff", 0, 2
     )
+    lateral: float = quantity(
+        0.0, "wingspans", "how unlike lateral distances are in the example, and so how they change; 0: constant", 0, 2
+    )
+    switching: float = quantity(
+        0.0, "1", "share of the example's frames, each a minute or more, in which one flies on the other side", 0, 1
+    )
     drift: float = quantity(0.4, "wingspans/s", "the fastest through the formation, once it stands", 0.01, 5)
     turns: float = quantity(0.0, "s", "how long one leads before the next does; 0 never changes", 0, 3600)
     leader_turn: float = quantity(0.1, "rad/s", "how fast the leader turns, and the flock with it", 0.01, 2)
@@ -242,7 +248,7 @@ class _Alive:
         self.flight = flight
 
     def at(self, time):
-        return self.flight.x, self.flight.at(time)
+        return self.flight.places(time).T
 
 
 @lru_cache(maxsize=64)
@@ -255,15 +261,23 @@ def places(p, birds, seed):
     curve = _curve(p)
     if p.deviation == 0.0:
         return _Stiff(x, np.where(x == 0.0, 0.0, np.minimum(curve.y(x), -0.01)))
+    frames = tuple(_frame(p, f, birds, left, curve) for f in range(EXAMPLE_FRAMES))
+    drawing = Drawing(drift=p.drift, lateral=p.lateral > 0.0)
+    return _Alive(SteadyFlight(Formation("brush", frames), birds, seed, left, drawing))
+
+
+def _frame(p, f, birds, left, curve):
+    """A frame of the movie that a brush stands for; in some the last bird of the longer arm flies on the other side."""
     names = tuple(str(k) for k in range(birds))
     zero = tuple(0.0 for _ in names)
-    frames = tuple(
-        FrameShape(
-            str(f), names, zero, zero, left, p.shape, "of a brush", curve, (), (p.spacing, 0.0), (0.0, p.deviation)
-        )
-        for f in range(EXAMPLE_FRAMES)
+    if birds > 2 and int((f + 1) * p.switching) > int(f * p.switching):
+        if left > birds - 1 - left:
+            names, left = (*names[1:], names[0]), left - 1
+        else:
+            names, left = (names[-1], *names[:-1]), left + 1
+    return FrameShape(
+        str(f), names, zero, zero, left, p.shape, "of a brush", curve, (), (p.spacing, p.lateral), (0.0, p.deviation)
     )
-    return _Alive(SteadyFlight(Formation("brush", frames), birds, seed, left, Drawing(drift=p.drift)))
 
 
 def _curve(p):

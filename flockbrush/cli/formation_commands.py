@@ -112,13 +112,14 @@ def _summary(frame):
     }  # fmt: skip
 
 
-def fly(formation_path, birds, frames, fps, seed, left, exchange, method, epsilon, out, plot, json):
+def fly(formation_path, birds, frames, fps, seed, left, exchange, method, epsilon, lateral, out, plot, json):
     """A steady flight of a formation."""
     with claimed([path for path in (out, plot) if path], [formation_path]):
         formation = load_formation(formation_path)
         birds = birds or len(formation.frames[0].birds)
         began = time.perf_counter()
-        flight = SteadyFlight(formation, birds, seed, left, Drawing(epsilon=epsilon, method=method), exchange)
+        drawing = Drawing(epsilon=epsilon, method=method, lateral=lateral)
+        flight = SteadyFlight(formation, birds, seed, left, drawing, exchange)
         places = flight.frames(frames, fps)
         said = flight.report(places, fps) | {"seconds_to_make": time.perf_counter() - began}
         if out:
@@ -253,12 +254,14 @@ def _title(frame):
 
 
 def _draw_flight(path, places, flight):
+    """Six moments; who changes sides at any time has a ring."""
     chosen = np.unique(np.linspace(0, len(places) - 1, SHOWN).round().astype(int))
-    _draw_panels(path, [(f"frame {k}", places[k], flight.left, (), None) for k in chosen], "light")
+    ringed = {bird for crossing in flight.crossings if crossing is not None for bird in crossing.birds.tolist()}
+    _draw_panels(path, [(f"frame {k}", places[k], flight.left, ringed, None) for k in chosen], "light")
 
 
 def _draw_panels(path, panels, theme):
-    """Panels of one scale, in rows of three."""
+    """Panels (title, points, leader, birds with a ring, curve) of one scale, in rows of three."""
     look = theme_of(theme)
     columns = min(3, len(panels))
     rows = -(-len(panels) // columns)
@@ -268,7 +271,7 @@ def _draw_panels(path, panels, theme):
     tall = int((high - low)[1] * scale) + EDGE + 20
     image = np.full((rows * tall + 10, columns * PANEL + 10, 3), rgb(look.paper), np.uint8)
     canvas = Canvas(image)
-    for k, (title, points, leader, outliers, curve) in enumerate(panels):
+    for k, (title, points, leader, ringed, curve) in enumerate(panels):
         corner = np.array([k % columns * PANEL + 10, k // columns * tall + EDGE], float)
         canvas.words(title[:60], corner + (0, -EDGE / 2), 17, look.ink, anchor=(0, 0.5))
 
@@ -282,7 +285,7 @@ def _draw_panels(path, panels, theme):
         canvas.words("1 wingspan", at((low[0] + 1.7, low[1] + 0.5)), 13, look.muted, anchor=(0, 0.5))
         for bird, xy in enumerate(points):
             _bird(canvas, at(xy), scale, look.leader if bird == leader else look.ink, look.outline)
-            if bird in outliers:
+            if bird in ringed:
                 canvas.ring(at(xy), max(8.0, 0.7 * scale), 2, look.predator)
     write_png(path, image)
 

@@ -168,6 +168,9 @@ def formation_fly(
     epsilon: Annotated[
         float, typer.Option(min=0, max=1, help="Largest deviation of the savings from the range of the example.")
     ] = 0.1,
+    lateral: Annotated[
+        bool, typer.Option(help="Lateral distances change as in the example; with --no-lateral they are constant.")
+    ] = True,
     out: Annotated[Path | None, typer.Option("-o", "--out", metavar="CSV", help="Trajectory to write.")] = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="PNG", help="Picture to write, with six moments of the flight.")
@@ -177,4 +180,4 @@ def formation_fly(
     """Fly a formation with any number of birds, and report whether the flight kept its ranges."""
     from flockbrush.cli.formation_commands import fly
 
-    fly(formation, birds, frames, fps, seed, left, exchange, method.value, epsilon, out, plot, json)
+    fly(formation, birds, frames, fps, seed, left, exchange, method.value, epsilon, lateral, out, plot, json)

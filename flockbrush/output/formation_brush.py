@@ -83,6 +83,7 @@ def parameters_of(formation):
         "spacing": float(np.clip(np.mean([frame.spacing[0] for frame in same]), 0.9, 10)),
         "left": float(np.mean([frame.leader / max(n, 1) for frame, n in zip(same, others, strict=True)])),
         "deviation": float(np.clip(np.mean([frame.deviation[1] for frame in same]), 0, 2)),
+        "lateral": float(np.clip(np.mean([frame.spacing[1] for frame in same]), 0, 2)),
     }
     if slopes:
         left, right = np.clip(np.mean(slopes, axis=0), 0.1, 5)

@@ -128,7 +128,7 @@ def test_a_flight_repeats_itself_and_may_be_looked_at_anywhere():
 def test_between_key_shapes_nothing_jumps():
     flight = SteadyFlight(movie("V", 9), 9, seed=1)
     time = np.arange(0, 40, 0.05)
-    y = np.array([flight.at(t) for t in time])
+    y = np.array([flight.at(t)[:, 1] for t in time])
     assert np.abs(np.diff(y, axis=0)).max() <= 0.4 * 0.05
     assert np.abs(np.diff(y, n=2, axis=0)).max() < 0.01
     assert flight.at(0.0).tolist() == flight.key(0).tolist()
@@ -137,7 +137,7 @@ def test_between_key_shapes_nothing_jumps():
 def test_a_leader_elsewhere_and_sides_exchanged():
     right = SteadyFlight(movie("J", 12), 20, seed=2, left=17)
     assert right.x[17] == 0
-    assert right.key(0)[:17].min() < right.key(0)[18:].min()  # the long arm is on the left now
+    assert right.key(0)[:17, 1].min() < right.key(0)[18:, 1].min()  # the long arm is on the left now
     there = SteadyFlight(movie("J", 12), 12, seed=2, exchange=True)
     assert there.left == 9
 
@@ -149,14 +149,14 @@ def test_a_bird_out_of_line_in_the_example_is_out_of_line_in_the_flight():
     y[7] -= 3.0
     strayed = type(frame)(**{**vars(frame), "y": tuple(y), "outliers": (7,)})
     flight = SteadyFlight(type(example)("strayed", (strayed,)), 9, seed=2)
-    assert flight.key(0)[7] < flight.key(0)[8] - 1
+    assert flight.key(0)[7, 1] < flight.key(0)[8, 1] - 1
 
 
 def test_every_bird_saves_as_much_behind_a_larger_flock_of_the_same_look():
     small, large = SteadyFlight(movie("U", 16), 16, seed=1), SteadyFlight(movie("U", 16), 31, seed=1)
-    depth = [flight.key(0).min() / np.abs(flight.x).max() for flight in (small, large)]
+    depth = [flight.key(0)[:, 1].min() / np.abs(flight.x).max() for flight in (small, large)]
     assert depth[1] == pytest.approx(depth[0], rel=0.25)  # as deep for its width
-    assert relative_power(large.key(0), large.spacing).sum() == pytest.approx(1)
+    assert relative_power(large.key(0)[:, 1], large.spacing).sum() == pytest.approx(1)
 
 
 def test_impossible_flights_are_refused_in_words():
@@ -246,6 +246,6 @@ def test_a_flight_comes_by_the_shapes_of_all_frames_of_the_example_in_their_orde
     for k, y in enumerate([*flight.initial, flight.initial[0]]):
         assert flight.at(k * flight.chapter) == pytest.approx(y, abs=1e-12)
     time = np.linspace(0.0, 4.5 * flight.chapter, 600)
-    y = np.array([flight.at(t) for t in time])
+    y = np.array([flight.at(t)[:, 1] for t in time])
     assert np.abs(np.diff(y, axis=0)).max() <= 0.4 * (time[1] - time[0]) + 1e-9
     assert flight.report(np.stack([np.broadcast_to(flight.x, y.shape), y], -1))["outside"] < 0.01

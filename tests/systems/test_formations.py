@@ -243,3 +243,27 @@ def test_the_geese_of_the_level_rest_fly_in_a_v_and_land():
 def formation_places(simulation):
     """Places from left to right."""
     return formation(simulation)[0].tolist()
+
+
+def test_a_bird_changes_sides_in_a_level_and_the_others_keep_their_order():
+    simulation = flock(switching=0.5, lateral=0.1)
+    simulation.run(32 * 50)  # all are in their places
+    a = simulation.agents
+    before = a[FormationPlace.arm].copy()
+    assert sorted(before.tolist()) == [-1] * 5 + [0] + [1] * 3  # as in the first minute
+    ways, nearest = [], []
+    while simulation.clock.now < 110.0:
+        simulation.run(16)
+        xyz = a[Position.xyz] / WING
+        nearest.append((np.linalg.norm(xyz[:, None] - xyz, axis=2) + 9.0 * np.eye(9)).min())
+        ways.append(np.linalg.norm(a[Velocity.xyz], axis=1).max())
+    after = a[FormationPlace.arm]
+    changed = np.flatnonzero(after != before)
+    assert len(changed) == 1 and (before[changed], after[changed]) == (-1, 1)
+    place, arm, x, y, z = formation(simulation)
+    assert place.tolist() == [4, 3, 2, 1, 0, 1, 2, 3, 4]
+    assert y == pytest.approx(-0.8 * np.abs(x), abs=1.0)
+    assert min(nearest) > 0.5 and max(ways) < 1.6 * 15.1
+    again = flock(switching=0.5, lateral=0.1)
+    again.run(round(simulation.clock.tick))
+    assert state_hash(again.world) == state_hash(simulation.world)
