@@ -80,8 +80,8 @@ def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=No
     near, count = _contacts(cells, reach, order)
     step, heading = np.zeros((m, 2)), np.zeros((m, 2))
     over_rows(
-        _turn, len(order), order, cells.row, near, count, *_bodies(cells), wish, speed, max_turn, *edges, dt,
-        step, heading,
+        _turn, len(order), order, cells.row, near, count, *_bodies(cells), wish, speed, max_turn, edges, dt, step,
+        heading,
     )  # fmt: skip
     for _ in range(PUSHES):
         pushed = np.zeros_like(step)
@@ -150,7 +150,7 @@ def _agree(order, itself, cells, near, count, edges, step, heading, far, climb=N
             firm[:] = 1
         stuck = np.zeros(m, np.uint8)
         over_rows(
-            _keep_to_own_side, len(order), order, *_bodies(cells), itself, near, count, *edges, step,
+            _keep_to_own_side, len(order), order, *_bodies(cells), itself, near, count, edges, step,
             heading, firm, fresh, stuck, far, safe, turned,
         )  # fmt: skip
         if climb is not None:
@@ -241,20 +241,19 @@ def _edge(ends, g):
 
 
 @njit(inline="always")
-def _edges_near(x, y, start, nx, ny, cell, west, south):
+def _edges_near(x, y, edges):
     """First and last entry of the list of edges near a point."""
-    ex, ey = (x - west) / cell, (y - south) / cell
-    if ex >= 0.0 and ey >= 0.0 and ex < nx and ey < ny:
-        c = int(ey) * nx + int(ex)
-        return start[c], start[c + 1]
+    ex, ey = (x - edges.west) / edges.cell, (y - edges.south) / edges.cell
+    if ex >= 0.0 and ey >= 0.0 and ex < edges.nx and ey < edges.ny:
+        c = int(ey) * edges.nx + int(ex)
+        return edges.start[c], edges.start[c + 1]
     return 0, 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _turn(
     lo, hi, order, row, near, count, x, y, fx, fy, half, radius, wish, speed, max_turn,
-    ends, estart, eitem, enx, eny, ecell, ewest, esouth,
-    dt, step, heading,
+    edges, dt, step, heading,
 ):  # fmt: skip
     """The heading within the limit of turning, along a wall that stands in the way, and the step wished for."""
     for o in range(lo, hi):
@@ -273,9 +272,9 @@ def _turn(
                 into = (gx * ox + gy * oy) / d
                 if into > 0.0:
                     gx, gy = gx - room * into * ox / d, gy - room * into * oy / d
-        e0, e1 = _edges_near(x[s], y[s], estart, enx, eny, ecell, ewest, esouth)
+        e0, e1 = _edges_near(x[s], y[s], edges)
         for e in range(e0, e1):
-            cx, cy, ux, uy, p = _edge(ends, eitem[e])
+            cx, cy, ux, uy, p = _edge(edges.ends, edges.item[e])
             nx, ny = _nearest(x[s], y[s], fx[s], fy[s], half[s], cx, cy, ux, uy, p)
             d = np.sqrt(nx * nx + ny * ny)
             if d <= 1e-12 or d > radius[s] + 2.0 * ahead + 0.25 * radius[s]:
@@ -350,8 +349,7 @@ def _push(lo, hi, order, x, y, fx, fy, half, radius, row, itself, near, count, s
 @njit(cache=True, nogil=True, error_model="numpy")
 def _keep_to_own_side(
     lo, hi, order, x, y, fx, fy, half, radius, itself, near, count,
-    ends, estart, eitem, enx, eny, ecell, ewest, esouth,
-    step, heading, firm, fresh, stuck, far, safe, turned,
+    edges, step, heading, firm, fresh, stuck, far, safe, turned,
 ):  # fmt: skip
     """The nearest step to the wished one that stays on the animal's own side of everybody and everything."""
     room = 64
@@ -363,7 +361,7 @@ def _keep_to_own_side(
             anew |= fresh[itself[near[s, k]]]
         if not anew:
             continue
-        e0, e1 = _edges_near(x[s], y[s], estart, enx, eny, ecell, ewest, esouth)
+        e0, e1 = _edges_near(x[s], y[s], edges)
         if count[s] + e1 - e0 > room:
             room = 2 * (count[s] + e1 - e0)
             nx, ny, free = np.empty(room), np.empty(room), np.empty(room)
@@ -383,7 +381,7 @@ def _keep_to_own_side(
                 free[n] = 0.5 * gap + both
                 n += 1
         for e in range(e0, e1):
-            cx, cy, ux, uy, p = _edge(ends, eitem[e])
+            cx, cy, ux, uy, p = _edge(edges.ends, edges.item[e])
             ox, oy = _nearest(x[s], y[s], fx[s], fy[s], h, cx, cy, ux, uy, p)
             d = np.sqrt(ox * ox + oy * oy)
             if d > 1e-12:

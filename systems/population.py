@@ -24,7 +24,7 @@ from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.ground_height import height_of_ground
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.spawning import NoRoom, outlines, place
+from flockbrush.systems.spawning import Capsules, NoRoom, free_ground, place
 from numba import njit
 
 
@@ -72,11 +72,10 @@ def give_birth(
     radius = body.radius * length / body.length
     axis = np.zeros(count) if body.contact == "disc" else np.maximum(0.5 * length - radius, 0.0)
     reach = float((axis + radius).max(initial=0.0))
-    xy, forward = place(
-        polygon, count, 2 * (axis + radius), radius, heading, formation, noise.key(stream, clock.tick),
-        land.walls_within(2 * reach), land.blocked, land.cell,
-        _bodies(world.agents, land.wrap, float(length.max(initial=0.0))), outlines(land.solids), _inset(land, reach),
-    )  # fmt: skip
+    ground = ground_for(land, 2 * reach, land.blocked)._replace(bounds=inset(land, reach))
+    others = bodies_of(world.agents, land.wrap, float(length.max(initial=0.0)))
+    key = noise.key(stream, clock.tick)
+    xy, forward = place(polygon, count, 2 * (axis + radius), radius, heading, formation, key, ground, others)
     land.see_to(float(length.max(initial=0.0) * palette.view_range.max()))
     chance = noise.normal(stream + " speed", clock.tick, number)[:, 0]
     drawn = np.full(count, float(speed)) if speed is not None else _speeds(asset, pace, chance) * length
@@ -144,20 +143,25 @@ def _individuals(species, noise, stream, tick, number):
     return size, pace / size, boldness
 
 
-def _bodies(agents, wrap, length):
-    """x, y, fx, fy, length, radius of all there are, on a wrapped map with their copies across the seam."""
-    xy, forward = agents[Position.xyz][:, :2], agents[Heading.forward]
-    size, radius = 2 * (agents[Body.axis] + agents[Body.radius]), agents[Body.radius]
-    columns = [np.column_stack([xy, forward[:, :2], size, radius])]
+def bodies_of(agents, wrap, length):
+    """`Capsules` of all there are, on a wrapped map with their copies across the seam that bodies may meet."""
+    xy, forward, axis, radius = (agents[f] for f in (Position.xyz, Heading.forward, Body.axis, Body.radius))
+    xy = xy[:, :2]
+    columns = [np.column_stack([xy, forward[:, :2], axis, radius])]
     if wrap is not None and len(xy):
-        near = length + float(size.max())
+        near = length + 2 * float((axis + radius).max())
         for dx in (-wrap[0], 0.0, wrap[0]):
             for dy in (-wrap[1], 0.0, wrap[1]):
                 moved = xy + (dx, dy)
                 close = ((moved > -near) & (moved < np.array(wrap) + near)).all(1)
                 if dx or dy:
                     columns.append(columns[0][close] + (dx, dy, 0, 0, 0, 0))
-    return tuple(np.ascontiguousarray(column) for column in np.concatenate(columns).T)
+    return Capsules(*(np.ascontiguousarray(column) for column in np.concatenate(columns).T))
+
+
+def ground_for(land, reach, blocked):
+    """`FreeGround` of a landscape for bodies that reach so far, metres."""
+    return free_ground(land.walls_within(reach), blocked, land.cell, land.solids)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -168,10 +172,10 @@ def _clear_of_solids(xyz, radius, solids):
         xyz[i, 0], xyz[i, 1], xyz[i, 2] = x, y, z
 
 
-def _inset(land, body):
+def inset(land, body):
     """Where a newborn's middle may be: on a wrapped map nobody is born across the seam."""
-    west, south, east, north = land.bounds
-    room = body if land.wrap else 0.0
+    west, south, east, north = map(float, land.bounds)
+    room = float(body) if land.wrap else 0.0
     return west + room, south + room, east - room, north - room
 
 

@@ -213,7 +213,7 @@ class SeeObstacles(System):
         count, most = np.zeros(n, np.int64), 8
         while True:
             found = np.empty((n, most, 2))
-            args = agents[Position.xyz], agents[Vision.range], *land.solid, land.solid_owner
+            args = agents[Position.xyz], agents[Vision.range], land.solid, land.solid_owner
             over_rows(_nearest_points, n, *args, found, count)
             if not n or count.max() <= most:
                 break
@@ -233,11 +233,11 @@ def _cosine_of_half(lo, hi, angle, cosine):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _nearest_points(lo, hi, xyz, reach, ends, start, item, nx, ny, cell, west, south, owner, found, count):
-    most = found.shape[1]
+def _nearest_points(lo, hi, xyz, reach, edges, owner, found, count):
+    most, item = found.shape[1], edges.item
     for i in range(lo, hi):
         x, y = xyz[i, 0], xyz[i, 1]
-        e0, e1 = _edges_near(x, y, start, nx, ny, cell, west, south)
+        e0, e1 = _edges_near(x, y, edges)
         n, last, best = 0, -1, 0.0
         px = py = 0.0
         r2 = reach[i] * reach[i]
@@ -251,7 +251,7 @@ def _nearest_points(lo, hi, xyz, reach, ends, start, item, nx, ny, cell, west, s
                     n += 1
                 last, best = who, np.inf
             if e < e1:
-                cx, cy, ux, uy, half = _edge(ends, item[e])
+                cx, cy, ux, uy, half = _edge(edges.ends, item[e])
                 t = min(max((x - cx) * ux + (y - cy) * uy, -half), half)
                 ox, oy = cx + t * ux - x, cy + t * uy - y
                 d2 = ox * ox + oy * oy

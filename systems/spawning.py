@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.noise import uniform_
 from flockbrush.systems.contact import _edge, _edges_near, _nearest
 from flockbrush.systems.terrain import point_in_polygon
+from flockbrush.systems.visibility import Edges
 from numba import njit
 
 TRIES = 400  # places looked at for each animal before giving up
@@ -21,22 +24,61 @@ class NoRoom(ValueError):
         self.fitted, self.wanted = fitted, wanted
 
 
-def outlines(polygons):
-    """Polygons as one array of points (m, 2) and the first point of each, (k + 1,)."""
+class FreeGround(NamedTuple):
+    """Where bodies may stand."""
+
+    edges: Edges  # of obstacles
+    blocked: np.ndarray  # (ny, nx) bool: cells in which nobody can stand
+    cell: float  # m
+    points: np.ndarray  # (m, 2) m: corners of polygons in which nobody may stand; cells may be coarser than an obstacle
+    first: np.ndarray  # (k + 1,) of these points, by polygon
+    bounds: tuple[float, float, float, float]  # m: west, south, east, north; nobody stands outside
+
+
+class Capsules(NamedTuple):
+    """Bodies, (n,) each."""
+
+    x: np.ndarray  # m
+    y: np.ndarray
+    fx: np.ndarray  # heading, a unit vector
+    fy: np.ndarray
+    half: np.ndarray  # m, half the length of the axis
+    radius: np.ndarray  # m
+
+
+class Newborns(NamedTuple):
+    """Who is to be put down, and how."""
+
+    polygon: np.ndarray  # (k, 2) m
+    box: tuple[float, float, float, float]  # m: west, south, east, north of the polygon
+    half: np.ndarray  # (count,) m
+    radius: np.ndarray  # (count,) m
+    heading: float  # radians; nan: each its own
+    inner: float  # radius of the hole over that of the disc, of those who turn about a middle; else nan
+    spots: np.ndarray  # (s, 2) m: places to stand, in order; none: at random
+    key: np.uint64
+
+
+class Crowd(NamedTuple):
+    """Bodies with a table of lists by cell, folded."""
+
+    bodies: Capsules
+    head: np.ndarray  # (a power of two,) int32: the first body of each list, or -1
+    link: np.ndarray  # (n,) int32: the next one
+    side: float  # m, of a cell: no body is longer
+
+
+def free_ground(edges, blocked, cell, polygons=(), bounds=(-np.inf, -np.inf, np.inf, np.inf)):
+    """`FreeGround` outside of polygons [(k, 2)], metres."""
     first = np.cumsum([0] + [len(polygon) for polygon in polygons])
-    points = np.concatenate([np.zeros((0, 2)), *polygons])
-    return np.ascontiguousarray(points), first
+    points = np.ascontiguousarray(np.concatenate([np.zeros((0, 2)), *polygons]))
+    return FreeGround(edges, blocked, float(cell), points, first, tuple(map(float, bounds)))
 
 
-NOTHING = outlines([])
 INNER = {"ring": 0.4, "mill": 0.0}  # radius of the hole over that of the disc, of those who turn about a middle
-EVERYWHERE = (-np.inf, -np.inf, np.inf, np.inf)
 
 
-def place(
-    polygon, count, length, radius, heading, formation, key, solid, blocked, cell, others=None, obstacles=NOTHING,
-    bounds=EVERYWHERE,
-):  # fmt: skip
+def place(polygon, count, length, radius, heading, formation, key, ground, others=None):
     """Positions and headings for newborn animals.
 
     Parameters
@@ -52,16 +94,9 @@ def place(
         At random; on a square lattice; at random on a ring or on a disc, turning counter-clockwise; abreast.
     key : uint64
         Noise key; animal k draws with number k.
-    solid : Edges
-        Obstacles' edges.
-    blocked : ndarray (ny, nx) bool
-        Ground on which nobody can stand, cells of ``cell`` metres.
-    others : (x, y, fx, fy, length, radius) arrays, optional
+    ground : FreeGround
+    others : Capsules, optional
         Animals already there.
-    obstacles : (ndarray (m, 2), ndarray (k + 1,))
-        Polygons nobody may stand in, from `outlines`: cells may be coarser than an obstacle.
-    bounds : (west, south, east, north)
-        Metres; nobody stands outside.
 
     Returns
     -------
@@ -73,21 +108,18 @@ def place(
     """
     polygon = np.ascontiguousarray(polygon, float)
     if others is None:
-        others = tuple(np.zeros(0) for _ in range(6))
-    low, high = polygon.min(0), polygon.max(0)
+        others = Capsules(*np.zeros((6, 0)))
     aim = np.nan if heading is None else float(heading)
     spots = np.zeros((0, 2))
     length, radius = (np.broadcast_to(np.asarray(size, float), count) for size in (length, radius))
     longest = float(np.maximum(length, 2 * radius).max(initial=0.0)) or 1.0
     if formation in ("grid", "line"):
         spots = _lattice(polygon, count, longest * 1.001, 0.0 if heading is None else aim, formation)
+    box, half = (*map(float, polygon.min(0)), *map(float, polygon.max(0))), np.maximum(0.5 * length - radius, 0.0)
+    newborns = Newborns(polygon, box, half, radius + 0.0, aim, INNER.get(formation, np.nan), spots, key)
+    crowd = _crowd(others, count, max(longest, 2.0 * float((others.half + others.radius).max(initial=0.0))))
     xy, forward = np.empty((count, 2)), np.empty((count, 2))
-    side = max(longest, float(max(np.max(others[4], initial=0), 2 * np.max(others[5], initial=0))))
-    fitted = _fill(
-        polygon, low, high, count, np.maximum(0.5 * length - radius, 0.0), radius + 0.0, aim,
-        INNER.get(formation, np.nan), spots, key, *solid, blocked, cell, side, *others, *obstacles, *bounds, xy,
-        forward,
-    )  # fmt: skip
+    fitted = _fill(newborns, ground, crowd, len(others.x), xy, forward)
     if fitted < count:
         raise NoRoom(fitted, count)
     return xy, forward
@@ -126,99 +158,74 @@ def _lattice(polygon, count, body, heading, formation):
         spacing = max(body, 0.97 * spacing)
 
 
+def _crowd(others, count, side):
+    """A `Crowd` of these bodies with room for more, nobody in the table yet."""
+    total = len(others.x) + count
+    bodies = Capsules(*(np.concatenate([column, np.empty(count)]) for column in others))
+    head = np.full(1 << max(2 * total - 1, 1).bit_length(), -1, np.int32)
+    return Crowd(bodies, head, np.empty(total, np.int32), side)
+
+
 @njit(cache=True, error_model="numpy")
-def _fill(
-    polygon, low, high, count, half, radius, aim, inner, spots, key,
-    ends, start, item, nx, ny, ecell, west, south, blocked, cell, side,
-    ox, oy, ofx, ofy, olength, oradius, points, first, least_x, least_y, most_x, most_y, xy, forward,
-):  # fmt: skip
-    """Put animals down one after the other; returns how many found a place."""
-    total = len(ox) + count
-    x, y, fx, fy = np.empty(total), np.empty(total), np.empty(total), np.empty(total)
-    h, r = np.empty(total), np.empty(total)
-    # a table of lists by cell, folded: cells of one body length
-    size = 1
-    while size < 2 * total:
-        size *= 2
-    head, link = np.full(size, -1, np.int32), np.empty(total, np.int32)
-    n = 0
-    for k in range(len(ox)):
-        x[n], y[n], fx[n], fy[n], r[n] = ox[k], oy[k], ofx[k], ofy[k], oradius[k]
-        h[n] = max(0.5 * olength[k] - oradius[k], 0.0)
-        b = _bucket(int(np.floor(x[n] / side)), int(np.floor(y[n] / side)), size)
-        link[n], head[b] = head[b], n
-        n += 1
-    middle_x, middle_y = 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])
-    outer = 0.5 * min(high[0] - low[0], high[1] - low[1])
-    fitted, spot = 0, 0
-    for k in range(count):
+def _fill(newborns, ground, crowd, n, xy, forward):
+    """Put animals down one after the other into a crowd of n; returns how many found a place."""
+    bodies, spots = crowd.bodies, newborns.spots
+    west, south, east, north = newborns.box
+    for k in range(n):
+        _enter(crowd, k)
+    spot = 0
+    for k in range(len(xy)):
+        half, radius = newborns.half[k], newborns.radius[k]
+        x = y = ux = uy = 0.0
         found = False
         for t in range(TRIES):
             if len(spots):
-                if spot >= len(spots):
+                if spot == len(spots):
                     break
-                px, py = spots[spot, 0], spots[spot, 1]
+                x, y = spots[spot, 0], spots[spot, 1]
                 spot += 1
             else:
-                px = low[0] + (high[0] - low[0]) * uniform_(key, k, 3 * t)
-                py = low[1] + (high[1] - low[1]) * uniform_(key, k, 3 * t + 1)
-            if not point_in_polygon(px, py, polygon):
-                continue
-            if not (least_x <= px <= most_x and least_y <= py <= most_y) or _inside_any(px, py, points, first):
-                continue
-            dx, dy = px - middle_x, py - middle_y
-            d = np.sqrt(dx * dx + dy * dy)
-            turning = not np.isnan(inner)
-            if turning and (d < inner * outer or d > outer):
-                continue
-            if turning and d > 0.0:
-                ux, uy = -dy / d, dx / d
-            else:
-                a = aim
-                if np.isnan(aim):
-                    a = 2.0 * np.pi * uniform_(key, k, 3 * t + 2)
-                uy, ux = sincos_(a)
-            ix, iy = int(np.floor(px / cell)), int(np.floor(py / cell))
-            if 0 <= ix < blocked.shape[1] and 0 <= iy < blocked.shape[0] and blocked[iy, ix]:
-                continue
-            if _is_free(px, py, ux, uy, half[k], radius[k], x, y, fx, fy, h, r, head, link, side, size) and _off_edges(
-                px, py, ux, uy, half[k], radius[k], ends, start, item, nx, ny, ecell, west, south
-            ):
-                found = True
+                x = west + (east - west) * uniform_(newborns.key, k, 3 * t)
+                y = south + (north - south) * uniform_(newborns.key, k, 3 * t + 1)
+            found, ux, uy = _heading(newborns, x, y, uniform_(newborns.key, k, 3 * t + 2))
+            found = found and _stands(ground, x, y, ux, uy, half, radius)
+            found = found and _is_free(crowd, x, y, ux, uy, half, radius)
+            if found:
                 break
         if not found:
-            break
-        x[n], y[n], fx[n], fy[n], h[n], r[n] = px, py, ux, uy, half[k], radius[k]
-        b = _bucket(int(np.floor(px / side)), int(np.floor(py / side)), size)
-        link[n], head[b] = head[b], n
+            return k
+        bodies.x[n], bodies.y[n], bodies.fx[n], bodies.fy[n] = x, y, ux, uy
+        bodies.half[n], bodies.radius[n] = half, radius
+        _enter(crowd, n)
         n += 1
-        xy[k, 0], xy[k, 1], forward[k, 0], forward[k, 1] = px, py, ux, uy
-        fitted += 1
-    return fitted
+        xy[k, 0], xy[k, 1], forward[k, 0], forward[k, 1] = x, y, ux, uy
+    return len(xy)
+
+
+@njit(cache=True, error_model="numpy")
+def _heading(newborns, x, y, chance):
+    """(whether a newborn may be there, its heading): in the polygon and, about a middle, on the ring."""
+    west, south, east, north = newborns.box
+    dx, dy = x - 0.5 * (west + east), y - 0.5 * (south + north)
+    d, outer = np.sqrt(dx * dx + dy * dy), 0.5 * min(east - west, north - south)
+    turning = not np.isnan(newborns.inner)
+    inside = point_in_polygon(x, y, newborns.polygon) and not (turning and (d < newborns.inner * outer or d > outer))
+    if turning and d > 0.0:
+        return inside, -dy / d, dx / d
+    uy, ux = sincos_(2.0 * np.pi * chance if np.isnan(newborns.heading) else newborns.heading)
+    return inside, ux, uy
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def nearest_free(
-    px, py, ux, uy, half, radius, ends, start, item, nx, ny, ecell, west, south, blocked, cell, points, first,
-    least_x, least_y, most_x, most_y, ox, oy, ofx, ofy, ohalf, oradius,
-):  # fmt: skip
+def nearest_free(px, py, ux, uy, half, radius, ground, others):
     """The nearest place where a body stands free, looking outwards in rings: (found, x, y)."""
     for ring in range(RINGS):
         for k in range(max(8 * ring, 1)):
             sine, cosine = sincos_(2.0 * np.pi * k / max(8 * ring, 1))
             x, y = px + ring * radius * cosine, py + ring * radius * sine
-            if not (least_x <= x <= most_x and least_y <= y <= most_y) or _inside_any(x, y, points, first):
-                continue
-            ix, iy = int(np.floor(x / cell)), int(np.floor(y / cell))
-            if 0 <= ix < blocked.shape[1] and 0 <= iy < blocked.shape[0] and blocked[iy, ix]:
-                continue
-            if not _off_edges(x, y, ux, uy, half, radius, ends, start, item, nx, ny, ecell, west, south):
-                continue
-            free = True
-            for j in range(len(ox)):
-                gx, gy = _nearest(x, y, ux, uy, half, ox[j], oy[j], ofx[j], ofy[j], ohalf[j])
-                touch = radius + oradius[j] + 1e-6
-                if gx * gx + gy * gy < touch * touch:
+            free = _stands(ground, x, y, ux, uy, half, radius)
+            for j in range(len(others.x) if free else 0):
+                if overlaps_(x, y, ux, uy, half, radius + 1e-6, others, j):
                     free = False
                     break
             if free:
@@ -261,27 +268,50 @@ def _bucket(ix, iy, size):
     return (ix * 73856093 ^ iy * 19349663) & (size - 1)
 
 
+@njit(inline="always")
+def overlaps_(x, y, ux, uy, half, radius, bodies, k):
+    """Whether a body meets the k-th of others."""
+    bx, by, vx, vy, p = bodies.x[k], bodies.y[k], bodies.fx[k], bodies.fy[k], bodies.half[k]
+    gx, gy = _nearest(x, y, ux, uy, half, bx, by, vx, vy, p)
+    touch = radius + bodies.radius[k]
+    return gx * gx + gy * gy < touch * touch
+
+
 @njit(cache=True, error_model="numpy")
-def _is_free(px, py, ux, uy, half, radius, x, y, fx, fy, h, r, head, link, side, size):
-    cx, cy = int(np.floor(px / side)), int(np.floor(py / side))
+def _enter(crowd, k):
+    """Enter the k-th body into the table."""
+    bodies, side = crowd.bodies, crowd.side
+    b = _bucket(int(np.floor(bodies.x[k] / side)), int(np.floor(bodies.y[k] / side)), len(crowd.head))
+    crowd.link[k], crowd.head[b] = crowd.head[b], k
+
+
+@njit(cache=True, error_model="numpy")
+def _is_free(crowd, x, y, ux, uy, half, radius):
+    """Whether a body meets nobody of a crowd."""
+    cx, cy = int(np.floor(x / crowd.side)), int(np.floor(y / crowd.side))
     for iy in range(cy - 1, cy + 2):
         for ix in range(cx - 1, cx + 2):
-            k = head[_bucket(ix, iy, size)]
+            k = crowd.head[_bucket(ix, iy, len(crowd.head))]
             while k >= 0:
-                gx, gy = _nearest(px, py, ux, uy, half, x[k], y[k], fx[k], fy[k], h[k])
-                touch = radius + r[k] + 1e-6
-                if gx * gx + gy * gy < touch * touch:
+                if overlaps_(x, y, ux, uy, half, radius + 1e-6, crowd.bodies, k):
                     return False
-                k = link[k]
+                k = crowd.link[k]
     return True
 
 
-@njit(cache=True, error_model="numpy")
-def _off_edges(px, py, ux, uy, half, radius, ends, start, item, nx, ny, ecell, west, south):
-    e0, e1 = _edges_near(px, py, start, nx, ny, ecell, west, south)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _stands(ground, x, y, ux, uy, half, radius):
+    """Whether a body stands on free ground."""
+    west, south, east, north = ground.bounds
+    if not (west <= x <= east and south <= y <= north) or _inside_any(x, y, ground.points, ground.first):
+        return False
+    ix, iy, blocked = int(np.floor(x / ground.cell)), int(np.floor(y / ground.cell)), ground.blocked
+    if 0 <= ix < blocked.shape[1] and 0 <= iy < blocked.shape[0] and blocked[iy, ix]:
+        return False
+    e0, e1 = _edges_near(x, y, ground.edges)
     for e in range(e0, e1):
-        cx, cy, vx, vy, p = _edge(ends, item[e])
-        gx, gy = _nearest(px, py, ux, uy, half, cx, cy, vx, vy, p)
+        cx, cy, vx, vy, p = _edge(ground.edges.ends, ground.edges.item[e])
+        gx, gy = _nearest(x, y, ux, uy, half, cx, cy, vx, vy, p)
         touch = radius + 1e-6
         if gx * gx + gy * gy < touch * touch:
             return False

@@ -23,12 +23,11 @@ from flockbrush.components.formation import FormationPlace
 from flockbrush.engine.commands import command
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.systems.binding import cannot
-from flockbrush.systems.contact import _nearest
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.population import SpeciesList, _bodies, _inset
+from flockbrush.systems.population import SpeciesList, bodies_of, ground_for, inset
 from flockbrush.systems.programs import Programs
-from flockbrush.systems.spawning import inside_polygon, nearest_free, outlines, touching
+from flockbrush.systems.spawning import Capsules, inside_polygon, nearest_free, overlaps_, touching
 from numba import njit
 
 MOST_AT_ONCE = 10_000  # animals that come back in one command, which must fit into one record
@@ -336,7 +335,7 @@ def make_room(world, trapped):
     find = _finder(world, 2.0 * float((half + radius).max()))
     stands = ~trapped
     for row in np.flatnonzero(trapped):
-        others = tuple(np.ascontiguousarray(c[stands]) for c in (x, y, fx, fy, half, radius))
+        others = Capsules(*(np.ascontiguousarray(c[stands]) for c in (x, y, fx, fy, half, radius)))
         found, x[row], y[row] = find(x[row], y[row], fx[row], fy[row], half[row], radius[row], others)
         need(found, f"animal {agents.ids[row]} stands there, and has no room to step aside")
         stands[row] = True
@@ -349,11 +348,10 @@ def make_place(world, columns):
     xyz, forward = columns[Position.xyz], columns[Heading.forward]
     half, radius = columns[Body.axis], columns[Body.radius]
     reach = 2.0 * float((half + radius).max())
-    x, y, fx, fy, size, thick = _bodies(agents, land.wrap, reach)
-    others = [x, y, fx, fy, np.maximum(0.5 * size - thick, 0.0), thick]
+    others = bodies_of(agents, land.wrap, reach)
     walls = np.ascontiguousarray(land.solid.ends)
     pressed = touching(xyz, forward, half, np.maximum(radius - PRESSED, 0.0), walls)
-    pressed |= pressing(xyz, forward, half, radius, *others)
+    pressed |= pressing(xyz, forward, half, radius, others)
     for polygon in land.solids:
         pressed |= inside_polygon(xyz, polygon)
     iy, ix = cell_under(land, xyz)
@@ -364,7 +362,7 @@ def make_place(world, columns):
     mine = [xyz[:, 0].copy(), xyz[:, 1].copy(), forward[:, 0], forward[:, 1], half, radius]
     stands = ~pressed
     for row in np.flatnonzero(pressed):
-        around = tuple(np.ascontiguousarray(np.concatenate([o, m[stands]])) for o, m in zip(others, mine, strict=True))
+        around = Capsules(*(np.concatenate([o, m[stands]]) for o, m in zip(others, mine, strict=True)))
         found, mine[0][row], mine[1][row] = find(*(m[row] for m in mine), around)
         need(found, "an animal cannot come back: there is no room where it stood")
         stands[row] = True
@@ -374,11 +372,11 @@ def make_place(world, columns):
 def _finder(world, reach):
     """`nearest_free` for this landscape: (x, y, fx, fy, half, radius, others) to (found, x, y)."""
     land = world.resource(Landscape)
-    walls, blocked, solids = land.walls_within(reach), ~land.walkable, outlines(land.solids)
+    ground = ground_for(land, reach, ~land.walkable)
 
     def find(x, y, fx, fy, half, radius, others):
-        bounds = map(float, _inset(land, half + radius))
-        return nearest_free(x, y, fx, fy, half, radius, *walls, blocked, land.cell, *solids, *bounds, *others)
+        inside = ground._replace(bounds=inset(land, half + radius))
+        return nearest_free(x, y, fx, fy, half, radius, inside, others)
 
     return find
 
@@ -395,16 +393,13 @@ def on_map(land, xyz):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def pressing(xyz, forward, half, radius, ox, oy, ofx, ofy, ohalf, oradius):
+def pressing(xyz, forward, half, radius, others):
     """(n,) bool, whose body is inside one of the others'."""
     out = np.zeros(len(xyz), np.bool_)
     for i in range(len(xyz)):
-        for j in range(len(ox)):
-            gx, gy = _nearest(
-                xyz[i, 0], xyz[i, 1], forward[i, 0], forward[i, 1], half[i], ox[j], oy[j], ofx[j], ofy[j], ohalf[j]
-            )
-            touch = radius[i] + oradius[j] - PRESSED
-            if gx * gx + gy * gy < touch * touch:
+        x, y, ux, uy = xyz[i, 0], xyz[i, 1], forward[i, 0], forward[i, 1]
+        for j in range(len(others.x)):
+            if overlaps_(x, y, ux, uy, half[i], radius[i] - PRESSED, others, j):
                 out[i] = True
                 break
     return out

@@ -11,19 +11,19 @@ from flockbrush.levels.terrain_kinds import Terrain
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.life import inside_polygon
 from flockbrush.systems.population import give_birth
-from flockbrush.systems.spawning import NoRoom, place
+from flockbrush.systems.spawning import NoRoom, free_ground, place
 from flockbrush.systems.visibility import no_edges
 from hypothesis import given
 from hypothesis import strategies as st
 from small_herd import box, gaps, gaps_of, level, meadow, obstacle, put, spawn, straight, wall_gaps, xy_of
 
 WALK = straight("walk")
-OPEN = np.zeros((1, 1), bool)
+OPEN = free_ground(no_edges(), np.zeros((1, 1), bool), 1e9)
 STREAM = Noise(3).key("birth", 0)
 
 
 def born(polygon, count, length=1.0, radius=0.2, heading=None, formation="scatter", key=STREAM):
-    return place(np.asarray(polygon, float), count, length, radius, heading, formation, key, no_edges(), OPEN, 1e9)
+    return place(np.asarray(polygon, float), count, length, radius, heading, formation, key, OPEN)
 
 
 def apart(xy, forward, length=1.0, radius=0.2):
