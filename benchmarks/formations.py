@@ -24,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from example_formations import movie, places
 from flockbrush.behaviours.formation.extraction import extract_frame
 from flockbrush.behaviours.formation.formation_shapes import textbook
+from flockbrush.behaviours.formation.hummel import total_power
 from flockbrush.behaviours.formation.key_shapes import NoShape, solve_levenberg_marquardt
 from flockbrush.behaviours.formation.reaching import FormingRules
 from flockbrush.behaviours.formation.steady_flight import SteadyFlight
@@ -88,27 +89,29 @@ def solved(keys=20):
     for kind in KINDS:
         for have, want in ((9, 14), (16, 28), (41, 40), (41, 100)):
             flight = SteadyFlight(movie(kind, have, frames=12), want, seed=1)
-            flight.key(1)
-            began = time.perf_counter()
-            flight.key(keys)
-            each = (time.perf_counter() - began) / (keys - 1)
-            lm, fine = _paper(flight, keys)
+            each, lm, fine = _both_solvers(flight, keys)
             said = flight.report(flight.frames(300, 5.0), 5.0)
             print(f"| {kind} of {have} | {want} | {1e3 * each:.1f} | {1e3 * lm:.1f} ({fine} of {keys}) | "
                   f"{100 * said['outside']:.2f} | {100 * said['beyond']:.1f} | {said['fastest']:.2f} | "
                   f"{100 * said['leader_in_front']:.0f} |")  # fmt: skip
 
 
-def _paper(flight, keys):
-    fine, began = 0, time.perf_counter()
+def _both_solvers(flight, keys):
+    """Seconds of a key shape, of the paper's solver for the same shares, and how many that solved."""
+    ours = paper = fine = 0
+    last, share, arrangement = flight.initial[0], flight.shares[0], flight.arrangements[0]
+    flight.drawn(0, last, share, arrangement)  # compiled
     for k in range(1, keys + 1):
-        wanted = flight._shares[k] * flight.total
+        began = time.perf_counter()
+        shape, share = flight.drawn(k, last, share, arrangement)
+        ours, began = ours + time.perf_counter() - began, time.perf_counter()
         try:
-            solve_levenberg_marquardt(flight.x, wanted, flight.key(k - 1))
+            solve_levenberg_marquardt(shape[:, 0], share * total_power(shape[:, 0]), last[:, 1])
             fine += 1
         except NoShape:
             pass
-    return (time.perf_counter() - began) / keys, fine
+        paper, last = paper + time.perf_counter() - began, shape
+    return ours / keys, paper / keys, fine
 
 
 def formed_up(kind: str, birds: int, seeds: range, reach: float, within: float = WITHIN) -> int:

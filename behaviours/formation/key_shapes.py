@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 from flockbrush.behaviours.formation.hummel import power, power_and_jacobian
 from numba import njit
+from scipy.optimize import least_squares
 
 PROXIMAL = 0.05  # μ; larger keeps nearer to the shape before
 ENOUGH = 1e-12  # of a bird's saving: residual at which to stop
@@ -130,68 +131,19 @@ def _largest(values):
     return most
 
 
-def solve_levenberg_marquardt(x, wanted, start, steps=200):
-    """The paper's method, with the Jacobian in closed form.
+def solve_levenberg_marquardt(x, wanted, start):
+    """The paper's method (MINPACK's), with the Jacobian in closed form; ``start`` is only where the search begins.
 
-    Parameters
-    ----------
-    x, wanted, start : ndarray (n,)
-        As in `solve_proximal`; here ``start`` is only where the search begins.
-
-    Returns
-    -------
-    ndarray (n,)
-        y, with the mean of ``start``.
-
-    Raises
-    ------
-    NoShape
-        When the search ends elsewhere.
+    Parameters, result and errors as of `solve_proximal`.
     """
     x, wanted, start = (np.ascontiguousarray(a, np.float64) for a in (x, wanted, start))
-    y, left = _levenberg_marquardt(x, wanted, start, int(steps))
-    if left > 1e-8:
+    found = least_squares(
+        lambda y: power(x, y) - wanted, start, lambda y: power_and_jacobian(x, y)[1], method="lm",
+        xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200,
+    )  # fmt: skip
+    if not _largest(found.fun) <= 1e-8:
         raise NoShape("Levenberg-Marquardt found no shape that saves these shares")
-    return y + (np.mean(start) - y.mean())
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _levenberg_marquardt(x, wanted, start, steps):
-    n = len(x)
-    y = start.copy()
-    e, jacobian = power_and_jacobian(x, y)
-    residual, damping = e - wanted, 1e-3
-    normal, gradient = _normal(jacobian, residual)
-    for _ in range(steps):
-        if _largest(residual) <= ENOUGH or damping > 1e12:
-            break
-        weighted = normal.copy()
-        most = 0.0
-        for i in range(n):
-            most = max(most, normal[i, i])
-        for i in range(n):
-            weighted[i, i] += damping * most
-        trial = y - _solve(weighted, gradient)
-        left = power(x, trial) - wanted
-        if _square(left) < _square(residual):
-            y, residual, damping = trial, left, max(damping / 10.0, 1e-14)
-            normal, gradient = _normal(power_and_jacobian(x, y)[1], residual)
-        else:
-            damping *= 4.0
-    return y, _largest(residual)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _normal(jacobian, residual):
-    """(JᵀJ, Jᵀr) for a symmetric J."""
-    n = len(residual)
-    normal, gradient = np.zeros((n, n)), np.zeros(n)
-    for i in range(n):
-        for k in range(n):
-            gradient[i] += jacobian[k, i] * residual[k]
-            for j in range(n):
-                normal[i, j] += jacobian[i, k] * jacobian[k, j]
-    return normal, gradient
+    return found.x + (np.mean(start) - found.x.mean())
 
 
 def project(values, low, high, total=1.0):
