@@ -8,24 +8,14 @@ from dataclasses import dataclass
 
 @dataclass
 class KeyframeSpacing:
-    """After how many ticks a snapshot is due: told in ticks and animals, never by the clock, so files stay the same.
+    """After how many ticks a snapshot is due: told in ticks and animals, never by the clock, so files stay the same."""
 
-    Attributes
-    ----------
-    ticks : int
-        There is one after so many ticks at the latest; 0 for none at all.
-    steps : int, optional
-        There is one, sooner, after so many ticks times animals: what must be lived again costs about as much.
-    least : int
-        No sooner than after so many ticks.
-    room : int, optional
-        Animals in all snapshots together after which they get rarer, in proportion to what there are: a recording
-        then grows with the root of its length, as far as `ticks` allows.
-    """
-
-    ticks: int
+    ticks: int  # there is one after so many ticks at the latest; 0 for none at all
+    # there is one, sooner, after so many ticks times animals: what must be lived again costs about as much
     steps: float = math.inf
-    least: int = 1
+    least: int = 1  # no sooner than after so many ticks
+    # animals in all snapshots together after which they get rarer, in proportion to what there are: a recording then
+    # grows with the root of its length, as far as `ticks` allows
     room: float = math.inf
     _passed: int = 0  # ticks since the last snapshot
     _lived: int = 0  # and these times animals

@@ -36,18 +36,10 @@ def bilinear_(values, cell, x, y):
 
 @dataclass
 class Raster:
-    """Numbers on the ground.
+    """Numbers on the ground."""
 
-    Attributes
-    ----------
-    cell : float
-        Side of a cell, m.
-    values : ndarray (ny, nx, ...)
-        Row 0 is the southernmost.
-    """
-
-    cell: float
-    values: np.ndarray
+    cell: float  # side of a cell, m
+    values: np.ndarray  # (ny, nx, ...); row 0 is the southernmost
 
     def __post_init__(self):
         self.values = np.asarray(self.values)

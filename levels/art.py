@@ -34,24 +34,16 @@ class ArtObject:
 
 @dataclass
 class ArtLayer:
-    """A layer that is drawn and means nothing, unless a rule of the level gives its tiles a meaning.
-
-    Attributes
-    ----------
-    gids : (ny, nx) uint32, optional
-        With their flip flags, north row first.
-    image : str
-        File of an image layer.
-    """
+    """A layer that is drawn and means nothing, unless a rule of the level gives its tiles a meaning."""
 
     name: str
     opacity: float
     dx: float  # px
     dy: float
     tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    gids: np.ndarray | None = None
+    gids: np.ndarray | None = None  # (ny, nx) uint32, optional; with their flip flags, north row first
     objects: list[ArtObject] = field(default_factory=list)
-    image: str = ""
+    image: str = ""  # file of an image layer
     transparent: str = ""  # "#rrggbb" of the image that is not drawn
 
 
@@ -125,26 +117,14 @@ def read_art(data, transparent=""):
 
 @dataclass(eq=False)
 class Art:
-    """All artwork of a level.
+    """All artwork of a level."""
 
-    Attributes
-    ----------
-    layers : list of ArtLayer
-        The lowest first.
-    tilesets : list of (firstgid, TilePictures)
-        By firstgid.
-    shape : (ny, nx)
-    tile : int
-        px.
-    painted : (ny, nx) bool, optional
-        Cells of our own terrain layer, south row first: drawn over the artwork.
-    """
-
-    layers: list[ArtLayer]
-    tilesets: list[tuple[int, TilePictures]]
-    shape: tuple[int, int]
-    tile: int
+    layers: list[ArtLayer]  # the lowest first
+    tilesets: list[tuple[int, TilePictures]]  # list of (firstgid, TilePictures); by firstgid
+    shape: tuple[int, int]  # (ny, nx)
+    tile: int  # px
     files: dict[str, bytes] = field(default_factory=dict, repr=False)
+    # (ny, nx) bool, optional; cells of our own terrain layer, south row first: drawn over the artwork
     painted: np.ndarray | None = None
 
     @cached_property

@@ -57,53 +57,30 @@ SHARED = (Clock, Noise, Landscape, Palette, SpeciesList)
 
 @dataclass(frozen=True)
 class Explanation:
-    """What one animal perceives and wants, in the tick to come.
-
-    Attributes
-    ----------
-    entity : int
-    reasons : list of (str, ndarray (3,))
-        What each term of its model and each drive adds; together they point along `wish`.  "heading" is that it goes
-        on as it does; the others are what turns it.
-    wish : ndarray (3,)
-        The way it wishes to move: a unit vector.
-    shares : dict of str to float
-        What part of the body each drive takes, 0 to 1; the model has the rest.
-    result : ndarray (2,)
-        Unit vector: the way it wants to face.
-    pace : float
-        Times the brush's speed.
-    sees : list of int
-        Entities it sees.
-    offsets : ndarray (k, 2)
-        Where those are from it, m; across the seam of a wrapped map where that is shorter.
-    reference : int
-        The animal it keeps its place by, 0 for none.
-    leader : bool
-    numbers : dict of str to (float, str)
-        What else there is to know, with units.
-    program, state, why : str
-        The program it follows, its state there, and what led to it since when; "" where it follows none.
-    """
+    """What one animal perceives and wants, in the tick to come."""
 
     entity: int
     xy: np.ndarray  # (2,) m
     forward: np.ndarray  # (2,)
+    # list of (str, (3,)); what each term of its model and each drive adds; together they point along `wish`. "heading"
+    # is that it goes on as it does; the others are what turns it.
     reasons: list
-    wish: np.ndarray  # (3,)
-    shares: dict
-    result: np.ndarray
-    pace: float
-    sees: list
-    offsets: np.ndarray
-    reference: int
+    wish: np.ndarray  # (3,); the way it wishes to move: a unit vector
+    shares: dict  # of str to float; what part of the body each drive takes, 0 to 1; the model has the rest
+    result: np.ndarray  # (2,); unit vector: the way it wants to face
+    pace: float  # times the brush's speed
+    sees: list  # of int; entities it sees
+    offsets: np.ndarray  # (k, 2); where those are from it, m; across the seam of a wrapped map where that is shorter
+    reference: int  # the animal it keeps its place by, 0 for none
     leader: bool
     brush: str
     previous: str  # the brush it comes from while two blend, or ""
     view_range: float  # m
     field_of_view: float  # rad
     obstacles: np.ndarray  # (m, 2) m, from it to the nearest point of each obstacle in reach
-    numbers: dict = field(default_factory=dict)
+    numbers: dict = field(default_factory=dict)  # str to (float, str); what else there is to know, with units
+    # program, state, why: the program it follows, its state there, and what led to it since when; "" where it follows
+    # none
     program: str = ""
     state: str = ""
     why: str = ""

@@ -62,50 +62,19 @@ class Native:
 
 @dataclass
 class Landscape:
-    """Everything about the place that animals feel.
+    """Everything about the place that animals feel."""
 
-    Attributes
-    ----------
-    width, height : float
-        Metres.
-    boundary : str
-        ``wall``, ``wrap``, ``open`` or ``despawn``.
-    cell : float
-        Size of a cell of the rasters, m.
-    surface : ndarray (ny, nx, 2)
-        Speed factor and cap (m/s).
-    brush : ndarray (ny, nx) int32
-        The brush that acts as an index into the `Palette`; -1 unpainted.
-    transition : ndarray (ny, nx)
-        Seconds in which a brush is taken up here; `BRUSHES_OWN` where the brush says so itself.
-    walkable : ndarray (ny, nx) bool
-        Terrain on which one can stand.
-    blind : ndarray (ny, nx) bool
-        Terrain that blocks the view.
-    cost : ndarray (ny, nx)
-        Of a metre on the way to a goal.
-    relief : ndarray (my, mx, 3)
-        See `flockbrush.systems.terrain.relief_of`.
-    kinds : list
-        Kinds of ground one can paint: ``name``, ``walkable``, ``speed_factor``, ``cost``, ``blocks_view`` and more.
-    of_bare : dict
-        The properties of ground on which nothing is painted.
-    painted, above, native
-        What `surface`, `brush`, `walkable`, `blind` and `cost` are composed of.
-    stale : int or None
-        The tick of the last change that the navigation field does not know yet.
-    """
-
+    # width, height: metres
     width: float
     height: float
-    boundary: str
-    cell: float
-    surface: np.ndarray
-    brush: np.ndarray
-    walkable: np.ndarray
-    blind: np.ndarray
-    cost: np.ndarray
-    relief: np.ndarray = field(default_factory=relief_of)
+    boundary: str  # ``wall``, ``wrap``, ``open`` or ``despawn``
+    cell: float  # size of a cell of the rasters, m
+    surface: np.ndarray  # (ny, nx, 2); speed factor and cap (m/s)
+    brush: np.ndarray  # (ny, nx) int32; the brush that acts as an index into the `Palette`; -1 unpainted
+    walkable: np.ndarray  # (ny, nx) bool; terrain on which one can stand
+    blind: np.ndarray  # (ny, nx) bool; terrain that blocks the view
+    cost: np.ndarray  # (ny, nx); of a metre on the way to a goal
+    relief: np.ndarray = field(default_factory=relief_of)  # (my, mx, 3); see `flockbrush.systems.terrain.relief_of`
     relief_cell: float = 1.0
     barriers: list[Obstacle] = field(default_factory=list)
     guides: list[Guide] = field(default_factory=list)
@@ -120,15 +89,19 @@ class Landscape:
     touch: float = 0.0  # m, the reach of `walls`
     _head: bytes | None = None
     blocked: np.ndarray | None = None
+    # (ny, nx); seconds in which a brush is taken up here; `BRUSHES_OWN` where the brush says so itself
     transition: np.ndarray | None = None
+    # kinds of ground one can paint: ``name``, ``walkable``, ``speed_factor``, ``cost``, ``blocks_view`` and more
     kinds: list = field(default_factory=list)
+    # the properties of ground on which nothing is painted
     of_bare: dict[str, Any] = field(default_factory=lambda: dict(OF_BARE))
+    # painted, above, native: what `surface`, `brush`, `walkable`, `blind` and `cost` are composed of
     painted: Painted | None = None
     above: Above | None = None
     native: Native | None = None
     marks: MapMarks = field(default_factory=MapMarks)  # zones, lines and areas
     sheets: Sheets = field(default_factory=Sheets)  # zones and layers by whom they bind
-    stale: int | None = None
+    stale: int | None = None  # the tick of the last change that the navigation field does not know yet
     _known: tuple | None = None  # what the navigation field was made of
     overhead: list[Obstacle] = field(default_factory=list)  # what begins above the ground
     glides: list[Glide] = field(default_factory=list)  # what is on its way to another place

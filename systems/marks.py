@@ -131,25 +131,15 @@ KINDS = {"zones": Zone, "lines": Line, "areas": Area, "keys": Key}
 
 @dataclass
 class MapMarks:
-    """Zones, lines, areas and keys as they are now, and what zones are laid over.
-
-    Attributes
-    ----------
-    names : list of str
-        The brushes of the `Palette`, in the order of their index.
-    layers : Sheets
-        Those of the level's layers, without its zones.
-    factor : ndarray (ny, nx) or None
-        Painted speed factors.
-    """
+    """Zones, lines, areas and keys as they are now, and what zones are laid over."""
 
     zones: list[Zone] = field(default_factory=list)
     lines: list[Line] = field(default_factory=list)
     areas: list[Area] = field(default_factory=list)
     keys: list[Key] = field(default_factory=list)  # as the level has them; what is still to come waits in `Commands`
-    names: list[str] = field(default_factory=list)
-    layers: Sheets = field(default_factory=Sheets)
-    factor: np.ndarray | None = None
+    names: list[str] = field(default_factory=list)  # the brushes of the `Palette`, in the order of their index
+    layers: Sheets = field(default_factory=Sheets)  # those of the level's layers, without its zones
+    factor: np.ndarray | None = None  # (ny, nx) or None; painted speed factors
 
     def __post_init__(self):
         for kind in KINDS:

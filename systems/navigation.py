@@ -45,21 +45,13 @@ from numba import njit
 
 @dataclass(frozen=True)
 class Navigation:
-    """The navigation fields of a level.
+    """The navigation fields of a level."""
 
-    Attributes
-    ----------
-    cell : float
-        Size of a grid cell, m.
-    fields : ndarray, (1 + goals, ny, nx, 2)
-        Direction to go, its length at most 1 and saying how strongly.  ``fields[0]`` is for animals without a
-        goal, guides alone; ``fields[1 + k]`` is for those bound to goal ``k``.
-    times : ndarray, (goals, ny, nx)
-        Least cost to the goal, metres of plain ground; infinite where no way leads there.
-    """
-
-    cell: float
+    cell: float  # size of a grid cell, m
+    # (1 + goals, ny, nx, 2); direction to go, its length at most 1 and saying how strongly. ``fields[0]`` is for
+    # animals without a goal, guides alone; ``fields[1 + k]`` is for those bound to goal ``k``.
     fields: np.ndarray
+    # (goals, ny, nx); least cost to the goal, metres of plain ground; infinite where no way leads there
     times: np.ndarray
 
     @property

@@ -24,29 +24,17 @@ _ALONG, _ACROSS = _spreads()
 
 @dataclass(frozen=True)
 class Outlines:
-    """The animals of a picture.
+    """The animals of a picture."""
 
-    Attributes
-    ----------
-    xy : (k, 2) ndarray
-        Middles, px.
-    axis : (k, 2) ndarray
-        Unit vectors along the body; which end is the head is not known.
-    length, width, area : (k,) ndarray
-        px, px, px².
-    alone : (k,) bool ndarray
-        Whether nobody touches it.
-    ends : (k, m) ndarray
-        By how much the picture at the end that the axis points to differs from that at the other (see `_ends`); turned
-        about, a body has the same numbers with the other sign.  m is 0 where no picture was given.
-    """
-
-    xy: np.ndarray
-    axis: np.ndarray
+    xy: np.ndarray  # (k, 2); middles, px
+    axis: np.ndarray  # (k, 2); unit vectors along the body; which end is the head is not known
+    # length, width, area: (k,); px, px, px²
     length: np.ndarray
     width: np.ndarray
     area: np.ndarray
-    alone: np.ndarray
+    alone: np.ndarray  # (k,) bool; whether nobody touches it
+    # (k, m); by how much the picture at the end that the axis points to differs from that at the other (see `_ends`);
+    # turned about, a body has the same numbers with the other sign. m is 0 where no picture was given.
     ends: np.ndarray = None  # type: ignore[assignment]  # nothing known
 
     def __post_init__(self):

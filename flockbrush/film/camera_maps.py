@@ -15,22 +15,11 @@ LOST = 3  # frames in a row in which a rectangle is not found again
 
 @dataclass
 class Steady:
-    """Where the camera was.
+    """Where the camera was."""
 
-    Attributes
-    ----------
-    maps : (n, 2, 3) ndarray
-        From pixels of the k-th picture to those of the first.
-    residual : float
-        Median distance of the ground's corners from where the maps put them, px.
-    moved : bool
-        Whether the camera moved at all.
-    notes : list of str
-    """
-
-    maps: np.ndarray
-    residual: float = 0.0
-    moved: bool = True
+    maps: np.ndarray  # (n, 2, 3); from pixels of the k-th picture to those of the first
+    residual: float = 0.0  # median distance of the ground's corners from where the maps put them, px
+    moved: bool = True  # whether the camera moved at all
     notes: list[str] = field(default_factory=list)
 
 

@@ -23,24 +23,12 @@ SEEN = 0.5  # of a cell in the picture: it is seen
 
 @dataclass(frozen=True)
 class ClipGrid:
-    """Square cells over everything that the clip shows.
+    """Square cells over everything that the clip shows."""
 
-    Attributes
-    ----------
-    cell : float
-        Side, BL.
-    origin : (2,) ndarray
-        Lower left corner, BL.
-    shape : (int, int)
-        Rows and columns.
-    to_bl : (2, 3) ndarray
-        From pixels of the reference picture to BL, y up.
-    """
-
-    cell: float
-    origin: np.ndarray
-    shape: tuple[int, int]
-    to_bl: np.ndarray
+    cell: float  # side, BL
+    origin: np.ndarray  # (2,); lower left corner, BL
+    shape: tuple[int, int]  # rows and columns
+    to_bl: np.ndarray  # (2, 3); from pixels of the reference picture to BL, y up
 
     @property
     def to_pixels(self) -> np.ndarray:

@@ -39,39 +39,17 @@ Say = Callable[[str, int, int], None]  # what is done, how many are done, of how
 
 @dataclass
 class Clip:
-    """One shot, ready to be read.
-
-    Attributes
-    ----------
-    path : Path
-    name : str
-        As the user named it.
-    sha256 : str
-        Of the file.
-    size : (int, int)
-        Width and height of the pictures read, px.
-    full : (int, int)
-        Of the clip itself, upright, px.
-    fps : float
-        Pictures a second.
-    numbers : (n,) int ndarray
-        Frames of the clip that are used.
-    times : (n,) ndarray
-        When they are shown, s.
-    still : bool
-        One picture: nothing can be known of motion.
-    notes : list of str
-    """
+    """One shot, ready to be read."""
 
     path: Path
-    name: str
-    sha256: str
-    size: tuple[int, int]
-    full: tuple[int, int]
-    fps: float
-    numbers: np.ndarray
-    times: np.ndarray
-    still: bool = False
+    name: str  # as the user named it
+    sha256: str  # of the file
+    size: tuple[int, int]  # width and height of the pictures read, px
+    full: tuple[int, int]  # of the clip itself, upright, px
+    fps: float  # pictures a second
+    numbers: np.ndarray  # (n,) int; frames of the clip that are used
+    times: np.ndarray  # (n,); when they are shown, s
+    still: bool = False  # one picture: nothing can be known of motion
     notes: list[str] = field(default_factory=list)
     _kept: dict[int, np.ndarray] = field(default_factory=dict, repr=False)
 

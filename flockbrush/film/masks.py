@@ -37,47 +37,22 @@ _CANVAS = 4.0  # the stabilised ground may be this many pictures large, else it 
 
 @dataclass
 class ClipGround:
-    """The ground without animals, as the stabilised clip shows it.
+    """The ground without animals, as the stabilised clip shows it."""
 
-    Attributes
-    ----------
-    picture : (h, w, 3) uint8 ndarray
-        BGR.
-    from_first : (2, 3) ndarray
-        From pixels of the first picture to those of `picture`.
-    known : (h, w) bool ndarray
-        Where it was ever seen.
-    """
-
-    picture: np.ndarray
-    from_first: np.ndarray
-    known: np.ndarray
+    picture: np.ndarray  # (h, w, 3) uint8; BGR
+    from_first: np.ndarray  # (2, 3); from pixels of the first picture to those of `picture`
+    known: np.ndarray  # (h, w) bool; where it was ever seen
 
 
 @dataclass
 class BodyColours:
-    """Tells animals from ground by colour.
+    """Tells animals from ground by colour."""
 
-    Attributes
-    ----------
-    table : (LEVELS ** 3,) uint8 ndarray
-        1 for colours of animals, by blue, green, red.
-    ground : Ground or None
-        What pictures are brought to the exposure of; None leaves them as they are.
-    maps : (n, 2, 3) ndarray
-        Of the stabilised clip.
-    colour : (int, int, int)
-        Red, green, blue that is most typical of the animals.
-    still : bool
-        Whether nothing was seen to move.
-    notes : list of str
-    """
-
-    table: np.ndarray
-    ground: ClipGround | None
-    maps: np.ndarray
-    colour: tuple[int, int, int]
-    still: bool = False
+    table: np.ndarray  # (LEVELS ** 3,) uint8; 1 for colours of animals, by blue, green, red
+    ground: ClipGround | None  # what pictures are brought to the exposure of; None leaves them as they are
+    maps: np.ndarray  # (n, 2, 3); of the stabilised clip
+    colour: tuple[int, int, int]  # red, green, blue that is most typical of the animals
+    still: bool = False  # whether nothing was seen to move
     notes: list[str] = field(default_factory=list)
     bright: tuple[int, int, int] | None = None  # red, green, blue of what stands out most of them
     stones: np.ndarray | None = None  # (h, w) uint8 on the ground's picture: see `find_stones`

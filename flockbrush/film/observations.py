@@ -33,54 +33,29 @@ class CannotObserve(ProblemsError):
 
 @dataclass
 class Fields:
-    """The herd as a continuum: T frames of ny x nx square cells (paper section 4).
+    """The herd as a continuum: T frames of ny x nx square cells (paper section 4)."""
 
-    Attributes
-    ----------
-    fps : float
-        Rows a second.
-    cell : float
-        Side of a cell, BL.
-    origin : (2,) ndarray
-        Lower left corner of cell (0, 0), BL; rows of cells count upwards, columns to the right.
-    density : (T, ny, nx) ndarray
-        Animals a BL², on the part of the cell that is in the picture; NaN where nothing of it is.
-    velocity : (T, ny, nx, 2) ndarray
-        Mean velocity of the bodies, BL/s; NaN where nobody is.
-    speed_variance : (T, ny, nx) ndarray
-        Of the speeds within the cell, (BL/s)²; NaN where nobody is.
-    angular_variance : (T, ny, nx) ndarray
-        Of the unsigned angle to the cell's mean velocity, degrees²; chance gives 180²/12 = 2700.
-    seen : (T, ny, nx) bool ndarray
-        Whether the cell is in the picture, at least half of it: a stabilised picture moves over the ground.
-    obstacle : (ny, nx) bool ndarray
-        Where nobody can go.
-    region : (ny, nx) uint8 ndarray
-        Number of the region, from 0.
-    count : (T,) ndarray
-        Animals in the picture.
-    frames : (T,) int ndarray
-        Their numbers in the clip, from 0.
-    speed : (T, ny, nx) ndarray
-        Mean speed of the bodies, BL/s, at least the length of `velocity`, which stands in when it is not given.
-    outline : (k, 5) ndarray or None
-        Edges of the obstacles, x0, y0, x1, y1 in BL, and the number of the obstacle; edges of one follow one another.
-        None: the outline of the cells.
-    """
-
-    fps: float
-    cell: float
-    origin: np.ndarray
+    fps: float  # rows a second
+    cell: float  # side of a cell, BL
+    origin: np.ndarray  # (2,); lower left corner of cell (0, 0), BL; rows of cells count upwards, columns to the right
+    # (T, ny, nx); animals a BL², on the part of the cell that is in the picture; NaN where nothing of it is
     density: np.ndarray
-    velocity: np.ndarray
-    speed_variance: np.ndarray
+    velocity: np.ndarray  # (T, ny, nx, 2); mean velocity of the bodies, BL/s; NaN where nobody is
+    speed_variance: np.ndarray  # (T, ny, nx); of the speeds within the cell, (BL/s)²; NaN where nobody is
+    # (T, ny, nx); of the unsigned angle to the cell's mean velocity, degrees²; chance gives 180²/12 = 2700
     angular_variance: np.ndarray
+    # (T, ny, nx) bool; whether the cell is in the picture, at least half of it: a stabilised picture moves over the
+    # ground
     seen: np.ndarray
-    obstacle: np.ndarray
-    region: np.ndarray
-    count: np.ndarray
-    frames: np.ndarray
+    obstacle: np.ndarray  # (ny, nx) bool; where nobody can go
+    region: np.ndarray  # (ny, nx) uint8; number of the region, from 0
+    count: np.ndarray  # (T,); animals in the picture
+    frames: np.ndarray  # (T,) int; their numbers in the clip, from 0
+    # (T, ny, nx); mean speed of the bodies, BL/s, at least the length of `velocity`, which stands in when it is not
+    # given
     speed: np.ndarray | None = None
+    # (k, 5) or None; edges of the obstacles, x0, y0, x1, y1 in BL, and the number of the obstacle; edges of one follow
+    # one another. None: the outline of the cells.
     outline: np.ndarray | None = None
 
     def __post_init__(self):
@@ -196,30 +171,14 @@ _GRIDS = ("density", "speed_variance", "angular_variance", "seen", "speed")
 
 @dataclass
 class Sightings:
-    """Single animals: one row for each animal told apart in a frame, frame by frame.
+    """Single animals: one row for each animal told apart in a frame, frame by frame."""
 
-    Attributes
-    ----------
-    first : (T + 1,) int ndarray
-        Rows ``first[t]`` to ``first[t + 1]`` belong to frame t.
-    xy : (m, 2) ndarray
-        BL.
-    forward : (m, 2) ndarray
-        Unit vectors along the body, head first.
-    speed : (m,) ndarray
-        BL/s; NaN unknown.
-    turn : (m,) ndarray
-        Rate of turning to the left, rad/s; NaN unknown.
-    track : (m,) int ndarray
-        The same number in several frames is the same animal; -1: followed by nobody.
-    """
-
-    first: np.ndarray
-    xy: np.ndarray
-    forward: np.ndarray
-    speed: np.ndarray
-    turn: np.ndarray
-    track: np.ndarray
+    first: np.ndarray  # (T + 1,) int; rows ``first[t]`` to ``first[t + 1]`` belong to frame t
+    xy: np.ndarray  # (m, 2); BL
+    forward: np.ndarray  # (m, 2); unit vectors along the body, head first
+    speed: np.ndarray  # (m,); BL/s; NaN unknown
+    turn: np.ndarray  # (m,); rate of turning to the left, rad/s; NaN unknown
+    track: np.ndarray  # (m,) int; the same number in several frames is the same animal; -1: followed by nobody
 
     def __post_init__(self):
         rows = len(self.xy)
@@ -259,59 +218,31 @@ class Sightings:
 
 @dataclass
 class Evidence:
-    """Everything that was learned of a clip by looking at it.
+    """Everything that was learned of a clip by looking at it."""
 
-    Attributes
-    ----------
-    name : str
-        Of the clip, as the user named it.
-    sha256 : str
-        Of the clip's file.
-    fps : float
-        Frames a second of the fields and sightings.
-    body_length_px : float
-        Pixels of the reference picture in one BL.
-    length_source : {"given", "blobs"}
-        Whether a person said so, or it was estimated.
-    radius_bl : float
-        Half the width of a body over its length.
-    fields : Fields
-    sightings : Sightings or None
-        None where bodies do not separate.
-    speed : SpeedEvidence or None
-        None of a single picture.
-    notes : list of str
-        What whoever uses this should know.
-    picture : (h, w, 3) uint8 ndarray or None
-        The ground and the herd as the stabilised frame shows it, BGR.
-    to_pixels : (2, 3) ndarray or None
-        From BL (x, y up) to pixels (x, y down) of `picture`: ``to_pixels[:, :2] @ xy + to_pixels[:, 2]``.
-    camera : (T, 2, 3) ndarray or None
-        From pixels of the clip's frame (upright, full size) to pixels of `picture`.
-    region_colours : (k, 3) uint8 ndarray or None
-        Red, green, blue of the regions 1 to k in the mask they are from.
-    place_noise, heading_noise : float
-        Standard deviations of the places and headings of the sightings, BL along each direction and rad.
-    length_unit : {"px", "m", "bl"}
-        Of ``body_length_px``: pixels of a film, or the unit of a file of tracks.
-    """
-
-    name: str
-    sha256: str
-    fps: float
-    body_length_px: float
-    length_source: str
-    radius_bl: float
+    name: str  # of the clip, as the user named it
+    sha256: str  # of the clip's file
+    fps: float  # frames a second of the fields and sightings
+    body_length_px: float  # pixels of the reference picture in one BL
+    length_source: str  # {"given", "blobs"}; whether a person said so, or it was estimated
+    radius_bl: float  # half the width of a body over its length
     fields: Fields
-    sightings: Sightings | None = None
-    speed: SpeedEvidence | None = None
-    notes: list[str] = field(default_factory=list)
+    sightings: Sightings | None = None  # none where bodies do not separate
+    speed: SpeedEvidence | None = None  # none of a single picture
+    notes: list[str] = field(default_factory=list)  # what whoever uses this should know
+    # (h, w, 3) uint8 or None; the ground and the herd as the stabilised frame shows it, BGR
     picture: np.ndarray | None = None
+    # (2, 3) or None; from BL (x, y up) to pixels (x, y down) of `picture`: ``to_pixels[:, :2] @ xy + to_pixels[:, 2]``
     to_pixels: np.ndarray | None = None
+    # (T, 2, 3) or None; from pixels of the clip's frame (upright, full size) to pixels of `picture`
     camera: np.ndarray | None = None
+    # (k, 3) uint8 or None; red, green, blue of the regions 1 to k in the mask they are from
     region_colours: np.ndarray | None = None
+    # place_noise, heading_noise: standard deviations of the places and headings of the sightings, BL along each
+    # direction and rad
     place_noise: float = 0.0
     heading_noise: float = 0.0
+    # {"px", "m", "bl"}; of ``body_length_px``: pixels of a film, or the unit of a file of tracks
     length_unit: str = "px"
 
     @property

@@ -48,26 +48,16 @@ SLOW = 3.0  # deviations of the ground's flow: slower bodies have no direction
 
 @dataclass(frozen=True)
 class Glance:
-    """One frame as it is worked on, for whoever wants to draw it.
+    """One frame as it is worked on, for whoever wants to draw it."""
 
-    Attributes
-    ----------
-    k : int
-        Row of the clip.
-    picture, mask : ndarray
-        (h, w, 3) BGR; (h, w), 1 where animals are.
-    at, move : (n, 2) ndarray
-        Pixels of bodies, and how many pixels they move in a second, the camera taken out.
-    bodies : Bodies or None
-        In pixels of this picture.
-    """
-
-    k: int
+    k: int  # row of the clip
+    # picture, mask: ndarray; (h, w, 3) BGR; (h, w), 1 where animals are
     picture: np.ndarray
     mask: np.ndarray
+    # at, move: (n, 2); pixels of bodies, and how many pixels they move in a second, the camera taken out
     at: np.ndarray
     move: np.ndarray
-    bodies: Outlines | None
+    bodies: Outlines | None  # in pixels of this picture
 
 
 def observe(

@@ -31,28 +31,15 @@ CLEARLY = 2.0  # of the logarithm of the likelihood, that imitation must explain
 
 @dataclass(frozen=True)
 class Pauses:
-    """Two states of the speed.
+    """Two states of the speed."""
 
-    Attributes
-    ----------
-    slow : float
-        BL/s, below which an animal stands.
-    stops, starts : float
-        1/s, of an animal without company in the other state.
-    imitation : float
-        So many times likelier, of all neighbours that do it already.
-    standing : float
-        Share of the sights.
-    changes : int
-        On which it rests.
-    """
-
-    slow: float
+    slow: float  # BL/s, below which an animal stands
+    # stops, starts: 1/s, of an animal without company in the other state
     stops: float
     starts: float
-    imitation: float
-    standing: float
-    changes: int
+    imitation: float  # so many times likelier, of all neighbours that do it already
+    standing: float  # share of the sights
+    changes: int  # on which it rests
 
 
 def pauses_of(sightings, fps) -> Pauses | None:

@@ -30,25 +30,14 @@ POINTS = 15  # into which such an average is cut
 
 @dataclass(frozen=True)
 class SpeedProcess:
-    """An Ornstein-Uhlenbeck process of speeds.
+    """An Ornstein-Uhlenbeck process of speeds."""
 
-    Attributes
-    ----------
-    mean : float
-        BL/s.
-    spread : float
-        Standard deviation of the speeds of animals at a time, without the errors of sighting, BL/s (with them, where
-        the tracks are too short to part the two).
-    reversion : float or None
-        θ, 1/s; None where the tracks are too short or too few to tell.
-    error : float
-        Standard error of the reversion, 1/s, by leaving out groups of animals; NaN unknown.
-    """
-
-    mean: float
+    mean: float  # BL/s
+    # standard deviation of the speeds of animals at a time, without the errors of sighting, BL/s (with them, where the
+    # tracks are too short to part the two)
     spread: float
-    reversion: float | None
-    error: float
+    reversion: float | None  # θ, 1/s; None where the tracks are too short or too few to tell
+    error: float  # standard error of the reversion, 1/s, by leaving out groups of animals; NaN unknown
 
     @property
     def deviation(self) -> float | None:

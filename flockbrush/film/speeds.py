@@ -26,42 +26,28 @@ SIGHTS = 50  # speeds of single animals, below which those of pixels are taken
 
 @dataclass
 class SpeedEvidence:
-    """Speeds of single animals, BL/s.
+    """Speeds of single animals, BL/s."""
 
-    Attributes
-    ----------
-    mean, deviation : float
-        BL/s, over animals and time: of animals that are followed where there are any, else of pixels as in the paper.
-        (The spread of speeds, and not the strength of chance in eq. 6, which is ``deviation * sqrt(2 * reversion)``.)
-    reversion : float or None
-        Rate at which a speed returns to the mean (the Ornstein-Uhlenbeck rate), 1/s; None where the clip does not say.
-    by_density : list of (float, float)
-        (others a BL² within two body lengths, speed there over the mean), rising in density: the crowding by which it
-        is looked up again (`flockbrush.systems.pace.crowding`).  Its mean over the animals of the clip is 1.
-    weight : float
-        Animals, counted in every frame, that it rests on.
-    stops, starts, imitation : float
-        Of animals that stand and walk by turns (`flockbrush.film.pauses`); mean, deviation, reversion and table are
-        then of those that walk.  0: one kind of speed.
-    body_pixels : float
-        Pixels of one animal in the reference picture (N_bp).
-    pixel_deviation : float
-        Of the speeds of pixels, before the correction by sqrt(N_bp), BL/s.
-    smoothed : float
-        s over which the speeds of single animals are averages.
-    """
-
+    # mean, deviation: BL/s, over animals and time: of animals that are followed where there are any, else of pixels as
+    # in the paper. (The spread of speeds, and not the strength of chance in eq. 6, which is ``deviation * sqrt(2 *
+    # reversion)``.)
     mean: float
     deviation: float
+    # rate at which a speed returns to the mean (the Ornstein-Uhlenbeck rate), 1/s; None where the clip does not say
     reversion: float | None = None
+    # list of (float, float); (others a BL² within two body lengths, speed there over the mean), rising in density: the
+    # crowding by which it is looked up again (`flockbrush.systems.pace.crowding`). Its mean over the animals of the
+    # clip is 1.
     by_density: list[tuple[float, float]] = field(default_factory=list)
-    weight: float = 1.0
+    weight: float = 1.0  # animals, counted in every frame, that it rests on
+    # stops, starts, imitation: of animals that stand and walk by turns (`flockbrush.film.pauses`); mean, deviation,
+    # reversion and table are then of those that walk. 0: one kind of speed.
     stops: float = 0.0
     starts: float = 0.0
     imitation: float = 0.0
-    body_pixels: float = 1.0
-    pixel_deviation: float = float("nan")
-    smoothed: float = SMOOTHED
+    body_pixels: float = 1.0  # pixels of one animal in the reference picture (N_bp)
+    pixel_deviation: float = float("nan")  # of the speeds of pixels, before the correction by sqrt(N_bp), BL/s
+    smoothed: float = SMOOTHED  # s over which the speeds of single animals are averages
 
     def scaled(self, by: float) -> SpeedEvidence:
         """The same in a unit of length that is so many times shorter."""

@@ -35,17 +35,10 @@ _LK = dict(winSize=(15, 15), maxLevel=3, criteria=_CRITERIA, minEigThreshold=1e-
 
 @dataclass(frozen=True)
 class GroundLandmark:
-    """A rectangle on the ground, in one frame of a clip.
+    """A rectangle on the ground, in one frame of a clip."""
 
-    Attributes
-    ----------
-    frame : int
-        Its number.
-    x, y, w, h : float
-        Left, top, width and height, pixels of the clip.
-    """
-
-    frame: int
+    frame: int  # its number
+    # x, y, w, h: left, top, width and height, pixels of the clip
     x: float
     y: float
     w: float

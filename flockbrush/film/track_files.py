@@ -34,30 +34,14 @@ FEWEST = 8  # frames in which an animal must be seen
 
 @dataclass(frozen=True)
 class Trajectories:
-    """Where animals were seen, frame by frame.
+    """Where animals were seen, frame by frame."""
 
-    Attributes
-    ----------
-    xy : (T, N, 2) ndarray
-        In ``unit``, x right and y up; NaN where an animal was not seen.
-    ids : (N,) tuple of str
-    fps : float
-        Frames a second.
-    unit : {"m", "px", "bl"}
-    heading : (T, N) ndarray or None
-        Radians counter-clockwise from x; NaN unknown.
-    frames : (T,) int ndarray
-        Their numbers in the file.
-    name, sha256 : str
-    notes : tuple of str
-    """
-
-    xy: np.ndarray
-    ids: tuple[str, ...]
-    fps: float
-    unit: str
-    heading: np.ndarray | None = None
-    frames: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    xy: np.ndarray  # (T, N, 2); in ``unit``, x right and y up; NaN where an animal was not seen
+    ids: tuple[str, ...]  # (N,) tuple of str
+    fps: float  # frames a second
+    unit: str  # {"m", "px", "bl"}
+    heading: np.ndarray | None = None  # (T, N) or None; radians counter-clockwise from x; NaN unknown
+    frames: np.ndarray = field(default_factory=lambda: np.zeros(0, int))  # (T,) int; their numbers in the file
     name: str = "tracks"
     sha256: str = ""
     notes: tuple[str, ...] = ()

@@ -22,23 +22,12 @@ _TOLD = 20  # problems of one file that are told
 
 @dataclass
 class Tracks:
-    """Where birds were seen.
+    """Where birds were seen."""
 
-    Attributes
-    ----------
-    px : (F, N, 2) ndarray
-        Pixels, y down; NaN where a bird was not seen.
-    ids : (N,) ndarray of int
-    first : int
-        Number of the first frame.
-    notes : list of str
-        What was noticed and mended.
-    """
-
-    px: np.ndarray
-    ids: np.ndarray
-    first: int = 0
-    notes: list[str] = field(default_factory=list)
+    px: np.ndarray  # (F, N, 2); pixels, y down; NaN where a bird was not seen
+    ids: np.ndarray  # (N,) of int
+    first: int = 0  # number of the first frame
+    notes: list[str] = field(default_factory=list)  # what was noticed and mended
 
     @property
     def seen(self) -> np.ndarray:
@@ -182,24 +171,12 @@ def _without_points(name, tracks):
 
 @dataclass(frozen=True)
 class Smoothed:
-    """Tracks without noise and gaps.
+    """Tracks without noise and gaps."""
 
-    Attributes
-    ----------
-    px : (F, N, 2) ndarray
-        NaN before a bird comes and after it has left.
-    stiffness : float
-        The weight of smoothness that was used.
-    noise : float
-        Estimated deviation of what was measured from it, pixels.
-    longest_gap : int
-        Frames.
-    """
-
-    px: np.ndarray
-    stiffness: float
-    noise: float
-    longest_gap: int
+    px: np.ndarray  # (F, N, 2); NaN before a bird comes and after it has left
+    stiffness: float  # the weight of smoothness that was used
+    noise: float  # estimated deviation of what was measured from it, pixels
+    longest_gap: int  # frames
 
 
 def smoothed(tracks: Tracks, stiffness: float | None = None) -> Smoothed:

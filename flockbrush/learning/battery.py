@@ -311,25 +311,13 @@ class BatteryRow:
 
 @dataclass
 class Battery:
-    """A clip, ready to be compared with runs that begin as it begins.
-
-    Attributes
-    ----------
-    clip : Evidence
-    every : int
-        Frames from look to look.
-    series : Series
-    values : dict of str to ndarray
-        Of the measures that the clip tells.
-    boot : dict of str to float
-        Standard errors of the values.
-    """
+    """A clip, ready to be compared with runs that begin as it begins."""
 
     clip: Evidence
-    every: int
+    every: int  # frames from look to look
     series: Series
-    values: dict[str, np.ndarray]
-    boot: dict[str, float]
+    values: dict[str, np.ndarray]  # of the measures that the clip tells
+    boot: dict[str, float]  # standard errors of the values
     chance: dict[str, float] = field(default_factory=dict)
 
     @classmethod

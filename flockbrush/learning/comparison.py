@@ -80,33 +80,19 @@ class Verdict:
 
 @dataclass
 class Comparison:
-    """What became of simulations that began as the clip did.
+    """What became of simulations that began as the clip did."""
 
-    Attributes
-    ----------
-    frames : (T,) int ndarray
-        Of the clip.
-    times : (T,) ndarray
-        Seconds since the beginning.
-    clip : dict of str to (T,) ndarray
-    herds : list of dict of str to (T,) ndarray
-        One for each simulation, with the errors besides the measures.
-    run : Run
-        The first simulation.
-    maps : dict of str to (BINS, BINS) ndarray
-        Neighbours about an animal that faces up, per BL², of clip and simulation; empty without single animals.
-    speeds : dict of str to (densities, speeds)
-    unlike : float
-        How unlike the clip the simulations are in all they are scored by, in the clip's own deviations.
-    """
-
-    frames: np.ndarray
-    times: np.ndarray
-    clip: dict[str, np.ndarray]
+    frames: np.ndarray  # (T,) int; of the clip
+    times: np.ndarray  # (T,); seconds since the beginning
+    clip: dict[str, np.ndarray]  # str to (T,)
+    # list of dict of str to (T,); one for each simulation, with the errors besides the measures
     herds: list[dict[str, np.ndarray]]
-    run: Run
+    run: Run  # the first simulation
+    # str to (BINS, BINS); neighbours about an animal that faces up, per BL², of clip and simulation; empty without
+    # single animals
     maps: dict[str, np.ndarray] = field(default_factory=dict)
-    speeds: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    speeds: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)  # str to (densities, speeds)
+    # how unlike the clip the simulations are in all they are scored by, in the clip's own deviations
     unlike: float = np.nan
 
     @property

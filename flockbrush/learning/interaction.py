@@ -22,18 +22,10 @@ LEAST = 0.25  # of the turning that neighbours cause in the clip: who has less h
 
 @dataclass(frozen=True)
 class Interaction:
-    """What neighbours cause of the turns of one herd.
+    """What neighbours cause of the turns of one herd."""
 
-    Attributes
-    ----------
-    strength : float
-        Mean absolute turn by forces, rad.
-    evidence : float
-        Twice the logarithm of how much likelier the clip's turns are with these forces than with none.
-    """
-
-    strength: float
-    evidence: float
+    strength: float  # mean absolute turn by forces, rad
+    evidence: float  # twice the logarithm of how much likelier the clip's turns are with these forces than with none
 
 
 def interaction_of(turns: Turns, theta, extras, overlap=1.0) -> Interaction:

@@ -34,27 +34,15 @@ BETTER = 1e-4  # of the likelihood of a turn: a descent ends when a step gains l
 
 @dataclass(frozen=True)
 class Likelihood:
-    """How one kind of model is found from turns.
+    """How one kind of model is found from turns."""
 
-    Attributes
-    ----------
-    name : str
-        As ``flockbrush learn --model`` names it.
-    model : str
-        Of behaviour, as a brush names it.
-    views : tuple of VisionSpec
-        Perceptions that are tried; the likeliest is kept.
-    fit : callable
-        ``fit(turns, vision, seed, begin) -> Params``: the likeliest parameters with that perception; near ``begin``,
-        which are parameters of other turns or another perception, where that is not None.
-    numbers : mapping of str to (float, float)
-        Free parameters and the range they are looked for in.
-    """
-
-    name: str
-    model: str
-    views: tuple[VisionSpec, ...]
+    name: str  # as ``flockbrush learn --model`` names it
+    model: str  # of behaviour, as a brush names it
+    views: tuple[VisionSpec, ...]  # perceptions that are tried; the likeliest is kept
+    # ``fit(turns, vision, seed, begin) -> Params``: the likeliest parameters with that perception; near ``begin``,
+    # which are parameters of other turns or another perception, where that is not None
     fit: Callable[[Turns, VisionSpec, int, Any], Any]
+    # str to (float, float); free parameters and the range they are looked for in
     numbers: Mapping[str, tuple[float, float]]
 
     @property

@@ -40,38 +40,17 @@ EDGE = 0.9  # of the farthest distance seen: a notice distance beyond it is not 
 
 @dataclass(frozen=True)
 class LearnedRelation:
-    """A danger as the herd takes it.
+    """A danger as the herd takes it."""
 
-    Attributes
-    ----------
-    danger : str
-        Its id in the tracks.
-    notice : float
-        Distance at which it is noticed, in ``unit``.
-    notice_range : (float, float)
-        Two thirds of the bootstrap.
-    strength : float
-        Share of the steering that it takes when it is near, 0 to 1.
-    strength_error : float
-        Standard error.
-    told : bool
-        Whether the herd reacts at all, beyond chance.
-    reaches_beyond : bool
-        The likeliest distance is about the farthest that the tracks show: it may be larger.
-    unit : str
-    turns : int
-        That it rests on.
-    """
-
-    danger: str
-    notice: float
-    notice_range: tuple[float, float]
-    strength: float
-    strength_error: float
-    told: bool
-    reaches_beyond: bool
+    danger: str  # its id in the tracks
+    notice: float  # distance at which it is noticed, in ``unit``
+    notice_range: tuple[float, float]  # two thirds of the bootstrap
+    strength: float  # share of the steering that it takes when it is near, 0 to 1
+    strength_error: float  # standard error
+    told: bool  # whether the herd reacts at all, beyond chance
+    reaches_beyond: bool  # the likeliest distance is about the farthest that the tracks show: it may be larger
     unit: str
-    turns: int
+    turns: int  # that it rests on
 
     @property
     def line(self) -> str:

@@ -24,58 +24,27 @@ KEPT = 0.2  # polarization and milling of a herd of other size are the clip's wi
 
 @dataclass
 class Findings:
-    """One brush, and how far it can be trusted.
-
-    Attributes
-    ----------
-    brush : Brush
-    clips : list of Evidence
-        What it was learned from.
-    whole : Evidence
-        All frames of the first clip, with those held out.
-    learned : Learned
-    held : Evidence or None
-        The frames held out; None when the clip was too short, or is a photograph.
-    comparison : Comparison or None
-        On the frames held out, or without those on the frames learned from.
-    judgement : Judgement or None
-        By the frames held out of each part of the clip, or of each clip, in turn.
-    notes : list of str
-        On how it was judged and fitted.
-    judged_brush : Brush or None
-        What the comparison is of: learned without the frames held out.  None: `brush` itself.
-    models : ModelComparison or None
-        Of kinds of models, where `auto` chose one.
-    counts : list of dict
-        With other numbers of animals (`flockbrush.learning.group_size_test`).
-    starts : list of dict
-        From other starts than the clip's (`flockbrush.learning.other_starts`).
-    ablations : list of dict
-        `flockbrush.learning.ablation`.
-    command : str
-        That makes it again.
-    seconds : dict of str to float
-        What took how long.
-    moments : list of ndarray
-        Clip beside simulation, (h, w, 3) RGB.
-    """
+    """One brush, and how far it can be trusted."""
 
     brush: Brush
-    clips: list[Evidence]
-    whole: Evidence
+    clips: list[Evidence]  # what it was learned from
+    whole: Evidence  # all frames of the first clip, with those held out
     learned: Learned
-    held: Evidence | None = None
-    comparison: Comparison | None = None
-    judgement: Judgement | None = None
+    held: Evidence | None = None  # the frames held out; None when the clip was too short, or is a photograph
+    comparison: Comparison | None = None  # on the frames held out, or without those on the frames learned from
+    judgement: Judgement | None = None  # by the frames held out of each part of the clip, or of each clip, in turn
+    # with other numbers of animals (`flockbrush.learning.group_size_test`)
     counts: list[dict] = field(default_factory=list)
+    # from other starts than the clip's (`flockbrush.learning.other_starts`)
     starts: list[dict] = field(default_factory=list)
-    ablations: list[dict] = field(default_factory=list)
-    command: str = ""
-    seconds: dict[str, float] = field(default_factory=dict)
-    moments: list[np.ndarray] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
+    ablations: list[dict] = field(default_factory=list)  # `flockbrush.learning.ablation`
+    command: str = ""  # that makes it again
+    seconds: dict[str, float] = field(default_factory=dict)  # what took how long
+    moments: list[np.ndarray] = field(default_factory=list)  # clip beside simulation, (h, w, 3) RGB
+    notes: list[str] = field(default_factory=list)  # on how it was judged and fitted
+    # what the comparison is of: learned without the frames held out. None: `brush` itself.
     judged_brush: Brush | None = None
-    models: ModelComparison | None = None
+    models: ModelComparison | None = None  # of kinds of models, where `auto` chose one
 
     @property
     def compared_brush(self) -> Brush:

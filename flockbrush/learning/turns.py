@@ -51,24 +51,12 @@ class Turns(NamedTuple):
 
 @dataclass
 class TurnFit:
-    """Parameters that say the turns of a clip.
+    """Parameters that say the turns of a clip."""
 
-    Attributes
-    ----------
-    theta : (12,) ndarray
-    loss : (k,) ndarray
-        Negative logarithm of the likelihood a turn, after each accepted step.
-    spread : float
-        Of the differences, rad: the scale of Student's t.
-    information : (12, 12) ndarray
-        Fisher information of theta.
-    interrupted : bool
-    """
-
-    theta: np.ndarray
-    loss: np.ndarray
-    spread: float
-    information: np.ndarray
+    theta: np.ndarray  # (12,)
+    loss: np.ndarray  # (k,); negative logarithm of the likelihood a turn, after each accepted step
+    spread: float  # of the differences, rad: the scale of Student's t
+    information: np.ndarray  # (12, 12); Fisher information of theta
     interrupted: bool = False
     converged: bool = False
     deviation: np.ndarray = field(init=False)  # (12,) least standard deviation of each number (Cramér-Rao)

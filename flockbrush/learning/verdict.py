@@ -52,24 +52,13 @@ class Contender:
 
 @dataclass
 class Judgement:
-    """What is said of a brush.
+    """What is said of a brush."""
 
-    Attributes
-    ----------
-    kind : {"like", "partly", "rival", "untold"}
-    sentence : str
-    brush : Contender
-    rivals : list of Contender
-        The nearest first.
-    told : list of str
-        Measures that the clip tells.
-    """
-
-    kind: str
+    kind: str  # {"like", "partly", "rival", "untold"}
     sentence: str
     brush: Contender
-    rivals: list[Contender]
-    told: list[str]
+    rivals: list[Contender]  # the nearest first
+    told: list[str]  # measures that the clip tells
     seconds: float = 0.0  # of the clip that judged
     count: float = 0.0  # animals in it
 

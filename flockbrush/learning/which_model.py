@@ -40,40 +40,22 @@ CLEAR = 1.5  # times the noise of headings: turns that are smaller tell nothing
 
 @dataclass
 class ModelRow:
-    """One kind of model beside the others.
+    """One kind of model beside the others."""
 
-    Attributes
-    ----------
-    name : str
-        As ``--model`` names it.
-    model : str
-        Of behaviour.
-    vision : VisionSpec
-        The likeliest perception of those tried.
-    params : Params
-        Fitted to all frames.
-    score, error : float
-        Logarithm of the likelihood of a step held out (nats), mean over the blocks, and its standard error.
-    behind, behind_error : float
-        How much lower than the best, and the standard error of that difference by blocks; 0 of the best itself.
-    told_apart : bool
-        Whether the blocks tell it from the best.
-    spread : float
-        Of what is left over, rad.
-    distance : float
-        Of its simulated herds from the frames held out, in limits of the battery; NaN where that was not asked.
-    """
-
-    name: str
-    model: str
-    vision: VisionSpec
-    params: Any
+    name: str  # as ``--model`` names it
+    model: str  # of behaviour
+    vision: VisionSpec  # the likeliest perception of those tried
+    params: Any  # fitted to all frames
+    # score, error: logarithm of the likelihood of a step held out (nats), mean over the blocks, and its standard error
     score: float
     error: float
+    # behind, behind_error: how much lower than the best, and the standard error of that difference by blocks; 0 of the
+    # best itself
     behind: float = 0.0
     behind_error: float = 0.0
-    told_apart: bool = False
-    spread: float = math.nan
+    told_apart: bool = False  # whether the blocks tell it from the best
+    spread: float = math.nan  # of what is left over, rad
+    # of its simulated herds from the frames held out, in limits of the battery; NaN where that was not asked
     distance: float = math.nan
     blocks: np.ndarray = field(default_factory=lambda: np.zeros(0))
     halves: list[Any] = field(default_factory=list)  # parameters by the fold they were fitted without
@@ -86,22 +68,12 @@ class ModelRow:
 
 @dataclass
 class ModelComparison:
-    """What was compared, the best first.
-
-    Attributes
-    ----------
-    rows : list of ModelRow
-    straight : float
-        The score of going straight on.
-    blocks : int
-    reason : str
-        Why nothing is told apart; "" where something is.
-    """
+    """What was compared, the best first."""
 
     rows: list[ModelRow]
-    straight: float
+    straight: float  # the score of going straight on
     blocks: int
-    reason: str = ""
+    reason: str = ""  # why nothing is told apart; "" where something is
 
     @property
     def equal(self) -> list[str]:

@@ -32,18 +32,11 @@ METHODS = ("smooth", "cobyla")
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a flight is solved with.
-
-    Attributes
-    ----------
-    wish : Wish
-    method : {"smooth", "cobyla"}
-    near, far : float
-        Metres.
-    """
+    """What a flight is solved with."""
 
     wish: LiftWish = field(default_factory=LiftWish)
-    method: str = "smooth"
+    method: str = "smooth"  # {"smooth", "cobyla"}
+    # near, far: metres
     near: float = 1.0
     far: float = 1000.0
 

@@ -78,57 +78,30 @@ class LiftWish:
 
 @dataclass
 class LiftedFlight:
-    """A flock in space.
+    """A flock in space."""
 
-    Attributes
-    ----------
-    xyz : (F, N, 3) ndarray
-        Metres, the camera at the origin: x right, y forward, z up; NaN where a bird is not there.
-    depth : (F, N) ndarray
-        Metres along the ray.
-    ids : (N,) ndarray of int
-    first : int
-        Number of the first frame.
-    fps : float
-    stiffness, noise : float
-        Of the smoothing of the tracks; noise in pixels.
-    manner : Manner or None
-        How its birds move about its middle, as read off the tracks.
-    notes : list of str
-        What whoever uses this should know.
-    """
-
+    # (F, N, 3); metres, the camera at the origin: x right, y forward, z up; NaN where a bird is not there
     xyz: np.ndarray
-    depth: np.ndarray
-    ids: np.ndarray
-    first: int
+    depth: np.ndarray  # (F, N); metres along the ray
+    ids: np.ndarray  # (N,) of int
+    first: int  # number of the first frame
     fps: float
+    # stiffness, noise: of the smoothing of the tracks; noise in pixels
     stiffness: float = float("nan")
     noise: float = float("nan")
-    notes: list[str] = field(default_factory=list)
-    manner: Manner | None = None
+    notes: list[str] = field(default_factory=list)  # what whoever uses this should know
+    manner: Manner | None = None  # how its birds move about its middle, as read off the tracks
 
 
 @dataclass
 class PreparedTracks:
-    """Tracks made ready for lifting: what stays the same whatever is wished.
+    """Tracks made ready for lifting: what stays the same whatever is wished."""
 
-    Attributes
-    ----------
-    px : (F, N, 2) ndarray
-        Smoothed, gaps bridged; NaN where a bird is not there.
-    rays : (F, N, 3) ndarray
-        Unit vectors.
-    there : (F, N) ndarray of bool
-    manner : Manner
-    ids, first, stiffness, noise, notes
-        As in `Flight`.
-    """
-
-    px: np.ndarray
-    rays: np.ndarray
-    there: np.ndarray
+    px: np.ndarray  # (F, N, 2); smoothed, gaps bridged; NaN where a bird is not there
+    rays: np.ndarray  # (F, N, 3); unit vectors
+    there: np.ndarray  # (F, N) of bool
     manner: Manner
+    # ids, first, stiffness, noise, notes: as in `LiftedFlight`
     ids: np.ndarray
     first: int
     stiffness: float

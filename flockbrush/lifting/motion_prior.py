@@ -29,21 +29,12 @@ TURNING = (1e-3, 1.0)  # the bounds of the third
 
 @dataclass(frozen=True)
 class Manner:
-    """Weights against that of acceleration.
+    """Weights against that of acceleration."""
 
-    Attributes
-    ----------
-    alignment : float
-        1/s^2.  Its root is how soon a bird gives up a velocity of its own.
-    cohesion : float
-        1/s^4.
-    turning : float
-        Of the middle's own acceleration, for each bird: 1 where it is no more than the mean of theirs, less for a flock
-        that turns as one.
-    """
-
-    alignment: float
-    cohesion: float
+    alignment: float  # 1/s^2. Its root is how soon a bird gives up a velocity of its own.
+    cohesion: float  # 1/s^4
+    # of the middle's own acceleration, for each bird: 1 where it is no more than the mean of theirs, less for a flock
+    # that turns as one
     turning: float = 1.0
 
 

@@ -29,36 +29,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Option:
-    """Something that a person may choose about an export, on the command line as ``--name``.
+    """Something that a person may choose about an export, on the command line as ``--name``."""
 
-    Attributes
-    ----------
-    name : str
-        As Python writes it: ``usd_mode`` is ``--usd-mode``.
-    default : object
-        Its type is the option's type: a text, a number, or False for a switch. None: nothing unless given.
-    help : str
-    choices : tuple of str, optional
-    kind : type
-        Of options whose default is None.
-    low, high : float, optional
-        Bounds of a number.
-    metavar : str, optional
-    many : bool
-        May be given again; the value is a tuple.
-    negated : str, optional
-        Name of the switch on the command line, where it turns off what is on by default: ``no_overlays``.
-    """
-
-    name: str
+    name: str  # as Python writes it: ``usd_mode`` is ``--usd-mode``
+    # its type is the option's type: a text, a number, or False for a switch. None: nothing unless given.
     default: object
     help: str
     choices: tuple[str, ...] = ()
-    kind: type = str
+    kind: type = str  # of options whose default is None
+    # low, high: bounds of a number
     low: float | None = None
     high: float | None = None
     metavar: str | None = None
-    many: bool = False
+    many: bool = False  # may be given again; the value is a tuple
+    # name of the switch on the command line, where it turns off what is on by default: ``no_overlays``
     negated: str | None = None
 
 

@@ -13,19 +13,11 @@ SAME = 1e-6  # m; what moves by less stands
 
 
 class SolidKey(NamedTuple):
-    """Where an obstacle is from a frame on; between two keys it goes evenly.
-
-    Attributes
-    ----------
-    frame : int
-    shown : bool
-    offset : (x, y, z)
-        From where it was first, m.
-    """
+    """Where an obstacle is from a frame on; between two keys it goes evenly."""
 
     frame: int
     shown: bool
-    offset: tuple[float, float, float]
+    offset: tuple[float, float, float]  # (x, y, z); from where it was first, m
 
 
 class MovingSolid:

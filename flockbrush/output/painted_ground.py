@@ -12,18 +12,12 @@ EVERY = 1.0  # s: the whole picture is drawn anew no more often, as while an obs
 
 
 class GroundPatch(NamedTuple):
-    """A part of the picture that has changed.
+    """A part of the picture that has changed."""
 
-    Attributes
-    ----------
-    left, top : int
-        Pixels from the picture's upper left corner.
-    pixels : ndarray (h, w, 3) uint8
-    """
-
+    # left, top: pixels from the picture's upper left corner
     left: int
     top: int
-    pixels: np.ndarray
+    pixels: np.ndarray  # (h, w, 3) uint8
 
 
 class PaintedGround:

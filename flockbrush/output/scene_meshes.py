@@ -27,15 +27,9 @@ def jpeg_of(picture) -> bytes:
 
 
 class GroundMesh(NamedTuple):
-    """The ground as a grid of points.
+    """The ground as a grid of points."""
 
-    Attributes
-    ----------
-    points : ndarray (rows, columns, 3)
-        Metres, from the south-west corner.
-    """
-
-    points: np.ndarray
+    points: np.ndarray  # (rows, columns, 3); metres, from the south-west corner
 
     @property
     def triangles(self) -> np.ndarray:

@@ -20,79 +20,35 @@ LIGHT, PLAIN, DARK = 1.25, 1.0, 0.45  # brightness of parts: heads, bodies, legs
 
 
 class Stride(NamedTuple):
-    """How legs go in one clip.
+    """How legs go in one clip."""
 
-    Attributes
-    ----------
-    length : float
-        Body lengths of way in one cycle.
-    duty : float
-        Share of the cycle that a foot stands.
-    offsets : tuple of float
-        When in the cycle each leg begins to stand.
-    lift : float
-        How high a foot is lifted, shares of the leg.
-    bob : float
-        How far the body goes up and down, body lengths.
-    """
-
-    length: float
-    duty: float
-    offsets: tuple[float, ...]
-    lift: float = 0.25
-    bob: float = 0.0
+    length: float  # body lengths of way in one cycle
+    duty: float  # share of the cycle that a foot stands
+    offsets: tuple[float, ...]  # when in the cycle each leg begins to stand
+    lift: float = 0.25  # how high a foot is lifted, shares of the leg
+    bob: float = 0.0  # how far the body goes up and down, body lengths
 
 
 class Part(NamedTuple):
-    """A part that moves against the body.
-
-    Attributes
-    ----------
-    name : str
-    kind : str
-        leg, arm, wing, hand (of a wing) or tail.
-    pivot : (x, y, z)
-        Where it turns, body lengths.
-    number : int
-        Which of its kind.
-    parent : str
-        Name of the part that carries it, empty for the body.
-    """
+    """A part that moves against the body."""
 
     name: str
-    kind: str
-    pivot: tuple[float, float, float]
-    number: int = 0
-    parent: str = ""
+    kind: str  # leg, arm, wing, hand (of a wing) or tail
+    pivot: tuple[float, float, float]  # (x, y, z); where it turns, body lengths
+    number: int = 0  # which of its kind
+    parent: str = ""  # name of the part that carries it, empty for the body
 
 
 class AnimalMesh(NamedTuple):
-    """A body at rest, and how it moves.
+    """A body at rest, and how it moves."""
 
-    Attributes
-    ----------
-    points : ndarray (v, 3)
-        Body lengths.
-    triangles : ndarray (t, 3) int
-        Counter-clockwise seen from outside.
-    part : ndarray (v,) int
-        Index into `parts`, -1 for the body.
-    shade : ndarray (v,)
-        Brightness: times the animal's colour.
-    parts : tuple of Part
-    strides : dict of str to Stride
-        By clip, of those with legs.
-    clips : tuple of str
-        What it can do.
-    """
-
-    points: np.ndarray
-    triangles: np.ndarray
-    part: np.ndarray
-    shade: np.ndarray
+    points: np.ndarray  # (v, 3); body lengths
+    triangles: np.ndarray  # (t, 3) int; counter-clockwise seen from outside
+    part: np.ndarray  # (v,) int; index into `parts`, -1 for the body
+    shade: np.ndarray  # (v,); brightness: times the animal's colour
     parts: tuple[Part, ...]
-    strides: dict[str, Stride]
-    clips: tuple[str, ...]
+    strides: dict[str, Stride]  # by clip, of those with legs
+    clips: tuple[str, ...]  # what it can do
 
 
 FOUR_LEGS = {

@@ -41,25 +41,14 @@ BOUNDS = {
 
 @dataclass(frozen=True)
 class CameraPath:
-    """A camera that moves.
+    """A camera that moves."""
 
-    Attributes
-    ----------
-    ease : str
-        Between keys: "smooth" (monotone cubic), "linear" or "hold".
-    times : ndarray (k,)
-        Seconds, rising.
-    values : ndarray (k, 7)
-        Target and eye (m) and field of view (degrees); or target, distance (m), azimuth and elevation (degrees), and
-        field of view.
-    orbits : bool
-        Whether `values` are of the second kind.
-    """
-
-    ease: str
-    times: np.ndarray
+    ease: str  # between keys: "smooth" (monotone cubic), "linear" or "hold"
+    times: np.ndarray  # (k,); seconds, rising
+    # (k, 7); target and eye (m) and field of view (degrees); or target, distance (m), azimuth and elevation (degrees),
+    # and field of view
     values: np.ndarray
-    orbits: bool
+    orbits: bool  # whether `values` are of the second kind
 
     def at(self, time, size=(1280, 720), view=None, floor=0.0) -> OrbitCamera:
         """The camera at a time (s); before the first key and after the last one it stands."""

@@ -25,52 +25,26 @@ PALE = 0.45  # share of the head's colour: of a mesh one sees by its shape where
 
 
 class Meshes(NamedTuple):
-    """The poses of every look, one after another.
+    """The poses of every look, one after another."""
 
-    Attributes
-    ----------
-    points : (p, 3) float64
-        Body lengths, pose after pose.
-    first, poses : (looks, clips) int64
-        First row in `points` of a clip's first pose, -1 where the look has no such clip; how many poses it has.
-    corners : (looks,) int64
-        Points of one pose.
-    triangles : (t, 3) int64
-        Counted within a pose.
-    faces : (looks + 1,) int64
-        First triangle of each look.
-    inks : (t,) int64
-        BODY, HEAD, LIMB or WING.
-    span : (looks, 3)
-        Sides of a mesh at rest, body lengths.
-    """
-
-    points: np.ndarray
+    points: np.ndarray  # (p, 3) float64; body lengths, pose after pose
+    # first, poses: (looks, clips) int64; first row in `points` of a clip's first pose, -1 where the look has no such
+    # clip; how many poses it has
     first: np.ndarray
     poses: np.ndarray
-    corners: np.ndarray
-    triangles: np.ndarray
-    faces: np.ndarray
-    inks: np.ndarray
-    span: np.ndarray
+    corners: np.ndarray  # (looks,) int64; points of one pose
+    triangles: np.ndarray  # (t, 3) int64; counted within a pose
+    faces: np.ndarray  # (looks + 1,) int64; first triangle of each look
+    inks: np.ndarray  # (t,) int64; BODY, HEAD, LIMB or WING
+    span: np.ndarray  # (looks, 3); sides of a mesh at rest, body lengths
 
 
 class Postures(NamedTuple):
-    """What the bodies of some animals show, one row each.
+    """What the bodies of some animals show, one row each."""
 
-    Attributes
-    ----------
-    look : (n,) int64
-        Index into `LOOK_NAMES`; `NO_LOOK` for none.
-    clip : (n,) int64
-        Index into `CLIPS`.
-    phase : (n,)
-        0 to 1 through the clip.
-    """
-
-    look: np.ndarray
-    clip: np.ndarray
-    phase: np.ndarray
+    look: np.ndarray  # (n,) int64; index into `LOOK_NAMES`; `NO_LOOK` for none
+    clip: np.ndarray  # (n,) int64; index into `CLIPS`
+    phase: np.ndarray  # (n,); 0 to 1 through the clip
 
 
 @cache

@@ -31,34 +31,21 @@ ABOVE = 1e6  # m: so high is the eye that sees the plan
 
 
 class TopViews(NamedTuple):
-    """The maps of all looks, one after another.
+    """The maps of all looks, one after another."""
 
-    Attributes
-    ----------
-    texels : (t,) uint8
-        Which of the triangles in `shown` is on top, from 1; `CLOSE` around the body, and else 0.
-    places : (looks, 5) int64
-        First texel of a look's maps, texels aside and ahead, and the map's corner: right of the body and behind it.
-    first, phases : (looks, clips) int64
-        First map of a clip, that of rest where the look has no such clip; how many there are.
-    ready : (maps,) bool
-        Which have been made.
-    bounds : (maps, 4) float64
-        What there is of the body: behind, ahead, right and left end, body lengths.
-    shown : (maps, SHOWN) int64
-        Triangles.
-    normals : (maps, SHOWN, 3) float64
-        Unit vectors out of them.
-    """
-
+    # (t,) uint8; which of the triangles in `shown` is on top, from 1; `CLOSE` around the body, and else 0
     texels: np.ndarray
+    # (looks, 5) int64; first texel of a look's maps, texels aside and ahead, and the map's corner: right of the body
+    # and behind it
     places: np.ndarray
+    # first, phases: (looks, clips) int64; first map of a clip, that of rest where the look has no such clip; how many
+    # there are
     first: np.ndarray
     phases: np.ndarray
-    ready: np.ndarray
-    bounds: np.ndarray
-    shown: np.ndarray
-    normals: np.ndarray
+    ready: np.ndarray  # (maps,) bool; which have been made
+    bounds: np.ndarray  # (maps, 4) float64; what there is of the body: behind, ahead, right and left end, body lengths
+    shown: np.ndarray  # (maps, SHOWN) int64; triangles
+    normals: np.ndarray  # (maps, SHOWN, 3) float64; unit vectors out of them
 
 
 @cache
@@ -271,33 +258,21 @@ def _packed(red, green, blue):
 
 
 class DrawnBodies(NamedTuple):
-    """The animals of a plan that have legs and wings there, one row each.
+    """The animals of a plan that have legs and wings there, one row each."""
 
-    Attributes
-    ----------
-    at, xy, forward : (n, 2)
-        Pixels; metres; headings, y up.
-    length, radius : (n,)
-        Metres.
-    look : (n,) int64
-        Row of `colours` (k, 7, 3), as `Stamps` has them; leaders and predators lie on a `figure` in that of `halos`.
-    lift : (n, 2)
-        Pixels from the animal to its shadow.
-    shade : (n,)
-        Opacity of its shadow.
-    beats : (n,)
-        How high wings are, or NO_WINGS.
-    """
-
+    # at, xy, forward: (n, 2); pixels; metres; headings, y up
     at: np.ndarray
     xy: np.ndarray
     forward: np.ndarray
+    # length, radius: (n,); metres
     length: np.ndarray
     radius: np.ndarray
+    # (n,) int64; row of `colours` (k, 7, 3), as `Stamps` has them; leaders and predators lie on a `figure` in that of
+    # `halos`
     look: np.ndarray
-    lift: np.ndarray
-    shade: np.ndarray
-    beats: np.ndarray
+    lift: np.ndarray  # (n, 2); pixels from the animal to its shadow
+    shade: np.ndarray  # (n,); opacity of its shadow
+    beats: np.ndarray  # (n,); how high wings are, or NO_WINGS
 
 
 @kernel

@@ -29,19 +29,12 @@ DUST, RING = 0, 1
 
 
 class Wakes(NamedTuple):
-    """What animals leave behind them, one row each.
+    """What animals leave behind them, one row each."""
 
-    Attributes
-    ----------
-    dust, rings : (n,)
-        How strong, 0 to 1.
-    velocity : (n, 2)
-        m/s.
-    """
-
+    # dust, rings: (n,); how strong, 0 to 1
     dust: np.ndarray
     rings: np.ndarray
-    velocity: np.ndarray
+    velocity: np.ndarray  # (n, 2); m/s
 
 
 class WakeMarks(NamedTuple):

@@ -47,29 +47,15 @@ FARTHEST = 1e6  # m
 
 @dataclass
 class EditFile:
-    """Layers of edits of one recording.
-
-    Attributes
-    ----------
-    path : Path
-    sha256 : str
-        Of the recording.
-    recording : str
-        Its name.
-    layers : list of Layer
-        The first applies first.
-    undone : list of (str, Edit)
-        Layer and edit of what was taken back, the last is the next to be done again.
-    order : list of str
-        The layer of each edit in the order in which they were made.
-    """
+    """Layers of edits of one recording."""
 
     path: Path
-    sha256: str
-    recording: str
-    layers: list[Layer] = field(default_factory=list)
+    sha256: str  # of the recording
+    recording: str  # its name
+    layers: list[Layer] = field(default_factory=list)  # the first applies first
+    # list of (str, Edit); layer and edit of what was taken back, the last is the next to be done again
     undone: list[tuple[str, Edit]] = field(default_factory=list)
-    order: list[str] = field(default_factory=list)
+    order: list[str] = field(default_factory=list)  # the layer of each edit in the order in which they were made
 
     def edits(self) -> list[Edit]:
         """Edits of all layers that are on, in the order in which they apply."""

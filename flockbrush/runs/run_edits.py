@@ -24,50 +24,24 @@ EXACT = 1e-9  # s
 
 @dataclass(frozen=True)
 class Edit:
-    """A change of some animals.
+    """A change of some animals."""
 
-    Attributes
-    ----------
-    kind : str
-        One of `KINDS`.
-    ids : tuple of int
-        Whom it changes.
-    start, end : float
-        Seconds: from when, and until when.
-    by : (x, y, z)
-        Of a move: metres.
-    turn : float
-        Of a move: degrees counter-clockwise about `about`.
-    about : (x, y)
-        Metres.
-    over : float
-        Of a move: seconds in which it comes and goes.
-    speed : float
-        Of a retime: 2 is twice as fast.
-    seconds : float
-        Of a delay: positive is later.
-    brush, species : str
-        Of a look, empty for no change.
-    size : float
-        Of a look: times as large.
-    because : str
-        How the animals were chosen, for people.
-    """
-
-    kind: str
-    ids: tuple[int, ...]
+    kind: str  # one of `KINDS`
+    ids: tuple[int, ...]  # whom it changes
+    # start, end: seconds: from when, and until when
     start: float = 0.0
     end: float = ALWAYS
-    by: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    turn: float = 0.0
-    about: tuple[float, float] = (0.0, 0.0)
-    over: float = 0.0
-    speed: float = 1.0
-    seconds: float = 0.0
+    by: tuple[float, float, float] = (0.0, 0.0, 0.0)  # (x, y, z); of a move: metres
+    turn: float = 0.0  # of a move: degrees counter-clockwise about `about`
+    about: tuple[float, float] = (0.0, 0.0)  # (x, y); metres
+    over: float = 0.0  # of a move: seconds in which it comes and goes
+    speed: float = 1.0  # of a retime: 2 is twice as fast
+    seconds: float = 0.0  # of a delay: positive is later
+    # brush, species: of a look, empty for no change
     brush: str = ""
     species: str = ""
-    size: float = 1.0
-    because: str = ""
+    size: float = 1.0  # of a look: times as large
+    because: str = ""  # how the animals were chosen, for people
 
     def local(self, time):
         """(time, rate): which second of the run so far is shown at a time, and how fast its time goes."""

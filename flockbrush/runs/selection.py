@@ -13,21 +13,11 @@ REACH = 5.0  # m; a click farther from every animal chooses none
 
 @dataclass(frozen=True)
 class Selection:
-    """What animals must be to be chosen; what is left empty does not matter.
-
-    Attributes
-    ----------
-    ids : tuple of int
-    box : (west, south, east, north), optional
-        Metres.
-    near : (x, y), optional
-        The animal nearest to this point, m.
-    species, brush, state : str
-    """
+    """What animals must be to be chosen; what is left empty does not matter."""
 
     ids: tuple[int, ...] = ()
-    box: tuple[float, float, float, float] | None = None
-    near: tuple[float, float] | None = None
+    box: tuple[float, float, float, float] | None = None  # (west, south, east, north), optional; metres
+    near: tuple[float, float] | None = None  # (x, y), optional; the animal nearest to this point, m
     species: str = ""
     brush: str = ""
     state: str = ""

@@ -28,40 +28,25 @@ from flockbrush.systems.program_reports import state_codes, state_names
 
 @dataclass(frozen=True)
 class Moment:
-    """Copies of what leaves us: one row for each animal, in order of id.
+    """Copies of what leaves us: one row for each animal, in order of id."""
 
-    Attributes
-    ----------
-    time : float
-        Seconds since the start.
-    ids : ndarray (n,) int64
-    xyz, velocity, forward : ndarray (n, 3)
-        Metres, metres per second, unit vectors.
-    length, radius : ndarray (n,)
-        Metres.
-    species, brush : ndarray (n,) int
-        Indices into the names.
-    leader : ndarray (n,) bool
-    reference : ndarray (n,) int64
-        Id of the animal it keeps its place by, 0 for none.
-    up : ndarray (n, 3), optional
-        Unit vector out of the back: where it leans, the animal banks.
-    labels : dict of str to ndarray (n,) int
-        Further names that animals bear (`label`), as indices into `words_of`: only those that the world has.
-    """
-
-    time: float
-    ids: np.ndarray
+    time: float  # seconds since the start
+    ids: np.ndarray  # (n,) int64
+    # xyz, velocity, forward: (n, 3); metres, metres per second, unit vectors
     xyz: np.ndarray
     velocity: np.ndarray
     forward: np.ndarray
+    # length, radius: (n,); metres
     length: np.ndarray
     radius: np.ndarray
+    # species, brush: (n,) int; indices into the names
     species: np.ndarray
     brush: np.ndarray
-    leader: np.ndarray
-    reference: np.ndarray
-    up: np.ndarray | None = None
+    leader: np.ndarray  # (n,) bool
+    reference: np.ndarray  # (n,) int64; id of the animal it keeps its place by, 0 for none
+    up: np.ndarray | None = None  # (n, 3), optional; unit vector out of the back: where it leans, the animal banks
+    # str to (n,) int; further names that animals bear (`label`), as indices into `words_of`: only those that the world
+    # has
     labels: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __len__(self):
@@ -84,18 +69,10 @@ _COLUMNS = {
 
 
 class Label(NamedTuple):
-    """A name that every animal of some worlds bears.
+    """A name that every animal of some worlds bears."""
 
-    Attributes
-    ----------
-    names : function (simulation) -> list of str
-        All there are; empty in a world without this label.
-    codes : function (simulation) -> ndarray (n,) int
-        A new array: which of them each animal bears.
-    """
-
-    names: Callable
-    codes: Callable
+    names: Callable  # function (simulation) -> list of str; all there are; empty in a world without this label
+    codes: Callable  # function (simulation) -> (n,) int; a new array: which of them each animal bears
 
 
 LABELS: dict[str, Label] = {  # by name; who declares such a column registers it here

@@ -87,50 +87,32 @@ class Keyframes:
 
 @dataclass(eq=False)
 class Branch:
-    """One course of events: where it began, what was done when, and what is known of it.
-
-    Attributes
-    ----------
-    header, assets : dict
-        What a recording of it begins with.
-    script : list of (tick, command, key)
-        What the level itself will do.
-    commands : list of (tick, command)
-        As applied, in order; the script's among them.
-    hashes : dict of int to str
-        State hash after so many ticks, before anything was done there.
-    changes : list of (tick, box)
-        Where the ground changed: (west, south, east, north) in metres, or "all".
-    waiting : list of (tick, command, key)
-        What of the script, as it is then, is still to come at its end.
-    parent, left : str, int
-        The branch it comes from, and the tick at which it left that one.
-    editor : flockbrush.levels.editor.Editor
-        Of the level's document as it is at the branch's end.
-    outdated : bool
-        Another branch was saved since.
-    differs : int or None
-        The first tick that came out differently when it was lived again.
-    """
+    """One course of events: where it began, what was done when, and what is known of it."""
 
     name: str
     beginning: Beginning
+    # header, assets: what a recording of it begins with
     header: dict
     assets: dict[str, bytes]
-    script: list
+    script: list  # list of (tick, command, key); what the level itself will do
     keyframes: Keyframes = field(default_factory=Keyframes)
+    # list of (tick, command); as applied, in order; the script's among them
     commands: list = field(default_factory=list)
+    # state hash after so many ticks, before anything was done there
     hashes: dict[int, str] = field(default_factory=dict)
+    # list of (tick, box); where the ground changed: (west, south, east, north) in metres, or "all"
     changes: list = field(default_factory=list)
     samples: list = field(default_factory=list)
+    # list of (tick, command, key); what of the script, as it is then, is still to come at its end
     waiting: list = field(default_factory=list)
     last_tick: int = 0
+    # parent, left: str, int; the branch it comes from, and the tick at which it left that one
     parent: str = ""
     left: int = 0
-    editor: Any = None
+    editor: Any = None  # flockbrush.levels.editor.Editor; of the level's document as it is at the branch's end
     scribe: Scribe | None = None
-    outdated: bool = False
-    differs: int | None = None
+    outdated: bool = False  # another branch was saved since
+    differs: int | None = None  # the first tick that came out differently when it was lived again
 
     @classmethod
     def begun(cls, name, beginning, simulation):

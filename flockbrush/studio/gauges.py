@@ -37,30 +37,15 @@ class MeasureSample:
 
 @dataclass(frozen=True)
 class MeasureHistory:
-    """Measures over time, as arrays of one length.
+    """Measures over time, as arrays of one length."""
 
-    Attributes
-    ----------
-    time : ndarray (n,)
-        Seconds.
-    values : dict of str to ndarray (n,)
-        "polarization", "milling" and "speed" (m/s, mean).
-    counts : dict of str to ndarray (n,)
-        Animals by name of brush.
-    states : dict of str to ndarray (n,)
-        Animals by state of their programs; empty in a world without programs.
-    species : dict of str to ndarray (n,)
-        Animals by species.
-    ever : ndarray (n,)
-        Animals that there have been.
-    """
-
-    time: np.ndarray
-    values: dict[str, np.ndarray]
-    counts: dict[str, np.ndarray]
+    time: np.ndarray  # (n,); seconds
+    values: dict[str, np.ndarray]  # str to (n,); "polarization", "milling" and "speed" (m/s, mean)
+    counts: dict[str, np.ndarray]  # str to (n,); animals by name of brush
+    # str to (n,); animals by state of their programs; empty in a world without programs
     states: dict[str, np.ndarray] = field(default_factory=dict)
-    species: dict[str, np.ndarray] = field(default_factory=dict)
-    ever: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    species: dict[str, np.ndarray] = field(default_factory=dict)  # str to (n,); animals by species
+    ever: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (n,); animals that there have been
 
 
 def chart_of(samples):

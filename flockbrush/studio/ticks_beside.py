@@ -19,22 +19,13 @@ _SOON = 1e-9  # of a tick; rounding of what real time adds up to
 
 @dataclass
 class Lived:
-    """What ticks that ran together left.
+    """What ticks that ran together left."""
 
-    Attributes
-    ----------
-    count : int
-        Ticks that came to their end.
-    before, after : Moment
-        Between which one draws: the last two states.
-    error : Exception or None
-        What ended them before their time.
-    """
-
-    count: int
+    count: int  # ticks that came to their end
+    # before, after: between which one draws: the last two states
     before: Any
     after: Any
-    error: BaseException | None = None
+    error: BaseException | None = None  # what ended them before their time
 
 
 class Beside:

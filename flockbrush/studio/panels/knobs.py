@@ -20,28 +20,18 @@ SHORT = {"body lengths": "BL", "degrees": "°"}
 
 @dataclass(frozen=True)
 class Knob:
-    """One thing of a brush that a designer may set.
+    """One thing of a brush that a designer may set."""
 
-    Attributes
-    ----------
-    table : {"params", "speed", "vision"}
-        Which part of the brush has it.
-    kind : {"number", "whole number", "switch", "choice"}
-    low, high : float
-        Ends of the slider; those of the model where it has any.
-    hard : bool
-        Whether the ends are the model's: beyond them nothing is taken.
-    """
-
-    table: str
+    table: str  # {"params", "speed", "vision"}; which part of the brush has it
     name: str
-    kind: str
+    kind: str  # {"number", "whole number", "switch", "choice"}
     unit: str
     help: str
+    # low, high: ends of the slider; those of the model where it has any
     low: float = 0.0
     high: float = 1.0
     choices: tuple[str, ...] = ()
-    hard: bool = True
+    hard: bool = True  # whether the ends are the model's: beyond them nothing is taken
 
     @property
     def words(self) -> str:

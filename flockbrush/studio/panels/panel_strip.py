@@ -17,33 +17,17 @@ FADED = 90  # of 255: what is yet to come, seen from the past
 
 @dataclass(frozen=True)
 class Strip:
-    """What one chart shows.
-
-    Attributes
-    ----------
-    title : str
-    time : ndarray (n,)
-        Seconds, rising.
-    lines : list of (ndarray (n,), colour)
-        NaN where there is nothing to show.
-    now, end : float
-        Seconds: the present, and the end of the chart.
-    top : float
-        The value at the upper edge; the lower one is 0.
-    said : str
-        The value of the present, with its unit.
-    stacked : bool
-        Lines are laid on top of one another, and filled.
-    """
+    """What one chart shows."""
 
     title: str
-    time: np.ndarray
-    lines: list
+    time: np.ndarray  # (n,); seconds, rising
+    lines: list  # list of ((n,), colour); NaN where there is nothing to show
+    # now, end: seconds: the present, and the end of the chart
     now: float
     end: float
-    top: float
-    said: str
-    stacked: bool = False
+    top: float  # the value at the upper edge; the lower one is 0
+    said: str  # the value of the present, with its unit
+    stacked: bool = False  # lines are laid on top of one another, and filled
 
 
 def strip_picture(strip: Strip, size, font: int, colours) -> pygame.Surface:
