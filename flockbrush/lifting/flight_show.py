@@ -384,15 +384,10 @@ class Solver:
     Parameters
     ----------
     show : Show
-
-    Attributes
-    ----------
-    seconds : float
-        The last solve took.
     """
 
     def __init__(self, show: Show):
-        self.show, self.seconds = show, 0.0
+        self.show, self.seconds = show, 0.0  # seconds: the last solve took
         self._job: SimpleNamespace | None = None
         self._next: tuple | None = None
 
