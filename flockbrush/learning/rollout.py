@@ -381,7 +381,7 @@ class PlaneHerd:
             return np.zeros(n + 1, np.int64), self.zero[:0]
         most, count = int(self.owner.max()) + 1, np.zeros(n, np.int64)
         found = np.empty((n, most, 2))
-        _nearest_points(0, n, self.xyz, self.views, *self.solid, self.owner, found, count)
+        _nearest_points(0, n, self.xyz, self.views, self.solid, self.owner, found, count)
         return np.concatenate([[0], np.cumsum(count)]), found[np.arange(most) < count[:, None]]
 
     def _wishes(self, rows, lists, walls_first, walls_offset, params):
