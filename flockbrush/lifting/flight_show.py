@@ -277,7 +277,7 @@ class Show:
             raise refused(self.name, f"frame {frame}: the birds fly in no line formation: {why}")
         return found
 
-    def formation_level(self, k, path, like="geese") -> Path:
+    def formation_level(self, k, path) -> Path:
         """Write a brush as `formation_brush`, and beside it a level in which so many birds fly with it; that level.
 
         The brush goes into the folder ``brushes`` there, where levels look for brushes.
@@ -289,7 +289,7 @@ class Show:
         folder = path.parent.parent if path.parent.name == "brushes" else path.parent
         (folder / "brushes").mkdir(exist_ok=True)
         with claimed([folder / "brushes" / path.name]):
-            self.formation_brush(k, folder / "brushes" / path.name, like)
+            self.formation_brush(k, folder / "brushes" / path.name)
         sky = LevelSketch(120, 40, 10.0, ".", [], boundary="despawn")
         sky.document.data["tilesets"] = []
         count = len(self.there(k))
