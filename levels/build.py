@@ -168,7 +168,6 @@ def build(
 
     Parameters
     ----------
-    level : Level
     seed : int, optional
         Instead of the level's own.
     agents : int, optional

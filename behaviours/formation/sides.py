@@ -33,7 +33,6 @@ def arrangements(frames: list[FrameShape], match: np.ndarray, swap: bool, left: 
 
     Parameters
     ----------
-    frames : list of FrameShape
     match : ndarray (n,) int
         The place in ``frames[0].birds`` of the bird that each animated one follows, -1 for none.
     swap : bool
@@ -79,7 +78,6 @@ class Crossing:
 
     Parameters
     ----------
-    before, after : Arrangement
     start, end : ndarray (n, 2)
         Wingspans to the right and ahead of the leader, by place.
     drift, speed : float

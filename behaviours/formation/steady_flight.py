@@ -113,7 +113,6 @@ class SteadyFlight:
         Same seed, same flight.
     left : int, optional
         How many fly to the left of the leader; as in the example unless told.
-    drawing : Drawing, optional
     exchange : bool
         Left and right of the example exchanged, before anything else.
 

@@ -31,7 +31,6 @@ def fields_of_clip(clip, out, looking: Looking, preview=None, as_json=False) -> 
     clip : path
     out : path
         An npz, read again by `flockbrush.film.observations.Evidence.load`.
-    looking : Looking
     preview : path, optional
         An mp4: the clip with outlines and motion of the bodies, beside it density and mean motion.
 
@@ -126,8 +125,6 @@ def drawing(glance: Glance, watch: Watch, fields: dict) -> np.ndarray:
 
     Parameters
     ----------
-    glance : Glance
-    watch : Watch
     fields : dict
         ``density`` (ny, nx) and ``velocity`` (ny, nx, 2) of this frame.
     """

@@ -243,7 +243,6 @@ def painted(mask, grid: ClipGrid, scale) -> np.ndarray:
     ----------
     mask : (h, w) uint8 ndarray
         In pixels of the clip's first picture, full size; 0 beyond it.
-    grid : Grid
     scale : float
         Pixels of the reference picture for one of the mask's.
     """

@@ -71,8 +71,6 @@ def speed_evidence(fields, sightings=None, body_pixels=1.0, smoothed=SMOOTHED) -
 
     Parameters
     ----------
-    fields : Fields
-    sightings : Sightings, optional
     body_pixels : float
         N_bp.
     smoothed : float

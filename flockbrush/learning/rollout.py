@@ -256,13 +256,11 @@ class PlaneHerd:
 
     Parameters
     ----------
-    start : Start
     params : Params
         Of the herd model (`params_of`).
     speed : SpeedSpec
     body, vision : BodySpec, VisionSpec
         The body's radius counts as a share of its length.
-    seed : int
     ids : (n,) int, optional
         Entities, for noise; 1 to n unless told, as in a fresh world.
     """
@@ -425,7 +423,6 @@ def rollout(
 
     Parameters
     ----------
-    start : Start
     params : Params or (12,) array_like
         Of any model; twelve numbers are the herd's.  Others than the herd's run on open ground alone (ValueError).
     speed, body, vision : SpeedSpec, BodySpec, VisionSpec
@@ -435,15 +432,10 @@ def rollout(
         Of the noise.
     dt : float
         Seconds to a tick.
-    walls : Walls, optional
     guide : Guide, optional
         What leaders follow.
     gates : Gates, optional
         Where a picture that sees a part of the herd ends.
-
-    Returns
-    -------
-    Run
     """
     if not isinstance(params, Parameters):
         params = params_of(params)

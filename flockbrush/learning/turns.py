@@ -72,7 +72,6 @@ def turns_of(
 
     Parameters
     ----------
-    evidence : Evidence
     body : BodySpec
         Who touches whom; the radius counts as a share of the length.
     vision : VisionSpec
@@ -212,7 +211,6 @@ def fit_turns(
 
     Parameters
     ----------
-    turns : Turns
     theta : (12,) array_like
         Where to begin.
     params : Params, optional

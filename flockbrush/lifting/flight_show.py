@@ -46,12 +46,10 @@ class Show:
 
     Parameters
     ----------
-    flight : Flight
     name : str
         Of the file it was read from.
     camera : Camera, optional
         That filmed the tracks it is lifted from; without one it is as it was read.
-    tracks : Tracks, optional
     sight : Sight, optional
         The tracks made ready.
     wanted : Wanted
@@ -379,12 +377,7 @@ def _abreast(xyz, velocity):
 
 
 class Solver:
-    """Solves in a thread of its own; only the latest wish counts.
-
-    Parameters
-    ----------
-    show : Show
-    """
+    """Solves in a thread of its own; only the latest wish counts."""
 
     def __init__(self, show: Show):
         self.show, self.seconds = show, 0.0  # seconds: the last solve took

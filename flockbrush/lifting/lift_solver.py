@@ -104,8 +104,6 @@ def lift(tracks: Tracks, camera: Camera, wish: LiftWish | None = None) -> Lifted
     ----------
     tracks : Tracks
         With noise and gaps; they are smoothed first.
-    camera : Camera
-    wish : Wish, optional
 
     Returns
     -------

@@ -64,7 +64,6 @@ class GroundPictures:
 
     Parameters
     ----------
-    place : SceneMeshes
     fps : float
         Of the moments that it is told.
     """

@@ -256,7 +256,6 @@ class SpacePainter:
 
         Parameters
         ----------
-        herd : Herd
         time : float, optional
             Seconds on the clock.
         title : str, optional

@@ -55,7 +55,6 @@ class Marking(PlainWindow):
 
     Parameters
     ----------
-    album : Album
     out : path
         Where the marks are saved.
     size : (int, int)

@@ -37,7 +37,6 @@ class ClipWindow(PlainWindow):
 
     Parameters
     ----------
-    book : Book
     size : (int, int)
         Pixels.
     theme : {"light", "dark"}, optional
