@@ -34,7 +34,7 @@ SKIN = 0.25  # of the radii: bodies push and turn aside this much before they to
 DEFLECT = 0.75  # of the heading into a body that is touched, taken away.  By trial: crowds jam from .3 downwards
 PUSHES = 2  # rounds of pushing
 ROUNDS = 8  # of looking again before all stand firm
-PUSHED = 1.01  # times its top speed that an animal may be shoved up or down a slope
+PUSHED = 1.01  # times its top speed that an animal may be shoved
 SWEEPS = 6  # projections onto the half-planes before the step is shortened
 
 
@@ -83,17 +83,10 @@ def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=No
         pushed = np.zeros((m, 2))
         over_rows(_push, len(order), met, wished, far, pushed)
         wished = Poses(pushed, wished.heading)
-    step = wished.step
-    if top is not None:
-        size, most = np.sqrt((step * step).sum(axis=1)), top[cells.row] * dt
-        over = size > most
-        step[over] *= (most[over] / size[over])[:, None]
-    if top is None or hills is None:
-        climb = None
-    else:
-        climb = Climb(hills, top[cells.row] * dt, cells)
-        climb.shorten(order, step)
-    step, heading = _agree(met, edges, wished, far, climb)
+    within = None if top is None else Within(top[cells.row] * dt, cells, hills)
+    if within is not None:
+        within.shorten(order, wished.step)
+    step, heading = _agree(met, edges, wished, far, within)
     if len(order) == n:  # everybody has a slot
         return step[cells.slot], heading[cells.slot]
     rows, steps, headings = cells.row[order], np.zeros((n, 2)), np.zeros((n, 2))
@@ -140,26 +133,31 @@ class Hills(NamedTuple):
     wrap: tuple[float, float]  # m, size of a periodic map, else zeros
 
 
-class Climb(NamedTuple):
-    """Who may go how far in space, up or down."""
+class Within(NamedTuple):
+    """Who may go how far, in space where the ground is not level."""
 
-    hills: Hills
     most: np.ndarray  # (slots,) m
     cells: Cells
+    hills: Hills | None
 
     def shorten(self, order, step, slack=1.0):
         """(slots,) bool, whose steps (slots, 2) were too long; they are cut in place."""
-        cut = np.zeros(len(step), np.bool_)
-        shorten_on_slopes(order, self.cells.x, self.cells.y, step, slack * self.most, *self.hills, cut)
-        return cut
+        size, most = np.sqrt((step * step).sum(axis=1)), slack * self.most
+        over = size > most
+        step[over] *= (most[over] / size[over])[:, None]
+        if self.hills is not None:
+            cut = np.zeros(len(step), np.bool_)
+            shorten_on_slopes(order, self.cells.x, self.cells.y, step, most, *self.hills, cut)
+            over |= cut
+        return over
 
 
-def _agree(met, edges, wished, far, climb=None):
+def _agree(met, edges, wished, far, within=None):
     """Steps that keep everybody on his side of lines which every two agree upon.
 
     At first the line between two bodies moves along with both of them, so that a crowd can stream and be pushed.
     Who cannot keep to all his lines stands firm: his lines stay where they are, and his neighbours look again.
-    Likewise who would be shoved up or down a slope faster than he can go; firm, he may stay as he is.
+    Likewise who would be shoved faster than he can go; firm, he may stay as he is.
     """
     m = len(wished.step)
     safe = Poses(np.empty((m, 2)), np.empty((m, 2)))
@@ -170,11 +168,11 @@ def _agree(met, edges, wished, far, climb=None):
             firm[:] = 1
         stuck = np.zeros(m, np.uint8)
         over_rows(_keep_to_own_side, len(met.order), met, edges, wished, firm, fresh, stuck, far, safe)
-        if climb is not None:
-            steep = climb.shorten(met.order, safe.step.copy(), PUSHED)
-            stays = steep & (firm > 0)
+        if within is not None:
+            fast = within.shorten(met.order, safe.step.copy(), PUSHED)
+            stays = fast & (firm > 0)
             safe.step[stays], safe.heading[stays] = 0.0, np.column_stack([met.fx, met.fy])[stays]
-            stuck[steep & ~stays] = 1
+            stuck[fast & ~stays] = 1
         if not stuck.any():
             break
         firm |= stuck
