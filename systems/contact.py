@@ -142,9 +142,11 @@ class Within(NamedTuple):
 
     def shorten(self, order, step, slack=1.0):
         """(slots,) bool, whose steps (slots, 2) were too long; they are cut in place."""
-        size, most = np.sqrt((step * step).sum(axis=1)), slack * self.most
-        over = size > most
-        step[over] *= (most[over] / size[over])[:, None]
+        most, over = slack * self.most, np.zeros(len(step), np.bool_)
+        size = np.sqrt((step[order] ** 2).sum(axis=1))  # copies across a seam have no step
+        long = size > most[order]
+        over[order] = long
+        step[order[long]] *= (most[order[long]] / size[long])[:, None]
         if self.hills is not None:
             cut = np.zeros(len(step), np.bool_)
             shorten_on_slopes(order, self.cells.x, self.cells.y, step, most, *self.hills, cut)
