@@ -146,7 +146,7 @@ def draw_level(pair):
     sketch.ground("grass")
     if pair.thing in ("slope", "cliff", "mixed slope under birds"):
         draw_height(pair, sketch, body.body.length)
-    if "mixed" in pair.thing:  # a running world has no brushes between but those that its level asks for
+    if "mixed" in pair.thing:  # there from the start, and moved by the thing
         zone = half_zone(pair, 0.3 * pair.side)
         words = {"brush": zone.brush, "strength": zone.strength, "edge": zone.edge, "species": zone.species}
         pair.zone = sketch.draw("Zone", zone.points, zone.name, closed=True, **words)
