@@ -26,20 +26,29 @@ ENUMS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Property:
-    """One custom property as a designer sees it."""
+    """One custom property as a designer sees it.
+
+    Parameters
+    ----------
+    kind : {"number", "int", "bool", "text", "colour", "enum", "heading", "brush", "program", "goal"}
+        ``heading`` is "random", a compass point or degrees counter-clockwise from east; ``brush``, ``program`` and
+        ``goal`` are names that must exist.
+    default
+        What an absent property means.  Tiled does not write defaults, so this is the only place they are.
+    low, high : float
+        Inclusive bounds.
+    above : float
+        Exclusive lower bound.
+    """
 
     name: str
-    # {"number", "int", "bool", "text", "colour", "enum", "heading", "brush", "program", "goal"}; ``heading`` is
-    # "random", a compass point or degrees counter-clockwise from east; ``brush``, ``program`` and ``goal`` are names
-    # that must exist
     kind: str
-    default: Any  # what an absent property means. Tiled does not write defaults, so this is the only place they are.
+    default: Any
     meaning: str
     unit: str = ""
-    # low, high: inclusive bounds
     low: float | None = None
     high: float | None = None
-    above: float | None = None  # exclusive lower bound
+    above: float | None = None
     enum: str = ""
     required: bool = False
 

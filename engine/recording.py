@@ -166,6 +166,7 @@ class Recorder:
 
     Parameters
     ----------
+    recording : Recording
     world : World
         With `Clock` and `Commands`.
     hash_every : int

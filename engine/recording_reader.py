@@ -132,6 +132,10 @@ def open_recording(path: str | os.PathLike) -> RecordedRun:
     ----------
     path : path-like
 
+    Returns
+    -------
+    RecordedRun
+
     Raises
     ------
     RecordingError

@@ -36,6 +36,7 @@ def state_hash(world, marks=None):
 
     Parameters
     ----------
+    world : World
     marks : dict, optional
         Is filled with a digest of each part of the state, by name.
 
@@ -206,6 +207,7 @@ def check_beginning(world, beginning, size):
 
     Parameters
     ----------
+    world : World
     beginning : bytes-like
         Its first bytes, with the table of contents.
     size : int

@@ -36,6 +36,7 @@ class Trail:
 
         Parameters
         ----------
+        world : World
         marks : dict of str to bytes
             As `flockbrush.engine.state.state_hash` fills it.
         """
@@ -77,6 +78,7 @@ def values_of(world, marks):
 
     Parameters
     ----------
+    world : World
     marks : dict of str to bytes
         As `flockbrush.engine.state.state_hash` fills it, and `traces`.
     """

@@ -23,6 +23,7 @@ def check_level(level, objects, library, commands=None):
 
     Parameters
     ----------
+    level : Level
     objects : ObjectReader
         Knows where each object stands in the file.
     library : BrushLibrary

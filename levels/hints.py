@@ -52,6 +52,7 @@ def mixing_hints(level, places, library, place):
 
     Parameters
     ----------
+    level : Level
     places : dict of int to Place
         By the id of a zone.
     library : BrushLibrary
@@ -88,6 +89,7 @@ def level_hints(level, places):
 
     Parameters
     ----------
+    level : Level
     places : dict of int to Place
         By the id of the object.
     """

@@ -55,6 +55,7 @@ class EditedMap:
 
     Parameters
     ----------
+    document : Document
     library : BrushLibrary
         Knows which brush a tile means that names a file.
     files : DiskFiles or MemoryFiles, optional

@@ -53,7 +53,7 @@ class SpeciesList:
 
     names: list[str] = field(default_factory=list)
     library: SpeciesLibrary = field(default_factory=shipped_species)
-    _told: tuple = ((), None, None)
+    _told: tuple = (None, [], None, None)
 
     def state(self):
         """The names (see `flockbrush.engine.state`)."""
@@ -71,24 +71,25 @@ class SpeciesList:
 
     @property
     def assets(self) -> list[SpeciesSpec | None]:
-        """The species by index; None for a mere name."""
-        return [self.library.find(name) for name in self.names]
+        """The species by index; None for a mere name. Files are read once for each list of names."""
+        return self._tables()[0]
 
     @property
     def table(self) -> SpeciesTable:
         """Their numbers."""
-        return self._tables()[0]
+        return self._tables()[1]
 
     @property
     def relations(self) -> Relations:
         """What they make of each other."""
-        return self._tables()[1]
+        return self._tables()[2]
 
     def _tables(self):
         names = tuple(self.names)
-        if self._told[0] != names or self._told[1] is None:
-            assets = self.assets
-            self._told = names, species_table(names, assets), relations_among(names, assets)
+        if self._told[0] != (names, self.library):
+            assets = [self.library.find(name) for name in names]
+            tables = species_table(names, assets), relations_among(names, assets)
+            self._told = (names, self.library), assets, *tables
         return self._told[1:]
 
 

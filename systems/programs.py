@@ -36,15 +36,26 @@ NEVER = np.iinfo(np.int64).max  # tick of what does not end
 
 
 class Compiled:
-    """A program as the system runs it."""
+    """A program as the system runs it.
+
+    Attributes
+    ----------
+    names : list of str
+        Of the states by number.
+    sources : ndarray (triggers, states) bool
+        Out of which states a trigger leads.
+    to : ndarray (triggers,)
+        The state it leads to.
+    slots : dict
+        Place in `ProgramState.memory` of each thing remembered.
+    """
 
     def __init__(self, program: Program):
         self.program = program
-        self.names = list(program.states)  # of the states by number
+        self.names = list(program.states)
         number = {name: k for k, name in enumerate(self.names)}
         self.number = number
-        self.to = np.array([number[t.to] for t in program.triggers], np.int32)  # (triggers,); the state it leads to
-        # (triggers, states) bool; out of which states a trigger leads
+        self.to = np.array([number[t.to] for t in program.triggers], np.int32)
         self.sources = np.zeros((len(program.triggers), len(self.names)), bool)
         for k, trigger in enumerate(program.triggers):
             for name in trigger.sources:
@@ -53,7 +64,6 @@ class Compiled:
                 else:
                     self.sources[k, number[name]] = True
         self.memories = program.memories()
-        # place in `ProgramState.memory` of each thing remembered
         self.slots = {part.memory(): slot for slot, part in enumerate(self.memories)}
         self.states = list(program.states.values())
         parts = [part for trigger in program.triggers for part in trigger.when.walk()]
@@ -65,13 +75,22 @@ class Compiled:
 
 
 class Programs:
-    """The programs of a world, what has just happened in it, and how often states changed."""
+    """The programs of a world, what has just happened in it, and how often states changed.
+
+    Attributes
+    ----------
+    programs : list of Program
+        By number.
+    events : list of Happening
+        Raised since the last tick, and heard in the next.
+    transitions : dict of str to ndarray (states, states) int64
+        By program: how often animals went from the row's state to the column's.
+    """
 
     def __init__(self):
-        self.programs: list[Program] = []  # by number
+        self.programs: list[Program] = []
         self.compiled: list[Compiled] = []
-        self.events: list[Happening] = []  # raised since the last tick, and heard in the next
-        # str to (states, states) int64; by program: how often animals went from the row's state to the column's
+        self.events: list[Happening] = []
         self.transitions: dict[str, np.ndarray] = {}
         self.known: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # ids, xyz, species of the last tick
 

@@ -76,8 +76,18 @@ def extract_formation(marks_path, out, plot, heading, wingspan, samples, json):
         if json:
             print_json({"kinds": formation.kinds(), "frames": [_summary(frame) for frame in formation.frames]})
             return
-        columns = "frame", "shape", "birds", "leader", "outliers", "stragglers", "spacing", "deviation", "why"
-        lines = table(*columns, right=("birds",))
+        lines = table(
+            "frame",
+            "shape",
+            "birds",
+            "leader",
+            "outliers",
+            "stragglers",
+            "spacing",
+            "deviation",
+            "why",
+            right=("birds",),
+        )
         for frame in formation.frames:
             s = _summary(frame)
             lines.add_row(
@@ -127,8 +137,10 @@ def fly(formation_path, birds, frames, fps, seed, left, exchange, method, epsilo
         if json:
             print_json(said)
             return
-        rows = ((key.replace("_", " "), value) for key, value in said.items())
-        show(table("measure", "value", rows=rows, right=("value",)))
+        lines = table("measure", "value", right=("value",))
+        for key, value in said.items():
+            lines.add_row(key.replace("_", " "), number(value))
+        show(lines)
 
 
 def make_brush(formation_path, out, like):

@@ -20,10 +20,18 @@ NEAR = 40  # distance in red, green and blue up to which a colour of a file is o
 
 @dataclass(frozen=True)
 class MaskLayer:
-    """A mask that stays as it is, kept small: undo keeps many of them."""
+    """A mask that stays as it is, kept small: undo keeps many of them.
 
-    size: tuple[int, int]  # width and height, pixels
-    packed: bytes  # of an array (h, w) uint8
+    Parameters
+    ----------
+    size : (int, int)
+        Width and height, pixels.
+    packed : bytes
+        Of an array (h, w) uint8.
+    """
+
+    size: tuple[int, int]
+    packed: bytes
 
     @classmethod
     def of(cls, array) -> MaskLayer:

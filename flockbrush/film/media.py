@@ -37,6 +37,7 @@ def read_picture(path, hint="", flags=cv2.IMREAD_COLOR) -> np.ndarray:
 
     Parameters
     ----------
+    path : path
     hint : str
         Said where it is no picture: what would be right.
 
@@ -124,6 +125,10 @@ def upright(picture, turned):
 
 class FilmReader:
     """The frames of a film one after the other, upright; where a frame is broken, it goes on with the next.
+
+    Parameters
+    ----------
+    path : path
 
     Attributes
     ----------

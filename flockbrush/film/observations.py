@@ -18,11 +18,17 @@ from flockbrush.film.speeds import SpeedEvidence, speed_evidence
 
 
 class CannotObserve(ProblemsError):
-    """A clip that tells nothing, or not enough: what was seen and what to try."""
+    """A clip that tells nothing, or not enough: what was seen and what to try.
+
+    Attributes
+    ----------
+    seen : dict
+        Facts by name as far as they were found; under "pictures", BGR pictures by title.
+    """
 
     def __init__(self, clip, message: str, seen: dict | None = None):
         super().__init__([Problem(str(clip), None, None, message)])
-        self.seen = dict(seen or {})  # facts by name as far as they were found; under "pictures", BGR pictures by title
+        self.seen = dict(seen or {})
 
 
 @dataclass

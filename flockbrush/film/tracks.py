@@ -184,6 +184,7 @@ def smoothed(tracks: Tracks, stiffness: float | None = None) -> Smoothed:
 
     Parameters
     ----------
+    tracks : Tracks
     stiffness : float, optional
         More is smoother; by generalised cross-validation over all birds together unless given.
 

@@ -113,6 +113,10 @@ def learn(
     cluster : str, optional
         Address of the scheduler of a Dask cluster, whose workers do what ``jobs`` processes would: ``tcp://host:8786``.
 
+    Returns
+    -------
+    LearnedBrush
+
     Raises
     ------
     ProblemsError

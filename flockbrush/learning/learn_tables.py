@@ -20,8 +20,10 @@ def show_findings(findings: Findings):
     ):
         if rows:
             columns = list(rows[0])
-            cells = ([_word(column, value) for column, value in row.items()] for row in rows)
-            show(table(*columns, rows=cells, title=title, right=columns[1:]))
+            made = table(*columns, title=title, right=columns[1:])
+            for row in rows:
+                made.add_row(*(_word(column, value) for column, value in row.items()))
+            show(made)
 
 
 def _against_film(findings):
@@ -40,8 +42,10 @@ def _against_film(findings):
 
 def _against_photograph(findings):
     title = f"{findings.brush.name}: against the photograph, {findings.comparison.times[-1]:.1f} s simulated"
-    rows = ((v.name, *map(measure, (v.clip, v.herd, v.off))) for v in findings.comparison.verdicts())
-    return table("measure", "photograph", "simulated", "off by", rows=rows, title=title, right=_NUMBERS)
+    made = table("measure", "photograph", "simulated", "off by", title=title, right=_NUMBERS)
+    for v in findings.comparison.verdicts():
+        made.add_row(v.name, *map(measure, (v.clip, v.herd, v.off)))
+    return made
 
 
 def _word(column, value):

@@ -62,7 +62,12 @@ MARKS = {True: ("✓", "good"), False: ("✗", "bad"), None: ("·", "quiet")}
 
 
 class ReportPage:
-    """Written from top to bottom; every text is escaped here, nowhere else."""
+    """Written from top to bottom; every text is escaped here, nowhere else.
+
+    Parameters
+    ----------
+    title : str
+    """
 
     def __init__(self, title: str):
         self.title = title

@@ -67,6 +67,7 @@ def write_report(findings: Findings, folder) -> list[Path]:
 
     Parameters
     ----------
+    findings : Findings
     folder : path
         Must be there.
 

@@ -110,6 +110,7 @@ def forces(theta, sight: TorchPercept, forward=None, others=None):
     Parameters
     ----------
     theta : (12,) tensor
+    sight : Sight
     forward : (n, 2) tensor, optional
         Headings other than those of ``sight``, for instance with a gradient.
     others : (n, 2) tensor, optional
@@ -146,6 +147,7 @@ def headings(
     Parameters
     ----------
     theta : (12,) tensor
+    sight : Sight
     dt : float
         Seconds to a tick.
     sensitivity : float or tensor

@@ -48,6 +48,7 @@ def aims(fields, t, xy, beta, device=None, block=1) -> Aims:
 
     Parameters
     ----------
+    fields : Fields
     xy : (n, 2) ndarray
         BL.
     beta : float

@@ -29,6 +29,8 @@ def lift_by_thesis(tracks, camera: Camera, wish: LiftWish | None = None) -> Lift
 
     Parameters
     ----------
+    tracks : Tracks
+    camera : Camera
     wish : Wish, optional
         ``evenness`` is not used.
 

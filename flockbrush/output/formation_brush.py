@@ -15,6 +15,7 @@ def write_brush(formation, out, like, source):
 
     Parameters
     ----------
+    formation : Formation
     out : path
         Ends in ``.brush.toml``.
     like : str

@@ -69,6 +69,7 @@ class SceneMeshes:
 
     Parameters
     ----------
+    simulation : Simulation
     theme : str
     """
 

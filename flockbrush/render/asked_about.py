@@ -6,10 +6,15 @@ from flockbrush.systems.explain import explain
 
 
 class AskedAbout:
-    """The explanation of an animal of a running world, asked once for each tick."""
+    """The explanation of an animal of a running world, asked once for each tick.
+
+    Attributes
+    ----------
+    held : bool
+        While a tick runs nobody looks at the world: what was told before it still holds.
+    """
 
     def __init__(self, simulation):
-        # held: while a tick runs nobody looks at the world: what was told before it still holds
         self.simulation, self.held = simulation, False
         self._known: tuple = (None, None)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from flockbrush.render.animal_looks import WIDE
 from flockbrush.render.facets import deep, draw_triangle, haze_at
+from flockbrush.render.gaits import sizes
 from flockbrush.render.mesh_bodies import draw_mesh, mesh_inks
 from flockbrush.render.shapes import kernel
 from flockbrush.render.sprites import KINDS, LEADER, NO_WINGS, WINGSPAN
@@ -412,10 +413,10 @@ def _block(frame, depth, clip, points, places, light, seen, lift, first, ink, ne
 
 def standing(forward: np.ndarray) -> np.ndarray:
     """Unit vectors out of the backs of animals that do not bank, (n, 3), from their headings (n, 3)."""
-    up = np.zeros_like(forward)
-    up[:, 2] = 1.0
-    up -= (forward[:, 2] / np.maximum((forward**2).sum(1), 1e-12))[:, None] * forward
-    size = np.sqrt((up**2).sum(1))
+    x, y, z = forward.T
+    lean = z / np.maximum(x * x + y * y + z * z, 1e-12)
+    up = np.column_stack([0.0 - lean * x, 0.0 - lean * y, 1.0 - lean * z])
+    size = sizes(up)
     steep = size < 1e-6
     up[steep] = (-1.0, 0.0, 0.0)
     return up / np.where(steep, 1.0, size)[:, None]

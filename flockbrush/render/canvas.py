@@ -99,17 +99,9 @@ class Canvas:
         tall, wide = mask.shape
         left, top = round(at[0] - anchor[0] * wide), round(at[1] - anchor[1] * tall)
         if halo is not None and wide:
-            self._halo(mask, left, top, halo)
+            self._paste(texts.halo(str(text), int(height)), left - texts.HALO, top - texts.HALO, halo, 0.8)
         self._paste(mask, left, top, colour, alpha)
         return wide
-
-    def _halo(self, mask, left, top, colour):
-        import cv2
-
-        grown = cv2.dilate(np.pad(mask, 3), np.ones((3, 3), np.uint8))
-        self._paste(
-            np.minimum(cv2.GaussianBlur(grown, (5, 5), 0) * 1.4, 1).astype(np.float32), left - 3, top - 3, colour, 0.8
-        )
 
     def _paste(self, mask, left, top, colour, alpha):
         box = self.box((left, top), (left + mask.shape[1], top + mask.shape[0]))

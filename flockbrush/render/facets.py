@@ -180,11 +180,7 @@ def _face(frame, depth, clip, cam, corners, colour, alpha, clear, haze):
     if abs(d) < 1e-12:
         return  # seen from its edge
     ix, iy, i0 = nx / (d * focal), -ny / (d * focal), nz / d
-    sign = 0.0
-    for k in range(count):
-        m = (k + 1) % count
-        sign += px[k] * py[m] - px[m] * py[k]
-    sign = 1.0 if sign > 0 else -1.0
+    edges = _edges(px, py)
     c0, c1, r0, r1 = window(
         clip, (left + right) / 2, (top + bottom) / 2, (right - left) / 2 + 1, (bottom - top) / 2 + 1
     )
@@ -195,13 +191,11 @@ def _face(frame, depth, clip, cam, corners, colour, alpha, clear, haze):
         y = row + 0.5
         low, high, inner_low, inner_high = float(c0), float(c1), float(c0), float(c1)
         for k in range(count):
-            m = (k + 1) % count
-            ex, ey = (px[m] - px[k]) * sign, (py[m] - py[k]) * sign
-            long = np.sqrt(ex * ex + ey * ey)
+            ex, ey, long, slope = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
             if long < 1e-9:
                 continue
             # inside is ex * (y - py) - ey * (x - px) > 0, here by so many pixels more
-            base, slope = (ex * (y - py[k]) + ey * px[k]) / long + GROWN, -ey / long
+            base = (ex * (y - py[k]) + ey * px[k]) / long + GROWN
             if abs(slope) < 1e-9:
                 if base <= 0:
                     high = low
@@ -218,11 +212,9 @@ def _face(frame, depth, clip, cam, corners, colour, alpha, clear, haze):
             inside = 1.0
             if x < inner_low or x > inner_high:
                 for k in range(count):
-                    m = (k + 1) % count
-                    ex, ey = px[m] - px[k], py[m] - py[k]
-                    long = np.sqrt(ex * ex + ey * ey)
-                    if long > 1e-9:
-                        inside = min(inside, sign * (ex * (y - py[k]) - ey * (x - px[k])) / long + GROWN)
+                    if edges[k, 2] > 1e-9:
+                        away = edges[k, 0] * (y - py[k]) - edges[k, 1] * (x - px[k])
+                        inside = min(inside, away / edges[k, 2] + GROWN)
                 if inside <= 0:
                     continue
             here = min(max(i0 + ix * (x - mx) + iy * (y - my), deepest), nearest)
@@ -235,6 +227,23 @@ def _face(frame, depth, clip, cam, corners, colour, alpha, clear, haze):
             )  # fmt: skip
             if alpha > 0.99 and inside > 0.5:
                 depth[row, col] = here
+
+
+@kernel
+def _edges(px, py):
+    """Edges (k, 4) of a convex polygon, so turned that it lies on their left: x, y, length, and -y over length."""
+    count, turn = len(px), 0.0
+    edges = np.empty((count, 4))
+    for k in range(count):
+        m = (k + 1) % count
+        turn += px[k] * py[m] - px[m] * py[k]
+    sign = 1.0 if turn > 0 else -1.0
+    for k in range(count):
+        m = (k + 1) % count
+        ex, ey = (px[m] - px[k]) * sign, (py[m] - py[k]) * sign
+        long = np.sqrt(ex * ex + ey * ey)
+        edges[k] = ex, ey, long, -ey / long if long > 0 else 0.0
+    return edges
 
 
 @kernel

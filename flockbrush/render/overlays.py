@@ -52,6 +52,7 @@ class Overlays:
 
     Parameters
     ----------
+    scenery : Scenery
     theme : {"light", "dark"} or Theme
     unit : float
         Pixels of a hairline.

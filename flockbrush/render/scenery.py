@@ -14,7 +14,12 @@ _FAINT = 0.4  # weight of what is painted in a level that has no painted layer y
 
 
 class Scenery:
-    """A running world's place, as a `Painter` takes levels: it is looked at anew every time, and keeps nothing."""
+    """A running world's place, as a `Painter` takes levels: it is looked at anew every time, and keeps nothing.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    """
 
     def __init__(self, simulation):
         self.simulation, self.level = simulation, simulation.level

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-kernel = njit(nogil=True, cache=True, no_cfunc_wrapper=True)
+kernel = njit(nogil=True, cache=True, no_cfunc_wrapper=True, error_model="numpy")
 
 
 @kernel

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
+HALO = 3  # pixels that a halo is wider than its word to every side
 FINE = 4  # letters are drawn so much larger and shrunk: small ones keep their distances
 
 
@@ -39,6 +40,17 @@ def words(text: str, height: int) -> np.ndarray:
     alpha = np.minimum(alpha * 1.15, 1)  # as dark as letters drawn at this size
     alpha.setflags(write=False)
     return alpha
+
+
+@lru_cache(maxsize=256)
+def halo(text: str, height: int) -> np.ndarray:
+    """Coverage around the text, (h + 2 HALO, w + 2 HALO) float32 in 0..1, shared like that of `words`."""
+    import cv2
+
+    grown = cv2.dilate(np.pad(words(text, height), HALO), np.ones((3, 3), np.uint8))
+    soft = np.minimum(cv2.GaussianBlur(grown, (5, 5), 0) * 1.4, 1).astype(np.float32)
+    soft.setflags(write=False)
+    return soft
 
 
 def width_of(text: str, height: int) -> int:

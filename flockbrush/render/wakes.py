@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flockbrush.render.facets import NEARER
-from flockbrush.render.gaits import RESTING, RUN, SWIM
+from flockbrush.render.gaits import RESTING, RUN, SWIM, sizes
 from flockbrush.render.shapes import kernel, over, window
 from flockbrush.render.style import mix
 from flockbrush.systems.landscape import Landscape
@@ -58,7 +58,7 @@ def wakes_of(simulation, moment, clip, flying) -> Wakes:
         kind
     ]  # -1, the last, is bare ground, drawn as grass
     wet = np.array([name in WET for name in names] + [False])[kind]
-    lengths = np.linalg.norm(moment.velocity, axis=1) / moment.length
+    lengths = sizes(moment.velocity) / moment.length
     runs = (clip == RUN) & ~wet & ~flying
     wades = ((clip == SWIM) | wet) & ~flying & (lengths > 4 * RESTING)
     return Wakes(

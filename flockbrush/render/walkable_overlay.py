@@ -13,6 +13,7 @@ def walkable_layer(sketcher, land, theme, unit):
     sketcher : Sketcher
         Aimed at the view.
     land : Landscape
+    theme : Theme
     unit : float
         Pixels of a hairline.
     """

@@ -162,6 +162,7 @@ class Sampler:
 
     Parameters
     ----------
+    simulation : Simulation
     fps : float
         Moments per second.  A rate that divides the ticks per second gives the very states of the simulation.
     labels : bool

@@ -31,6 +31,7 @@ class SyncTest:
 
     Parameters
     ----------
+    simulation : Simulation
     every : int
         Ticks between snapshots.
     last : int

@@ -374,8 +374,7 @@ class Deeds:
 
         def give(texts):
             try:
-                told = changed(command, texts)
-                return self.do(label, [*self.mix_needed(told), told])
+                return self.do(label, [changed(command, texts)])
             except ValueError as error:
                 self.notify(str(error), "error")
                 return False

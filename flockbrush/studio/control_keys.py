@@ -23,7 +23,12 @@ PRESS = (pygame.K_RETURN, pygame.K_KP_ENTER, pygame.K_SPACE)
 
 
 class ControlKeys:
-    """Which control the keys are for, if they are for one."""
+    """Which control the keys are for, if they are for one.
+
+    Parameters
+    ----------
+    app : App
+    """
 
     def __init__(self, app):
         self.app, self.now, self._at = app, None, (0, 0)

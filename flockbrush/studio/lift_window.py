@@ -44,6 +44,7 @@ class LiftWindow(PlainWindow):
 
     Parameters
     ----------
+    show : Show
     size : (int, int)
         Pixels.
     theme : {"light", "dark"}, optional

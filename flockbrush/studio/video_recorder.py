@@ -17,6 +17,7 @@ class RunningVideo:
 
     Parameters
     ----------
+    path : path
     size : (int, int)
         Pixels; frames of another size are fitted in.
     """

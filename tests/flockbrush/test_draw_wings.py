@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flockbrush.output.pictures import herd_of
+from flockbrush.render.gaits import sizes
 from flockbrush.render.sprites import NO_WINGS, Stamps, figure
 from flockbrush.render.style import DARK, palette
 from flockbrush.runs.run import start
@@ -61,3 +62,8 @@ def test_birds_of_a_level_beat_by_the_clock_and_fold_their_wings_where_they_rest
     resting = replace(moment, xyz=moment.xyz * (1, 1, 0), velocity=moment.velocity * 0)
     assert herd_of(geese, resting).wings is None or not np.isfinite(herd_of(geese, resting).wings).any()
     geese.close()
+
+
+def test_sizes_of_vectors_have_the_bits_of_norms():
+    vectors = np.random.default_rng(3).normal(scale=(1.0, 1e-9, 1e9), size=(1000, 3))
+    assert np.array_equal(sizes(vectors), np.linalg.norm(vectors, axis=1))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from flockbrush.behaviours.brush import shipped
-from flockbrush.behaviours.species import load_species
+from flockbrush.behaviours.species import SpeciesLibrary, load_species, shipped_species
 from flockbrush.components import Alarm, Heading, Individual, Position, Speed, Urge, Velocity
 from flockbrush.engine.raster import Raster
 from flockbrush.engine.state import state_hash
@@ -120,6 +120,16 @@ def test_nobody_is_faster_or_gets_faster_sooner_than_its_species_can():
         assert now.max() <= sheep.walk.speed
         assert (now - before)[:12].max() <= sheep.walk.acceleration / 32 + 1e-9
         before = now
+
+
+def test_files_of_species_are_read_once_for_each_list_of_names(tmp_path):
+    file = tmp_path / "yak.species.toml"
+    file.write_bytes(shipped_species().file_of("sheep").read_bytes())
+    fauna = SpeciesList(["yak"], SpeciesLibrary([tmp_path]))
+    first = fauna.assets
+    file.unlink()
+    assert fauna.assets == first and first[0].name == "yak"
+    assert fauna.index("ox") == 1 and fauna.assets == [None, None]
 
 
 def test_who_is_prey_and_who_is_not_says_the_species():

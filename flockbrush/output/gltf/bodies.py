@@ -19,6 +19,8 @@ class GltfBodies:
 
     Parameters
     ----------
+    document : Document
+    simulation : Simulation
     theme : Theme
         What brushes look like.
     """

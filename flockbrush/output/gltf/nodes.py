@@ -23,6 +23,9 @@ class Herd:
 
     Parameters
     ----------
+    document : Document
+    bodies : Bodies
+    records : Records
     world : int
         The node whose axes are ours.
     fps : float

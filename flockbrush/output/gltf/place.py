@@ -21,8 +21,10 @@ class PlaceNodes:
 
     Parameters
     ----------
+    document : Document
     bodies : Bodies
         Whose materials are used.
+    simulation : Simulation
     options : dict
         ``theme``, ``azimuth``, ``elevation``.
     world : int

@@ -31,6 +31,7 @@ class UsdStage:
     ----------
     path : path
         A new file.
+    simulation : Simulation
     fps : float
     options : dict
         ``usd_mode``; ``prototype``: "species=file.usd" texts; ``theme``, ``azimuth``, ``elevation``, ``camera``.

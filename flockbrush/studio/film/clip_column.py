@@ -18,6 +18,11 @@ class ClipColumn:
     ----------
     window : ClipWindow
     rect : pygame.Rect
+
+    Attributes
+    ----------
+    buttons : dict of UIButton to callable
+    sliders : list of Slider
     """
 
     def __init__(self, window, rect):
@@ -25,7 +30,7 @@ class ClipColumn:
         self.back = UIPanel(rect, 1, window.manager, margins=NO_MARGINS)
         self.pad = px(window.scale, 12)
         self.y = self.pad
-        self.buttons: dict = {}  # what a button does
+        self.buttons: dict = {}
         self.sliders: list[Slider] = []
 
     @property
