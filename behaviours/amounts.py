@@ -45,22 +45,13 @@ SLOPE = Dimension("a slope", {"": 1.0, "%": 0.01, "°": math.nan}, 0.0, 100.0, "
 
 @dataclass(frozen=True)
 class Amount:
-    """A number with a unit, or a range of which each animal draws its own.
+    """A number with a unit, or a range of which each animal draws its own."""
 
-    Parameters
-    ----------
-    low, high : float
-        In the first unit of the dimension, or in body lengths; equal when there is nothing to draw.
-    own : bool
-        In the animal's own body lengths.
-    text : str
-        As it was written.
-    """
-
+    # low, high: in the first unit of the dimension, or in body lengths; equal when there is nothing to draw
     low: float
     high: float
-    own: bool
-    text: str
+    own: bool  # in the animal's own body lengths
+    text: str  # as it was written
 
     def __eq__(self, other):
         same = isinstance(other, Amount)

@@ -23,10 +23,6 @@ def brush_to_toml(brush: Brush) -> str:
     All values are written, also those left at their default: a later default does not change a saved brush.
     Comments come from the descriptions, units and bounds of the model's parameters.
 
-    Parameters
-    ----------
-    brush : Brush
-
     Returns
     -------
     str

@@ -18,7 +18,6 @@ def read_table(path, most_bytes: int, most_rows: int) -> Iterator[tuple[int, lis
 
     Parameters
     ----------
-    path : path
     most_bytes, most_rows : int
         A larger file is refused before it is read, a longer one when it turns out to be.
 

@@ -18,21 +18,11 @@ Key = tuple[str | int, ...]
 
 @dataclasses.dataclass(frozen=True)
 class TomlFile:
-    """The values of a TOML file and the line of each.
+    """The values of a TOML file and the line of each."""
 
-    Parameters
-    ----------
-    name : str
-        The file as the user named it.
-    data : dict
-        The document, as `tomllib` gives it.
-    lines : dict of tuple to int
-        Line of each table, key and array element, by its path from the top.
-    """
-
-    name: str
-    data: dict[str, Any]
-    lines: dict[Key, int]
+    name: str  # the file as the user named it
+    data: dict[str, Any]  # the document, as `tomllib` gives it
+    lines: dict[Key, int]  # line of each table, key and array element, by its path from the top
 
     def line(self, key: Key) -> int:
         """Line of a key, or of the nearest table around it when the key is not in the file."""

@@ -34,6 +34,7 @@ from flockbrush.lifting.lift_solver import LiftError, lift
 from flockbrush.lifting.lift_thesis import lift_by_thesis
 
 FRAMES, FPS, WARM = 200, 32, 256  # frames, frames a second (every tick), ticks before the film begins
+TRACKED = (("crossing", 20), ("crossing", 80), ("tight", 20), ("starlings", 5), ("starlings", 20), ("starlings", 50))
 MARGIN = 1.05  # of the picture's half width and height
 PITCHES = (0, 20, 40, 60)  # degrees that the camera looks up, in turn
 PIGEONS = Path(__file__).parents[2] / "shared" / "data" / "pigeons_ff11"
@@ -351,7 +352,7 @@ def tracking(cases):
     """The table of tracking."""
     print("| flock | birds | tracks | recall | precision | switches | IDF1 | ms a frame |")
     print("|---|---|---|---|---|---|---|---|")
-    for flock, birds in (("crossing", 20), ("tight", 20), ("starlings", 5), ("starlings", 20), ("starlings", 50)):
+    for flock, birds in TRACKED:
         for seed in range(cases):
             xyz, camera = crossing(birds, seed) if flock == "crossing" else filmed(flight(birds, seed, flock))
             px = camera.project(xyz)

@@ -1,27 +1,50 @@
-"""What the slider "order" does to a herd: ``python benchmarks/macros.py [BRUSH ...] [--slider order] [--seeds 4]``.
+"""What the slider "order" does to a herd: ``python benchmarks/macros.py [BRUSH ...] [--search]``.
 
-Fresh herds on an endless plane, headings at random, with the slider at 0, 1/4, 1/2, 3/4 and 1; a run's value is the
-mean over its last part.  A measure moves by its largest mean less its smallest, in standard deviations between seeds
-(pooled over the five places, and at least `LEAST` of the measure).  The goal is that polarization moves three times
-as far as any other measure.
+Fresh herds on an endless plane, headings at random, with the slider at 0, 1/4, 1/2, 3/4 and 1, side by side in one
+world for each seed; a run's value is the mean over its last part.  A measure moves by its largest mean less its
+smallest, in standard deviations between seeds (pooled over the five places, and at least `LEAST` of the measure).
+The goal is that polarization moves three times as far as any other measure.
+
+``--search`` looks for ranges of a brush with smaller herds and seeds of their own, takes them where they do better than
+the general rule (or leaves that where it does well) on others, measures the slider on fresh ones and writes it all to
+the table of the sliders.  ``--ranges alignment_weight=0:0.59 avoidance_weight=0.84:0.73`` tries these instead of a
+search, ``--general`` writes what the general rule does.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import math
+from dataclasses import replace
 
 import numpy as np
 from flockbrush.behaviours.brush import shipped
-from flockbrush.levels.build import plane
+from flockbrush.components import Heading, Position, Velocity
+from flockbrush.levels.build import herds_apart
+from flockbrush.systems.measures import herd_measures
 
-from flockbrush.studio.panels.macros import MACROS, macros_of
+from flockbrush.learning.evolution import Evolution
+from flockbrush.studio.panels.knobs import knobs_of
+from flockbrush.studio.panels.macros import GOAL, MACROS, TABLE, Macro, Range, macros_of, ranges_by_brush
 
 PLACES = (0.0, 0.25, 0.5, 0.75, 1.0)
 MEASURES = ("polarization", "milling", "nnd", "group_spread", "largest_part", "speed_mean")
-FIRST, DENSITY, RATE = 9001, 0.6, 32
+DENSITY, RATE = 0.6, 32
+FRESH, TRAINING, CHOICE = 9001, 1, 5001  # first seeds: of the table, of the search, of the choice after it
 SECONDS, SETTLED = 20, 12  # s of a run, and of those that are not measured
 LEAST = 0.005  # of the largest value
-GOAL = 3.0
+GENERATIONS, CANDIDATES, SMALL = 10, 8, 25  # of the search, and animals of its herds
+ENOUGH = 0.5  # polarization that a slider should move, at least
+COMPENSATED = {  # what may move along with the first number, and how far, as a share of what its bounds leave
+    "herd": {
+        "avoidance_weight": 0.6, "cohesion_weight": 0.6, "avoidance_radial": 0.5, "alignment_radial": 0.5,
+        "wander": 0.5,
+    },
+    "boids": {
+        "matching_time": 0.6, "centring_strength": 0.6, "separation_strength": 0.6, "separation": 0.2,
+    },
+}  # fmt: skip
 
 
 def with_slider(name):
@@ -30,23 +53,154 @@ def with_slider(name):
     return [one for one in library.names() if name in MACROS.get(library.get(one).model, {}) or name in MACROS[""]]
 
 
-def run_of(brush, animals, seed):
-    """(measures,) means over the last part of one run."""
-    simulation, seen = plane(brush, animals, DENSITY, "scatter", seed), []
-    simulation.run(SETTLED * RATE)
-    for _ in range(SECONDS - SETTLED):
+def runs_of(brushes, animals, seed, seconds=SECONDS, settled=SETTLED):
+    """(brushes, measures) means over the last part of one run, a herd of each brush, out of sight of the others."""
+    named = [brush.model_copy(update={"name": f"place-{k}"}) for k, brush in enumerate(brushes)]
+    fastest, farthest = max(b.speed.mean for b in named), max(b.vision.range for b in named)
+    length, seen = named[0].body.length, []
+    reach = 2.0 * (fastest * seconds + math.sqrt(animals / DENSITY)) + farthest
+    simulation = herds_apart(named, animals, DENSITY, "scatter", seed, apart=reach * length)
+    agents = simulation.agents
+    simulation.run(settled * RATE)
+    for _ in range(seconds - settled):
         simulation.run(RATE)
-        told = simulation.measures()
-        seen.append([told[name] for name in MEASURES])
+        columns = [agents[one] for one in (Position.xyz, Velocity.xyz, Heading.forward)]
+        flies = bool(columns[0][:, 2].any())
+        parts = [[column[k * animals : (k + 1) * animals] for column in columns] for k in range(len(named))]
+        told = [herd_measures(*part, length, flies=flies) for part in parts]
+        seen.append([[one[name] for name in MEASURES] for one in told])
     simulation.close()
     return np.mean(seen, axis=0)
 
 
-def moved(values):
+def course_of(brush, slider, animals, first, seeds):
+    """(places, seeds, measures) of a slider."""
+    turned = [slider.turned(brush, place) for place in PLACES]
+    return np.stack([runs_of(turned, animals, first + seed) for seed in range(seeds)], axis=1)
+
+
+def deviations(values):
+    """(measures,) pooled between seeds, from (..., seeds, measures)."""
+    pooled = np.sqrt(values.var(axis=-2, ddof=1).reshape(-1, values.shape[-1]).mean(axis=0))
+    return np.maximum(pooled, LEAST * np.abs(values).reshape(-1, values.shape[-1]).max(axis=0))
+
+
+def moved(values, deviation=None):
     """(measures,) how far each moves, in deviations, from (places, seeds, measures)."""
-    means = values.mean(axis=1)
-    deviation = np.sqrt(values.var(axis=1, ddof=1).mean(axis=0))
-    return np.ptp(means, axis=0) / np.maximum(deviation, LEAST * np.abs(values).max(axis=(0, 1)))
+    return np.ptp(values.mean(axis=1), axis=0) / (deviations(values) if deviation is None else deviation)
+
+
+def ratio(far):
+    """How much farther polarization moves than whatever else moves farthest."""
+    return far[0] / max(far[1:].max(), 1e-9)
+
+
+class Ways:
+    """Ranges of a slider for one brush, as points of a cube: all of them lead through the brush as it is."""
+
+    def __init__(self, brush, slider):
+        self.brush, self.slider = brush, slider
+        self.first = slider.ranges[0]
+        known = {knob.name: knob for knob in knobs_of(brush)}
+        self.knob = known[self.first.name]
+        self.others = [(known[name], share) for name, share in COMPENSATED[brush.model].items()]
+        self.size = 2 + len(self.others)
+
+    def at(self, point):
+        """The slider at a point; None where its first number hardly moves."""
+        own, knob = self.knob.value(self.brush), self.knob
+        low, high = np.clip((np.asarray(point[:2]) - 0.3) / 0.7, 0.0, 1.0)  # a corner of its own for the brush's value
+        low, high = own - low * (own - knob.low), own + high * (min(knob.high, 1.0) - own)
+        if high - low < 0.02:
+            return None
+        stands, ranges = (
+            (own - low) / (high - low),
+            [Range("params", self.first.name, round(float(low), 4), round(float(high), 4))],
+        )
+        for (other, share), along in zip(self.others, 2.0 * np.asarray(point[2:]) - 1.0, strict=True):
+            has = other.value(self.brush)
+            room = np.array([has - other.low, other.high - has])
+            before, after = room if along > 0 else room[::-1]
+            ends = [way / part for way, part in ((before, stands), (after, 1.0 - stands)) if part > 1e-6]
+            by = share * along * min([*ends, other.high - other.low])
+            if abs(by) > 0.02 * (other.high - other.low):
+                ends = (round(float(has + part * by), 4) for part in (-stands, 1.0 - stands))
+                ranges.append(Range(other.table, other.name, *ends))
+        return Macro(*self._words(), ranges=tuple(ranges))
+
+    def _words(self):
+        one = self.slider
+        return one.table, one.name, one.kind, one.unit, one.help
+
+
+def worth(values, deviation):
+    """What a slider is worth, from (places, seeds, measures); less is better."""
+    course = values[:, :, 0].mean(axis=1)
+    steady = np.minimum(np.diff(course), 0.0).sum()
+    return -(
+        math.log(min(max(ratio(moved(values, deviation)), 0.01), 8.0)) + min(np.ptp(course) / ENOUGH, 1.0) + steady
+    )
+
+
+def search(brush, slider, seeds):
+    """The slider whose polarization moved farthest beside other measures, as far as the search came."""
+    ways, places = Ways(brush, slider), (0.0, 0.5, 1.0)
+    begin = np.full(ways.size, 0.5)
+    begin[:2] = 1.0, 0.6
+    hunt, spread = Evolution(begin, 0.25, CANDIDATES, (TRAINING,)), None
+    for generation in range(GENERATIONS):
+        asked = [ways.at(point) for point in hunt.ask()]
+        brushes = [one.turned(brush, place) for one in asked if one is not None for place in places]
+        first = TRAINING + seeds * generation
+        values = np.stack([runs_of(brushes, SMALL, first + seed, 14, 10) for seed in range(seeds)], axis=1)
+        values = values.reshape(-1, len(places), *values.shape[1:])
+        now = deviations(values)
+        spread, left = now if spread is None else 0.5 * (spread + now), iter(values)
+        hunt.tell([10.0 if one is None else worth(next(left), spread) for one in asked])
+    return ways.at(np.abs(np.mod(hunt.mean + 1.0, 2.0) - 1.0))
+
+
+def given(slider, texts):
+    """The slider with ranges told as ``name=low:high``; ValueError."""
+    ranges = []
+    for text in texts:
+        name, _, ends = text.partition("=")
+        low, _, high = ends.partition(":")
+        ranges.append(Range("params", name, float(low), float(high)))
+    return replace(slider, ranges=tuple(ranges))
+
+
+def settle(brush, name, seeds, animals, texts=()):
+    """Search, choose on seeds of their own between what was found and the general rule; (slider, whether found)."""
+    general = next(one for one in macros_of(brush, {}) if one.name == name)
+    values = course_of(brush, general, animals, CHOICE, seeds)
+    if ratio(moved(values)) >= 1.5 * GOAL and not texts:
+        return general, False
+    found = given(general, texts) if texts else search(brush, general, 2)
+    if found is None:
+        return general, False
+    others = course_of(brush, found, animals, CHOICE, seeds)
+    better = worth(others, deviations(others)) < worth(values, deviations(values))
+    return (found, True) if better else (general, False)
+
+
+def keep(name, brush, slider, own, values, far):
+    """Write what was found and measured into the table of the sliders."""
+    ranges_by_brush.cache_clear()  # another search may have written meanwhile
+    table = ranges_by_brush()
+    entry = {
+        "polarization": [round(float(one), 2) for one in values[:, :, 0].mean(axis=1)],
+        "moves": {one: round(float(by), 1) for one, by in zip(MEASURES, far, strict=True)},
+    }
+    if own:
+        entry["ranges"] = [[part.table, part.name, part.low, part.high] for part in slider.ranges]
+    table.setdefault(name, {})[brush.name] = entry
+    text = ",\n".join(
+        f'  "{one}": {{\n' + ",\n".join(f'    "{b}": {json.dumps(table[one][b])}' for b in sorted(table[one])) + "\n  }"
+        for one in sorted(table)
+    )
+    TABLE.write_text(f"{{\n{text}\n}}\n")
+    ranges_by_brush.cache_clear()
 
 
 def main():
@@ -55,7 +209,12 @@ def main():
     parser.add_argument("--slider", default="order")
     parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--animals", type=int, default=50)
+    parser.add_argument("--search", action="store_true", help="find ranges and write the table of the sliders")
+    parser.add_argument("--general", action="store_true", help="write what the general rule does to the table")
+    parser.add_argument("--ranges", nargs="+", default=[], metavar="NAME=LOW:HIGH", help="try these, of one brush")
     told = parser.parse_args()
+    if told.ranges and len(told.brushes) != 1:
+        parser.error("--ranges are those of one brush; name it")
     known = with_slider(told.slider)
     if wrong := [name for name in told.brushes if name not in known]:
         parser.error(f"no slider {told.slider!r} has {', '.join(wrong)}; {', '.join(known) or 'no brush'} has it")
@@ -64,16 +223,20 @@ def main():
     print("|---" * (len(MEASURES) + 4) + "|")
     for name in told.brushes or known:
         brush = shipped().get(name)
-        slider = next(one for one in macros_of(brush) if one.name == told.slider)
-        values = np.array([
-            [run_of(slider.turned(brush, place), told.animals, FIRST + seed) for seed in range(told.seeds)]
-            for place in PLACES
-        ])  # fmt: skip
+        own = False
+        if told.general:
+            slider = next(one for one in macros_of(brush, {}) if one.name == told.slider)
+        elif told.search or told.ranges:
+            slider, own = settle(brush, told.slider, told.seeds, told.animals, told.ranges)
+        else:
+            slider = next(one for one in macros_of(brush) if one.name == told.slider)
+        values = course_of(brush, slider, told.animals, FRESH, told.seeds)
         far = moved(values)
+        if told.search or told.ranges or told.general:
+            keep(told.slider, brush, slider, own, values, far)
         course = ", ".join(f"{value:.2f}" for value in values[:, :, 0].mean(axis=1))
-        ratio = far[0] / far[1:].max()
         print(f"| {name} | {slider.value(brush):.2f} | {course} | {' | '.join(f'{one:.1f}' for one in far)} | "
-              f"{ratio:.1f}{'' if ratio >= GOAL else ', below the goal'} |", flush=True)  # fmt: skip
+              f"{ratio(far):.1f}{'' if ratio(far) >= GOAL else ', below the goal'} |", flush=True)  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -38,6 +38,7 @@ from flockbrush.systems.gusts import Gust
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.leaders import Appoint, Steer
 from flockbrush.systems.life import Nursery
+from flockbrush.systems.mark_commands import DrawZone
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.program_commands import Event, GiveProgram, UseProgram
 from flockbrush.systems.undo import UseBrush
@@ -81,6 +82,7 @@ class Pair:
     folder: Path
     species: str = ""
     side: float = 0.0
+    zone: int = 904  # id of its zone of half weight
     worst: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -142,8 +144,12 @@ def draw_level(pair):
     pair.side = CELLS * (2.5 if flies else 1.0) * body.body.length * (4.0 if flies else 1.0)
     sketch = LevelSketch(CELLS, CELLS, pair.side / CELLS, "tilesets", shipped().names(), "wall", pair.seed)
     sketch.ground("grass")
-    if pair.thing in ("slope", "cliff"):
+    if pair.thing in ("slope", "cliff", "mixed slope under birds"):
         draw_height(pair, sketch, body.body.length)
+    if "mixed" in pair.thing:  # there from the start, and moved by the thing
+        zone = half_zone(pair, 0.3 * pair.side)
+        words = {"brush": zone.brush, "strength": zone.strength, "edge": zone.edge, "species": zone.species}
+        pair.zone = sketch.draw("Zone", zone.points, zone.name, closed=True, **words)
     high = body.fly.height if flies else 0.0
     about = 0.3 * pair.side
     sketch.box(
@@ -160,10 +166,10 @@ def draw_level(pair):
 def draw_height(pair, sketch, length):
     """A ramp of one in two from the middle to the east, or a step of 30 body lengths."""
     x = np.linspace(0.0, 1.0, 161)
-    rise = np.clip(x - 0.6, 0.0, 1.0) if pair.thing == "slope" else 0.4 * (x > 0.7)
+    rise = np.clip(x - 0.6, 0.0, 1.0) if pair.thing != "cliff" else 0.4 * (x > 0.7)
     grey = np.round(rise / 0.4 * 250).astype(np.uint8)
     (pair.folder / "height.png").write_bytes(png(np.repeat(grey[None, :], 161, 0)))
-    top = 0.2 * pair.side if pair.thing == "slope" else 30.0 * length
+    top = 0.2 * pair.side if pair.thing != "cliff" else 30.0 * length
     sketch.picture("height", "height.png", metres_per_level=top / 250)
 
 
@@ -189,12 +195,16 @@ def things():
         "cliff": lambda p, s: [],
         "added": lambda p, s: [AddAnimals(p.brush, p.middle, 0.2 * p.side, 0.1 * p.side, 5, p.species)],
         "removed": lambda p, s: [RemoveAnimals(p.middle, p.middle, 0.12 * p.side)],
-        "leader": lambda p, s: [Appoint([int(s.agents.ids[0])]),
-                                Steer([int(s.agents.ids[0])], 0.1 * p.side, 0.9 * p.side, "place")],
+        "leader": _lead,
         "gust": lambda p, s: [Gust(3.0, 2.0, 0.5)],
         "program": lambda p, s: [UseProgram("pairs", PROGRAM % (p.brush, p.brush)), GiveProgram("pairs")],
         "event": lambda p, s: [UseProgram("pairs", PROGRAM % (p.brush, p.brush)), GiveProgram("pairs"), Event("go")],
     }  # fmt: skip
+    made |= {
+        "leader on mixed paint": lambda p, s: [half_zone(p, 0.45 * p.side), *_lead(p, s)],
+        "leader with a program": lambda p, s: [*_lead(p, s), *_two_states(p)],
+        "mixed slope under birds": lambda p, s: [half_zone(p, 0.5 * p.side), *_birds_above(p)],
+    }
     for shape in ("box", "cylinder", "sphere", "plane", "hull"):
         made[f"obstacle {shape}"] = lambda p, s, k=shape: [_obstacle(p, s, k)]
     for handling in ("undo", "scrub", "branch", "snapshot", "export"):
@@ -214,6 +224,46 @@ def _meet(pair, species):
     return [
         UseBrush(brush, shipped().get(brush).source.decode()),
         AddAnimals(brush, where, pair.middle, radius, 1, species),
+    ]
+
+
+def _lead(pair, simulation):
+    """The first animal leads, to a corner of the map."""
+    first = [int(simulation.agents.ids[0])]
+    return [Appoint(first), Steer(first, 0.1 * pair.side, 0.9 * pair.side, "place")]
+
+
+@cache
+def partner(brush):
+    """Another brush of the same model, of the same species if there is one; the brush itself where there is none."""
+    library, model = shipped(), shipped().get(brush).model
+    others = [n for n in library.names() if n != brush and library.get(n).model == model]
+    return min(others, key=lambda n: species_for(n) != species_for(brush), default=brush)
+
+
+def half_zone(pair, west):
+    """A zone of half weight with a soft edge, from there to the east, as a command."""
+    east, south, north = west + 0.4 * pair.side, 0.2 * pair.side, 0.8 * pair.side
+    points = [[west, south], [east, south], [east, north], [west, north]]
+    edge = 0.1 * pair.side
+    return DrawZone(pair.zone, "half", points, partner(pair.brush), strength=0.5, edge=edge, species=pair.species)
+
+
+def _two_states(pair):
+    """The animals go to and fro between two brushes of one model."""
+    other = partner(pair.brush)
+    program = PROGRAM % (pair.brush, other)
+    return [UseBrush(other, shipped().get(other).source.decode()), UseProgram("pairs", program), GiveProgram("pairs")]
+
+
+def _birds_above(pair):
+    """Starlings over the herd; no other birds over a map that is too small for them."""
+    if pair.side < 40.0:
+        return []
+    where = 0.5 * pair.side
+    return [
+        UseBrush("starlings", shipped().get("starlings").source.decode()),
+        AddAnimals("starlings", where, where, 0.2 * pair.side, 5, "starling"),
     ]
 
 

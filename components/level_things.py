@@ -26,29 +26,20 @@ ENUMS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Property:
-    """One custom property as a designer sees it.
-
-    Parameters
-    ----------
-    kind : {"number", "int", "bool", "text", "colour", "enum", "heading", "brush", "program", "goal"}
-        ``heading`` is "random", a compass point or degrees counter-clockwise from east; ``brush``, ``program`` and
-        ``goal`` are names that must exist.
-    default
-        What an absent property means.  Tiled does not write defaults, so this is the only place they are.
-    low, high : float
-        Inclusive bounds.
-    above : float
-        Exclusive lower bound.
-    """
+    """One custom property as a designer sees it."""
 
     name: str
+    # {"number", "int", "bool", "text", "colour", "enum", "heading", "brush", "program", "goal"}; ``heading`` is
+    # "random", a compass point or degrees counter-clockwise from east; ``brush``, ``program`` and ``goal`` are names
+    # that must exist
     kind: str
-    default: Any
+    default: Any  # what an absent property means. Tiled does not write defaults, so this is the only place they are.
     meaning: str
     unit: str = ""
+    # low, high: inclusive bounds
     low: float | None = None
     high: float | None = None
-    above: float | None = None
+    above: float | None = None  # exclusive lower bound
     enum: str = ""
     required: bool = False
 

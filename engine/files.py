@@ -98,11 +98,6 @@ class Work:
     alone : bool
         Nobody else may do the same until `close`.
 
-    Attributes
-    ----------
-    new : Path
-        Where to write, with the ending of ``path``.
-
     Raises
     ------
     NotWritten
@@ -117,7 +112,7 @@ class Work:
             _clear_once(self.path.parent, again=alone)
             self.folder = work_folder(self.path, "" if alone else secrets.token_hex(4))
             self._lock = self._begin()
-        self.new = self.folder / f"new{self.path.suffix}"
+        self.new = self.folder / f"new{self.path.suffix}"  # where to write, with the ending of ``path``
 
     def _begin(self):
         while True:

@@ -166,7 +166,6 @@ class Recorder:
 
     Parameters
     ----------
-    recording : Recording
     world : World
         With `Clock` and `Commands`.
     hash_every : int

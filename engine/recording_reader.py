@@ -132,10 +132,6 @@ def open_recording(path: str | os.PathLike) -> RecordedRun:
     ----------
     path : path-like
 
-    Returns
-    -------
-    RecordedRun
-
     Raises
     ------
     RecordingError

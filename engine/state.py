@@ -36,7 +36,6 @@ def state_hash(world, marks=None):
 
     Parameters
     ----------
-    world : World
     marks : dict, optional
         Is filled with a digest of each part of the state, by name.
 
@@ -207,7 +206,6 @@ def check_beginning(world, beginning, size):
 
     Parameters
     ----------
-    world : World
     beginning : bytes-like
         Its first bytes, with the table of contents.
     size : int

@@ -36,7 +36,6 @@ class Trail:
 
         Parameters
         ----------
-        world : World
         marks : dict of str to bytes
             As `flockbrush.engine.state.state_hash` fills it.
         """
@@ -78,7 +77,6 @@ def values_of(world, marks):
 
     Parameters
     ----------
-    world : World
     marks : dict of str to bytes
         As `flockbrush.engine.state.state_hash` fills it, and `traces`.
     """

@@ -18,18 +18,12 @@ _WHITE = (1.0, 1.0, 1.0)
 
 
 class ArtReader:
-    """Reads the layers of others into a level; leans on the level reader for structure and files.
-
-    Attributes
-    ----------
-    kinds : dict of str to TerrainKind
-        Those that rules make, by name.
-    """
+    """Reads the layers of others into a level; leans on the level reader for structure and files."""
 
     def __init__(self, reader, frame, rules, place):
         self.reader, self.frame, self.place = reader, frame, place
         self.rules = GroundRules(rules, lambda message: place.say(message))
-        self.kinds: dict[str, TerrainKind] = {}
+        self.kinds: dict[str, TerrainKind] = {}  # those that rules make, by name
         self._facts: dict[int, object] = {}
         self._numbers: dict[str, int] = {}
 

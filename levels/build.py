@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -168,7 +169,6 @@ def build(
 
     Parameters
     ----------
-    level : Level
     seed : int, optional
         Instead of the level's own.
     agents : int, optional
@@ -215,16 +215,15 @@ def build(
 
 def _palette(level, library):
     """The brushes of a level, and those between two that its paint of part weight gives."""
-    paths = level.paths = {}
-
-    def path(start, end):
-        found = path_between(library, start, end)
+    brushes, over, paths = [library.get(name) for name in brushes_used(level)], mixed_brushes(level), {}
+    level.paths = {}
+    for start, end in itertools.product(brushes, over):
+        found = path_between(library, start.name, end) if start.name != end else None
         if found is not None:
-            name, source = library.path_between(start, end)
-            paths[f"brushes/{name}"] = source
-        return found
-
-    return Palette([library.get(name) for name in brushes_used(level)], mixed_brushes(level), path)
+            file, source = library.path_between(start.name, end)
+            level.paths[f"brushes/{file}"] = source
+            paths[start.name, end] = found
+    return Palette(brushes, over, paths)
 
 
 def brushes_used(level):

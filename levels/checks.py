@@ -23,7 +23,6 @@ def check_level(level, objects, library, commands=None):
 
     Parameters
     ----------
-    level : Level
     objects : ObjectReader
         Knows where each object stands in the file.
     library : BrushLibrary

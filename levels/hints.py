@@ -52,7 +52,6 @@ def mixing_hints(level, places, library, place):
 
     Parameters
     ----------
-    level : Level
     places : dict of int to Place
         By the id of a zone.
     library : BrushLibrary
@@ -89,7 +88,6 @@ def level_hints(level, places):
 
     Parameters
     ----------
-    level : Level
     places : dict of int to Place
         By the id of the object.
     """

@@ -55,7 +55,6 @@ class EditedMap:
 
     Parameters
     ----------
-    document : Document
     library : BrushLibrary
         Knows which brush a tile means that names a file.
     files : DiskFiles or MemoryFiles, optional

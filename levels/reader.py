@@ -69,7 +69,6 @@ def read_level_text(text: bytes, path, library=None, kept=None) -> Level:
 
     Parameters
     ----------
-    text : bytes
     path : path-like
         The file; the others it names are read beside it.
     library : BrushLibrary, optional

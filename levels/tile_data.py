@@ -97,18 +97,13 @@ def pack(gids, encoding, compression):
 
 
 class TileGrid:
-    """The tiles of one layer, unpacked; `settle` packs them again, the way the layer had them.
-
-    Attributes
-    ----------
-    gids : ndarray (height, width) uint32
-        With their flip flags, north row first.
-    """
+    """The tiles of one layer, unpacked; `settle` packs them again, the way the layer had them."""
 
     def __init__(self, node):
         self.node = node
         self.width, self.height = node["width"], node["height"]
         self.packing = node.get("encoding"), node.get("compression")
+        # (height, width) uint32; with their flip flags, north row first
         self.gids = unpack(node["data"], *self.packing, self.width, self.height)
         self._read = self.gids.copy(), node["data"]
         self.dirty = False

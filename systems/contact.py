@@ -34,7 +34,7 @@ SKIN = 0.25  # of the radii: bodies push and turn aside this much before they to
 DEFLECT = 0.75  # of the heading into a body that is touched, taken away.  By trial: crowds jam from .3 downwards
 PUSHES = 2  # rounds of pushing
 ROUNDS = 8  # of looking again before all stand firm
-PUSHED = 1.01  # times its top speed that an animal may be shoved up or down a slope
+PUSHED = 1.01  # times its top speed that an animal may be shoved
 SWEEPS = 6  # projections onto the half-planes before the step is shortened
 
 
@@ -76,27 +76,17 @@ def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=No
     reach = 2.0 * (body + far + SLACK)  # whoever is farther away cannot be met, for nobody goes farther than ``far``
     # all by slot, so that neighbours in turn are neighbours in memory
     order = np.flatnonzero(~cells.ghost).astype(np.int32)
-    itself = cells.slot[cells.row]  # of a ghost the slot of the animal that it copies
-    near, count = _contacts(cells, reach, order)
-    step, heading = np.zeros((m, 2)), np.zeros((m, 2))
-    over_rows(
-        _turn, len(order), order, cells.row, near, count, *_bodies(cells), wish, speed, max_turn, edges, dt, step,
-        heading,
-    )  # fmt: skip
+    met = Contacts(*cells[:7], order, cells.slot[cells.row], *_contacts(cells, reach, order))
+    wished = Poses(np.zeros((m, 2)), np.zeros((m, 2)))
+    over_rows(_turn, len(order), met, wish, speed, max_turn, edges, dt, wished)
     for _ in range(PUSHES):
-        pushed = np.zeros_like(step)
-        over_rows(_push, len(order), order, *_bodies(cells), cells.row, itself, near, count, step, heading, far, pushed)
-        step = pushed
-    if top is not None:
-        size, most = np.sqrt((step * step).sum(axis=1)), top[cells.row] * dt
-        over = size > most
-        step[over] *= (most[over] / size[over])[:, None]
-    if top is None or hills is None:
-        climb = None
-    else:
-        climb = Climb(hills, top[cells.row] * dt, cells)
-        climb.shorten(order, step)
-    step, heading = _agree(order, itself, cells, near, count, edges, step, heading, far, climb)
+        pushed = np.zeros((m, 2))
+        over_rows(_push, len(order), met, wished, far, pushed)
+        wished = Poses(pushed, wished.heading)
+    within = None if top is None else Within(top[cells.row] * dt, cells, hills)
+    if within is not None:
+        within.shorten(order, wished.step)
+    step, heading = _agree(met, edges, wished, far, within)
     if len(order) == n:  # everybody has a slot
         return step[cells.slot], heading[cells.slot]
     rows, steps, headings = cells.row[order], np.zeros((n, 2)), np.zeros((n, 2))
@@ -112,6 +102,29 @@ def _bounds(cells):
     return body, min(SKIN * body, radius)
 
 
+class Contacts(NamedTuple):
+    """Whom everybody could meet in a tick, by slot."""
+
+    x: np.ndarray  # (slots,) m
+    y: np.ndarray
+    fx: np.ndarray  # heading
+    fy: np.ndarray
+    half: np.ndarray  # m, half the length of the axis
+    radius: np.ndarray  # m
+    row: np.ndarray  # (slots,) int32
+    order: np.ndarray  # (k,) int32: slots of those who move
+    itself: np.ndarray  # (slots,) int32: of a ghost the slot of the animal that it copies
+    near: np.ndarray  # (slots, width) int32: slots of those who could be met
+    count: np.ndarray  # type: ignore[assignment]  # (slots,) int32: how many they are
+
+
+class Poses(NamedTuple):
+    """Where everybody goes, by slot."""
+
+    step: np.ndarray  # (slots, 2) m
+    heading: np.ndarray  # (slots, 2), unit vectors
+
+
 class Hills(NamedTuple):
     """Ground that is not level."""
 
@@ -120,53 +133,53 @@ class Hills(NamedTuple):
     wrap: tuple[float, float]  # m, size of a periodic map, else zeros
 
 
-class Climb(NamedTuple):
-    """Who may go how far in space, up or down."""
+class Within(NamedTuple):
+    """Who may go how far, in space where the ground is not level."""
 
-    hills: Hills
     most: np.ndarray  # (slots,) m
     cells: Cells
+    hills: Hills | None
 
     def shorten(self, order, step, slack=1.0):
         """(slots,) bool, whose steps (slots, 2) were too long; they are cut in place."""
-        cut = np.zeros(len(step), np.bool_)
-        shorten_on_slopes(order, self.cells.x, self.cells.y, step, slack * self.most, *self.hills, cut)
-        return cut
+        most, over = slack * self.most, np.zeros(len(step), np.bool_)
+        size = np.sqrt((step[order] ** 2).sum(axis=1))  # copies across a seam have no step
+        long = size > most[order]
+        over[order] = long
+        step[order[long]] *= (most[order[long]] / size[long])[:, None]
+        if self.hills is not None:
+            cut = np.zeros(len(step), np.bool_)
+            shorten_on_slopes(order, self.cells.x, self.cells.y, step, most, *self.hills, cut)
+            over |= cut
+        return over
 
 
-def _agree(order, itself, cells, near, count, edges, step, heading, far, climb=None):
+def _agree(met, edges, wished, far, within=None):
     """Steps that keep everybody on his side of lines which every two agree upon.
 
     At first the line between two bodies moves along with both of them, so that a crowd can stream and be pushed.
     Who cannot keep to all his lines stands firm: his lines stay where they are, and his neighbours look again.
-    Likewise who would be shoved up or down a slope faster than he can go; firm, he may stay as he is.
+    Likewise who would be shoved faster than he can go; firm, he may stay as he is.
     """
-    m = len(step)
-    safe, turned = np.empty_like(step), np.empty_like(heading)
+    m = len(wished.step)
+    safe = Poses(np.empty((m, 2)), np.empty((m, 2)))
     firm, fresh = np.zeros(m, np.uint8), np.ones(m, np.uint8)
     for again in range(ROUNDS + 1):
         if again == ROUNDS:
             fresh = 1 - firm
             firm[:] = 1
         stuck = np.zeros(m, np.uint8)
-        over_rows(
-            _keep_to_own_side, len(order), order, *_bodies(cells), itself, near, count, edges, step,
-            heading, firm, fresh, stuck, far, safe, turned,
-        )  # fmt: skip
-        if climb is not None:
-            steep = climb.shorten(order, safe.copy(), PUSHED)
-            stays = steep & (firm > 0)
-            safe[stays], turned[stays] = 0.0, np.column_stack([cells.fx, cells.fy])[stays]
-            stuck[steep & ~stays] = 1
+        over_rows(_keep_to_own_side, len(met.order), met, edges, wished, firm, fresh, stuck, far, safe)
+        if within is not None:
+            fast = within.shorten(met.order, safe.step.copy(), PUSHED)
+            stays = fast & (firm > 0)
+            safe.step[stays], safe.heading[stays] = 0.0, np.column_stack([met.fx, met.fy])[stays]
+            stuck[fast & ~stays] = 1
         if not stuck.any():
             break
         firm |= stuck
         fresh = stuck
-    return safe, turned
-
-
-def _bodies(cells):
-    return cells.x, cells.y, cells.fx, cells.fy, cells.half, cells.radius
+    return safe
 
 
 def _contacts(cells, reach, order, width=16):
@@ -175,8 +188,7 @@ def _contacts(cells, reach, order, width=16):
     count = np.zeros(m, np.int32)
     while True:
         near = np.empty((m, width), np.int32)
-        grid = cells.start, cells.nx, cells.ny, cells.cell, cells.west, cells.south
-        over_rows(_find_contacts, len(order), order, cells.x, cells.y, *grid, reach, near, count)
+        over_rows(_find_contacts, len(order), cells, order, reach, near, count)
         most = int(count.max()) if m else 0
         if most <= width:
             return near, count
@@ -184,8 +196,9 @@ def _contacts(cells, reach, order, width=16):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _find_contacts(lo, hi, order, x, y, start, nx, ny, cell, west, south, reach, near, count):
-    width, reach2 = near.shape[1], reach * reach
+def _find_contacts(lo, hi, cells, order, reach, near, count):
+    x, y, start, nx, ny, cell = cells.x, cells.y, cells.start, cells.nx, cells.ny, cells.cell
+    west, south, width, reach2 = cells.west, cells.south, near.shape[1], reach * reach
     for o in range(lo, hi):
         s = order[o]
         xi, yi = x[s], y[s]
@@ -240,7 +253,7 @@ def _edge(ends, g):
     return 0.5 * (ends[g, 0] + ends[g, 2]), 0.5 * (ends[g, 1] + ends[g, 3]), ux, uy, 0.5 * size
 
 
-@njit(inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _edges_near(x, y, edges):
     """First and last entry of the list of edges near a point."""
     ex, ey = (x - edges.west) / edges.cell, (y - edges.south) / edges.cell
@@ -251,11 +264,12 @@ def _edges_near(x, y, edges):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _turn(
-    lo, hi, order, row, near, count, x, y, fx, fy, half, radius, wish, speed, max_turn,
-    edges, dt, step, heading,
-):  # fmt: skip
+def _turn(lo, hi, met, wish, speed, max_turn, edges, dt, wished):
     """The heading within the limit of turning, along a wall that stands in the way, and the step wished for."""
+    x, y, fx, fy = met.x, met.y, met.fx, met.fy
+    half, radius, near, count = met.half, met.radius, met.near, met.count
+    order, row, step, heading = met.order, met.row, wished.step, wished.heading
+    ends, item = edges.ends, edges.item
     for o in range(lo, hi):
         s = order[o]
         i = row[s]
@@ -274,7 +288,7 @@ def _turn(
                     gx, gy = gx - room * into * ox / d, gy - room * into * oy / d
         e0, e1 = _edges_near(x[s], y[s], edges)
         for e in range(e0, e1):
-            cx, cy, ux, uy, p = _edge(edges.ends, edges.item[e])
+            cx, cy, ux, uy, p = _edge(ends, item[e])
             nx, ny = _nearest(x[s], y[s], fx[s], fy[s], half[s], cx, cy, ux, uy, p)
             d = np.sqrt(nx * nx + ny * ny)
             if d <= 1e-12 or d > radius[s] + 2.0 * ahead + 0.25 * radius[s]:
@@ -304,8 +318,10 @@ def _turn(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _push(lo, hi, order, x, y, fx, fy, half, radius, row, itself, near, count, step, heading, far, pushed):
+def _push(lo, hi, met, wished, far, pushed):
     """Half of every overlap that the wished poses would have."""
+    x, y, half, radius, near, count = met.x, met.y, met.half, met.radius, met.near, met.count
+    order, row, itself, step, heading = met.order, met.row, met.itself, wished.step, wished.heading
     for o in range(lo, hi):
         s = order[o]
         xi, yi = x[s] + step[s, 0], y[s] + step[s, 1]
@@ -347,11 +363,12 @@ def _push(lo, hi, order, x, y, fx, fy, half, radius, row, itself, near, count, s
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _keep_to_own_side(
-    lo, hi, order, x, y, fx, fy, half, radius, itself, near, count,
-    edges, step, heading, firm, fresh, stuck, far, safe, turned,
-):  # fmt: skip
+def _keep_to_own_side(lo, hi, met, edges, wished, firm, fresh, stuck, far, safe):
     """The nearest step to the wished one that stays on the animal's own side of everybody and everything."""
+    x, y, fx, fy = met.x, met.y, met.fx, met.fy
+    half, radius, near, count = met.half, met.radius, met.near, met.count
+    order, itself, step, heading = met.order, met.itself, wished.step, wished.heading
+    ends, item = edges.ends, edges.item
     room = 64
     nx, ny, free = np.empty(room), np.empty(room), np.empty(room)
     for o in range(lo, hi):
@@ -381,7 +398,7 @@ def _keep_to_own_side(
                 free[n] = 0.5 * gap + both
                 n += 1
         for e in range(e0, e1):
-            cx, cy, ux, uy, p = _edge(edges.ends, edges.item[e])
+            cx, cy, ux, uy, p = _edge(ends, item[e])
             ox, oy = _nearest(x[s], y[s], fx[s], fy[s], h, cx, cy, ux, uy, p)
             d = np.sqrt(ox * ox + oy * oy)
             if d > 1e-12:
@@ -427,5 +444,5 @@ def _keep_to_own_side(
             if share * size > far:
                 share = far / size
             sx, sy = share * sx, share * sy
-        safe[s, 0], safe[s, 1] = sx, sy
-        turned[s, 0], turned[s, 1] = gx, gy
+        safe.step[s, 0], safe.step[s, 1] = sx, sy
+        safe.heading[s, 0], safe.heading[s, 1] = gx, gy

@@ -279,8 +279,6 @@ def initiate(
         Wingspans; +y is the track.  The front-most bird leads.
     heading : array_like (n,)
         Radians, clockwise from the track.
-    target : Target
-    rules : Rules, optional
     speed : array_like (n,), optional
         Wingspans per frame; cruising unless told.
     most : int
@@ -291,10 +289,6 @@ def initiate(
         Keep positions every so many frames; 0 keeps none.
     reach : float
         Wingspans: nobody perceives anybody farther away.
-
-    Returns
-    -------
-    Initiation
 
     References
     ----------

@@ -87,9 +87,8 @@ def _check_brush(palette, zone):
     mixes = zone.bounds.blend != "mix" or zone.brush in palette.over
     need(
         mixes,
-        f"edge and strength mix {zone.brush!r} with other brushes, and a running world has only those brushes between "
-        f"that its level asked for; set share to yes (then so many animals take it up altogether), or set edge and "
-        f"strength of the zone in the level's file and open that",
+        f"edge and strength mix {zone.brush!r} with other brushes, and this world has none between them; give the "
+        f"command MixBrush first, or set share to yes (then so many animals take it up altogether)",
     )
 
 

@@ -40,6 +40,8 @@ from flockbrush.systems.terrain import rasterise_polygon
 from flockbrush.systems.walls import around_obstacles, keep_out_, point_out_
 from numba import njit
 
+ASIDE = 2.0  # cells from obstacles at which guides begin to turn aside
+
 # Navigation: what the rest of the house uses -------------------------------------------------------------------
 
 
@@ -82,7 +84,7 @@ class Navigation:
         return out
 
 
-def navigation_of(guides, goals, blocked, cost=None, cell=1.0, cancel_radius=None, goal_weight=1.0, height=None):
+def navigation_of(guides, goals, blocked, cost=None, cell=1.0, height=None):
     """The navigation fields of a level.
 
     Parameters
@@ -99,10 +101,6 @@ def navigation_of(guides, goals, blocked, cost=None, cell=1.0, cancel_radius=Non
         What a metre of this ground costs; 1 is plain ground, more is avoided, infinite is blocked.
     cell : float
         Size of a grid cell, m.
-    cancel_radius : float, optional
-        How far from obstacles guides begin to turn aside, m; two cells unless told.  0: not at all.
-    goal_weight : float
-        How strongly the goal field fills in where guides fade, 0 to 1: see `blend`.
     height : ndarray, (ny, nx), optional
         Of the ground, m; flat unless told.
 
@@ -111,13 +109,12 @@ def navigation_of(guides, goals, blocked, cost=None, cell=1.0, cancel_radius=Non
     Navigation
     """
     blocked, cost = _ground(blocked, cost)
-    radius = 2.0 if cancel_radius is None else cancel_radius / cell
     known = {}
 
     def guidance(chosen):
         if chosen not in known:
             field = guide_field([guides[i] for i in chosen], blocked.shape, cell, blocked)
-            known[chosen] = around_obstacles(field, blocked, radius)
+            known[chosen] = around_obstacles(field, blocked, ASIDE)
         return known[chosen]
 
     fields, times = [guidance(tuple(range(len(guides)))).copy()], []
@@ -125,7 +122,7 @@ def navigation_of(guides, goals, blocked, cost=None, cell=1.0, cancel_radius=Non
         name = getattr(goal, "name", None)
         theirs = tuple(i for i, guide in enumerate(guides) if getattr(guide, "goal", "") in ("", None, name))
         direction, time = goal_field(_mask_of(goal, blocked.shape, cell), cost, blocked, cell, height)
-        fields.append(blend(guidance(theirs), direction, goal_weight, blocked))
+        fields.append(blend(guidance(theirs), direction, blocked))
         times.append(time)
     for field in fields:
         point_out_(field, blocked)
@@ -245,20 +242,18 @@ def descent_(time, slowness):
     return out
 
 
-def blend(guidance, direction, goal_weight=1.0, blocked=None):
+def blend(guidance, direction, blocked=None):
     """Guides where they reach, the goal where they fade.
 
-    With a the length of the guidance (how strongly guides hold) and w the goal's weight, the direction is that of
-    ``guidance + w (1 - a) direction``, and the length ``a + w (1 - a)``.  So a guide of strength 1 rules alone within
-    its radius, one of strength .5 shares with the goal half and half, and far from all guides the goal rules.
+    With a the length of the guidance (how strongly guides hold), the direction is that of
+    ``guidance + (1 - a) direction``, and the length ``a + (1 - a) |direction|``.  So a guide of strength 1 rules alone
+    within its radius, one of strength .5 shares with the goal half and half, and far from all guides the goal rules.
     Where the two cancel exactly, the goal wins; where no way leads to the goal the guides are left.
 
     Parameters
     ----------
     guidance, direction : ndarray, (ny, nx, 2)
         What the guides say; where the goal is.
-    goal_weight : float
-        0: guides alone; 1: the goal field fills in wherever guides fade.
     blocked : ndarray, (ny, nx) bool, optional
         The result is kept from leading into these.
 
@@ -266,14 +261,14 @@ def blend(guidance, direction, goal_weight=1.0, blocked=None):
     -------
     ndarray, (ny, nx, 2)
     """
-    out = blend_(np.asarray(guidance, np.float64), np.asarray(direction, np.float64), float(goal_weight))
+    out = blend_(np.asarray(guidance, np.float64), np.asarray(direction, np.float64))
     if blocked is not None:
         keep_out_(out, np.ascontiguousarray(blocked, bool))
     return out
 
 
 @njit(cache=True, nogil=True)
-def blend_(guidance, direction, goal_weight):
+def blend_(guidance, direction):
     """`blend`, cell by cell."""
     ny, nx, _ = guidance.shape
     out = np.zeros((ny, nx, 2))
@@ -282,7 +277,7 @@ def blend_(guidance, direction, goal_weight):
             gx, gy = guidance[iy, ix]
             dx, dy = direction[iy, ix]
             a = min(1.0, np.sqrt(gx * gx + gy * gy))
-            w = goal_weight * (1.0 - a)
+            w = 1.0 - a
             strength = min(1.0, a + w * np.sqrt(dx * dx + dy * dy))
             x, y = gx + w * dx, gy + w * dy
             if x * x + y * y <= 1e-18 * strength * strength:  # they cancel

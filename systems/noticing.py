@@ -10,7 +10,7 @@ Bodies hide nobody here: a head is above the backs of others.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from flockbrush.components import Alarm, Body, BrushBinding, Heading, Individual, Position, Species
@@ -40,6 +40,41 @@ class NoticedLists(NamedTuple):
     verb: np.ndarray  # (m,) uint8, `flockbrush.systems.fauna.FEAR`, `HUNT` or `FOLLOW`
     weight: np.ndarray  # (m,) 0 to 1
     notice: np.ndarray  # (m,) m, within which it is noticed
+
+
+class Watchers(NamedTuple):
+    """Who looks and is looked at, (n,) each unless stated."""
+
+    xyz: np.ndarray  # (n, 3) m
+    forward: np.ndarray  # (n, 3)
+    length: np.ndarray  # m
+    radius: np.ndarray  # m
+    aloft: np.ndarray  # bool
+    kind: np.ndarray  # int32
+    boldness: np.ndarray
+    alarm: np.ndarray
+    cosine: np.ndarray  # of half the field of view
+    eyes: np.ndarray  # m above the ground
+
+
+class ByKind(NamedTuple):
+    """Which kinds of animals heed which."""
+
+    by_kind: np.ndarray  # (n,) int32 rows
+    kind_first: np.ndarray  # (c + 1,) those of kind k are by_kind[kind_first[k] : kind_first[k + 1]]
+    verb: np.ndarray  # (c, c) uint8
+    notice: np.ndarray  # (c, c) m; less than 0: in lengths of the longer body
+
+
+class Hiding(NamedTuple):
+    """What hides animals from others."""
+
+    edges: np.ndarray  # (k, 4) m
+    solids: Any  # `flockbrush.engine.solids.Solids`
+    relief_cell: float  # m
+    relief: np.ndarray
+    width: float  # m, of a wrapped map, else 0
+    depth: float
 
 
 @dataclass
@@ -92,12 +127,13 @@ def noticed_by(agents, land, aloft, kind, verb, told, table):
     wrap = (0.0, 0.0) if land.wrap is None else land.wrap
     by_kind = np.argsort(kind, kind="stable").astype(np.int32)
     kind_first = np.searchsorted(kind[by_kind], np.arange(len(verb) + 1))
-    given = (
+    watchers = Watchers(
         agents[Position.xyz], agents[Heading.forward], agents[Body.length], agents[Body.radius], aloft, kind,
         agents[Individual.boldness], agents[Alarm.level], cosine, table.eyes[species] * agents[Body.length],
-        by_kind, kind_first, verb, told.notice, land.opaque.ends, land.opaque_solids, land.relief_cell,
-        land.relief, wrap[0], wrap[1],
     )  # fmt: skip
+    kinds = ByKind(by_kind, kind_first, verb, told.notice)
+    hiding = Hiding(land.opaque.ends, land.opaque_solids, land.relief_cell, land.relief, *wrap)
+    given = watchers, kinds, hiding
     count = np.zeros(n, np.int64)
     nothing = np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros(0)
     over_rows(_notice, n, *given, np.zeros(n + 1, np.int64), *nothing, count)
@@ -112,11 +148,13 @@ def noticed_by(agents, land, aloft, kind, verb, told, table):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _notice(
-    lo, hi, xyz, forward, length, radius, aloft, kind, boldness, alarm, cosine, eyes, by_kind, kind_first, verb, notice,
-    edges, solids, relief_cell, relief, width, depth, first, near, offset, distance, count,
-):  # fmt: skip
+def _notice(lo, hi, watchers, kinds, hiding, first, near, offset, distance, count):
     """Count those noticed; where ``near`` has room, write them down too."""
+    xyz, length, radius, aloft, kind = watchers.xyz, watchers.length, watchers.radius, watchers.aloft, watchers.kind
+    forward, cosine, kind_first, verb, notice = (
+        watchers.forward, watchers.cosine, kinds.kind_first, kinds.verb, kinds.notice
+    )  # fmt: skip
+    edges, solids, relief, width, depth = hiding.edges, hiding.solids, hiding.relief, hiding.width, hiding.depth
     write, hills = len(near) > 0, relief.shape[0] * relief.shape[1] > 1
     for i in range(lo, hi):
         found = 0
@@ -124,7 +162,7 @@ def _notice(
             if verb[kind[i], c] == 0:
                 continue
             for t in range(kind_first[c], kind_first[c + 1]):
-                j = by_kind[t]
+                j = kinds.by_kind[t]
                 x, y, z = xyz[j, 0] - xyz[i, 0], xyz[j, 1] - xyz[i, 1], xyz[j, 2] - xyz[i, 2]
                 if width > 0.0:
                     x, y = x - width * np.floor(x / width + 0.5), y - depth * np.floor(y / depth + 0.5)
@@ -132,22 +170,22 @@ def _notice(
                 if reach < 0.0:
                     reach = -reach * max(length[i], length[j])
                 if verb[kind[i], c] == FEAR:
-                    reach /= boldness[i]
+                    reach /= watchers.boldness[i]
                 d2 = x * x + y * y + z * z
                 if d2 > reach * reach or j == i:
                     continue
-                if alarm[i] <= 0.0 and cosine[i] > -1.0:
+                if watchers.alarm[i] <= 0.0 and cosine[i] > -1.0:
                     ahead = x * forward[i, 0] + y * forward[i, 1] + z * forward[i, 2]
                     if ahead < cosine[i] * np.sqrt(d2):
                         continue
-                up = eyes[i] if not aloft[i] else 0.0
+                up = watchers.eyes[i] if not aloft[i] else 0.0
                 rise = z - up + (radius[j] if not aloft[j] else 0.0)
                 px, py, pz = xyz[i, 0], xyz[i, 1], xyz[i, 2] + up
                 if not (aloft[i] or aloft[j]) and _crossed(edges, px, py, x, y):
                     continue
                 if len(solids.kind) and blocks_(solids, px, py, pz, x, y, rise):
                     continue
-                if hills and _behind_a_hill(relief, relief_cell, px, py, pz, x, y, rise):
+                if hills and _behind_a_hill(relief, hiding.relief_cell, px, py, pz, x, y, rise):
                     continue
                 if write:
                     at = first[i] + found
@@ -196,11 +234,12 @@ class BeAlarmed(System):
             none = np.zeros(0)
             lists = NoticedLists(np.zeros(len(agents) + 1, np.int64), none.astype(np.int32), none.reshape(0, 3),
                                  none.astype(np.uint8), none, none)  # fmt: skip
-        over_rows(_be_alarmed, len(agents), *lists, agents[Position.xyz], keep, level, agents[Alarm.place])
+        over_rows(_be_alarmed, len(agents), lists, agents[Position.xyz], keep, level, agents[Alarm.place])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _be_alarmed(lo, hi, first, near, offset, verb, weight, notice, xyz, keep, level, place):
+def _be_alarmed(lo, hi, lists, xyz, keep, level, place):
+    first, offset, verb, weight, notice = lists.first, lists.offset, lists.verb, lists.weight, lists.notice
     for i in range(lo, hi):
         worst, at = 0.0, -1
         for k in range(first[i], first[i + 1]):

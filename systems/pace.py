@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from flockbrush.components import Body, BrushBinding, Ground, Heading, Individual, Species, Speed, Urge, Wish
 from flockbrush.engine.clock import Clock
@@ -9,7 +11,6 @@ from flockbrush.engine.noise import Noise, normal_, uniform_
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.systems.fauna import AIR, PLANE, WATER, SpeciesList
-from flockbrush.systems.grid import Cells
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import Near
 from flockbrush.systems.terrain import slope_factor_
@@ -34,30 +35,68 @@ class Pace(System):
         n = len(agents)
         aloft = palette.aloft(agents[BrushBinding.brush])
         free = np.zeros(n, np.bool_) if aloft is None else aloft & ~palette.grounded[agents[BrushBinding.brush]]
-        density = np.zeros(n)
+        cells, density = world.resource(Near).cells, np.zeros(n)
         if palette.uses_density:
-            over_rows(crowding, n, *_grid(world.resource(Near).cells), agents[Body.length], density)
+            over_rows(crowding, n, cells, agents[Body.length], density)
         was = agents[Speed.drawn].copy() if palette.pauses else None
-        over_rows(
-            _pace, n, free, agents.ids, agents[Body.length], agents[BrushBinding.brush], density,
+        walkers = Walkers(
+            free, agents.ids, agents[Body.length], agents[BrushBinding.brush], density,
             agents[Ground.factor], agents[Ground.cap], agents[Ground.slope], agents[Heading.forward],
-            agents[Wish.pace], palette.mean, palette.deviation, palette.reversion,
-            palette.density_first, palette.density_table,
-            world.resource(Noise).key("speed", clock.tick), clock.dt, agents[Individual.pace],
+            agents[Wish.pace], agents[Individual.pace],
             *_limits(world.resource(SpeciesList).table, agents[Species.index], aloft),
-            agents[Urge.share], agents[Urge.speed], agents[Urge.driven],
-            agents[Speed.drawn], agents[Speed.effort], agents[Speed.target],
+            agents[Urge.share], agents[Urge.speed],
         )  # fmt: skip
+        rules = PaceRules(*(getattr(palette, name) for name in PaceRules._fields))
+        state = PaceState(*(agents[field] for field in (Urge.driven, Speed.drawn, Speed.effort, Speed.target)))
+        over_rows(_pace, n, walkers, rules, world.resource(Noise).key("speed", clock.tick), clock.dt, state)
         if was is None:
             return
         walking = np.full(n, -1.0)
-        over_rows(company, n, *_grid(world.resource(Near).cells), world.resource(Near).cells.row,
-                  agents[Body.length], was, walking)  # fmt: skip
-        over_rows(
-            pause, n, agents.ids, agents[Body.length], agents[BrushBinding.brush], was, agents[Urge.driven], walking,
-            palette.mean, palette.deviation, palette.reversion, palette.stops, palette.starts, palette.imitation,
-            world.resource(Noise).key("pause", clock.tick), clock.dt, agents[Speed.drawn], agents[Speed.target],
-        )  # fmt: skip
+        over_rows(company, n, cells, agents[Body.length], was, walking)
+        key = world.resource(Noise).key("pause", clock.tick)
+        over_rows(pause, n, walkers, rules, was, walking, key, clock.dt, state)
+
+
+class Walkers(NamedTuple):
+    """What the speed of each animal depends on, (n,) each unless stated."""
+
+    free: np.ndarray  # bool, in the air
+    ids: np.ndarray
+    length: np.ndarray  # m
+    brush: np.ndarray
+    density: np.ndarray  # others per square body length
+    factor: np.ndarray  # of the ground
+    cap: np.ndarray  # m/s
+    slope: np.ndarray  # (n, 2)
+    forward: np.ndarray  # (n, 3)
+    wanted: np.ndarray  # effort that the model wishes
+    own: np.ndarray  # factor of the individual
+    top: np.ndarray  # m/s
+    most: np.ndarray  # m/s²
+    share: np.ndarray  # of the drives
+    wished: np.ndarray  # m/s that the drives wish
+
+
+class PaceRules(NamedTuple):
+    """The columns of the `Palette` that say how fast, by brush."""
+
+    mean: np.ndarray
+    deviation: np.ndarray
+    reversion: np.ndarray
+    density_first: np.ndarray
+    density_table: np.ndarray
+    stops: np.ndarray
+    starts: np.ndarray
+    imitation: np.ndarray
+
+
+class PaceState(NamedTuple):
+    """What is written, (n,) each."""
+
+    driven: np.ndarray
+    drawn: np.ndarray  # m/s
+    effort: np.ndarray
+    target: np.ndarray  # m/s
 
 
 def _limits(table, species, aloft):
@@ -67,15 +106,11 @@ def _limits(table, species, aloft):
     return table.speed[species, medium], table.acceleration[species, medium]
 
 
-def _grid(cells: Cells):
-    return (
-        cells.x, cells.y, cells.slot, cells.start, cells.nx, cells.ny, cells.cell, cells.west, cells.south,
-    )  # fmt: skip
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
-def crowding(lo, hi, x, y, slot, start, nx, ny, cell, west, south, length, density):
+def crowding(lo, hi, cells, length, density):
     """Others per square body length within two body lengths (seen or not: what presses, slows)."""
+    x, y, slot, start, nx, ny = cells.x, cells.y, cells.slot, cells.start, cells.nx, cells.ny
+    cell, west, south = cells.cell, cells.west, cells.south
     for i in range(lo, hi):
         s = slot[i]
         if s < 0:
@@ -92,20 +127,18 @@ def crowding(lo, hi, x, y, slot, start, nx, ny, cell, west, south, length, densi
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pace(
-    lo, hi, free, ids, length, brush, density, factor, cap, slope, forward, wanted,
-    mean, deviation, reversion, table_first, table, key, dt, own, top, most, share, wished, driven,
-    drawn, effort, target,
-):  # fmt: skip
+def _pace(lo, hi, walkers, rules, key, dt, state):
+    free, ids, length, brush, density, factor, cap, slope, forward, wanted, own, top, most, share, wished = walkers
+    mean, deviation, reversion, first, table, _, _, _ = rules
+    driven, drawn, effort, target = state
     root = np.sqrt(dt)
     for i in range(lo, hi):
         b = brush[i]
         v = drawn[i]
-        v += -reversion[b] * (v - own[i] * mean[b] * length[i]) * dt + deviation[b] * length[i] * root * normal_(
-            key, ids[i], np.int64(0)
-        )
+        back = -reversion[b] * (v - own[i] * mean[b] * length[i]) * dt
+        v += back + deviation[b] * length[i] * root * normal_(key, ids[i], np.int64(0))
         drawn[i] = max(v, 0.0)  # eq. 6, no walking backwards
-        ease = _look_up(table, table_first[b], table_first[b + 1], density[i])
+        ease = _look_up(table, first[b], first[b + 1], density[i])
         rise = slope[i, 0] * forward[i, 0] + slope[i, 1] * forward[i, 1]
         if rise != 0.0:
             ease *= slope_factor_(rise)
@@ -126,8 +159,10 @@ def _pace(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def company(lo, hi, x, y, slot, start, nx, ny, cell, west, south, row, length, speed, walking):
+def company(lo, hi, cells, length, speed, walking):
     """Share of the others within four body lengths that walk; -1 where nobody is."""
+    x, y, slot, start, nx, ny = cells.x, cells.y, cells.slot, cells.start, cells.nx, cells.ny
+    cell, west, south, row = cells.cell, cells.west, cells.south, cells.row
     for i in range(lo, hi):
         s = slot[i]
         if s < 0:
@@ -147,13 +182,12 @@ def company(lo, hi, x, y, slot, start, nx, ny, cell, west, south, row, length, s
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def pause(
-    lo, hi, ids, length, brush, was, driven, walking, mean, deviation, reversion, stops, starts, imitation, key, dt,
-    drawn, target,
-):  # fmt: skip
+def pause(lo, hi, walkers, rules, was, walking, key, dt, state):
     """Stop, stand, and begin to walk again: by chance, and as neighbours do.  Whose drawn speed is 0 stands."""
+    ids, length, mean, driven, drawn = walkers.ids, walkers.length, rules.mean, state.driven, state.drawn
+    stops, starts, imitation = rules.stops, rules.starts, rules.imitation
     for i in range(lo, hi):
-        b = brush[i]
+        b = walkers.brush[i]
         if stops[b] <= 0.0:
             continue
         usual = mean[b] * length[i]
@@ -164,10 +198,10 @@ def pause(
         rate = (starts[b] if was[i] <= 0.0 else stops[b]) * (1.0 + imitation[b] * (alike if walking[i] >= 0.0 else 0.0))
         changes = uniform_(key, ids[i], 0) < rate * dt / (1.0 + 0.5 * rate * dt)
         if changes and was[i] <= 0.0:
-            spread = deviation[b] / np.sqrt(2.0 * reversion[b]) * length[i]
+            spread = rules.deviation[b] / np.sqrt(2.0 * rules.reversion[b]) * length[i]
             drawn[i] = max(usual + spread * normal_(key, ids[i], np.int64(1)), CRAWL * usual)
         elif changes or was[i] <= 0.0:
-            drawn[i] = target[i] = 0.0
+            drawn[i] = state.target[i] = 0.0
         else:
             drawn[i] = max(drawn[i], CRAWL * usual)
 

@@ -9,7 +9,7 @@ from flockbrush.behaviours.behaviour import GUIDED, Flight, behaviours
 from flockbrush.behaviours.brush import load_brush
 from flockbrush.behaviours.brush_tables import SIGHTS
 from flockbrush.behaviours.drive import drives_of
-from flockbrush.behaviours.mixture import can_mix, is_step, step_name, steps_between
+from flockbrush.behaviours.mixture import STEPS, can_mix, is_step, load_path, step_name, steps_between
 from flockbrush.engine.maths import sincos_
 
 
@@ -23,8 +23,8 @@ class Palette:
     over : iterable of str
         Names of those that paint of part weight may give: from every other brush of the same model to these there are
         brushes between, which stand behind in the palette.
-    path : callable, optional
-        ``path(start, end)``: the measured path between two brushes by name, or None.
+    paths : dict, optional
+        Measured paths (`flockbrush.behaviours.mixture.BrushPath`) by the names of the two brushes.
 
     Attributes
     ----------
@@ -32,10 +32,12 @@ class Palette:
         The first of the brushes between one and another; -1 where there are none.
     """
 
-    def __init__(self, brushes=(), over=(), path=lambda start, end: None):
+    def __init__(self, brushes=(), over=(), paths=None):
         self.brushes = []
         self.index = {}
-        self.over, self.path = tuple(over), path
+        self._first = tuple(over), dict(paths or {})  # what the level asked for
+        self._brought = {}, {}  # {brush: None} and {file: text of a path} that came later
+        self._know()
         for brush in brushes:
             self._put(brush)
         self._mix(self.brushes)
@@ -51,6 +53,50 @@ class Palette:
         self._tabulate()
         return self.index[brush.name]
 
+    def _know(self):
+        """Look up what is mixed, and on which paths."""
+        (over, paths), (later, files) = self._first, self._brought
+        self.over, self.paths = (*over, *later), dict(paths)
+        for file, text in files.items():
+            path = load_path(text.encode(), file)
+            self.paths |= {(path.start, path.end): path, (path.end, path.start): path.reversed()}
+
+    def mix(self, name, files):
+        """Have brushes between every other brush and this one, by measured paths too: {file: text}; ValueError."""
+        before, (later, known) = self.state(), self._brought
+        if name not in self.over:
+            later[name] = None
+        known |= files
+        self._know()
+        try:
+            self._mix(self.own)
+        except ValueError:  # a detour leads out of the bounds of a number
+            self.set_state(before)
+            raise
+        self._tabulate()
+
+    def steps_to(self, name):
+        """Index of the first of the brushes between others and this one that `mix` made; None if they are not last."""
+        ends = {step_name(start.name, name, k) for start in self.own for k in range(1, STEPS)}
+        found = [k for k, brush in enumerate(self.brushes) if brush.name in ends]
+        first = found[0] if found else len(self)
+        return first if name in self._brought[0] and found == list(range(first, len(self))) else None
+
+    def unmix(self, name, files):
+        """Take back `mix`, of brushes that stand last in the palette (`steps_to`)."""
+        self._cut(self.steps_to(name))
+        del self._brought[0][name]
+        for file in files:
+            self._brought[1].pop(file, None)
+        self._know()
+        self._tabulate()
+
+    def _cut(self, first):
+        """Drop the brushes from an index on."""
+        for brush in self.brushes[first:]:
+            del self.index[brush.name]
+        del self.brushes[first:]
+
     def _put(self, brush):
         if brush.name in self.index:
             self.brushes[self.index[brush.name]] = brush
@@ -65,7 +111,7 @@ class Palette:
             for end in self.over:
                 known = end in self.index and end != start.name and not names.isdisjoint((start.name, end))
                 if known and can_mix(start, self.brushes[self.index[end]]):
-                    for brush in steps_between(start, self.brushes[self.index[end]], self.path(start.name, end)):
+                    for brush in steps_between(start, self.brushes[self.index[end]], self.paths.get((start.name, end))):
                         self._put(brush)
 
     @property
@@ -78,20 +124,24 @@ class Palette:
         newest = self.own[-1].name
         if newest != name:
             raise ValueError(f"{name} is not the newest brush; that is {newest}")
-        for brush in self.brushes[self.index[name] :]:
-            del self.index[brush.name]
-        del self.brushes[len(self.index) :]
+        self._cut(self.index[name])
+        self._mix(self.own)  # brushes between others, that were made after it
         self._tabulate()
 
     def state(self):
         """The brushes as they are now (see `flockbrush.engine.state`)."""
-        return json.dumps([[b.name, b.source.decode()] for b in self.brushes]).encode()
+        rows, (later, files) = [[b.name, b.source.decode()] for b in self.brushes], self._brought
+        return json.dumps({"brushes": rows, "mixed": list(later), "paths": files} if later or files else rows).encode()
 
     def set_state(self, data):
         """Take back what `state` gave."""
         before = {b.name: b for b in self.brushes}
-        self.brushes, self.index = [], {}
-        for name, source in json.loads(data):
+        self.brushes, self.index, told = [], {}, json.loads(data)
+        if isinstance(told, list):  # nothing was mixed but what the level asked for
+            told = {"brushes": told, "mixed": [], "paths": {}}
+        self._brought = dict.fromkeys(told["mixed"]), told["paths"]
+        self._know()
+        for name, source in told["brushes"]:
             same = name in before and before[name].source.decode() == source
             self._put(before[name] if same else load_brush(source.encode(), f"{name}.brush.toml"))
         self._tabulate()

@@ -36,26 +36,15 @@ NEVER = np.iinfo(np.int64).max  # tick of what does not end
 
 
 class Compiled:
-    """A program as the system runs it.
-
-    Attributes
-    ----------
-    names : list of str
-        Of the states by number.
-    sources : ndarray (triggers, states) bool
-        Out of which states a trigger leads.
-    to : ndarray (triggers,)
-        The state it leads to.
-    slots : dict
-        Place in `ProgramState.memory` of each thing remembered.
-    """
+    """A program as the system runs it."""
 
     def __init__(self, program: Program):
         self.program = program
-        self.names = list(program.states)
+        self.names = list(program.states)  # of the states by number
         number = {name: k for k, name in enumerate(self.names)}
         self.number = number
-        self.to = np.array([number[t.to] for t in program.triggers], np.int32)
+        self.to = np.array([number[t.to] for t in program.triggers], np.int32)  # (triggers,); the state it leads to
+        # (triggers, states) bool; out of which states a trigger leads
         self.sources = np.zeros((len(program.triggers), len(self.names)), bool)
         for k, trigger in enumerate(program.triggers):
             for name in trigger.sources:
@@ -64,6 +53,7 @@ class Compiled:
                 else:
                     self.sources[k, number[name]] = True
         self.memories = program.memories()
+        # place in `ProgramState.memory` of each thing remembered
         self.slots = {part.memory(): slot for slot, part in enumerate(self.memories)}
         self.states = list(program.states.values())
         parts = [part for trigger in program.triggers for part in trigger.when.walk()]
@@ -75,22 +65,13 @@ class Compiled:
 
 
 class Programs:
-    """The programs of a world, what has just happened in it, and how often states changed.
-
-    Attributes
-    ----------
-    programs : list of Program
-        By number.
-    events : list of Happening
-        Raised since the last tick, and heard in the next.
-    transitions : dict of str to ndarray (states, states) int64
-        By program: how often animals went from the row's state to the column's.
-    """
+    """The programs of a world, what has just happened in it, and how often states changed."""
 
     def __init__(self):
-        self.programs: list[Program] = []
+        self.programs: list[Program] = []  # by number
         self.compiled: list[Compiled] = []
-        self.events: list[Happening] = []
+        self.events: list[Happening] = []  # raised since the last tick, and heard in the next
+        # str to (states, states) int64; by program: how often animals went from the row's state to the column's
         self.transitions: dict[str, np.ndarray] = {}
         self.known: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # ids, xyz, species of the last tick
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from flockbrush.behaviours.brush import load_brush
+from flockbrush.behaviours.mixture import load_path
 from flockbrush.components import (
     Body,
     BrushBinding,
@@ -313,6 +314,50 @@ class ForgetBrush:
         about |= any(zone.brush == self.name for zone in land.marks.zones)
         if not about and palette.own[-1].name == self.name:
             palette.forget(self.name)
+
+
+@command
+class MixBrush:
+    """Have brushes between every other brush of the model and this one, which zones of part weight give.
+
+    ``paths`` are measured ones, {name of the file: its text}; without them all numbers go in a straight line.
+    """
+
+    name: str
+    paths: dict
+
+    def check(self, world):
+        world.resource(Palette).named(self.name)
+        for file, text in self.paths.items():
+            try:
+                path = load_path(str(text).encode(), file)
+            except ProblemsError as error:
+                raise ValueError(str(error)) from None
+            need(self.name in (path.start, path.end), f"{file}: this path neither begins nor ends at {self.name!r}")
+
+    def inverse(self, world):
+        palette = world.resource(Palette)
+        return [] if self.name in palette.over else [UnmixBrush(self.name, list(self.paths))]
+
+    def apply(self, world):
+        world.resource(Palette).mix(self.name, self.paths)
+
+
+@command
+class UnmixBrush:
+    """Take the brushes between others and this one out of the palette; they stay if an animal or a zone has one."""
+
+    name: str
+    paths: list  # names of the files
+
+    def apply(self, world):
+        palette = world.resource(Palette)
+        first = palette.steps_to(self.name)
+        bound = [world.agents[f] for f in (BrushBinding.brush, BrushBinding.previous, BrushBinding.home)]
+        zones = world.resource(Landscape).marks.zones
+        about = any(zone.brush == self.name and zone.bounds.blend == "mix" for zone in zones)
+        if first is not None and not about and not any((column >= first).any() for column in bound):
+            palette.unmix(self.name, self.paths)
 
 
 # room for bodies -----------------------------------------------------------------

@@ -43,7 +43,6 @@ def extract(marks: Marks, name="", provenance=None, samples=None, seed=0) -> For
 
     Parameters
     ----------
-    marks : Marks
     samples : int, optional
         RANSAC with so many samples instead of all.
 

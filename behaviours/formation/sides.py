@@ -33,7 +33,6 @@ def arrangements(frames: list[FrameShape], match: np.ndarray, swap: bool, left: 
 
     Parameters
     ----------
-    frames : list of FrameShape
     match : ndarray (n,) int
         The place in ``frames[0].birds`` of the bird that each animated one follows, -1 for none.
     swap : bool
@@ -79,18 +78,10 @@ class Crossing:
 
     Parameters
     ----------
-    before, after : Arrangement
     start, end : ndarray (n, 2)
         Wingspans to the right and ahead of the leader, by place.
     drift, speed : float
         Wingspans per second through the formation: of those who keep their side, and of those who change it.
-
-    Attributes
-    ----------
-    birds : ndarray (m,)
-        Who changes sides.
-    seconds : float
-        How long it takes.
     """
 
     def __init__(self, before: Arrangement, after: Arrangement, start, end, drift: float, speed: float):
@@ -100,14 +91,14 @@ class Crossing:
         self.start[before.order], self.end[after.order] = start, end
         was, is_now = np.empty(n, np.int64), np.empty(n, np.int64)
         was[before.order], is_now[after.order] = np.arange(n) - before.left, np.arange(n) - after.left
-        self.birds = np.flatnonzero(np.sign(was) != np.sign(is_now))
+        self.birds = np.flatnonzero(np.sign(was) != np.sign(is_now))  # (m,); who changes sides
         self.dip = np.zeros(n)
         for bird in self.birds.tolist():
             self.dip[bird] = self._depth(bird)
         far = np.abs(self.end - self.start)
         away = np.hypot(STEEPEST * far[:, 0], STEEPEST * far[:, 1] + DEEPEST * self.dip)
         changes = np.isin(np.arange(n), self.birds)
-        self.seconds = float((away / np.where(changes, speed, drift)).max())
+        self.seconds = float((away / np.where(changes, speed, drift)).max())  # how long it takes
 
     def _depth(self, bird):
         """How far back this bird goes on its way; no farther than it must."""

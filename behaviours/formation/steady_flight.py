@@ -113,18 +113,8 @@ class SteadyFlight:
         Same seed, same flight.
     left : int, optional
         How many fly to the left of the leader; as in the example unless told.
-    drawing : Drawing, optional
     exchange : bool
         Left and right of the example exchanged, before anything else.
-
-    Attributes
-    ----------
-    x : ndarray (n,)
-        Wingspans to the right of the leader, from left to right, on the even grid of the first frame.
-    low, high : ndarray (n,)
-        The learned ranges of shares by bird, widened by epsilon.
-    initial : ndarray (frames, n, 2)
-        The shapes of step 1 by place: wingspans to the right and ahead of the leader.
 
     Raises
     ------
@@ -147,16 +137,19 @@ class SteadyFlight:
             raise _wrong(formation, f"of {birds} birds at most {birds - 1} fly left of the leader, got {left}")
         self.drawing, self.left, self.noise = drawing or Drawing(), left, Noise(seed)
         self.spacing = max(NEAREST, float(np.mean([frame.spacing[0] for frame in frames])))
+        # (n,); wingspans to the right of the leader, from left to right, on the even grid of the first frame
         self.x = (np.arange(birds) - left) * self.spacing
         frames = [_mirror(frame) for frame in frames] if exchange else list(frames)
         self.match, self.swap = correspond(frames[0], birds, left)
         self.means = [float(max(NEAREST, one(f.spacing[0] for f in frames))) for one in (min, max)]
         self.arrangements = arrangements(frames, self.match, self.swap, left)
         shapes = [self._initial(k, frame, frames[0]) for k, frame in enumerate(frames)]
+        # (frames, n, 2); the shapes of step 1 by place: wingspans to the right and ahead of the leader
         self.initial = np.array(shapes)
         self.shares = np.array([relative_power(shape[:, 1], self.spacing) for shape in shapes])  # by place
         mine = np.array([s[np.argsort(a.order)] for s, a in zip(self.shares, self.arrangements, strict=True)])
         eps = self.drawing.epsilon
+        # low, high: (n,); the learned ranges of shares by bird, widened by epsilon
         self.low, self.high = (1 - eps) * mine.min(axis=0), (1 + eps) * mine.max(axis=0)
         self.crossings = [self._crossing(k) for k in range(len(frames))]
         longest = max(self._passage(k) for k in range(len(frames)))

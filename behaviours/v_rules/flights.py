@@ -78,7 +78,6 @@ def fly(xyz, seeds, rules: VRuleSettings = VRuleSettings(), steps=2000, every=0,
         Where they begin, wingspans.
     seeds : sequence of int
         One for each flock.
-    rules : Rules
     steps : int
         At most (the paper's T).
     every : int

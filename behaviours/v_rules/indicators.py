@@ -28,7 +28,7 @@ class Indicators(NamedTuple):
     shape: np.ndarray  # index into SHAPES
 
 
-def indicators(xyz, rules: VRuleSettings = VRuleSettings(), margin=None) -> Indicators:  # noqa: B008  frozen
+def indicators(xyz, rules: VRuleSettings = VRuleSettings()) -> Indicators:  # noqa: B008  frozen
     """The indicators of flocks.
 
     Parameters
@@ -37,13 +37,11 @@ def indicators(xyz, rules: VRuleSettings = VRuleSettings(), margin=None) -> Indi
         Wingspans.
     rules : Rules
         The size of the wakes.
-    margin : float, optional
-        Differences along the way below this do not bend a line; ε unless told.
     """
     xyz = np.ascontiguousarray(xyz, np.float64)
     law = law_of(rules)
     counts, distances = np.zeros((len(xyz), 4), np.int64), np.zeros((len(xyz), 2))
-    over_rows(_measure, len(xyz), law, rules.margin if margin is None else margin, xyz, counts, distances)
+    over_rows(_measure, len(xyz), law, rules.margin, xyz, counts, distances)
     return Indicators(counts[:, 0], counts[:, 1], counts[:, 2], distances[:, 0], distances[:, 1], counts[:, 3])
 
 

@@ -149,7 +149,6 @@ def wish(law, i, n, x, y, z, by_x, chance):
 
     Parameters
     ----------
-    law : Law
     i, n : int
         The bird, and how many there are.
     x, y, z : ndarray (n,)

@@ -119,8 +119,6 @@ def _show(results):
         made.add_row(f"{r['agents']:,}", str(r["threads"]), *times, f"{r['peak_memory_mib']:.0f}")
     show(made)
     heads = [f"{r['agents']:,} x {r['threads']}" for r in results]
-    made = table("ms in", *heads, title="by system (animals x threads)", right=heads)
-    for name in results[0]["systems"]:
-        made.add_row(name, *(f"{1e3 * r['systems'][name]:.3f}" for r in results))
-    show(made)
+    rows = ((name, *(f"{1e3 * r['systems'][name]:.3f}" for r in results)) for name in results[0]["systems"])
+    show(table("ms in", *heads, rows=rows, title="by system (animals x threads)", right=heads))
     print_line(machine())

@@ -234,10 +234,8 @@ def meaning_of(name: str) -> str:
 
 
 def measures_table(measures, title=None):
-    made = table("measure", "value", "meaning", title=title, right=("value",))
-    for name, value in measures.items():
-        made.add_row(name, number(value), meaning_of(name))
-    return made
+    rows = ((name, value, meaning_of(name)) for name, value in measures.items())
+    return table("measure", "value", "meaning", rows=rows, title=title, right=("value",))
 
 
 # recordings ------------------------------------------------------------------------------
@@ -439,10 +437,7 @@ def show_brush(name, json):
     for key, value in told.items():
         show(f"  {key}: {_value(value)}")
     if figures:
-        made = table("figures of the report", "value", right=("value",))
-        for figure, value in figures.items():
-            made.add_row(figure, number(value))
-        show(made)
+        show(table("figures of the report", "value", rows=figures.items(), right=("value",)))
     print_line(f"sha256 {brush.sha256}")
 
 

@@ -230,11 +230,11 @@ def _show(file):
     if not file.layers:
         print_line(f"{file.path}: no edits")
         return
-    made = table("layer", "on", "edit", "chosen by", title=str(file.path))
-    for layer in file.layers:
-        for edit in layer.edits:
-            made.add_row(layer.name, "yes" if layer.on else "no", _sentence(edit), edit.because)
-    show(made)
+    rows = (
+        (layer.name, "yes" if layer.on else "no", _sentence(edit), edit.because)
+        for layer in file.layers for edit in layer.edits
+    )  # fmt: skip
+    show(table("layer", "on", "edit", "chosen by", rows=rows, title=str(file.path)))
 
 
 # exports ---------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from flockbrush.film.observations import Evidence
 from flockbrush.film.observe import Glance, Watch
 from flockbrush.film.open_clip import Looking, look_at, tell_notes
 from flockbrush.render.picture_files import Video
-from flockbrush.runs.terminal import Interrupts, compiling, number, print_json, say, show, table
+from flockbrush.runs.terminal import Interrupts, compiling, print_json, say, show, table
 
 WIDE, LARGER = 640, 2.0  # px of each half of the preview, if a small clip is not made larger than so many times
 FULL = 3.0  # animals a BL² that are drawn in the strongest colour: shoulder to shoulder
@@ -31,7 +31,6 @@ def fields_of_clip(clip, out, looking: Looking, preview=None, as_json=False) -> 
     clip : path
     out : path
         An npz, read again by `flockbrush.film.observations.Evidence.load`.
-    looking : Looking
     preview : path, optional
         An mp4: the clip with outlines and motion of the bodies, beside it density and mean motion.
 
@@ -96,10 +95,8 @@ def _tell(out, preview, evidence, seconds, as_json):
     if speed:
         rows += [("speed, body lengths/s", speed.mean), ("its deviation", speed.deviation)]
         rows += [("it is forgotten at, 1/s", speed.reversion)]
-    made = table("what", "value", right=("value",))
-    for name, value in [*rows, ("a frame took, ms", 1e3 * facts["seconds_a_frame"])]:
-        made.add_row(name, value if isinstance(value, str) else number(value))
-    show(made)
+    rows.append(("a frame took, ms", 1e3 * facts["seconds_a_frame"]))
+    show(table("what", "value", rows=rows, right=("value",)))
     tell_notes(evidence.name, evidence)
     for path in facts["files"]:
         say(f"wrote {path}")
@@ -128,8 +125,6 @@ def drawing(glance: Glance, watch: Watch, fields: dict) -> np.ndarray:
 
     Parameters
     ----------
-    glance : Glance
-    watch : Watch
     fields : dict
         ``density`` (ny, nx) and ``velocity`` (ny, nx, 2) of this frame.
     """

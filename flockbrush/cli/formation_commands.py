@@ -76,18 +76,8 @@ def extract_formation(marks_path, out, plot, heading, wingspan, samples, json):
         if json:
             print_json({"kinds": formation.kinds(), "frames": [_summary(frame) for frame in formation.frames]})
             return
-        lines = table(
-            "frame",
-            "shape",
-            "birds",
-            "leader",
-            "outliers",
-            "stragglers",
-            "spacing",
-            "deviation",
-            "why",
-            right=("birds",),
-        )
+        columns = "frame", "shape", "birds", "leader", "outliers", "stragglers", "spacing", "deviation", "why"
+        lines = table(*columns, right=("birds",))
         for frame in formation.frames:
             s = _summary(frame)
             lines.add_row(
@@ -137,10 +127,8 @@ def fly(formation_path, birds, frames, fps, seed, left, exchange, method, epsilo
         if json:
             print_json(said)
             return
-        lines = table("measure", "value", right=("value",))
-        for key, value in said.items():
-            lines.add_row(key.replace("_", " "), number(value))
-        show(lines)
+        rows = ((key.replace("_", " "), value) for key, value in said.items())
+        show(table("measure", "value", rows=rows, right=("value",)))
 
 
 def make_brush(formation_path, out, like):

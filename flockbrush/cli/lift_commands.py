@@ -12,7 +12,7 @@ from flockbrush.lifting.flight_files import write_flight
 from flockbrush.lifting.lens import read_camera
 from flockbrush.lifting.lift_solver import LiftError, LiftWish, lift
 from flockbrush.lifting.lift_thesis import lift_by_thesis
-from flockbrush.runs.terminal import number, print_json, say, show, table
+from flockbrush.runs.terminal import print_json, say, show, table
 
 METHODS = {"smooth": lift, "cobyla": lift_by_thesis}
 
@@ -98,17 +98,15 @@ def _tell(out, flight, seconds, method, as_json):
     if as_json:
         print_json(facts)
         return
-    made = table("what", "value", right=("value",))
-    for name, value in (
+    rows = (
         ("birds", facts["birds"]),
         ("frames", facts["frames"]),
         ("nearest, m", low),
         ("farthest, m", high),
         ("noise of the tracks, px", flight.noise),
         ("solved in, s", seconds),
-    ):
-        made.add_row(name, number(value))
-    show(made)
+    )
+    show(table("what", "value", rows=rows, right=("value",)))
     for note in flight.notes:
         say(f"note: {note}")
     say(f"wrote {out}")

@@ -50,10 +50,8 @@ def list_programs(json):
     if json:
         print_json([{"name": p.name, "title": p.title, "states": list(p.states), "sha256": p.sha256} for p in programs])
         return
-    made = table("program", "states", "triggers", "what it does", right=("triggers",))
-    for program in programs:
-        made.add_row(program.name, ", ".join(program.states), str(len(program.triggers)), program.description)
-    show(made)
+    rows = ((p.name, ", ".join(p.states), len(p.triggers), p.description) for p in programs)
+    show(table("program", "states", "triggers", "what it does", rows=rows, right=("triggers",)))
 
 
 def show_program(name, json):
@@ -73,11 +71,8 @@ def show_program(name, json):
         cells = (told.brush or "its own", str(told.lasts or "-"), then, told.emits or "-")
         made.add_row(styled("[{}]██[/] {}", told.colour, state) if told.colour else state, *cells)
     show(made)
-    made = table("trigger", "from", "to", "when", "delay")
-    for trigger in program.triggers:
-        cells = trigger.name or "-", ", ".join(trigger.sources), trigger.to, _when(trigger), str(trigger.delay or "-")
-        made.add_row(*cells)
-    show(made)
+    rows = ((t.name or "-", ", ".join(t.sources), t.to, _when(t), str(t.delay or "-")) for t in program.triggers)
+    show(table("trigger", "from", "to", "when", "delay", rows=rows))
     print_line(f"begins in {_shares(program.beginnings)}; sha256 {program.sha256}")
 
 
@@ -221,10 +216,8 @@ def test_program(name, animals, seconds, seed, species, intruder, events, json):
 def _show_test(program, series, found):
     names = list(program.states)
     title = f"{program.name}: {found['animals']} animals on a plane, seed {found['seed']}"
-    made = table("seconds", *names, title=title, right=("seconds", *names))
-    for time, here in series:
-        made.add_row(f"{time:g}", *(str(here[name]) for name in names))
-    show(made)
+    rows = ((f"{time:g}", *(str(here[name]) for name in names)) for time, here in series)
+    show(table("seconds", *names, rows=rows, title=title, right=("seconds", *names)))
     show(transition_table(names, found["transitions"]))
     silent = [t for t in program.triggers if not any(t.to in found["transitions"].get(s, {}) for s in program.states)]
     for trigger in silent:
@@ -233,10 +226,8 @@ def _show_test(program, series, found):
 
 def transition_table(names, went):
     """How often animals went from the state of a row to that of a column."""
-    made = table("from \\ to", *names, title="transitions", right=tuple(names))
-    for name in names:
-        made.add_row(name, *(str(went.get(name, {}).get(to, "·")) for to in names))
-    return made
+    rows = ((name, *(str(went.get(name, {}).get(to, "·")) for to in names)) for name in names)
+    return table("from \\ to", *names, rows=rows, title="transitions", right=tuple(names))
 
 
 def read_intruder(text, library):

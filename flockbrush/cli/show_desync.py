@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flockbrush.runs.desync import Desync
-from flockbrush.runs.terminal import number, print_line, show, table
+from flockbrush.runs.terminal import print_line, show, table
 
 NAMES = 8  # parts of the state that a line names
 
@@ -43,7 +43,7 @@ def _values_table(differences, names, title):
     made = table("part", "animals", "largest difference", "animal", *names, title=title, right=("animals", "animal"))
     for d in differences:
         values = [_value(side[0]) if side else "-" for side in (d.one, d.other)]
-        made.add_row(d.part, number(d.count), number(d.largest), str(d.ids[0]) if d.ids else "-", *values)
+        made.add_row(d.part, d.count, d.largest, str(d.ids[0]) if d.ids else "-", *values)
     return made
 
 

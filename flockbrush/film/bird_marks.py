@@ -14,23 +14,13 @@ BLOBS = 4000  # frames whose patches are remembered
 
 @dataclass(frozen=True)
 class Birds:
-    """The birds of all frames; edits give another one.
+    """The birds of all frames; edits give another one."""
 
-    Parameters
-    ----------
-    px : (F, N, 2) ndarray
-        Pixels, NaN where a bird is not seen.
-    ids : tuple of int
-    corrections : dict of int to dict
-        By frame and bird: (x, y, gone), what a person said.  Gone: there is no such bird from this frame on.
-    pending : int or None
-        The first frame that was put right and not followed on from.
-    """
-
-    px: np.ndarray
+    px: np.ndarray  # (F, N, 2); pixels, NaN where a bird is not seen
     ids: tuple[int, ...] = ()
+    # by frame and bird: (x, y, gone), what a person said. Gone: there is no such bird from this frame on.
     corrections: dict[int, dict[int, tuple[float, float, bool]]] = field(default_factory=dict)
-    pending: int | None = None
+    pending: int | None = None  # the first frame that was put right and not followed on from
 
     @classmethod
     def none(cls, frames) -> Birds:

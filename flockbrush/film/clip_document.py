@@ -27,22 +27,13 @@ UNDONE = 100  # steps that can be taken back
 
 @dataclass(frozen=True)
 class ClipMarks:
-    """What is told to `flockbrush learn` with options.
-
-    Parameters
-    ----------
-    landmarks : tuple of Landmark
-    body_colour : (int, int, int), optional
-        Red, green, blue; found by the command unless given.
-    body_length : float, optional
-        Pixels.
-    first, last : int, optional
-        The frames that are used, both included.
-    """
+    """What is told to `flockbrush learn` with options."""
 
     landmarks: tuple[Landmark, ...] = ()
+    # (int, int, int), optional; red, green, blue; found by the command unless given
     body_colour: tuple[int, int, int] | None = None
-    body_length: float | None = None
+    body_length: float | None = None  # pixels
+    # first, last: the frames that are used, both included
     first: int | None = None
     last: int | None = None
 
@@ -75,10 +66,6 @@ class Book(Steps):
     folder : path
         Where files go: ``NAME.marks.toml``, ``NAME.obstacles.png``, ``NAME.regions.png``, ``NAME.tracks.csv``,
         ``NAME.corrections.csv`` and ``NAME.sketch.csv``, with the name of the film.
-
-    Attributes
-    ----------
-    state : State
     """
 
     def __init__(self, film, folder):

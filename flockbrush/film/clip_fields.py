@@ -77,20 +77,11 @@ def grid_over(size, maps, body_px, across) -> ClipGrid:
 
 @dataclass
 class Collector:
-    """Takes frames one after the other and becomes `Fields`.
-
-    Parameters
-    ----------
-    grid : Grid
-    size : (int, int)
-        Of the pictures, px.
-    body_pixels : float
-        Of one animal in the reference picture.
-    """
+    """Takes frames one after the other and becomes `Fields`."""
 
     grid: ClipGrid
-    size: tuple[int, int]
-    body_pixels: float
+    size: tuple[int, int]  # of the pictures, px
+    body_pixels: float  # of one animal in the reference picture
     rows: dict[str, list] = field(default_factory=dict)
 
     def add(self, number, mask, to_first, seconds, flow=None, slow=0.0):
@@ -252,7 +243,6 @@ def painted(mask, grid: ClipGrid, scale) -> np.ndarray:
     ----------
     mask : (h, w) uint8 ndarray
         In pixels of the clip's first picture, full size; 0 beyond it.
-    grid : Grid
     scale : float
         Pixels of the reference picture for one of the mask's.
     """

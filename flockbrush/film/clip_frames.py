@@ -34,14 +34,6 @@ class Film:
     say : callable, optional
         Told how many frames have been gone through.
 
-    Attributes
-    ----------
-    size : (int, int)
-        Width and height, pixels.
-    fps : float
-    times : (F,) ndarray
-        Seconds from the first frame.
-
     Raises
     ------
     ProblemsError
@@ -61,6 +53,7 @@ class Film:
         self.fps = _fps(self._reader.fps, self._stamps)
         steps = np.diff(self._stamps)
         self._step = float(steps.min()) if len(steps) else 0.0  # s; 0 where times do not tell frames apart
+        # (F,); seconds from the first frame
         self.times = self._stamps - self._stamps[0] if self._step > 0 else np.arange(len(self._stamps)) / self.fps
         self._kept: OrderedDict[int, np.ndarray] = OrderedDict()
         self._most = 8  # frames
@@ -68,7 +61,7 @@ class Film:
         first = self._read() if len(self._stamps) else None
         if first is None:
             raise refused(path, "has no picture that can be read; is it a film?")
-        self.size = first.shape[1], first.shape[0]
+        self.size = first.shape[1], first.shape[0]  # width and height, pixels
         self._most = max(8, KEPT // first.nbytes)
 
     def __len__(self):

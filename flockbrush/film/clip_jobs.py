@@ -22,15 +22,10 @@ class ClipJob:
         any more; what it returns is the result.
     then : callable
         Given the result, by `look`, in the thread that looks.
-
-    Attributes
-    ----------
-    share : float
-        How much is done.
     """
 
     def __init__(self, name, do, then):
-        self.name, self.share = name, 0.0
+        self.name, self.share = name, 0.0  # share: how much is done
         self._do, self._then = do, then
         self._result, self._error = None, None
         self._stopped = threading.Event()

@@ -20,18 +20,10 @@ NEAR = 40  # distance in red, green and blue up to which a colour of a file is o
 
 @dataclass(frozen=True)
 class MaskLayer:
-    """A mask that stays as it is, kept small: undo keeps many of them.
+    """A mask that stays as it is, kept small: undo keeps many of them."""
 
-    Parameters
-    ----------
-    size : (int, int)
-        Width and height, pixels.
-    packed : bytes
-        Of an array (h, w) uint8.
-    """
-
-    size: tuple[int, int]
-    packed: bytes
+    size: tuple[int, int]  # width and height, pixels
+    packed: bytes  # of an array (h, w) uint8
 
     @classmethod
     def of(cls, array) -> MaskLayer:

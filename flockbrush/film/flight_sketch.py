@@ -16,16 +16,10 @@ USUAL = 0.55  # of the slider: bends shorter than about half a second at 30 fram
 
 @dataclass(frozen=True)
 class Path:
-    """What was drawn for one bird.
-
-    Parameters
-    ----------
-    bird : int
-    points : tuple of (float, float, float)
-        x, y in pixels, and seconds since the drawing began.
-    """
+    """What was drawn for one bird."""
 
     bird: int
+    # tuple of (float, float, float); x, y in pixels, and seconds since the drawing began
     points: tuple[tuple[float, float, float], ...]
 
     @property
@@ -36,23 +30,12 @@ class Path:
 
 @dataclass(frozen=True)
 class FlightSketch:
-    """The paths of a flock.
-
-    Parameters
-    ----------
-    paths : tuple of Path
-    frames : int
-        How many frames the flight has.
-    even : bool
-        Whether birds fly with even speed along what was drawn, or as fast as it was drawn.
-    smooth : float
-        0 (as drawn) to 1.
-    """
+    """The paths of a flock."""
 
     paths: tuple[Path, ...] = ()
-    frames: int = 200
-    even: bool = True
-    smooth: float = USUAL
+    frames: int = 200  # how many frames the flight has
+    even: bool = True  # whether birds fly with even speed along what was drawn, or as fast as it was drawn
+    smooth: float = USUAL  # 0 (as drawn) to 1
 
     def with_path(self, points) -> FlightSketch | None:
         """One bird more; None when what was drawn is too short to be a path."""

@@ -42,7 +42,6 @@ def followed(film, landmark, say=lambda share: None) -> np.ndarray:
     ----------
     film : Film
         Nobody else reads it meanwhile.
-    landmark : Landmark
     say : callable, optional
         Told the share that is done.
     """

@@ -223,8 +223,6 @@ def colours_of(clip, steady: Steady, colour="auto") -> BodyColours:
 
     Parameters
     ----------
-    clip : Clip
-    steady : Steady
     colour : "auto" or (int, int, int)
         Red, green and blue of the animals, 0 to 255.
 

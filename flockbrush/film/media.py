@@ -37,7 +37,6 @@ def read_picture(path, hint="", flags=cv2.IMREAD_COLOR) -> np.ndarray:
 
     Parameters
     ----------
-    path : path
     hint : str
         Said where it is no picture: what would be right.
 
@@ -125,10 +124,6 @@ def upright(picture, turned):
 
 class FilmReader:
     """The frames of a film one after the other, upright; where a frame is broken, it goes on with the next.
-
-    Parameters
-    ----------
-    path : path
 
     Attributes
     ----------

@@ -18,17 +18,11 @@ from flockbrush.film.speeds import SpeedEvidence, speed_evidence
 
 
 class CannotObserve(ProblemsError):
-    """A clip that tells nothing, or not enough: what was seen and what to try.
-
-    Attributes
-    ----------
-    seen : dict
-        Facts by name as far as they were found; under "pictures", BGR pictures by title.
-    """
+    """A clip that tells nothing, or not enough: what was seen and what to try."""
 
     def __init__(self, clip, message: str, seen: dict | None = None):
         super().__init__([Problem(str(clip), None, None, message)])
-        self.seen = dict(seen or {})
+        self.seen = dict(seen or {})  # facts by name as far as they were found; under "pictures", BGR pictures by title
 
 
 @dataclass

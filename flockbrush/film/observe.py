@@ -7,6 +7,7 @@ single animals (`bodies`, `sightings`).
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -40,6 +41,7 @@ SIZES = 9  # pictures in which the size of one animal is measured
 FINE, LARGEST = 12.0, 2560  # px: pictures are made no smaller than bodies of that length allow, up to that side
 SMALL = 6.0  # px: shorter bodies are not told apart
 FEW = 5  # animals
+HARDLY = 0.6  # BL, the way in the clip below which most animals may be taken for ground
 JUMP, STEADY = 0.5, 0.4  # overlap of the herd with that of the frame before, over the usual; and the least usual one
 AHEAD = 2  # pictures that a second thread prepares
 ROOMLESS = 0.98  # share of the picture that obstacles cannot cover
@@ -169,7 +171,8 @@ class Watch:
             name=clip.name, sha256=clip.sha256, fps=clip.fps, body_length_px=self.length,
             length_source="given" if self.given else "blobs", radius_bl=0.5 * self.size.width / self.size.length,
             fields=fields, sightings=sightings,
-            speed=speed, notes=self._notes(taken), picture=first, to_pixels=self.grid.to_pixels, camera=self._camera(),
+            speed=speed, notes=self._notes(taken) + self._standing(speed), picture=first,
+            to_pixels=self.grid.to_pixels, camera=self._camera(),
             region_colours=self.region_colours, place_noise=float(np.nan_to_num(noise.place)),
             heading_noise=float(np.nan_to_num(noise.heading)),
         )  # fmt: skip
@@ -197,6 +200,16 @@ class Watch:
         if not self.apart:
             notes.append("single animals could not be told apart; only fields are available")
         return notes
+
+    def _standing(self, speed):
+        """A note where animals go so little that those who stand cannot be told from the ground."""
+        way = math.inf if speed is None else speed.mean * float(self.clip.times[-1] - self.clip.times[0])
+        if way >= HARDLY:
+            return []
+        return [
+            f"unreliable: animals go {way:.2g} body lengths in this clip; those that stand all the while are taken for "
+            "ground, so numbers, speeds and directions are of the few that move; take a longer part, or --body-colour"
+        ]
 
     def _camera(self):
         """(n, 2, 3) from full pixels of the clip to the reference picture."""

@@ -50,7 +50,6 @@ def speed_process(sightings, fps, smoothed=SMOOTHED) -> SpeedProcess | None:
 
     Parameters
     ----------
-    sightings : Sightings
     fps : float
     smoothed : float
         s over which the speeds are averages (twice `Noise.half`): shorter lags are not used, and what the average hides

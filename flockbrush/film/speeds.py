@@ -15,7 +15,7 @@ from scipy.ndimage import convolve
 from flockbrush.film.pauses import pauses_of
 from flockbrush.film.speed_process import SMOOTHED, speed_process
 from flockbrush.systems.grid import sort_into_cells
-from flockbrush.systems.pace import _grid, crowding
+from flockbrush.systems.pace import crowding
 
 BINS = 6  # of the table of speed against density
 FACTORS = 0.2, 3.0  # that a table may have
@@ -71,8 +71,6 @@ def speed_evidence(fields, sightings=None, body_pixels=1.0, smoothed=SMOOTHED) -
 
     Parameters
     ----------
-    fields : Fields
-    sightings : Sightings, optional
     body_pixels : float
         N_bp.
     smoothed : float
@@ -129,7 +127,7 @@ def crowding_of(xy) -> np.ndarray:
     flat, one = np.column_stack([xy, np.zeros(n)]), np.ones(n)
     cells = sort_into_cells(flat, np.tile([1.0, 0.0, 0.0], (n, 1)), one, 0.5 * one, REACH)
     density = np.zeros(n)
-    crowding(0, n, *_grid(cells), one, density)
+    crowding(0, n, cells, one, density)
     return density
 
 

@@ -65,10 +65,8 @@ def register(clip: Clip, animals=None, say: Say = silent) -> Steady:
 
     Parameters
     ----------
-    clip : Clip
     animals : callable, optional
         (k, picture) -> (h, w) bool: where no corners are taken.
-    say : callable
 
     Raises
     ------
@@ -328,7 +326,6 @@ def follow_landmarks(clip: Clip, landmarks, say: Say = silent) -> Steady:
 
     Parameters
     ----------
-    clip : Clip
     landmarks : list of Landmark
         Two different places turn and zoom best; the same place in two frames, or one alone, does too.
 

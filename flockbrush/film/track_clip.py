@@ -11,7 +11,7 @@ from flockbrush.engine.files import claimed, refused, write_text
 from flockbrush.film.media import FilmReader
 from flockbrush.film.tracking import Tracker
 from flockbrush.film.tracks import Tracks, read_marks
-from flockbrush.runs.terminal import INTERRUPTED, number, print_json, progress, say, show, table
+from flockbrush.runs.terminal import INTERRUPTED, print_json, progress, say, show, table
 
 
 def track_clip(clip, out, seed_points=None, correct=None, reach=None, as_json=False) -> int:
@@ -119,16 +119,14 @@ def _tell(out, tracks, frames, seconds, stopped, notes, as_json):
     if as_json:
         print_json(facts)
         return
-    made = table("what", "value", right=("value",))
-    for name, value in (
+    rows = (
         ("tracks", facts["birds"]),
         ("frames", frames),
         ("tracks over nearly all frames", whole),
         ("sights missing within tracks", facts["in_gaps"]),
         ("a frame took, ms", 1e3 * seconds / max(frames, 1)),
-    ):
-        made.add_row(name, number(value))
-    show(made)
+    )
+    show(table("what", "value", rows=rows, right=("value",)))
     for note in notes:
         say(f"note: {note}")
     if whole < len(tracks.ids):

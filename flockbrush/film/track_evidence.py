@@ -42,7 +42,6 @@ def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30) -> E
 
     Parameters
     ----------
-    tracks : Trajectories
     length : float
         One body length in the unit of the tracks.
     grid : int

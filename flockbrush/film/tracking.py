@@ -21,6 +21,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from flockbrush.film.birds_in_sky import away_from_sky
+from flockbrush.film.crossings import Crossed, renamed
 from flockbrush.film.tracks import Tracks
 
 GAIN_PLACE, GAIN_VELOCITY = 0.5, 0.12  # of the filter that follows a bird (alpha, beta)
@@ -206,6 +207,7 @@ class Tracker:
         self.birds: list[_Bird] = []
         self.gone: list[_Bird] = []
         self.next = max(fresh, 1 + max((row[0] for rows in self.by_hand.values() for row in rows), default=0))
+        self._blobs: dict[int, dict[tuple[float, float], tuple[int, float]]] = {}  # frame -> place -> (blob, area)
         self._areas: list[float] = []
         self._peaked: list[bool] = []
 
@@ -259,11 +261,15 @@ class Tracker:
                 if gaps and min(gaps) <= 0.5 * reach:
                     inside[near[int(np.argmin(gaps))]].append(place)
         places, areas, apart = [np.zeros((0, 2))], [], []
-        for blob, mine in zip(blobs, inside, strict=True):
+        here = self._blobs.setdefault(self.frame, {})
+        for number, (blob, mine) in enumerate(zip(blobs, inside, strict=True)):
             parts, hidden = divided(blob, mine, usual, reach, self._winged)
             places += [parts, hidden]
             areas += [blob.area / len(parts)] * len(parts) + [usual] * len(hidden)
             apart += [True] * len(parts) + [False] * len(hidden)
+            several = len(parts) + len(hidden) > 1
+            for place in (*parts, *hidden):
+                here[place[0], place[1]] = (number, np.nan) if several else (-1, blob.area)
         return np.concatenate(places), np.array(areas), np.array(apart, bool)
 
     def _by_hand(self, number, at, seen, free, reach, gone=False):
@@ -361,10 +367,16 @@ class Tracker:
         frames = [f for path in paths.values() for f in path]
         first, last = min(frames), max(frames)
         px = np.full((last - first + 1, len(numbers), 2), np.nan)
+        blob, area, fixed = np.full(px.shape[:2], -1), np.full(px.shape[:2], np.nan), np.zeros(px.shape[:2], bool)
         for n, number in enumerate(numbers):
             for f, at in paths[number].items():
                 px[f - first, n] = at
-        return Tracks(px, np.array(numbers), first)
+                blob[f - first, n], area[f - first, n] = self._blobs.get(f, {}).get((at[0], at[1]), (-1, np.nan))
+        for f, rows in self.by_hand.items():
+            if first <= f <= last:
+                fixed[f - first] = np.isin(numbers, [row[0] for row in rows])
+        names = renamed(Crossed(px, blob, area, fixed))
+        return Tracks(np.take_along_axis(px, np.argsort(names, 1)[..., None], 1), np.array(numbers), first)
 
 
 def _gap(blob, place):

@@ -184,7 +184,6 @@ def smoothed(tracks: Tracks, stiffness: float | None = None) -> Smoothed:
 
     Parameters
     ----------
-    tracks : Tracks
     stiffness : float, optional
         More is smoother; by generalised cross-validation over all birds together unless given.
 

@@ -113,10 +113,6 @@ def learn(
     cluster : str, optional
         Address of the scheduler of a Dask cluster, whose workers do what ``jobs`` processes would: ``tcp://host:8786``.
 
-    Returns
-    -------
-    LearnedBrush
-
     Raises
     ------
     ProblemsError

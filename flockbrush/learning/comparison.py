@@ -166,7 +166,6 @@ def compared(evidence: Evidence, runs: list[Run]) -> Comparison:
 
     Parameters
     ----------
-    evidence : Evidence
     runs : list of Run
         As many frames as the clip has.
     """

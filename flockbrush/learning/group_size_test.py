@@ -21,7 +21,6 @@ def with_other_numbers(brush: Brush, start: HerdStart, seed=0, factors=FACTORS, 
 
     Parameters
     ----------
-    brush : Brush
     start : Start
         The clip's herd.
     factors : sequence of float

@@ -33,7 +33,6 @@ def interaction_of(turns: Turns, theta, extras, overlap=1.0) -> Interaction:
 
     Parameters
     ----------
-    turns : Turns
     theta : (12,) array_like
     extras : dict
         What theta has not.

@@ -20,10 +20,8 @@ def show_findings(findings: Findings):
     ):
         if rows:
             columns = list(rows[0])
-            made = table(*columns, title=title, right=columns[1:])
-            for row in rows:
-                made.add_row(*(_word(column, value) for column, value in row.items()))
-            show(made)
+            cells = ([_word(column, value) for column, value in row.items()] for row in rows)
+            show(table(*columns, rows=cells, title=title, right=columns[1:]))
 
 
 def _against_film(findings):
@@ -42,10 +40,8 @@ def _against_film(findings):
 
 def _against_photograph(findings):
     title = f"{findings.brush.name}: against the photograph, {findings.comparison.times[-1]:.1f} s simulated"
-    made = table("measure", "photograph", "simulated", "off by", title=title, right=_NUMBERS)
-    for v in findings.comparison.verdicts():
-        made.add_row(v.name, *map(measure, (v.clip, v.herd, v.off)))
-    return made
+    rows = ((v.name, *map(measure, (v.clip, v.herd, v.off))) for v in findings.comparison.verdicts())
+    return table("measure", "photograph", "simulated", "off by", rows=rows, title=title, right=_NUMBERS)
 
 
 def _word(column, value):

@@ -62,8 +62,6 @@ def brush_of(
 
     Parameters
     ----------
-    name : str
-    learned : Learned
     evidences : list of Evidence
         What it was learned from; the first gives clip, frames and SHA-256.
     seed : int

@@ -112,13 +112,10 @@ def searched(turns: Turns, model: Behaviour, numbers, base: Parameters, seed: in
 
     Parameters
     ----------
-    turns : Turns
-    model : Behaviour
     numbers : mapping of str to (float, float)
         What is looked for, and where.
     base : Params
         The other parameters, and one of the places to begin.
-    seed : int
     begin : Params, optional
         Look near these only.
     """

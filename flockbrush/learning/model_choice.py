@@ -60,10 +60,8 @@ def cells_of(found: ModelComparison) -> list[list[str]]:
 
 def table_of(found: ModelComparison):
     """The models beside each other, for the terminal."""
-    made = table(*COLUMNS, title=f"models, on {found.blocks} blocks held out", right=COLUMNS[2:6] + COLUMNS[7:])
-    for cells in cells_of(found):
-        made.add_row(*cells)
-    return made
+    title = f"models, on {found.blocks} blocks held out"
+    return table(*COLUMNS, rows=cells_of(found), title=title, right=COLUMNS[2:6] + COLUMNS[7:])
 
 
 def as_json(found: ModelComparison | None) -> dict | None:

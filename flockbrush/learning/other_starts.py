@@ -28,7 +28,6 @@ def with_other_starts(brush: Brush, start: HerdStart, seed=0, herds=HERDS, secon
 
     Parameters
     ----------
-    brush : Brush
     start : HerdStart
         The clip's herd, BL.
     herds : int

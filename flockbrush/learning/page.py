@@ -62,12 +62,7 @@ MARKS = {True: ("✓", "good"), False: ("✗", "bad"), None: ("·", "quiet")}
 
 
 class ReportPage:
-    """Written from top to bottom; every text is escaped here, nowhere else.
-
-    Parameters
-    ----------
-    title : str
-    """
+    """Written from top to bottom; every text is escaped here, nowhere else."""
 
     def __init__(self, title: str):
         self.title = title

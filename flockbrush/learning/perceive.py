@@ -128,7 +128,7 @@ def _walls_in_sight(xyz, reach, solid, walls):
         return np.zeros(n + 1, np.int64), np.zeros((0, 2))
     most, count = int(walls.owner.max()) + 1, np.zeros(n, np.int64)
     found = np.empty((n, most, 2))
-    _nearest_points(0, n, xyz, np.full(n, reach), *solid, walls.owner, found, count)
+    _nearest_points(0, n, xyz, np.full(n, reach), solid, walls.owner, found, count)
     return np.concatenate([[0], np.cumsum(count)]), found[np.arange(most) < count[:, None]]
 
 

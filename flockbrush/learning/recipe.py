@@ -120,10 +120,6 @@ def learn(
     cluster : Cluster, optional
         Its workers do what ``jobs`` processes would; the result is the same.
 
-    Returns
-    -------
-    Learned
-
     Raises
     ------
     ValueError

@@ -34,10 +34,8 @@ def reenact_clip(clip, brush_name, looking: Looking, runs=3, seed=0, export=None
     clip : path
     brush_name : str
         A file, or a shipped name.
-    looking : Looking
     runs : int
         Simulations with different chance.
-    seed : int
     export, video : path, optional
         Positions in body lengths and pixels (CSV); clip beside simulation (MP4).
 

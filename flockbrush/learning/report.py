@@ -67,7 +67,6 @@ def write_report(findings: Findings, folder) -> list[Path]:
 
     Parameters
     ----------
-    findings : Findings
     folder : path
         Must be there.
 

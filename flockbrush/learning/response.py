@@ -51,10 +51,8 @@ def response(clip: Evidence, brush, runs: Sequence[Run]) -> list[BatteryRow]:
 
     Parameters
     ----------
-    clip : Evidence
     brush : Brush or Learned
         Anything with ``params``, ``body`` and ``vision``.
-    runs : sequence of Run
 
     Returns
     -------

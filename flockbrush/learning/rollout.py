@@ -32,7 +32,7 @@ from flockbrush.systems.contact import move
 from flockbrush.systems.decide import _roles
 from flockbrush.systems.grid import sort_into_cells
 from flockbrush.systems.ground_edges import outline_edges
-from flockbrush.systems.pace import _grid, _pace, company, crowding, pause
+from flockbrush.systems.pace import PaceRules, PaceState, Walkers, _pace, company, crowding, pause
 from flockbrush.systems.senses import _cosine_of_half, _nearest_points
 from flockbrush.systems.visibility import edges_by_cell, no_edges, visible_neighbours
 
@@ -256,13 +256,11 @@ class PlaneHerd:
 
     Parameters
     ----------
-    start : Start
     params : Params
         Of the herd model (`params_of`).
     speed : SpeedSpec
     body, vision : BodySpec, VisionSpec
         The body's radius counts as a share of its length.
-    seed : int
     ids : (n,) int, optional
         Entities, for noise; 1 to n unless told, as in a fresh world.
     """
@@ -298,8 +296,10 @@ class PlaneHerd:
         self.table = np.array(spec.by_density or [(0.0, 1.0)], float)
         half = -1.0 if p.leader_cone >= 360.0 else sincos_(np.radians(0.5 * p.leader_cone))[1]
         self.roles = np.array([p.neighbour_range]), np.array([p.leader_neighbours]), np.array([half])
-        self.states = np.array([spec.stops]), np.array([spec.starts]), np.array([spec.imitation])
-        self.ou = np.array([spec.mean]), np.array([spec.deviation]), np.array([spec.reversion])
+        mean, deviation, reversion = np.array([spec.mean]), np.array([spec.deviation]), np.array([spec.reversion])
+        stops, starts, imitation = np.array([spec.stops]), np.array([spec.starts]), np.array([spec.imitation])
+        first = np.array([0, len(self.table)])
+        self.pace_rules = PaceRules(mean, deviation, reversion, first, self.table, stops, starts, imitation)
 
     def _columns(self, n):
         self.xyz, self.forward, self.velocity = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 2))
@@ -381,7 +381,7 @@ class PlaneHerd:
             return np.zeros(n + 1, np.int64), self.zero[:0]
         most, count = int(self.owner.max()) + 1, np.zeros(n, np.int64)
         found = np.empty((n, most, 2))
-        _nearest_points(0, n, self.xyz, self.views, *self.solid, self.owner, found, count)
+        _nearest_points(0, n, self.xyz, self.views, self.solid, self.owner, found, count)
         return np.concatenate([[0], np.cumsum(count)]), found[np.arange(most) < count[:, None]]
 
     def _wishes(self, rows, lists, walls_first, walls_offset, params):
@@ -402,19 +402,18 @@ class PlaneHerd:
         n, density, was = len(self.ids), self.cap, self.drawn.copy()
         if self.spec.by_density:
             density = np.zeros(n)
-            crowding(0, n, *_grid(cells), self.length, density)
-        _pace(
-            0, n, self.none.astype(np.bool_), self.ids, self.length, self.none, density, self.length, self.cap,
-            self.zero, self.forward, self.length, *self.ou, np.array([0, len(self.table)]), self.table,
-            self.noise.key("speed", self.tick_number), self.dt, *self.undriven, self.drawn, self.effort, self.target,
+            crowding(0, n, cells, self.length, density)
+        *undriven, driven = self.undriven
+        walkers = Walkers(
+            self.none.astype(np.bool_), self.ids, self.length, self.none, density, self.length, self.cap, self.zero,
+            self.forward, self.length, *undriven,
         )  # fmt: skip
+        state, key = PaceState(driven, self.drawn, self.effort, self.target), self.noise.key
+        _pace(0, n, walkers, self.pace_rules, key("speed", self.tick_number), self.dt, state)
         if self.spec.stops > 0.0:
             walking = np.full(n, -1.0)
-            company(0, n, *_grid(cells), cells.row, self.length, was, walking)
-            pause(
-                0, n, self.ids, self.length, self.none, was, self.undriven[-1], walking, *self.ou, *self.states,
-                self.noise.key("pause", self.tick_number), self.dt, self.drawn, self.target,
-            )  # fmt: skip
+            company(0, n, cells, self.length, was, walking)
+            pause(0, n, walkers, self.pace_rules, was, walking, key("pause", self.tick_number), self.dt, state)
 
 
 def rollout(
@@ -425,7 +424,6 @@ def rollout(
 
     Parameters
     ----------
-    start : Start
     params : Params or (12,) array_like
         Of any model; twelve numbers are the herd's.  Others than the herd's run on open ground alone (ValueError).
     speed, body, vision : SpeedSpec, BodySpec, VisionSpec
@@ -435,15 +433,10 @@ def rollout(
         Of the noise.
     dt : float
         Seconds to a tick.
-    walls : Walls, optional
     guide : Guide, optional
         What leaders follow.
     gates : Gates, optional
         Where a picture that sees a part of the herd ends.
-
-    Returns
-    -------
-    Run
     """
     if not isinstance(params, Parameters):
         params = params_of(params)

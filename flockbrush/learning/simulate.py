@@ -18,7 +18,6 @@ def simulated(evidence: Evidence, brush, seed=0, unsure=False) -> Run:
 
     Parameters
     ----------
-    evidence : Evidence
     brush : Brush or Learned
         Anything with ``params``, ``speed``, ``body`` and ``vision``.
     seed : int

@@ -135,7 +135,6 @@ def descend(
     recipe : {"authors", "adam"}
     free : (12,) bool array_like, optional
         Which numbers may change.
-    seed : int
     steps : int
         Frames looked at, at most.
     use : set of {"occlusion", "angular", "density", "variance"}

@@ -110,7 +110,6 @@ def forces(theta, sight: TorchPercept, forward=None, others=None):
     Parameters
     ----------
     theta : (12,) tensor
-    sight : Sight
     forward : (n, 2) tensor, optional
         Headings other than those of ``sight``, for instance with a gradient.
     others : (n, 2) tensor, optional
@@ -147,7 +146,6 @@ def headings(
     Parameters
     ----------
     theta : (12,) tensor
-    sight : Sight
     dt : float
         Seconds to a tick.
     sensitivity : float or tensor

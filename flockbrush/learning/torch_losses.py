@@ -48,7 +48,6 @@ def aims(fields, t, xy, beta, device=None, block=1) -> Aims:
 
     Parameters
     ----------
-    fields : Fields
     xy : (n, 2) ndarray
         BL.
     beta : float

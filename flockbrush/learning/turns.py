@@ -72,7 +72,6 @@ def turns_of(
 
     Parameters
     ----------
-    evidence : Evidence
     body : BodySpec
         Who touches whom; the radius counts as a share of the length.
     vision : VisionSpec
@@ -212,7 +211,6 @@ def fit_turns(
 
     Parameters
     ----------
-    turns : Turns
     theta : (12,) array_like
         Where to begin.
     params : Params, optional
@@ -264,7 +262,7 @@ def fit_turns(
 
 
 def best_fit(
-    turns: Turns, params=None, *, seed=0, starts=16, first=(), free=None, held=None, rows=3000, say=None, stop=None
+    turns: Turns, params=None, *, seed=0, starts=16, first=(), free=None, held=None, rows=3000
 ) -> TurnFit:  # fmt: skip
     """The best of several starts: all of them on a part of the turns, the best three on all.
 
@@ -280,8 +278,6 @@ def best_fit(
         What those numbers are that are not free.
     rows : int
         Turns that every start is tried on.
-    say, stop
-        As for `fit_turns`; ``say`` counts starts, then the steps of the last fit.
     """
     chance = np.random.default_rng(seed)
     begins = [np.asarray(theta, float) for theta in first] + [chance.uniform(0.05, 1.0, 12) for _ in range(starts)]
@@ -289,10 +285,8 @@ def best_fit(
         begins = [np.where(free, theta, held) for theta in begins]
     few, tried = thinned(turns, rows), []
     try:
-        for k, theta in enumerate(begins):
-            tried.append(fit_turns(few, theta, params, free=free, tolerance=1e-5, stop=stop))
-            if say is not None:
-                say(k, tried[-1].loss[-1], tried[-1].theta)
+        for theta in begins:
+            tried.append(fit_turns(few, theta, params, free=free, tolerance=1e-5))
             if tried[-1].interrupted:
                 return min(tried, key=lambda fit: fit.loss[-1])
     except KeyboardInterrupt:
@@ -302,7 +296,7 @@ def best_fit(
     tried.sort(key=lambda fit: fit.loss[-1])
     last = []
     for fit in tried[:3]:
-        last.append(fit_turns(turns, fit.theta, params, free=free, say=say, stop=stop))
+        last.append(fit_turns(turns, fit.theta, params, free=free))
         if last[-1].interrupted:
             break
     best = min(last, key=lambda fit: fit.loss[-1])

@@ -137,10 +137,6 @@ def compare_models(
         Of the searches.
     say : callable, optional
         ``say(done, of, name)``.
-
-    Returns
-    -------
-    ModelComparison
     """
     known = likelihoods()
     kinds = [known[name] for name in (names or known)]

@@ -46,12 +46,10 @@ class Show:
 
     Parameters
     ----------
-    flight : Flight
     name : str
         Of the file it was read from.
     camera : Camera, optional
         That filmed the tracks it is lifted from; without one it is as it was read.
-    tracks : Tracks, optional
     sight : Sight, optional
         The tracks made ready.
     wanted : Wanted
@@ -277,7 +275,7 @@ class Show:
             raise refused(self.name, f"frame {frame}: the birds fly in no line formation: {why}")
         return found
 
-    def formation_level(self, k, path, like="geese") -> Path:
+    def formation_level(self, k, path) -> Path:
         """Write a brush as `formation_brush`, and beside it a level in which so many birds fly with it; that level.
 
         The brush goes into the folder ``brushes`` there, where levels look for brushes.
@@ -289,7 +287,7 @@ class Show:
         folder = path.parent.parent if path.parent.name == "brushes" else path.parent
         (folder / "brushes").mkdir(exist_ok=True)
         with claimed([folder / "brushes" / path.name]):
-            self.formation_brush(k, folder / "brushes" / path.name, like)
+            self.formation_brush(k, folder / "brushes" / path.name)
         sky = LevelSketch(120, 40, 10.0, ".", [], boundary="despawn")
         sky.document.data["tilesets"] = []
         count = len(self.there(k))
@@ -379,20 +377,10 @@ def _abreast(xyz, velocity):
 
 
 class Solver:
-    """Solves in a thread of its own; only the latest wish counts.
-
-    Parameters
-    ----------
-    show : Show
-
-    Attributes
-    ----------
-    seconds : float
-        The last solve took.
-    """
+    """Solves in a thread of its own; only the latest wish counts."""
 
     def __init__(self, show: Show):
-        self.show, self.seconds = show, 0.0
+        self.show, self.seconds = show, 0.0  # seconds: the last solve took
         self._job: SimpleNamespace | None = None
         self._next: tuple | None = None
 

@@ -44,28 +44,16 @@ class LiftError(ValueError):
 
 @dataclass(frozen=True)
 class LiftWish:
-    """What a flight should be like.
+    """What a flight should be like."""
 
-    Parameters
-    ----------
-    smoothness : float
-        Weight of smooth paths (λ_t).
-    flock : float
-        Weight of flying as one (λ_f): alignment and cohesion together.  Only the ratio of the two matters; 1 and 1 is
-        what the tracks themselves tell of the birds.
-    evenness : float
-        Weight of the flock's speed being even: 1 for flocks on the wing, less for birds that brake and dash.
-    separation : float
-        Weight of keeping apart, 0 to 1; for looks, it does not make the depths truer.
-    separation_distance : float
-        Metres below which birds are pushed apart.
-    """
-
-    smoothness: float = 1.0
+    smoothness: float = 1.0  # weight of smooth paths (λ_t)
+    # weight of flying as one (λ_f): alignment and cohesion together. Only the ratio of the two matters; 1 and 1 is what
+    # the tracks themselves tell of the birds.
     flock: float = 1.0
+    # weight of the flock's speed being even: 1 for flocks on the wing, less for birds that brake and dash
     evenness: float = 1.0
-    separation: float = 0.0
-    separation_distance: float = 1.2
+    separation: float = 0.0  # weight of keeping apart, 0 to 1; for looks, it does not make the depths truer
+    separation_distance: float = 1.2  # metres below which birds are pushed apart
 
     def __post_init__(self):
         for name, most in WISHES.items():
@@ -116,8 +104,6 @@ def lift(tracks: Tracks, camera: Camera, wish: LiftWish | None = None) -> Lifted
     ----------
     tracks : Tracks
         With noise and gaps; they are smoothed first.
-    camera : Camera
-    wish : Wish, optional
 
     Returns
     -------

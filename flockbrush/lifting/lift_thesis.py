@@ -29,8 +29,6 @@ def lift_by_thesis(tracks, camera: Camera, wish: LiftWish | None = None) -> Lift
 
     Parameters
     ----------
-    tracks : Tracks
-    camera : Camera
     wish : Wish, optional
         ``evenness`` is not used.
 

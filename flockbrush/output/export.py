@@ -54,7 +54,6 @@ class Exports:
     ----------
     paths : sequence of path
         After `check_exports`.
-    simulation : Simulation
     fps : float, optional
         Moments per second; each kind of file has its own unless told: every tick for tables and videos, 24 for USD.
     edits : EditedMoments, optional

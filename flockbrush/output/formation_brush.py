@@ -15,7 +15,6 @@ def write_brush(formation, out, like, source):
 
     Parameters
     ----------
-    formation : Formation
     out : path
         Ends in ``.brush.toml``.
     like : str

@@ -21,21 +21,12 @@ class SolidKey(NamedTuple):
 
 
 class MovingSolid:
-    """An obstacle with its faces, as it was when it was first there.
-
-    Attributes
-    ----------
-    name : str
-    faces : Faces
-    lit : ndarray (m, 3)
-        Colours of the faces in the sun, 0 to 255.
-    keys : list of Key
-        One for an obstacle that never moves.
-    """
+    """An obstacle with its faces, as it was when it was first there."""
 
     def __init__(self, thing, name, faces, lit, first):
+        # lit: (m, 3); colours of the faces in the sun, 0 to 255
         self.thing, self.name, self.faces, self.lit = thing, name, faces, lit
-        self.keys = [SolidKey(0, first == 0, (0.0, 0.0, 0.0))]
+        self.keys = [SolidKey(0, first == 0, (0.0, 0.0, 0.0))]  # of Key; one for an obstacle that never moves
         self.outline = _outline(thing)
         if first > 0:
             self.keys += [SolidKey(first - 1, False, (0.0, 0.0, 0.0))] * (first > 1)

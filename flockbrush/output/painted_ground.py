@@ -64,19 +64,13 @@ class GroundPictures:
 
     Parameters
     ----------
-    place : SceneMeshes
     fps : float
         Of the moments that it is told.
-
-    Attributes
-    ----------
-    first : bytes
-        The picture before the first moment, a JPEG.
     """
 
     def __init__(self, place: SceneMeshes, fps):
         self._ground, self._fps = PaintedGround(place), fps
-        self.first = jpeg_of(self._ground.picture)
+        self.first = jpeg_of(self._ground.picture)  # the picture before the first moment, a JPEG
         self._frame, self._next, self._stale = 0, 0.0, False
 
     def take(self, time) -> tuple[int, bytes] | None:

@@ -30,7 +30,6 @@ def preview(brush, path, agents=200, seconds=30.0, seed=0, start="scatter", them
 
     Parameters
     ----------
-    brush : Brush
     path : path
         A PNG.
     agents : int

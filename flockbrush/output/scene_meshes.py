@@ -69,7 +69,6 @@ class SceneMeshes:
 
     Parameters
     ----------
-    simulation : Simulation
     theme : str
     """
 

@@ -6,15 +6,10 @@ from flockbrush.systems.explain import explain
 
 
 class AskedAbout:
-    """The explanation of an animal of a running world, asked once for each tick.
-
-    Attributes
-    ----------
-    held : bool
-        While a tick runs nobody looks at the world: what was told before it still holds.
-    """
+    """The explanation of an animal of a running world, asked once for each tick."""
 
     def __init__(self, simulation):
+        # held: while a tick runs nobody looks at the world: what was told before it still holds
         self.simulation, self.held = simulation, False
         self._known: tuple = (None, None)
 

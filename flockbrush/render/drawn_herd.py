@@ -11,54 +11,30 @@ from flockbrush.render.wakes import Wakes
 
 
 class DrawnHerd(NamedTuple):
-    """The animals of one moment, in metres, one row each; rows are drawn in order, later ones on top.
+    """The animals of one moment, in metres, one row each; rows are drawn in order, later ones on top."""
 
-    Parameters
-    ----------
-    xy : (n, 2) or (n, 3) array
-        Position, m.
-    forward : (n, 2) or (n, 3) array
-        Heading, a unit vector.
-    length, radius : (n,) array or float
-        Of the body, m; the length is from tip to tip.
-    leader : (n,) bool array, optional
-    brush : (n,) int array, optional
-        Which of `brush_colours` the animal has; -1 for none.
-    species : (n,) int array, optional
-    z : (n,) array, optional
-        Height over the ground, m; moves the shadow.
-    brush_colours : (k, 3) uint8 array or k strings "#rrggbb"
-    brush_names : k strings
-        For the legend.
-    predator : (n,) bool array, optional
-    wings : (n,) array, optional
-        How high the wings of a bird in flight are, from -1 to 1; NaN for who has none, or keeps them folded.
-    up : (n, 3) array, optional
-        Unit vector out of the back, for those that bank; seen in space only.
-    postures : Postures, optional
-        Look, clip and phase of each, for who is large enough in the picture for legs and wings.
-    wakes : Wakes, optional
-        Dust and ripples that each leaves behind; drawn where the time is told.
-    ids : (n,) int array, optional
-        Lets trails follow their animals when others are born or die.
-    """
-
-    xy: np.ndarray
-    forward: np.ndarray
+    xy: np.ndarray  # (n, 2) or (n, 3) array; position, m
+    forward: np.ndarray  # (n, 2) or (n, 3) array; heading, a unit vector
+    # length, radius: (n,) array or float; of the body, m; the length is from tip to tip
     length: np.ndarray | float = 1.0
     radius: np.ndarray | float = 0.3
-    leader: np.ndarray | None = None
-    brush: np.ndarray | None = None
-    species: np.ndarray | None = None
-    z: np.ndarray | None = None
-    brush_colours: np.ndarray | tuple = ()
-    brush_names: tuple = ()
-    predator: np.ndarray | None = None
+    leader: np.ndarray | None = None  # (n,) bool array, optional
+    brush: np.ndarray | None = None  # (n,) int array, optional; which of `brush_colours` the animal has; -1 for none
+    species: np.ndarray | None = None  # (n,) int array, optional
+    z: np.ndarray | None = None  # (n,) array, optional; height over the ground, m; moves the shadow
+    brush_colours: np.ndarray | tuple = ()  # (k, 3) uint8 array or k strings "#rrggbb"
+    brush_names: tuple = ()  # k strings; for the legend
+    predator: np.ndarray | None = None  # (n,) bool array, optional
+    # (n,) int array, optional; lets trails follow their animals when others are born or die
     ids: np.ndarray | None = None
+    # (n,) array, optional; how high the wings of a bird in flight are, from -1 to 1; NaN for who has none, or keeps
+    # them folded
     wings: np.ndarray | None = None
+    # (n, 3) array, optional; unit vector out of the back, for those that bank; seen in space only
     up: np.ndarray | None = None
+    # look, clip and phase of each, for who is large enough in the picture for legs and wings
     postures: Postures | None = None
-    wakes: Wakes | None = None
+    wakes: Wakes | None = None  # dust and ripples that each leaves behind; drawn where the time is told
 
 
 EMPTY = DrawnHerd(np.zeros((0, 2)), np.zeros((0, 2)))

@@ -23,35 +23,16 @@ class OrbitCamera:
 
     Pixels are counted as those of `Camera`: from the top-left corner, y down.  The camera never rolls: what is
     upright stays upright, and every row of the picture shows ground of one depth.
-
-    Parameters
-    ----------
-    target : (float, float, float)
-        The point (m) in the middle of the view.
-    distance : float
-        From eye to target, m.
-    azimuth : float
-        Where the camera looks, rad counter-clockwise from east; pi / 2 looks north, as the plan does.
-    elevation : float
-        How high above the target the eye is, rad; pi / 2 looks straight down.
-    fov : float
-        Field of view from the lowest to the highest row of the view, rad.
-    size : (int, int)
-        Width and height of the picture, pixels.
-    view : (int, int, int, int)
-        Left, top, right and bottom of the part of the picture that shows the scene.
-    floor : float
-        Height of the ground, m; the eye stays above it.
     """
 
-    target: tuple[float, float, float]
-    distance: float
-    azimuth: float
-    elevation: float
-    size: tuple[int, int]
-    view: tuple[int, int, int, int]
-    fov: float = FIELD_OF_VIEW
-    floor: float = 0.0
+    target: tuple[float, float, float]  # the point (m) in the middle of the view
+    distance: float  # from eye to target, m
+    azimuth: float  # where the camera looks, rad counter-clockwise from east; pi / 2 looks north, as the plan does
+    elevation: float  # how high above the target the eye is, rad; pi / 2 looks straight down
+    size: tuple[int, int]  # width and height of the picture, pixels
+    view: tuple[int, int, int, int]  # left, top, right and bottom of the part of the picture that shows the scene
+    fov: float = FIELD_OF_VIEW  # field of view from the lowest to the highest row of the view, rad
+    floor: float = 0.0  # height of the ground, m; the eye stays above it
 
     @classmethod
     def of(cls, points, size, view=None, azimuth=np.pi / 2, elevation=ELEVATION, floor=0.0, **more):

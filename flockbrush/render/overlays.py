@@ -52,7 +52,6 @@ class Overlays:
 
     Parameters
     ----------
-    scenery : Scenery
     theme : {"light", "dark"} or Theme
     unit : float
         Pixels of a hairline.

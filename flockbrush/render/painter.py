@@ -45,11 +45,6 @@ class Painter:
         Pixels of an animal's length or width from which it has legs and wings.
     dust : bool
         Draw dust behind runners and ripples behind swimmers, for herds with wakes.
-
-    Attributes
-    ----------
-    camera : Camera
-        Where the ground lands in the picture; `look` changes it.
     """
 
     def __init__(
@@ -76,7 +71,7 @@ class Painter:
         self.dust = dust
         self.hud = Hud(self.layout, self.theme)
         self.home = ViewCamera.fit(level.width, level.height, self.size, self.layout.view, self.layout.pad)
-        self.camera = self.home
+        self.camera = self.home  # where the ground lands in the picture; `look` changes it
         self.trails = Trails(trails) if trails else None
         labels = bool(self.layout.font) if labels is None else labels
         self.tiles = Tiles(level, self.theme, self.layout.unit, self.brushes, labels)

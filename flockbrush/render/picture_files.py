@@ -62,7 +62,6 @@ class Video:
 
     Parameters
     ----------
-    path : path
     fps : float
         Frames per second, 0.1 to 1000.
     size : (int, int)

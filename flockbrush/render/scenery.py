@@ -14,12 +14,7 @@ _FAINT = 0.4  # weight of what is painted in a level that has no painted layer y
 
 
 class Scenery:
-    """A running world's place, as a `Painter` takes levels: it is looked at anew every time, and keeps nothing.
-
-    Parameters
-    ----------
-    simulation : Simulation
-    """
+    """A running world's place, as a `Painter` takes levels: it is looked at anew every time, and keeps nothing."""
 
     def __init__(self, simulation):
         self.simulation, self.level = simulation, simulation.level

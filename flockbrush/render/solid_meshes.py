@@ -17,21 +17,12 @@ CLEAR = 0.32  # opacity of planes that one looks through: ceilings
 
 
 class Faces(NamedTuple):
-    """Flat faces in space.
+    """Flat faces in space."""
 
-    Parameters
-    ----------
-    corners : (m, 4, 3)
-        Metres, to the left round the outside; of a triangle the last corner is there twice.
-    normals : (m, 3)
-        Unit vectors to the outside.
-    alphas : (m,)
-        Opacity; what is clear is seen from both sides.
-    """
-
+    # (m, 4, 3); metres, to the left round the outside; of a triangle the last corner is there twice
     corners: np.ndarray
-    normals: np.ndarray
-    alphas: np.ndarray
+    normals: np.ndarray  # (m, 3); unit vectors to the outside
+    alphas: np.ndarray  # (m,); opacity; what is clear is seen from both sides
 
     def lit(self, colour, sun) -> np.ndarray:
         """Colours (m, 3) of the faces in the sun, a unit vector."""

@@ -77,13 +77,6 @@ class SpacePainter:
         For a window: the ground is shown as far as it is drawn, and `refine` goes on with it.
     floor : float
         Height of the ground where there is no level, m.
-
-    Attributes
-    ----------
-    camera : OrbitCamera
-        Change it with `look`.
-    plan : Painter or None
-        Draws the picture that lies on the ground.
     """
 
     def __init__(
@@ -97,6 +90,7 @@ class SpacePainter:
         self.layout = Layout.of(self.size) if words else Layout(self.size, unit, 0, 0, 0)
         self.hud = Hud(self.layout, self.theme)
         self.trails = Ways(trails) if trails else None
+        # draws the picture that lies on the ground
         self.plan = None if level is None else plan_of(level, self.theme, brushes, live)
         self._close = None if self.plan is None else close_view(self.plan)
         self._ground, self._near = GroundTexture(), GroundTexture()
@@ -109,7 +103,7 @@ class SpacePainter:
         self._chased: np.ndarray | None = None
         self.bare = False  # without grid and compass
         self.backdrop: np.ndarray | None = None  # a picture instead of sky and ground; obstacles hide what is behind
-        self.camera = self.home
+        self.camera = self.home  # change it with `look`
 
     # the camera --------------------------------------------------------------------
 
@@ -262,7 +256,6 @@ class SpacePainter:
 
         Parameters
         ----------
-        herd : Herd
         time : float, optional
             Seconds on the clock.
         title : str, optional

@@ -22,11 +22,6 @@ class Tiles:
 
     Every box is drawn with the very pixels it has in the whole, so that a picture mended in one place is the one that a
     new drawing gives.  Names lie above all tiles and are laid on a copy.
-
-    Attributes
-    ----------
-    image : (h, w, 3) uint8
-        The picture; parts that are stale show what was there before.  Shared, do not write to it.
     """
 
     def __init__(self, level, theme: Theme, unit: float = 1.0, brushes: dict | None = None, labels=True):
@@ -36,6 +31,7 @@ class Tiles:
         self.stale: dict[tuple, tuple] = {}  # tile -> box
         self.named: list[tuple] = []
         self._known: dict = {}
+        # (h, w, 3) uint8; the picture; parts that are stale show what was there before. Shared, do not write to it.
         self.image: np.ndarray
         self._bare: np.ndarray  # without names
 

@@ -26,23 +26,12 @@ class ViewCamera:
 
     Pixels are counted from the top-left corner, y down; the pixel in column i and row j is centred at
     (i + 0.5, j + 0.5).
-
-    Parameters
-    ----------
-    centre : (float, float)
-        The point of the ground (m) in the middle of the view.
-    scale : float
-        Pixels per metre.
-    size : (int, int)
-        Width and height of the picture, pixels.
-    view : (int, int, int, int)
-        Left, top, right and bottom of the part of the picture that shows the ground.
     """
 
-    centre: tuple[float, float]
-    scale: float
-    size: tuple[int, int]
-    view: tuple[int, int, int, int]
+    centre: tuple[float, float]  # the point of the ground (m) in the middle of the view
+    scale: float  # pixels per metre
+    size: tuple[int, int]  # width and height of the picture, pixels
+    view: tuple[int, int, int, int]  # left, top, right and bottom of the part of the picture that shows the ground
 
     @classmethod
     def fit(cls, width: float, height: float, size, view=None, margin: float = 0, centre=None) -> ViewCamera:

@@ -13,7 +13,6 @@ def walkable_layer(sketcher, land, theme, unit):
     sketcher : Sketcher
         Aimed at the view.
     land : Landscape
-    theme : Theme
     unit : float
         Pixels of a hairline.
     """

@@ -56,15 +56,10 @@ def investigate(run, divergence, simulation, rebuilt) -> Desync:
     Parameters
     ----------
     run : RecordedRun
-    divergence : Divergence
     simulation : Simulation
         The replay, at the tick that differs; it is run on to the next snapshot.
     rebuilt : callable
         Makes a simulation of the recording that has not run yet.
-
-    Returns
-    -------
-    Desync
     """
     tick, world = divergence.tick, simulation.world
     report = Desync(tick, exact=tick <= divergence.same_until + 1)

@@ -162,7 +162,6 @@ class Sampler:
 
     Parameters
     ----------
-    simulation : Simulation
     fps : float
         Moments per second.  A rate that divides the ticks per second gives the very states of the simulation.
     labels : bool

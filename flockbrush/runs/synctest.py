@@ -31,7 +31,6 @@ class SyncTest:
 
     Parameters
     ----------
-    simulation : Simulation
     every : int
         Ticks between snapshots.
     last : int

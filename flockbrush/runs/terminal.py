@@ -12,6 +12,7 @@ import threading
 import time
 import warnings
 from contextlib import contextmanager
+from numbers import Number
 
 import flockbrush
 from flockbrush.engine.locks import Advice
@@ -80,19 +81,25 @@ def show(renderable):
     Console(width=wide, highlight=False, soft_wrap=False).print(renderable)
 
 
-def table(*columns, title=None, right=()):
-    """A plain table; the columns named in ``right`` hold numbers.  Strings are not markup: `styled` makes that."""
+def table(*columns, rows=(), title=None, right=()):
+    """A plain table; the columns named in ``right`` hold numbers.  Strings are not markup: `styled` makes that.
+
+    Cells that are numbers are shown as `number` writes them.
+    """
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     class Plain(Table):
         def add_row(self, *cells, **options):
-            super().add_row(*(styled("{}", cell) if isinstance(cell, str) else cell for cell in cells), **options)
+            told = (number(cell) if cell is None or isinstance(cell, Number) else cell for cell in cells)
+            super().add_row(*(styled("{}", cell) if isinstance(cell, str) else cell for cell in told), **options)
 
     title = title and styled("{}", title)
     made = Plain(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, title_style="bold")
     for column in columns:
         made.add_column(styled("{}", column), justify="right" if column in right else "left", overflow="fold")
+    for cells in rows:
+        made.add_row(*cells)
     return made
 
 

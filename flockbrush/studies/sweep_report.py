@@ -158,11 +158,10 @@ def show(sweep: Sweep, found):
         widths = [max(map(len, column)) for column in zip(columns, *rows, strict=True)]
         if sum(widths) + 3 * len(widths) <= WIDE:
             break
-    made = table(*columns, title=found["title"] or found["sweep"], right=[name for name in columns if name != "case"])
+    right = [name for name in columns if name != "case"]
+    made = table(*columns, rows=rows, title=found["title"] or found["sweep"], right=right)
     for column in made.columns:
         column.no_wrap = column.justify == "right"
-    for cells in rows:
-        made.add_row(*cells)
     print_table(made)
     for name in worded:
         _show_shares(found, names, name)

@@ -374,7 +374,8 @@ class Deeds:
 
         def give(texts):
             try:
-                return self.do(label, [changed(command, texts)])
+                told = changed(command, texts)
+                return self.do(label, [*self.mix_needed(told), told])
             except ValueError as error:
                 self.notify(str(error), "error")
                 return False

@@ -195,11 +195,31 @@ class Hand:
         """Commands that bring a brush into the world, if it is not there yet."""
         if name in self.world_palette().index:
             return []
-        from flockbrush.systems.edits import UseBrush
+        from flockbrush.systems.undo import MixBrush, UseBrush
 
         brush = self.library.get(name)
         source = brush.source.decode() if isinstance(brush.source, bytes) else brush.source
-        return [UseBrush(name, source)]
+        paths = {end: self.paths_to(end, [name]) for end in self.world_palette().over}
+        return [UseBrush(name, source), *(MixBrush(end, found) for end, found in paths.items() if found)]
+
+    def mix_needed(self, command):
+        """Commands that bring the brushes between into the world that a zone gives, if they are not there yet."""
+        from flockbrush.systems.mark_commands import DrawZone
+        from flockbrush.systems.undo import MixBrush
+
+        palette = self.world_palette()
+        if not isinstance(command, DrawZone) or not command.brush or self.find_brush(command.brush) is None:
+            return []
+        needed, mixes = self.brush_needed(command.brush), command.zone().bounds.blend == "mix"
+        if mixes and command.brush not in palette.over:
+            starts = [brush.name for brush in palette.own]
+            needed.append(MixBrush(command.brush, self.paths_to(command.brush, starts)))
+        return needed
+
+    def paths_to(self, end, starts):
+        """{file: text} of the measured paths from some brushes to another."""
+        found = (self.library.path_between(start, end) for start in starts if start != end)
+        return {file: text.decode() for file, text in filter(None, found)}
 
     def colour_of(self, name):
         """The colour "#rrggbb" of a brush."""

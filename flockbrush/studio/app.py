@@ -47,7 +47,6 @@ class App(Hand, Deeds, CanvasEvents):
 
     Parameters
     ----------
-    session : Session
     size : (int, int)
         Of the window, pixels.
     theme : {"light", "dark"}, optional

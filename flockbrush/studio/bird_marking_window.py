@@ -55,20 +55,12 @@ class Marking(PlainWindow):
 
     Parameters
     ----------
-    album : Album
     out : path
         Where the marks are saved.
     size : (int, int)
         Pixels.
     theme : {"light", "dark"}, optional
         The one of the playground unless told.
-
-    Attributes
-    ----------
-    k : int
-        The frame that is shown.
-    heading : str
-        The way the birds fly: auto, up, right, down or left.
     """
 
     smallest = 320, 240
@@ -76,7 +68,7 @@ class Marking(PlainWindow):
     def __init__(self, album: Album, out, size=(1280, 720), theme=None):
         self.album, self.out = album, out
         super().__init__(theme)
-        self.k, self.heading = 0, "auto"
+        self.k, self.heading = 0, "auto"  # heading: the way the birds fly: auto, up, right, down or left
         self.view = PictureView()
         self._shown: tuple = ()
         self._image = np.zeros((1, 1, 3), np.uint8)

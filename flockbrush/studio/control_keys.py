@@ -23,12 +23,7 @@ PRESS = (pygame.K_RETURN, pygame.K_KP_ENTER, pygame.K_SPACE)
 
 
 class ControlKeys:
-    """Which control the keys are for, if they are for one.
-
-    Parameters
-    ----------
-    app : App
-    """
+    """Which control the keys are for, if they are for one."""
 
     def __init__(self, app):
         self.app, self.now, self._at = app, None, (0, 0)

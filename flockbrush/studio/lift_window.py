@@ -44,7 +44,6 @@ class LiftWindow(PlainWindow):
 
     Parameters
     ----------
-    show : Show
     size : (int, int)
         Pixels.
     theme : {"light", "dark"}, optional

@@ -20,7 +20,6 @@ class Scribe:
     Parameters
     ----------
     path : path-like
-    branch : Branch
     spacing : KeyframeSpacing
         Which of the moments that the branch keeps are in the file, too.
     animals : int

@@ -287,7 +287,7 @@ class Session(Going, Keeping):
         now, editor = self.timeline.current.beginning, self.editor
         try:
             beginning = Beginning(self._level_now(), self.library, now.seed, now.agents)
-            self._begin(beginning, editor.restarted(), self.simulation.world.resource(Palette).brushes)
+            self._begin(beginning, editor.restarted(), self.simulation.world.resource(Palette).own)
         except ProblemsError as error:
             self._say("error", f"{error}\nThe level cannot begin so; the run goes on.")
 

@@ -43,7 +43,6 @@ class LevelFile:
 
     Parameters
     ----------
-    path : path
     data : bytes, optional
         What was read from it; what is there now unless told.
     """

@@ -10,33 +10,15 @@ import pygame
 
 @dataclass(frozen=True)
 class Action:
-    """One thing a person may do.
+    """One thing a person may do."""
 
-    Parameters
-    ----------
-    name : str
-        Stable; buttons and tests speak of it.
-    title : str
-        What buttons and the help page say.
-    keys : tuple of str
-        As `key_of` writes them, "ctrl+z"; the first is the one that is shown.
-    tip : str
-        One sentence.
-    group : str
-        Heading on the help page.
-    do : callable
-        Called with the App.
-    icon : str
-        Of the button, if it has one.
-    """
-
-    name: str
-    title: str
-    keys: tuple[str, ...]
-    tip: str
-    group: str
-    do: Callable
-    icon: str = ""
+    name: str  # stable; buttons and tests speak of it
+    title: str  # what buttons and the help page say
+    keys: tuple[str, ...]  # as `key_of` writes them, "ctrl+z"; the first is the one that is shown
+    tip: str  # one sentence
+    group: str  # heading on the help page
+    do: Callable  # called with the App
+    icon: str = ""  # of the button, if it has one
 
 
 TIME, EDIT, VIEW, FILE, HAND = "Time", "Edit", "Look", "Files", "Brush"

@@ -56,7 +56,6 @@ def thumbnail(brush, size=64, theme="light", colour=None) -> np.ndarray:
 
     Parameters
     ----------
-    brush : Brush
     size : int
         Pixels.
     theme : {"light", "dark", "vivid"} or Theme

@@ -33,7 +33,6 @@ class Timeline:
 
     Parameters
     ----------
-    beginning : Beginning
     name : str
         Of the first branch; the others are called after it.
     folder : path, optional

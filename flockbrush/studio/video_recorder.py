@@ -17,7 +17,6 @@ class RunningVideo:
 
     Parameters
     ----------
-    path : path
     size : (int, int)
         Pixels; frames of another size are fitted in.
     """

@@ -29,10 +29,6 @@ FARAWAY = 6.0  # sizes of the map from which one may look at it at most
 class Viewport:
     """Shows the session's herd in a rectangle of the window, as a plan or in space.
 
-    Parameters
-    ----------
-    app : App
-
     Attributes
     ----------
     in_space : bool

@@ -109,3 +109,25 @@ def test_an_empty_sky_has_no_birds():
         tracker.step(np.full((120, 160), 200, np.uint8))
     with pytest.raises(ValueError, match="no bird was followed"):
         tracker.tracks()
+
+
+def meeting(rise, depth, frames=60):
+    """Two birds side by side that cross, one from below and one from above, (F, 2, 3) m."""
+    t = (np.arange(frames) / 30)[:, None] - 1
+    return np.stack([4 * t + np.zeros(2), 0 * t + np.array(depth), t * [rise, -rise]], axis=-1)
+
+
+@pytest.mark.parametrize(("rise", "depth"), [(0.8, (20, 24)), (2.0, (18, 26)), (1.2, (20, 20.5))])
+def test_birds_that_merge_for_long_and_part_again_keep_their_names(rise, depth):
+    xyz = meeting(rise, depth)
+    told = compute_tracking(*seen(xyz), followed(xyz))
+    assert (told["tracks"], told["switches"]) == (2, 0) and told["idf1"] > 0.98
+
+
+def test_who_a_person_has_named_after_a_crossing_stays():
+    xyz = meeting(1.2, (20, 24))
+    x, y = CAMERA.project(xyz)[58].T
+    swapped = {0: [(1, *CAMERA.project(xyz)[0, 0])], 58: [(1, x[1], y[1])]}  # by the person's word it is the other
+    tracks = followed(xyz, swapped)
+    at = tracks.px[58 - tracks.first, tracks.ids.tolist().index(1)]
+    assert np.linalg.norm(at - (x[1], y[1])) < 2

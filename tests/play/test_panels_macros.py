@@ -7,11 +7,13 @@ from small_pasture import pasture
 from small_window import SmallWindow
 
 from flockbrush.studio.panels.brush_panel import BrushPanel
-from flockbrush.studio.panels.macros import MACROS, macros_of
+from flockbrush.studio.panels.knobs import SENTENCE
+from flockbrush.studio.panels.macros import GOAL, HARDLY, MACROS, SURE, Range, macros_of, ranges_by_brush
 from flockbrush.studio.panels.panel import palette_of
 from flockbrush.studio.panels.tuning import changes, turned, use
 
 MARCH = shipped().get("march")
+MOVES = ("polarization", "milling", "nnd", "group_spread", "largest_part", "speed_mean")
 
 
 def macro(brush, name):
@@ -40,8 +42,47 @@ def test_more_order_aligns_more_and_leaves_the_rest_alone():
     one = macro(MARCH, "order")
     more = turned(MARCH, one, min(1.0, one.value(MARCH) + 0.2))
     assert more.params.alignment_weight > MARCH.params.alignment_weight
-    assert {knob.name for knob, *_ in changes(more, MARCH)} <= {"alignment_weight", "alignment_radial"}
+    assert {knob.name for knob, *_ in changes(more, MARCH)} <= {part.name for part in one.ranges}
     assert use(more).source == more.source.decode()
+
+
+def test_a_brush_goes_by_its_own_ranges_and_others_by_the_general_rule():
+    entry = {"polarization": [0.1, 1.0], "moves": dict.fromkeys(MOVES, 1.0) | {"polarization": 9.0}}
+    own = [["params", "alignment_weight", 0.2, 0.7], ["params", "avoidance_weight", 0.9, 0.6]]
+    table = {"order": {"march": entry | {"ranges": own}}}
+    one = next(one for one in macros_of(MARCH, table) if one.name == "order")
+    more = one.turned(MARCH, 1.0)
+    assert one.ranges == tuple(Range(*part) for part in own) and one.note == ""
+    assert more.params.alignment_weight == 0.7 and more.params.avoidance_weight < MARCH.params.avoidance_weight
+    other = next(one for one in macros_of(shipped().get("graze"), table) if one.name == "order")
+    assert other.ranges == MACROS["herd"]["order"][1]
+
+
+def test_what_was_measured_stands_below_a_slider_that_does_less_or_more():
+    def order(course, **moves):
+        table = {"order": {"march": {"polarization": course, "moves": dict.fromkeys(MOVES, 0.1) | moves}}}
+        one = next(one for one in macros_of(MARCH, table) if one.name == "order")
+        return one.kind == SENTENCE, one.note
+
+    assert order([0.1, 0.9], polarization=9.0, nnd=2.9) == (False, "")
+    assert order([0.1, 0.9], polarization=9.0, nnd=3.1, speed_mean=4.0) == (False, "also moves speed and spacing")
+    said = "hardly acts: polarization 0.63 to 0.78 ± 0.05"
+    assert order([0.63, 0.78, 0.7], polarization=3.0) == (True, said)
+    assert order([0.3, 0.8], polarization=1.0) == (True, "hardly acts: polarization 0.30 to 0.80 ± 0.50")
+
+
+def test_the_table_speaks_of_shipped_brushes_and_its_ranges_hold_them():
+    for slider, brushes in ranges_by_brush().items():
+        for name, entry in brushes.items():
+            one, brush = macro(shipped().get(name), slider), shipped().get(name)
+            low, high = min(entry["polarization"]), max(entry["polarization"])
+            moves = entry["moves"]
+            good = moves["polarization"] >= GOAL * max(by for key, by in moves.items() if key != "polarization")
+            assert bool(one.note) == (not good or high - low < HARDLY or moves["polarization"] < SURE)
+            if "ranges" in entry:
+                assert one.turned(brush, one.value(brush)).params.alignment_weight == pytest.approx(
+                    brush.params.alignment_weight, abs=1e-3
+                )
 
 
 def test_herds_have_six_sliders_and_their_symbols_stand_in_the_tooltip():
@@ -68,5 +109,18 @@ def test_a_turned_slider_changes_the_running_herd_and_is_one_step_of_undo(tmp_pa
         assert running() == before
         window.click(window.panel.mode)
         assert len(window.panel.rows) == all_numbers
+    finally:
+        window.close()
+
+
+def test_a_sentence_stands_where_a_slider_hardly_acts(tmp_path, monkeypatch):
+    flat = {"polarization": [0.63, 0.7], "moves": dict.fromkeys(MOVES, 1.0)}
+    monkeypatch.setattr("flockbrush.studio.panels.macros.ranges_by_brush", lambda: {"order": {"march": flat}})
+    window = SmallWindow(pasture(tmp_path), BrushPanel, brush="march")
+    try:
+        window.click(window.panel.mode)
+        rows = {row.knob.name: row for row in window.panel.rows}
+        assert not hasattr(rows["order"], "slider") and hasattr(rows["pace"], "slider")
+        assert [row.top for row in rows.values()] == sorted(row.top for row in rows.values())
     finally:
         window.close()

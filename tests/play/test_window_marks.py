@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from flockbrush.levels.reader import read_level
+from flockbrush.systems.palette import Palette
 from small_pasture import pasture, verified
 from window import Window
 
@@ -49,22 +50,31 @@ def test_a_zone_is_drawn_moved_changed_saved_and_taken_back(window, tmp_path):
     assert window.said("error") == []
 
 
-def test_a_zone_that_would_mix_says_what_to_do_and_can_take_a_share(window):
+def test_a_zone_mixes_live_acts_at_once_is_taken_back_and_replays(window, tmp_path):
     window.key("u")
     window.drag((1, 3), (11, 12))
     window.key("v")
-    window.click((1, 7))
-    window.key("p")
-    window.dialog.entries["strength"].set_text("0.5")
-    window.key("return")
-    (said,) = window.said("error")
-    assert "set share to yes" in said and "edge and strength" in said and window.dialog.alive()
-    window.dialog.entries["share"].set_text("yes")
-    window.key("return")
+    palette = window.session.simulation.world.resource(Palette)
+    own = [brush.name for brush in palette.own]
+    for strength in ("0.5", "0.25"):
+        window.click((1, 7))
+        window.key("p")
+        window.dialog.entries["strength"].set_text(strength)
+        window.key("return")
+        window.frames(2)
+        (zone,) = window.land.marks.zones
+        assert (zone.bounds.strength, zone.bounds.blend) == (float(strength), "mix")
+        assert zone.brush in palette.over and [brush.name for brush in palette.own] == own
+        window.session.step(8)
+    window.key("ctrl+z")
     window.frames(2)
-    (zone,) = window.land.marks.zones
-    assert (zone.bounds.strength, zone.bounds.blend) == (0.5, "share")
-    window.session.step(2)
+    assert window.land.marks.zones[0].bounds.strength == 0.5
+    window.session.step(8)
+    assert saved(window, tmp_path).zones[0].bounds.strength == 0.5
+    window.session.export_recording(tmp_path / "mixed.flock")
+    names = [type(command).__name__ for _, command in verified(tmp_path / "mixed.flock").commands]
+    assert names.count("MixBrush") == 1
+    assert window.said("error") == []
 
 
 def test_a_line_and_an_area_are_drawn_reshaped_and_deleted(window, tmp_path):

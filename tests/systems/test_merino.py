@@ -10,6 +10,8 @@ from flockbrush.levels.schema import Level, Spawn
 from flockbrush.systems.program_commands import SetState
 from small_program import box
 
+from benchmarks.merino import AFTER, QUIET, hull_area, packing_events
+
 SHEEP = 100
 
 
@@ -67,3 +69,21 @@ def test_in_a_dense_herd_few_follow():
     scene.submit(SetState("merino", "run", x=40.0, y=40.0, radius=1.5))
     scene.run(3 * 32)
     assert sum(row.get("run", 0) for row in scene.transitions()["merino"].values()) < 0.5 * SHEEP
+
+
+def test_events_are_told_by_pauses_and_measured_by_who_runs_and_by_the_hull():
+    ring = np.array([(np.cos(a), np.sin(a)) for a in np.linspace(0, 2 * np.pi, 8, endpoint=False)])
+    herd = np.r_[10.0 * ring, [[0.0, 0.0], [1.0, 0.0]]]
+    xy = np.broadcast_to(herd, (600, 10, 2)).copy()
+    runs = np.zeros((600, 10), bool)
+    runs[100, 4] = runs[100 + QUIET, 1:4] = True  # one event: the pause is not longer
+    runs[300, 8] = True  # another one, from the middle
+    xy[102 + QUIET :] *= 0.5
+    one, other = packing_events(runs, xy)
+    assert (one.begin, one.end, one.size) == (100, 101 + QUIET, 4)
+    assert (other.begin, other.end, other.size) == (300, 301, 1)
+    assert one.before == pytest.approx(hull_area(herd)) == pytest.approx(8 * 100 * np.sin(np.pi / 4) / 2)
+    assert one.after == pytest.approx(0.25 * one.before) and other.after == other.before
+    assert one.outside > 0.2 > other.outside
+    assert AFTER < 300 - 101 - QUIET
+    assert packing_events(np.zeros((5, 10), bool), xy[:5]) == []

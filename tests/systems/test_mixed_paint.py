@@ -9,8 +9,9 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.levels.schema import BrushLayer, PaintBounds, Zone
 from flockbrush.systems.commands import SetParameter
+from flockbrush.systems.mark_commands import DrawZone
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.undo import ForgetBrush, UseBrush
+from flockbrush.systems.undo import ForgetBrush, MixBrush, UnmixBrush, UseBrush
 from small_herd import box, brush, meadow, put, straight
 
 WALK, RUN = straight("walk", mean=1.0, max_turn=2.0), straight("run", mean=5.0, max_turn=10.0)
@@ -153,3 +154,71 @@ def test_a_world_goes_on_from_its_state_with_the_same_bits():
     two.run(8)
     assert state_hash(one.world) == state_hash(two.world)
     assert (one.agents[Position.xyz] == two.agents[Position.xyz]).all()
+
+
+def zone(strength, **more):
+    return DrawZone(9, "pen", box(0, 0, 40, 40).tolist(), "run", strength=strength, medium="any", **more)
+
+
+def test_a_zone_of_a_running_world_mixes_once_it_has_the_brushes_between():
+    simulation = herd(many=20)
+    palette, queue = simulation.world.resource(Palette), simulation.world.resource(Commands)
+    before, count = state_hash(simulation.world), len(palette)
+    back = queue.perform(simulation.world, [MixBrush("run", {}), zone(0.5)])
+    assert len(palette) == count + STEPS - 1  # walk to run; flock is of another model
+    queue.perform(simulation.world, back)
+    assert len(palette) == count and state_hash(simulation.world) == before
+    queue.perform(simulation.world, [MixBrush("run", {}), zone(0.5)])
+    simulation.tick()
+    assert set(names_of(simulation)) == {step_name("walk", "run", 4)}
+    back = queue.perform(simulation.world, [zone(0.25)])
+    simulation.tick()
+    assert set(names_of(simulation)) == {step_name("walk", "run", 2)}
+    queue.perform(simulation.world, back)
+    simulation.tick()
+    assert set(names_of(simulation)) == {step_name("walk", "run", 4)}
+    queue.perform(simulation.world, [UnmixBrush("run", [])])
+    assert "run" in palette.over  # animals and the zone still have them
+
+
+def test_a_live_mix_goes_on_from_its_state_by_its_measured_path():
+    path = BrushPath(start="walk", end="run", along=(0, 0.1, 1))
+    one, two = herd(many=30), herd(many=30)
+    one.world.resource(Commands).perform(
+        one.world, [MixBrush("run", {"walk--run.path.toml": path_to_toml(path)}), zone(0.5, edge=8.0)]
+    )
+    one.run(8)
+    palette, saved = two.world.resource(Palette), snapshot(one.world)
+    restore(two.world, saved)
+    assert palette.mean[palette.named(step_name("walk", "run", 4))] == pytest.approx(1.4)
+    for world in (one.world, two.world):  # what comes later is mixed on the same path
+        world.resource(Commands).perform(world, [SetParameter("run", "max_turn", 4.0)])
+    one.run(8)
+    two.run(8)
+    assert state_hash(one.world) == state_hash(two.world)
+    restore(two.world, snapshot(herd(many=30).world))
+    assert palette.over == () and (palette.mixes < 0).all()
+
+
+def test_brushes_between_outlive_an_older_brush_that_is_forgotten():
+    simulation = herd(many=1)
+    palette, queue = simulation.world.resource(Palette), simulation.world.resource(Commands)
+    back = queue.perform(simulation.world, [UseBrush("trot", straight("trot", mean=3.0).source.decode())])
+    queue.perform(simulation.world, [MixBrush("run", {})])
+    queue.perform(simulation.world, back)
+    assert "trot" not in palette.index and palette.mixes[palette.named("walk"), palette.named("run")] >= 0
+
+
+def test_a_mix_that_cannot_be_says_why_and_changes_nothing():
+    simulation = herd(many=1)
+    queue, before = simulation.world.resource(Commands), state_hash(simulation.world)
+    wrong = path_to_toml(BrushPath(start="walk", end="run", along=(0, 0.5, 1), detour={"max_turn": (0, -50, 0)}))
+    for command, said in (
+        (MixBrush("rnu", {}), "no brush 'rnu'"),
+        (MixBrush("run", {"a--b.path.toml": "schema = 3"}), "a--b.path.toml"),
+        (MixBrush("flock", {"a--b.path.toml": wrong}), "neither begins nor ends at 'flock'"),
+        (MixBrush("run", {"walk--run.path.toml": wrong}), "max_turn"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            queue.perform(simulation.world, [command])
+        assert state_hash(simulation.world) == before

@@ -367,7 +367,6 @@ def test_a_guide_of_half_strength_shares_with_the_goal():
     half = np.array([[[0.5, 0.0]]])
     mixed = blend(half, np.array([[[0.0, 1.0]]]))
     np.testing.assert_allclose(mixed, [[[np.sqrt(0.5), np.sqrt(0.5)]]])
-    np.testing.assert_array_equal(blend(half, np.array([[[0.0, 1.0]]]), goal_weight=0.0), half)
     np.testing.assert_allclose(blend(half, -2 * half), -2 * half, err_msg="where they cancel the goal wins")
     np.testing.assert_array_equal(blend(half, np.zeros((1, 1, 2))), half)
 

@@ -8,13 +8,16 @@ import random
 import numpy as np
 import pytest
 from flockbrush.behaviours.brush import shipped
-from flockbrush.components import BrushBinding, Heading, Position, Velocity
+from flockbrush.components import BrushBinding, Heading, Leading, Position, Species, Velocity
+from flockbrush.engine.commands import Commands
 from flockbrush.levels.build import build
+from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.palette import Palette
 from small_herd import box, level, obstacle, spawn
 
-from benchmarks.pairs import all_pairs, run_alone
+from benchmarks.pairs import Pair, all_pairs, draw_level, run_alone, things
 from benchmarks.pairs_watch import Watch
+from flockbrush.runs.run import start
 
 SEED, SAMPLE = 14, 24  # pairs: about a minute
 
@@ -74,9 +77,38 @@ def test_the_matrix_has_every_brush_with_every_other():
 
 
 @pytest.mark.parametrize(("brush", "thing"), [("geese", "goal"), ("stampede", "program"), ("skein", "obstacle sphere"),
-                                             ("evacuate", "cliff")])  # fmt: skip
+                                             ("evacuate", "cliff"), ("stampede", "leader on mixed paint")])  # fmt: skip
 def test_pairs_that_once_broke_the_limits_of_a_species_keep_them(brush, thing):
     assert run_alone(brush, thing, 3) == []
+
+
+@pytest.mark.parametrize(("brush", "thing"), [("march", "leader with a program"), ("graze", "mixed slope under birds"),
+                                             ("geese", "leader on mixed paint")])  # fmt: skip
+def test_nothing_is_wrong_where_three_things_meet(brush, thing):
+    assert run_alone(brush, thing, 3) == []
+
+
+def test_pairs_of_three_things_are_what_they_are_called(tmp_path):
+    pair = Pair("graze", "mixed slope under birds", 3, tmp_path)
+    simulation = start(draw_level(pair))
+    simulation.run(2)
+    commands = things()[pair.thing](pair, simulation)
+    simulation.world.resource(Commands).perform(simulation.world, commands)
+    simulation.run(64)
+    agents, names = simulation.agents, simulation.world.resource(Palette).names
+    birds = agents[Species.index] == simulation.world.resource(SpeciesList).names.index("starling")
+    assert birds.sum() == 5 and agents[Position.xyz][birds, 2].min() > 2.0  # they have taken off
+    between = [names[b] for b in agents[BrushBinding.brush][~birds] if "--" in names[b]]
+    assert between  # half of the way to another brush, and so only on the ground
+    assert not any("--" in names[b] for b in agents[BrushBinding.brush][birds])
+    led = Pair("march", "leader on mixed paint", 3, tmp_path / "led")
+    led.folder.mkdir()
+    simulation = start(draw_level(led))
+    simulation.world.resource(Commands).perform(simulation.world, things()[led.thing](led, simulation))
+    far = np.linalg.norm(simulation.agents[Position.xyz][0, :2] - (0.1 * led.side, 0.9 * led.side))
+    simulation.run(10 * 32)
+    near = np.linalg.norm(simulation.agents[Position.xyz][0, :2] - (0.1 * led.side, 0.9 * led.side))
+    assert simulation.agents[Leading.appointed].sum() == 1 and near < 0.5 * far
 
 
 @pytest.mark.slow

@@ -19,8 +19,6 @@ class GltfBodies:
 
     Parameters
     ----------
-    document : Document
-    simulation : Simulation
     theme : Theme
         What brushes look like.
     """

@@ -22,15 +22,10 @@ class GltfDocument:
     ----------
     folder : Path
         Of a temporary file for the numbers.
-
-    Attributes
-    ----------
-    lists : dict of str to list
-        Nodes, meshes, materials and so on, as glTF names them.
     """
 
     def __init__(self, folder):
-        self.lists: dict[str, list] = {}
+        self.lists: dict[str, list] = {}  # nodes, meshes, materials and so on, as glTF names them
         self.used: list[str] = []
         self.top: dict = {}
         self._run: dict = {"name": "run", "channels": [], "samplers": []}

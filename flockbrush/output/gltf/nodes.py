@@ -23,9 +23,6 @@ class Herd:
 
     Parameters
     ----------
-    document : Document
-    bodies : Bodies
-    records : Records
     world : int
         The node whose axes are ours.
     fps : float

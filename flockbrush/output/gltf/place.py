@@ -21,10 +21,8 @@ class PlaceNodes:
 
     Parameters
     ----------
-    document : Document
     bodies : Bodies
         Whose materials are used.
-    simulation : Simulation
     options : dict
         ``theme``, ``azimuth``, ``elevation``.
     world : int

@@ -36,7 +36,6 @@ class Records:
     ----------
     folder : Path
         Of temporary files.
-    simulation : Simulation
     labels : sequence of str
         Names of the codes that animals bear beside their brush.
 

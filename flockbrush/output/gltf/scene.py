@@ -33,7 +33,6 @@ class GltfNodes:
     ----------
     path : Path
         A new file, in a folder where temporary files may be written.
-    simulation : Simulation
     fps : float
     options : dict
         ``gltf_mode``, ``theme``, ``azimuth``, ``elevation``, ``camera``.

@@ -79,16 +79,12 @@ class Link:
         What a new client is told first; called on the server's thread.
     token : str, optional
         What a client must know; made up unless told.
-
-    Attributes
-    ----------
-    requests : queue.Queue of (Client, Request)
-        At most `limits.LIVE_WAITING`.
     """
 
     def __init__(self, host, port, greeting, token=None):
         self.host, self.port, self.greeting = host, port, greeting
         self.token = token or secrets.token_urlsafe(18)
+        # queue.Queue of (Client, Request); at most `limits.LIVE_WAITING`
         self.requests: queue.Queue = queue.Queue(limits.LIVE_WAITING)
         self.clients: set[Client] = set()
         self._loop = asyncio.new_event_loop()

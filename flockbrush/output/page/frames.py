@@ -45,7 +45,6 @@ def packed(rows: list[FrameRow], sizes: dict, labels) -> bytes:
 
     Parameters
     ----------
-    rows : list of Row
     sizes : dict of int to (length, width)
         Of every animal's body, m.
     labels : sequence of str

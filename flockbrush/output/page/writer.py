@@ -49,7 +49,6 @@ class PageWriter:
     Parameters
     ----------
     file : binary file
-    simulation : Simulation
     fps : float
     options : dict
         ``theme``, ``palette``; ``source``: what is known of the recording it comes from, by name.

@@ -23,7 +23,6 @@ class UsdBodies:
     Parameters
     ----------
     stage : Usd.Stage
-    simulation : Simulation
     given : dict of str to Path
         Files that replace the look of a species.
     theme : Theme

@@ -31,7 +31,6 @@ class UsdStage:
     ----------
     path : path
         A new file.
-    simulation : Simulation
     fps : float
     options : dict
         ``usd_mode``; ``prototype``: "species=file.usd" texts; ``theme``, ``azimuth``, ``elevation``, ``camera``.

@@ -18,11 +18,6 @@ class ClipColumn:
     ----------
     window : ClipWindow
     rect : pygame.Rect
-
-    Attributes
-    ----------
-    buttons : dict of UIButton to callable
-    sliders : list of Slider
     """
 
     def __init__(self, window, rect):
@@ -30,7 +25,7 @@ class ClipColumn:
         self.back = UIPanel(rect, 1, window.manager, margins=NO_MARGINS)
         self.pad = px(window.scale, 12)
         self.y = self.pad
-        self.buttons: dict = {}
+        self.buttons: dict = {}  # what a button does
         self.sliders: list[Slider] = []
 
     @property

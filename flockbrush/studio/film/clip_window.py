@@ -37,7 +37,6 @@ class ClipWindow(PlainWindow):
 
     Parameters
     ----------
-    book : Book
     size : (int, int)
         Pixels.
     theme : {"light", "dark"}, optional
@@ -46,15 +45,6 @@ class ClipWindow(PlainWindow):
         Of the camera that filmed, for lifting.
     mode : str
         Name of the first mode.
-
-    Attributes
-    ----------
-    k : int
-        The frame that is shown.
-    now : float
-        Seconds since the window was opened.
-    jobs : dict of str to Job
-        Work that goes on beside the window.
     """
 
     repeat = 300, 33
@@ -62,9 +52,9 @@ class ClipWindow(PlainWindow):
     def __init__(self, book: Book, size=(1280, 720), theme=None, camera=None, mode="look"):
         self.book, self.film = book, book.film
         super().__init__(theme)
-        self.k, self.playing, self.now = 0, False, 0.0
+        self.k, self.playing, self.now = 0, False, 0.0  # k: the frame that is shown
         self.view = PictureView()
-        self.jobs: dict = {}
+        self.jobs: dict = {}  # work that goes on beside the window
         self.lifting = Lifting(self, camera)
         self._shown: tuple = ()
         self._late = 0.0  # s that playing is ahead of the frame shown

@@ -14,6 +14,7 @@ from typing import Any, Literal
 from flockbrush.behaviours.validation import bounds, span, unit
 
 NUMBER, WHOLE, SWITCH, CHOICE = "number", "whole number", "switch", "choice"
+SENTENCE = "sentence"  # nothing to turn: the note says why
 TABLES = {"params": "Behaviour", "speed": "Speed", "vision": "Sight"}
 SHORT = {"body lengths": "BL", "degrees": "°"}
 
@@ -32,6 +33,7 @@ class Knob:
     high: float = 1.0
     choices: tuple[str, ...] = ()
     hard: bool = True  # whether the ends are the model's: beyond them nothing is taken
+    note: str = ""  # a line below
 
     @property
     def words(self) -> str:

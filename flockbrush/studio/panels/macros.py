@@ -1,18 +1,31 @@
 """Sliders in a designer's words: each moves a few numbers of a brush together along a path.
 
-A slider stands where its first number says; turning it moves the others as far along their own ranges.  The ranges are
-set by eye.  A model without an entry has the pace alone.
+A slider stands where its first number says; turning it moves the others as far along their own ranges.  The general
+ranges are set by eye; a model without an entry has the pace alone.  `TABLE` has ranges for single brushes, found by
+``python benchmarks/macros.py --search``, and what was measured of the slider there.
 """
 
 from __future__ import annotations
 
+import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from flockbrush.behaviours.brush import Brush
 from flockbrush.behaviours.validation import validated
-from flockbrush.studio.panels.knobs import NUMBER, Knob
+from flockbrush.studio.panels.knobs import NUMBER, SENTENCE, Knob
+
+TABLE = Path(__file__).with_name("macro_ranges.json")
+GOAL = 3.0  # times that polarization should move as far as any other measure
+HARDLY, SURE = 0.2, 2.0  # of polarization, and deviations between seeds: a slider that moves less hardly acts
+ALSO = {
+    "milling": "milling", "nnd": "spacing", "group_spread": "spread", "largest_part": "splitting",
+    "speed_mean": "speed",
+}  # fmt: skip
 
 
 class Range(NamedTuple):
@@ -113,10 +126,36 @@ def _moved(part, now, by):
     return min(max(value, low), high)
 
 
-def macros_of(brush: Brush) -> list[Macro]:
-    """The sliders of a brush."""
+@cache
+def ranges_by_brush() -> dict[str, dict[str, dict[str, Any]]]:
+    """What was measured of sliders: {slider: {brush: {"polarization", "moves", and "ranges" of its own}}}."""
+    return json.loads(TABLE.read_text()) if TABLE.exists() else {}
+
+
+def macros_of(brush: Brush, measured: Mapping[str, Any] | None = None) -> list[Macro]:
+    """The sliders of a brush; those in the table go by it."""
+    table = ranges_by_brush() if measured is None else measured
     found = []
     for name, (words, ranges) in {**MACROS.get(brush.model, {}), **MACROS[""]}.items():
+        entry = table.get(name, {}).get(brush.name, {})
+        if "ranges" in entry:
+            ranges = tuple(Range(*part) for part in entry["ranges"])
         symbols = ", ".join(part.name for part in ranges)
-        found.append(Macro("macro", name, NUMBER, "", f"{words}. Moves {symbols} together.", ranges=ranges))
+        kind, note = _note(name, entry)
+        about = f"{words}. Moves {symbols} together." + (f" Measured: {note}." if note else "")
+        found.append(Macro("macro", name, kind, "", about, note=note, ranges=ranges))
     return found
+
+
+def _note(name, entry):
+    """(kind, note): what was measured of a slider where it does less than its name says, or more."""
+    if not entry:
+        return NUMBER, ""
+    low, high = min(entry["polarization"]), max(entry["polarization"])
+    moves = entry["moves"]
+    if high - low < HARDLY or moves["polarization"] < SURE:
+        spread = (high - low) / max(moves["polarization"], 0.1)
+        return SENTENCE, f"hardly acts: polarization {low:.2f} to {high:.2f} ± {spread:.2f}"
+    also = [one for one in ALSO if GOAL * moves[one] > moves["polarization"]]
+    also = sorted(also, key=lambda one: -moves[one])[:2]
+    return NUMBER, f"also moves {' and '.join(ALSO[one] for one in also)}" if also else ""

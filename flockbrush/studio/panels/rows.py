@@ -18,7 +18,7 @@ from pygame_gui.core import ObjectID
 from pygame_gui.elements import UIButton, UICheckBox, UIDropDownMenu, UIHorizontalSlider, UITextEntryLine
 
 from flockbrush.studio.icons import icon
-from flockbrush.studio.panels.knobs import CHOICE, NUMBER, SWITCH, WHOLE, Knob, Scale
+from flockbrush.studio.panels.knobs import CHOICE, NUMBER, SENTENCE, SWITCH, WHOLE, Knob, Scale
 from flockbrush.studio.panels.panel import Picture, blank, picture_on, write
 
 
@@ -70,7 +70,7 @@ class PanelRow:
     @property
     def height(self) -> int:
         """Pixels down to the next row."""
-        return self.panel.px(46)
+        return self.panel.px(65 if self.knob.note else 46)
 
     def show(self, value, asset):
         """Show a value against the asset's."""
@@ -106,7 +106,13 @@ class PanelRow:
         right -= write(surface, self.against(), (right, y), height, colours.accent, (1, 0.5)) + pad
         x = write(surface, knob.words, (0, y), height, colours.ink, room=right)
         write(surface, knob.measure, (x + pad, y), panel.px(12), colours.muted, room=right - x - pad)
+        write(surface, knob.note, (0, self.note_y), panel.px(12), colours.muted, room=self.width)
         return surface
+
+    @property
+    def note_y(self) -> float:
+        """Pixels from the row's top to the middle of its note."""
+        return self.panel.px(53)
 
     def against(self) -> str:
         """The value against the asset's, "" when they are the same."""
@@ -224,6 +230,21 @@ class NumberRow(PanelRow):
             self.turn(self.knob, value, True)
 
 
+class SentenceRow(PanelRow):
+    """What there is nothing to turn for, and why."""
+
+    @property
+    def height(self) -> int:
+        return self.panel.px(42)
+
+    @property
+    def note_y(self) -> float:
+        return self.panel.px(28)
+
+    def show(self, value, asset):
+        super().show(value, value)
+
+
 class SwitchRow(PanelRow):
     """A check box."""
 
@@ -279,7 +300,7 @@ class ChoiceRow(PanelRow):
 
 
 WIDGETS = ("picture", "slider", "entry", "box", "menu")  # of rows of any kind
-ROWS = {NUMBER: NumberRow, WHOLE: NumberRow, SWITCH: SwitchRow, CHOICE: ChoiceRow}
+ROWS = {NUMBER: NumberRow, WHOLE: NumberRow, SWITCH: SwitchRow, CHOICE: ChoiceRow, SENTENCE: SentenceRow}
 
 
 def row_of(panel, knob, container, top, width, turn) -> PanelRow:

@@ -41,7 +41,8 @@ def packed_and_loose(seed=0, frames=12):
 def used_factors(herd):
     """What the pace of a herd makes of its speeds."""
     herd.drawn[:] = 1.0
-    herd.ou = np.array([1.0]), np.zeros(1), np.full(1, 1e-9)
+    one = {"mean": np.ones(1), "deviation": np.zeros(1), "reversion": np.full(1, 1e-9)}
+    herd.pace_rules = herd.pace_rules._replace(**one)
     herd.tick()
     return herd.target
 
