@@ -50,7 +50,7 @@ SIGHTS = get_args(Sight)
 class VisionSpec(Spec):
     """What the animals see."""
 
-    range: float = spec_field(4.0, "how far they see", "BL", gt=0, le=100)
+    range: float = spec_field(4.0, "how far they see", "BL", gt=0, le=1000)
     field_of_view: float = spec_field(360.0, "full angle of view, centred ahead", "degrees", gt=0, le=360)
     occlusion: bool = spec_field(True, "whether nearer bodies and obstacles hide those behind")
     sight: Sight = spec_field(

@@ -26,6 +26,9 @@ import numpy as np
 from flockbrush.behaviours.behaviour import Parameters, Scene, quantity
 from flockbrush.engine.plugins import load_entry_points, load_modules
 
+LOW = 5.0  # body lengths above the ground: nobody dives any lower
+EASE = 2.0  # s before that in which a dive is ended
+BEHIND = -0.9  # cosine of the angle to the way of flight beyond which a bird turns off to the side first
 TAKES_UP = 0.4  # s in which a drive's velocity is taken up, as efforts are (`flockbrush.systems.pace.GATHER`)
 
 
@@ -124,3 +127,17 @@ def unit_rows(vectors):
     """(k, 3) with length 1; (0, 0, 0) where there is no direction."""
     size = np.sqrt((vectors**2).sum(axis=1, keepdims=True))
     return np.where(size > 1e-12, vectors / np.maximum(size, 1e-300), 0.0)
+
+
+def within_wings(scene, rows, wanted):
+    """(k, 3) m/s: as fast as wanted, but no faster up or down than wings allow; to the side the way it is or flies."""
+    bodies, speed = scene.bodies, np.sqrt((wanted**2).sum(axis=1))
+    room = np.maximum(bodies.height[rows] - LOW * scene.length[rows], 0.0)
+    rise = np.clip(wanted[:, 2], -np.minimum(bodies.sink[rows], room / EASE), bodies.climb[rows])
+    aside = np.sqrt((wanted[:, :2] ** 2).sum(axis=1)) > 0.1 * speed
+    ahead = unit_rows(scene.forward[rows][:, :2])
+    level = unit_rows(np.where(aside[:, None], wanted[:, :2], ahead))
+    left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    side = np.where((left * level).sum(axis=1) >= 0.0, 1.0, -1.0)[:, None]
+    level = np.where((ahead * level).sum(axis=1)[:, None] < BEHIND, side * left, level)
+    return np.column_stack([level * np.sqrt(np.maximum(speed**2 - rise**2, 0.0))[:, None], rise])

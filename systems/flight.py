@@ -119,7 +119,6 @@ def fly(
             nx, ny, nz = _cut(nx, ny, nz, cap[i])
             gx, gy, gz = _unit(direction[i, 0], direction[i, 1], direction[i, 2], fx, fy, fz)
             gx, gy, gz = limited_turn(fx, fy, fz, gx, gy, gz, max_turn[i] * dt)
-            w = 0.0
         else:
             if kind[i] == BY_ACCELERATION:
                 ax, ay, az = wished[i, 0], wished[i, 1], wished[i, 2]

@@ -166,13 +166,19 @@ def _see_again(agents, rows, sees):
     lost = _rows_of(agents.ids, rows, agents[Lost.entity][rows])
     found = np.flatnonzero((lost >= 0) & sees[np.arange(len(rows)), np.maximum(lost, 0)])
     mine, seen = rows[found], rows[lost[found]]
+    _note(agents, mine, seen)
+    agents[Lost.ticks][mine] = 0
+
+
+def _note(agents, mine, seen):
+    """Where another flies, and how."""
     agents[Lost.place][mine] = agents[Position.xyz][seen, :2]
     agents[Lost.velocity][mine] = agents[Velocity.xyz][seen, :2]
-    agents[Lost.ticks][mine] = 0
 
 
 def _remember(agents, rows, leader, dt):
     """Who flies in a skein knows where it goes; in lesser company it remembers the greater."""
+    _miss_the_others(agents, rows)
     lost, follows = agents[Lost.entity][rows], np.arange(len(rows)) != leader
     gone = (agents[Lost.ticks][rows] * dt > REMEMBERED) | np.isin(lost, agents.ids[rows]) | ~np.isin(lost, agents.ids)
     agents[Lost.entity][rows[gone]] = 0
@@ -182,9 +188,19 @@ def _remember(agents, rows, leader, dt):
     anew = follows & (gone | (agents[Lost.company][rows] <= len(rows)))
     mine, seen = rows[anew], rows[leader]
     agents[Lost.entity][mine] = agents.ids[seen]
-    agents[Lost.place][mine] = agents[Position.xyz][seen, :2]
-    agents[Lost.velocity][mine] = agents[Velocity.xyz][seen, :2]
+    _note(agents, mine, seen)
     agents[Lost.ticks][mine], agents[Lost.company][mine] = 0, len(rows)
+
+
+def _miss_the_others(agents, rows):
+    """Who keeps the leader and loses most of the company remembers one of those instead, as it flew then."""
+    lost = agents[Lost.entity][rows]
+    for k in np.flatnonzero(np.isin(lost, agents.ids[rows]) & (2 * len(rows) <= agents[Lost.company][rows])):
+        others = np.setdiff1d(np.flatnonzero(agents[Lost.entity] == lost[k]), rows)
+        if len(others):
+            mine, seen = rows[[k]], others[0]
+            agents[Lost.entity][mine], agents[Lost.ticks][mine] = agents.ids[seen], 0
+            _note(agents, mine, seen)
 
 
 def _after_the_lost(agents, rows, leader, wrap):

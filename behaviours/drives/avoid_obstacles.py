@@ -44,8 +44,8 @@ def avoid_obstacles(scene, rows, p):
     hit, aim = air.hit[rows], air.aim[rows]
     if len(bodies.solids.kind):
         _past_solids(
-            rows, bodies.aloft, bodies.solids, scene.ids, scene.xyz, bodies.wished, air.up, scene.length, bodies.radius,
-            bodies.height, bodies.foresight, hit, aim,
+            rows, bodies.aloft, bodies.solids, scene.ids, scene.xyz, bodies.wished, scene.forward, air.up, scene.length,
+            bodies.radius, bodies.height, bodies.foresight, hit, aim,
         )  # fmt: skip
     flies = bodies.aloft[rows] & np.isfinite(hit)
     reach = np.maximum(bodies.foresight[rows] * goes, 1e-6)
@@ -105,8 +105,11 @@ def _room(walls, x, y, fx, fy, reach, beside):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _past_solids(rows, aloft, solids, ids, xyz, wished, up, length, radius, height, foresight, hit, aim):
-    """Metres to what each would meet on the way that its model wishes, and where to steer instead, into hit and aim."""
+def _past_solids(rows, aloft, solids, ids, xyz, wished, forward, up, length, radius, height, foresight, hit, aim):
+    """Metres to what each would meet on the way that its model wishes, and where to steer instead, into hit and aim.
+
+    It passes on the side that is nearest to its heading: wishes may change sides from tick to tick.
+    """
     for k in range(len(rows)):
         i = rows[k]
         x, y, z, fx, fy, fz = xyz[i, 0], xyz[i, 1], xyz[i, 2], wished[i, 0], wished[i, 1], wished[i, 2]
@@ -118,6 +121,7 @@ def _past_solids(rows, aloft, solids, ids, xyz, wished, up, length, radius, heig
         who, hit[k] = ahead_(solids, x, y, z, fx, fy, fz, reach, radius[i] + ROOM * length[i])
         if who >= 0:
             beyond = radius[i] + (ROOM + 0.5) * length[i]
+            gx, gy, gz = forward[i, 0], forward[i, 1], forward[i, 2]
             aim[k, 0], aim[k, 1], aim[k, 2] = past_(
-                solids, who, x, y, z, fx, fy, fz, up[i, 0], up[i, 1], up[i, 2], beyond, height[i], ids[i] & 1
+                solids, who, x, y, z, gx, gy, gz, up[i, 0], up[i, 1], up[i, 2], beyond, height[i], ids[i] & 1
             )

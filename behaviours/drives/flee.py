@@ -11,14 +11,11 @@ from __future__ import annotations
 
 import numpy as np
 from flockbrush.behaviours.behaviour import quantity
-from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards, unit_rows
+from flockbrush.behaviours.drive import LOW, DriveParameters, Urges, drive, towards, within_wings
 from numba import njit
 
 FEAR = 1  # of the lists of noticed animals
 WALLS = 3.0  # body lengths: nearer walls ahead are run along
-LOW = 5.0  # body lengths above the ground: nobody dives any lower
-EASE = 2.0  # s before that in which a dive is ended
-BEHIND = -0.9  # cosine of the angle to the way of flight beyond which a bird turns off to the side first
 
 
 class Params(DriveParameters):
@@ -49,22 +46,8 @@ def flee(scene, rows, p):
     wanted = away * np.minimum(speed, bodies.top[rows])[:, None]
     flies = np.flatnonzero(bodies.aloft[rows] & (fear > 0.0))
     if len(flies):
-        wanted[flies] = _within_wings(scene, rows[flies], wanted[flies])
+        wanted[flies] = within_wings(scene, rows[flies], wanted[flies])
     return Urges(towards(scene.velocity[rows], wanted, bodies.acceleration[rows]), p.strength * fear)
-
-
-def _within_wings(scene, rows, wanted):
-    """(k, 3) m/s: as fast as wanted, but no faster up or down than wings allow; to the side the way it is or flies."""
-    bodies, speed = scene.bodies, np.sqrt((wanted**2).sum(axis=1))
-    room = np.maximum(bodies.height[rows] - LOW * scene.length[rows], 0.0)
-    rise = np.clip(wanted[:, 2], -np.minimum(bodies.sink[rows], room / EASE), bodies.climb[rows])
-    aside = np.sqrt((wanted[:, :2] ** 2).sum(axis=1)) > 0.1 * speed
-    ahead = unit_rows(scene.forward[rows][:, :2])
-    level = unit_rows(np.where(aside[:, None], wanted[:, :2], ahead))
-    left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
-    side = np.where((left * level).sum(axis=1) >= 0.0, 1.0, -1.0)[:, None]
-    level = np.where((ahead * level).sum(axis=1)[:, None] < BEHIND, side * left, level)
-    return np.column_stack([level * np.sqrt(np.maximum(speed**2 - rise**2, 0.0))[:, None], rise])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from flockbrush.behaviours.behaviour import air_of, quantity
-from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards
+from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards, within_wings
 from numba import njit
 
 
@@ -34,8 +34,11 @@ def keep_group(scene, rows, p):
     )  # fmt: skip
     if not urgency.any():
         return None
-    speed = np.maximum(scene.speed[rows], urgency * bodies.flee[rows])[:, None]
-    return Urges(towards(scene.velocity[rows], speed * way, bodies.acceleration[rows]), p.strength * urgency)
+    wanted = np.maximum(scene.speed[rows], urgency * bodies.flee[rows])[:, None] * way
+    flies = np.flatnonzero(bodies.aloft[rows] & (urgency > 0.0))
+    if len(flies):
+        wanted[flies] = within_wings(scene, rows[flies], wanted[flies])
+    return Urges(towards(scene.velocity[rows], wanted, bodies.acceleration[rows]), p.strength * urgency)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

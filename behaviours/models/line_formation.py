@@ -31,6 +31,7 @@ from numba import njit
 from pydantic import Field
 
 AFTER = 4.0  # s in which a leader means to be with the flock that it lost
+STRAY_TURN = 4.0  # times as fast as with its flock it turns after that one.  By eye
 EXAMPLE_FRAMES = 6  # of the movie that a brush stands for
 Shape = Literal["V", "U", "J", "line", "inverted V", "inverted U"]
 
@@ -180,14 +181,15 @@ def _steer(
                 gx, gy, gz = target[i, 0], target[i, 1], target[i, 2]
             elif guidance[i, 0] != 0.0 or guidance[i, 1] != 0.0:
                 gx, gy = guidance[i, 0], guidance[i, 1]
-            far = np.sqrt(gx * gx + gy * gy)
+            far, most = np.sqrt(gx * gx + gy * gy), leader_turn * dt
             ax, ay = offset[i, 0], offset[i, 1]
             if ax != 0.0 or ay != 0.0:  # after the flock that it lost
                 gx, gy, far = ax, ay, np.sqrt(ax * ax + ay * ay + gz * gz)
                 wanted = min(max(np.sqrt(ax * ax + ay * ay) / AFTER * frame / wing, 0.8 * wanted), 1.3 * wanted)
+                most *= STRAY_TURN
             if far > 1e-9:
                 turn = atan2_(gx * fy - gy * fx, gx * fx + gy * fy)
-            turn = min(max(turn, -leader_turn * dt), leader_turn * dt)
+            turn = min(max(turn, -most), most)
             now = limited_speed_(speed, wanted, rules)
             speed += part * (now - speed)
             steepest = leader_climb * own[i]

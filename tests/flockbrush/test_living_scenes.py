@@ -72,14 +72,14 @@ def test_savanna_thirst_lions_contagion_and_calm():
 def test_lake_skeins_meet_land_rest_and_leave_and_a_falcon_scatters_starlings():
     scene = start("lake")
     geese = places(scene, "goose")
-    assert abs(geese[:11, 1].mean() - geese[11:, 1].mean()) > 85  # they see 80 m far
+    assert abs(geese[:11, 1].mean() - geese[11:, 1].mean()) > 165  # they see 160 m far
     goose = scene.agents[Species.index] == scene.world.resource(SpeciesList).names.index("goose")
     run(scene, 10 * RATE)
     assert scene.agents[Role.leader][goose].sum() == 2
-    run(scene, 10 * RATE)
+    run(scene, 14 * RATE)
     assert scene.agents[Role.leader][goose].sum() == 1
     assert spread(places(scene, "goose")) < 20  # they have joined
-    run(scene, 24 * RATE)
+    run(scene, 20 * RATE)
     geese, flock = places(scene, "goose"), spread(places(scene, "starling"))
     assert scene.states()["lake-goose"]["rest"] == 20 and (geese[:, 2] < 1).all()
     assert (np.abs(geese[:, :2] - (640, 400)) < (150, 90)).all()

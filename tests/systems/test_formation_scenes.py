@@ -19,6 +19,12 @@ def test_a_formation_passes_a_field_of_pillars_and_is_one_again(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_a_formation_that_a_falcon_scatters_is_one_again(kind):
+    found = passage("falcon", kind, 4)
+    assert found.passed and found.nearest < 25.0
+
+
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("shape", ["cylinder", "box"])
 def test_who_foresees_a_pillar_keeps_off_it_and_who_does_not_touches_it(kind, shape):
     for foresight, clear in ((2.0, True), (0.0, False)):
