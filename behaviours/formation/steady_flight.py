@@ -139,11 +139,11 @@ class SteadyFlight:
         self.spacing = max(NEAREST, float(np.mean([frame.spacing[0] for frame in frames])))
         # (n,); wingspans to the right of the leader, from left to right, on the even grid of the first frame
         self.x = (np.arange(birds) - left) * self.spacing
-        frames = [_mirror(frame) for frame in frames] if exchange else list(frames)
-        self.match, self.swap = correspond(frames[0], birds, left)
-        self.means = [float(max(NEAREST, one(f.spacing[0] for f in frames))) for one in (min, max)]
-        self.arrangements = arrangements(frames, self.match, self.swap, left)
-        shapes = [self._initial(k, frame, frames[0]) for k, frame in enumerate(frames)]
+        flown = [_mirror(frame) for frame in frames] if exchange else list(frames)
+        self.match, self.swap = correspond(flown[0], birds, left)
+        self.means = [float(max(NEAREST, one(f.spacing[0] for f in flown))) for one in (min, max)]
+        self.arrangements = arrangements(flown, self.match, self.swap, left)
+        shapes = [self._initial(k, frame, flown[0]) for k, frame in enumerate(flown)]
         # (frames, n, 2); the shapes of step 1 by place: wingspans to the right and ahead of the leader
         self.initial = np.array(shapes)
         self.shares = np.array([relative_power(shape[:, 1], self.spacing) for shape in shapes])  # by place
