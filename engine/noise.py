@@ -224,6 +224,6 @@ def _stream(seed, name):
     return _mix_int(((z ^ zlib.crc32(name.encode())) + golden) & _MASK)
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=64)
 def _key(seed, stream, tick):
     return _mix_int(((_stream(seed, stream) ^ tick) + int(GOLDEN)) & _MASK)
