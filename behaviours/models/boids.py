@@ -200,6 +200,35 @@ def averaged(ask, strength):
     return 0.0, 0.0, 0.0
 
 
+@kernel_function
+def _weigh(a, b, i, per, fx, fy, fz, near, offset, species, cut2, apart2, exponent, ahead_counts, push, weight):
+    """How much neighbours a to b push i away, into ``push``, and weigh otherwise, into ``weight``; 0 out of range.
+
+    Without branches: who is within `separation` cannot be predicted, and a wrong guess costs more than the work.
+    """
+    nearest, n = 1.0 / (NEAREST * NEAREST), b - a
+    share = weight[n:]
+    for at in range(a, b):
+        x, y, z = offset[at, 0] * per, offset[at, 1] * per, offset[at, 2] * per
+        d2 = x * x + y * y + z * z
+        one = 1.0 / np.sqrt(d2)
+        w = one * one
+        w = w if w < nearest else nearest
+        there = (d2 <= cut2) & (d2 > 0.0)
+        # inverse square, nothing at `separation`
+        push[at - a] = (apart2 * w - 1.0) * one if there & (d2 < apart2) else 0.0
+        ahead = 1.0 + ahead_counts * 0.5 * (1.0 + (fx * x + fy * y + fz * z) * one)
+        share[at - a] = ahead if there & (species[near[at]] == species[i]) else 0.0
+        weight[at - a] = w
+    if exponent == 0.0:
+        weight[:n] = 1.0
+    elif exponent != 2.0:
+        for k in range(n):  # a loop of its own, which LLVM does many at a time
+            weight[k] = exp_(0.5 * exponent * log_(weight[k]))
+    for k in range(n):
+        weight[k] *= share[k]
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _steer(
     lo, hi, rows, dt, velocity, forward, length, species,
@@ -210,6 +239,10 @@ def _steer(
 ):  # fmt: skip
     ask = np.zeros((len(strength), 3))
     cut2, apart2 = neighbour_range * neighbour_range, separation * separation
+    room = 0
+    for k in range(lo, hi):
+        room = max(room, first[rows[k] + 1] - first[rows[k]])
+    push, weight = np.empty(room), np.empty(2 * room)
     for k in range(lo, hi):
         i = rows[k]
         own = length[i]
@@ -218,26 +251,13 @@ def _steer(
         vx, vy, vz = velocity[i, 0] * per, velocity[i, 1] * per, velocity[i, 2] * per  # body lengths / s
         speed = np.sqrt(vx * vx + vy * vy + vz * vz)
         ahead_counts = forward_weight * min(speed / top, 1.0)
+        a, b = first[i], first[i + 1]
+        _weigh(a, b, i, per, fx, fy, fz, near, offset, species, cut2, apart2, exponent, ahead_counts, push, weight)
         sx = sy = sz = mx = my = mz = cx = cy = cz = total = 0.0
-        for at in range(first[i], first[i + 1]):
-            j = near[at]
+        for at in range(a, b):  # in the order of the list: another order has other last bits
+            j, p, w = near[at], push[at - a], weight[at - a]
             x, y, z = offset[at, 0] * per, offset[at, 1] * per, offset[at, 2] * per
-            d2 = x * x + y * y + z * z
-            if d2 > cut2 or d2 == 0.0:
-                continue
-            one = 1.0 / np.sqrt(d2)
-            w = min(one * one, 1.0 / (NEAREST * NEAREST))
-            if d2 < apart2:  # inverse square, nothing at `separation`
-                push = (apart2 * w - 1.0) * one
-                sx, sy, sz = sx - push * x, sy - push * y, sz - push * z
-            if species[j] != species[i]:
-                continue
-            if exponent == 0.0:
-                w = 1.0
-            elif exponent != 2.0:
-                w = exp_(0.5 * exponent * log_(w))
-            w *= 1.0 + ahead_counts * 0.5 * (1.0 + (fx * x + fy * y + fz * z) * one)
-            total += w
+            sx, sy, sz, total = sx - p * x, sy - p * y, sz - p * z, total + w
             mx, my, mz = mx + w * velocity[j, 0], my + w * velocity[j, 1], mz + w * velocity[j, 2]
             cx, cy, cz = cx + w * x, cy + w * y, cz + w * z
         _request(ask[1], sx, sy, sz, strength[1])
