@@ -14,7 +14,9 @@ from flockbrush.behaviours.models.line_formation import AFTER, frame_of, places,
 from flockbrush.components import (
     Body,
     BrushBinding,
+    Destination,
     Heading,
+    Migration,
     Position,
     ReferenceBird,
     Role,
@@ -23,9 +25,10 @@ from flockbrush.components import (
     Velocity,
     Vision,
 )
+from flockbrush.components.agent import DIRECTION, POINT
 from flockbrush.components.formation import FormationPlace, Lost
 from flockbrush.engine.clock import Clock
-from flockbrush.engine.maths import atan2_
+from flockbrush.engine.maths import atan2_, sincos_
 from flockbrush.engine.noise import Noise
 from flockbrush.systems.gusts import blow
 from flockbrush.systems.initiation import decide, fitting, target_of, usual
@@ -82,10 +85,12 @@ def _keep_all(world, rows, p):
 
 def _apart(xy, wrap):
     """(n, n) m between birds."""
-    away = xy[:, None] - xy[None]
-    if wrap is not None:
-        away = away - np.array(wrap) * np.floor(away / np.array(wrap) + 0.5)
-    return np.sqrt((away**2).sum(axis=2))
+    return np.sqrt((_shortest(xy[:, None] - xy[None], wrap) ** 2).sum(axis=2))
+
+
+def _shortest(away, wrap):
+    """(..., 2) m: the same way, on a map without edges the shortest."""
+    return away if wrap is None else away - np.array(wrap) * np.floor(away / np.array(wrap) + 0.5)
 
 
 def _keep(world, rows, met, p, sees, leads, variant):
@@ -116,7 +121,7 @@ def _keep(world, rows, met, p, sees, leads, variant):
         reference, arm, place = now
     frame = frame_of(wing, agents[Speed.drawn][rows[leader]])
     agents[FormationPlace.climb][rows] = _climb(agents, np.r_[rows, met], leader, ahead, rules, wing, frame, wrap)[:n]
-    _remember(agents, rows, leader, clock.dt)
+    _remember(agents, rows, leader, p.leader_turn, clock.dt, world.resource(Landscape))
     offset = _offsets(reference, arm, place, target) * wing
     offset[leader] = _after_the_lost(agents, rows, leader, wrap)
     agents[FormationPlace.offset][rows] = offset
@@ -176,20 +181,40 @@ def _note(agents, mine, seen):
     agents[Lost.velocity][mine] = agents[Velocity.xyz][seen, :2]
 
 
-def _remember(agents, rows, leader, dt):
+def _remember(agents, rows, leader, leader_turn, dt, land):
     """Who flies in a skein knows where it goes; in lesser company it remembers the greater."""
     _miss_the_others(agents, rows)
     lost, follows = agents[Lost.entity][rows], np.arange(len(rows)) != leader
     gone = (agents[Lost.ticks][rows] * dt > REMEMBERED) | np.isin(lost, agents.ids[rows]) | ~np.isin(lost, agents.ids)
     agents[Lost.entity][rows[gone]] = 0
-    away = rows[~gone]
-    agents[Lost.place][away] += agents[Lost.velocity][away] * dt
-    agents[Lost.ticks][away] += 1
+    _reckon(agents, rows[~gone], leader_turn * dt, dt, land)
     anew = follows & (gone | (agents[Lost.company][rows] <= len(rows)))
     mine, seen = rows[anew], rows[leader]
     agents[Lost.entity][mine] = agents.ids[seen]
     _note(agents, mine, seen)
     agents[Lost.ticks][mine], agents[Lost.company][mine] = 0, len(rows)
+
+
+def _reckon(agents, rows, turn, dt, land):
+    """Where the leader is that each of these lost, if it flies as leaders do: ``turn`` rad a tick at most to where they
+    themselves are bound, at their own speed (that seen last was one of fright); who is bound nowhere takes it to fly
+    straight on.
+    """
+    velocity, place, goal = agents[Lost.velocity], agents[Lost.place], agents[Destination.goal]
+    kind, target = agents[Migration.kind], agents[Migration.target][:, :2]
+    for i in rows:
+        way, bound = _unit(velocity[i]), np.zeros(2)
+        if kind[i] == DIRECTION:
+            bound = target[i]
+        elif kind[i] == POINT or goal[i] >= 0:
+            there = target[i] if kind[i] == POINT else np.array(land.goals[goal[i]].xy)
+            bound = _shortest(there - place[i], land.wrap)
+        if bound.any():
+            sine, cosine = sincos_(min(max(_bearing(bound, way), -turn), turn))  # clockwise
+            way = np.array([cosine * way[0] + sine * way[1], cosine * way[1] - sine * way[0]])
+        velocity[i] = agents[Speed.drawn][i] * way
+    place[rows] += velocity[rows] * dt
+    agents[Lost.ticks][rows] += 1
 
 
 def _miss_the_others(agents, rows):
@@ -211,10 +236,10 @@ def _after_the_lost(agents, rows, leader, wrap):
     if not len(misses):
         return 0.0, 0.0
     row = rows[misses[np.argmin(agents[Lost.ticks][rows[misses]])]]
-    away = agents[Lost.place][row] - agents[Position.xyz][rows[leader], :2]
-    if wrap is not None:
-        away = away - np.array(wrap) * np.floor(away / np.array(wrap) + 0.5)
-    return away + agents[Lost.velocity][row] * AFTER
+    return (
+        _shortest(agents[Lost.place][row] - agents[Position.xyz][rows[leader], :2], wrap)
+        + agents[Lost.velocity][row] * AFTER
+    )
 
 
 def _change_leader(leader, reference, arm, place):
@@ -236,9 +261,7 @@ def _change_leader(leader, reference, arm, place):
 
 def _in_frame(xy, origin, ahead, wrap):
     """(to the right, ahead) of the leader, m."""
-    away = xy - origin
-    if wrap is not None:
-        away = away - np.array(wrap) * np.floor(away / np.array(wrap) + 0.5)
+    away = _shortest(xy - origin, wrap)
     return (
         np.ascontiguousarray(away[:, 0] * ahead[1] - away[:, 1] * ahead[0]),
         np.ascontiguousarray(away[:, 0] * ahead[0] + away[:, 1] * ahead[1]),

@@ -31,7 +31,7 @@ from numba import njit
 from pydantic import Field
 
 AFTER = 4.0  # s in which a leader means to be with the flock that it lost
-STRAY_TURN = 4.0  # times as fast as with its flock it turns after that one.  By eye
+STRAY_TURN, STRAY_PACE = 4.0, 1.5  # times as fast as with its flock it turns and flies after that one.  By eye
 EXAMPLE_FRAMES = 6  # of the movie that a brush stands for
 Shape = Literal["V", "U", "J", "line", "inverted V", "inverted U"]
 
@@ -185,7 +185,7 @@ def _steer(
             ax, ay = offset[i, 0], offset[i, 1]
             if ax != 0.0 or ay != 0.0:  # after the flock that it lost
                 gx, gy, far = ax, ay, np.sqrt(ax * ax + ay * ay + gz * gz)
-                wanted = min(max(np.sqrt(ax * ax + ay * ay) / AFTER * frame / wing, 0.8 * wanted), 1.3 * wanted)
+                wanted = min(max(np.sqrt(ax * ax + ay * ay) / AFTER * frame / wing, 0.8 * wanted), STRAY_PACE * wanted)
                 most *= STRAY_TURN
             if far > 1e-9:
                 turn = atan2_(gx * fy - gy * fx, gx * fx + gy * fy)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from flockbrush.components import FormationPlace, Heading, Position, Role, Velocity
+from flockbrush.components.formation import Lost
 from flockbrush.engine.state import state_hash
 from flockbrush.systems.commands import Migrate, RemoveAnimals
 from flockbrush.systems.groups import groups_of
@@ -114,6 +115,26 @@ def test_who_is_seen_by_two_skeins_does_not_make_them_one():
     assert leads.tolist() == [True, False, True, False, False]
     label, _ = skeins(xy, np.tile((0.0, 1.0), (5, 1)), reference, place, sees, sees, (40.0, 40.0))
     assert label[4] == label[0]
+
+
+@pytest.mark.parametrize("bound", [
+    Migrate(1.0, 0.0, 0.0, kind="direction"), Migrate(400.0, 100.0, 50.0, kind="point"), None
+])  # fmt: skip
+def test_who_lost_its_skein_knows_where_that_flies_to_where_they_are_bound(bound):
+    simulation = sky((5, 0, 0, 90))
+    simulation.run(300)
+    a = simulation.agents
+    north = np.tile((-np.sin(0.3), np.cos(0.3), 0.0), (5, 1))
+    a[Heading.forward][:], a[Velocity.xyz][:] = north, 25.0 * north  # as in a fright
+    simulation.submit(bound or Migrate(*north[0], kind="direction"))
+    simulation.run(2)
+    leader = int(np.flatnonzero(a[FormationPlace.place] == 0)[0])
+    lost = (leader + 1) % 5
+    a[Position.xyz][lost, :2] -= 600.0
+    simulation.run(320)
+    assert a[Lost.entity][lost] == a.ids[leader]
+    assert a[Lost.ticks][lost] > 300
+    assert np.linalg.norm(a[Lost.place][lost] - a[Position.xyz][leader, :2]) < 12.0  # of 150 m flown
 
 
 def test_two_skeins_fly_the_same_again():
