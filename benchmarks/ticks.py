@@ -3,11 +3,13 @@
     python benchmarks/ticks.py ticks [--sizes 1000 10000 100000] [--ceiling herd_ceiling.cpp]
     python benchmarks/ticks.py million [--animals 1000000]
     python benchmarks/ticks.py shape
+    python benchmarks/ticks.py against DIR [--level crowded] [--pairs 20] [--ticks 16]
 
 ``ticks``: the scene of ``flockbrush bench`` (one animal on 4 m² that sees 10 m far, exact occlusion), everything a
 level runs in a tick, and in turn the C++ kernel (who sees whom, and three forces; float32; AVX2, or what ``--ceiling``
 names).  ``million``: spawning, ticks and memory of a herd.  ``shape``: what perception costs at a density of 1 per m²
-over .25, and with a stray kilometres away over none.
+over .25, and with a stray kilometres away over none.  ``against``: CPU time of a level's ticks over that in another
+checkout (``git worktree add DIR COMMIT``), in pairs that alternate, and the median of their ratios.
 
 On shared machines read CPU times of all threads, the least of all rounds, and their ratio.
 """
@@ -22,6 +24,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
@@ -123,6 +126,75 @@ def _cpu_of(one, budget):
     return (time.process_time() - before) / len(times)
 
 
+TICKING = """
+import importlib, sys, time
+simulation = importlib.import_module(sys.argv[1]).start(sys.argv[2])
+for line in sys.stdin:
+    before = time.process_time()
+    simulation.run(int(line))
+    print(time.process_time() - before, flush=True)
+"""  # the same for every checkout
+
+
+def as_installed(tree, folder):
+    """Links to a checkout's rooms as an installation has them: the folder to import from, and what has `start`."""
+    setuptools = tomllib.loads((tree / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    if "package-dir" not in setuptools:  # before the rooms were below flockbrush
+        return tree, "flockbrush.run"
+    package = folder / "flockbrush"
+    package.mkdir(parents=True)
+    for one in (tree / "flockbrush").iterdir():
+        (package / one.name).symlink_to(one)
+    for name, room in setuptools["package-dir"].items():
+        below = package / name.removeprefix("flockbrush.")
+        if name != "flockbrush" and not below.exists():
+            below.symlink_to(tree / room)
+    return folder, "flockbrush.runs.run"
+
+
+def against(other, level, pairs, ticks):
+    """Ticks here and in another checkout, in turn."""
+    if not (other / "pyproject.toml").is_file():
+        raise SystemExit(
+            f"{other}: is no checkout (it has no pyproject.toml); make one: git worktree add {other} COMMIT"
+        )
+    print(machine())
+    with tempfile.TemporaryDirectory() as folder:
+        sides = [_started(tree.resolve(), Path(folder, str(k)), level) for k, tree in enumerate((HERE.parent, other))]
+        for side in sides:
+            _ticked(side, WARM_UP)
+        times = [[0.0] * pairs, [0.0] * pairs]
+        for pair in range(pairs):
+            for k in (0, 1) if pair % 2 == 0 else (1, 0):
+                times[k][pair] = _ticked(sides[k], ticks) / ticks
+        for side in sides:
+            side.communicate()
+    ratios = sorted(here / there for here, there in zip(*times, strict=True))
+    here, there = (1e3 * statistics.median(some) for some in times)
+    print(f"{level}: {here:.2f} ms of CPU a tick here, {there:.2f} there (medians of {pairs} times {ticks} ticks)")
+    print(f"here over there, median of pairs: {statistics.median(ratios):.3f} ({ratios[0]:.3f} to {ratios[-1]:.3f})")
+    print(machine())
+
+
+def _started(tree, folder, level):
+    """A process that runs ticks of a level as it is in a checkout."""
+    found, module = as_installed(tree, folder)
+    return subprocess.Popen(
+        [sys.executable, "-c", TICKING, module, level], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        cwd=found, env={**os.environ, "PYTHONPATH": str(found)},
+    )  # fmt: skip
+
+
+def _ticked(side, ticks):
+    """CPU seconds of so many ticks in another process."""
+    side.stdin.write(f"{ticks}\n")
+    side.stdin.flush()
+    told = side.stdout.readline()
+    if not told:
+        raise SystemExit("a checkout could not run the level; what it said stands above")
+    return float(told)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     what = parser.add_subparsers(dest="what", required=True)
@@ -132,6 +204,11 @@ def main():
     many = what.add_parser("million")
     many.add_argument("--animals", type=int, default=1_000_000)
     form = what.add_parser("shape")
+    pair = what.add_parser("against")
+    pair.add_argument("other", type=Path, help="another checkout")
+    pair.add_argument("--level", default="crowded")
+    pair.add_argument("--pairs", type=int, default=20)
+    pair.add_argument("--ticks", type=int, default=16, help="of each side in a pair")
     for one in (whole, form):
         one.add_argument("--rounds", type=int, default=5)
         one.add_argument("--budget", type=float, default=0.5, help="seconds of a round")
@@ -140,6 +217,8 @@ def main():
         ticks(options.sizes, options.ceiling, options.rounds, options.budget)
     elif options.what == "million":
         million(options.animals)
+    elif options.what == "against":
+        against(options.other, options.level, options.pairs, options.ticks)
     else:
         shape(options.rounds, options.budget)
 

@@ -22,7 +22,7 @@ class FormationPlace(Component):
 
 
 class Lost(Component):
-    """Who led the skein of a bird in formation, and where that one would be now if it flew on as it did then.
+    """Who led the skein of a bird in formation, and where that one would be now, bound for where this one is.
 
     While a bird flies in less than that company, it keeps that in mind; a skein that is less than half of what one of
     it remembers makes for there, and ``FormationPlace.offset`` of its leader is m east and north to where.
