@@ -66,7 +66,21 @@ class EditFile:
         return next((layer for layer in self.layers if layer.name == name), None)
 
     def add(self, edit: Edit, name=FIRST):
-        """Put an edit on a layer, which is made where there is none; what was undone cannot be done again."""
+        """Put an edit on a layer, which is made where there is none; what was undone cannot be done again.
+
+        Raises
+        ------
+        ValueError
+            For numbers out of their bounds, which the file would be refused for.
+        """
+        for one, (low, high) in BOUNDS.items():
+            value = getattr(edit, one)
+            if not (low <= value <= high or value == getattr(Edit, one)):
+                raise ValueError(f"{one} must be from {low:g} to {high:g}, got {value:g}")
+        if edit.end <= edit.start:
+            raise ValueError(f"the end must be later than the start at {edit.start:g} s, got {edit.end:g} s")
+        if max(map(abs, edit.by)) > FARTHEST:
+            raise ValueError(f"nobody can be moved by more than {FARTHEST:g} m")
         self._put(edit, name)
         self.undone = []
 
@@ -216,6 +230,15 @@ def _edit(toml, at, table, problems) -> Edit | None:
     if len(problems) == before and told.get("start", 0.0) >= told.get("end", ALWAYS):
         problems.append(toml.problem((*at, "end"), "must be later than the start"))
     return Edit(**told) if len(problems) == before else None
+
+
+def sentence_of(edit: Edit) -> str:
+    """An edit in words: "move 12 animals from 0.5 s: by (5.0, 0.0, 0.0)"."""
+    told = [f"{name} {getattr(edit, name)}" for name in USES[edit.kind] if getattr(edit, name) != getattr(Edit, name)]
+    when = f" from {edit.start:g} s" if edit.start else ""
+    when += f" until {edit.end:g} s" if edit.end != ALWAYS else ""
+    animals = f"{len(edit.ids)} animals" if len(edit.ids) > 1 else f"animal {edit.ids[0]}"
+    return f"{edit.kind} {animals}{when}{': ' if told else ''}{', '.join(told)}"
 
 
 def ids_of(text) -> tuple[int, ...]:

@@ -207,6 +207,14 @@ class Viewport:
         row = self.painter.pick(np.subtract(self.pointer, self.rect.topleft), reach * self.app.scale)
         return None if row is None or row >= len(self.herd.ids) else int(self.herd.ids[row])
 
+    def middle_of(self, animals):
+        """The middle (x, y), m, of some animals as they are shown; ValueError where none of them is."""
+        rows = np.isin(self.herd.ids, animals)
+        if not rows.any():
+            raise ValueError("none of the selected animals is there at this moment")
+        x, y = self.herd.xy[rows, :2].mean(axis=0)
+        return round(float(x), 3), round(float(y), 3)
+
     # drawing -----------------------------------------------------------------------
 
     def look_ahead(self):

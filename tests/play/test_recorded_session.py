@@ -103,3 +103,16 @@ def test_what_is_no_recording_is_refused_in_words(tmp_path):
         open_recorded(tmp_path / "bad.flock", tmp_path / "state")
     with pytest.raises(typer.BadParameter):
         refuse_wishes(StartOptions("walk.flock", seed=3))
+
+
+def test_a_recording_of_a_shipped_level_is_edited_and_saved_elsewhere(tmp_path):
+    made = tmp_path / "walk.flock"
+    ran = CliRunner().invoke(cli, ["run", "sheep-pasture", "--agents", "8", "--seconds", "0.5", "--record", str(made)])
+    assert ran.exit_code == 0, ran.output
+    session = open_recorded(made, tmp_path / "state")
+    assert [notice.kind for notice in session.notices()] == ["info"]
+    assert session.do("paint", [stroke("graze", 30, 40, 5)]) and session.undo_label == "paint"
+    (tmp_path / "mine").mkdir()
+    assert session.save(tmp_path / "mine" / "pasture.tmj")
+    session.close()
+    assert CliRunner().invoke(cli, ["level", "check", str(tmp_path / "mine" / "pasture.tmj")]).exit_code == 0
