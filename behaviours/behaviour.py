@@ -17,9 +17,10 @@ import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
+from flockbrush.behaviours.sliders import SLIDERS, Slider
 from flockbrush.engine.plugins import load_entry_points, load_modules
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -28,9 +29,13 @@ GUIDED = get_args(Guided)
 
 
 class Parameters(BaseModel):
-    """Base of every model's ``Params``: frozen, finite, no unknown names, no booleans for numbers."""
+    """Base of every model's ``Params``: frozen, finite, no unknown names, no booleans for numbers.
+
+    ``sliders`` are those in a designer's words, by name; a model puts its own before these.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    sliders: ClassVar[dict[str, Slider]] = SLIDERS
 
 
 def quantity(

@@ -20,13 +20,14 @@ from dataclasses import replace
 
 import numpy as np
 from flockbrush.behaviours.brush import shipped
+from flockbrush.behaviours.sliders import Range
 from flockbrush.components import Heading, Position, Velocity
 from flockbrush.levels.build import herds_apart
 from flockbrush.systems.measures import herd_measures
 
 from flockbrush.learning.evolution import Evolution
 from flockbrush.studio.panels.knobs import knobs_of
-from flockbrush.studio.panels.macros import GOAL, MACROS, TABLE, Macro, Range, macros_of, ranges_by_brush
+from flockbrush.studio.panels.macros import GOAL, TABLE, Macro, macros_of, ranges_by_brush
 
 PLACES = (0.0, 0.25, 0.5, 0.75, 1.0)
 MEASURES = ("polarization", "milling", "nnd", "group_spread", "largest_part", "speed_mean")
@@ -50,7 +51,7 @@ COMPENSATED = {  # what may move along with the first number, and how far, as a 
 def with_slider(name):
     """Names of the shipped brushes whose model has this slider."""
     library = shipped()
-    return [one for one in library.names() if name in MACROS.get(library.get(one).model, {}) or name in MACROS[""]]
+    return [one for one in library.names() if name in library.get(one).params.sliders]
 
 
 def runs_of(brushes, animals, seed, seconds=SECONDS, settled=SETTLED):

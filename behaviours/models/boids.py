@@ -22,10 +22,11 @@ The paper gives no numbers; those here are ours.  Lengths are in body lengths.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from flockbrush.behaviours.behaviour import Flight, Parameters, Wishes, air_of, behaviour, quantity
+from flockbrush.behaviours.sliders import SLIDERS, Slider, moves
 from flockbrush.engine.arrays import write_
 from flockbrush.engine.maths import exp_, kernel_function, log_
 from flockbrush.engine.parallel import over_rows
@@ -92,6 +93,20 @@ class Params(Parameters):
         description="true holds it to the terrain, as a herd",
         json_schema_extra={"unit": "-", "enum": [False, True]},
     )
+
+    sliders: ClassVar = {
+        "tightness": Slider("Loose, or drawn to the middle of the others", (moves("centring_strength", 0.0, 1.0),)),
+        "order": Slider(
+            "Each its own way, or all one way",
+            (moves("matching_strength", 0.0, 1.0), moves("matching_time", 1.5, 0.05, True)),
+        ),
+        "personal space": Slider("Wing to wing, or with room between them", (moves("separation", 0.5, 30.0, True),)),
+        "nerve": Slider(
+            "Bold, or gone at the first sight of danger",
+            (moves("flight_distance", 5.0, 500.0, True), moves("panic_pace", 1.0, 4.0, True)),
+        ),
+        **SLIDERS,
+    }
 
 
 def flight(p):

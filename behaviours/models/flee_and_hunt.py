@@ -13,9 +13,12 @@ neighbour, and the vulnerable are the near ones with few others about them.
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from flockbrush.behaviours.behaviour import behaviour, kinds_in, quantity
 from flockbrush.behaviours.models import herd
+from flockbrush.behaviours.sliders import Slider, moves
 from flockbrush.engine.parallel import over_rows
 from numba import njit
 
@@ -27,6 +30,14 @@ class FleeParams(herd.Params):
     fear_weight: float = quantity(3.0, "1", "larger turns away from predators sooner, against the herd", 0, 100)
     panic_pace: float = quantity(3.0, "1", "how many times faster an animal runs with a predator upon it", 1, 20)
     contagion: float = quantity(0.7, "1", "how much of the neighbours' haste an animal takes over", 0, 0.95)
+
+    sliders: ClassVar = {
+        **herd.Params.sliders,
+        "nerve": Slider(
+            "Bold, or gone at the first sight of danger",
+            (moves("flight_distance", 2.0, 60.0, True), moves("panic_pace", 1.0, 6.0, True)),
+        ),
+    }
 
 
 class HuntParams(herd.Params):
@@ -44,6 +55,14 @@ class HuntParams(herd.Params):
         0,
         100,
     )
+
+    sliders: ClassVar = {
+        **herd.Params.sliders,
+        "nerve": Slider(
+            "Patient, or after every prey in sight",
+            (moves("chase_distance", 5.0, 120.0, True), moves("charge_distance", 2.0, 60.0, True)),
+        ),
+    }
 
 
 def explain_flight(scene, row, p):

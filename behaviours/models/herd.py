@@ -26,10 +26,11 @@ ignored.
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity, share_guided, who_is_guided
+from flockbrush.behaviours.sliders import SLIDERS, Slider, moves
 from flockbrush.engine.lane_maths import exponential, lane_function, square_of_angle
 from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, splat8, store, total
 from flockbrush.engine.maths import sincos_
@@ -93,6 +94,27 @@ class Params(Parameters):
         10,
         chance=True,
     )
+
+    sliders: ClassVar = {
+        "tightness": Slider(
+            "Loose and spread out, or drawn close together",
+            (moves("cohesion_weight", 0.0, 1.0), moves("cohesion_radial", 0.5, 1.0)),
+        ),
+        "order": Slider(
+            "Each its own way, or all one way",
+            (moves("alignment_weight", 0.0, 1.0), moves("alignment_radial", 0.5, 1.0)),
+        ),
+        "personal space": Slider(
+            "Shoulder to shoulder, or with room between them",
+            (moves("avoidance_radial", 0.1, 1.0, True), moves("avoidance_weight", 0.02, 1.0, True)),
+        ),
+        "nerve": Slider(
+            "Sluggish, or quick to answer whatever happens",
+            (moves("sensitivity", 1.0, 100.0, True), moves("max_turn", 1.0, 30.0, True)),
+        ),
+        "wander": Slider("Straight ahead, or with whims", (moves("wander", 0.0, 3.0),)),
+        **SLIDERS,
+    }
 
 
 def explain(scene, row, p):

@@ -18,13 +18,14 @@ take turns, inverted shapes (one tip leads, the other flies level with it), heig
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 from flockbrush.behaviours.behaviour import Flight, Parameters, Wishes, air_of, behaviour, frozen, quantity
 from flockbrush.behaviours.formation.formation_shapes import Curve, Formation, FrameShape
 from flockbrush.behaviours.formation.reaching import FormingRules, limited_speed_, limited_turn_, reach_, wrap_
 from flockbrush.behaviours.formation.steady_flight import Drawing, SteadyFlight
+from flockbrush.behaviours.sliders import SLIDERS, Slider, moves
 from flockbrush.engine.maths import atan2_, sincos_
 from flockbrush.engine.parallel import over_rows
 from numba import njit
@@ -74,6 +75,20 @@ class Params(Parameters):
         "join", description="what two skeins that see each other do; those that fly different ways pass",
         json_schema_extra={"unit": "-"},
     )  # fmt: skip
+
+    sliders: ClassVar = {
+        "tightness": Slider("Far apart to the side, or wing to wing", (moves("spacing", 3.0, 0.95, True),)),
+        "order": Slider("A ragged line, or a stiff one", (moves("deviation", 1.0, 0.0),)),
+        "sweep": Slider(
+            "A flat line, or a deep one", (moves("slope", 0.2, 3.0, True), moves("curvature", 0.01, 0.3, True))
+        ),
+        "nerve": Slider(
+            "Slow to take a new place, or quick",
+            (moves("drift", 0.05, 2.0, True), moves("gain", 0.01, 0.2, True), moves("turning", 0.05, 0.8, True)),
+        ),
+        "wander": Slider("Each keeps its place to the side, or changes it", (moves("lateral", 0.0, 1.0),)),
+        **SLIDERS,
+    }
 
 
 def flight_of(p):

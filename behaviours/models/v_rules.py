@@ -15,8 +15,11 @@ turn and to their height; with ``turn`` a bird must turn to get sideways; with `
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from flockbrush.behaviours.behaviour import Flight, Wishes, air_of, behaviour, quantity
+from flockbrush.behaviours.sliders import SLIDERS, Slider, moves
 from flockbrush.behaviours.v_rules.flights import STREAM, shift
 from flockbrush.behaviours.v_rules.rules import VRuleSettings, kernel, law_of, sort_by
 from flockbrush.engine.arrays import write_
@@ -34,6 +37,18 @@ class Params(VRuleSettings):
     follow: float = quantity(
         0.5, "rad/s", "the fastest the flock's way turns after a guide, or a bird after those ahead", 0, 10
     )
+
+    sliders: ClassVar = {
+        "tightness": Slider("With room between the wings, or overlapping", (moves("lateral_room", 1.0, -0.3),)),
+        "order": Slider("Several small lines, or one V", (moves("angle", 40.0, 180.0),)),
+        "personal space": Slider("Close behind one another, or with room", (moves("margin", 0.05, 2.0, True),)),
+        "nerve": Slider(
+            "Slow to take a new place, or quick",
+            (moves("lateral_step", 0.01, 0.4, True), moves("forward_step", 0.01, 0.4, True)),
+        ),
+        "wander": Slider("In still air, or blown about", (moves("perturbation", 0.0, 0.5),)),
+        **SLIDERS,
+    }
 
 
 def explain(scene, row, p):

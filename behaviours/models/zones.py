@@ -24,9 +24,12 @@ Lengths are in body lengths of the animal itself.
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity, share_guided, who_is_guided
 from flockbrush.behaviours.models.herd import wander_kernel
+from flockbrush.behaviours.sliders import SLIDERS, Slider, moves
 from flockbrush.engine.maths import atan2_, kernel_function, sincos_
 from flockbrush.engine.parallel import over_rows
 from numba import njit
@@ -54,6 +57,17 @@ class Params(Parameters):
     guidance_weight: float = quantity(0.5, "1", "larger follows a guide more firmly, against the others (ω)", 0, 100)
     guided: Guided = who_is_guided("share", "all, a share, or appointed ones; front: none of this model")
     guided_share: float = share_guided()
+
+    sliders: ClassVar = {
+        "tightness": Slider("Loose, or drawn to others from far away", (moves("attraction", 1.0, 30.0, True),)),
+        "order": Slider("Each its own way, or all one way", (moves("orientation", 0.1, 20.0, True),)),
+        "personal space": Slider(
+            "Shoulder to shoulder, or with room between them", (moves("repulsion", 0.3, 6.0, True),)
+        ),
+        "nerve": Slider("Sluggish, or quick to turn", (moves("max_turn", 0.1, 10.0, True),)),
+        "wander": Slider("Straight ahead, or with whims", (moves("wander", 0.0, 2.0),)),
+        **SLIDERS,
+    }
 
 
 def explain(scene, row, p):

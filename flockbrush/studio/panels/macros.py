@@ -1,7 +1,7 @@
 """Sliders in a designer's words: each moves a few numbers of a brush together along a path.
 
-A slider stands where its first number says; turning it moves the others as far along their own ranges.  The general
-ranges are set by eye; a model without an entry has the pace alone.  `TABLE` has ranges for single brushes, found by
+A slider stands where its first number says; turning it moves the others as far along their own ranges.  Models declare
+them (`Parameters.sliders`), with ranges set by eye.  `TABLE` has ranges for single brushes, found by
 ``python benchmarks/macros.py --search``, and what was measured of the slider there.
 """
 
@@ -13,9 +13,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from flockbrush.behaviours.brush import Brush
+from flockbrush.behaviours.sliders import Range
 from flockbrush.behaviours.validation import validated
 from flockbrush.studio.panels.knobs import NUMBER, SENTENCE, Knob
 
@@ -25,54 +26,6 @@ HARDLY, SURE = 0.2, 2.0  # of polarization, and deviations between seeds: a slid
 ALSO = {
     "milling": "milling", "nnd": "spacing", "group_spread": "spread", "largest_part": "splitting",
     "speed_mean": "speed",
-}  # fmt: skip
-
-
-class Range(NamedTuple):
-    """One number of a brush and the values between which a slider moves it."""
-
-    table: str  # "params" or "speed"
-    name: str
-    low: float
-    high: float
-    times: bool = False  # even steps multiply; otherwise they add
-
-
-MACROS: dict[str, dict[str, tuple[str, tuple[Range, ...]]]] = {
-    "": {
-        "pace": ("Slower and calmer, or faster", (
-            Range("speed", "mean", 0.1, 20.0, True), Range("speed", "deviation", 0.1, 20.0, True),
-        )),
-    },
-    "herd": {
-        "tightness": ("Loose and spread out, or drawn close together", (
-            Range("params", "cohesion_weight", 0.0, 1.0), Range("params", "cohesion_radial", 0.5, 1.0),
-        )),
-        "order": ("Each its own way, or all one way", (
-            Range("params", "alignment_weight", 0.0, 1.0), Range("params", "alignment_radial", 0.5, 1.0),
-        )),
-        "personal space": ("Shoulder to shoulder, or with room between them", (
-            Range("params", "avoidance_radial", 0.1, 1.0, True), Range("params", "avoidance_weight", 0.02, 1.0, True),
-        )),
-        "nerve": ("Sluggish, or quick to answer whatever happens", (
-            Range("params", "sensitivity", 1.0, 100.0, True), Range("params", "max_turn", 1.0, 30.0, True),
-        )),
-        "wander": ("Straight ahead, or with whims", (Range("params", "wander", 0.0, 3.0),)),
-    },
-    "boids": {
-        "tightness": ("Loose, or drawn to the middle of the others", (
-            Range("params", "centring_strength", 0.0, 1.0),
-        )),
-        "order": ("Each its own way, or all one way", (
-            Range("params", "matching_strength", 0.0, 1.0), Range("params", "matching_time", 1.5, 0.05, True),
-        )),
-        "personal space": ("Wing to wing, or with room between them", (
-            Range("params", "separation", 0.5, 30.0, True),
-        )),
-        "nerve": ("Bold, or gone at the first sight of danger", (
-            Range("params", "flight_distance", 5.0, 500.0, True), Range("params", "panic_pace", 1.0, 4.0, True),
-        )),
-    },
 }  # fmt: skip
 
 
@@ -136,7 +89,7 @@ def macros_of(brush: Brush, measured: Mapping[str, Any] | None = None) -> list[M
     """The sliders of a brush; those in the table go by it."""
     table = ranges_by_brush() if measured is None else measured
     found = []
-    for name, (words, ranges) in {**MACROS.get(brush.model, {}), **MACROS[""]}.items():
+    for name, (words, ranges) in brush.params.sliders.items():
         entry = table.get(name, {}).get(brush.name, {})
         if "ranges" in entry:
             ranges = tuple(Range(*part) for part in entry["ranges"])
