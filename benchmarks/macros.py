@@ -9,6 +9,8 @@ The goal is that polarization moves three times as far as any other measure.
 the general rule (or leaves that where it does well) on others, measures the slider on fresh ones and writes it all to
 the table of the sliders.  ``--ranges alignment_weight=0:0.59 avoidance_weight=0.84:0.73`` tries these instead of a
 search, ``--general`` writes what the general rule does.
+
+``--effects`` prints for the other sliders of every brush what they are named after, at both ends.
 """
 
 from __future__ import annotations
@@ -37,6 +39,9 @@ SECONDS, SETTLED = 20, 12  # s of a run, and of those that are not measured
 LEAST = 0.005  # of the largest value
 GENERATIONS, CANDIDATES, SMALL = 10, 8, 25  # of the search, and animals of its herds
 ENOUGH = 0.5  # polarization that a slider should move, at least
+EFFECTS = {  # the measure that a slider is named after, and whether it grows (1) or shrinks (-1) along it
+    "tightness": ("nnd", -1), "personal space": ("nnd", 1), "wander": ("turning", 1), "pace": ("speed_mean", 1),
+}  # fmt: skip
 COMPENSATED = {  # what may move along with the first number, and how far, as a share of what its bounds leave
     "herd": {
         "avoidance_weight": 0.6, "cohesion_weight": 0.6, "avoidance_radial": 0.5, "alignment_radial": 0.5,
@@ -54,8 +59,11 @@ def with_slider(name):
     return [one for one in library.names() if name in library.get(one).params.sliders]
 
 
-def runs_of(brushes, animals, seed, seconds=SECONDS, settled=SETTLED):
-    """(brushes, measures) means over the last part of one run, a herd of each brush, out of sight of the others."""
+def runs_of(brushes, animals, seed, seconds=SECONDS, settled=SETTLED, measures=MEASURES):
+    """(brushes, measures) means over the last part of one run, a herd of each brush, out of sight of the others.
+
+    Besides the measures of herds there is ``turning``, the mean angle between headings a second apart, rad.
+    """
     named = [brush.model_copy(update={"name": f"place-{k}"}) for k, brush in enumerate(brushes)]
     fastest, farthest = max(b.speed.mean for b in named), max(b.vision.range for b in named)
     length, seen = named[0].body.length, []
@@ -64,12 +72,17 @@ def runs_of(brushes, animals, seed, seconds=SECONDS, settled=SETTLED):
     agents = simulation.agents
     simulation.run(settled * RATE)
     for _ in range(seconds - settled):
+        before = agents[Heading.forward].copy()
         simulation.run(RATE)
         columns = [agents[one] for one in (Position.xyz, Velocity.xyz, Heading.forward)]
         flies = bool(columns[0][:, 2].any())
         parts = [[column[k * animals : (k + 1) * animals] for column in columns] for k in range(len(named))]
-        told = [herd_measures(*part, length, flies=flies) for part in parts]
-        seen.append([[one[name] for name in MEASURES] for one in told])
+        turned = np.arccos(np.clip((before * columns[2]).sum(axis=1), -1.0, 1.0)).reshape(len(named), animals)
+        told = [
+            herd_measures(*part, length, flies=flies) | {"turning": angles.mean()}
+            for part, angles in zip(parts, turned, strict=True)
+        ]
+        seen.append([[one[name] for name in measures] for one in told])
     simulation.close()
     return np.mean(seen, axis=0)
 
@@ -204,6 +217,25 @@ def keep(name, brush, slider, own, values, far):
     ranges_by_brush.cache_clear()
 
 
+def effects(brushes, animals, seeds):
+    """Print what sliders do to the measures that they are named after."""
+    print("| brush | slider | measure | at 0 | at 1 | moves, deviations between seeds | as named |")
+    print("|---|---|---|---|---|---|---|")
+    for name in brushes:
+        brush = shipped().get(name)
+        for slider in macros_of(brush):
+            if slider.name not in EFFECTS:
+                continue
+            measure, sign = EFFECTS[slider.name]
+            ends = [slider.turned(brush, place) for place in (0.0, 1.0)]
+            values = np.stack(
+                [runs_of(ends, animals, FRESH + seed, measures=(measure,)) for seed in range(seeds)], axis=1
+            )
+            (low, high), by = values.mean(axis=(1, 2)), float(moved(values)[0])
+            named = "hardly acts" if by < 2.0 else "yes" if sign * (high - low) > 0 else "the other way"
+            print(f"| {name} | {slider.name} | {measure} | {low:.2f} | {high:.2f} | {by:.1f} | {named} |", flush=True)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("brushes", nargs="*", metavar="BRUSH", help="all that have the slider unless told")
@@ -213,7 +245,10 @@ def main():
     parser.add_argument("--search", action="store_true", help="find ranges and write the table of the sliders")
     parser.add_argument("--general", action="store_true", help="write what the general rule does to the table")
     parser.add_argument("--ranges", nargs="+", default=[], metavar="NAME=LOW:HIGH", help="try these, of one brush")
+    parser.add_argument("--effects", action="store_true", help="what the other sliders do")
     told = parser.parse_args()
+    if told.effects:
+        return effects(told.brushes or shipped().names(), told.animals, told.seeds)
     if told.ranges and len(told.brushes) != 1:
         parser.error("--ranges are those of one brush; name it")
     known = with_slider(told.slider)
