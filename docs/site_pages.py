@@ -110,7 +110,9 @@ def moved(path: Path) -> str:
 
 def python_page() -> str:
     """The Python interface, from docstrings."""
-    parts = ["# Python\n\n`import flockbrush` provides what most programs need. Import everything else from its package."]
+    parts = [
+        "# Python\n\n`import flockbrush` provides what most programs need. Import everything else from its package."
+    ]
     for title, names in PYTHON.items():
         parts += [f"## {title}", *(f"::: {name}" for name in names)]
     return "\n\n".join(parts) + "\n"
