@@ -155,8 +155,8 @@ def level_classes_page() -> str:
     """What may stand in a level, from the schema."""
     from flockbrush.levels import schema
 
-    start = "# Level classes\n\nCustom classes and properties of the Tiled project. Every property is optional "
-    return f"{start}unless it is required.\n\n{schema.tables().replace('### ', '## ')}"
+    start = "# Level classes\n\nCustom classes and properties of the Tiled project. A property is optional "
+    return f"{start}unless its default is *required*.\n\n{schema.tables().replace('### ', '## ')}"
 
 
 def script_commands_page() -> str:
