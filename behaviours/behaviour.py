@@ -63,7 +63,7 @@ def who_is_guided(default: str, meaning: str):
 
 def share_guided():
     """The parameter ``guided_share`` of a model that follows guides."""
-    return quantity(0.1, "1", "the share of animals that follow a guide where `guided` is share", 0, 1)
+    return quantity(0.1, "1", "share of animals that follow a guide if `guided` is share", 0, 1)
 
 
 class Scene(NamedTuple):

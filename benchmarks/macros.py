@@ -254,8 +254,8 @@ def main():
     known = with_slider(told.slider)
     if wrong := [name for name in told.brushes if name not in known]:
         parser.error(f"no slider {told.slider!r} has {', '.join(wrong)}; {', '.join(known) or 'no brush'} has it")
-    print(f"| brush | stands at | polarization at {', '.join(f'{place:g}' for place in PLACES)} | "
-          f"{' | '.join(MEASURES)} | polarization over the next |")  # fmt: skip
+    print(f"| brush | initial position | polarization at {', '.join(f'{place:g}' for place in PLACES)} | "
+          f"{' | '.join(MEASURES)} | polarization / next largest |")  # fmt: skip
     print("|---" * (len(MEASURES) + 4) + "|")
     for name in told.brushes or known:
         brush = shipped().get(name)

@@ -110,7 +110,9 @@ def moved(path: Path) -> str:
 
 def python_page() -> str:
     """The Python interface, from docstrings."""
-    parts = ["# Python\n\n`import flockbrush` offers what most programs need; the rest is imported from its room."]
+    parts = [
+        "# Python\n\n`import flockbrush` provides what most programs need. Import everything else from its package."
+    ]
     for title, names in PYTHON.items():
         parts += [f"## {title}", *(f"::: {name}" for name in names)]
     return "\n\n".join(parts) + "\n"
@@ -120,8 +122,8 @@ def commands_page() -> str:
     """Every command of the command line with its arguments and options."""
     from flockbrush.cli.main import app
 
-    parts = ["# Commands\n\nEvery command has `--help`. Exit codes: 0 done, 1 something is wrong with what was given, "
-             "2 the command was called wrongly, 130 interrupted."]  # fmt: skip
+    parts = ["# Commands\n\nEvery command has `--help`. Exit codes: 0 for success, 1 for an error in the input, "
+             "2 for wrong usage, 130 if interrupted."]  # fmt: skip
     _describe(typer.main.get_command(app), "flockbrush", parts)
     return "\n\n".join(parts) + "\n"
 
@@ -153,8 +155,8 @@ def level_classes_page() -> str:
     """What may stand in a level, from the schema."""
     from flockbrush.levels import schema
 
-    start = "# Level classes\n\nCustom classes and properties of the Tiled project; every property may be left out "
-    return f"{start}unless it is required.\n\n{schema.tables().replace('### ', '## ')}"
+    start = "# Level classes\n\nCustom classes and properties of the Tiled project. A property is optional "
+    return f"{start}unless its default is *required*.\n\n{schema.tables().replace('### ', '## ')}"
 
 
 def script_commands_page() -> str:
@@ -164,8 +166,8 @@ def script_commands_page() -> str:
     from flockbrush.engine.commands import COMMANDS
 
     parts = [
-        "# Script commands\n\nAn object of class `Key` in the layer `script` gives a command at a time; Python submits "
-        "one with `simulation.submit(Command(...))`. The window gives the same ones."
+        "# Script commands\n\nAn object of class `Key` in the layer `script` gives a command at a set time. In Python, "
+        "use `simulation.submit(Command(...))`. The playground gives the same commands."
     ]
     for name, cls in sorted(COMMANDS.items()):
         if not cls.__module__.startswith("flockbrush."):
@@ -187,7 +189,7 @@ def measures_page() -> str:
 
     rows = [f"| `{m.name}` | {m.meaning} | {m.unit or '-'} | {_bounds(m)} |" for m in measures().values()]
     table = "| measure | meaning | unit | range |\n|---|---|---|---|\n" + "\n".join(rows)
-    return f"# Measures\n\nOf a herd at one moment; NaN where a measure has no meaning.\n\n{table}\n"
+    return f"# Measures\n\nMeasures of a herd at one moment. A measure is NaN where it is undefined.\n\n{table}\n"
 
 
 def _bounds(measure) -> str:

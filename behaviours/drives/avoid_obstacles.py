@@ -23,8 +23,8 @@ WIDEST = 2.4  # rad
 class Params(DriveParameters):
     """How far ahead."""
 
-    foresight: float = quantity(2.0, "s", "how far ahead it looks, in time of its way", 0, 60)
-    room: float = quantity(0.5, "body lengths", "kept free beside the body", 0, 20)
+    foresight: float = quantity(2.0, "s", "how far ahead the animal looks, as time of travel", 0, 60)
+    room: float = quantity(0.5, "body lengths", "free space kept beside the body", 0, 20)
 
 
 @drive("avoid_obstacles", Params)

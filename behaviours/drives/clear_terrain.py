@@ -22,8 +22,8 @@ MARGIN = 0.9  # of its climb, that a way on which it turns may ask for
 class Params(DriveParameters):
     """How far ahead, and how high above."""
 
-    foresight: float = quantity(6.0, "s", "how far ahead it looks, in time of its flight", 0.1, 60)
-    clearance: float = quantity(4.0, "body lengths", "kept above the ground ahead", 0, 1000)
+    foresight: float = quantity(6.0, "s", "how far ahead the bird looks, as time of flight", 0.1, 60)
+    clearance: float = quantity(4.0, "body lengths", "height kept above the ground ahead", 0, 1000)
 
 
 @drive("clear_terrain", Params, always=True)

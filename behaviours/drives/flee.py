@@ -21,7 +21,7 @@ WALLS = 3.0  # body lengths: nearer walls ahead are run along
 class Params(DriveParameters):
     """How firmly, and how fast."""
 
-    pace: float = quantity(1.0, "1", "times the speed at which its species flees", 0.1, 3)
+    pace: float = quantity(1.0, "1", "factor of the species' fleeing speed", 0.1, 3)
 
 
 @drive("flee", Params, always=True)

@@ -18,8 +18,8 @@ SOON = 2.0  # s at most that the prey's way is thought ahead
 class Params(DriveParameters):
     """When to rush, and how to stalk."""
 
-    charge: float = quantity(12.0, "body lengths", "nearer than this to the prey it rushes", 0.5, 500)
-    stalk: float = quantity(0.15, "1", "share of its top speed at which it approaches before", 0.01, 1)
+    charge: float = quantity(12.0, "body lengths", "nearer than this to the prey it charges", 0.5, 500)
+    stalk: float = quantity(0.15, "1", "share of its fleeing speed at which it stalks before that", 0.01, 1)
 
 
 @drive("hunt", Params, notices=("hunt",))

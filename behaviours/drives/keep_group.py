@@ -15,8 +15,10 @@ from numba import njit
 class Params(DriveParameters):
     """What is far."""
 
-    distance: float = quantity(6.0, "body lengths", "farther than this from its kind it goes back", 0, 500)
-    hurry: float = quantity(20.0, "body lengths", "so much farther away it goes back with all it has", 0.1, 1000)
+    distance: float = quantity(6.0, "body lengths", "farther than this from its kind it returns", 0, 500)
+    hurry: float = quantity(
+        20.0, "body lengths", "distance beyond that at which it returns with full control", 0.1, 1000
+    )
 
 
 @drive("keep_group", Params)

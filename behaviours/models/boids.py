@@ -47,50 +47,64 @@ NEAREST = 0.3  # body lengths: nearer neighbours weigh no more
 class Params(Parameters):
     """Strengths of the urges, in order of priority, what is nearby, and what the body can do."""
 
-    obstacle_strength: float = quantity(1.0, "1", "larger gives more of the acceleration to passing obstacles", 0, 1)
-    separation_strength: float = quantity(1.0, "1", "larger keeps clear of neighbours more firmly", 0, 1)
-    fear_strength: float = quantity(1.0, "1", "larger flees from predators more firmly", 0, 1)
-    matching_strength: float = quantity(0.8, "1", "larger matches the neighbours' velocity more firmly", 0, 1)
-    centring_strength: float = quantity(1.0, "1", "larger stays nearer to the middle of the neighbours", 0, 1)
-    migration_strength: float = quantity(0.4, "1", "larger follows the migratory urge more firmly", 0, 1)
-    height_strength: float = quantity(0.3, "1", "larger keeps its height, and level flight, more firmly", 0, 1)
+    obstacle_strength: float = quantity(1.0, "1", "strength of the urge to avoid obstacles", 0, 1)
+    separation_strength: float = quantity(1.0, "1", "strength of the urge to keep away from neighbours", 0, 1)
+    fear_strength: float = quantity(1.0, "1", "strength of the urge to flee from predators", 0, 1)
+    matching_strength: float = quantity(0.8, "1", "strength of the urge to match the neighbours' velocity", 0, 1)
+    centring_strength: float = quantity(
+        1.0, "1", "strength of the urge to stay near the centre of the neighbours", 0, 1
+    )
+    migration_strength: float = quantity(0.4, "1", "strength of the migratory urge", 0, 1)
+    height_strength: float = quantity(0.3, "1", "strength of the urge to keep the height, or to fly level", 0, 1)
     arbitration: Literal["priority", "average"] = Field(
         "priority",
-        description="priority hands out the acceleration urge by urge, average mixes all requests",
+        description="priority: urges get acceleration in order until it is used up; average: weighted mean",
         json_schema_extra={"unit": "-"},
     )
     avoid: Literal["steer", "field"] = Field(
         "steer",
-        description="steer aims past the silhouette of what is ahead, field is pushed off by what is near",
+        description="steer: aim past the silhouette of an obstacle ahead; field: near obstacles push the bird away",
         json_schema_extra={"unit": "-"},
     )
     neighbour_range: float = quantity(40.0, "body lengths", "neighbours farther away are ignored", 0.5, 100)
-    exponent: float = quantity(2.0, "1", "neighbours weigh by distance to minus this; larger looks nearer", 0, 4)
-    forward_weight: float = quantity(1.0, "1", "how much more those ahead weigh than those behind, at full speed", 0, 4)
-    separation: float = quantity(4.0, "body lengths", "neighbours nearer than this are moved away from", 0, 50)
-    matching_time: float = quantity(0.15, "s", "time in which a velocity would be matched; less is stiffer", 0.03, 10)
-    field_range: float = quantity(10.0, "body lengths", "how far the force field of obstacles reaches", 0.1, 1000)
-    flight_distance: float = quantity(50.0, "body lengths", "a predator nearer than this is fled from", 0.5, 1000)
-    panic_pace: float = quantity(1.6, "1", "how many times faster a bird flies with a predator upon it", 1, 20)
-    height: float = quantity(0.0, "m", "height above the ground that is kept; 0: any, in level flight", 0, 1e5)
-    clearance: float = quantity(5.0, "body lengths", "nearer to the ground than this it climbs", 0, 1000)
-    min_speed: float = quantity(10.0, "body lengths/s", "it never flies slower, unless something stops it", 0, 1000)
-    max_speed: float = quantity(80.0, "body lengths/s", "it never flies faster", 0.1, 1000)
+    exponent: float = quantity(
+        2.0, "1", "neighbours are weighted by distance to the power of minus this; larger: near ones count more", 0, 4
+    )
+    forward_weight: float = quantity(
+        1.0, "1", "extra weight of neighbours ahead over neighbours behind, at full speed", 0, 4
+    )
+    separation: float = quantity(4.0, "body lengths", "a bird moves away from neighbours nearer than this", 0, 50)
+    matching_time: float = quantity(
+        0.15, "s", "time in which a bird matches its neighbours' velocity; smaller: stiffer", 0.03, 10
+    )
+    field_range: float = quantity(10.0, "body lengths", "reach of the force field of obstacles", 0.1, 1000)
+    flight_distance: float = quantity(50.0, "body lengths", "a bird flees from a predator nearer than this", 0.5, 1000)
+    panic_pace: float = quantity(1.6, "1", "speed factor when a predator is very close", 1, 20)
+    height: float = quantity(0.0, "m", "height above the ground to keep; 0: any height, in level flight", 0, 1e5)
+    clearance: float = quantity(5.0, "body lengths", "a bird climbs when it is nearer to the ground than this", 0, 1000)
+    min_speed: float = quantity(
+        10.0, "body lengths/s", "lowest speed; a bird is slower only if something stops it", 0, 1000
+    )
+    max_speed: float = quantity(80.0, "body lengths/s", "highest speed of a bird", 0.1, 1000)
     max_acceleration: float = quantity(
-        2.0, "1/s", "the most it can give to all urges together, times the maximum speed", 0.01, 100
+        2.0, "1/s", "largest acceleration for all urges together, divided by the maximum speed", 0.01, 100
     )
-    damping: float = quantity(1.0, "1/s", "how soon the speed returns to the bird's own", 0, 30)
-    weight: float = quantity(0.0, "1", "share of gravity that pulls it down", 0, 1)
-    buoyancy: float = quantity(0.0, "1", "share of that weight which the medium bears", 0, 1)
+    damping: float = quantity(1.0, "1/s", "how fast the speed returns to the bird's own speed", 0, 30)
+    weight: float = quantity(0.0, "1", "share of gravity that acts on the bird", 0, 1)
+    buoyancy: float = quantity(0.0, "1", "share of the weight that the medium carries", 0, 1)
     lift: float = quantity(
-        1.0, "1", "share of that weight which the wings bear at its own speed; along its back, by speed squared", 0, 10
+        1.0,
+        "1",
+        "share of the weight that the wings carry at the bird's own speed; acts along its up axis, by speed squared",
+        0,
+        10,
     )
-    banking: float = quantity(1.0, "1", "1 rolls into the turn as a bird, 0 stays upright, -1 is flung outwards", -1, 1)
-    roll_time: float = quantity(0.25, "s", "time in which it rolls", 0.03, 10)
-    foresight: float = quantity(2.0, "s", "how far ahead it looks for obstacles, in time of flight", 0, 60)
+    banking: float = quantity(1.0, "1", "1: rolls into a turn like a bird; 0: stays upright; -1: leans outwards", -1, 1)
+    roll_time: float = quantity(0.25, "s", "time that the bird takes to roll", 0.03, 10)
+    foresight: float = quantity(2.0, "s", "how far ahead a bird looks for obstacles, as time of flight", 0, 60)
     grounded: bool = Field(
         False,
-        description="true holds it to the terrain, as a herd",
+        description="true: animals stay on the ground, as a herd",
         json_schema_extra={"unit": "-", "enum": [False, True]},
     )
 

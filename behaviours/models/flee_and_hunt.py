@@ -26,10 +26,14 @@ from numba import njit
 class FleeParams(herd.Params):
     """The herd's parameters, and fear."""
 
-    flight_distance: float = quantity(12.0, "body lengths", "a predator seen nearer than this is fled from", 0.5, 100)
-    fear_weight: float = quantity(3.0, "1", "larger turns away from predators sooner, against the herd", 0, 100)
-    panic_pace: float = quantity(3.0, "1", "how many times faster an animal runs with a predator upon it", 1, 20)
-    contagion: float = quantity(0.7, "1", "how much of the neighbours' haste an animal takes over", 0, 0.95)
+    flight_distance: float = quantity(
+        12.0, "body lengths", "an animal flees from a predator that it sees nearer than this", 0.5, 100
+    )
+    fear_weight: float = quantity(
+        3.0, "1", "weight of fear against the herd's forces; larger: turns away from predators faster", 0, 100
+    )
+    panic_pace: float = quantity(3.0, "1", "speed factor when a predator is very close", 1, 20)
+    contagion: float = quantity(0.7, "1", "share of the neighbours' haste that an animal adopts", 0, 0.95)
 
     sliders: ClassVar = {
         **herd.Params.sliders,
@@ -43,15 +47,21 @@ class FleeParams(herd.Params):
 class HuntParams(herd.Params):
     """The pack's parameters, and the chase."""
 
-    chase_distance: float = quantity(30.0, "body lengths", "prey seen nearer than this is followed", 0.5, 200)
-    charge_distance: float = quantity(8.0, "body lengths", "nearer than this the pack's rules are left", 0.5, 200)
-    chase_weight: float = quantity(0.6, "1", "larger heads for the prey sooner, against the pack's line", 0, 100)
-    chase_pace: float = quantity(1.5, "1", "how many times faster on the way to the prey", 0.1, 20)
-    charge_pace: float = quantity(2.5, "1", "how many times faster in the last rush", 0.1, 20)
+    chase_distance: float = quantity(
+        30.0, "body lengths", "a hunter follows prey that it sees nearer than this", 0.5, 200
+    )
+    charge_distance: float = quantity(
+        8.0, "body lengths", "nearer than this to the prey, a hunter ignores the pack", 0.5, 200
+    )
+    chase_weight: float = quantity(
+        0.6, "1", "weight of the prey against the pack's forces; larger: turns to the prey faster", 0, 100
+    )
+    chase_pace: float = quantity(1.5, "1", "speed factor during the approach", 0.1, 20)
+    charge_pace: float = quantity(2.5, "1", "speed factor during the final charge", 0.1, 20)
     crowd_penalty: float = quantity(
         1.0,
         "body lengths",
-        "each animal that the prey sees counts as this much distance: larger singles out strays",
+        "distance added for each animal that the prey sees; larger: hunters prefer isolated prey",
         0,
         100,
     )

@@ -46,50 +46,66 @@ class Params(Parameters):
     A radial range of 1 is four body lengths, an angular range of 1 is 180°; both are the sigmas of Gaussians.
     """
 
-    avoidance_weight: float = quantity(0.25, "1", "larger keeps more room between animals (W_FV)", 0, 1)
-    avoidance_radial: float = quantity(0.7, "4 body lengths", "how far avoidance reaches (R_FV)", 1e-3, 1)
-    avoidance_angular: float = quantity(1.0, "180°", "how far to the sides and back avoidance reaches (Φ_FV)", 1e-3, 1)
-    cohesion_weight: float = quantity(0.15, "1", "larger draws the herd closer together (W_FC)", 0, 1)
-    cohesion_radial: float = quantity(1.0, "4 body lengths", "how far cohesion reaches (R_FC)", 1e-3, 1)
-    cohesion_angular: float = quantity(0.5, "180°", "how far to the sides and back cohesion reaches (Φ_FC)", 1e-3, 1)
-    alignment_weight: float = quantity(0.15, "1", "larger turns sooner the way the neighbours face (W_FA)", 0, 1)
-    alignment_radial: float = quantity(1.0, "4 body lengths", "how far alignment reaches (R_FA)", 1e-3, 1)
-    alignment_angular: float = quantity(0.5, "180°", "how far to the sides and back alignment reaches (Φ_FA)", 1e-3, 1)
-    obstacle_weight: float = quantity(0.15, "1", "larger turns away from obstacles sooner (W_FO)", 0, 1)
-    obstacle_radial: float = quantity(1.0, "4 body lengths", "how far away obstacles count (R_FO)", 1e-3, 1)
-    obstacle_angular: float = quantity(0.5, "180°", "how far to the sides obstacles count (Φ_FO)", 1e-3, 1)
-    sensitivity: float = quantity(10.0, "1/s", "how fast animals answer to all forces together (Ω)", 0, 1000)
+    avoidance_weight: float = quantity(0.25, "1", "larger: animals keep farther apart (W_FV)", 0, 1)
+    avoidance_radial: float = quantity(0.7, "4 body lengths", "reach of avoidance in distance (R_FV)", 1e-3, 1)
+    avoidance_angular: float = quantity(
+        1.0, "180°", "reach of avoidance in bearing, from straight ahead (Φ_FV)", 1e-3, 1
+    )
+    cohesion_weight: float = quantity(0.15, "1", "larger: the herd is closer together (W_FC)", 0, 1)
+    cohesion_radial: float = quantity(1.0, "4 body lengths", "reach of cohesion in distance (R_FC)", 1e-3, 1)
+    cohesion_angular: float = quantity(0.5, "180°", "reach of cohesion in bearing, from straight ahead (Φ_FC)", 1e-3, 1)
+    alignment_weight: float = quantity(0.15, "1", "larger: animals turn faster to the neighbours' heading (W_FA)", 0, 1)
+    alignment_radial: float = quantity(1.0, "4 body lengths", "reach of alignment in distance (R_FA)", 1e-3, 1)
+    alignment_angular: float = quantity(
+        0.5, "180°", "reach of alignment in bearing, from straight ahead (Φ_FA)", 1e-3, 1
+    )
+    obstacle_weight: float = quantity(0.15, "1", "larger: animals turn away from obstacles faster (W_FO)", 0, 1)
+    obstacle_radial: float = quantity(1.0, "4 body lengths", "reach of obstacle avoidance in distance (R_FO)", 1e-3, 1)
+    obstacle_angular: float = quantity(
+        0.5, "180°", "reach of obstacle avoidance in bearing, from straight ahead (Φ_FO)", 1e-3, 1
+    )
+    sensitivity: float = quantity(
+        10.0, "1/s", "response to the sum of all forces; larger: animals turn faster (Ω)", 0, 1000
+    )
     neighbour_range: float = quantity(4.0, "body lengths", "neighbours farther away are ignored", 0.5, 20)
     leader_neighbours: int = Field(
         default=2,
         ge=-1,
         le=100,
-        description="an animal that sees at most this many others leads; -1: none leads",
+        description="an animal that sees at most this many others is a leader; -1: there are no leaders",
         json_schema_extra={"unit": "animals"},
     )
     leader_cone: float = quantity(
-        360.0, "degrees", "the angle, centred ahead, in which those others count; less lets the front row lead", 1, 360
+        360.0,
+        "degrees",
+        "angle, centred ahead, in which the others are counted; with a smaller angle the front row leads",
+        1,
+        360,
     )
-    leader_blend: float = quantity(0.0, "1", "how much a leader still listens to its neighbours", 0, 1)
-    guided: Guided = who_is_guided("front", "leaders by the parameters above, all, a share, or appointed ones")
+    leader_blend: float = quantity(
+        0.0, "1", "how strongly a leader also responds to its neighbours; 0: not at all", 0, 1
+    )
+    guided: Guided = who_is_guided(
+        "front", "the leaders as defined above (front), all, a share, or only appointed ones"
+    )
     guided_share: float = share_guided()
     unled: Literal["return", "keep"] = Field(
         default="return",
-        description="what a leader does where no guide reaches: return to the others, or keep its way (the paper)",
+        description="what a leader does where no guide reaches: return to the others, or keep its heading (the paper)",
         json_schema_extra={"unit": "-"},
     )
     max_turn: float = quantity(
         10.0,
         "rad/s",
-        "the fastest an animal turns; keeps a change of brush from jerking (the paper has no limit)",
+        "fastest turn; prevents jerks when the brush changes (the paper has no limit)",
         0.1,
         200,
     )
-    slope_aversion: float = quantity(2.0, "1/s", "larger turns sooner downhill on steep ground", 0, 100)
+    slope_aversion: float = quantity(2.0, "1/s", "larger: animals turn downhill faster on steep ground", 0, 100)
     wander: float = quantity(
         0.0,
         "rad/√s",
-        "random turning: headings drift by so much in a second (the paper has none); loosens jams",
+        "random turning: standard deviation of the heading after 1 s (0 in the paper); loosens jams",
         0,
         10,
         chance=True,

@@ -40,39 +40,47 @@ Shape = Literal["V", "U", "J", "line", "inverted V", "inverted U"]
 class Params(Parameters):
     """The shape, how alive it is, and how birds reach their places in it."""
 
-    wingspan: float = quantity(1.7, "body lengths", "wing tip to wing tip; all distances of the model", 0.1, 20)
-    shape: Shape = Field("V", description="what they fly as", json_schema_extra={"unit": "-"})
-    spacing: float = quantity(1.25, "wingspans", "to the side, from bird to bird", 0.9, 10)
-    slope: float = quantity(0.8, "1", "of V and line: how far back the next flies for each wingspan aside", 0.1, 5)
-    slope_right: float = quantity(
-        0.0, "1", "of a V: that of the right arm, where it is another than the left one's; 0: the same", 0, 5
+    wingspan: float = quantity(
+        1.7, "body lengths", "distance between the wingtips; unit of all distances of the model", 0.1, 20
     )
-    curvature: float = quantity(0.05, "1/wingspans", "of U and J: larger bends the arms back sooner", 0.001, 1)
+    shape: Shape = Field("V", description="shape of the formation", json_schema_extra={"unit": "-"})
+    spacing: float = quantity(1.25, "wingspans", "lateral distance from bird to bird", 0.9, 10)
+    slope: float = quantity(0.8, "1", "V and line: how far back the next bird flies per wingspan to the side", 0.1, 5)
+    slope_right: float = quantity(0.0, "1", "V: slope of the right arm, if it differs from the left; 0: the same", 0, 5)
+    curvature: float = quantity(
+        0.05, "1/wingspans", "U and J: curvature of the arms; larger: they bend back sooner", 0.001, 1
+    )
     left: float = quantity(
-        0.5, "1", "share of the birds on the left of the leader; V and U: .5, J: .2, line: 0 or 1", 0, 1
+        0.5, "1", "share of the birds on the left of the leader; V and U: 0.5, J: 0.2, line: 0 or 1", 0, 1
     )
-    deviation: float = quantity(
-        0.15, "wingspans", "how far birds are from the shape in the example; 0 makes it stiff", 0, 2
-    )
+    deviation: float = quantity(0.15, "wingspans", "deviation of birds from the shape in the example; 0: rigid", 0, 2)
     lateral: float = quantity(
-        0.0, "wingspans", "how unlike lateral distances are in the example, and so how they change; 0: constant", 0, 2
+        0.0,
+        "wingspans",
+        "standard deviation of lateral distances in the example, and so their variation in flight; 0: constant",
+        0,
+        2,
     )
     switching: float = quantity(
-        0.0, "1", "share of the example's frames, each a minute or more, in which one flies on the other side", 0, 1
+        0.0, "1", "share of the example's frames (each a minute or more) in which a bird flies on the other side", 0, 1
     )
-    drift: float = quantity(0.4, "wingspans/s", "the fastest through the formation, once it stands", 0.01, 5)
-    turns: float = quantity(0.0, "s", "how long one leads before the next does; 0 never changes", 0, 3600)
-    leader_turn: float = quantity(0.1, "rad/s", "how fast the leader turns, and the flock with it", 0.01, 2)
-    leader_climb: float = quantity(0.12, "1", "how steeply the leader climbs at most, share of the speed", 0, 1)
-    gain: float = quantity(0.06, "1/√wingspans", "K of eq. 5: larger catches up faster", 0, 0.5)
-    turning: float = quantity(0.2, "1", "α of eq. 6: larger turns sooner to the place", 0.01, 1)
-    slowest: float = quantity(0.6, "1", "share of its own speed below which no bird falls", 0.1, 1)
-    fastest: float = quantity(1.6, "1", "times its own speed, above which no bird goes", 1, 4)
-    separation_distance: float = quantity(10.0, "wingspans", "rivals for a place part when nearer than this", 0.5, 1000)
-    margin: float = quantity(1.1, "wingspans", "approaches nearer than this are parted in height", 0, 5)
-    foresight: float = quantity(2.0, "s", "how far ahead it looks for obstacles, in time of flight", 0, 60)
+    drift: float = quantity(0.4, "wingspans/s", "fastest movement of a bird within a settled formation", 0.01, 5)
+    turns: float = quantity(
+        0.0, "s", "how long a bird leads before the next takes over; 0: the leader never changes", 0, 3600
+    )
+    leader_turn: float = quantity(0.1, "rad/s", "fastest turn of the leader, and so of the flock", 0.01, 2)
+    leader_climb: float = quantity(0.12, "1", "steepest climb of the leader, as a share of its speed", 0, 1)
+    gain: float = quantity(0.06, "1/√wingspans", "K of eq. 5; larger: birds catch up faster", 0, 0.5)
+    turning: float = quantity(0.2, "1", "α of eq. 6; larger: birds turn to their place faster", 0.01, 1)
+    slowest: float = quantity(0.6, "1", "lowest speed, as a multiple of the bird's own speed", 0.1, 1)
+    fastest: float = quantity(1.6, "1", "highest speed, as a multiple of the bird's own speed", 1, 4)
+    separation_distance: float = quantity(
+        10.0, "wingspans", "birds that compete for a place separate when nearer than this", 0.5, 1000
+    )
+    margin: float = quantity(1.1, "wingspans", "birds that would pass nearer than this separate in height", 0, 5)
+    foresight: float = quantity(2.0, "s", "how far ahead a bird looks for obstacles, as time of flight", 0, 60)
     meets: Literal["join", "pass"] = Field(
-        "join", description="what two skeins that see each other do; those that fly different ways pass",
+        "join", description="what two formations that see each other do; they always pass if their headings differ",
         json_schema_extra={"unit": "-"},
     )  # fmt: skip
 

@@ -31,11 +31,11 @@ LEVELS, STEEPEST = 2.0, 0.12  # s in which a bird comes to another height, and a
 class Params(VRuleSettings):
     """The rules in wingspans, and how they become metres and seconds."""
 
-    wingspan: float = quantity(1.8, "body lengths", "from wingtip to wingtip (w)", 0.1, 10)
-    time_step: float = quantity(1 / 32, "s", "time in which a bird makes one of the paper's steps", 1 / 1024, 60)
-    foresight: float = quantity(2.0, "s", "how far ahead it looks for obstacles, in time of flight", 0, 60)
+    wingspan: float = quantity(1.8, "body lengths", "distance between the wingtips (w)", 0.1, 10)
+    time_step: float = quantity(1 / 32, "s", "duration of one time step of the paper", 1 / 1024, 60)
+    foresight: float = quantity(2.0, "s", "how far ahead a bird looks for obstacles, as time of flight", 0, 60)
     follow: float = quantity(
-        0.5, "rad/s", "the fastest the flock's way turns after a guide, or a bird after those ahead", 0, 10
+        0.5, "rad/s", "fastest turn of the flock to a guide, or of a bird to the heading of the birds ahead", 0, 10
     )
 
     sliders: ClassVar = {

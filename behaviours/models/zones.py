@@ -40,22 +40,22 @@ NOWHERE = 1e-12  # shorter sums of directions point nowhere
 class Params(Parameters):
     """Widths of the three zones, what lies behind, and how fast an animal turns."""
 
-    repulsion: float = quantity(1.0, "body lengths", "others nearer than this are turned away from (r_r)", 0, 20)
+    repulsion: float = quantity(1.0, "body lengths", "an animal turns away from others nearer than this (r_r)", 0, 20)
     orientation: float = quantity(
-        3.0, "body lengths", "how far the zone in which headings count reaches beyond repulsion (Δr_o)", 0, 50
+        3.0, "body lengths", "width of the zone of orientation, beyond the zone of repulsion (Δr_o)", 0, 50
     )
     attraction: float = quantity(
-        8.0, "body lengths", "how far the zone that draws an animal reaches beyond orientation (Δr_a)", 0, 100
+        8.0, "body lengths", "width of the zone of attraction, beyond the zone of orientation (Δr_a)", 0, 100
     )
     blind_angle: float = quantity(
-        90.0, "degrees", "the angle behind in which others neither align nor draw it (360° - α)", 0, 360
+        90.0, "degrees", "angle behind in which others neither orient nor attract it (360° - α)", 0, 360
     )
-    max_turn: float = quantity(0.7, "rad/s", "the fastest an animal turns towards its wish (θ)", 0.01, 200)
+    max_turn: float = quantity(0.7, "rad/s", "fastest turn towards the wished direction (θ)", 0.01, 200)
     wander: float = quantity(
-        0.16, "rad/√s", "random turning: headings drift by so much in a second (σ)", 0, 10, chance=True
+        0.16, "rad/√s", "random turning: standard deviation of the heading after 1 s (σ)", 0, 10, chance=True
     )
-    guidance_weight: float = quantity(0.5, "1", "larger follows a guide more firmly, against the others (ω)", 0, 100)
-    guided: Guided = who_is_guided("share", "all, a share, or appointed ones; front: none of this model")
+    guidance_weight: float = quantity(0.5, "1", "weight of a guide against the other animals (ω)", 0, 100)
+    guided: Guided = who_is_guided("share", "all, a share, or only appointed ones; front: none in this model")
     guided_share: float = share_guided()
 
     sliders: ClassVar = {

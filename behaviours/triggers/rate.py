@@ -13,22 +13,26 @@ from numba import njit
 
 @condition
 class RandomRate(Condition):
-    """By chance, at a rate: the probability in a tick is 1 - exp(-rate dt).
+    """At random, at a rate: the probability in a tick is 1 - exp(-rate dt).
 
     With ``imitating`` it grows with the number m of visible neighbours in a state, with ``spread`` and ``packed`` with
     the mean distance l to the nearest ones:
     rate ((l / spread or packed / l) (1 + gain m))^power (Ginelli et al. 2015, eqs. 1 and 2).
     """
 
-    rate: Rate = given(..., "how often")
-    imitating: Names | None = given(None, "states of visible neighbours that make it likelier")
-    gain: float = given(1.0, "each of those neighbours adds so many times the rate", ge=0, le=10_000)
-    power: float = given(1.0, "exponent of the whole", ge=0.1, le=10)
-    spread: Length | None = given(None, "likelier when the nearest neighbours are farther away than this, on average")
-    packed: Length | None = given(None, "likelier when the nearest neighbours are nearer than this, on average")
-    nearest: int = given(0, "so many nearest neighbours count; 0: all that are seen", ge=0, le=100)
-    within: Length | None = given(None, "only neighbours nearer than this count")
-    species: Names = given((KIN,), "which neighbours count: species, `kin`, `others` or `anyone`")
+    rate: Rate = given(..., "the rate")
+    imitating: Names | None = given(None, "states of visible neighbours that increase the rate")
+    gain: float = given(1.0, "multiplies the rate by 1 + gain × the number of such neighbours", ge=0, le=10_000)
+    power: float = given(1.0, "exponent of the product of all these factors", ge=0.1, le=10)
+    spread: Length | None = given(
+        None, "multiplies the rate by the mean distance of the nearest neighbours, divided by this"
+    )
+    packed: Length | None = given(
+        None, "multiplies the rate by this, divided by the mean distance of the nearest neighbours"
+    )
+    nearest: int = given(0, "number of nearest neighbours that count; 0: all visible ones", ge=0, le=100)
+    within: Length | None = given(None, "neighbours farther away than this do not count")
+    species: Names = given((KIN,), "species that count: names, `kin`, `others` or `anyone`")
 
     def holds(self, senses, rows):
         many = len(senses.ids)
