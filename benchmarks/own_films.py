@@ -29,7 +29,8 @@ def main():
     parser.add_argument("levels", nargs="*", metavar="LEVEL")
     parser.add_argument("--overlays", action="store_true", help="film with text, guides and trails")
     args = parser.parse_args()
-    print("| level | body, px | polarization | speed, m/s | animals | length, m | note |\n|---|---|---|---|---|---|---|")
+    print("| level | body, px | polarization | speed, m/s | animals | length, m | note |")
+    print("|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
         for level in args.levels or shipped_levels():
             print(_row(level, Path(folder) / f"{level}.mp4", args.overlays), flush=True)
