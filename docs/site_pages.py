@@ -101,7 +101,7 @@ def moved(path: Path) -> str:
         place = re.sub(r"[^/]+/\.\./", "", str(PurePosixPath(here.as_posix()) / target))
         if place in homes:
             return f"{start}({homes[place]})"
-        if place.startswith("docs/") and (HOUSE / place).is_file():
+        if place.startswith("docs/") and (HOUSE / place.partition("#")[0]).is_file():
             return f"{start}({place.removeprefix('docs/')})"
         return start.lstrip("![").rstrip("]")
 
