@@ -1,9 +1,11 @@
-"""Are the shipped paths between brushes even?  ``python benchmarks/morphs.py [A--B ...] --seeds 64 --animals 100 400``.
+"""Measure how evenly herds change along the shipped paths between brushes.
 
-For each path and herd size, on fresh seeds, beside the straight line between the same brushes in as many steps: the
-largest change of polarization or milling in one step, the largest deviation between seeds, and whether both go one
-way within two standard errors (`flockbrush.studies.morph`).  Of a pair that no path is shipped for, the straight line
-alone, in eighths.
+    python benchmarks/morphs.py [A--B ...] --seeds 64 --animals 100 400
+
+For each path and herd size, on new seeds, it prints the largest change of polarization or milling in one step, the
+largest deviation between seeds, and whether both change monotonically within two standard errors
+(`flockbrush.studies.morph`); and the same for the straight line between the brushes with as many steps.  Pairs without
+a shipped path get only the straight line, in eighths.
 """
 
 from __future__ import annotations
@@ -16,11 +18,11 @@ from flockbrush.behaviours.mixture import STEPS, can_mix, load_path, mixed
 
 from flockbrush.studies.morph import Trial, faults, measured
 
-FIRST = 9001  # seed; no path was searched with those from here to a million
+FIRST = 9001  # seed; the searches used no seeds from here to a million
 
 
 def shipped_paths():
-    """The paths beside the shipped brushes, by name."""
+    """Return the shipped paths by name."""
     found = {}
     for folder in shipped().folders:
         for file in sorted(folder.glob("*.path.toml")):
@@ -30,7 +32,7 @@ def shipped_paths():
 
 
 def judged(start, end, path, trial):
-    """What herds do at the steps of a path, if there is one, and of the straight line: a `Measured` by way."""
+    """Return a `Measured` for the path, if there is one, and for the straight line."""
     shares = np.linspace(0.0, 1.0, len(path.along) if path else STEPS + 1)
     ways = {"path": path, "straight line": None} if path else {"straight line": None}
     return {
@@ -40,19 +42,19 @@ def judged(start, end, path, trial):
 
 
 def brushes_of(pair):
-    """The two shipped brushes that ``A--B`` names, or a `ValueError`."""
+    """Return the two shipped brushes named by ``A--B``; raises ValueError."""
     names = pair.split("--")
     if len(names) != 2 or set(names) - set(shipped().names()):
-        raise ValueError(f"{pair!r} is no pair A--B of shipped brushes; there are {', '.join(shipped().names())}")
+        raise ValueError(f"{pair!r}: invalid pair A--B of shipped brushes; there are {', '.join(shipped().names())}")
     start, end = (shipped().get(name) for name in names)
     if not can_mix(start, end):
-        raise ValueError(f"{pair!r}: nothing is between brushes of unlike models or media")
+        raise ValueError(f"{pair!r}: brushes of different models or media cannot be mixed")
     return start, end
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("paths", nargs="*", metavar="A--B", help="all shipped paths unless told")
+    parser.add_argument("paths", nargs="*", metavar="A--B", help="default: all shipped paths")
     parser.add_argument("--seeds", type=int, default=64)
     parser.add_argument("--animals", type=int, nargs="+", default=[100, 400])
     parser.add_argument("--seconds", type=float, default=20.0)

@@ -1,4 +1,4 @@
-"""Rewrite the parts of the documentation that come from the code: ``python docs/generate.py``.
+"""Rewrite the parts of the documentation that are generated from the code: ``python docs/generate.py``.
 
 The JSON schemas in ``docs/schemas`` and the tables of parameters in ``docs/models.md``.
 """
@@ -14,7 +14,7 @@ DOCS = Path(__file__).parent
 
 
 def schema_texts() -> dict[Path, str]:
-    """The JSON schemas of our files."""
+    """Return the JSON schemas of Flockbrush's file formats."""
     from flockbrush.cli.json_schemas import SCHEMAS
 
     return {
@@ -24,7 +24,7 @@ def schema_texts() -> dict[Path, str]:
 
 
 def parameter_table(model: Behaviour) -> str:
-    """The parameters that a model adds to those of the model it builds on, as a Markdown table below a marker."""
+    """Return the parameters that a model adds to its base model, as a Markdown table below a marker."""
     inherited = {name for other in behaviours().values() if other.Params in model.Params.__mro__[1:]
                  for name in other.Params.model_fields}  # fmt: skip
     rows = [_marker(model), "| parameter | default | range | unit | meaning |", "|---|---|---|---|---|"]
@@ -51,7 +51,7 @@ def _range(field) -> str:
 
 
 def models_page(text: str) -> str:
-    """The page of models with the tables as they are now; a section for every model that has none."""
+    """Return the page of models with updated tables, and a new section for every model that has none."""
     shown = {model.Params for model in behaviours().values() if _marker(model) in text}
     for model in behaviours().values():
         if _marker(model) in text:
@@ -64,7 +64,7 @@ def models_page(text: str) -> str:
 
 
 def texts() -> dict[Path, str]:
-    """Every generated file with what it should say."""
+    """Return the text of every generated file."""
     page = DOCS / "models.md"
     return schema_texts() | {page: models_page(page.read_text(encoding="utf-8"))}
 

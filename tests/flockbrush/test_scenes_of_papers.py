@@ -29,4 +29,4 @@ def test_lines_are_judged_at_every_size_unless_told(monkeypatch):
 def test_a_brush_of_no_lines_is_refused(monkeypatch, capsys):
     with pytest.raises(SystemExit):
         judged(monkeypatch, "--brush", "mill-filled")
-    assert "of lines there are front and lanes" in capsys.readouterr().err
+    assert "lines has only front and lanes" in capsys.readouterr().err
