@@ -39,7 +39,7 @@ class Limit(int):
 # time ------------------------------------------------------------------------------------------
 
 TICKS = Limit(10**9, "ticks", "a run, and the ticks named in a recording")
-SILENT_TICKS = Limit(32 * 60, "ticks", "from one record of a recording to the next")
+SILENT_TICKS = Limit(32 * 60, "ticks", "the interval between two records of a recording")
 
 # recordings ------------------------------------------------------------------------------------
 
@@ -49,8 +49,8 @@ RECORDING_COMMANDS_BYTES = Limit(64 * MIB, "bytes", "all commands of a recording
 RECORDING_ASSETS_BYTES = Limit(256 * MIB, "bytes", "all files embedded in a recording, unpacked")
 RECORDING_SUMS_BYTES = Limit(4 * MIB, "bytes", "the sums of one tick in a recording, unpacked")
 SNAPSHOT_BYTES = Limit(1024 * MIB, "bytes", "one snapshot in a recording, unpacked")
-SNAPSHOT_OTHERS_BYTES = Limit(256 * MIB, "bytes", "what a snapshot holds beside the animals")
-COMMAND_DEPTH = Limit(8, "levels", "lists within lists in a command")
+SNAPSHOT_OTHERS_BYTES = Limit(256 * MIB, "bytes", "data of a snapshot other than animals")
+COMMAND_DEPTH = Limit(8, "levels", "nested lists in a command")
 COMMAND_SIZE = Limit(10**15, "", "a number in a command, in its own unit")
 
 # levels ----------------------------------------------------------------------------------------
@@ -60,9 +60,9 @@ LEVEL_FILE_BYTES = Limit(64 * MIB, "bytes", "one file of a level")
 LEVEL_BYTES = Limit(256 * MIB, "bytes", "all files of a level")
 PROGRAM_STATES = Limit(64, "states", "a program")
 PROGRAM_TRIGGERS = Limit(256, "triggers", "a program")
-PROGRAM_DEPTH = Limit(8, "levels", "conditions within conditions of a program")
+PROGRAM_DEPTH = Limit(8, "levels", "nested conditions of a program")
 PROGRAM_MEMORIES = Limit(
-    8, "memories", 'regions, states and company that the triggers of a program ask "since when" about'
+    8, "memories", "regions, states and neighbours for which the triggers of a program store times"
 )
 LAYER_CELLS = Limit(2048 * 2048, "tiles", "one layer of a level")
 LEVEL_CELLS = Limit(4 * 2048 * 2048, "tiles", "all layers of a level")
@@ -71,19 +71,21 @@ OBJECTS = Limit(20_000, "objects", "a level")
 CORNERS = Limit(2_000, "corners", "one polygon or polyline")
 LEVEL_CORNERS = Limit(200_000, "corners", "all polygons and polylines of a level")
 HEIGHT_PIXELS = Limit(4096 * 4096, "pixels", "the height picture of a level")
-ART_PIXELS = Limit(4096 * 4096, "pixels", "the picture of a map's artwork; it is drawn smaller beyond that")
-ART_TILES = Limit(200_000, "tiles", "artwork that does not fill its cell: larger, shifted, turned")
-GROUND_RULES = Limit(100, "rules", "what tiles of a map mean")
+ART_PIXELS = Limit(
+    4096 * 4096, "pixels", "the picture of a map's artwork; larger artwork is drawn at a lower resolution"
+)
+ART_TILES = Limit(200_000, "tiles", "artwork tiles that are larger than their cell, shifted or rotated")
+GROUND_RULES = Limit(100, "rules", "the property ground_rules of a map")
 TILES = Limit(65_536, "tiles", "one tileset")
-JSON_DEPTH = Limit(64, "levels", "objects within objects in a level file")
+JSON_DEPTH = Limit(64, "levels", "nested objects in a level file")
 JSON_VALUES = Limit(1_000_000, "values", "a level file, apart from lists of numbers")
 JSON_DIGITS = Limit(40, "digits", "a number in a level file")
-PROPERTY_TEXT = Limit(1_000, "characters", "a text property of a level")
+PROPERTY_TEXT = Limit(1_000, "characters", "a string property of a level")
 
 # other texts -----------------------------------------------------------------------------------
 
 TOML_BYTES = Limit(1 * MIB, "bytes", "a TOML file: brush, camera, sweep")
-TOML_DEPTH = Limit(32, "levels", "tables within tables in a TOML file")
+TOML_DEPTH = Limit(32, "levels", "nested tables in a TOML file")
 MARKS_BYTES = Limit(16 * MIB, "bytes", "a table of marked birds")
 MARKS_ROWS = Limit(200_000, "rows", "a table of marked birds")
 FORMATION_BIRDS = Limit(2_000, "birds", "a frame of marked birds or of a formation file")
@@ -95,8 +97,8 @@ TRACK_FRAMES = Limit(1_000_000, "frames", "from the first to the last frame of t
 TRACK_ANIMALS = Limit(1_000_000, "animals", "a file of tracks")
 TRACK_NUMBERS = Limit(20_000_000, "numbers", "tracks with a row for each frame, with body parts; one frame of others")
 TRACKS_UNPACKED_BYTES = Limit(256 * MIB, "bytes", "the columns of a Parquet file of tracks that are read, unpacked")
-TRACK_CELLS = Limit(10_000_000, "", "frames times birds of tracks or of a flight")
-MARKED_FILM_BYTES = Limit(8 * MIB, "bytes", "what is marked in a film")
+TRACK_CELLS = Limit(10_000_000, "", "frames times birds in a table of tracks or of a flight")
+MARKED_FILM_BYTES = Limit(8 * MIB, "bytes", "the marks of a clip (`marks.toml`)")
 
 # sweeps ----------------------------------------------------------------------------------------
 
@@ -110,24 +112,24 @@ STATE_BYTES = Limit(256 * MIB, "bytes", "the trials of an interrupted `learn`")
 STATE_VALUES = Limit(4_000_000, "values", "one line of the journal of a playground session, the trials of `learn`")
 STATE_LINES = Limit(1_000_000, "lines", "the journal of a playground session")
 JSON_LINE_BYTES = Limit(128 * MIB, "bytes", "one line of the journal of a playground session")
-SESSION_BYTES = Limit(10_000_000, "bytes", "the note of a playground session (`session.json`)")
+SESSION_BYTES = Limit(10_000_000, "bytes", "the file `session.json` of a playground session")
 SETTINGS_BYTES = Limit(100_000, "bytes", "the settings of the playground")
 
 # pictures and films ----------------------------------------------------------------------------
 
 PICTURE_BYTES = Limit(256 * MIB, "bytes", "a picture file")
 PICTURE_PIXELS = Limit(51_000_000, "pixels", "a picture: photograph, mask, regions")
-FILM_PIXELS = Limit(17_000_000, "pixels", "a frame of a film")
+FILM_PIXELS = Limit(17_000_000, "pixels", "a frame of a clip")
 FIELDS_BYTES = Limit(640 * MIB, "bytes", "a file of fields, unpacked")
 
 # the live link ---------------------------------------------------------------------------------
 
 LIVE_CLIENTS = Limit(8, "clients", "a live link")
 LIVE_MESSAGE = Limit(256 << 10, "bytes", "a message of a client of the live link")
-LIVE_MESSAGES = Limit(200, "messages a second", "a client of the live link; it is read no faster")
+LIVE_MESSAGES = Limit(200, "messages per second", "a client of the live link; further messages wait")
 LIVE_WAITING = Limit(256, "requests", "all clients of a live link, waiting for the next tick")
-LIVE_ANSWERS = Limit(1_024, "messages", "what waits for a client of the live link to read it")
-LIVE_UNDO = Limit(500, "commands", "what clients of a live link can take back")
+LIVE_ANSWERS = Limit(1_024, "messages", "unread messages for a client of the live link")
+LIVE_UNDO = Limit(500, "commands", "commands that clients of a live link can undo")
 
 
 def table() -> dict[str, Limit]:
@@ -144,15 +146,15 @@ def page() -> str:
 _HEAD = (
     "# Limits",
     "",
-    "Everything that is read from a file is bounded. A file beyond a limit is refused with a sentence",
-    "that names the file and the limit, before the memory is taken. No malformed file under 100 MB needs",
+    "All data read from files is bounded. A file above a limit is refused with an error message",
+    "that names the file and the limit, before memory is allocated. No malformed file under 100 MB needs",
     "more than 1 GB of memory before it is refused; `tests/fuzz/test_memory.py` measures that for every",
     "kind of file.",
     "",
-    "The limits stand in `engine/limits.py`; this page is made from them by",
+    "The limits are defined in `engine/limits.py`; this page is generated from them with",
     "`python -m flockbrush.engine.limits > docs/limits.md`.",
     "",
-    "| limit | at most | of |",
+    "| limit | maximum | applies to |",
     "|---|---|---|",
 )
 
