@@ -84,7 +84,7 @@ def test_the_result_of_a_check_is_shown_in_a_window(tmp_path, monkeypatch):
     bad.write_text("{")
     assert CliRunner().invoke(cli, ["level", "check", "--window", str(bad)]).exit_code != 0
     (title, text, wrong), (other, why, worse) = seen
-    assert "in order" in title and f"{good}: ok" in text and not wrong
+    assert "No problems" in title and f"{good}: ok" in text and not wrong
     assert "Problems" in other and "bad.tmj" in why and worse
 
 

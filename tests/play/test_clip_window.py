@@ -419,7 +419,7 @@ def test_the_command_opens_a_window_and_says_what_is_wrong(tmp_path, monkeypatch
     (tmp_path / "notes.mp4").write_text("no film")
     (tmp_path / "cam.toml").write_text("width = 3\n")
     for words, said in (
-        (["--clip", str(tmp_path / "notes.mp4")], "is no film that can be read"),
+        (["--clip", str(tmp_path / "notes.mp4")], "is not a readable video"),
         (["--clip", str(tmp_path)], "is a folder"),
         (["--clip", str(sky_clip), "--tracks", str(tmp_path / "no.csv")], "no.csv"),
         (["--clip", str(sky_clip), "--camera", str(tmp_path / "cam.toml")], "height is missing"),

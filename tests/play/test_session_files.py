@@ -272,7 +272,7 @@ def test_a_brush_is_not_replaced_unasked(session):
     mine = shipped().get("march").model_copy(update={"name": "mine"})
     assert session.save_brush(mine) and session.save_brush(mine) is None
     told, refused = texts(session)
-    assert "Tiled finds the brush" in told and "is there already" in refused
+    assert "Tiled finds the brush" in told and "already exists" in refused
     assert session.save_brush(mine, overwrite=True)
 
 
