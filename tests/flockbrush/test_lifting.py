@@ -209,7 +209,7 @@ def test_weights_of_nonsense_are_refused(film, capsys, name, value):
         (["play", "--clip", "{film}/none.mp4"], "there is no such file"),
         (["play", "--clip", "{film}/cam.toml"], "is not a readable video"),
         (["play", "--clip", "{film}"], "is a folder, not a clip"),
-        (["play", "--clip", "sky", "--mode", "nonsense"], "a mode is one of"),
+        (["play", "--clip", "sky", "--mode", "nonsense"], "the mode must be one of"),
     ],
 )
 def test_nothing_opens_for_what_cannot_be_shown(film, capsys, line, said):

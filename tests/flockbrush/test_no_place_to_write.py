@@ -141,7 +141,7 @@ def test_the_first_place_that_can_be_written_is_taken(places, tmp_path, monkeypa
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/read/only")
     assert prepare(tmp_path, "1") == "" and kernel_cache.folder() == kernel_cache.BESIDE
     places.clear()
-    assert "neither /read/only nor" in prepare(tmp_path, "1")
+    assert "not writable: /read/only and" in prepare(tmp_path, "1")
 
 
 def test_who_has_no_home_gets_a_folder_of_ones_own(tmp_path, monkeypatch):

@@ -51,7 +51,7 @@ def put_into(simulation, field, row, value):
         (lambda s: put_into(s, Position.xyz, 4, (25.0, 25.0, -1.0)), "under the ground"),
         (lambda s: put_into(s, Position.xyz, 0, (32.0, 7.0, 0.0)), "in an obstacle"),
         (lambda s: put_into(s, Position.xyz, 4, (32.0, 7.0, 5.0)), "flies is in an obstacle"),
-        (lambda s: put_into(s, BrushBinding.brush, 0, s.world.resource(Palette).named("starlings")), "cannot use"),
+        (lambda s: put_into(s, BrushBinding.brush, 0, s.world.resource(Palette).named("starlings")), "cannot do"),
     ],
 )
 def test_the_judge_of_pairs_sees_what_is_wrong(change, told):

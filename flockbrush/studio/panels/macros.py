@@ -40,36 +40,36 @@ class Range(NamedTuple):
 
 MACROS: dict[str, dict[str, tuple[str, tuple[Range, ...]]]] = {
     "": {
-        "pace": ("Slower and calmer, or faster", (
+        "pace": ("Slow and calm to fast", (
             Range("speed", "mean", 0.1, 20.0, True), Range("speed", "deviation", 0.1, 20.0, True),
         )),
     },
     "herd": {
-        "tightness": ("Loose and spread out, or drawn close together", (
+        "tightness": ("Spread out to close together", (
             Range("params", "cohesion_weight", 0.0, 1.0), Range("params", "cohesion_radial", 0.5, 1.0),
         )),
-        "order": ("Each its own way, or all one way", (
+        "order": ("Random headings to common heading", (
             Range("params", "alignment_weight", 0.0, 1.0), Range("params", "alignment_radial", 0.5, 1.0),
         )),
-        "personal space": ("Shoulder to shoulder, or with room between them", (
+        "personal space": ("Close contact to wide spacing", (
             Range("params", "avoidance_radial", 0.1, 1.0, True), Range("params", "avoidance_weight", 0.02, 1.0, True),
         )),
-        "nerve": ("Sluggish, or quick to answer whatever happens", (
+        "nerve": ("Slow to quick reactions", (
             Range("params", "sensitivity", 1.0, 100.0, True), Range("params", "max_turn", 1.0, 30.0, True),
         )),
-        "wander": ("Straight ahead, or with whims", (Range("params", "wander", 0.0, 3.0),)),
+        "wander": ("Straight paths to random turns", (Range("params", "wander", 0.0, 3.0),)),
     },
     "boids": {
-        "tightness": ("Loose, or drawn to the middle of the others", (
+        "tightness": ("Loose to strongly attracted by neighbours", (
             Range("params", "centring_strength", 0.0, 1.0),
         )),
-        "order": ("Each its own way, or all one way", (
+        "order": ("Random headings to common heading", (
             Range("params", "matching_strength", 0.0, 1.0), Range("params", "matching_time", 1.5, 0.05, True),
         )),
-        "personal space": ("Wing to wing, or with room between them", (
+        "personal space": ("Wing to wing to wide spacing", (
             Range("params", "separation", 0.5, 30.0, True),
         )),
-        "nerve": ("Bold, or gone at the first sight of danger", (
+        "nerve": ("Bold to fearful", (
             Range("params", "flight_distance", 5.0, 500.0, True), Range("params", "panic_pace", 1.0, 4.0, True),
         )),
     },
@@ -142,7 +142,7 @@ def macros_of(brush: Brush, measured: Mapping[str, Any] | None = None) -> list[M
             ranges = tuple(Range(*part) for part in entry["ranges"])
         symbols = ", ".join(part.name for part in ranges)
         kind, note = _note(name, entry)
-        about = f"{words}. Moves {symbols} together." + (f" Measured: {note}." if note else "")
+        about = f"{words}. Changes {symbols} together." + (f" Measured: {note}." if note else "")
         found.append(Macro("macro", name, kind, "", about, note=note, ranges=ranges))
     return found
 
@@ -155,7 +155,7 @@ def _note(name, entry):
     moves = entry["moves"]
     if high - low < HARDLY or moves["polarization"] < SURE:
         spread = (high - low) / max(moves["polarization"], 0.1)
-        return SENTENCE, f"hardly acts: polarization {low:.2f} to {high:.2f} ± {spread:.2f}"
+        return SENTENCE, f"weak effect: polarization {low:.2f} to {high:.2f} ± {spread:.2f}"
     also = [one for one in ALSO if GOAL * moves[one] > moves["polarization"]]
     also = sorted(also, key=lambda one: -moves[one])[:2]
-    return NUMBER, f"also moves {' and '.join(ALSO[one] for one in also)}" if also else ""
+    return NUMBER, f"also changes {' and '.join(ALSO[one] for one in also)}" if also else ""
