@@ -78,7 +78,7 @@ def amount(value, dimension: Dimension, ranges: bool = False) -> Amount:
         return value
     low, high, unit = _parts(value, dimension)
     if high < low:
-        raise ValueError("must go from the lower to the higher number")
+        raise ValueError("must have the lower number first")
     if high > low and not ranges:
         raise ValueError("must be one number, not a range")
     factor = dimension.units[unit]

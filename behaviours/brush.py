@@ -242,7 +242,7 @@ def _read(toml: TomlFile, models: Mapping[str, Any]) -> Brush:
     check_schema(toml, document.pop("schema", None), SCHEMA)
     document["name"], problems = name_in(toml, SUFFIX)
     if "name" in toml.data:
-        problems.append(toml.problem(("name",), "a brush's name is its file's name; remove this line"))
+        problems.append(toml.problem(("name",), "the name of a brush is its file name; remove this line"))
     document["params"], mistakes = _read_parameters(document, models)
     if "params" in toml.data:
         mistakes.append((("params",), "unknown name"))

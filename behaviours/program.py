@@ -225,7 +225,7 @@ def _read(toml: TomlFile) -> Program:
 
 def _misspelt(word):
     if word == "name":
-        return "a program's name is its file's name; remove this line"
+        return "the name of a program is its file name; remove this line"
     return f"unknown name; write {'[state.NAME]' if word == 'states' else '[[trigger]]'} tables"
 
 
@@ -315,7 +315,9 @@ def _meanings(program) -> list[tuple[Key, str]]:
         for after, _ in state.then or ():
             check(after, ("state", name, "then"))
         if state.emits_within is not None and state.emits is None:
-            mistakes.append((("state", name, "emits_within"), "says how far an event is heard; name one with emits"))
+            mistakes.append(
+                (("state", name, "emits_within"), "is the radius of an event, but there is no event; add emits")
+            )
     for k, trigger in enumerate(program.triggers):
         if trigger is not None:
             _check_trigger(trigger, ("trigger", k), check, mistakes)
@@ -333,14 +335,14 @@ def _check_trigger(trigger, path, check, mistakes):
         if name != EVERY:
             check(name, path + ("from",))
     if EVERY in trigger.sources and len(trigger.sources) > 1:
-        mistakes.append((path + ("from",), f"'{EVERY}' is every state already; name nothing beside it"))
+        mistakes.append((path + ("from",), f"'{EVERY}' already means every state; remove the other names"))
 
 
 def _check_memories(program, mistakes):
     triggers = [trigger for trigger in program.triggers if trigger is not None]
     needed = {part.memory() for t in triggers for part in t.when.walk() if part.remembers}
     if len(needed) > PROGRAM_MEMORIES:
-        message = f"the triggers remember {len(needed)} different things; there may be at most {PROGRAM_MEMORIES}"
+        message = f"the triggers store times of {len(needed)} different things; the maximum is {PROGRAM_MEMORIES}"
         mistakes.append((("trigger",), message))
 
 

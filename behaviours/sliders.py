@@ -32,7 +32,7 @@ def moves(name: str, low: float, high: float, times: bool = False) -> Range:
 
 SLIDERS = {
     "pace": Slider(
-        "Slower and calmer, or faster",
+        "Slow and calm to fast",
         (Range("speed", "mean", 0.1, 20.0, True), Range("speed", "deviation", 0.1, 20.0, True)),
     )
 }  # of every model

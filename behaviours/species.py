@@ -247,7 +247,7 @@ def _read(toml: TomlFile) -> SpeciesSpec:
     check_schema(toml, document.pop("schema", None), SCHEMA)
     document["name"], problems = name_in(toml, SUFFIX)
     if "name" in toml.data:
-        problems.append(toml.problem(("name",), "a species' name is its file's name; remove this line"))
+        problems.append(toml.problem(("name",), "the name of a species is its file name; remove this line"))
     species, mistakes = validated(SpeciesSpec, document)
     problems += [toml.problem(path, message) for path, message in mistakes]
     if species is not None:

@@ -44,7 +44,7 @@ def read_table(path, most_bytes: int, most_rows: int) -> Iterator[tuple[int, lis
     except UnicodeDecodeError:
         raise ProblemsError([Problem(name, _bad_line(path), None, "is not UTF-8 text")]) from None
     except csv.Error as error:
-        raise ProblemsError([Problem(name, reader.line_num, None, f"is no table: {error}")]) from None
+        raise ProblemsError([Problem(name, reader.line_num, None, f"is not a table: {error}")]) from None
 
 
 def _lines(file, name):
@@ -53,10 +53,10 @@ def _lines(file, name):
     while line := file.readline(limits.TABLE_LINE + 1):
         number += 1
         if len(line) > limits.TABLE_LINE:
-            message = f"the line is longer than {limits.TABLE_LINE.told}; this is no table"
+            message = f"the line is longer than {limits.TABLE_LINE.told}; this is not a table"
             raise ProblemsError([Problem(name, number, None, message)])
         if "\0" in line:
-            raise ProblemsError([Problem(name, number, None, "is no table: it holds bytes of zero")])
+            raise ProblemsError([Problem(name, number, None, "is not a table: it contains zero bytes")])
         yield line
 
 

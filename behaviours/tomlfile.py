@@ -87,12 +87,12 @@ def _refusal(path: Path, limit: int) -> str | None:
     if path.is_dir():
         return "is a folder, not a file"
     if not path.is_file():
-        return "is not a plain file"  # a pipe would wait for ever
+        return "is not a regular file"  # a pipe would wait for ever
     return _too_large(limit) if path.stat().st_size > limit else None
 
 
 def _too_large(limit):
-    return f"is larger than {limit:,} bytes; this is no file of ours"
+    return f"is larger than {limit:,} bytes, the maximum for this kind of file"
 
 
 def parse_toml(data: bytes, name: str, limit: int = limits.TOML_BYTES) -> TomlFile:

@@ -223,7 +223,7 @@ def read_condition(value: Any, where: Key = (), depth: int = 0) -> tuple[Conditi
         return validated(kind, value, where)
     others = [word for word in value if word != words[0]]
     if others:
-        return None, [(where + (others[0],), f"unknown name; nothing stands beside '{words[0]}'")]
+        return None, [(where + (others[0],), f"unknown name; '{words[0]}' must be the only key of its table")]
     return _read_inner(kind, words[0], value[words[0]], where + (words[0],), depth)
 
 

@@ -16,12 +16,12 @@ from flockbrush.engine import limits
 from flockbrush.engine.clock import Clock
 
 COMMANDS: dict[str, type] = {}
-GONE = {"PutGoal": "it undid MoveGoal before PlaceGoal did; the version that recorded it can replay it"}
+GONE = {"PutGoal": "PlaceGoal replaced it; replay it with the version that made the recording"}
 _FARTHEST = {int: 2**63 - 1, float: limits.COMMAND_SIZE}  # from 0; whole numbers are ids and seeds too
 _WORDS = {
     float: "a number",
     int: "a whole number",
-    str: "a text",
+    str: "a string",
     bool: "true or false",
     list: "a list",
     dict: "a table",
@@ -119,7 +119,7 @@ def from_json(text):
     try:
         pair = json.loads(text, parse_constant=_not_a_number)
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"it is not readable JSON: {error}") from None
+        raise ValueError(f"it is not valid JSON: {error}") from None
     if not (isinstance(pair, list) and len(pair) == 2 and isinstance(pair[0], str) and isinstance(pair[1], dict)):
         raise ValueError("it must be [name, {field: value, ...}]")
     name, values = pair
@@ -129,14 +129,14 @@ def from_json(text):
 
 
 def _not_a_number(word):
-    raise ValueError(f"{word} is not a number that a command can hold")
+    raise ValueError(f"{word} is not allowed as a number in a command")
 
 
 def _check_sound(where, value, depth):
     """ValueError unless every number in a value is within `limits.COMMAND_SIZE`, and every text is one."""
     if isinstance(value, (list, dict)):
         if not depth:
-            raise ValueError(f"{where} has lists within lists, more than {limits.COMMAND_DEPTH}")
+            raise ValueError(f"{where} has lists nested more than {limits.COMMAND_DEPTH} deep")
         parts = [*value, *value.values()] if isinstance(value, dict) else value
         if set(map(type, parts)) <= {int, float}:
             parts = (min(parts), max(parts)) if parts else ()
@@ -144,9 +144,9 @@ def _check_sound(where, value, depth):
             _check_sound(where, part, depth - 1)
     elif isinstance(value, str):
         if any("\ud800" <= letter <= "\udfff" for letter in value):
-            raise ValueError(f"{where} has half a character (a lone surrogate)")
+            raise ValueError(f"{where} contains an incomplete character (a lone surrogate)")
     elif abs(value or 0) > _FARTHEST.get(type(value), 1):
-        raise ValueError(f"{where} must be at most {_FARTHEST[type(value)]:g} away from 0, got {_short(repr(value))}")
+        raise ValueError(f"{where} must be within ±{_FARTHEST[type(value)]:g}, got {_short(repr(value))}")
 
 
 def _short(text):
@@ -183,7 +183,7 @@ def _fitting(where, hint, value):
 
 def _instead(word, known):
     close = get_close_matches(_short(word), list(known), 1)
-    return f"; did you mean {close[0]!r}?" if close else f"; there are {', '.join(sorted(known)) or 'none'}"
+    return f"; did you mean {close[0]!r}?" if close else f"; available: {', '.join(sorted(known)) or 'none'}"
 
 
 class Commands:
@@ -211,7 +211,7 @@ class Commands:
             When a field is of the wrong type or no recording can hold it.
         """
         if COMMANDS.get(type(cmd).__name__) is not type(cmd):
-            raise TypeError(f"{type(cmd).__name__} is no command; mark its class with @command")
+            raise TypeError(f"{type(cmd).__name__} is not a command; mark its class with @command")
         self._push(tick, _as_replayed(cmd), key)
 
     def follow(self, key, tick, cmd):

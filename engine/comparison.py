@@ -70,7 +70,7 @@ def _who_lives(one, other):
     lonely = np.setxor1d(one, other)
     if len(lonely):
         some = lonely[:SHOWN].tolist()
-        lives = [["lives" if who in set(ids.tolist()) else "does not live" for who in some] for ids in (one, other)]
+        lives = [["lives" if who in set(ids.tolist()) else "not alive" for who in some] for ids in (one, other)]
         yield Difference("ids", len(lonely), some, *lives, None)
 
 

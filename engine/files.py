@@ -24,8 +24,8 @@ from flockbrush.engine.problems import Problem, ProblemsError
 
 LOCK = "lock"
 LONGEST_NAME = 200  # bytes of a file name that a work folder repeats; systems allow 255
-TAKEN = "is there already; choose another name, or ask for it to be overwritten"
-WAIT = "wait until it has ended, or name another file"
+TAKEN = "already exists; choose another name or allow overwriting"
+WAIT = "wait until it has ended, or choose another file"
 _OF_DISKS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 _WORK = re.compile(r"\..+\.flockbrush", re.DOTALL)
 _cleared: set[str] = set()  # folders in which this process has removed leftovers
@@ -64,9 +64,9 @@ def output_problems(paths, inputs=()):
         real = os.path.realpath(path)
         message = _obstacle(path)
         if message is None and real in read:
-            message = "is what is read from; choose another name"
+            message = "is also an input file; choose another name"
         if message is None and real in seen:
-            message = "is named twice; each output needs its own file"
+            message = "is given twice; each output needs its own file"
         seen[real] = path
         if message:
             problems.append(Problem(str(path), None, None, message))
@@ -77,13 +77,13 @@ def _obstacle(path):
     """Why nothing can be written here, or None."""
     folder = path.parent
     if path.is_dir():
-        return "this is a folder; name a file"
+        return "is a folder; give a file name"
     if not folder.is_dir():
         return f"there is no folder {str(folder)!r}"
     if path.exists() and not path.is_file():
-        return "is not an ordinary file"
+        return "is not a regular file"
     if not os.access(folder, os.W_OK):
-        return f"the folder {str(folder)!r} may not be written to"
+        return f"the folder {str(folder)!r} is not writable"
     busy = holder(path)
     return f"{busy}; {WAIT}" if busy else None
 

@@ -21,7 +21,7 @@ from flockbrush.engine.shipped_kernels import take
 BESIDE = Path(__file__).with_name("__pycache__")  # what is true of this folder is true of those of other rooms
 LOCK = "flockbrush.lock"  # in each folder of kernels
 WAIT = 5.0  # s; storing a kernel takes milliseconds
-LAST = "set NUMBA_CACHE_DIR to a folder that can be written and stays"
+LAST = "set NUMBA_CACHE_DIR to a permanent folder that is writable"
 
 
 def prepare(house, version) -> str:
@@ -49,15 +49,15 @@ def prepare(house, version) -> str:
         return ""
     if can_write(BESIDE) or can_write(own):
         return ""  # numba finds it
-    tried = " nor ".join(str(place) for place in (told, BESIDE.parent, installed or own) if place)
+    tried = " and ".join(str(place) for place in (told, BESIDE.parent, installed or own) if place)
     private = private_folder()
     place = private and private / "kernels"
     if place is None or not can_write(place):  # numba unpickles what lies there: nobody else may write it
         _keep_nothing()
-        return f"compiled kernels cannot be stored: neither {tried} can be written; every start compiles; {LAST}"
+        return f"compiled kernels cannot be stored, every start compiles them again: not writable: {tried}; {LAST}"
     take(house, place)
     _use(place)
-    return f"compiled kernels are kept in {place}: neither {tried} can be written; {LAST}"
+    return f"compiled kernels are stored in {place}: not writable: {tried}; {LAST}"
 
 
 def forget_stale_kernels():

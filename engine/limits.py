@@ -39,7 +39,7 @@ class Limit(int):
 # time ------------------------------------------------------------------------------------------
 
 TICKS = Limit(10**9, "ticks", "a run, and the ticks named in a recording")
-SILENT_TICKS = Limit(32 * 60, "ticks", "from one record of a recording to the next")
+SILENT_TICKS = Limit(32 * 60, "ticks", "the interval between two records of a recording")
 
 # recordings ------------------------------------------------------------------------------------
 
@@ -73,15 +73,15 @@ ART_PIXELS = Limit(4096 * 4096, "pixels", "the picture of a map's artwork; large
 ART_TILES = Limit(200_000, "tiles", "artwork tiles that do not fill exactly one cell: larger, shifted, rotated")
 GROUND_RULES = Limit(100, "rules", "rules that give the tiles of a map a meaning")
 TILES = Limit(65_536, "tiles", "one tileset")
-JSON_DEPTH = Limit(64, "levels", "objects within objects in a level file")
+JSON_DEPTH = Limit(64, "levels", "nested objects in a level file")
 JSON_VALUES = Limit(1_000_000, "values", "a level file, apart from lists of numbers")
 JSON_DIGITS = Limit(40, "digits", "a number in a level file")
-PROPERTY_TEXT = Limit(1_000, "characters", "a text property of a level")
+PROPERTY_TEXT = Limit(1_000, "characters", "a string property of a level")
 
 # other texts -----------------------------------------------------------------------------------
 
 TOML_BYTES = Limit(1 * MIB, "bytes", "a TOML file: brush, camera, sweep")
-TOML_DEPTH = Limit(32, "levels", "tables within tables in a TOML file")
+TOML_DEPTH = Limit(32, "levels", "nested tables in a TOML file")
 MARKS_BYTES = Limit(16 * MIB, "bytes", "a table of marked birds")
 MARKS_ROWS = Limit(200_000, "rows", "a table of marked birds")
 FORMATION_BIRDS = Limit(2_000, "birds", "a frame of marked birds or of a formation file")
@@ -117,7 +117,7 @@ SETTINGS_BYTES = Limit(100_000, "bytes", "the settings of the playground")
 
 PICTURE_BYTES = Limit(256 * MIB, "bytes", "a picture file")
 PICTURE_PIXELS = Limit(51_000_000, "pixels", "a picture: photograph, mask, regions")
-FILM_PIXELS = Limit(17_000_000, "pixels", "a frame of a film")
+FILM_PIXELS = Limit(17_000_000, "pixels", "a frame of a clip")
 FIELDS_BYTES = Limit(640 * MIB, "bytes", "a file of fields, unpacked")
 
 # the live link ---------------------------------------------------------------------------------

@@ -85,7 +85,9 @@ def _locked_file(path):
             held = take(file)
             if held is None:
                 warnings.warn(
-                    Advice(f"{path.parent}: files cannot be locked here; two programs must not write the same file"),
+                    Advice(
+                        f"{path.parent}: this file system has no locks; do not let two programs write the same file"
+                    ),
                     stacklevel=4,
                 )
             if held is not False and _is_still(file, path):
@@ -147,7 +149,7 @@ def holder_of(lock):
     except (OSError, ValueError, LookupError, TypeError, RecursionError):
         return "another program is writing it"
     if (process, host) == (os.getpid(), socket.gethostname()):
-        return "this program is writing it already"
+        return "this program is already writing it"
     return f"process {process} on {host} ({program}) has been writing it since {since}"
 
 

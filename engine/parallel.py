@@ -36,7 +36,7 @@ def _threads_at_start():
         return _cores()
     if wanted.isdecimal() and int(wanted):
         return int(wanted)
-    message = f"FLOCKBRUSH_THREADS must be a whole number from 1, got {wanted!r}; using all cores"
+    message = f"FLOCKBRUSH_THREADS must be a whole number of at least 1, got {wanted!r}; using all cores"
     warnings.warn(Advice(message), stacklevel=2)
     return _cores()
 

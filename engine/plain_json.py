@@ -24,7 +24,7 @@ def parsed(data: bytes, values: int = STATE_VALUES):
     try:
         return json.loads(data)
     except RecursionError:
-        raise ValueError("it has lists within lists without end") from None
+        raise ValueError("its lists are nested too deeply") from None
 
 
 def read_json(path, limit: int = STATE_BYTES):

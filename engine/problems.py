@@ -65,16 +65,16 @@ def did_you_mean(word: str, candidates: Iterable[str]) -> str:
     >>> did_you_mean("seperate", ["separate", "align"])
     "; did you mean 'separate'?"
     >>> did_you_mean("fly", ["walk", "swim"])
-    '; there are swim, walk'
+    '; available: swim, walk'
     """
     names = sorted(set(candidates))
     near = _nearest(word, names)
     if near:
         return f"; did you mean '{near}'?"
     if not names:
-        return "; there are none"
+        return "; available: none"
     more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
-    return f"; there are {', '.join(names[:LISTED])}{more}"
+    return f"; available: {', '.join(names[:LISTED])}{more}"
 
 
 def _nearest(word: str, names: list[str]) -> str | None:

@@ -321,7 +321,7 @@ def _encoded_header(path, header, assets):
         raise RecordingError(f"{path}: the header of a recording needs {' and '.join(missing)}")
     for name in assets:
         if not is_plain(name):
-            raise RecordingError(f"{path}: {name!r} is no path relative to the level")
+            raise RecordingError(f"{path}: {name!r} is not a path relative to the level")
     if sum(map(len, assets.values())) > limits.RECORDING_ASSETS_BYTES:
         raise RecordingError(f"{path}: the level's files are more than {limits.RECORDING_ASSETS_BYTES.told}")
     table = {name: {"sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)} for name, data in assets.items()}

@@ -25,7 +25,7 @@ def mistake_in(header) -> str | None:
         if name in header and not fits(header[name]):
             return f"{name} must be {right}, got {_shown(header[name])}"
     if sum(entry["bytes"] for entry in header["assets"].values()) > limits.RECORDING_ASSETS_BYTES:
-        return f"it claims files of more than {limits.RECORDING_ASSETS_BYTES.told}"
+        return f"it lists files of more than {limits.RECORDING_ASSETS_BYTES.told}"
     return None
 
 
@@ -66,14 +66,14 @@ def _text(value):
 
 _SCHEMA = {
     "seed": (_whole(0, LARGEST_SEED), f"a whole number from 0 to {LARGEST_SEED}"),
-    "dt": (_step, "a number of seconds above 0, at most 3600"),
+    "dt": (_step, "above 0 and at most 3600 s"),
     "agents": (
         lambda value: value is None or _whole(1, limits.ANIMALS)(value),
         f"a whole number from 1 to {limits.ANIMALS:,}, or null",
     ),
-    "level": (is_plain, "a path that stays below one folder"),
-    "flockbrush": (_text, "a text"),
-    "packages": (_texts, "a table of texts"),
+    "level": (is_plain, "a relative path inside one folder"),
+    "flockbrush": (_text, "a string"),
+    "packages": (_texts, "a table of strings"),
     "assets": (_assets, "a table of files with their sha256 and bytes"),
 }
 

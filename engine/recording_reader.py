@@ -165,7 +165,7 @@ def _check_beginning(path, start):
         raise RecordingError(f"{path}: the recording's header is damaged")
     if version > FORMAT:
         raise RecordingError(
-            f"{path}: recorded in format {version} by a newer flockbrush; this one reads up to {FORMAT}"
+            f"{path}: recorded in format {version} by a newer Flockbrush; this version reads formats up to {FORMAT}"
         )
 
 
@@ -253,7 +253,7 @@ def _take_asset(run, data):
     name = name.decode(errors="replace")
     promised = run.header["assets"].get(name, {}).get("sha256")
     if hashlib.sha256(content).hexdigest() != promised:
-        raise RecordingError(f"{run.path}: its copy of {name} is not the file that the header promises")
+        raise RecordingError(f"{run.path}: the embedded copy of {name} does not match its hash in the header")
     run.assets[name] = content
 
 
@@ -261,8 +261,8 @@ def _take(run, kind, tick, data, at):
     """Put one record into a run; kinds that a later version may add are passed over."""
     if tick > min(run.last_tick + limits.SILENT_TICKS, limits.TICKS):
         raise RecordingError(
-            f"{run.path}: a record names tick {tick:,}, the one before it tick {run.last_tick:,}; in a recording"
-            f" at most {limits.SILENT_TICKS:,} ticks pass from one to the next"
+            f"{run.path}: a record of tick {tick:,} follows a record of tick {run.last_tick:,}; in a recording"
+            f" two records are at most {limits.SILENT_TICKS:,} ticks apart"
         )
     if kind == COMMAND:
         run._room.take(data)
@@ -281,9 +281,9 @@ def _take(run, kind, tick, data, at):
 def _note_damage(run, file, size):
     lost = size - file.tell() if run.truncated else 0
     if lost:
-        run.notice = f"{run.path}: cut off or damaged after tick {run.last_tick}; the last {lost} bytes are left out"
+        run.notice = f"{run.path}: cut off or damaged after tick {run.last_tick}; the last {lost} bytes are ignored"
     elif run.truncated:
-        run.notice = f"{run.path}: the run was not closed; it is known up to tick {run.last_tick}"
+        run.notice = f"{run.path}: the recording was not closed; it ends at tick {run.last_tick}"
 
 
 class _Kept(Mapping):

@@ -74,7 +74,9 @@ class Schedule:
         systems = list(systems)
         for system in systems:
             if not isinstance(getattr(system, "stage", None), Stage):
-                raise TypeError(f"{type(system).__name__} must say its stage, one of {', '.join(Stage.__members__)}")
+                raise TypeError(
+                    f"{type(system).__name__} must declare its stage, one of {', '.join(Stage.__members__)}"
+                )
         if shuffle_seed is not None:
             random.Random(shuffle_seed).shuffle(systems)
         self.systems = sorted(systems, key=lambda s: s.stage)
@@ -142,7 +144,7 @@ def _overlap(some, others):
 
 def _in_words(a, b, shared):
     names = ", ".join(sorted(kind.__name__ for kind in shared))
-    return f"{a} and {b} both touch {names} in one stage; give them different stages"
+    return f"{a} and {b} both access {names} in one stage; give them different stages"
 
 
 def _watched(world):

@@ -46,7 +46,7 @@ class Adoption:
     def write(self):
         """Write the level; what has its name already is kept, and refused."""
         if self.path.exists():
-            raise refused(self.path, "is there already; name another file with -o")
+            raise refused(self.path, "already exists; give another file with -o")
         return write_level(self.document, self.path, backup=False)
 
 
@@ -100,9 +100,9 @@ def _output_of(source, output):
             output = source.with_name(f"{source.stem}-level.tmj")
     output = Path(output)
     if output.suffix.lower() != ".tmj":
-        raise refused(output, "the name of a level ends in .tmj")
+        raise refused(output, "the name of a level must end in .tmj")
     if output.exists():
-        raise refused(output, "is there already; name another file with -o")
+        raise refused(output, "already exists; give another file with -o")
     if not output.parent.is_dir():
         raise refused(output, f"there is no folder {str(output.parent)!r}")
     return output
@@ -131,7 +131,9 @@ def _read(source):
 def _refuse_others(source, document):
     told = {entry.get("name") for entry in document.get("properties", []) if isinstance(entry, dict)}
     if "schema" in told or any(node.get("name") == GROUP for node in _nodes(document["layers"])):
-        raise refused(source, f"is a level already, or has layers called '{GROUP}'; check it: flockbrush level check")
+        raise refused(
+            source, f"is already a level, or has layers named '{GROUP}'; check it with flockbrush level check"
+        )
 
 
 def _nodes(nodes):

@@ -114,7 +114,7 @@ class ArtReader:
         try:
             self.reader.files.read(posixpath.join(folder, name))
         except (FileRefused, TypeError) as error:
-            place.warn(f"picture {str(name)[:200]!r} is not drawn: {error}")
+            place.warn(f"picture {str(name)[:200]!r} cannot be drawn: {error}")
             return False
         return True
 

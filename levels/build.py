@@ -337,7 +337,7 @@ def _bear_first(world, level):
 def _no_room(level, spawn, full):
     where = f"object {spawn.id} {spawn.name!r} in layer 'spawns'"
     return Problem(
-        str(level.path), None, where, f"{full}; make the area larger, the count smaller, or take obstacles out of it"
+        str(level.path), None, where, f"{full}; enlarge the area, reduce the count, or remove obstacles from the area"
     )
 
 

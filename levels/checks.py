@@ -73,14 +73,14 @@ class _Checks:
         ):
             for thing in things:
                 if self.off(getattr(thing, shape)):
-                    self.place(thing).say(f"lies outside of the map, {self.span(getattr(thing, shape))}")
+                    self.place(thing).say(f"is outside the map, {self.span(getattr(thing, shape))}")
         for goal in level.goals:
             if np.any(goal.xy < 0) or np.any(goal.xy > (level.width, level.height)):
-                self.place(goal).say(f"lies outside of the map, {self.span(goal.xy[None])}")
+                self.place(goal).say(f"is outside the map, {self.span(goal.xy[None])}")
         for spawn in level.spawns:
             edge = 1e-6 * level.cell
             if np.any(spawn.polygon < -edge) or np.any(spawn.polygon > np.array([level.width, level.height]) + edge):
-                self.place(spawn).say(f"reaches outside of the map, {self.span(spawn.polygon)}")
+                self.place(spawn).say(f"extends outside the map, {self.span(spawn.polygon)}")
 
     def off(self, points):
         """Wholly to one side of the map."""
@@ -104,7 +104,7 @@ class _Checks:
                 seen[thing.name].append(thing)
             for name, same in seen.items():
                 for thing in same[1:]:
-                    self.place(thing).say(f"two {what} are called {name[:60]!r}; object {same[0].id} is the other")
+                    self.place(thing).say(f"two {what} have the name {name[:60]!r}; the other is object {same[0].id}")
 
     def goals(self):
         names = [g.name for g in self.level.goals]
@@ -127,12 +127,12 @@ class _Checks:
             self.can_do(spawn)
             free = self.free(spawn)
             if free == 0:
-                self.place(spawn).say("lies wholly inside obstacles or on ground that cannot be walked on; move it")
+                self.place(spawn).say("is completely inside obstacles or on ground that is not walkable; move it")
             else:
                 self.room(spawn, free * geometry.signed_area(spawn.polygon))
         if self.level.agents > limits.ANIMALS and all(s.count <= limits.ANIMALS for s in self.level.spawns):
             self.place(self.level.spawns[-1]).say(
-                f"the spawns together ask for {self.level.agents} animals; there may be at most {limits.ANIMALS}"
+                f"the spawns have {self.level.agents} animals in total; the maximum is {limits.ANIMALS}"
             )
 
     def can_do(self, spawn):
@@ -149,7 +149,7 @@ class _Checks:
             needs = "flies" if flies_free(brush) else "walks or swims"
             media = ", ".join(species.media)
             self.place(spawn).say(
-                f"species {spawn.species!r} cannot do brush {spawn.brush!r}, which {needs}: its media are {media}"
+                f"species {spawn.species!r} cannot use brush {spawn.brush!r}, which {needs}: its media are {media}"
             )
         elif not flies_free(brush) and not species.can("fly") and (spawn.altitude or spawn.depth):
             self.place(spawn).say(f"species {spawn.species!r} does not fly; altitude and depth must be 0")
@@ -196,7 +196,7 @@ class _Checks:
             fit = int(_PACKED * area * spawn.count / covered)
             self.place(spawn).say(
                 f"{spawn.count} animals {length:g} m long do not fit on {area:.0f} m^2 of free ground;"
-                f" there is room for {fit}"
+                f" at most {fit} fit"
             )
 
     def body(self, spawn):
@@ -258,7 +258,7 @@ class _Checks:
                 key.args[name] = drawn[name]
 
 
-_WORDS = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "a text"}
+_WORDS = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "a string"}
 
 
 def _kind(field):

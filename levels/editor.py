@@ -429,7 +429,7 @@ class Editor(Steps):
         except OSError as error:
             raise JournalError(f"{journal}: cannot be read: {error.strerror or error}") from None
         except (ValueError, LookupError, TypeError) as error:
-            raise JournalError(f"{journal}: cannot be followed: {error}") from None
+            raise JournalError(f"{journal}: cannot be replayed: {error}") from None
         return editor
 
 

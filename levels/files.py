@@ -64,7 +64,7 @@ class DiskFiles:
             if path.is_dir():
                 raise FileRefused("is a folder, not a file")
             if not path.is_file():
-                raise FileRefused("there is no such file" if not path.exists() else "is not an ordinary file")
+                raise FileRefused("there is no such file" if not path.exists() else "is not a regular file")
             with open(path, "rb") as file:
                 return checked_size(file.read(limits.LEVEL_FILE_BYTES + 1))
         except (OSError, ValueError) as error:

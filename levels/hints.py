@@ -20,9 +20,9 @@ def layer_hints(layers):
     """
     for layer in layers:
         if layer.hidden:
-            layer.place.warn("is hidden and counts all the same; delete it, or call it 'notes ...' to leave it out")
+            layer.place.warn("is hidden in Tiled but still used; delete it, or name it 'notes ...' to have it ignored")
         if any(is_number(layer.node.get(key)) and layer.node[key] != 1 for key in ("parallaxx", "parallaxy")):
-            layer.place.warn("has a parallax factor, which is not used: the layer is read as it lies without scrolling")
+            layer.place.warn("has a parallax factor, which is ignored")
 
 
 def paint_hints(thing, place, library):
@@ -42,7 +42,7 @@ def paint_hints(thing, place, library):
     for name in names:
         if not flies_free(library.get(name)):
             place.warn(
-                f"brush {name!r} makes birds land and binds from {bounds.z_min:g} m up only: below that they take off "
+                f"brush {name!r} makes birds land, but acts only above z_min {bounds.z_min:g} m: below, they take off "
                 "again; set z_min to 0"
             )
 
@@ -71,14 +71,14 @@ def mixing_hints(level, places, library, place):
 
 def _mixing_hint(library, start, end):
     if not can_mix(library.get(start), library.get(end)):
-        return f"brushes {start!r} and {end!r} are of unlike models: a share of the animals takes {end!r} altogether"
+        return f"brushes {start!r} and {end!r} have different models, so a share of the animals takes {end!r}"
     path = path_between(library, start, end)
     if path is not None and not path.even:
-        return f"the measured way from {start!r} to {end!r} is not even: herds may jump (the table is in its file)"
+        return f"the measured path from {start!r} to {end!r} is uneven: behaviour may jump (the table is in its file)"
     if path is None:
         return (
-            f"nobody has measured the way from {start!r} to {end!r}: numbers are mixed in a straight line, along which "
-            f"herds may jump; flockbrush brush morph {start} {end} measures it"
+            f"there is no measured path from {start!r} to {end!r}: parameters are mixed linearly, and behaviour may "
+            f"jump; flockbrush brush morph {start} {end} measures a path"
         )
     return ""
 
@@ -93,14 +93,14 @@ def level_hints(level, places):
     """
     for goal in _unlinked(level):
         places[goal.id].warn(
-            f"no animal goes to goal {goal.name[:60]!r}: animals are born bound to the first goal, "
-            f"{level.goals[0].name[:60]!r}; name it as 'next' of a goal, or send animals there by the script"
+            f"no animal goes to goal {goal.name[:60]!r}: animals start with the first goal, "
+            f"{level.goals[0].name[:60]!r}; make it the 'next' of a goal, or send animals there in the script"
         )
     for guide in level.guides:
         wall = "" if guide.loop else _wall_after(level, guide)
         if wall:
             places[guide.id].warn(
-                f"ends at {wall}, where animals will jam; end it in a goal or an exit, or tick its 'loop'"
+                f"ends at {wall}, where animals will jam; end it at a goal or an exit, or set its 'loop'"
             )
 
 

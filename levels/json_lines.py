@@ -132,11 +132,11 @@ def _number(digits):
 
 
 def _constant(word):
-    raise _Refused(f"{word} is not a number here; write a finite one")
+    raise _Refused(f"{word} is not allowed; write a finite number")
 
 
 def _encodable(text, at):
     try:
         text.isascii() or text.encode()
     except UnicodeEncodeError:
-        raise _Refused("half a character (a lone surrogate) in a text", at) from None
+        raise _Refused("incomplete character (a lone surrogate) in a string", at) from None

@@ -119,7 +119,9 @@ class LayerReader:
             for box in self._painted(layer, tile)
         ]
         if not boxes:
-            place.say("an infinite map is as large as what is painted, and nothing is; paint terrain or fix the size")
+            place.say(
+                "an infinite map is as large as its painted area, but nothing is painted; paint terrain or fix its size"
+            )
             return None
         left, top, right, bottom = np.array(boxes).T
         x0, y0, x1, y1 = int(left.min()), int(top.min()), int(right.max()), int(bottom.max())
@@ -171,7 +173,7 @@ class LayerReader:
             if width * height > limits.LAYER_CELLS or self.cells > limits.LEVEL_CELLS:
                 place.say(
                     f"{width} x {height} tiles are too many; a layer may have {limits.LAYER_CELLS}, "
-                    "all together four times that"
+                    "all layers together four times that"
                 )
                 return
             try:

@@ -221,7 +221,7 @@ class EditedMap:
         """(object, layer, dx, dy) of the object with this id, or None; EditError when it is something else."""
         found = next((o for o in self.objects() if o[0].get("id") == number), None)
         if found is not None and self.class_of(found[0], found[1]) != cls:
-            what = self.class_of(found[0], found[1]) or "nothing of ours"
+            what = self.class_of(found[0], found[1]) or "not a Flockbrush object"
             raise EditError(f"object {number} of the level is {what}, not {cls}")
         return found
 
@@ -338,7 +338,7 @@ class EditedMap:
     def paint(self, layer, iy, ix, value, weight):
         """Paint a value on cells, where ``weight`` is less than 1 a cap only in part."""
         if value is None:
-            raise EditError("a level's file does not know how the ground was before")
+            raise EditError("the level file has no earlier state of the ground to restore")
         found = self.tile_layers(layer)
         if layer == "cap":
             self._paint_cap(found, iy, ix, float(value), weight)

@@ -33,7 +33,7 @@ def parsed(data, place, kind):
         place.say(f"this is not a Tiled {kind}: expected an object, got {shown(doc)}", 1)
         return None
     if doc.get("type") == "world":
-        place.say(f"a world is several maps, which are opened one by one{_maps_of(doc)}", doc.line)
+        place.say(f"this is a Tiled world of several maps; open one of its maps{_maps_of(doc)}", doc.line)
         return None
     if doc.get("type", kind) != kind:
         place.say(f"this is not a Tiled {kind}: its type is {shown(doc.get('type'))}", doc.line)
@@ -70,7 +70,7 @@ def text(node, key, place, default=""):
     value = node.get(key, default)
     if isinstance(value, str):
         return value
-    place.say(f"'{key}' must be a text, got {shown(value)}")
+    place.say(f"'{key}' must be a string, got {shown(value)}")
     return default
 
 

@@ -72,7 +72,7 @@ class ObjectReader:
         self.ids[number] = place.line
         self.places[number] = place
         if "template" in node:
-            place.say("templates are not read; detach it (in Tiled: right click > Detach)")
+            place.say("templates are not supported; detach the object (in Tiled: right click > Detach)")
             return
         cls = self.class_of(node, kind, layer, place)
         if cls is not None:
@@ -95,7 +95,7 @@ class ObjectReader:
         elif kind == "measure":
             return "Line" if "polyline" in node else "Area"
         else:
-            place.say(f"has no class; there are {', '.join(OBJECT_CLASSES)}")
+            place.say(f"has no class; set one of {', '.join(OBJECT_CLASSES)}")
         return None
 
     def takes(self, cls, shape, place):
@@ -103,7 +103,7 @@ class ObjectReader:
         kind, points = shape
         if kind not in cls.shapes:
             wanted = " or ".join(_SHAPES[s] for s in cls.shapes)
-            place.say(f"{article(cls.name)} must be {wanted}, and this is {_SHAPES[kind]}")
+            place.say(f"{article(cls.name)} must be {wanted}, but this is {_SHAPES[kind]}")
             return False
         if kind == "area" and not self.sound(points, place):
             return False
@@ -115,7 +115,7 @@ class ObjectReader:
     def sound(self, polygon, place):
         """A polygon with an area that does not cross itself."""
         if len(polygon) < 3 or geometry.span_area(polygon) < 1e-6 * self.frame.metres**2:
-            place.say("it has no area; drag it larger or delete it")
+            place.say("its area is zero; enlarge or delete it")
             return False
         edges = geometry.crossing(polygon)
         if edges is not None:
@@ -192,17 +192,19 @@ class ObjectReader:
         """(k, 3) m of a hull, None of other shapes and of what is no hull."""
         if shape != "hull":
             if text.strip():
-                place.say(f"corners are those of a hull; set shape to 'hull', it is {shape!r}")
+                place.say(f"corners can only be used with shape 'hull', and shape is {shape!r}")
             return None
         try:
             told = [[float(word) for word in corner.replace(",", " ").split()] for corner in text.split(";")]
             if not 4 <= len(told) <= MOST_CORNERS or any(len(corner) != 3 for corner in told):
                 raise ValueError(f"4 to {MOST_CORNERS} corners of three numbers each are needed")
             if not np.abs(told).max() <= FAR:
-                raise ValueError(f"no level is larger than {FAR:g} m")
+                raise ValueError(f"coordinates must be at most {FAR:g} m")
             polyhedron(told)
         except ValueError as error:
-            place.say(f"corners of a hull are 'east north up; east north up; ...' in m, such as {A_PYRAMID!r}: {error}")
+            place.say(
+                f"corners of a hull must be 'east north up; east north up; ...' in m, such as {A_PYRAMID!r}: {error}"
+            )
             return None
         return np.array(told)
 
@@ -279,7 +281,7 @@ class ObjectReader:
             value = getattr(thing, key)
             if type(value) is int:
                 if value and value not in self.goal_ids:
-                    self.places[thing.id].say(f"{key}: object {value} is no Goal")
+                    self.places[thing.id].say(f"{key}: object {value} is not a Goal")
                 setattr(thing, key, self.goal_ids.get(value, ""))
 
 

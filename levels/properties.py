@@ -115,7 +115,7 @@ def _hint(p):
     if p.kind == "brush":
         return "; name a brush asset"
     other = "; to make a level of another map: flockbrush level adopt FILE"
-    return f"; a Flockbrush level says '{p.default}'{other}" if p.name == "schema" else ""
+    return f"; a Flockbrush level has '{p.default}'{other}" if p.name == "schema" else ""
 
 
 def _other(values, cls, name, value, place, line):
@@ -189,7 +189,7 @@ def _bool(p, value):
 
 def _text(p, value):
     if not isinstance(value, str):
-        raise Refused(f"must be a text, got {shown(value)}")
+        raise Refused(f"must be a string, got {shown(value)}")
     if len(value) > limits.PROPERTY_TEXT:
         raise Refused(f"must have at most {limits.PROPERTY_TEXT} characters, got {len(value)}")
     return value

@@ -161,8 +161,8 @@ class LevelReader:
             place.say(f"schema must be '{schema.SCHEMA}', got {values['schema']!r}", values.lines["schema"])
         if doc.get("orientation", "orthogonal") != "orthogonal":
             place.say(
-                f"the orientation must be orthogonal, got {shown(doc['orientation'])}: tiles are squares of the ground,"
-                " seen from above, on which animals walk in metres"
+                f"the orientation must be orthogonal, got {shown(doc['orientation'])}: tiles must be"
+                " squares of the ground, seen from above"
             )
 
     # ------------------------------------------------------------ what the layers say
@@ -191,7 +191,7 @@ class LevelReader:
         cls = {c.home: c.name for c in CLASSES.values() if c.use == "tile"}.get(kind)
         if cls is None:
             layer.place.say(
-                f"this must be {'an image' if kind == 'height' else 'an object'} layer, and is a tile layer"
+                f"this must be {'an image' if kind == 'height' else 'an object'} layer, but is a tile layer"
             )
             return
         gids = self.layers.gids(layer, frame)
@@ -225,7 +225,7 @@ class LevelReader:
                 else "no tileset has it"
             )
             where = f"column {ix}, row {len(gids) - 1 - iy}"
-            layer.place.say(f"tile id {gid} at {where} must be a {cls} tile, and {found}")
+            layer.place.say(f"tile id {gid} at {where} must be a {cls} tile, but {found}")
         return used
 
     def paint_terrain(self, level, gids, used, layer):
@@ -275,7 +275,7 @@ class LevelReader:
         if kind != "height":
             place.say(
                 f"this must be {'a tile' if kind in ('terrain', 'brush', 'speed') else 'an object'} layer, "
-                "and is an image layer"
+                "but is an image layer"
             )
             return
         if level.height_map is not None:

@@ -113,7 +113,7 @@ class Level:
 def _spawn_properties() -> tuple[Property, ...]:
     """Those of a spawn, with the density from which the reader counts animals."""
     species, brush, count, *others = properties_of(Spawn)
-    density = Property("density", "number", 0.0, "how many per square metre; or give count", "1/m^2", low=0, high=1000)
+    density = Property("density", "number", 0.0, "animals per square metre; or give count", "1/m^2", low=0, high=1000)
     return species, brush, count, density, *others
 
 
@@ -127,13 +127,11 @@ CLASSES: dict[str, ObjectClass] = {
             "#5a7d3a",
             "the map itself",
             (
-                Property("schema", "text", SCHEMA, "the format of this file", required=True),
+                Property("schema", "text", SCHEMA, "version of the level format", required=True),
                 Property("metres_per_tile", "number", 1.0, "size of a tile", "m", above=0, high=1000),
-                Property("boundary", "enum", "wall", "what the edge of the map is", enum="Boundary"),
-                Property("seed", "int", 1, "another number, another run", low=0, high=2**31 - 1),
-                Property(
-                    "ground_rules", "text", "", "what tiles of layers that are not ours mean, a rule in each line"
-                ),
+                Property("boundary", "enum", "wall", "behaviour of the map edge", enum="Boundary"),
+                Property("seed", "int", 1, "random seed of the run", low=0, high=2**31 - 1),
+                Property("ground_rules", "text", "", "meaning of tiles in other layers, one rule per line"),
             ),
         ),
         ObjectClass(
@@ -149,7 +147,7 @@ CLASSES: dict[str, ObjectClass] = {
             "tile",
             "brush",
             "#c05a7a",
-            "behaviour painted on the ground; the layer's opacity is the blend weight",
+            "a brush painted on the ground; the opacity of the layer is its weight",
             (Property("asset", "brush", "", BRUSH, required=True),),
         ),
         ObjectClass(
@@ -157,10 +155,10 @@ CLASSES: dict[str, ObjectClass] = {
             "tile",
             "speed",
             "#d08a2a",
-            "a speed painted on the ground",
+            "a speed limit or factor painted on the ground",
             (
-                Property("max_speed", "number", 0.0, "top speed here; 0: no cap", "m/s", low=0, high=1000),
-                Property("factor", "number", 1.0, "multiplies speed", low=0.01, high=10),
+                Property("max_speed", "number", 0.0, "speed limit; 0: none", "m/s", low=0, high=1000),
+                Property("factor", "number", 1.0, "factor on the speed", low=0.01, high=10),
             ),
         ),
         ObjectClass(
@@ -168,7 +166,7 @@ CLASSES: dict[str, ObjectClass] = {
             "layer",
             "height",
             "#8a7a6a",
-            "a grey picture stretched over the map: slope slows and steers",
+            "a grey-scale height picture stretched over the map; slopes slow animals and turn them",
             (Property("metres_per_level", "number", 0.1, "height of one grey level", "m", above=0, high=1000),),
         ),
         ObjectClass(
@@ -176,15 +174,15 @@ CLASSES: dict[str, ObjectClass] = {
             "layer",
             "brush",
             "#c05a7a",
-            "species that a painted layer binds, and how much",
+            "the species that a painted layer affects, and its weight",
             (
                 *PAINT_BOUNDS,
                 Property(
                     "blend",
                     "enum",
                     "cover",
-                    "mix: the layer's opacity is how far animals go towards its brush; share: the share of "
-                    "animals that take it; cover: all, altogether",
+                    "use of the layer's opacity: mix: weight of its brush in each animal; share: share of the "
+                    "animals that take its brush; cover: ignored, all animals take its brush",
                     enum="Blend",
                 ),
                 EDGE,
@@ -195,14 +193,14 @@ CLASSES: dict[str, ObjectClass] = {
             "object",
             "obstacles",
             "#6a5a4a",
-            "what animals walk around",
+            "a shape that animals cannot enter",
             (
                 *properties_of(Obstacle),
                 Property(
                     "corners",
                     "text",
                     "",
-                    "of a hull: 'east north up; ...' in m from the middle of its foot",
+                    "corners of a hull, 'east north up; ...' in m from the centre of its base",
                 ),
             ),
             shapes=("area",),
@@ -221,7 +219,7 @@ CLASSES: dict[str, ObjectClass] = {
             "object",
             "goals",
             "#2a9a5a",
-            "where the way leads",
+            "a place that animals go to",
             properties_of(Goal),
             shapes=("point", "area"),
         ),
@@ -230,7 +228,7 @@ CLASSES: dict[str, ObjectClass] = {
             "object",
             "zones",
             "#8a5ab8",
-            "applies only while inside; give a brush, a max_speed, a factor, an event, or several",
+            "an area that affects animals inside it; give a brush, a max_speed, a factor or an event",
             ZONE,
             shapes=("area",),
         ),
@@ -239,11 +237,13 @@ CLASSES: dict[str, ObjectClass] = {
             "object",
             "spawns",
             "#d0a02a",
-            "where animals come into the world",
+            "an area in which animals are created",
             _spawn_properties(),
             shapes=("area",),
         ),
-        ObjectClass("Exit", "object", "exits", "#b83a3a", "animals that come here leave the world", shapes=("area",)),
+        ObjectClass(
+            "Exit", "object", "exits", "#b83a3a", "an area that removes the animals that enter it", shapes=("area",)
+        ),
         ObjectClass(
             "Key",
             "object",
@@ -251,17 +251,27 @@ CLASSES: dict[str, ObjectClass] = {
             "#4a4a8a",
             "a timed command; its other properties are the command's arguments",
             (
-                Property("at", "number", 0.0, "when", "s", low=0, high=1e7),
+                Property("at", "number", 0.0, "time after the start", "s", low=0, high=1e7),
                 Property("command", "text", "", "name of the command", required=True),
             ),
             shapes=("point", "area", "line"),
             open=True,
         ),
         ObjectClass(
-            "Line", "object", "measure", "#3a3a3a", "crossings are counted here, by the object's name", shapes=("line",)
+            "Line",
+            "object",
+            "measure",
+            "#3a3a3a",
+            "a line on which crossings are counted, reported by the object's name",
+            shapes=("line",),
         ),
         ObjectClass(
-            "Area", "object", "measure", "#5a5a5a", "density is measured here, by the object's name", shapes=("area",)
+            "Area",
+            "object",
+            "measure",
+            "#5a5a5a",
+            "an area in which density is measured, reported by the object's name",
+            shapes=("area",),
         ),
     )
 }

@@ -14,8 +14,8 @@ import numpy as np
 from flockbrush.levels.level_class import Property
 
 PROPERTIES: list[Property] = [
-    Property("name", "text", "", "what it is called"),
-    Property("colour", "colour", "#b8c49a", "how it is drawn"),
+    Property("name", "text", "", "name of the ground"),
+    Property("colour", "colour", "#b8c49a", "colour in pictures"),
 ]
 
 
@@ -40,10 +40,12 @@ def terrain_property(
     PROPERTIES.append(Property(name, kind, default, meaning, unit, low, high))
 
 
-terrain_property("walkable", True, "false: no animal steps on it")
-terrain_property("speed_factor", 1.0, "multiplies speed; less is slower", low=0.01, high=10)
-terrain_property("cost", 1.0, "of a metre on the way to a goal; more is avoided", low=0.01, high=1000)
-terrain_property("blocks_view", False, "true: hides animals behind it")
+terrain_property("walkable", True, "false: animals cannot walk on it")
+terrain_property("speed_factor", 1.0, "factor on the speed; smaller is slower", low=0.01, high=10)
+terrain_property(
+    "cost", 1.0, "cost per metre of the way to a goal; larger values are avoided more", low=0.01, high=1000
+)
+terrain_property("blocks_view", False, "true: animals cannot see through it")
 
 
 def bare() -> dict[str, Any]:

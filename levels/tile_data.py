@@ -22,13 +22,13 @@ def decode(data, encoding, compression, width, height) -> np.ndarray:
     """
     encoding, compression = encoding or "csv", compression or ""
     if encoding not in ("csv", "base64"):
-        raise ValueError(f"unknown tile data encoding {encoding!r}; there are csv and base64")
+        raise ValueError(f"unknown tile data encoding {encoding!r}; available: csv, base64")
     if compression == "zstd":
         raise ValueError(
-            "tile data compressed with zstd is not read; set Map > Tile Layer Format to CSV or Base64 (zlib)"
+            "tile data compressed with zstd is not supported; set Map > Tile Layer Format to CSV or Base64 (zlib)"
         )
     if compression and compression not in _WINDOW:
-        raise ValueError(f"unknown tile data compression {compression!r}; there are zlib and gzip")
+        raise ValueError(f"unknown tile data compression {compression!r}; available: zlib, gzip")
     gids = _from_list(data, width * height) if encoding == "csv" else _from_base64(data, compression, width * height)
     return (gids & np.uint32(~FLIP_FLAGS & 0xFFFFFFFF)).reshape(height, width)
 
@@ -45,7 +45,7 @@ def _from_list(data, count):
 
 def _from_base64(data, compression, count):
     if not isinstance(data, str):
-        raise ValueError("base64 tile data must be a text")
+        raise ValueError("base64 tile data must be a string")
     try:
         packed = base64.b64decode("".join(data.split()), validate=True)
     except (binascii.Error, ValueError):

@@ -205,7 +205,7 @@ def known_brushes(tileset_file) -> list[str]:
     except FileNotFoundError:
         return []
     except (ValueError, LookupError, TypeError):
-        problem = Problem(str(tileset_file), None, None, "is damaged; delete it, and it is made again")
+        problem = Problem(str(tileset_file), None, None, "is damaged; delete it, and it will be created again")
         raise ProblemsError([problem]) from None
 
 

@@ -121,7 +121,9 @@ def renew_brushes(folder, library) -> bool:
         for known in types:
             known["values"] = ["", *library.names()]
     except (ValueError, LookupError, TypeError):
-        raise ProblemsError([Problem(str(file), None, None, "is damaged: level init makes it anew")]) from None
+        raise ProblemsError(
+            [Problem(str(file), None, None, "is damaged: flockbrush level init creates it again")]
+        ) from None
     made = project_files(library, known_brushes(folder / BRUSHES_FILE))
     tiles = {name: data for name, data in made.items() if Path(name).stem == Path(BRUSHES_FILE).stem}
     for name, data in {PROJECT_FILE: _json(kept), **tiles}.items():

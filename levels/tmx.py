@@ -88,7 +88,7 @@ def _parse(data):
             stack[-1].text += words
 
     def refuse(*_):
-        raise JsonError("an XML file with a DTD or entities is not read", parser.CurrentLineNumber)
+        raise JsonError("XML files with a DTD or entities are not supported", parser.CurrentLineNumber)
 
     parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, text
     parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse

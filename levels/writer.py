@@ -138,7 +138,7 @@ class Document:
             written = Path(path).read_bytes()
             if is_xml(written):
                 message = (
-                    f"TMX is read, not written; make a .tmj of it to edit: flockbrush level adopt {Path(path).name}"
+                    f"a .tmx file cannot be edited here; convert it to .tmj: flockbrush level adopt {Path(path).name}"
                 )
                 raise ProblemsError([Problem(str(path), 1, None, message)])
             data = parse(written, limits.JSON_DEPTH)
@@ -149,7 +149,7 @@ class Document:
         except JsonError as error:
             raise ProblemsError([Problem(str(path), error.line, None, str(error))]) from None
         if not isinstance(data, dict) or data.get("infinite"):
-            message = "an infinite map cannot be edited here; fix its size in Tiled (Map > Map Properties)"
+            message = "an infinite map cannot be edited here; set a fixed size in Tiled (Map > Map Properties)"
             raise ProblemsError([Problem(str(path), 1, None, message)])
         return cls(data, path)
 

@@ -133,7 +133,7 @@ def can_do(palette, table):
 
 
 def cannot(palette, fauna, brush, species):
-    """A sentence why a species (by name) cannot do a brush (by name); "" when it can."""
+    """A sentence why a species (by name) cannot use a brush (by name); "" when it can."""
     if species not in fauna.names:
         return ""
     index, kind = palette.named(brush), fauna.names.index(species)
@@ -141,7 +141,7 @@ def cannot(palette, fauna, brush, species):
         return ""
     asset = fauna.assets[kind]
     needs = "flies" if palette.flies_free[index] else "walks or swims"
-    return f"species {species!r} cannot do brush {brush!r}, which {needs}: its media are {', '.join(asset.media)}"
+    return f"species {species!r} cannot use brush {brush!r}, which {needs}: its media are {', '.join(asset.media)}"
 
 
 def sheets_of(level, palette_names):

@@ -134,7 +134,7 @@ class PlaceGoal(OfThing):
         need(self.name, "a goal needs a name")
         there = self.there(land)
         others = [goal.name for k, goal in enumerate(land.goals) if k != there]
-        need(self.name not in others, f"there is a goal {self.name!r} already")
+        need(self.name not in others, f"a goal named {self.name!r} already exists")
         check_told(self, Goal)
         inside = 0 <= self.x <= land.width and 0 <= self.y <= land.height
         need(inside, off_the_map(land, f"({self.x:g}, {self.y:g})"))

@@ -87,8 +87,8 @@ def _check_brush(palette, zone):
     mixes = zone.bounds.blend != "mix" or zone.brush in palette.over
     need(
         mixes,
-        f"edge and strength mix {zone.brush!r} with other brushes, and this world has none between them; give the "
-        f"command MixBrush first, or set share to yes (then so many animals take it up altogether)",
+        f"edge and strength mix {zone.brush!r} with other brushes, but this world has no mixtures of it; give the "
+        f"command MixBrush first, or set share to yes (then that share of the animals takes the brush)",
     )
 
 
@@ -168,7 +168,7 @@ class PlaceKey(OfThing):
 
 def _check_free(land, mine):
     """ValueError unless the name is that of no other line or area: counts are told by name."""
-    need(mine.name, "what is measured is told by name; give it one")
+    need(mine.name, "a line or an area needs a name: its counts are reported by name")
     others = [thing.name for thing in (*land.marks.lines, *land.marks.areas) if thing.id != mine.id]
     need(mine.name not in others, f"there is a line or an area {mine.name!r} already")
 

@@ -280,7 +280,7 @@ def herd_measures(xyz, velocity, forward, body_length, wrap=None, flies=False):
     return {name: found.compute(herd) for name, found in measures().items()}
 
 
-@measure("animals", meaning="how many there are", low=0)
+@measure("animals", meaning="number of animals", low=0)
 def _animals(herd):
     return len(herd.xyz)
 
@@ -290,12 +290,12 @@ def _polarization(herd):
     return compute_polarization(herd.forward)
 
 
-@measure("milling", meaning="0 none, 1 all turn about the centre", low=0, high=1, plotted=True)
+@measure("milling", meaning="0: no rotation, 1: all rotate about the centroid", low=0, high=1, plotted=True)
 def _milling(herd):
     return compute_milling(herd.xy, herd.forward)
 
 
-@measure("rotation", meaning="milling with a sign, counter-clockwise positive", low=-1, high=1)
+@measure("rotation", meaning="milling with a sign, positive counter-clockwise", low=-1, high=1)
 def _rotation(herd):
     return compute_rotation(herd.xy, herd.forward)
 
@@ -311,23 +311,23 @@ def _speed_std(herd):
 
 
 @measure(
-    "nnd", "m", "distance to the nearest neighbour, mean", low=0, plotted=True, title="nearest neighbour distance"
+    "nnd", "m", "mean distance to the nearest neighbour", low=0, plotted=True, title="nearest neighbour distance"
 )  # fmt: skip
 def _nnd(herd):
     return float(np.mean(compute_nnd(herd.places, herd.wrap))) if len(herd.xyz) > 1 else np.nan
 
 
-@measure("group_spread", "m", "distance from the centroid, root mean square", low=0, plotted=True)
+@measure("group_spread", "m", "root mean square distance from the centroid", low=0, plotted=True)
 def _group_spread(herd):
     return compute_group_spread(herd.places)
 
 
-@measure("elongation", meaning="0 round, 1 a line", low=0, high=1)
+@measure("elongation", meaning="0: round, 1: a line", low=0, high=1)
 def _elongation(herd):
     return compute_elongation(herd.xy)
 
 
-@measure("aspect_ratio", meaning="extent across the way the herd goes / along it", low=0)
+@measure("aspect_ratio", meaning="extent across the direction of motion / along it", low=0)
 def _aspect_ratio(herd):
     return compute_aspect_ratio(herd.xy, herd.forward)
 
@@ -337,7 +337,7 @@ def _largest_part(herd):
     return compute_largest_part(herd.places, 4 * herd.body_length, herd.wrap)
 
 
-@measure("density", "1/m²", "animals per area of their convex hull", low=0)
+@measure("density", "1/m²", "number of animals / area of their convex hull", low=0)
 def _density(herd):
     return compute_density(herd.xy)
 

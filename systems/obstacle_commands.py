@@ -61,7 +61,10 @@ class AddObstacle:
         need(0 <= self.margin <= 1000, f"margin must be 0 to 1000 m, got {self.margin:g}")
         low, high, shape, corners = self.stand(land)
         others = land.barriers if low > 0 else land.overhead
-        need(by_id(others, self.id) is None, "an obstacle is raised or set down by MoveObstacle")
+        need(
+            by_id(others, self.id) is None,
+            "AddObstacle cannot lift an obstacle off the ground or lower it; use MoveObstacle",
+        )
         need(shape in SHAPES, f"shape must be one of {', '.join(SHAPES)}{did_you_mean(shape, SHAPES)}")
         need(low < high, f"z_min must be below z_max, got {low:g} and {high:g} m")
         need(shape != "hull" or corners is not None, "a hull needs corners, [[east, north, up], ...] in m")
@@ -248,7 +251,10 @@ class StandObstacle:
     def check(self, world):
         count = len(world.resource(Landscape).find(self.name))
         need(count, f"there is no obstacle {self.name!r}")
-        need(count == len(self.stand), f"there are {count} obstacles {self.name!r} now, and {len(self.stand)} are told")
+        need(
+            count == len(self.stand),
+            f"there are {count} obstacles {self.name!r}, but stand has {len(self.stand)} entries",
+        )
         try:
             for points, low, high in self.stand:
                 polygon_of(points, "an obstacle")
@@ -256,7 +262,7 @@ class StandObstacle:
             told = [(np.array(by, float).shape == (3,) and float(left) >= 0) for by, left in self.glides]
         except TypeError:
             told = [False]
-        need(all(told), "stand holds [points, z_min, z_max], glides [[x, y, z], seconds]")
+        need(all(told), "stand must be a list of [points, z_min, z_max], glides a list of [[x, y, z], seconds]")
 
     def inverse(self, world):
         return MoveObstacle(self.name, 0.0, 0.0).inverse(world)

@@ -31,12 +31,15 @@ def number_of(world, layer, value):
     """What a layer keeps for a value of a command; ValueError or LookupError with what there is."""
     need(layer in LAYERS, f"there is no layer {layer!r}{did_you_mean(str(layer), LAYERS)}")
     if layer == "cap":
-        need(isinstance(value, (int, float)) and not isinstance(value, bool), f"a cap is a number, got {value!r}")
-        need(value <= FASTEST, f"a cap is at most {FASTEST:g} m/s, got {value:g}")
+        need(
+            isinstance(value, (int, float)) and not isinstance(value, bool),
+            f"a speed cap must be a number, got {value!r}",
+        )
+        need(value <= FASTEST, f"a speed cap must be at most {FASTEST:g} m/s, got {value:g}")
         return float(value) if value > 0 else np.inf
     if layer == "surface" and value is NATIVE_NAME:
         return NATIVE
-    need(isinstance(value, str), f"a {layer} is painted by its name, got {value!r}")
+    need(isinstance(value, str), f"a {layer} must be given by its name, got {value!r}")
     if layer == "brush":
         return world.resource(Palette).named(value) if value else NO_BRUSH
     names = [kind.name for kind in world.resource(Landscape).kinds]

@@ -109,14 +109,14 @@ class Params(Parameters):
     )
 
     sliders: ClassVar = {
-        "tightness": Slider("Loose, or drawn to the middle of the others", (moves("centring_strength", 0.0, 1.0),)),
+        "tightness": Slider("Loose to strongly attracted by neighbours", (moves("centring_strength", 0.0, 1.0),)),
         "order": Slider(
-            "Each its own way, or all one way",
+            "Random headings to common heading",
             (moves("matching_strength", 0.0, 1.0), moves("matching_time", 1.5, 0.05, True)),
         ),
-        "personal space": Slider("Wing to wing, or with room between them", (moves("separation", 0.5, 30.0, True),)),
+        "personal space": Slider("Wing to wing to wide spacing", (moves("separation", 0.5, 30.0, True),)),
         "nerve": Slider(
-            "Bold, or gone at the first sight of danger",
+            "Bold to fearful",
             (moves("flight_distance", 5.0, 500.0, True), moves("panic_pace", 1.0, 4.0, True)),
         ),
         **SLIDERS,

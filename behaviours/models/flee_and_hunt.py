@@ -38,7 +38,7 @@ class FleeParams(herd.Params):
     sliders: ClassVar = {
         **herd.Params.sliders,
         "nerve": Slider(
-            "Bold, or gone at the first sight of danger",
+            "Bold to fearful",
             (moves("flight_distance", 2.0, 60.0, True), moves("panic_pace", 1.0, 6.0, True)),
         ),
     }
@@ -69,7 +69,7 @@ class HuntParams(herd.Params):
     sliders: ClassVar = {
         **herd.Params.sliders,
         "nerve": Slider(
-            "Patient, or after every prey in sight",
+            "Attacks near prey only to chases all prey in sight",
             (moves("chase_distance", 5.0, 120.0, True), moves("charge_distance", 2.0, 60.0, True)),
         ),
     }

@@ -113,22 +113,22 @@ class Params(Parameters):
 
     sliders: ClassVar = {
         "tightness": Slider(
-            "Loose and spread out, or drawn close together",
+            "Spread out to close together",
             (moves("cohesion_weight", 0.0, 1.0), moves("cohesion_radial", 0.5, 1.0)),
         ),
         "order": Slider(
-            "Each its own way, or all one way",
+            "Random headings to common heading",
             (moves("alignment_weight", 0.0, 1.0), moves("alignment_radial", 0.5, 1.0)),
         ),
         "personal space": Slider(
-            "Shoulder to shoulder, or with room between them",
+            "Close contact to wide spacing",
             (moves("avoidance_radial", 0.1, 1.0, True), moves("avoidance_weight", 0.02, 1.0, True)),
         ),
         "nerve": Slider(
-            "Sluggish, or quick to answer whatever happens",
+            "Slow to quick reactions",
             (moves("sensitivity", 1.0, 100.0, True), moves("max_turn", 1.0, 30.0, True)),
         ),
-        "wander": Slider("Straight ahead, or with whims", (moves("wander", 0.0, 3.0),)),
+        "wander": Slider("Straight paths to random turns", (moves("wander", 0.0, 3.0),)),
         **SLIDERS,
     }
 

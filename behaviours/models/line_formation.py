@@ -85,16 +85,16 @@ class Params(Parameters):
     )  # fmt: skip
 
     sliders: ClassVar = {
-        "tightness": Slider("Far apart to the side, or wing to wing", (moves("spacing", 3.0, 0.95, True),)),
-        "order": Slider("A ragged line, or a stiff one", (moves("deviation", 1.0, 0.0),)),
+        "tightness": Slider("Wide to narrow lateral spacing", (moves("spacing", 3.0, 0.95, True),)),
+        "order": Slider("Irregular to exact formation", (moves("deviation", 1.0, 0.0),)),
         "sweep": Slider(
-            "A flat line, or a deep one", (moves("slope", 0.2, 3.0, True), moves("curvature", 0.01, 0.3, True))
+            "Flat to deep formation", (moves("slope", 0.2, 3.0, True), moves("curvature", 0.01, 0.3, True))
         ),
         "nerve": Slider(
-            "Slow to take a new place, or quick",
+            "Slow to quick changes of place",
             (moves("drift", 0.05, 2.0, True), moves("gain", 0.01, 0.2, True), moves("turning", 0.05, 0.8, True)),
         ),
-        "wander": Slider("Each keeps its place to the side, or changes it", (moves("lateral", 0.0, 1.0),)),
+        "wander": Slider("Constant to changing lateral places", (moves("lateral", 0.0, 1.0),)),
         **SLIDERS,
     }
 

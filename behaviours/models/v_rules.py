@@ -39,14 +39,14 @@ class Params(VRuleSettings):
     )
 
     sliders: ClassVar = {
-        "tightness": Slider("With room between the wings, or overlapping", (moves("lateral_room", 1.0, -0.3),)),
-        "order": Slider("Several small lines, or one V", (moves("angle", 40.0, 180.0),)),
-        "personal space": Slider("Close behind one another, or with room", (moves("margin", 0.05, 2.0, True),)),
+        "tightness": Slider("Wings apart to wings overlapping", (moves("lateral_room", 1.0, -0.3),)),
+        "order": Slider("Several lines to one V", (moves("angle", 40.0, 180.0),)),
+        "personal space": Slider("Close behind one another to wide spacing", (moves("margin", 0.05, 2.0, True),)),
         "nerve": Slider(
-            "Slow to take a new place, or quick",
+            "Slow to quick changes of place",
             (moves("lateral_step", 0.01, 0.4, True), moves("forward_step", 0.01, 0.4, True)),
         ),
-        "wander": Slider("In still air, or blown about", (moves("perturbation", 0.0, 0.5),)),
+        "wander": Slider("Still to turbulent air", (moves("perturbation", 0.0, 0.5),)),
         **SLIDERS,
     }
 

@@ -59,13 +59,13 @@ class Params(Parameters):
     guided_share: float = share_guided()
 
     sliders: ClassVar = {
-        "tightness": Slider("Loose, or drawn to others from far away", (moves("attraction", 1.0, 30.0, True),)),
-        "order": Slider("Each its own way, or all one way", (moves("orientation", 0.1, 20.0, True),)),
-        "personal space": Slider(
-            "Shoulder to shoulder, or with room between them", (moves("repulsion", 0.3, 6.0, True),)
+        "tightness": Slider(
+            "Attracted by near to attracted by distant animals", (moves("attraction", 1.0, 30.0, True),)
         ),
-        "nerve": Slider("Sluggish, or quick to turn", (moves("max_turn", 0.1, 10.0, True),)),
-        "wander": Slider("Straight ahead, or with whims", (moves("wander", 0.0, 2.0),)),
+        "order": Slider("Random headings to common heading", (moves("orientation", 0.1, 20.0, True),)),
+        "personal space": Slider("Close contact to wide spacing", (moves("repulsion", 0.3, 6.0, True),)),
+        "nerve": Slider("Slow to quick turns", (moves("max_turn", 0.1, 10.0, True),)),
+        "wander": Slider("Straight paths to random turns", (moves("wander", 0.0, 2.0),)),
         **SLIDERS,
     }
 

@@ -1,6 +1,6 @@
-"""How long a tick takes: the scene in which the project's promises are made.
+"""Benchmark of ticks, in the scene that the documented figures refer to.
 
-One herd on an endless plain at one animal on 4 m² that sees 10 m far (some 78 others in range), exact occlusion on.
+One herd on an endless plane: 0.25 animals/m², 10 m view range (about 78 neighbours in range), exact occlusion.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ WARM_UP = 5  # ticks
 
 
 def scene(agents):
-    """The simulation that is timed, before its first tick."""
+    """The simulation to time, before its first tick."""
     brush = shipped().get(BRUSH)
     length = brush.body.length
     sight = brush.vision.model_copy(update={"range": RANGE / length, "occlusion": True})
@@ -37,14 +37,14 @@ def scene(agents):
 
 
 def rehearse():
-    """The same with few animals, for whoever looks which kernels it calls."""
+    """Run the scene with few animals, so that `compile_ahead` can list the kernels it calls."""
     simulation = scene(FEW)
     simulation.run(TICKS)
     simulation.close()
 
 
 def timed(simulation, ticks):
-    """Seconds of each of so many ticks, and seconds in each system for one."""
+    """(seconds of each tick, {system: mean seconds per tick})."""
     simulation.run(WARM_UP)
     before, seconds = dict(simulation.schedule.nanoseconds), []
     for _ in range(ticks):
@@ -56,7 +56,7 @@ def timed(simulation, ticks):
 
 
 def machine():
-    """What the numbers were measured on, in a line."""
+    """The processor, operating system and Python version, as one line of text."""
     system = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
     return f"{_processor()}, {os.cpu_count()} CPUs, {system}"
 
@@ -70,7 +70,7 @@ def _processor():
 
 
 def benchmark(sizes, ticks, thread_counts, json):
-    """Time every size with every number of threads; print the tables."""
+    """Time every herd size with every number of threads and print the tables."""
     results = []
     with compiling_for("flockbrush.cli.bench:rehearse"):
         for agents in sizes:
@@ -92,7 +92,7 @@ def benchmark(sizes, ticks, thread_counts, json):
 
 
 def _fewer(ticks, agents):
-    """Fewer ticks of large herds: they differ less."""
+    """Number of timed ticks; fewer for large herds, whose ticks vary less."""
     return max(2, min(ticks, 600_000 // agents if agents > 10_000 else ticks))
 
 
@@ -112,13 +112,13 @@ def _result(simulation, agents, threads, ticks):
 
 
 def _show(results):
-    numbers = ("animals", "threads", "ms a tick", "95 % below", "µs an animal", "memory, MiB")
-    made = table(*numbers, title="one animal on 4 m² that sees 10 m far, exact occlusion", right=numbers)
+    numbers = ("animals", "threads", "ms per tick", "95th percentile, ms", "µs per animal", "memory, MiB")
+    made = table(*numbers, title="0.25 animals/m², 10 m view range, exact occlusion", right=numbers)
     for r in results:
         times = f"{1e3 * r['median']:.2f}", f"{1e3 * r['p95']:.2f}", f"{r['microseconds_an_animal']:.2f}"
         made.add_row(f"{r['agents']:,}", str(r["threads"]), *times, f"{r['peak_memory_mib']:.0f}")
     show(made)
     heads = [f"{r['agents']:,} x {r['threads']}" for r in results]
     rows = ((name, *(f"{1e3 * r['systems'][name]:.3f}" for r in results)) for name in results[0]["systems"])
-    show(table("ms in", *heads, rows=rows, title="by system (animals x threads)", right=heads))
+    show(table("system", *heads, rows=rows, title="ms per tick by system (animals x threads)", right=heads))
     print_line(machine())

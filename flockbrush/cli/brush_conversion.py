@@ -1,4 +1,4 @@
-"""``flockbrush brush convert``: brushes of before there were species."""
+"""The command ``flockbrush brush convert``, for brush files from versions without species."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flockbrush.runs.terminal import print_line
 
 
 def convert_brushes(files, species="", output=None):
-    """Rewrite brush files, each wholly or not at all, and say what became of each."""
+    """Convert brush files and print the result for each; a file is converted completely or not at all."""
     bad = False
     for path in map(Path, files):
         try:
@@ -29,24 +29,24 @@ def convert_brushes(files, species="", output=None):
 
 
 def _convert(path, species, output):
-    """What became of one file."""
+    """Convert one file and return the text to print."""
     folder = path.parent if output is None else Path(output)
     fauna = SpeciesLibrary([path.parent / "species", path.parent.parent / "species", *shipped_species().folders])
     if convert(read_bytes(path), str(path), fauna, species) is None:
         return "nothing to convert"
     if not folder.is_dir():
-        raise ProblemsError([Problem(str(folder), None, None, "there is no such folder")])
+        raise ProblemsError([Problem(str(folder), None, None, "folder not found")])
     with held(folder / path.name):
         made = convert(read_bytes(path), str(path), fauna, species)  # as it is now that nobody else writes it
         return "nothing to convert" if made is None else _written(made, folder, path.name)
 
 
 def _written(made, folder, name):
-    """Write what was converted; what became of it."""
+    """Write a converted brush and return the text to print."""
     said = f"made for {', '.join(made.made_for)}"
     if made.species:
         beside = folder / f"{made.made_for[0]}{SUFFIX}"
         write_bytes(beside, made.species.encode(), overwrite=False)
-        said += f"; its body is now in {beside}: put it into a folder 'species' beside the level"
+        said += f"; its body is now in {beside}: move that file to a folder 'species' beside the level"
     write_bytes(folder / name, made.text.encode(), overwrite=True)
     return said

@@ -1,4 +1,4 @@
-"""How ``flockbrush brush`` is called."""
+"""Options of the commands ``flockbrush brush ...``."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ brush_app = typer.Typer(
 
 
 class StartLayout(str, enum.Enum):
-    """How a herd stands at first."""
+    """Arrangement of a herd at the start."""
 
     scatter = "scatter"
     grid = "grid"
@@ -26,7 +26,7 @@ class StartLayout(str, enum.Enum):
 
 @brush_app.command("list")
 def brush_list(json: Json = False):
-    """The brushes that come with Flockbrush."""
+    """List the shipped brushes."""
     from flockbrush.cli.commands import list_brushes
 
     list_brushes(json)
@@ -34,9 +34,10 @@ def brush_list(json: Json = False):
 
 @brush_app.command("show")
 def brush_show(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="A brush, or a .brush.toml file.")], json: Json = False
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Brush: a name or a .brush.toml file.")],
+    json: Json = False,
 ):
-    """Show a brush: its parameters with units, and their origin."""
+    """Show the parameters of a brush with their units, and where the values come from."""
     from flockbrush.cli.commands import show_brush
 
     show_brush(name, json)
@@ -46,7 +47,7 @@ def brush_show(
 def brush_check(
     files: Annotated[
         list[str],
-        typer.Argument(metavar="FILE...", help="Brush files, paths between brushes, or names of shipped brushes."),
+        typer.Argument(metavar="FILE...", help="Brush files, .path.toml files, or names of shipped brushes."),
     ],
 ):
     """Check brushes and print every problem as `file:line: ...`."""
@@ -59,16 +60,19 @@ def brush_check(
 def brush_convert(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Brush files with a [body] table.")],
     species: Annotated[
-        str, typer.Option(metavar="NAME", help="Species that the brushes are made for, whatever their body.")
+        str, typer.Option(metavar="NAME", help="Species to write in made_for; default: the species whose body fits.")
     ] = "",
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", metavar="FOLDER", help="File or folder to write, instead of changing the files."
+            "-o",
+            "--output",
+            metavar="FOLDER",
+            help="Folder for the converted files; default: the files are changed in place.",
         ),
     ] = None,
 ):
-    """Convert brushes with `[body]` to a species: `made_for`, and a species file where none fits."""
+    """Convert brushes with a [body] table to `made_for`; write a species file if no species has that body."""
     from flockbrush.cli.brush_conversion import convert_brushes
 
     convert_brushes(files, species, output)
@@ -76,27 +80,38 @@ def brush_convert(
 
 @brush_app.command("morph")
 def brush_morph(
-    start: Annotated[str, typer.Argument(metavar="A", help="The brush to start from: a name or a .brush.toml file.")],
-    end: Annotated[str, typer.Argument(metavar="B", help="The brush to go to, of the same model.")],
+    start: Annotated[str, typer.Argument(metavar="A", help="First brush: a name or a .brush.toml file.")],
+    end: Annotated[str, typer.Argument(metavar="B", help="Second brush, of the same model.")],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="FILE", help="File to write; default: A--B.path.toml, in this folder."),
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="Path file to write; default: A--B.path.toml in the current folder."
+        ),
     ] = None,
-    animals: Annotated[int, typer.Option(min=3, max=100_000, metavar="N", help="Animals of each herd.")] = 100,
-    seeds: Annotated[int, typer.Option(min=2, max=1000, metavar="N", help="Herds measured at each step.")] = 3,
-    steps: Annotated[int, typer.Option(min=2, max=64, metavar="N", help="Steps of the path.")] = 8,
+    animals: Annotated[
+        int, typer.Option(min=3, max=100_000, metavar="N", help="Number of animals in each herd.")
+    ] = 100,
+    seeds: Annotated[
+        int, typer.Option(min=2, max=1000, metavar="N", help="Number of herds measured at each step.")
+    ] = 3,
+    steps: Annotated[int, typer.Option(min=2, max=64, metavar="N", help="Number of steps of the path.")] = 8,
     seconds: Annotated[
-        float, typer.Option(min=1, max=3600, metavar="S", help="Simulated seconds of each herd.")
+        float, typer.Option(min=1, max=3600, metavar="S", help="Duration of each herd, simulated seconds.")
     ] = 20.0,
     wander: Annotated[
         float,
-        typer.Option(min=0, max=10, metavar="W", help="Random turning added half-way (rad/√s), none at the ends."),
+        typer.Option(
+            min=0,
+            max=10,
+            metavar="W",
+            help="Random turning added in the middle of the path, rad/√s; zero at both ends.",
+        ),
     ] = 0.0,
 ):
-    """Measure a path between two brushes along which behaviour changes evenly, beside the straight line.
+    """Measure a path between two brushes along which behaviour changes evenly; compare it with the straight line.
 
-    Sweeps a herd there and back and says when the pair is bistable. Paint of part weight follows the path when it lies
-    in a folder `brushes` beside the level. About a minute with the defaults.
+    A herd is swept from A to B and back, and the report says whether the pair is bistable. Paint with partial weight
+    follows the path if its file is in a folder `brushes` beside the level. Takes about a minute with the defaults.
     """
     from flockbrush.cli.morph_commands import Trial, morph_brushes
 
@@ -105,16 +120,16 @@ def brush_morph(
 
 @brush_app.command("preview")
 def brush_preview(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="A brush, or a .brush.toml file.")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="PNG", help="Picture to write.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Brush: a name or a .brush.toml file.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="PNG", help="Picture to write (.png).")],
     agents: Annotated[int, typer.Option(min=1, max=100_000, metavar="N", help="Number of animals.")] = 200,
-    seconds: Annotated[float, typer.Option(min=0, max=3600, metavar="S", help="Duration in simulated seconds.")] = 30.0,
+    seconds: Annotated[float, typer.Option(min=0, max=3600, metavar="S", help="Duration, simulated seconds.")] = 30.0,
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, metavar="K", help="Random seed.")] = 0,
     start: Annotated[StartLayout, typer.Option(help="Arrangement of the animals at the start.")] = StartLayout.scatter,
     theme: ThemeOption = ThemeName.light,
     palette: PaletteOption = PaletteName.own,
 ):
-    """Draw animals under a brush on a plane: at the start, half-way and at the end."""
+    """Draw animals under a brush on a plane: at the start, in the middle and at the end of the run."""
     from flockbrush.cli.commands import preview_brush
 
     preview_brush(name, output, agents, seconds, seed, start.value, theme.value, palette.value)

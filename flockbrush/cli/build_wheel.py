@@ -1,4 +1,4 @@
-"""Builds a wheel that brings its kernels with it, compiled, so that nobody waits for the compiler."""
+"""Builds a wheel that contains compiled kernels, so that the first run need not compile them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NEEDED = ("pyproject.toml", "setup.py", "README.md", "LICENSE", "MANIFEST.in")
 
 
 def build(out, levels, cpus, house=HOUSE):
-    """Write a wheel into a folder, with the kernels that levels begin with for these processors; its path."""
+    """Write a wheel with the kernels that the levels need at their start, compiled for each CPU; returns its path."""
     _check(house, levels, cpus)
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out, prefix=".building-") as work:
@@ -40,7 +40,7 @@ def build(out, levels, cpus, house=HOUSE):
         with zipfile.ZipFile(plain) as archive:
             archive.extractall(site)
         for cpu in cpus:
-            say(f"compiling kernels for {cpu}, a minute or more ...")
+            say(f"compiling kernels for {cpu}; this takes a minute or more ...")
             _compile(site, kernels, cpu, levels)
         count = _ship(kernels, site, cpus)
         tag = f"{sys.implementation.cache_tag.replace('cpython-', 'cp')}"
@@ -54,25 +54,27 @@ def build(out, levels, cpus, house=HOUSE):
 
 
 def _check(house, levels, cpus):
-    """BadParameter and exits for what cannot be built, before anything is written."""
+    """Raise typer.BadParameter or typer.Exit, before anything is written, if the wheel cannot be built."""
     from flockbrush.runs.run import find_level
 
     if not all((house / name).is_file() for name in NEEDED):
-        say(f"{house}: here are no sources to build a wheel from; install a checkout (pip install -e .)")
+        say(f"{house}: this folder has no sources to build a wheel from; install from a checkout (pip install -e .)")
         raise typer.Exit(PROBLEM)
     if importlib.util.find_spec("setuptools") is None:
-        say("setuptools is missing, which builds the wheel: pip install 'setuptools>=77'")
+        say("the wheel is built with setuptools, which is not installed: pip install 'setuptools>=77'")
         raise typer.Exit(PROBLEM)
     for level in levels:
         find_level(level)
     for cpu in cpus:
         if cpu not in CPUS or shipped_kernels.machine() != "x86_64":
-            told = f"{cpu!r} on {shipped_kernels.machine()}; kernels can be shipped for {', '.join(CPUS)} on x86_64"
+            told = (
+                f"kernels can be compiled for {', '.join(CPUS)} on x86_64, got {cpu!r} on {shipped_kernels.machine()}"
+            )
             raise typer.BadParameter(told, param_hint="--cpu")
 
 
 def _plain_wheel(house, work):
-    """The wheel without kernels, of a copy of the sources."""
+    """Build the wheel without kernels, from a copy of the sources; returns its path."""
     source, dist = work / "source", work / "dist"
     dist.mkdir()
     ours = tomllib.loads((house / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["package-dir"]
@@ -92,7 +94,7 @@ def _compile(site, kernels, cpu, levels):
 
 
 def _run(command, folder, environment, problem):
-    """Run a program quietly; where it fails, say so, with the end of what it said."""
+    """Run a program without showing its output; on failure, print the last lines of its output and exit."""
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
         say(f"{problem}: {' '.join((done.stderr or done.stdout).strip().splitlines()[-3:])}")
@@ -100,7 +102,7 @@ def _run(command, folder, environment, problem):
 
 
 def _ship(kernels, site, cpus):
-    """Put compiled kernels into the package; how many."""
+    """Copy compiled kernels into the package; returns their number."""
     target = site / FOLDER
     target.mkdir()
     count = 0
@@ -126,7 +128,7 @@ def _set_tag(site, tag):
 
 
 def _pack(site, target):
-    """A wheel of all files of a folder, with their list."""
+    """Write a wheel of all files of a folder, with the list of the files (RECORD)."""
     (record,) = site.glob("*.dist-info/RECORD")
     listed = record.relative_to(site).as_posix()
     rows = []

@@ -1,4 +1,4 @@
-"""What the commands of the command line do; `flockbrush.cli.main` says how they are called."""
+"""Implementation of the commands for runs, levels and brushes; their options are in `flockbrush.cli.main`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from flockbrush.runs.terminal import Stopped, number, print_json, print_line, sa
 
 @dataclass
 class RunRequest:
-    """A run as the person asked for it."""
+    """The options of a run."""
 
     level: str
     ticks: int | None = None
@@ -52,7 +52,7 @@ class RunRequest:
 
 
 def run_level(job: RunRequest):
-    """Run a level, write what was asked for, print what came of it."""
+    """Run a level, write the requested files and print the report."""
     path = running.find_level(job.level)
     if job.report is not None:
         check_folder(job.report)
@@ -89,7 +89,7 @@ def run_level(job: RunRequest):
 
 
 def _out_of_sync(job, simulation, error):
-    """Say what a tick that was lived twice gave; ends the command."""
+    """Print how the two simulations of a tick differ, and end the command."""
     told = {"level": simulation.level.name, "seed": simulation.origin["seed"], "synctest": job.synctest}
     written = []
     if job.report is not None:
@@ -104,14 +104,14 @@ def _out_of_sync(job, simulation, error):
 
 
 def _step(job, watch, ticks, look):
-    """What does one tick of a run: once, or twice and compared."""
+    """The function that runs one tick: once, or twice with a comparison (--synctest)."""
     if not job.synctest:
         return watch.tick
     return SyncTest(watch.simulation, job.synctest, ticks, watch.tick, look).tick
 
 
 def ticks_of(job, dt):
-    """How many ticks a job asks for; typer.BadParameter for what is no length of time."""
+    """Number of ticks of a job; typer.BadParameter if its duration is invalid."""
     if job.ticks is not None:
         ticks, hint = job.ticks, "--ticks"
     else:
@@ -119,12 +119,12 @@ def ticks_of(job, dt):
             raise typer.BadParameter(f"must be a finite number of seconds, got {job.seconds}", param_hint="--seconds")
         ticks, hint = job.seconds / dt, "--seconds"
     if ticks > limits.TICKS:
-        raise typer.BadParameter(f"that is too long: there can be {limits.TICKS:,} ticks", param_hint=hint)
+        raise typer.BadParameter(f"too long: a run can have at most {limits.TICKS:,} ticks", param_hint=hint)
     return round(ticks)
 
 
 def use_threads(count):
-    """Use so many threads, where the person said."""
+    """Set the number of threads, unless it is None."""
     if count is not None:
         set_threads(count)
 
@@ -133,14 +133,14 @@ LARGE = 50 << 20  # bytes of a recording that are worth a word beforehand
 
 
 def tell_size(path, size):
-    """Say how large a recording will be, where it will be large, and whether the disk has that room."""
+    """Print the expected size of a recording if it is large or the disk has too little free space."""
     with suppress(OSError):
         free = shutil.disk_usage(Path(path).parent).free
         if size > free:
-            say(f"{path}: the recording will take about {_mb(size)}; the disk has {_mb(free)} free")
+            say(f"{path}: the recording will need about {_mb(size)}, but the disk has only {_mb(free)} free")
             return
     if size > LARGE:
-        say(f"{path}: the recording will take about {_mb(size)}")
+        say(f"{path}: the recording will need about {_mb(size)}")
 
 
 def _mb(size):
@@ -149,7 +149,7 @@ def _mb(size):
 
 @contextmanager
 def recorder_of(path, simulation, keyframes=None):
-    """A recorder that is closed in good order when the run ends or is stopped."""
+    """Context manager: a recorder that is closed when the run ends or is stopped; None without a path."""
     if path is None:
         yield None
         return
@@ -167,8 +167,8 @@ def recorder_of(path, simulation, keyframes=None):
 
 @contextmanager
 def stepping(text, simulation, ticks, interrupts, writing=False):
-    """A function to call after every tick: it moves the bar, and ends the run when somebody asked."""
-    told = "; what was written is complete up to there" if writing else ""
+    """Context manager: a function to call after every tick, which moves the progress bar and handles Ctrl-C."""
+    told = "; the written files are complete up to this tick" if writing else ""
     with terminal.progress(text, ticks) as bar:
 
         def stepped(*_):
@@ -212,10 +212,10 @@ def _show_run(report):
     for program, here in report["states"].items():
         say_states = ", ".join(f"{state} {count:,}" for state, count in here.items())
         print_line(f"{program}: {say_states}")
-    pace = f"{1e3 * tick['median']:.2f} ms a tick (median)" if tick["median"] == tick["median"] else "no tick timed"
+    pace = f"{1e3 * tick['median']:.2f} ms per tick (median)" if tick["median"] == tick["median"] else "no tick timed"
     lines = [f"{pace}, seed {report['seed']}, state {report['hash']}"]
     if "synctest" in report:
-        lines.append(f"{report['ticks']:,} ticks lived twice, the same bit for bit")
+        lines.append(f"{report['ticks']:,} ticks simulated twice: identical, bit for bit")
     lines += [f"wrote {path}" for path in report["exports"]]
     if report["recording"]:
         lines.append(f"wrote {report['recording']}; verify it: flockbrush replay {report['recording']} --verify")
@@ -223,7 +223,7 @@ def _show_run(report):
 
 
 def meaning_of(name: str) -> str:
-    """What a measure says, with its unit, for tables on the terminal."""
+    """Meaning of a measure with its unit, for tables on the terminal."""
     from flockbrush.runs.v_measures import MEANINGS
     from flockbrush.systems.measures import measures
 
@@ -242,19 +242,19 @@ def measures_table(measures, title=None):
 
 
 def opened(path):
-    """A recording, with what is odd about it said."""
+    """Open a recording and print its warnings."""
     run = open_recording(path)
     if run.notice:
         say(run.notice)
     found = differing(run)
     for what in ("code", "libraries") if "build" in run.header else ("libraries",):
         if what in found:
-            say(f"{path}: recorded with {found[what]}: the last bits may differ")
+            say(f"{path}: recorded with {found[what]}: results may differ in the last bits")
     return run
 
 
 def differing(run):
-    """What differs between the build that made a recording and this one (`flockbrush.runs.builds.differences`)."""
+    """Differences between the build that made a recording and this build (`flockbrush.runs.builds.differences`)."""
     build = run.header.get("build")
     there = {**(build if isinstance(build, dict) else {}), "packages": run.header.get("packages")}
     return differences(there, build_of_run(), {"flockbrush"})
@@ -264,7 +264,7 @@ def differing(run):
 
 
 def check_levels(files, window=False):
-    """Print everything that is wrong with levels, as a compiler would; in a window as well where that is asked for."""
+    """Print every problem of some levels, one line each; also in a window if asked."""
     from flockbrush.levels.build import build
 
     bad, lines = False, []
@@ -283,13 +283,13 @@ def check_levels(files, window=False):
     if window:
         from flockbrush.studio.message import show_message
 
-        show_message("Problems in the level" if bad else "The level is in order", "\n".join(lines), bad)
+        show_message("Problems in the level" if bad else "No problems in the level", "\n".join(lines), bad)
     if bad:
         raise typer.Exit(terminal.PROBLEM)
 
 
 def render_level(name, output, seconds, seed, agents, theme, palette):
-    """Draw a level, at its start or later."""
+    """Draw a level at its start, or after some simulated seconds."""
     check_png(output, [running.find_level(name)])
     job = RunRequest(name, seconds=seconds)
     with terminal.Interrupts() as interrupts, compiling_ahead(name, seed, agents):
@@ -308,21 +308,21 @@ def render_level(name, output, seconds, seed, agents, theme, palette):
 
 
 def check_png(output, inputs=(), hint="-o"):
-    """Make sure that a picture can be written."""
+    """Raise an error if a PNG cannot be written to this path."""
     if Path(output).suffix.lower() != ".png":
-        raise typer.BadParameter(f"the name of a picture ends in .png, got {str(output)!r}", param_hint=hint)
+        raise typer.BadParameter(f"the name of a picture must end in .png, got {str(output)!r}", param_hint=hint)
     check_exports([output], inputs)
 
 
 def check_plot(plot, inputs):
-    """Make sure that a chart can be drawn and written."""
+    """Raise an error if a chart cannot be drawn and written to this path."""
     from flockbrush.engine.files import output_problems
     from flockbrush.output.figures import FORMATS, drawing_problems
 
     if Path(plot).suffix.lower() not in FORMATS:
         endings = ", ".join(FORMATS)
         raise typer.BadParameter(
-            f"the name of a chart ends in one of {endings}; got {str(plot)!r}", param_hint="--plot"
+            f"the name of a chart must end in one of {endings}; got {str(plot)!r}", param_hint="--plot"
         )
     problems = drawing_problems(plot) or output_problems([plot], inputs)
     if problems:
@@ -330,24 +330,24 @@ def check_plot(plot, inputs):
 
 
 def init_levels(folder):
-    """Begin a folder for levels, with the brushes of its own folder ``brushes`` besides the shipped ones."""
+    """Create a folder for levels; its project offers the brushes in its folder ``brushes`` and the shipped ones."""
     from flockbrush.behaviours.brush import BrushLibrary, shipped
     from flockbrush.levels.tiled import init
 
     if folder.exists() and not folder.is_dir():
-        raise NotADirectoryError(20, "this is a file; name a folder", str(folder))
+        raise NotADirectoryError(20, "this is a file; give a folder", str(folder))
     own = [path for path in (folder / "brushes",) if path.is_dir()]
     for path in init(folder, BrushLibrary([*own, *shipped().folders])):
         print_line(f"wrote {path}")
-    print_line(f"open {folder / 'flockbrush.tiled-project'} in Tiled: F5 plays the level that is open, F6 checks it")
+    print_line(f"open {folder / 'flockbrush.tiled-project'} in Tiled; there F5 plays the open level and F6 checks it")
 
 
 def adopt_map(source, output, metres_per_tile):
-    """Write a level that is made of somebody's map."""
+    """Write a level made from an existing Tiled map."""
     from flockbrush.levels.adopt import adopt
 
     adoption = adopt(source, output, metres_per_tile)
-    print_line(f"wrote {adoption.write()}; {source} is as it was")
+    print_line(f"wrote {adoption.write()}; {source} was not changed")
     for rule in adoption.rules:
         print_line(f"  ground_rules: {rule}")
     for warning in adoption.level.warnings:
@@ -355,12 +355,12 @@ def adopt_map(source, output, metres_per_tile):
     walkable = 1.0 if adoption.level.terrain is None else adoption.level.terrain.walkable.mean()
     print_line(
         f"{adoption.level.width:g} x {adoption.level.height:g} m, {100 * walkable:.0f} % walkable, "
-        f"{adoption.level.agents:,} animals; say what tiles mean in the map's property ground_rules"
+        f"{adoption.level.agents:,} animals; set the meaning of tiles in the map property ground_rules"
     )
 
 
 def list_levels():
-    """The shipped levels with what stands in their files."""
+    """Print a table of the shipped levels."""
     from flockbrush.levels.reader import read_level
 
     made = table("level", "size, m", "animals", "boundary", "brushes", right=("animals",))
@@ -377,7 +377,7 @@ def list_levels():
 
 
 def find_brush(name):
-    """A brush by its name, or from a file."""
+    """The brush of this name, or from this file."""
     from flockbrush.behaviours.brush import SUFFIX, load_brush, shipped
 
     if Path(name).name != name or name.endswith(SUFFIX) or Path(name).suffix:
@@ -386,7 +386,7 @@ def find_brush(name):
 
 
 def list_brushes(json):
-    """The shipped brushes, a line each."""
+    """Print a table of the shipped brushes, or a JSON list."""
     from flockbrush.behaviours.brush import shipped
 
     library = shipped()
@@ -394,7 +394,7 @@ def list_brushes(json):
     if json:
         print_json([_in_short(brush) for brush in brushes])
         return
-    made = table("", "brush", "model", "speed, BL/s", "numbers", "what they do", right=("speed, BL/s",))
+    made = table("", "brush", "model", "speed, BL/s", "origin", "behaviour", right=("speed, BL/s",))
     for brush in brushes:
         swatch = styled("[{}]██[/]", brush.colour)
         first = (brush.title or brush.description).strip().split("\n")[0]
@@ -414,7 +414,7 @@ def _in_short(brush):
 
 
 def show_brush(name, json):
-    """Everything a brush says."""
+    """Print a brush: parameters, units, meanings and provenance."""
     brush = find_brush(name)
     if json:
         print_json({"schema": "flockbrush.brush/1", "sha256": brush.sha256} | brush.model_dump(mode="json"))
@@ -432,12 +432,12 @@ def show_brush(name, json):
             made.add_row(f"  {key}", _value(getattr(part, key)), unit, info.description or "")
     show(made)
     told = {key: value for key, value in brush.provenance.model_dump().items() if value not in (None, "", {})}
-    show(styled("[bold]where the numbers come from[/]"))
+    show(styled("[bold]provenance[/]"))
     figures = told.pop("report", {})
     for key, value in told.items():
         show(f"  {key}: {_value(value)}")
     if figures:
-        show(table("figures of the report", "value", rows=figures.items(), right=("value",)))
+        show(table("learning report", "value", rows=figures.items(), right=("value",)))
     print_line(f"sha256 {brush.sha256}")
 
 
@@ -450,7 +450,7 @@ def _value(value):
 
 
 def check_brushes(files):
-    """Print everything that is wrong with brushes and paths between them, as a compiler would."""
+    """Print every problem of some brushes and of paths between brushes, one line each."""
     from flockbrush.behaviours.brush import PATH_SUFFIX
     from flockbrush.behaviours.mixture import load_path
     from flockbrush.behaviours.tomlfile import read_bytes
@@ -470,14 +470,14 @@ def check_brushes(files):
         print_line(f"{name}: ok: {brush.title or brush.name}, model {brush.model}")
         if brush.has_own_body and not brush.made_for and Path(name).suffix:
             print_line(
-                f"{name}: note: it has a body of its own; `flockbrush brush convert {name}` makes a species of it"
+                f"{name}: note: the brush has its own [body]; `flockbrush brush convert {name}` moves it to a species"
             )
     if bad:
         raise typer.Exit(terminal.PROBLEM)
 
 
 def preview_brush(name, output, agents, seconds, seed, start, theme, palette):
-    """Draw what animals under a brush do on a plain."""
+    """Draw animals under a brush on an endless plane."""
     from flockbrush.output.preview import preview
     from flockbrush.render.style import theme_of
 

@@ -1,4 +1,4 @@
-"""Whether everything is in its place, in lines that say ok or what to do."""
+"""The command ``flockbrush doctor``: checks of the installation, one line each, with what to do about a problem."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HOUSE = Path(flockbrush.__file__).parent.parent
 OPTIONAL = {
     "pyarrow": "Parquet exports",
     "usd-core": "USD exports",
-    "distributed": "sweeps on a cluster",
+    "distributed": "sweeps and learning on a cluster",
     "matplotlib": "charts",
 }
 OK, WARN, BAD = "ok", "warn", "problem"
@@ -30,7 +30,7 @@ _COLOURS = {OK: "green", WARN: "yellow", BAD: "red"}
 
 
 def examine(json):
-    """Print what was found; exit code 1 when something must be mended."""
+    """Run all checks and print the findings; exit code 1 if there is a problem."""
     findings = [finding for check in CHECKS for finding in _findings(check)]
     if json:
         print_json([{"state": state, "what": what, "found": found} for state, what, found in findings])
@@ -42,16 +42,20 @@ def examine(json):
 
 
 def _findings(check):
-    """What a check finds; one that fails has found something too, and the others still have their turn."""
+    """The findings of one check; an exception in it is a finding too, so that the other checks still run."""
     try:
         yield from check()
     except Exception as error:  # noqa: BLE001
-        yield BAD, check.__name__.strip("_"), f"cannot be examined: {type(error).__name__}: {error}"
+        yield BAD, check.__name__.strip("_"), f"this check failed: {type(error).__name__}: {error}"
 
 
 def _python():
     fine = sys.version_info >= (3, 11)
-    yield OK if fine else BAD, "python", platform.python_version() + ("" if fine else "; 3.11 or later is needed")
+    yield (
+        OK if fine else BAD,
+        "python",
+        platform.python_version() + ("" if fine else "; Python 3.11 or later is needed"),
+    )
     yield OK, "flockbrush", f"{flockbrush.__version__} in {HOUSE}"
 
 
@@ -70,13 +74,13 @@ def _packages():
     file = HOUSE / "constraints.txt"
     tested = pinned_versions(file.read_text(encoding="utf-8")) if file.is_file() else {}
     for name in needed:
-        yield _package(name, tested.get(name), BAD, "is missing: pip install -e . in the project's folder")
+        yield _package(name, tested.get(name), BAD, "not installed: run pip install -e . in the folder of the project")
     for name, what in OPTIONAL.items():
-        yield _package(name, tested.get(name), WARN, f"is missing, and with it {what}: pip install {name}")
+        yield _package(name, tested.get(name), WARN, f"not installed; needed for {what}: pip install {name}")
 
 
 def _requirements():
-    """Names of what Flockbrush cannot do without."""
+    """Names of the required packages."""
     try:
         lines = metadata.requires("flockbrush") or []
     except metadata.PackageNotFoundError:
@@ -94,7 +98,11 @@ def _package(name, tested, state, message):
     except metadata.PackageNotFoundError:
         return state, name, message
     if tested and version != tested:
-        return WARN, name, f"{version}; tested with {tested}: recordings made there may differ in the last bits"
+        return (
+            WARN,
+            name,
+            f"{version}; tested with {tested}: results may differ from other installations in the last bits",
+        )
     return OK, name, version
 
 
@@ -108,21 +116,26 @@ def _numba():
     from flockbrush.engine.parallel import threads
 
     name = numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
-    yield OK, "compiles for", f"{name}{' (NUMBA_CPU_NAME)' if numba.config.CPU_NAME else ''}"
+    yield OK, "target CPU", f"{name}{' (NUMBA_CPU_NAME)' if numba.config.CPU_NAME else ''}"
     if numba.config.DISABLE_JIT:
-        yield WARN, "compiler", "NUMBA_DISABLE_JIT is set: Python runs the kernels, many times slower"
-    yield OK, "threads", f"{threads()} of {os.cpu_count()} CPUs; --threads or FLOCKBRUSH_THREADS set them"
+        yield WARN, "compiler", "NUMBA_DISABLE_JIT is set: kernels run in Python, many times slower"
+    yield OK, "threads", f"{threads()} of {os.cpu_count()} CPUs; change with --threads or FLOCKBRUSH_THREADS"
     yield _cache(kernel_cache.folder())
 
 
 def _cache(folder):
-    """Where compiled kernels are kept, so that only the first run waits for the compiler."""
+    """The finding about the folder of compiled kernels."""
     if flockbrush.KERNEL_CACHE or folder is None:
         return WARN, "compile cache", flockbrush.KERNEL_CACHE or "none"
     beside = folder == kernel_cache.BESIDE
     places = [Path(path) / "__pycache__" for path in systems.__path__] if beside else [folder]
     count = sum(1 for place in places for _ in place.rglob("*.nbc"))
-    return OK, "compile cache", f"{places[0]}, {count} kernels" + ("" if count else "; the first run takes a minute")
+    return (
+        OK,
+        "compile cache",
+        f"{places[0]}, {count} kernels"
+        + ("" if count else "; the first run compiles kernels, which takes about a minute"),
+    )
 
 
 def _display():
@@ -130,7 +143,11 @@ def _display():
         yield OK, "display", platform.system()
         return
     found = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
-    yield (OK, "display", found) if found else (OK, "display", "none; levels run and videos are made without one")
+    yield (
+        (OK, "display", found)
+        if found
+        else (OK, "display", "none; `flockbrush play` needs one, runs and exports do not")
+    )
 
 
 def _programs():
@@ -138,25 +155,25 @@ def _programs():
     if tiled:
         yield OK, "tiled", f"{_first_line([tiled, '--version'])}  ({tiled})"
     else:
-        yield WARN, "tiled", "not found: levels are made in it (Debian: apt install tiled; mapeditor.org)"
+        yield WARN, "tiled", "not found; needed to edit levels (Debian: apt install tiled; or mapeditor.org)"
     ffmpeg = shutil.which("ffmpeg")
     if ffmpeg:
         yield (
             OK,
             "ffmpeg",
-            " ".join(_first_line([ffmpeg, "-version"]).split()[:3]) + "; not needed: videos are made by av",
+            " ".join(_first_line([ffmpeg, "-version"]).split()[:3]) + "; not needed, the package av writes videos",
         )
     else:
-        yield OK, "ffmpeg", "not found, and not needed: videos are made by av"
+        yield OK, "ffmpeg", "not found; not needed, the package av writes videos"
 
 
 def _first_line(command):
     environment = os.environ | {"QT_QPA_PLATFORM": "offscreen"}
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=20, env=environment, check=False)
-        return (done.stdout or done.stderr).strip().split("\n")[0] or "says nothing"
+        return (done.stdout or done.stderr).strip().split("\n")[0] or "prints no version"
     except (OSError, subprocess.SubprocessError) as error:
-        return f"does not answer: {error}"
+        return f"cannot be run: {error}"
 
 
 def _shipped():

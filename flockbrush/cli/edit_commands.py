@@ -1,4 +1,4 @@
-"""What ``flockbrush edit`` does, and how exports apply the edits that lie beside a recording."""
+"""Implementation of ``flockbrush edit``, and how exports apply the edits stored beside a recording."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LOOKS = ("brush", "species", "size")
 
 @dataclass
 class EditJob:
-    """An edit, or work on its file, as the person asked for it."""
+    """The options of ``flockbrush edit``."""
 
     recording: Path
     layer: str = FIRST
@@ -55,7 +55,7 @@ class EditJob:
 
 
 def edit_recording(job: EditJob):
-    """Make one edit, or undo, redo, switch or list."""
+    """Add one edit, undo, redo, change a layer, or list the edits."""
     run = opened(job.recording)
     file = edits_of(job.recording)
     kind = _kind(job)
@@ -75,13 +75,13 @@ def edit_recording(job: EditJob):
         return
     if said is not None:
         print_line(said)
-        print_line(f"wrote {file.path}; flockbrush export {job.recording} applies it, the recording stays as it is")
+        print_line(f"wrote {file.path}; flockbrush export {job.recording} applies it. The recording is not changed")
         return
     _show(file)
 
 
 def _kind(job):
-    """Which edit was asked for, None for none; a refusal for two."""
+    """The kind of the requested edit, or None; ProblemsError if there are several."""
     asked = {
         "delete": job.delete, "move": job.move is not None or job.turn is not None, "retime": job.retime is not None,
         "freeze": job.freeze, "delay": job.delay is not None, "look": bool(job.look),
@@ -89,16 +89,24 @@ def _kind(job):
     kinds = [kind for kind, wanted in asked.items() if wanted]
     others = [job.undo, job.redo, job.on is not None, job.off is not None, job.remove_layer is not None]
     if len(kinds) + sum(others) > 1:
-        raise refused(job.recording, "one edit at a time: name one of --delete, --move, --retime, --freeze and so on")
+        raise refused(
+            job.recording,
+            "only one edit at a time: give one of --delete, --move, --turn, --retime, --freeze, --delay or --look",
+        )
     if not kinds and _selection(job):
-        raise refused(job.recording, "these animals are chosen for nothing: add --delete, --move, --retime and so on")
+        raise refused(
+            job.recording,
+            "no edit for the selected animals: add --delete, --move, --turn, --retime, --freeze, --delay or --look",
+        )
     return kinds[0] if kinds else None
 
 
 def _selection(job):
     box = None if job.box is None else tuple(_numbers("--box", job.box, (4,)))
     if box is not None and not (box[0] < box[2] and box[1] < box[3]):
-        raise refused("--box", f"is WEST,SOUTH,EAST,NORTH in metres, the smaller first; got {job.box}")
+        raise refused(
+            "--box", f"must be WEST,SOUTH,EAST,NORTH in metres with WEST < EAST and SOUTH < NORTH, got {job.box}"
+        )
     try:
         ids = () if job.ids is None else ids_of(job.ids)
     except ValueError as error:
@@ -108,18 +116,18 @@ def _selection(job):
 
 
 def _edit(job, kind, run) -> Edit:
-    """The edit with the ids of the animals that were chosen."""
+    """The requested edit, with the ids of the selected animals."""
     _check_uses(job, kind)
     start, end = job.start or 0.0, ALWAYS if job.end is None else job.end
     selection = _selection(job)
     if not selection:
-        raise refused(job.recording, "say whom: --ids, --box, --near, --species, --brush or --state")
+        raise refused(job.recording, "no animals are selected: add --ids, --box, --near, --species, --brush or --state")
     time = start if job.time is None else job.time
     simulation = running.rebuild(run)
     tick = round(time / simulation.clock.dt)
     if tick > run.last_tick:
         last = run.last_tick * simulation.clock.dt
-        raise refused(job.recording, f"the recording ends after {last:g} s; no animals can be chosen at {time:g} s")
+        raise refused(job.recording, f"the recording ends at {last:g} s; animals cannot be selected at {time:g} s")
     with terminal.compiling():
         running.go_to(run, simulation, tick)
     moment, words = moment_of(simulation), words_of(simulation)
@@ -128,7 +136,7 @@ def _edit(job, kind, run) -> Edit:
     except ValueError as error:
         raise refused(job.recording, str(error)) from None
     if not len(ids):
-        raise refused(job.recording, f"no animal fits at {time:g} s: {selection}")
+        raise refused(job.recording, f"no animal at {time:g} s matches: {selection}")
     edit = Edit(kind, tuple(ids.tolist()), start, end, because=f"{selection} at {time:g} s")
     if kind == "move":
         middle = moment.xyz[np.isin(moment.ids, ids), :2].mean(axis=0)
@@ -141,11 +149,15 @@ def _edit(job, kind, run) -> Edit:
 
 
 def _check_uses(job, kind):
-    """Refuse what this kind of edit does not know."""
+    """Raise ProblemsError for options that this kind of edit does not have."""
     if kind != "move" and job.over is not None:
-        raise refused("--over", "is how long a --move takes to come and go, s")
+        raise refused(
+            "--over", "can only be used with --move or --turn: the seconds over which the move begins and ends"
+        )
     if kind == "delay" and (job.start is not None or job.end is not None):
-        raise refused("--delay", "is for the whole run; to let animals stand for a while use --freeze --from --until")
+        raise refused(
+            "--delay", "applies to the whole run, without --from and --until; to stop animals for a while use --freeze"
+        )
     if job.start is not None and job.end is not None and job.end <= job.start:
         raise refused("--until", f"must be later than --from {job.start:g}, got {job.end:g}")
 
@@ -161,11 +173,11 @@ def _values(job, kind, words):
     for text in job.look:
         name, mark, value = text.partition("=")
         if name not in LOOKS or not mark:
-            raise refused("--look", f"is brush=NAME, species=NAME or size=TIMES; got {text!r}")
+            raise refused("--look", f"must be brush=NAME, species=NAME or size=FACTOR, got {text!r}")
         if name == "size":
             told[name] = _numbers("--look size", value, (1,))[0]
             if not 0.01 <= told[name] <= 100:
-                raise refused("--look size", f"must be 0.01 to 100 times, got {value}")
+                raise refused("--look size", f"must be 0.01 to 100, got {value}")
         elif value not in words[name]:
             raise refused("--look", f"there is no {name} {value!r} in this run; it has {', '.join(words[name])}")
         else:
@@ -179,12 +191,12 @@ def _numbers(option, text, counts):
     except ValueError:
         found = []
     if len(found) not in counts or not all(np.isfinite(found)) or max(map(abs, found)) > 1e6:
-        raise refused(option, f"must be {' or '.join(map(str, counts))} numbers with commas between them, got {text!r}")
+        raise refused(option, f"must be {' or '.join(map(str, counts))} numbers separated by commas, got {text!r}")
     return found
 
 
 def _managed(job, file: EditFile):
-    """Undo, redo, switch or remove; what to say, None where nothing was asked for."""
+    """Undo, redo, or change a layer; returns the text to print, or None if none of these was requested."""
     if job.undo or job.redo:
         edit = file.undo() if job.undo else file.redo()
         if edit is None:
@@ -196,7 +208,7 @@ def _managed(job, file: EditFile):
         layer = file.layer(name)
         if layer is None:
             known = ", ".join(one.name for one in file.layers) or "none"
-            raise refused(file.path, f"there is no layer {name!r}; there is {known}")
+            raise refused(file.path, f"no layer {name!r}; layers: {known}")
         if word == "removed":
             file.remove(name)
         else:
@@ -229,14 +241,14 @@ def _show(file):
         (layer.name, "yes" if layer.on else "no", sentence_of(edit), edit.because)
         for layer in file.layers for edit in layer.edits
     )  # fmt: skip
-    show(table("layer", "on", "edit", "chosen by", rows=rows, title=str(file.path)))
+    show(table("layer", "on", "edit", "selected by", rows=rows, title=str(file.path)))
 
 
 # exports ---------------------------------------------------------------------------------
 
 
 def applied(file: EditFile | None, run, simulation, stack, interrupts) -> EditedMoments | None:
-    """What exports must show of a recording with edits; None where there are none that are on.
+    """The edited moments of a recording, for exports; None if no layer is on.
 
     Edits that change time make one pass over the recording before the exports begin.
     """
@@ -259,5 +271,5 @@ def applied(file: EditFile | None, run, simulation, stack, interrupts) -> Edited
 
 
 def told_of(file: EditFile) -> dict[str, str]:
-    """What a page says of the edits it shows."""
+    """Title, value pairs about the edits, for the HTML page."""
     return {"edits": file.path.name, "edits SHA-256": hashlib.sha256(file.path.read_bytes()).hexdigest()}

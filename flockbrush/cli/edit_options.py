@@ -1,4 +1,4 @@
-"""How ``flockbrush edit`` is called."""
+"""Options of the command ``flockbrush edit``."""
 
 from __future__ import annotations
 
@@ -11,45 +11,73 @@ SEC = {"min": 0.0, "max": 1e6, "metavar": "S"}
 
 
 def edit(
-    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A file made with --record.")],
-    ids: Annotated[str | None, typer.Option(metavar="IDS", help='Choose animals by id: "1-40, 52".')] = None,
-    box: Annotated[str | None, typer.Option(metavar="W,S,E,N", help="Choose animals in a box, m.")] = None,
-    near: Annotated[str | None, typer.Option(metavar="X,Y", help="Choose the animal nearest to a point, m.")] = None,
-    species: Annotated[str | None, typer.Option(metavar="NAME", help="Choose animals of a species.")] = None,
-    brush: Annotated[str | None, typer.Option(metavar="NAME", help="Choose animals under a brush.")] = None,
-    state: Annotated[str | None, typer.Option(metavar="NAME", help="Choose animals in a state.")] = None,
-    at: Annotated[float | None, typer.Option(help="Second at which they are chosen; default: --from.", **SEC)] = None,
-    delete: Annotated[bool, typer.Option("--delete", help="Leave them out.")] = False,
-    move: Annotated[str | None, typer.Option(metavar="X,Y[,Z]", help="Move them, m.")] = None,
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="Recording: a file made with --record.")],
+    ids: Annotated[str | None, typer.Option(metavar="IDS", help='Select animals by id, such as "1-40, 52".')] = None,
+    box: Annotated[
+        str | None,
+        typer.Option(metavar="W,S,E,N", help="Select animals in a box: west, south, east and north edge, m."),
+    ] = None,
+    near: Annotated[str | None, typer.Option(metavar="X,Y", help="Select the animal nearest to a point, m.")] = None,
+    species: Annotated[str | None, typer.Option(metavar="NAME", help="Select animals of a species.")] = None,
+    brush: Annotated[str | None, typer.Option(metavar="NAME", help="Select animals that a brush controls.")] = None,
+    state: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Select animals in a state of their program.")
+    ] = None,
+    at: Annotated[
+        float | None, typer.Option(help="Time at which the animals are selected, s; default: --from.", **SEC)
+    ] = None,
+    delete: Annotated[bool, typer.Option("--delete", help="Hide the animals.")] = False,
+    move: Annotated[str | None, typer.Option(metavar="X,Y[,Z]", help="Move the animals by this vector, m.")] = None,
     turn: Annotated[
-        float | None, typer.Option(min=-36000, max=36000, metavar="DEG", help="Turn them about their middle.")
+        float | None,
+        typer.Option(
+            min=-36000,
+            max=36000,
+            metavar="DEG",
+            help="Turn the animals about their mean position, degrees counter-clockwise.",
+        ),
     ] = None,
-    over: Annotated[float | None, typer.Option(help="Seconds in which a move comes and goes.", **SEC)] = None,
+    over: Annotated[float | None, typer.Option(help="Time over which a move begins and ends, s.", **SEC)] = None,
     retime: Annotated[
-        float | None, typer.Option(min=0.01, max=100, metavar="TIMES", help="Speed of their time: 2 is twice as fast.")
+        float | None,
+        typer.Option(
+            min=0.01,
+            max=100,
+            metavar="TIMES",
+            help="Factor of the animals' speed along their paths: 2 is twice as fast.",
+        ),
     ] = None,
-    freeze: Annotated[bool, typer.Option("--freeze", help="Let them stand; afterwards they go on from there.")] = False,
+    freeze: Annotated[
+        bool, typer.Option("--freeze", help="Stop the animals; afterwards they continue from there.")
+    ] = False,
     delay: Annotated[
-        float | None, typer.Option(min=-1e6, max=1e6, metavar="S", help="Let them come later, or earlier below 0.")
+        float | None,
+        typer.Option(
+            min=-1e6, max=1e6, metavar="S", help="Let the animals appear S seconds later, or earlier if S is negative."
+        ),
     ] = None,
     look: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Draw them with brush=, species= or size=; may be repeated."),
+        typer.Option(
+            metavar="NAME=VALUE", help="Draw the animals with another brush=, species= or size=; may be repeated."
+        ),
     ] = None,
-    start: Annotated[float | None, typer.Option("--from", help="Second at which the edit begins.", **SEC)] = None,
-    end: Annotated[float | None, typer.Option("--until", help="Second at which the edit ends.", **SEC)] = None,
-    layer: Annotated[str, typer.Option(metavar="NAME", help="Layer of the edit; made where there is none.")] = "edits",
-    undo: Annotated[bool, typer.Option("--undo", help="Take back the last edit.")] = False,
-    redo: Annotated[bool, typer.Option("--redo", help="Make the edit again that was taken back last.")] = False,
+    start: Annotated[float | None, typer.Option("--from", help="Time at which the edit begins, s.", **SEC)] = None,
+    end: Annotated[float | None, typer.Option("--until", help="Time at which the edit ends, s.", **SEC)] = None,
+    layer: Annotated[
+        str, typer.Option(metavar="NAME", help="Layer of the edit; it is created if it does not exist.")
+    ] = "edits",
+    undo: Annotated[bool, typer.Option("--undo", help="Undo the last edit.")] = False,
+    redo: Annotated[bool, typer.Option("--redo", help="Redo the edit that was undone last.")] = False,
     on: Annotated[str | None, typer.Option(metavar="LAYER", help="Switch a layer on.")] = None,
     off: Annotated[str | None, typer.Option(metavar="LAYER", help="Switch a layer off.")] = None,
     remove_layer: Annotated[str | None, typer.Option(metavar="LAYER", help="Remove a layer with its edits.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print a report as JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ):
-    """Edit a recording after the run: what its exports show of some animals.
+    """Edit a recording after the run: hide, move or change animals in its exports.
 
-    Edits lie in RECORDING.edits.toml beside the recording, which stays as it is and still verifies. Every export
-    applies them. Without an edit the layers are listed.
+    Edits are stored in RECORDING.edits.toml beside the recording. The recording itself is not changed and can still be
+    verified. Every export applies the edits. Without an edit, the command lists the layers.
     """
     from flockbrush.cli.edit_commands import EditJob, edit_recording
 

@@ -1,4 +1,4 @@
-"""What ``flockbrush export`` does."""
+"""Implementation of ``flockbrush export``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from flockbrush.runs.terminal import print_json, print_line
 
 
 def export_recording(path, outputs, fps, thread_count, options, json, edited=True):
-    """Write a recording as other files, with the edits that lie beside it."""
+    """Write a recording in other file formats, with the edits stored beside it."""
     check_exports(outputs, [path], options=options)
     run = opened(path)
     use_threads(thread_count)

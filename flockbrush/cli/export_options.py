@@ -1,4 +1,4 @@
-"""Options of commands that export, as the exporters declare them, and the table of who opens what."""
+"""Options of commands that export, which come from the exporters, and the table of file formats."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _CHOSEN = "flockbrush.exports"  # key of the values in the context
 
 
 class WithExports(TyperCommand):
-    """A command that takes the options of all exporters, too; `chosen` gives their values."""
+    """A command with the options of all exporters; `chosen` returns their values."""
 
     def get_params(self, ctx):
         return [*super().get_params(ctx), *_parameters(self)]
@@ -25,7 +25,7 @@ class WithExports(TyperCommand):
 
 
 class WithExportTable(WithExports):
-    """The same with a table of all kinds of files below the help."""
+    """A command with the options of all exporters and a table of file formats below the help."""
 
     def format_help(self, ctx, formatter):
         super().format_help(ctx, formatter)
@@ -35,11 +35,11 @@ class WithExportTable(WithExports):
 
 
 def export_table():
-    """A table of all kinds of files, what is in them and who opens them."""
+    """A table of all export formats: file extension, contents and programs that open it."""
     from flockbrush.output.exporter import exporters
     from flockbrush.runs.terminal import table
 
-    made = table("file", "what is in it", "who opens it", "frames/s", "needs", title="Kinds of files")
+    made = table("file", "contents", "opens in", "frames/s", "needs", title="File formats")
     for kind in dict.fromkeys(exporters().values()):
         packages = ", ".join(package for _, package in kind.needs)
         made.add_row(" ".join(kind.endings), kind.contents, kind.opens_in, f"{kind.fps:g}", packages)
@@ -47,7 +47,7 @@ def export_table():
 
 
 def _parameters(command):
-    """The options of all exporters as the command line has them; made once for each command."""
+    """The options of all exporters as parameters of typer; built once for each command."""
     if not hasattr(command, "export_parameters"):
         from flockbrush.output.exporter import all_options
 
@@ -65,7 +65,7 @@ def _parameters(command):
 
 
 def _asked(option, endings):
-    """An option as a parameter of a function that typer reads; None when it is not given."""
+    """An exporter option as a parameter of a function for typer; its value is None if it is not given."""
     kind = option.kind if option.default is None or option.many else type(option.default)
     help = f"{option.help} ({' '.join(endings)})"
     said = {"help": help, "metavar": option.metavar, "show_default": str(option.default)}
@@ -85,12 +85,12 @@ def _flag(option):
 
 
 def chosen(context, paths) -> dict:
-    """{option: value} of what was given on the command line, for the files that will be written.
+    """{option: value} of the exporter options that were given on the command line.
 
     Raises
     ------
     typer.BadParameter
-        For an option that none of the files knows.
+        For an option that applies to none of the files.
     """
     from flockbrush.output.exporter import all_options, exporter_of
 
@@ -101,7 +101,9 @@ def chosen(context, paths) -> dict:
         if value is None or value is False or value in ((), []):
             continue
         if option.name not in known and paths and all(map(exporter_of, paths)):
-            raise typer.BadParameter(f"is for {', '.join(endings)}; no such file is written", param_hint=_flag(option))
+            raise typer.BadParameter(
+                f"applies to {', '.join(endings)} only, and no such file is written", param_hint=_flag(option)
+            )
         switch = isinstance(option.default, bool)
         given[option.name] = not option.default if switch else getattr(value, "value", value)
     return given

@@ -1,4 +1,4 @@
-"""The fields of a clip: a film of a herd becomes density, motion and single animals, and a film of what was seen."""
+"""The command ``flockbrush fields``: density, motion and single animals of a clip, and a preview video."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 def fields_of_clip(clip, out, looking: Looking, preview=None, as_json=False) -> Evidence:
-    """Look at a clip and write what it tells, and a film of it; print what there is to know.
+    """Measure the fields of a clip, write them and a preview, and print a summary.
 
     Parameters
     ----------
     clip : path
     out : path
-        An npz, read again by `flockbrush.film.observations.Evidence.load`.
+        An npz file for `flockbrush.film.observations.Evidence.load`.
     preview : path, optional
-        An mp4: the clip with outlines and motion of the bodies, beside it density and mean motion.
+        An mp4 file: left the clip with outlines and motion of the bodies, right density and mean motion.
 
     Raises
     ------
     ProblemsError
-        When the clip does not tell enough; nothing has been written then.
+        When the clip is not sufficient; no file has been written then.
     """
     _check(clip, out, preview, looking)
     begin = time.perf_counter()
@@ -85,17 +85,17 @@ def _tell(out, preview, evidence, seconds, as_json):
     rows = (
         [("frames", facts["frames"])]
         if evidence.still
-        else [("frames", facts["frames"]), ("frames a second", facts["fps"])]
+        else [("frames", facts["frames"]), ("frames per second", facts["fps"])]
     )
     rows += [
-        ("animals" if evidence.still else "animals in a usual frame", f"{facts['animals']:.1f}"),
-        ("one body, pixels", facts["body_length_px"]), ("half its width, body lengths", facts["body_radius_bl"]),
-        ("cells across, up", "{} x {}".format(*facts["cells"])), ("a cell, body lengths", facts["cell_bl"]),
+        ("animals" if evidence.still else "animals per frame (median)", f"{facts['animals']:.1f}"),
+        ("body length, pixels", facts["body_length_px"]), ("half body width, body lengths", facts["body_radius_bl"]),
+        ("cells, x and y", "{} x {}".format(*facts["cells"])), ("cell size, body lengths", facts["cell_bl"]),
     ]  # fmt: skip
     if speed:
-        rows += [("speed, body lengths/s", speed.mean), ("its deviation", speed.deviation)]
-        rows += [("it is forgotten at, 1/s", speed.reversion)]
-    rows.append(("a frame took, ms", 1e3 * facts["seconds_a_frame"]))
+        rows += [("speed, body lengths/s", speed.mean), ("standard deviation of the speed", speed.deviation)]
+        rows += [("reversion rate of the speed, 1/s", speed.reversion)]
+    rows.append(("processing time per frame, ms", 1e3 * facts["seconds_a_frame"]))
     show(table("what", "value", rows=rows, right=("value",)))
     tell_notes(evidence.name, evidence)
     for path in facts["files"]:
@@ -106,7 +106,7 @@ def _tell(out, preview, evidence, seconds, as_json):
 
 
 class _Preview:
-    """Draws every frame into a film that has its name when it is complete."""
+    """Writes the preview video, frame by frame; the file gets its name when it is complete."""
 
     def __init__(self, path, stack):
         self.path, self.stack, self.video = path, stack, None
@@ -121,7 +121,7 @@ class _Preview:
 
 
 def drawing(glance: Glance, watch: Watch, fields: dict) -> np.ndarray:
-    """The two halves of a preview's frame, (h, w, 3) BGR.
+    """The left and right half of a preview frame, (h, w, 3) BGR.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def drawing(glance: Glance, watch: Watch, fields: dict) -> np.ndarray:
 
 
 def _bodies(picture, glance, watch, scale):
-    """Outlines of the bodies, and the way each of them moves, coloured by direction."""
+    """Draw outlines of the bodies and arrows of their motion, coloured by direction."""
     outlines, _ = cv2.findContours(glance.mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     lines = [np.round((o + 0.5) * scale * 16).astype(np.int32) for o in outlines]
     cv2.polylines(picture, lines, True, (0, 0, 0), 2, cv2.LINE_AA, 4)
@@ -153,7 +153,7 @@ def _bodies(picture, glance, watch, scale):
 
 
 def _thinned(glance, watch):
-    """(at, move) of one point for about each body."""
+    """(at, move) of about one point per body."""
     if not len(glance.at):
         return np.empty((0, 2)), np.empty((0, 2))
     side = 0.8 * watch.size.length
@@ -171,7 +171,7 @@ def _animals(glance, watch):
 
 
 def _cells(picture, glance, watch, fields, scale):
-    """Density as colour and mean velocity as arrows, cell by cell, over the picture."""
+    """Draw density as colour and mean velocity as arrows for each cell, over the picture."""
     grid, density = watch.grid, np.nan_to_num(fields["density"])
     ground = cv2.addWeighted(picture, 0.45, np.full_like(picture, 255 if picture.mean() > 128 else 0), 0.55, 0)
     tint = cv2.applyColorMap(np.uint8(255 * np.clip(density / FULL, 0, 1) ** 0.5), cv2.COLORMAP_INFERNO)
@@ -185,7 +185,7 @@ def _cells(picture, glance, watch, fields, scale):
     rows, columns = np.nonzero(np.isfinite(velocity[..., 0]) & (density > 0.05))
     v = velocity[rows, columns]
     usual, quick = np.quantile(np.hypot(*v.T), (0.5, 0.9)) if len(v) else (0.0, 0.0)
-    pace = f"   usual speed {usual:.2g} a second" if len(v) else ""
+    pace = f"   median speed {usual:.2g} body lengths/s" if len(v) else ""
     longest = 1.2 * grid.cell / max(quick, 1e-6)
     middle = grid.origin + grid.cell * (np.column_stack([columns, rows]) + 0.5)
     for a, b in zip(middle - 0.5 * longest * v, middle + 0.5 * longest * v, strict=True):
@@ -205,13 +205,13 @@ def _arrow(picture, a, b, colour):
 
 
 def _hue(u, v):
-    """A colour for a direction, BGR."""
+    """The BGR colour of a direction."""
     hue = np.uint8(round((np.degrees(np.arctan2(-v, u)) % 360) / 2) % 180)
     return tuple(int(c) for c in cv2.cvtColor(np.uint8([[[hue, 200, 255]]]), cv2.COLOR_HSV2BGR)[0, 0])
 
 
 def _scale_bar(picture, length):
-    """What a body length is, below on the left."""
+    """Draw a scale bar of 5 body lengths at the bottom left."""
     y = picture.shape[0] - 12
     cv2.line(picture, (10, y), (10 + round(5 * length), y), (0, 0, 0), 4)
     cv2.line(picture, (10, y), (10 + round(5 * length), y), (255, 255, 255), 2)
@@ -219,7 +219,7 @@ def _scale_bar(picture, length):
 
 
 def _says(picture, text, at):
-    """White on a dark band, as large as there is room for."""
+    """Write white text on a dark band, smaller if it does not fit."""
     letters, (x, y) = 0.45, at
     (wide, tall), base = cv2.getTextSize(text, FONT, letters, 1)
     letters *= min(1.0, (picture.shape[1] - 2 * x) / wide)

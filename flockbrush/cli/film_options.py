@@ -1,4 +1,4 @@
-"""How the commands that make flights of films are called."""
+"""Options of the commands ``flockbrush track`` and ``flockbrush lift``."""
 
 from __future__ import annotations
 
@@ -12,33 +12,31 @@ from flockbrush.cli.shared_options import Json
 
 
 class LiftMethod(str, enum.Enum):
-    """How depths are found."""
+    """Method of finding depths."""
 
     smooth = "smooth"
     cobyla = "cobyla"
 
 
 def track(
-    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A film of birds against the sky.")],
+    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="Clip (video) of birds against the sky.")],
     out: Annotated[Path, typer.Option(metavar="FILE", help="Table of tracks to write: frame, id, x, y in pixels.")],
     seed_points: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Table of known birds to start from: frame, id, x, y.")
+        Path | None, typer.Option(metavar="FILE", help="Table of known positions to start from: frame, id, x, y.")
     ] = None,
     correct: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="Table of corrected positions: frame, id, x, y; tracking continues from them."
-        ),
+        typer.Option(metavar="FILE", help="Table of corrected positions to track on from: frame, id, x, y."),
     ] = None,
     reach: Annotated[
         float | None,
         typer.Option(
-            min=1, metavar="PX", help="Largest distance between the predicted and the found position of a bird."
+            min=1, metavar="PX", help="Largest distance between predicted and detected position of a bird, pixels."
         ),
     ] = None,
     json: Json = False,
 ):
-    """Track the birds of a film, one id each, through crossings and gaps."""
+    """Track birds in a clip: each bird keeps its id through crossings and gaps."""
     from flockbrush.film.track_clip import track_clip
 
     return track_clip(clip, out, seed_points, correct, reach, json)
@@ -46,36 +44,42 @@ def track(
 
 def lift(
     tracks: Annotated[Path, typer.Argument(metavar="TRACKS", help="Table of tracks: frame, id, x, y in pixels.")],
-    camera: Annotated[Path, typer.Option(metavar="FILE", help="TOML: width, height, horizontal_fov_deg, fps, ...")],
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Trajectory to write, a CSV in metres.")],
-    lambda_t: Annotated[float, typer.Option(min=0, help="Weight of smooth paths.")] = 1.0,
-    lambda_f: Annotated[float, typer.Option(min=0, help="Weight of similar velocities.")] = 1.0,
-    evenness: Annotated[float, typer.Option(min=0, help="Weight of a constant speed of the flock.")] = 1.0,
+    camera: Annotated[
+        Path, typer.Option(metavar="FILE", help="TOML file of the camera: width, height, horizontal_fov_deg, fps, ...")
+    ],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Trajectory to write, CSV in metres.")],
+    lambda_t: Annotated[float, typer.Option(min=0, help="Weight λ_t of smooth paths.")] = 1.0,
+    lambda_f: Annotated[float, typer.Option(min=0, help="Weight λ_f of alignment and cohesion.")] = 1.0,
+    evenness: Annotated[float, typer.Option(min=0, help="Weight of a constant mean speed of the flock.")] = 1.0,
     separation: Annotated[
-        float, typer.Option(min=0, max=1, help="Weight of separation between birds, for looks.")
+        float, typer.Option(min=0, max=1, help="Weight of separation between birds; only for a better appearance.")
     ] = 0.0,
     separation_distance: Annotated[
-        float, typer.Option(min=0, metavar="M", help="Distance below which birds are too close.")
+        float, typer.Option(min=0, metavar="M", help="Distance below which separation acts, m.")
     ] = 1.2,
     near: Annotated[
-        float | None, typer.Option(metavar="M", help="Distance in metres, instead of the camera file's.")
+        float | None,
+        typer.Option(metavar="M", help="Smallest distance from the camera, m; default: from the camera file."),
     ] = None,
     far: Annotated[
-        float | None, typer.Option(metavar="M", help="Distance in metres, instead of the camera file's.")
+        float | None,
+        typer.Option(metavar="M", help="Largest distance from the camera, m; default: from the camera file."),
     ] = None,
     method: Annotated[
-        LiftMethod, typer.Option(help="smooth: one global solution; cobyla: Lin's descent.")
+        LiftMethod, typer.Option(help="smooth: one global solve; cobyla: frame-by-frame descent of Lin's thesis.")
     ] = LiftMethod.smooth,
     brush: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Formation brush to write too, from the birds of one frame.")
+        Path | None, typer.Option(metavar="FILE", help="Formation brush to write as well, from the birds of one frame.")
     ] = None,
-    frame: Annotated[int | None, typer.Option(metavar="N", help="Frame number; default: the middle one.")] = None,
+    frame: Annotated[
+        int | None, typer.Option(metavar="N", help="Frame number for --brush; default: the middle frame.")
+    ] = None,
     wingspan: Annotated[
-        float | None, typer.Option(metavar="M", help="Heading of the birds; default: estimated.")
+        float | None, typer.Option(metavar="M", help="Wingspan of the birds for --brush, m; default: estimated.")
     ] = None,
     json: Json = False,
 ):
-    """Lift a flock from one camera into space: tracks in pixels become a flight in metres."""
+    """Lift a flock from one camera to 3D: convert tracks in pixels to a flight in metres."""
     from flockbrush.cli.lift_commands import lift_tracks
 
     wishes = dict(smoothness=lambda_t, flock=lambda_f, evenness=evenness)

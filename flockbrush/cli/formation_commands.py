@@ -1,4 +1,4 @@
-"""The commands of formations: birds found, formations extracted, flights flown."""
+"""Implementation of ``flockbrush formation ...``: detect birds, extract formations, make flights."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ WINGSPAN, SPEED, HEIGHT = 1.6, 16.0, 50.0  # m, m/s, m: of grey geese, for fligh
 
 
 def detect(paths, out, every, json):
-    """Find birds and write their marks."""
+    """Detect birds in pictures or a video and write their positions."""
     from flockbrush.film.birds_in_sky import mark
 
     with claimed([out], paths):
@@ -58,7 +58,7 @@ def detect(paths, out, every, json):
 
 
 def extract_formation(marks_path, out, plot, heading, wingspan, samples, json):
-    """Marks to a formation file."""
+    """Extract a formation from marks; write and print it."""
     with claimed([path for path in (out, plot) if path], [marks_path]):
         marks, used = read_marks(marks_path, heading, wingspan)
         digest = hashlib.sha256(Path(marks_path).read_bytes()).hexdigest()
@@ -89,7 +89,7 @@ def extract_formation(marks_path, out, plot, heading, wingspan, samples, json):
         show(lines)
         if used["heading_from"] == "the shape":
             way = used["heading_degrees"]
-            say(f"heading {way:.0f} degrees (0 right, 90 up), taken from the shape; if they fly another way: --heading")
+            say(f"heading {way:.0f} degrees (0 right, 90 up), estimated from the shape; if it is wrong, give --heading")
 
 
 def _summary(frame):
@@ -103,7 +103,7 @@ def _summary(frame):
 
 
 def fly(formation_path, birds, frames, fps, seed, left, exchange, method, epsilon, lateral, out, plot, json):
-    """A steady flight of a formation."""
+    """Make a steady flight of a formation; write and print it."""
     with claimed([path for path in (out, plot) if path], [formation_path]):
         formation = load_formation(formation_path)
         birds = birds or len(formation.frames[0].birds)
@@ -132,7 +132,7 @@ def fly(formation_path, birds, frames, fps, seed, left, exchange, method, epsilo
 
 
 def make_brush(formation_path, out, like):
-    """A brush that flies as an example does."""
+    """Write a brush of a formation."""
     with claimed([out], [formation_path]):
         formation = load_formation(formation_path)
         learned = write_brush(formation, out, like, str(formation.provenance.get("marks", formation_path.name)))
@@ -143,9 +143,9 @@ def make_brush(formation_path, out, like):
 
 
 def film_level(level, out, seconds, seed, theme):
-    """A level's flock from close by."""
+    """Write a video of the flock of a level, seen from near by."""
     if out.suffix.lower() not in (".mp4", ".png"):
-        raise refused(out, "a film's name ends in .mp4, a picture's in .png")
+        raise refused(out, "the name must end in .mp4 (video) or .png (picture)")
     if problems := output_problems([out]):
         raise ProblemsError(problems)
     from flockbrush.output.formation_film import film
@@ -153,7 +153,7 @@ def film_level(level, out, seconds, seed, theme):
     alone = held(out) if out.suffix.lower() == ".png" else nullcontext()  # a film holds its own file
     with alone, progress("filming", int(seconds * 16)) as moved:
         said = film(level, out, seconds, seed, theme=theme, say=moved)
-    say(f"{out}: {said['frames']} frames; at the end a bird saves {number(said['saved'], 3)} (sum of g)")
+    say(f"{out}: {said['frames']} frames; mean power saved per bird at the end {number(said['saved'], 3)} (sum of g)")
 
 
 ADDITIONS = {
@@ -177,7 +177,7 @@ PAPER = {
 
 
 def initiation(kinds, birds, runs, seed, ablate, out, json):
-    """Initiation from random places: how many flocks find into the shape, how soon, how near birds come."""
+    """Run many initiations from random positions; print the converged flocks, their times and distances."""
     with claimed([out] if out else []):
         without = {**ADDITIONS, "the paper alone": PAPER} if ablate else {"all rules": {}}
         rows = []
@@ -210,7 +210,7 @@ def initiation(kinds, birds, runs, seed, ablate, out, json):
 
 
 def _cell(kind, birds, runs, seed, rules):
-    """One cell of the table."""
+    """One row of the table: a shape, a number of birds, a set of rules."""
     goal = target_of(*textbook(kind, birds))
     flown = [initiate(*scattered(birds, seed + run), goal, rules) for run in range(runs)]
     frames = [one.frames for one in flown if one.frames >= 0]
@@ -230,7 +230,7 @@ PANEL, EDGE, SHOWN = 420, 34, 6
 
 
 def draw_formation(path, formation, theme="light"):
-    """Up to six frames of a formation: birds, leader, outliers and the curve."""
+    """Draw up to six frames of a formation: birds, leader, outliers and the curve."""
     frames = formation.frames
     chosen = [frames[k] for k in np.unique(np.linspace(0, len(frames) - 1, SHOWN).round().astype(int))]
     panels = [(_title(frame), np.c_[frame.x, frame.y], frame.leader, frame.outliers, frame.curve) for frame in chosen]
@@ -242,14 +242,14 @@ def _title(frame):
 
 
 def _draw_flight(path, places, flight):
-    """Six moments; who changes sides at any time has a ring."""
+    """Draw six frames of a flight; birds that change sides at any time have a ring."""
     chosen = np.unique(np.linspace(0, len(places) - 1, SHOWN).round().astype(int))
     ringed = {bird for crossing in flight.crossings if crossing is not None for bird in crossing.birds.tolist()}
     _draw_panels(path, [(f"frame {k}", places[k], flight.left, ringed, None) for k in chosen], "light")
 
 
 def _draw_panels(path, panels, theme):
-    """Panels (title, points, leader, birds with a ring, curve) of one scale, in rows of three."""
+    """Draw panels (title, points, leader, birds with a ring, curve) at one scale, in rows of three."""
     look = theme_of(theme)
     columns = min(3, len(panels))
     rows = -(-len(panels) // columns)
@@ -279,7 +279,7 @@ def _draw_panels(path, panels, theme):
 
 
 def _bird(canvas, at, scale, colour, rim):
-    """A bird seen from above that flies up the picture, one wingspan wide."""
+    """Draw a bird seen from above, one wingspan wide, that flies towards the top of the picture."""
     b = max(scale, 14.0) / 2
     wing = np.array(
         [(-1, 0.35), (-0.5, -0.05), (0, -0.12), (0.5, -0.05), (1, 0.35), (0.45, 0.25), (0, 0.3), (-0.45, 0.25)]

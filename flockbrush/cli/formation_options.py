@@ -1,4 +1,4 @@
-"""How ``flockbrush formation`` is called."""
+"""Options of the commands ``flockbrush formation ...``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 
 from flockbrush.cli.shared_options import Json, LevelName, Seed, ThemeName, ThemeOption
 
-formation_app = typer.Typer(help="Line formations of birds: detect, extract and fly them.", no_args_is_help=True)
+formation_app = typer.Typer(help="Detect, extract and fly line formations of birds.", no_args_is_help=True)
 
 
 @formation_app.command("detect")
@@ -19,10 +19,10 @@ def formation_detect(
         list[Path], typer.Argument(metavar="IMAGES|CLIP...", help="Pictures or a video of birds on a plain sky.")
     ],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="MARKS.csv", help="Table of marked birds to write.")],
-    every: Annotated[int, typer.Option(min=1, metavar="K", help="Use every N-th frame of a video.")] = 1,
+    every: Annotated[int, typer.Option(min=1, metavar="K", help="Use every K-th frame of a video.")] = 1,
     json: Json = False,
 ):
-    """Find birds on a plain sky, follow them from frame to frame, and write where they are."""
+    """Detect birds on a plain sky, track them from frame to frame, and write their positions."""
     from flockbrush.cli.formation_commands import detect
 
     detect(files, out, every, json)
@@ -36,15 +36,19 @@ def formation_mark(
     out: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--out", metavar="MARKS.csv", help="Table of marked birds to write; existing marks in it are loaded."
+            "-o", "--out", metavar="MARKS.csv", help="Table of marked birds to write; existing marks are loaded first."
         ),
     ] = None,
-    every: Annotated[int, typer.Option(min=1, metavar="K", help="Use every N-th frame of a video.")] = 1,
-    theme: Annotated[ThemeName | None, typer.Option(help="Colours; default: as in the last session.")] = None,
-    size: Annotated[str, typer.Option(metavar="WxH", help="Size of the window in pixels.")] = "1280x720",
-    frames: Annotated[int | None, typer.Option(min=0, metavar="N", help="Close after this number of frames.")] = None,
+    every: Annotated[int, typer.Option(min=1, metavar="K", help="Use every K-th frame of a video.")] = 1,
+    theme: Annotated[
+        ThemeName | None, typer.Option(help="Colours of the window; default: those of the last session.")
+    ] = None,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Window size, pixels.")] = "1280x720",
+    frames: Annotated[
+        int | None, typer.Option(min=0, metavar="N", help="Close the window after N drawn frames.")
+    ] = None,
 ):
-    """Correct the positions of detected birds by clicks, frame by frame, and see their formation."""
+    """Open a window to correct detected birds by clicks, frame by frame; it shows their formation."""
     from flockbrush.studio.start_marking import mark_birds
 
     return mark_birds(files, out, every, None if theme is None else theme.value, size, frames)
@@ -66,24 +70,24 @@ def formation_extract(
         str | None,
         typer.Option(
             metavar="WAY",
-            help="Heading: up, down, left, right, degrees, or auto: the way their shape tells. Default: auto for marks "
-            "in pixels, up for marks in wingspans.",
+            help="Heading of the birds: up, down, left, right, degrees, or auto (estimated from the shape). "
+            "Default: auto for marks in pixels, up for marks in wingspans.",
         ),
     ] = None,
-    wingspan: Annotated[float | None, typer.Option(metavar="PX", help="Wingspan in pixels.")] = None,
+    wingspan: Annotated[float | None, typer.Option(metavar="PX", help="Wingspan, pixels.")] = None,
     samples: Annotated[
         int | None, typer.Option(min=1, max=10**6, metavar="K", help="Number of RANSAC samples; default: all samples.")
     ] = None,
     json: Json = False,
 ):
-    """Extract the formation of marked birds: spacing, leader, curve, outliers, frame by frame."""
+    """Extract the formation of marked birds in each frame: spacing, leader, curve and outliers."""
     from flockbrush.cli.formation_commands import extract_formation
 
     extract_formation(marks, out, plot, heading, wingspan, samples, json)
 
 
 class ShapeName(str, enum.Enum):
-    """Shapes of the textbook."""
+    """Textbook shapes of formations."""
 
     V = "V"
     U = "U"
@@ -103,12 +107,15 @@ def formation_initiate(
     ] = 20,
     seed: Annotated[int, typer.Option(min=0, max=2**31, metavar="K", help="Random seed of the first flock.")] = 2000,
     ablate: Annotated[
-        bool, typer.Option("--ablate", help="Leave out each rule in turn, and all additions to the paper.")
+        bool,
+        typer.Option(
+            "--ablate", help="Also test without each rule, one at a time, and without all additions to the paper."
+        ),
     ] = (False),
     out: Annotated[Path | None, typer.Option("-o", "--out", metavar="CSV", help="Table to write.")] = None,
     json: Json = False,
 ):
-    """Let scattered birds form up many times; count the converged flocks and their times."""
+    """Simulate how scattered birds form up, many times; print how many flocks converge and how fast."""
     from flockbrush.cli.formation_commands import initiation
 
     initiation([s.value for s in shape or ShapeName], birds or [9, 14, 16, 28, 41], runs, seed, ablate, out, json)
@@ -118,11 +125,9 @@ def formation_initiate(
 def formation_brush(
     formation: Annotated[Path, typer.Argument(metavar="X.json", help="Formation file made by extract.")],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="NAME.brush.toml", help="Brush file to write.")],
-    like: Annotated[
-        str, typer.Option(metavar="BRUSH", help="Brush whose speed, body and wingspan are used.")
-    ] = "geese",
+    like: Annotated[str, typer.Option(metavar="BRUSH", help="Brush to take speed, body and wingspan from.")] = "geese",
 ):
-    """Make a brush of a formation: its shape, slope, spacing and deviation."""
+    """Make a brush with the shape, slope, spacing and deviation of a formation."""
     from flockbrush.cli.formation_commands import make_brush
 
     make_brush(formation, out, like)
@@ -131,21 +136,24 @@ def formation_brush(
 @formation_app.command("film")
 def formation_film(
     level: LevelName,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="MP4", help="Video to write; .png: its last frame.")],
-    seconds: Annotated[
-        float, typer.Option(min=0.1, max=3600, metavar="S", help="Duration in simulated seconds.")
-    ] = 60.0,
+    out: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--out", metavar="MP4", help="Video to write (.mp4), or a picture of the last frame (.png)."
+        ),
+    ],
+    seconds: Annotated[float, typer.Option(min=0.1, max=3600, metavar="S", help="Duration, simulated seconds.")] = 60.0,
     seed: Seed = None,
     theme: ThemeOption = ThemeName.light,
 ):
-    """Film a flock from close by, with beating wings; the leader is yellow, colours show the power each bird saves."""
+    """Make a close-up video of a flock. The leader is yellow; colours show the power that each bird saves."""
     from flockbrush.cli.formation_commands import film_level
 
     film_level(level, out, seconds, seed, theme.value)
 
 
 class KeyShapes(str, enum.Enum):
-    """How key shapes are solved."""
+    """Solver of key shapes."""
 
     proximal = "proximal"
     levenberg_marquardt = "levenberg-marquardt"
@@ -155,29 +163,30 @@ class KeyShapes(str, enum.Enum):
 def formation_fly(
     formation: Annotated[Path, typer.Argument(metavar="X.json", help="Formation file made by extract.")],
     birds: Annotated[
-        int | None, typer.Option(min=2, max=500, metavar="N", help="Number of birds; default: as many as marked.")
+        int | None,
+        typer.Option(min=2, max=500, metavar="N", help="Number of birds; default: the number of marked birds."),
     ] = None,
     frames: Annotated[int, typer.Option(min=1, max=10**6, metavar="F", help="Number of frames.")] = 250,
     fps: Annotated[float, typer.Option(min=0.1, max=1000, metavar="F", help="Frames per second.")] = 25.0,
     seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, metavar="K", help="Random seed.")] = 0,
     left: Annotated[int | None, typer.Option(min=0, metavar="K", help="Number of birds left of the leader.")] = None,
-    exchange: Annotated[bool, typer.Option("--exchange", help="Exchange left and right.")] = False,
+    exchange: Annotated[bool, typer.Option("--exchange", help="Exchange the left and the right side.")] = False,
     method: Annotated[
-        KeyShapes, typer.Option(help="levenberg-marquardt: the paper's method; proximal: always has a solution.")
+        KeyShapes, typer.Option(help="Solver: levenberg-marquardt (the paper's) or proximal (always finds a solution).")
     ] = (KeyShapes.proximal),
     epsilon: Annotated[
-        float, typer.Option(min=0, max=1, help="Largest deviation of the savings from the range of the example.")
+        float, typer.Option(min=0, max=1, help="Largest deviation of the savings from the range in the example.")
     ] = 0.1,
     lateral: Annotated[
-        bool, typer.Option(help="Lateral distances change as in the example; with --no-lateral they are constant.")
+        bool, typer.Option(help="Lateral distances vary as in the example; with --no-lateral they are constant.")
     ] = True,
     out: Annotated[Path | None, typer.Option("-o", "--out", metavar="CSV", help="Trajectory to write.")] = None,
     plot: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Picture to write, with six moments of the flight.")
+        Path | None, typer.Option(metavar="PNG", help="Picture to write, with six frames of the flight.")
     ] = None,
     json: Json = False,
 ):
-    """Fly a formation with any number of birds, and report whether the flight kept its ranges."""
+    """Fly a formation with any number of birds, and report whether spacing and savings stay within their ranges."""
     from flockbrush.cli.formation_commands import fly
 
     fly(formation, birds, frames, fps, seed, left, exchange, method.value, epsilon, lateral, out, plot, json)

@@ -1,4 +1,4 @@
-"""JSON schemas of brush, level and sweep files, from which editors complete names and show units and bounds.
+"""JSON schemas of brush, level and sweep files; editors use them to complete names and show units and bounds.
 
 Everything is generated from what the readers check against: the models' parameters, the classes of level things and
 the specification of sweeps.  The readers check more (names that must exist, sums, geometry) and give better messages.
@@ -21,7 +21,7 @@ Schema = dict[str, Any]
 
 
 def brush_schema() -> Schema:
-    """Of ``NAME.brush.toml``: `parameters` are those of the model that the file names."""
+    """Schema of ``NAME.brush.toml``; its `parameters` depend on the model of the file."""
     schema = brush.Brush.model_json_schema()
     properties = schema["properties"]
     for name in ("name", "params"):  # the file's name, and what `parameters` becomes
@@ -41,16 +41,20 @@ def brush_schema() -> Schema:
 
 
 def sweep_schema() -> Schema:
-    """Of ``NAME.sweep.toml``."""
+    """Schema of ``NAME.sweep.toml``."""
     schema = sweep_file.document_schema()
     values = {"type": ["object", "array", "string", "number", "boolean"]}
     schema["properties"] |= {
         "schema": {"const": sweep_file.SCHEMA},
-        "grid": {"type": "object", "description": "every combination of these", "additionalProperties": values},
-        "fixed": {"type": "object", "description": "the same in every run"},
+        "grid": {
+            "type": "object",
+            "description": "all combinations of these values are run",
+            "additionalProperties": values,
+        },
+        "fixed": {"type": "object", "description": "parameters that are the same in every run"},
         "case": {
             "type": "array",
-            "description": "combined with the grid, one after the other",
+            "description": "cases that are combined with the grid",
             "items": {"type": "object", "required": ["title"], "properties": {"title": {"type": "string"}}},
         },
     }
@@ -60,7 +64,7 @@ def sweep_schema() -> Schema:
 
 
 def level_schema() -> Schema:
-    """Of ``NAME.tmj``: a map of Tiled's JSON format whose classes and properties are ours."""
+    """Schema of ``NAME.tmj``: Tiled's JSON format with the classes and properties of Flockbrush."""
     classes = [c for c in CLASSES.values() if c.use == "object"]
     schema: Schema = {
         "type": "object",
@@ -120,7 +124,7 @@ def _titled(schema, title, description):
 
 
 def _properties(cls: ObjectClass) -> Schema:
-    """Tiled's list of custom properties: one item for each property of a class."""
+    """Schema of the list of custom properties in Tiled: one item for each property of a class."""
     names: Schema = {"type": "string"} if cls.open else {"enum": [p.name for p in cls.properties]}
     item = {
         "type": "object",

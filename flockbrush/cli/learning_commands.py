@@ -1,4 +1,4 @@
-"""The commands of learning: a clip becomes a brush, and the brush is tried on the clip."""
+"""The commands ``learn``, ``reenact``, ``relation`` and ``fields``, and their options."""
 
 from __future__ import annotations
 
@@ -21,41 +21,51 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instea
 
 @dataclass
 class ClipOptions:
-    """How a person wants a clip to be looked at, as it was written: an option each of every command that looks."""
+    """Options of all commands that read a clip, as given on the command line."""
 
-    frames: Annotated[str | None, typer.Option(metavar="A:B", help="Only these frames, both included.")] = None
+    frames: Annotated[
+        str | None, typer.Option(metavar="A:B", help="First and last frame to use, both included, such as 0:99.")
+    ] = None
     landmark: Annotated[
         list[str] | None,
         typer.Option(
             metavar="FRAME:x,y,w,h",
-            help="Rectangle in pixels around something that stands still; give it in two frames.",
+            help="Rectangle around something that does not move, pixels; needed in two frames.",
         ),
     ] = None
-    body_colour: Annotated[str, typer.Option(metavar="R,G,B", help="Colour of the animals, or auto.")] = "auto"
+    body_colour: Annotated[
+        str, typer.Option(metavar="R,G,B", help="Colour of the animals, 0 to 255 each; auto: detected.")
+    ] = "auto"
     body_length_px: Annotated[
-        float | None, typer.Option(min=2, max=2000, metavar="L", help="Length of an animal from nose to tail, pixels.")
+        float | None,
+        typer.Option(
+            min=2, max=2000, metavar="L", help="Body length of an animal, nose to tail, pixels; default: measured."
+        ),
     ] = None
-    grid: Annotated[int, typer.Option(min=5, max=200, metavar="N", help="Number of cells across the picture.")] = 30
+    grid: Annotated[
+        int, typer.Option(min=5, max=200, metavar="N", help="Number of cells across the width of the picture.")
+    ] = 30
     obstacles: Annotated[
         Path | None,
-        typer.Option(metavar="PNG", help="Mask of the first used frame, white where animals cannot go."),
+        typer.Option(metavar="PNG", help="Obstacle mask for the first used frame; white: animals cannot go there."),
     ] = None
 
-    unit: Annotated[str | None, typer.Option(metavar="m|px|bl", help="Of tracks whose file does not say it.")] = None
+    unit: Annotated[
+        str | None, typer.Option(metavar="m|px|bl", help="Unit of x and y in tracks, if their file does not name it.")
+    ] = None
     fps: Annotated[
-        float | None, typer.Option(min=0.001, max=10_000, metavar="F", help="Frames a second of tracks without times.")
+        float | None,
+        typer.Option(min=0.001, max=10_000, metavar="F", help="Frames per second of tracks without times."),
     ] = None
     body_length_m: Annotated[
         float | None,
-        typer.Option(
-            min=0.001, max=50, metavar="M", help="Length of an animal from nose to tail, metres; 1 unless given."
-        ),
+        typer.Option(min=0.001, max=50, metavar="M", help="Body length of an animal, nose to tail, m; default: 1."),
     ] = None
 
     def read(self) -> Looking:
-        """The same with everything understood; typer.BadParameter where it cannot be."""
+        """The parsed options; typer.BadParameter for an invalid value."""
         understood = frames_of(self.frames), landmarks_of(self.landmark), colour_of(self.body_colour)
-        from flockbrush.film.open_clip import Looking  # takes a second, which a mistake need not wait for
+        from flockbrush.film.open_clip import Looking  # slow to import: only after the values are checked
 
         return Looking(
             *understood, self.body_length_px, self.grid, self.obstacles, getattr(self, "regions", None),
@@ -63,7 +73,7 @@ class ClipOptions:
         )  # fmt: skip
 
     def words(self) -> dict[str, object]:
-        """{option: value} of what is not at its default."""
+        """{option: value} of the options that differ from their defaults."""
         asked = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}
         return {
             "--" + name.replace("_", "-"): value for name, (value, usual) in asked.items() if value not in (usual, [])
@@ -72,11 +82,11 @@ class ClipOptions:
 
 @dataclass
 class LookByRegion(ClipOptions):
-    """The same where the ground may be parted."""
+    """The options of clips, and a mask of regions."""
 
     regions: Annotated[
         Path | None,
-        typer.Option(metavar="PNG", help="Mask of the first used frame, with a colour for each region."),
+        typer.Option(metavar="PNG", help="Region mask for the first used frame; each colour is a region."),
     ] = None
 
 
@@ -97,7 +107,7 @@ def frames_of(text: str | None) -> tuple[int, int] | None:
         return None
     found = re.fullmatch(r"(\d+):(\d+)", text.strip())
     if not found or int(found[1]) > int(found[2]):
-        raise typer.BadParameter(f"frames are FIRST:LAST, such as 0:99, the last not before the first; got {text!r}",
+        raise typer.BadParameter(f"frames must be FIRST:LAST with FIRST <= LAST, such as 0:99; got {text!r}",
                                  param_hint="--frames")  # fmt: skip
     return int(found[1]), int(found[2])
 
@@ -105,7 +115,7 @@ def frames_of(text: str | None) -> tuple[int, int] | None:
 def unit_of(text: str | None) -> str | None:
     """The unit of tracks; typer.BadParameter for anything but m, px and bl."""
     if text not in (None, "m", "px", "bl"):
-        raise typer.BadParameter(f"it is m, px or bl; got {text!r}", param_hint="--unit")
+        raise typer.BadParameter(f"must be m, px or bl, got {text!r}", param_hint="--unit")
     return text
 
 
@@ -115,34 +125,37 @@ def landmark_of(text: str) -> tuple[int, tuple[float, float, float, float]]:
     found = re.fullmatch(rf"\s*(\d+)\s*:{number},{number},{number},{number}", text)
     if not found or not (float(found[4]) > 0 and float(found[5]) > 0):
         raise typer.BadParameter(
-            f"a landmark is FRAME:x,y,w,h in pixels, such as 0:120,80,60,60; got {text!r}", param_hint="--landmark"
+            f"a landmark must be FRAME:x,y,w,h in pixels, such as 0:120,80,60,60; got {text!r}", param_hint="--landmark"
         )
     return int(found[1]), (float(found[2]), float(found[3]), float(found[4]), float(found[5]))
 
 
 def landmarks_of(texts: list[str] | None) -> tuple:
-    """All of them, of which there are none or at least two."""
+    """The parsed landmarks; typer.BadParameter if there is only one."""
     if texts is not None and len(texts) == 1:
         landmark_of(texts[0])
-        raise typer.BadParameter("a landmark is given twice: what stands still, in two frames", param_hint="--landmark")
+        raise typer.BadParameter(
+            "at least two landmarks are needed: rectangles around things that do not move, in two frames",
+            param_hint="--landmark",
+        )
     return tuple(landmark_of(text) for text in texts or ())
 
 
 def colour_of(text: str) -> str | tuple[int, int, int]:
-    """ "auto", or (red, green, blue)."""
+    """ "auto", or (red, green, blue) of "R,G,B"; typer.BadParameter for anything else."""
     if text.strip().lower() == "auto":
         return "auto"
     parts = text.split(",")
     if len(parts) != 3 or not all(re.fullmatch(r"\s*\d{1,3}\s*", p) and int(p) <= 255 for p in parts):
         raise typer.BadParameter(
-            f"a colour is R,G,B from 0 to 255, such as 240,240,235, or auto; got {text!r}", param_hint="--body-colour"
+            f"must be R,G,B from 0 to 255, such as 240,240,235, or auto; got {text!r}", param_hint="--body-colour"
         )
     red, green, blue = (int(part) for part in parts)
     return red, green, blue
 
 
 def parts_of(text: str | None) -> tuple[str, ...]:
-    """Names of what is left out, in the order given."""
+    """The names of --ablate, in the order given."""
     if not text:
         return ()
     named = [part.strip() for part in text.split(",") if part.strip()]
@@ -151,14 +164,14 @@ def parts_of(text: str | None) -> tuple[str, ...]:
             from flockbrush.engine.problems import did_you_mean
 
             raise typer.BadParameter(
-                f"there is no part {part!r}{did_you_mean(part, PARTS)}",
+                f"unknown part {part!r}{did_you_mean(part, PARTS)}",
                 param_hint="--ablate",
             )
     return tuple(dict.fromkeys(named))
 
 
 def command_line(name: str, arguments, options: dict) -> str:
-    """The command that does the same again; what was left at its default is left out."""
+    """The command line that repeats this call; options at their default are left out."""
     words = ["flockbrush", name, *map(str, arguments)]
     for option, value in options.items():
         for one in value if isinstance(value, list) else [value]:
@@ -175,21 +188,24 @@ def command_line(name: str, arguments, options: dict) -> str:
 @grouped
 def learn(
     clips: Annotated[
-        list[Path], typer.Argument(metavar="CLIP", help="Films or tracks of one herd from above, or one photograph.")
+        list[Path],
+        typer.Argument(metavar="CLIP", help="Clips (videos or tracks) of one herd from above, or one photograph."),
     ],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="X.brush.toml", help="Brush file to write.")],
-    report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for a report with pictures.")] = None,
+    report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for an HTML report with pictures.")] = None,
     look: LookByRegion = LookByRegion(),  # noqa: B008  its fields become the options
     share: Annotated[
         float,
-        typer.Option(min=0.1, max=1, metavar="S", help="Share of the frames to learn from; the rest is for the test."),
+        typer.Option(
+            min=0.1, max=1, metavar="S", help="Share of the frames to learn from; the rest is held out for the test."
+        ),
     ] = 0.5,
     speed: Annotated[
         float | None,
-        typer.Option(min=0, max=50, metavar="V", help="Speed of the animals of a photograph, body lengths/s."),
+        typer.Option(min=0, max=50, metavar="V", help="Speed of the animals in a photograph, body lengths/s."),
     ] = None,
     beta: Annotated[
-        float, typer.Option(min=0, max=1, metavar="B", help="Weight of density (1) against motion (0) in the loss.")
+        float, typer.Option(min=0, max=1, metavar="B", help="Weight in the loss: 1 density only, 0 motion only.")
     ] = 0.5,
     seed: Annotated[int, typer.Option(min=0, max=2**31, metavar="K", help="Random seed.")] = 0,
     starts: Annotated[
@@ -199,7 +215,7 @@ def learn(
         str,
         typer.Option(
             metavar="NAME",
-            help="Model to fit: herd, zones, topological, boids, another on the ground; or auto, which compares them.",
+            help="Model to fit: herd, zones, topological, boids or another ground model; auto compares them.",
         ),
     ] = "herd",
     work: WorkOptions = WorkOptions(),  # noqa: B008
@@ -207,30 +223,31 @@ def learn(
         str | None,
         typer.Option(
             metavar="PARTS",
-            help="Learn again without each of these parts, separated by commas: occlusion, angular, density, variance.",
+            help="Also learn without each of these parts, separated by commas: occlusion, angular, density, variance.",
         ),
     ] = None,
     licence: Annotated[
-        str | None, typer.Option(metavar="TEXT", help="Licence of the clip, kept in the provenance of the brush.")
+        str | None, typer.Option(metavar="TEXT", help="Licence of the clip, stored in the provenance of the brush.")
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted learning.")] = False,
-    quick: Annotated[bool, typer.Option("--quick", help="Two starts and less time, for a first impression.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue after an interruption.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Fast, less exact search: two starts, fewer steps.")] = False,
     device: Annotated[
         str,
         typer.Option(
-            metavar="NAME", help="Device for learning from fields alone: cpu, cuda, or auto for the best available."
+            metavar="NAME",
+            help="Device for learning from fields alone: cpu, cuda, cuda:0, or auto (the best available).",
         ),
     ] = "auto",
     json: Json = False,
 ):
-    """Learn a brush from a film of a herd, from tracks of its animals, or from one photograph.
+    """Learn a brush from a clip of a herd, from tracks of its animals, or from one photograph.
 
-    Each half of the clip is learned from and judged on the other half; then all frames are fitted.
-    Ctrl-C keeps the best so far; --resume continues.
+    The brush is learned from each half of the clip and tested on the other half, then fitted to all frames.
+    Ctrl-C writes the best brush so far; --resume continues.
     """
     how, without, (jobs, workers) = look.read(), parts_of(ablate), work.read()
     if not re.fullmatch(r"auto|cpu|cuda(:\d+)?", device):
-        raise typer.BadParameter(f"it is auto, cpu, cuda or cuda:0; got {device!r}", param_hint="--device")
+        raise typer.BadParameter(f"must be auto, cpu, cuda or cuda:0, got {device!r}", param_hint="--device")
     options = {
         "--out": out, **look.words(), "--share": share if share != 0.5 else None, "--speed": speed,
         "--beta": beta if beta != 0.5 else None, "--seed": seed, "--starts": starts if starts != 5 else None,
@@ -255,21 +272,23 @@ def learn(
 
 @grouped
 def reenact(
-    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A film of a herd from above, or tracks.")],
-    brush: Annotated[str, typer.Option(metavar="NAME", help="A brush, or a .brush.toml file.")],
+    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="Clip (video or tracks) of a herd from above.")],
+    brush: Annotated[str, typer.Option(metavar="NAME", help="Brush: a name or a .brush.toml file.")],
     look: ClipOptions = ClipOptions(),  # noqa: B008  its fields become the options
     runs: Annotated[
         int, typer.Option(min=1, max=100, metavar="N", help="Number of simulations, each with its own random seed.")
     ] = 3,
     seed: Annotated[int, typer.Option(min=0, max=2**31, metavar="K", help="Random seed of the first simulation.")] = 0,
-    export: Annotated[Path | None, typer.Option(metavar="F.csv", help="Trajectory to write, frame by frame.")] = None,
+    export: Annotated[
+        Path | None, typer.Option(metavar="F.csv", help="Trajectory to write, one row per animal and frame.")
+    ] = None,
     video: Annotated[
         Path | None,
-        typer.Option(metavar="F.mp4", help="Video to write: clip left, simulation right, at the same scale."),
+        typer.Option(metavar="F.mp4", help="Video to write: clip on the left, simulation on the right, same scale."),
     ] = None,
     json: Json = False,
 ):
-    """Start animals as a clip begins, let a brush move them, and compare with the clip frame by frame."""
+    """Start a simulation from the first frame of a clip and compare it with the clip, frame by frame."""
     from flockbrush.learning.reenact import reenact_clip
 
     reenact_clip(clip, brush, look.read(), runs, seed, export, video, json)
@@ -279,25 +298,30 @@ def reenact(
 
 
 def relation(
-    tracks: Annotated[list[Path], typer.Argument(metavar="TRACKS", help="Recordings of the herd and the danger.")],
-    danger: Annotated[str, typer.Option(metavar="ID", help="Which animal of the tracks the others may fear.")],
+    tracks: Annotated[list[Path], typer.Argument(metavar="TRACKS", help="Files of tracks of the herd and the danger.")],
+    danger: Annotated[str, typer.Option(metavar="ID", help="Id of the animal that the others may fear.")],
     leave_out: Annotated[
-        list[str] | None, typer.Option(metavar="ID", help="Somebody else, such as a shepherd; may be repeated.")
+        list[str] | None, typer.Option(metavar="ID", help="Id to ignore, such as a shepherd; may be repeated.")
     ] = None,
-    unit: Annotated[str | None, typer.Option(metavar="m|px|bl", help="Of tracks whose file does not say it.")] = None,
+    unit: Annotated[
+        str | None, typer.Option(metavar="m|px|bl", help="Unit of x and y in tracks, if their file does not name it.")
+    ] = None,
     fps: Annotated[
-        float | None, typer.Option(min=0.001, max=10_000, metavar="F", help="Frames a second of tracks without times.")
+        float | None,
+        typer.Option(min=0.001, max=10_000, metavar="F", help="Frames per second of tracks without times."),
     ] = None,
     body_length_m: Annotated[
-        float | None, typer.Option(min=0.001, max=50, metavar="M", help="Nose to tail in metres, 1 unless given.")
+        float | None,
+        typer.Option(min=0.001, max=50, metavar="M", help="Body length of an animal, nose to tail, m; default: 1."),
     ] = None,
     body_length_px: Annotated[
-        float | None, typer.Option(min=0.01, max=2000, metavar="L", help="One animal nose to tail, pixels.")
+        float | None,
+        typer.Option(min=0.01, max=2000, metavar="L", help="Body length of an animal, nose to tail, pixels."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, max=2**31, metavar="K", help="Of the bootstrap.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=2**31, metavar="K", help="Random seed of the bootstrap.")] = 0,
     json: Json = False,
 ):
-    """Learn from how far and how strongly a herd fears one animal of its tracks, such as a dog."""
+    """Measure from tracks at what distance and how strongly a herd reacts to one animal, such as a dog."""
     from flockbrush.film.open_clip import Looking
     from flockbrush.learning.relation import relation_of_files
 
@@ -310,15 +334,15 @@ def relation(
 
 @grouped
 def measure(
-    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A film of a herd from above, or a photograph.")],
+    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="Clip (video) of a herd from above, or a photograph.")],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="F.npz", help="Fields file to write.")],
     preview: Annotated[
-        Path | None, typer.Option(metavar="F.mp4", help="Video to write, with detected bodies, motion and density.")
+        Path | None, typer.Option(metavar="F.mp4", help="Video to write: detected bodies, motion and density.")
     ] = None,
     look: LookByRegion = LookByRegion(),  # noqa: B008  its fields become the options
     json: Json = False,
 ):
-    """Measure a herd in a film: density, motion and single animals, without learning anything yet."""
+    """Measure density, motion and single animals in a clip of a herd, without learning a brush."""
     from flockbrush.cli.field_commands import fields_of_clip
 
     fields_of_clip(clip, out, look.read(), preview, json)

@@ -1,4 +1,4 @@
-"""How ``flockbrush level`` is called."""
+"""Options of the commands ``flockbrush level ...``."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ def level_check(
 @level_app.command("render")
 def level_render(
     level: LevelName,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="PNG", help="Picture to write.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="PNG", help="Picture to write (.png).")],
     seconds: Annotated[
-        float, typer.Option(min=0, metavar="S", help="Simulated seconds before the picture is drawn.")
+        float, typer.Option(min=0, metavar="S", help="Time of the picture, simulated seconds after the start.")
     ] = 0.0,
     seed: Seed = None,
     agents: Agents = None,
     theme: ThemeOption = ThemeName.light,
     palette: PaletteOption = PaletteName.own,
 ):
-    """Draw a level with its animals."""
+    """Draw a level with its animals as a picture."""
     from flockbrush.cli.commands import render_level
 
     render_level(level, output, seconds, seed, agents, theme.value, palette.value)
@@ -43,9 +43,9 @@ def level_render(
 
 @level_app.command("init")
 def level_init(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to create or to update.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to create or update.")],
 ):
-    """Create a folder for levels: a Tiled project with the Flockbrush classes, tilesets and a first level."""
+    """Create a folder for levels: a Tiled project with the Flockbrush classes, tilesets and an example level."""
     from flockbrush.cli.commands import init_levels
 
     init_levels(folder)
@@ -53,16 +53,18 @@ def level_init(
 
 @level_app.command("adopt")
 def level_adopt(
-    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A .tmx or .tmj map of Tiled; it is only read.")],
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="Tiled map, .tmx or .tmj; it is not changed.")],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="NEW", help="The level, .tmj; default: beside the map, with its name."),
+        typer.Option(
+            "-o", "--output", metavar="NEW", help="Level to write (.tmj); default: beside the map, with its name."
+        ),
     ] = None,
     metres: Annotated[
-        float, typer.Option("--metres-per-tile", min=0.001, max=1000, metavar="M", help="Size of a tile on the ground.")
+        float, typer.Option("--metres-per-tile", min=0.001, max=1000, metavar="M", help="Size of a tile, m.")
     ] = 1.0,
 ):
-    """Make a level of a map that you have: our layers, schema and properties are added, yours stay as they are."""
+    """Make a level from a Tiled map: add the Flockbrush layers and properties; existing layers are kept."""
     from flockbrush.cli.commands import adopt_map
 
     adopt_map(map_file, output, metres)
@@ -70,7 +72,7 @@ def level_adopt(
 
 @level_app.command("list")
 def level_list():
-    """The levels that come with Flockbrush."""
+    """List the shipped levels."""
     from flockbrush.cli.commands import list_levels
 
     list_levels()

@@ -1,4 +1,4 @@
-"""Lifting a flock: tracks of birds in one camera become a flight in space, with headings and banking."""
+"""The command ``flockbrush lift``: tracks of birds from one camera to a 3D flight with headings and banking."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ METHODS = {"smooth": lift, "cobyla": lift_by_thesis}
 
 
 def lift_tracks(tracks, camera, out, method="smooth", near=None, far=None, as_json=False, made=None, **wishes):
-    """Read tracks and camera, lift, write the flight, and print what there is to know of it.
+    """Read tracks and camera, lift the flock, write the flight and print a summary.
 
     Parameters
     ----------
     tracks, camera, out : path
     method : {"smooth", "cobyla"}
-        The global solve, or the thesis' frame-by-frame descent.
+        The global solve, or the frame-by-frame descent of the thesis.
     near, far : float, optional
-        Metres, instead of the camera's.
+        Bounds of the depth in metres, instead of those in the camera file.
     made : (path, int or None, float or None), optional
-        A formation brush to be made, from the birds of a frame, of a wingspan in metres.
+        Formation brush to write: its path, the frame to take the birds from, the wingspan in metres.
     **wishes
         Of `flockbrush.lifting.lift_solver.LiftWish`.
 
     Raises
     ------
     ProblemsError
-        With file, line and column; nothing has been written then.
+        With file, line and column; no file has been written then.
     """
     with claimed([out, *(made or ())[:1]], [tracks, camera]):
         _lift(tracks, camera, out, method, (near, far), as_json, made, wishes)
 
 
 def _lift(tracks, camera, out, method, bounds, as_json, made, wishes):
-    """What `lift_tracks` does while nobody else may write the flight or the brush."""
+    """The work of `lift_tracks` while the output files are locked."""
     lens = _with_bounds(camera, read_camera(camera), *bounds)
     seen = read_tracks(tracks)
     begin = time.perf_counter()
@@ -58,7 +58,7 @@ def _lift(tracks, camera, out, method, bounds, as_json, made, wishes):
 
 
 def _make_brush(tracks, flight, lens, path, frame, wingspan, as_json):
-    """Write the formation brush of a frame; the flight is written whatever becomes of that."""
+    """Write the formation brush of a frame; the flight has been written before, even if this fails."""
     from flockbrush.lifting.flight_show import Show
 
     last = flight.first + len(flight.xyz) - 1
@@ -101,10 +101,10 @@ def _tell(out, flight, seconds, method, as_json):
     rows = (
         ("birds", facts["birds"]),
         ("frames", facts["frames"]),
-        ("nearest, m", low),
-        ("farthest, m", high),
-        ("noise of the tracks, px", flight.noise),
-        ("solved in, s", seconds),
+        ("smallest distance, m", low),
+        ("largest distance, m", high),
+        ("noise of the tracks, pixels", flight.noise),
+        ("solve time, s", seconds),
     )
     show(table("what", "value", rows=rows, right=("value",)))
     for note in flight.notes:

@@ -48,7 +48,7 @@ from flockbrush.runs.terminal import INTERRUPTED, PIPE, print_line, say
 
 app = typer.Typer(
     name="flockbrush",
-    help="Simulate herds and flocks that follow behaviour brushes: play, run, record and replay levels.",
+    help="Simulate herds and flocks that behaviour brushes control: play, run, record and replay levels.",
     epilog="Start with:  flockbrush demo   and:  flockbrush level init my-levels",
     no_args_is_help=True,
     add_completion=False,
@@ -83,18 +83,20 @@ def _common(
 
 @app.command()
 def demo(
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Video file to write.")] = Path("demo.mp4"),
-    seconds: Annotated[float, typer.Option(min=0, metavar="S", help="Duration in simulated seconds.")] = RUN_SECONDS,
-    record: Annotated[Path | None, typer.Option(metavar="FILE", help="Recording to write.")] = None,
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Video file to write (.mp4).")] = Path("demo.mp4"),
+    seconds: Annotated[float, typer.Option(min=0, metavar="S", help="Duration, simulated seconds.")] = RUN_SECONDS,
+    record: Annotated[Path | None, typer.Option(metavar="FILE", help="Recording to write, for replay.")] = None,
     threads: Threads = None,
     theme: ThemeOption = ThemeName.light,
     palette: PaletteOption = PaletteName.own,
 ):
-    """Run a flock of sheep through a pasture with obstacles; write demo.mp4 and print measures."""
+    """Simulate a flock of sheep in a pasture with obstacles, write demo.mp4 and print measures."""
     from flockbrush.cli.commands import RunRequest, run_level
 
     if out.suffix.lower() != ".mp4":
-        raise typer.BadParameter(f"the demo is a video; its name ends in .mp4, got {str(out)!r}", param_hint="--out")
+        raise typer.BadParameter(
+            f"the demo is a video: its name must end in .mp4, got {str(out)!r}", param_hint="--out"
+        )
     run_level(
         RunRequest(
             "sheep-pasture",
@@ -110,47 +112,55 @@ def demo(
 @app.command()
 def play(
     level: LevelName = "meadow",
-    brush: Annotated[str | None, typer.Option(metavar="NAME", help="Brush selected at the start.")] = None,
+    brush: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the brush selected at the start.")] = None,
     seed: Seed = None,
     agents: Agents = None,
     record: Annotated[Path | None, typer.Option(metavar="FILE", help="Recording to write, for replay.")] = None,
-    theme: Annotated[ThemeName | None, typer.Option(help="Colours; default: as in the last session.")] = None,
-    palette: Annotated[
-        PaletteName | None, typer.Option(help="Colours of brushes; default: as in the last session.")
+    theme: Annotated[
+        ThemeName | None, typer.Option(help="Colours of the window; default: those of the last session.")
     ] = None,
-    size: Annotated[str, typer.Option(metavar="WxH", help="Size of the window in pixels.")] = "1280x720",
+    palette: Annotated[
+        PaletteName | None, typer.Option(help="Colours of brushes; default: those of the last session.")
+    ] = None,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Window size, pixels.")] = "1280x720",
     text_size: Annotated[
         float | None,
         typer.Option(
-            "--text-size", min=50, max=300, metavar="PERCENT", help="Size of text and buttons; 100 is normal."
+            "--text-size", min=50, max=300, metavar="PERCENT", help="Size of text and buttons, percent; 100 is normal."
         ),
     ] = None,
-    frames: Annotated[int | None, typer.Option(min=0, metavar="N", help="Close after this number of frames.")] = None,
+    frames: Annotated[
+        int | None, typer.Option(min=0, metavar="N", help="Close the window after N drawn frames.")
+    ] = None,
     clip: Annotated[
-        Path | None, typer.Option(metavar="CLIP", help="Open a film to mark instead of a level; 'sky': sketch a flock.")
+        Path | None,
+        typer.Option(
+            metavar="CLIP", help="Open a clip to mark instead of a level; 'sky' opens an empty sky to sketch a flock."
+        ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the marks; default: the current folder.")
+        Path | None, typer.Option(metavar="DIR", help="Folder for the marks of --clip; default: the current folder.")
     ] = None,
     tracks: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Tracks of the birds in the film, as written by track.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Tracks of the birds in the clip, as written by `flockbrush track`."),
     ] = None,
     camera: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="TOML file of the film's camera, for lift.")
+        Path | None, typer.Option(metavar="FILE", help="TOML file of the camera that filmed the clip or the tracks.")
     ] = None,
     mode: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="What to do with the film: look, landmarks, paint, body, birds or sketch."),
+        typer.Option(metavar="NAME", help="Mode to open the clip in: look, landmarks, paint, body, birds or sketch."),
     ] = None,
     unit: TrackUnit = None,
     fps: TrackFps = None,
     body_length_m: TrackMetres = None,
     body_length_px: TrackPixels = None,
 ):
-    """Open the playground: paint, tune and direct a running herd; with --clip, mark a film.
+    """Open the playground: paint, tune and direct a running herd; with --clip, mark a clip.
 
-    A file of tracks instead of a level is shown in space: a flight as `lift` and `export` write it, with --camera the
-    tracks of birds, lifted, else animals on the ground.
+    LEVEL can also be a file of tracks, which is shown in 3D: a flight written by `lift` or `export`; tracks of birds
+    in pixels with --camera, which are lifted; otherwise animals on the ground.
     """
     if clip is not None:
         from flockbrush.studio.start_clip import mark_clip
@@ -185,18 +195,18 @@ def play(
 def run(
     context: typer.Context,
     level: LevelName,
-    ticks: Annotated[int | None, typer.Option(min=0, metavar="N", help="Duration in ticks of 1/32 s.")] = None,
+    ticks: Annotated[int | None, typer.Option(min=0, metavar="N", help="Duration, ticks of 1/32 s.")] = None,
     seconds: Seconds = None,
     seed: Seed = None,
     agents: Agents = None,
     record: Annotated[Path | None, typer.Option(metavar="FILE", help="Recording to write, for replay.")] = None,
     export: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE", help="File to write (kinds: flockbrush export --help); may be repeated."),
+        typer.Option(metavar="FILE", help="File to write (formats: flockbrush export --help); may be repeated."),
     ] = None,
     event: Events = None,
     brush: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Brush for all spawned animals, a name or a .brush.toml file.")
+        str | None, typer.Option(metavar="NAME", help="Brush of all spawned animals: a name or a .brush.toml file.")
     ] = None,
     fps: Fps = None,
     threads: Threads = None,
@@ -210,20 +220,24 @@ def run(
     ] = None,
     synctest: Annotated[
         int | None,
-        typer.Option(min=1, metavar="N", help="Simulate every tick twice, from a snapshot every N ticks, and compare."),
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="Determinism test: simulate every tick twice, from a snapshot every N ticks, and compare.",
+        ),
     ] = None,
     report: ReportFolder = None,
     json: Json = False,
 ):
-    """Run a level without a window, for 30 seconds by default."""
+    """Run a level without a window, for 30 simulated seconds by default."""
     from flockbrush.cli.commands import RunRequest, run_level
 
     if ticks is not None and seconds is not None:
         raise typer.BadParameter("give --ticks or --seconds, not both", param_hint="--ticks")
     if report is not None and synctest is None:
-        raise typer.BadParameter("goes with --synctest", param_hint="--report")
+        raise typer.BadParameter("can only be used with --synctest", param_hint="--report")
     if keyframes is not None and record is None:
-        raise typer.BadParameter("goes with --record", param_hint="--keyframes")
+        raise typer.BadParameter("can only be used with --record", param_hint="--keyframes")
     options = chosen(context, export)
     if seconds is None and ticks is None:
         seconds = RUN_SECONDS
@@ -252,28 +266,29 @@ def run(
 @app.command()
 def serve(
     level: LevelName,
-    port: Annotated[int, typer.Option(min=0, max=65535, metavar="N", help="0: any free port.")] = 0,
-    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Who may connect; default: this machine alone.")] = (
-        "127.0.0.1"
-    ),
+    port: Annotated[int, typer.Option(min=0, max=65535, metavar="N", help="Port to listen on; 0: any free port.")] = 0,
+    host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Address to listen on; the default accepts only this machine.")
+    ] = ("127.0.0.1"),
     frame_rate: Annotated[
-        float, typer.Option("--fps", min=1, max=60, metavar="F", help="Frames per second to each client.")
+        float, typer.Option("--fps", min=1, max=60, metavar="F", help="Frames per second sent to each client.")
     ] = 60.0,
-    record: Annotated[Path | None, typer.Option(metavar="FILE", help="Keep a recording, for replay.")] = None,
+    record: Annotated[Path | None, typer.Option(metavar="FILE", help="Recording to write, for replay.")] = None,
     seconds: Annotated[
-        float | None, typer.Option(min=0, metavar="S", help="End after so many simulated seconds; default: Ctrl-C.")
+        float | None,
+        typer.Option(min=0, metavar="S", help="Stop after S simulated seconds; default: run until Ctrl-C."),
     ] = None,
     seed: Seed = None,
     agents: Agents = None,
     brush: Annotated[
-        str | None, typer.Option(metavar="NAME", help="For all animals of spawns, by name or as a .brush.toml file.")
+        str | None, typer.Option(metavar="NAME", help="Brush of all spawned animals: a name or a .brush.toml file.")
     ] = None,
     threads: Threads = None,
     json: Json = False,
 ):
-    """Run a level live for other programs, which draw and steer it over a WebSocket (live link).
+    """Run a level live for other programs, which draw and control it over a WebSocket (live link).
 
-    The address with its token is printed at the start: who has it can steer the herd. Ctrl-C ends.
+    The address with its token is printed at the start. Anyone who has the address can control the herd. Ctrl-C stops.
     """
     from flockbrush.cli.serve_commands import Service, serve_level
 
@@ -283,7 +298,9 @@ def serve(
 @app.command()
 def replay(
     recording: RecordingPath,
-    verify: Annotated[bool, typer.Option("--verify", help="Compare every tick with the recording.")] = False,
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Compare the state after every tick with the recording.")
+    ] = False,
     to_tick: Annotated[int | None, typer.Option(min=0, metavar="N", help="Last tick to replay.")] = None,
     report: ReportFolder = None,
     threads: Threads = None,
@@ -291,14 +308,15 @@ def replay(
 ):
     """Replay a recording.
 
-    With --verify every tick is compared; the first that differs is reported with system, animals and values,
-    and the exit code is 1.
-    Without --verify it goes to the last tick, or to --to-tick, from the nearest snapshot, and prints measures there.
+    With --verify, every tick is compared. The first tick that differs is reported with the system, the animals and
+    the values, and the exit code is 1.
+    Without --verify, the replay starts at the nearest snapshot, runs to the last tick (or --to-tick) and prints the
+    measures at that tick.
     """
     from flockbrush.cli.replay_commands import replay_recording
 
     if report is not None and not verify:
-        raise typer.BadParameter("goes with --verify", param_hint="--report")
+        raise typer.BadParameter("can only be used with --verify", param_hint="--report")
     replay_recording(recording, verify, to_tick, threads, json, report)
 
 
@@ -312,12 +330,12 @@ def export(
     ],
     fps: Fps = None,
     edits: Annotated[
-        bool, typer.Option("--edits/--no-edits", help="Apply the edits beside the recording (flockbrush edit).")
+        bool, typer.Option("--edits/--no-edits", help="Apply the edits stored beside the recording (flockbrush edit).")
     ] = True,
     threads: Threads = None,
     json: Json = False,
 ):
-    """Write a recording as a file that other programs open; the ending of the name says which (table below)."""
+    """Write a recording as files for other programs; the file extension selects the format (table below)."""
     from flockbrush.cli.export_commands import export_recording
 
     export_recording(recording, to, fps, threads, chosen(context, to), json, edits)
@@ -344,8 +362,8 @@ class FileKind(str, enum.Enum):
 
 
 @app.command()
-def schema(kind: Annotated[FileKind, typer.Argument(metavar="brush|level|sweep", help="Kind of file.")]):
-    """Print the JSON schema of a file format, for editors that complete names and show units and bounds."""
+def schema(kind: Annotated[FileKind, typer.Argument(metavar="brush|level|sweep", help="File format.")]):
+    """Print the JSON schema of a file format. Editors use it to complete names and show units and bounds."""
     from flockbrush.cli.json_schemas import SCHEMAS
 
     terminal.print_json(SCHEMAS[kind.value]())
@@ -356,9 +374,9 @@ def bench(
     agents: Annotated[
         list[int] | None, typer.Option(min=1, metavar="N", help="Number of animals; may be repeated.")
     ] = None,
-    large: Annotated[bool, typer.Option("--large", help="Include 100,000 animals.")] = False,
+    large: Annotated[bool, typer.Option("--large", help="Also time 100,000 animals.")] = False,
     ticks: Annotated[
-        int, typer.Option(min=2, max=100_000, metavar="N", help="Number of ticks to time, after a warm-up.")
+        int, typer.Option(min=2, max=100_000, metavar="N", help="Number of timed ticks, after the warm-up.")
     ] = 60,
     threads: Annotated[
         list[int] | None,
@@ -366,7 +384,7 @@ def bench(
     ] = None,
     json: Json = False,
 ):
-    """Time the ticks of a herd: 0.25 animals/m², 10 m view range, exact occlusion."""
+    """Benchmark ticks of a herd: 0.25 animals/m², 10 m view range, exact occlusion."""
     from flockbrush.cli.bench import benchmark
 
     sizes = agents or [1_000, 10_000] + ([100_000] if large else [])
@@ -383,17 +401,17 @@ def doctor(json: Json = False):
 
 @app.command("build-wheel")
 def build_wheel(
-    out: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where the wheel is written.")] = Path("dist"),
+    out: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder to write the wheel to.")] = Path("dist"),
     level: Annotated[
         list[str] | None,
-        typer.Option(metavar="LEVEL", help="Whose kernels are compiled; may be repeated; default: meadow."),
+        typer.Option(metavar="LEVEL", help="Level whose kernels are compiled; may be repeated. Default: meadow."),
     ] = None,
     cpu: Annotated[
         list[str] | None,
-        typer.Option(metavar="CPU", help="x86-64-v4 or x86-64-v3; may be repeated; default: both."),
+        typer.Option(metavar="CPU", help="Target CPU, x86-64-v4 or x86-64-v3; may be repeated. Default: both."),
     ] = None,
 ):
-    """Build a wheel of this checkout that brings its kernels compiled."""
+    """Build a wheel of this checkout that contains compiled kernels."""
     from flockbrush.cli.build_wheel import build
     from flockbrush.engine.shipped_kernels import CPUS
 
@@ -411,7 +429,7 @@ def main(arguments=None):
 
 
 def called(arguments=None) -> int:
-    """Run the command; 0 when all is well, 1 when a problem was found, 2 when it was called wrongly."""
+    """Run the command and return its exit code: 0 success, 1 a problem was found, 2 wrong usage."""
     try:
         code = _code_of(arguments)
         sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""Measuring recordings: the measures over time as a table, as JSON, as a picture."""
+"""The command ``flockbrush measure`` for recordings: measures over time as a table, JSON or chart."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flockbrush.runs.v_measures import v_indicators
 
 
 def series_of(run, simulation, every, step=lambda: None):
-    """Live a recording and measure it.
+    """Replay a recording and return its measures over time.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def series_of(run, simulation, every, step=lambda: None):
 
 
 def measure_recording(path, plot, every, thread_count, json):
-    """Measure a recording; print it and draw it."""
+    """Measure a recording, print the measures and draw them."""
     if not math.isfinite(every):
         every = 3600.0
     if plot is not None:
@@ -100,13 +100,13 @@ def measure_recording(path, plot, every, thread_count, json):
 
 
 def mean_of(values):
-    """Mean of the numbers that have a meaning."""
+    """Mean of the values that are not NaN."""
     numbers = [value for value in values if value == value]
     return sum(numbers) / len(numbers) if numbers else math.nan
 
 
 def show_series(title, series, plot=None):
-    """Print measures over time as a table with small curves."""
+    """Print measures over time as a table with sparklines."""
     right = ("start", "mean", "end")
     made = table("measure", "start", "mean", "end", "over time", "meaning", title=title, right=right)
     for name, values in series.items():
@@ -119,7 +119,7 @@ def show_series(title, series, plot=None):
 
 
 def sparkline(values, width=24):
-    """A tiny plot in characters, lowest to highest value; a space where there is none."""
+    """A plot in characters, from lowest to highest value; a space where the value is NaN."""
     marks = "▁▂▃▄▅▆▇█"
     values = np.array(values, float)
     at = np.unique(np.linspace(0, len(values) - 1, min(width, len(values))).astype(int))

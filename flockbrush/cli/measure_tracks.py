@@ -1,4 +1,4 @@
-"""Measuring tracks: the measures of `flockbrush measure` on animals that were followed, not simulated."""
+"""The command ``flockbrush measure`` for tracks: the same measures for tracked animals."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def series_of_tracks(evidence: Evidence, every: float) -> dict[str, list]:
 
 
 def measure_tracks(path, looking: Looking, plot=None, every=1.0, as_json=False):
-    """Measure a file of tracks; print it and draw it.
+    """Measure a file of tracks, print the measures and draw them.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""``flockbrush brush morph``: a measured path between two brushes."""
+"""The command ``flockbrush brush morph``: measure a path between two brushes."""
 
 from __future__ import annotations
 
@@ -14,13 +14,19 @@ from flockbrush.studies.morph import Trial, morph, table
 
 
 def morph_brushes(start, end, output, trial: Trial, wander=0.0):
-    """Measure the way between two brushes, print the table, write the path."""
+    """Measure the path between two brushes, print the table and write the path."""
     first, last = find_brush(start), find_brush(end)
     if not can_mix(first, last) or first.name == last.name:
-        why = "they are the same" if first.name == last.name else f"one is {first.model}, the other {last.model}"
-        raise ProblemsError([Problem(f"{first.name} to {last.name}", None, None, f"nothing lies between: {why}")])
+        why = (
+            "both brushes are the same"
+            if first.name == last.name
+            else f"their models are {first.model} and {last.model}"
+        )
+        raise ProblemsError([Problem(f"{first.name} to {last.name}", None, None, f"there is no path: {why}")])
     if wander and not hasattr(first.params, "wander"):
-        raise ProblemsError([Problem(first.name, None, None, f"model {first.model!r} has no wander")])
+        raise ProblemsError(
+            [Problem(first.name, None, None, f"model {first.model!r} has no parameter wander (--wander)")]
+        )
     file = Path(output) if output else Path(f"{first.name}--{last.name}{PATH_SUFFIX}")
     with held(file):
         found = morph(first, last, trial, {"wander": wander} if wander else {}, say)

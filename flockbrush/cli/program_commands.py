@@ -1,4 +1,4 @@
-"""The commands of programs: listed, shown, checked, tried on a plane; and events of runs."""
+"""Implementation of ``flockbrush program ...``, and the events of --event."""
 
 from __future__ import annotations
 
@@ -30,32 +30,32 @@ INTRUDER_AFTER = 5.0  # s
 
 
 def find_program(name):
-    """(program, its file) by its name, or from a file; ProblemsError."""
+    """(program, file name) of a shipped name or a file; ProblemsError if there is none."""
     if Path(name).name != name or name.endswith(SUFFIX) or Path(name).suffix:
         return load_program(Path(name)), str(name)
     return shipped_programs().get(name), f"{name}{SUFFIX}"
 
 
 def brushes_beside(name):
-    """The brushes a program file can name: those in a folder ``brushes`` beside it or one above, and the shipped."""
+    """Brushes that a program file can name: in a folder ``brushes`` beside it or one level up, and the shipped."""
     here = Path(name).parent
     own = [folder / "brushes" for folder in (here, here.parent) if (folder / "brushes").is_dir()]
     return BrushLibrary([*own, *shipped().folders])
 
 
 def list_programs(json):
-    """The shipped programs, a line each."""
+    """Print a table of the shipped programs, or a JSON list."""
     library = shipped_programs()
     programs = [library.get(name) for name in library.names()]
     if json:
         print_json([{"name": p.name, "title": p.title, "states": list(p.states), "sha256": p.sha256} for p in programs])
         return
     rows = ((p.name, ", ".join(p.states), len(p.triggers), p.description) for p in programs)
-    show(table("program", "states", "triggers", "what it does", rows=rows, right=("triggers",)))
+    show(table("program", "states", "triggers", "description", rows=rows, right=("triggers",)))
 
 
 def show_program(name, json):
-    """Everything a program says."""
+    """Print a program: its states and triggers."""
     program, _ = find_program(name)
     if json:
         print_json(as_json(program))
@@ -65,15 +65,15 @@ def show_program(name, json):
         show(program.description)
     if program.source_note:
         show(f"source: {program.source_note}")
-    made = table("state", "brush", "for", "then", "raises")
+    made = table("state", "brush", "for", "then", "emits")
     for state, told in program.states.items():
         then = "-" if told.then is None else _shares(told.then)
-        cells = (told.brush or "its own", str(told.lasts or "-"), then, told.emits or "-")
+        cells = (told.brush or "(unchanged)", str(told.lasts or "-"), then, told.emits or "-")
         made.add_row(styled("[{}]██[/] {}", told.colour, state) if told.colour else state, *cells)
     show(made)
     rows = ((t.name or "-", ", ".join(t.sources), t.to, _when(t), str(t.delay or "-")) for t in program.triggers)
     show(table("trigger", "from", "to", "when", "delay", rows=rows))
-    print_line(f"begins in {_shares(program.beginnings)}; sha256 {program.sha256}")
+    print_line(f"start: {_shares(program.beginnings)}; sha256 {program.sha256}")
 
 
 def as_json(program):
@@ -113,7 +113,7 @@ def _when(trigger):
 
 
 def check_programs(files):
-    """Print everything that is wrong with programs, as a compiler would, and what is odd about them."""
+    """Print every problem and note about some programs, one line each."""
     bad = False
     for name in files:
         try:
@@ -134,16 +134,16 @@ def check_programs(files):
 
 
 def oddities(program, file):
-    """Problems that are no mistakes: states that nothing leads to, species that no file describes."""
+    """Notes that are not errors: states that no trigger leads to, and unknown species."""
     reached = {name for name, _ in program.beginnings} | {trigger.to for trigger in program.triggers}
     reached |= {name for state in program.states.values() for name, _ in state.then or ()}
     for name in program.states:
         if name not in reached:
-            yield Problem(file, None, f"state.{name}", "no trigger leads to it; only a command can")
+            yield Problem(file, None, f"state.{name}", "no trigger leads to this state; only a command can set it")
     known = shipped_species().names()
     for name in program.references("species"):
         if name not in (ANYONE, KIN, OTHERS, *known):
-            message = f"no shipped species is called {name!r}{did_you_mean(name, known)}"
+            message = f"there is no shipped species {name!r}{did_you_mean(name, known)}"
             yield Problem(file, None, None, message)
 
 
@@ -151,7 +151,7 @@ def oddities(program, file):
 
 
 def plane_for(program, library, animals, species, intruder, seed, body=None):
-    """A herd in the program on an endless plane, and one intruder that comes later, or none.
+    """A simulation of a herd under the program on an endless plane; an intruder may arrive later.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def _box(west, south, east, north):
 
 
 def test_program(name, animals, seconds, seed, species, intruder, events, json):
-    """Run a program on a plane; print how many were in which state, and what led where."""
+    """Run a program on a plane; print the number of animals in each state over time, and the transitions."""
     program, file = find_program(name)
     library = brushes_beside(name)
     wrong = known_brushes(program, library.names(), file)
@@ -187,7 +187,7 @@ def test_program(name, animals, seconds, seed, species, intruder, events, json):
         raise ProblemsError(wrong)
     for what in ("region", "goal", "place"):
         for place in program.references(what):
-            say(f"note: {file}: there is no {what} {place!r} on a plane; triggers that ask for it do not fire")
+            say(f"note: {file}: the plane has no {what} {place!r}; triggers that refer to it do not fire")
     told = read_intruder(intruder, library)
     with terminal.Interrupts() as interrupts, terminal.compiling():
         simulation = plane_for(program, library, animals, species, told, seed)
@@ -221,17 +221,17 @@ def _show_test(program, series, found):
     show(transition_table(names, found["transitions"]))
     silent = [t for t in program.triggers if not any(t.to in found["transitions"].get(s, {}) for s in program.states)]
     for trigger in silent:
-        say(f"note: no animal came to {trigger.to} ({trigger.name or _when(trigger)})")
+        say(f"note: no animal entered {trigger.to} ({trigger.name or _when(trigger)})")
 
 
 def transition_table(names, went):
-    """How often animals went from the state of a row to that of a column."""
+    """Table of the number of transitions from the state of each row to the state of each column."""
     rows = ((name, *(str(went.get(name, {}).get(to, "·")) for to in names)) for name in names)
     return table("from \\ to", *names, rows=rows, title="transitions", right=tuple(names))
 
 
 def read_intruder(text, library):
-    """(species, brush) of "wolf:wolf-hunt"; None for none."""
+    """(species, brush) of "wolf:wolf-hunt"; None for an empty text."""
     if not text:
         return None
     species, _, brush = text.partition(":")
@@ -265,7 +265,7 @@ def read_event(text):
 
 
 def submit_events(simulation, texts):
-    """Have the events of a command line happen at their times; typer.BadParameter for one that nobody listens for."""
+    """Schedule the events of a command line; typer.BadParameter if no program listens for an event."""
     for text in texts or ():
         at, event = read_event(text)
         try:

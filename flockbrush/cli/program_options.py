@@ -1,4 +1,4 @@
-"""How ``flockbrush program`` is called."""
+"""Options of the commands ``flockbrush program ...``."""
 
 from __future__ import annotations
 
@@ -8,15 +8,17 @@ import typer
 
 from flockbrush.cli.shared_options import Events, Json
 
-program_app = typer.Typer(help="Programs: states of animals and the triggers between them.", no_args_is_help=True)
+program_app = typer.Typer(
+    help="List, show, check and test programs: states of animals and the triggers between them.", no_args_is_help=True
+)
 
 
-ProgramName = Annotated[str, typer.Argument(metavar="NAME", help="A program, or a .program.toml file.")]
+ProgramName = Annotated[str, typer.Argument(metavar="NAME", help="Program: a name or a .program.toml file.")]
 
 
 @program_app.command("list")
 def program_list(json: Json = False):
-    """The programs that come with Flockbrush."""
+    """List the shipped programs."""
     from flockbrush.cli.program_commands import list_programs
 
     list_programs(json)
@@ -24,7 +26,7 @@ def program_list(json: Json = False):
 
 @program_app.command("show")
 def program_show(name: ProgramName, json: Json = False):
-    """Show a program: its states and triggers."""
+    """Show the states and triggers of a program."""
     from flockbrush.cli.program_commands import show_program
 
     show_program(name, json)
@@ -46,20 +48,20 @@ def program_test(
     animals: Annotated[
         int, typer.Option(min=1, max=100_000, metavar="N", help="Number of animals that follow the program.")
     ] = 100,
-    seconds: Annotated[float, typer.Option(min=0, max=3600, metavar="S", help="Duration in simulated seconds.")] = 60.0,
+    seconds: Annotated[float, typer.Option(min=0, max=3600, metavar="S", help="Duration, simulated seconds.")] = 60.0,
     seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, metavar="K", help="Random seed.")] = 0,
     species: Annotated[str, typer.Option(metavar="NAME", help="Species of the animals.")] = "sheep",
     intruder: Annotated[
         str,
         typer.Option(
             metavar="SPECIES:BRUSH",
-            help="An animal that arrives after 5 s from 40 m away, as SPECIES:BRUSH, for example wolf:wolf-hunt.",
+            help="Animal that arrives after 5 s, 40 m west of the herd, such as wolf:wolf-hunt.",
         ),
     ] = "",
     event: Events = None,
     json: Json = False,
 ):
-    """Run a program on a plane; print the share of animals in each state and the transitions."""
+    """Run a program on a plane; print the number of animals in each state and the transitions."""
     from flockbrush.cli.program_commands import test_program
 
     test_program(name, animals, seconds, seed, species, intruder, event, json)

@@ -18,13 +18,13 @@ from flockbrush.runs.terminal import print_json, print_line, show
 
 
 def replay_recording(path, verify, to_tick, thread_count, json, folder=None):
-    """Live a recording again, compared or not."""
+    """Replay a recording; with `verify`, compare every tick."""
     if folder is not None:
         check_folder(folder)
     run = opened(path)
     end = run.last_tick if to_tick is None else to_tick
     if end > run.last_tick:
-        raise RecordingError(f"{path}: the recording ends with tick {run.last_tick}; there is no tick {to_tick}")
+        raise RecordingError(f"{path}: the recording ends at tick {run.last_tick}; tick {to_tick} is not in it")
     use_threads(thread_count)
     difference = desync = None
     with terminal.Interrupts() as interrupts, compiling_ahead(path):
@@ -74,7 +74,7 @@ def _report(run, simulation):
 
 def _compare(run, simulation, watch, end, stepped):
     if not run.hashes:
-        raise RecordingError(f"{run.path}: the recording holds no state to compare with")
+        raise RecordingError(f"{run.path}: the recording has no state sums to compare with")
     resume(run, simulation.world)
     return first_difference(run, simulation.world, watch.tick, end, stepped)
 
@@ -82,7 +82,7 @@ def _compare(run, simulation, watch, end, stepped):
 def _show_replay(report, verify):
     if verify:
         print_line(
-            f"{report['recording']}: the same, bit for bit: {report['compared']:,} states up to tick {report['tick']:,}"
+            f"{report['recording']}: {report['compared']:,} states up to tick {report['tick']:,} identical, bit for bit"
         )
     else:
         title = f"{report['level']}: {report['agents']:,} animals after tick {report['tick']:,}"

@@ -1,4 +1,4 @@
-"""What ``flockbrush serve`` does."""
+"""Implementation of ``flockbrush serve``."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from flockbrush.runs.terminal import print_json, print_line, say
 
 @dataclass
 class Service:
-    """A live link as the person asked for it."""
+    """The options of ``flockbrush serve``."""
 
     level: str
     host: str = "127.0.0.1"
@@ -38,7 +38,7 @@ class Service:
 
 
 def serve_level(service: Service):
-    """Run a level for clients until Ctrl-C, or for so many seconds."""
+    """Run a level for clients until Ctrl-C, or for the given seconds."""
     if service.seconds is not None and not service.seconds <= limits.TICKS / 32:
         raise typer.BadParameter(f"must be a finite number of seconds, got {service.seconds}", param_hint="--seconds")
     problems = output_problems([service.record] if service.record else [], [running.find_level(service.level)])
@@ -61,13 +61,13 @@ def serve_level(service: Service):
 
 
 def _announce(service, link):
-    """Print where the link is, at once."""
+    """Print the address of the link at once, before the first tick."""
     if not _is_local(service.host):
-        say(f"{service.host} is open to other machines, and what goes there is not encrypted: the token can be read")
+        say(f"{service.host}: other machines can connect, and others can read the token: nothing is encrypted")
     if service.json:
         print_json({"address": link.address, "host": link.host, "port": link.port, "token": link.token})
     else:
-        print_line(f"{service.level}: {link.address}\nwho has this address can steer the herd; Ctrl-C ends")
+        print_line(f"{service.level}: {link.address}\nAnyone who has this address can control the herd. Ctrl-C stops.")
     sys.stdout.flush()
 
 

@@ -1,4 +1,4 @@
-"""Options that several commands have."""
+"""Options shared by several commands."""
 
 from __future__ import annotations
 
@@ -33,77 +33,91 @@ class PaletteName(str, enum.Enum):
     tol = "tol"
 
 
-LevelName = Annotated[str, typer.Argument(metavar="LEVEL", help="A .tmj file, or the name of a shipped level.")]
-TrackUnit = Annotated[str | None, typer.Option("--unit", metavar="m|px|bl", help="Of tracks that do not say it.")]
+LevelName = Annotated[str, typer.Argument(metavar="LEVEL", help="Level: a .tmj file, or the name of a shipped level.")]
+TrackUnit = Annotated[
+    str | None,
+    typer.Option("--unit", metavar="m|px|bl", help="Unit of x and y in tracks, if their file does not name it."),
+]
 TrackFps = Annotated[
-    float | None, typer.Option("--fps", min=0.001, max=10_000, metavar="F", help="Of tracks without times.")
+    float | None,
+    typer.Option("--fps", min=0.001, max=10_000, metavar="F", help="Frames per second of tracks without times."),
 ]
 TrackMetres = Annotated[
-    float | None, typer.Option(min=0.001, max=50, metavar="M", help="Of tracks: nose to tail, metres.")
+    float | None, typer.Option(min=0.001, max=50, metavar="M", help="Body length of tracked animals, nose to tail, m.")
 ]
 TrackPixels = Annotated[
-    float | None, typer.Option(min=0.01, max=2000, metavar="L", help="Of tracks: nose to tail, pixels.")
+    float | None,
+    typer.Option(min=0.01, max=2000, metavar="L", help="Body length of tracked animals, nose to tail, pixels."),
 ]
-RecordingPath = Annotated[Path, typer.Argument(metavar="RECORDING", help="A file made with --record.")]
+RecordingPath = Annotated[Path, typer.Argument(metavar="RECORDING", help="Recording: a file made with --record.")]
 Events = Annotated[
     list[str] | None,
     typer.Option(
         metavar="S:NAME",
-        help="An event for programs at S seconds: 2.5:alarm, or 2.5:alarm@X,Y,RADIUS; may be repeated.",
+        help="Event for programs at S seconds, such as 2.5:alarm or 2.5:alarm@X,Y,RADIUS; may be repeated.",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
-Seconds = Annotated[float | None, typer.Option(min=0, metavar="S", help="Duration in simulated seconds.")]
+Seconds = Annotated[float | None, typer.Option(min=0, metavar="S", help="Duration, simulated seconds.")]
 Seed = Annotated[
-    int | None, typer.Option(min=0, max=2**63 - 1, metavar="K", help="Random seed, instead of the level's own.")
+    int | None, typer.Option(min=0, max=2**63 - 1, metavar="K", help="Random seed; default: the seed of the level.")
 ]
 Agents = Annotated[
     int | None,
-    typer.Option(min=1, metavar="N", help="Number of animals instead of the level's counts, at the same density."),
+    typer.Option(
+        min=1,
+        metavar="N",
+        help="Total number of animals, at the density of the level; default: the counts of the level.",
+    ),
 ]
 Threads = Annotated[
     int | None,
-    typer.Option(min=1, max=1024, metavar="N", help="Largest number of threads; the result does not depend on it."),
+    typer.Option(min=1, max=1024, metavar="N", help="Largest number of threads; results do not depend on it."),
 ]
 ReportFolder = Annotated[
-    Path | None, typer.Option("--report", metavar="DIR", help="Folder for both states when two runs differ.")
+    Path | None,
+    typer.Option("--report", metavar="DIR", help="Folder for the report and both states if two runs differ."),
 ]
 Fps = Annotated[
     float | None,
-    typer.Option(metavar="F", help="Frames per second of exports; each kind has its own (export --help)."),
+    typer.Option(metavar="F", help="Frames per second of exports; the default depends on the format (export --help)."),
 ]
 ThemeOption = Annotated[ThemeName, typer.Option(help="Colours of pictures and videos.")]
 PaletteOption = Annotated[
-    PaletteName, typer.Option(help="Colours of brushes: their own, or some that differ for colour-blind eyes.")
+    PaletteName, typer.Option(help="Colours of brushes: their own, or a palette for colour-blind viewers.")
 ]
 
 
 @dataclass(frozen=True)
 class WorkOptions:
-    """Who does the work of a command that shares it: processes here, or a cluster."""
+    """Options of commands that distribute work: local processes, or a cluster."""
 
     jobs: Annotated[
-        int | None, typer.Option(min=1, max=1024, metavar="N", help="Number of processes; default: one per core.")
+        int | None, typer.Option(min=1, max=1024, metavar="N", help="Number of local processes; default: one per core.")
     ] = None
     cluster: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Address of the scheduler of a Dask cluster, such as tcp://host:8786."),
+        typer.Option(metavar="ADDRESS", help="Address of a Dask scheduler, such as tcp://host:8786."),
     ] = None
     tls_ca: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Certificate that signed those of the cluster (tls://).")
+        Path | None, typer.Option(metavar="FILE", help="CA certificate of the cluster, PEM (tls://).")
     ] = None
-    tls_cert: Annotated[Path | None, typer.Option(metavar="FILE", help="Own certificate for the cluster.")] = None
-    tls_key: Annotated[Path | None, typer.Option(metavar="FILE", help="Key of the own certificate.")] = None
+    tls_cert: Annotated[Path | None, typer.Option(metavar="FILE", help="Client certificate for the cluster, PEM.")] = (
+        None
+    )
+    tls_key: Annotated[Path | None, typer.Option(metavar="FILE", help="Key of the client certificate, PEM.")] = None
 
     def read(self) -> tuple[int, tuple[str, Tls] | None]:
-        """(processes, address of the cluster and its certificates); typer.BadParameter where they do not agree."""
+        """(processes, (cluster address, certificates) or None); typer.BadParameter for conflicting options."""
         from flockbrush.runs.cluster import Tls
 
         tls = Tls(self.tls_ca, self.tls_cert, self.tls_key)
         if self.jobs is not None and self.cluster is not None:
             raise typer.BadParameter("give --jobs or --cluster, not both", param_hint="--jobs")
         if self.cluster is None and tls != Tls():
-            raise typer.BadParameter("these files are for --cluster tls://HOST:PORT", param_hint="--tls-ca")
+            raise typer.BadParameter(
+                "certificates can only be used with --cluster tls://HOST:PORT", param_hint="--tls-ca"
+            )
         return self.jobs or _cores(), None if self.cluster is None else (self.cluster, tls)
 
 
@@ -114,7 +128,7 @@ def _cores():
 
 
 def grouped(command: Callable) -> Callable:
-    """The command with the fields of each parameter that is a dataclass as options, in that one's place."""
+    """The command with each dataclass parameter replaced by options, one for each of its fields."""
     own = inspect.signature(command, eval_str=True)
     options = {
         name: [

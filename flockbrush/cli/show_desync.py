@@ -1,4 +1,4 @@
-"""What is said when two runs that should be the same are not."""
+"""Text of the report on two runs that should be identical but differ."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ NAMES = 8  # parts of the state that a line names
 
 
 def show_build(apart):
-    """Say what differs between the build that recorded and this one."""
+    """Print the differences between the build that made the recording and this build."""
     if not apart:
-        print_line("the code, the libraries and the CPU are those that recorded it")
+        print_line("code, libraries and CPU are the same as when it was recorded")
     for what, text in apart.items():
         print_line(f"recorded {'on' if what == 'cpu' else 'with'} {text}")
 
 
 def show_desync(report: Desync, names, written=()):
-    """Say which system and which parts of the state differ, in whom, with both values."""
+    """Print which system and which parts of the state differ, for which animals, with both values."""
     if report.system is not None:
-        print_line(f"the first system that differs: {report.system}")
+        print_line(f"first system that differs: {report.system}")
     if report.parts:
         more = f" and {len(report.parts) - NAMES} more" if len(report.parts) > NAMES else ""
-        print_line(f"differing after tick {report.tick:,}: {', '.join(report.parts[:NAMES])}{more}")
+        print_line(f"parts that differ after tick {report.tick:,}: {', '.join(report.parts[:NAMES])}{more}")
     for note in report.notes:
         print_line(note)
     known = [d for d in report.differences if d.ids or d.one]
@@ -30,8 +30,10 @@ def show_desync(report: Desync, names, written=()):
         show(_values_table(known, names, f"after tick {report.tick:,}"))
     if len(known) < len(report.differences):
         several = ", ".join(d.part for d in report.differences if d not in known)
-        print_line(f"more than one animal differs in {several}")
-        print_line("the recording has no snapshot of this tick; one made with --keyframes 1 has all of them")
+        print_line(f"several animals differ in {several}")
+        print_line(
+            "the recording has no snapshot of this tick; record with --keyframes 1 to have a snapshot of every tick"
+        )
     if report.later is not None:
         show(_values_table(report.later_differences, names, f"in the next snapshot, after tick {report.later:,}"))
     for path in written:
@@ -39,7 +41,7 @@ def show_desync(report: Desync, names, written=()):
 
 
 def _values_table(differences, names, title):
-    """A line for each part: how many animals differ, the largest difference, and whose it is."""
+    """Table with a row for each part: number of animals that differ, largest difference, and its animal."""
     made = table("part", "animals", "largest difference", "animal", *names, title=title, right=("animals", "animal"))
     for d in differences:
         values = [_value(side[0]) if side else "-" for side in (d.one, d.other)]
@@ -48,5 +50,5 @@ def _values_table(differences, names, title):
 
 
 def _value(value):
-    """A value to its last digit."""
+    """A value with all its digits."""
     return ", ".join(map(_value, value)) if isinstance(value, list) else str(value)

@@ -1,4 +1,4 @@
-"""How the commands of studies are called: measure and sweep."""
+"""Options of the commands ``flockbrush measure`` and ``flockbrush sweep``."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from flockbrush.cli.shared_options import (
 
 
 def is_tracks(path):
-    """Whether a name is that of a file of tracks."""
+    """Whether this is the name of a file of tracks."""
     from flockbrush.film.track_files import ENDINGS
 
     return Path(path).suffix.lower() in ENDINGS
@@ -33,10 +33,10 @@ def is_tracks(path):
 def measure(
     recording: RecordingPath,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Chart of the measures over time to write: .png, .svg or .pdf.")
+        Path | None, typer.Option(metavar="FILE", help="Chart of the measures over time to write (.png, .svg or .pdf).")
     ] = None,
     every: Annotated[
-        float, typer.Option(min=0.03125, max=3600, metavar="S", help="Seconds between two samples.")
+        float, typer.Option(min=0.03125, max=3600, metavar="S", help="Time between two samples, s.")
     ] = 1.0,
     threads: Threads = None,
     unit: TrackUnit = None,
@@ -45,7 +45,7 @@ def measure(
     body_length_px: TrackPixels = None,
     json: Json = False,
 ):
-    """Measure a recording or tracks: order, milling, speed, spread and what crosses the lines of the level."""
+    """Measure a recording or tracks: order, milling, speed, spread, and crossings of counting lines."""
     if is_tracks(recording):
         from flockbrush.cli.measure_tracks import measure_tracks
         from flockbrush.film.open_clip import Looking
@@ -61,19 +61,21 @@ def measure(
 
 @grouped
 def sweep(
-    file: Annotated[Path, typer.Argument(metavar="SWEEP", help="A .sweep.toml file, or the name of a shipped one.")],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for rows, summary and plots.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="SWEEP", help="Sweep: a .sweep.toml file, or the name of a shipped sweep.")
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the rows, the summary and the plots.")],
     work: WorkOptions = WorkOptions(),  # noqa: B008  its fields become the options
     resume: Annotated[
-        bool, typer.Option("--resume", help="Continue the sweep in DIR; failed runs are repeated.")
+        bool, typer.Option("--resume", help="Continue the sweep in --out; failed runs are repeated.")
     ] = False,
     theme: ThemeOption = ThemeName.light,
     json: Json = False,
 ):
     """Run every combination of parameters with every seed; write one row per run.
 
-    Finished runs are kept when the sweep is stopped or killed; --resume continues.
-    The exit code is 1 when a run failed or an expectation of the file was missed.
+    If the sweep is stopped or killed, finished runs are kept, and --resume continues.
+    The exit code is 1 if a run failed or an expectation in the file was not met.
     """
     from flockbrush.cli.sweep_commands import run_sweep
 

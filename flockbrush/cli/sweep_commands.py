@@ -1,4 +1,4 @@
-"""The command ``flockbrush sweep``."""
+"""Implementation of ``flockbrush sweep``."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def run_sweep(path, out, jobs, workers, resume, json_wanted, theme):
         sweep = read_sweep(file)
     out = Path(out)
     if out.exists() and not out.is_dir():
-        raise refused(out, "is a file; --out names a folder")
+        raise refused(out, "is a file; --out must be a folder")
     begin, name = time.perf_counter(), workers[0] if workers else "workers"
     with terminal.Interrupts() as interrupts, _workers(jobs, workers) as (open_executor, width):
 
@@ -40,17 +40,19 @@ def run_sweep(path, out, jobs, workers, resume, json_wanted, theme):
             with terminal.progress(sweep.title or sweep.name, sweep.runs) as bar:
                 journal = sweep_to(sweep, out, open_executor, width, resume, look, bar)
         except Stopped:
-            say(f"stopped; finished work is in {out}; continue with --resume")
+            say(f"stopped; finished runs are in {out}; continue with --resume")
             raise
         except ClusterGone:
-            raise refused(name, f"is gone; finished work is in {out}; continue with --resume") from None
+            raise refused(
+                name, f"cannot be reached any more; finished runs are in {out}; continue with --resume"
+            ) from None
         except MixedCode as error:
             told = error.problems[0].message
-            raise refused(name, f"{told}; finished work is in {out}; continue with --resume") from None
+            raise refused(name, f"{told}; finished runs are in {out}; continue with --resume") from None
     found = report.summarise(sweep, journal, time.perf_counter() - begin, width)
     found["files"] = [str(file) for file in report.write_files(sweep, journal, found, out, theme)]
     for problem in drawing_problems(out):
-        say(f"{out}: means.png is left out; {problem.message}")
+        say(f"{out}: means.png was not drawn; {problem.message}")
     print_json(found) if json_wanted else report.show(sweep, found)
     if found["failed"] or not all(line["kept"] for line in found["expected"]):
         raise typer.Exit(terminal.PROBLEM)
@@ -71,13 +73,13 @@ def find_sweep(name) -> Path:
         return path  # reading it says what is wrong with it
     if str(name) not in shipped:
         hint = did_you_mean(str(name), shipped)
-        raise refused(name, f"there is no such file, and no shipped sweep of that name{hint}")
+        raise refused(name, f"there is no such file and no shipped sweep of this name{hint}")
     return shipped[str(name)]
 
 
 @contextmanager
 def _workers(width, elsewhere):
-    """(opener of executors, how many workers): processes here, or a cluster."""
+    """Context manager: (function that opens an executor, number of workers), local or on a cluster."""
     if elsewhere is not None:
         with cluster(*elsewhere) as found:
             yield found.open, found.width
@@ -90,7 +92,7 @@ def _workers(width, elsewhere):
 
     try:
         yield open_executor, width
-    except BaseException:  # do not wait for runs that nobody wants any more
+    except BaseException:  # do not wait for runs that are not needed any more
         for executor in opened:
             for process in list((getattr(executor, "_processes", None) or {}).values()):
                 process.terminate()

@@ -1,4 +1,4 @@
-"""Compiles all kernels that some levels begin with; `build-wheel` runs this for each processor, in its own process."""
+"""Compiles the kernels that some levels need at their start; `build-wheel` runs it for each CPU in a process."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import sys
 
 
 def main(house, *levels):
-    """Compile the kernels of levels with the package that lies in a folder."""
+    """Compile the kernels of levels with the package in the folder `house`."""
     import flockbrush
     from flockbrush.runs.compile_ahead import CompileAhead
 
     if not flockbrush.__file__.startswith(house):
-        sys.exit(f"{flockbrush.__file__} is not below {house}")
+        sys.exit(f"{flockbrush.__file__} is not in {house}")
     for level in levels:
         CompileAhead({"name": level, "seed": None, "agents": None, "brush": None}).compile_now()
 

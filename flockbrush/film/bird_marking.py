@@ -332,7 +332,7 @@ class Album(Steps):
         """
         partly = self.partly()
         if not set(self.birds(0)) - set(partly):
-            raise refused(path, "was not written: no bird is marked in every frame")
+            raise refused(path, "was not written: at least one bird must be marked in every frame")
         write_text(path, self.text())
         self._saved = self.state
 
@@ -346,12 +346,12 @@ class Album(Steps):
         """
         marks, said = read_marks(path, "up", self.wingspan)
         if said["wingspan_px"] is None or not set(marks.frames) <= {frame.name for frame in self.frames}:
-            raise refused(path, "is there already and has no marks of these pictures; choose another name with --out")
+            raise refused(path, "already exists and has no marks for these pictures; choose another name with --out")
         frames, touched = list(self.state.frames), set()
         place = {frame.name: k for k, frame in enumerate(self.frames)}
         numbers = {name: int(name) for name in marks.birds if name.isdecimal()}
         if len(numbers) < len(marks.birds):
-            raise refused(path, "names birds otherwise than with numbers; choose another name with --out")
+            raise refused(path, "has bird names that are not numbers; choose another name with --out")
         for name, xs, ys in zip(marks.frames, marks.x, marks.y, strict=True):
             k = place[name]
             touched.add(k)

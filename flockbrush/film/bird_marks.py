@@ -104,7 +104,7 @@ class Birds:
         seen = np.isfinite(px[:, j, 0])
         begin = int(seen.argmax())
         if np.isfinite(px[begin:, i, 0]).any():
-            raise ValueError(f"bird {one} is seen in frame {begin} or after it, as bird {other} is")
+            raise ValueError(f"bird {one} and bird {other} are both seen in frame {begin} or later")
         px[seen, i] = px[seen, j]
         px[:, j] = np.nan
         corrections = {

@@ -95,7 +95,9 @@ def find_birds_and_others(image) -> tuple[list[Patch], list[str]]:
             break
     said = [_sentence(why, some, usual) for why, some in others.items()]
     if long := [f"{p.x:.0f},{p.y:.0f}" for p in birds if p.span > TWO * usual]:
-        said.append(f"{len(long)} at {', '.join(long)} as long as two birds, counted as one each: birds that touch?")
+        said.append(
+            f"{len(long)} at {', '.join(long)} as long as two birds, counted as one each; they may be touching birds"
+        )
     return sorted(birds, key=lambda patch: patch.x), said
 
 
@@ -149,10 +151,12 @@ def _sentence(why, patches, usual):
     where = ", ".join(f"{p.x:.0f},{p.y:.0f}" for p in patches[:5]) + ", ..." * (len(patches) > 5)
     were = "was" if len(patches) == 1 else "were"
     if "sky" in why:
-        return f"{len(patches)} {why}, at {where}, unlike the others, {were} left out: moon, sun, lamp?"
+        return f"{len(patches)} {why}, at {where}, unlike the others, {were} left out; possibly moon, sun or lamp"
     sizes = [p.span for p in patches]
     long = f"{min(sizes):.0f}" + f" to {max(sizes):.0f}" * (len(sizes) > 1)
-    return f"{len(patches)} {why} than a bird, at {where}, {were} left out: {long} pixels long, a bird {usual:.0f}"
+    return (
+        f"{len(patches)} {why} than a bird, at {where}, {were} left out: {long} pixels long (median bird: {usual:.0f})"
+    )
 
 
 def read_pictures(paths, every=1):
@@ -169,7 +173,7 @@ def read_pictures(paths, every=1):
         if path.suffix.lower() in VIDEOS:
             yield from _frames(path, every)
             continue
-        yield path.name, read_picture(path, f"the names of films end in {', '.join(sorted(VIDEOS))}")
+        yield path.name, read_picture(path, f"the name of a clip must end in one of {', '.join(sorted(VIDEOS))}")
 
 
 def _frames(path, every):
@@ -226,7 +230,7 @@ def mark(paths, every=1):
     frames = [(name, patches) for name, patches, _ in looked]
     doubts = [f"{name}: {line}" for name, _, said in looked for line in said]
     if not any(patches for _, patches in frames):
-        raise ProblemsError([Problem(str(next(iter(paths))), None, None, "no birds were found on a plain sky")])
+        raise ProblemsError([Problem(str(next(iter(paths))), None, None, "no birds were detected on a plain sky")])
     span = float(np.median([patch.span for _, patches in frames for patch in patches]))
     tracks: dict[int, list[tuple[str, Patch]]] = {}
     before: list[Patch] = []
@@ -246,7 +250,7 @@ def mark(paths, every=1):
     ]
     if not whole:
         raise ProblemsError(
-            [Problem(str(next(iter(paths))), None, None, "no bird could be followed through all frames")]
+            [Problem(str(next(iter(paths))), None, None, "no bird could be tracked through all frames")]
         )
     rows = [(frame, bird, patch) for bird, seen in whole.items() for frame, patch in seen]
     place = {frame: k for k, (frame, _) in enumerate(frames)}

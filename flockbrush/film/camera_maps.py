@@ -82,7 +82,7 @@ def joined_tracks(clip, landmarks, tracks):
         if track.lost:
             numbers = ", ".join(str(int(clip.numbers[k])) for k in sorted(track.lost))
             notes.append(
-                f"the rectangle of frame {track.mark.frame} was lost at frame {numbers}; the other was followed"
+                f"the rectangle of frame {track.mark.frame} was lost at frame {numbers}; the other one was used"
             )
     maps = np.array([_one(usable, k) for k in range(len(clip))])
     gap = ~np.isfinite(maps[:, 0, 0])

@@ -191,7 +191,7 @@ class Book(Steps):
         """The marks as TOML."""
         marks, sketch = self.state.marks, self.state.sketch
         quoted = self.film.name.replace("\\", "\\\\").replace('"', '\\"')
-        lines = ["# what was marked in a film: flockbrush play --clip", f"# {self.learn_line()}", f'clip = "{quoted}"']
+        lines = ["# marks of a clip, made with flockbrush play --clip", f"# {self.learn_line()}", f'clip = "{quoted}"']
         lines += [
             f"{name} = {value}" for name, value in (("first", marks.first), ("last", marks.last)) if value is not None
         ]
@@ -200,7 +200,9 @@ class Book(Steps):
         if marks.body_length is not None:
             lines.append(f"body_length_px = {marks.body_length:.2f}")
         if self.state.birds.pending is not None:
-            lines.append(f"pending = {self.state.birds.pending}  # frame that was put right and not followed on from")
+            lines.append(
+                f"pending = {self.state.birds.pending}  # corrected frame from which tracking has not continued yet"
+            )
         lines += [f"sketch_frames = {sketch.frames}", f"sketch_even = {str(sketch.even).lower()}"]
         lines.append(f"sketch_smooth = {sketch.smooth:.3f}")
         for landmark in marks.landmarks:
@@ -249,7 +251,7 @@ class Book(Steps):
             if found.first + len(found.px) > len(self.film) or found.first < 0:
                 last = found.first + len(found.px) - 1
                 raise refused(
-                    path, f"has frames {found.first} to {last}; the film has frames 0 to {len(self.film) - 1}"
+                    path, f"has frames {found.first} to {last}; the clip has frames 0 to {len(self.film) - 1}"
                 )
             birds = Birds.of(found, len(self.film))
             self._ours.add(path)
@@ -283,12 +285,12 @@ class Book(Steps):
             smooth = min(max(float(data.get("sketch_smooth", usual.smooth)), 0.0), 1.0)
             sketch = FlightSketch(paths, length, bool(data.get("sketch_even", True)), smooth)
         except (KeyError, TypeError, ValueError, IndexError) as error:
-            raise refused(path, f"cannot be loaded: {error}; move it away to start again") from None
+            raise refused(path, f"cannot be loaded: {error}; move the file away to start without it") from None
         late = [row.frame for row in landmarks if not 0 <= row.frame < frames]
         late += [k for k in (marks.first, marks.last, data.get("pending")) if k is not None and not 0 <= k < frames]
         if late:
             message = (
-                f"speaks of frame {late[0]}; {self.film.name} has frames 0 to {frames - 1}. Is it of another film?"
+                f"has marks in frame {late[0]}, but {self.film.name} ends at frame {frames - 1}; is it of another clip?"
             )
             raise ProblemsError([file.problem((), message)])
         return marks, sketch, data.get("pending")

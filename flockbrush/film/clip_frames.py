@@ -43,9 +43,9 @@ class Film:
     def __init__(self, path, say=lambda done: None):
         self.path, self.name = Path(path), Path(path).name
         if not self.path.is_file():
-            raise refused(path, "is a folder, not a film" if self.path.is_dir() else "there is no such file")
+            raise refused(path, "is a folder, not a clip" if self.path.is_dir() else "there is no such file")
         if not os.access(self.path, os.R_OK):
-            raise refused(path, "may not be read")
+            raise refused(path, "is not readable: permission denied")
         if not self.path.stat().st_size:
             raise refused(path, "is an empty file")
         self._reader, self._next = FilmReader(self.path), 0
@@ -60,7 +60,7 @@ class Film:
         self._rewind()
         first = self._read() if len(self._stamps) else None
         if first is None:
-            raise refused(path, "has no picture that can be read; is it a film?")
+            raise refused(path, "has no readable frame; it may not be a video")
         self.size = first.shape[1], first.shape[0]  # width and height, pixels
         self._most = max(8, KEPT // first.nbytes)
 

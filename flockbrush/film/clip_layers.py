@@ -116,7 +116,9 @@ def read_regions(path, size) -> MaskLayer:
     gaps = np.linalg.norm(colours[:, None] - table[None], axis=-1)
     if (gaps.min(1) > NEAR).any():
         odd = ", ".join(str(int(part)) for part in colours[np.argmax(gaps.min(1))])
-        raise refused(path, f"has the colour {odd}, which no region has; regions are painted with this window")
+        raise refused(
+            path, f"has the colour {odd}, which is not a region colour of this window; paint regions with this window"
+        )
     return MaskLayer.of(np.argmin(gaps, axis=1)[where.ravel()].reshape(size[1], size[0]))
 
 
@@ -124,5 +126,5 @@ def _read_png(path, size):
     picture = read_picture(path)
     if picture.shape[1::-1] != tuple(size):
         here, film = f"{picture.shape[1]} x {picture.shape[0]}", f"{size[0]} x {size[1]}"
-        raise refused(path, f"has {here} pixels, the film {film}; a mask is as large as the film")
+        raise refused(path, f"has {here} pixels, but the clip has {film}; a mask must have the size of the clip")
     return picture

@@ -27,7 +27,7 @@ THUMB = 96  # px, the longer side of the pictures that are compared to find cuts
 UNEVEN = 0.25  # of the usual interval: time stamps that differ more make a clip unevenly timed
 REPEATED = 0.35  # grey levels: two thumbnails that differ less on average show the same frame, if others do not
 CUT, CUT_OVER_USUAL = 0.38, 5.0  # distance of colour histograms between neighbours, and over the usual distance
-_BAD = "is no film or picture that can be read"
+_BAD = "is not a readable video or picture"
 
 
 def silent(text: str, done: int, total: int):
@@ -105,7 +105,7 @@ def open_clip(path, frames: tuple[int | None, int | None] | None = None, say: Sa
         return _photograph(name, path, raw_sha, photo, frames, work)
     look = _look_through(name, path, frames, say, work)
     if len(look.numbers) == 1:
-        note = "it has one frame alone: how densely the animals stand is known, and nothing of how they move"
+        note = "it has only one frame: the density of the animals is known, but not their motion"
         return Clip(path, name, raw_sha, look.size, look.full, FPS, look.numbers, look.times, True, look.notes + [note],
                     look.kept)  # fmt: skip
     _refuse_cuts(name, look)
@@ -120,7 +120,7 @@ def _sha256(name, path):
     if not path.is_file():
         raise CannotObserve(name, "there is no such file")
     if path.stat().st_size == 0:
-        raise CannotObserve(name, "is empty: it has no bytes; copy it again", {"bytes of the file": 0})
+        raise CannotObserve(name, "is empty (0 bytes); copy it again", {"bytes of the file": 0})
     try:
         with open(path, "rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -141,10 +141,10 @@ def _photo(name, path):
 
 def _photograph(name, path, sha256, picture, frames, work):
     if _bounds(name, frames)[0] > 0:
-        raise CannotObserve(name, "is one picture, its frame has the number 0; leave --frames out")
+        raise CannotObserve(name, "is a single picture, with frame number 0; leave out --frames")
     full = picture.shape[1::-1]
     size = work_size(full, work)
-    notes = ["it is a photograph: how densely the animals stand is known, and nothing of how they move"]
+    notes = ["it is a photograph: the density of the animals is known, but not their motion"]
     kept = {0: _smaller(picture, size)}
     return Clip(
         path, name, sha256, size, full, FPS, np.array([0]), np.zeros(1), True, notes + _shrunk(full, size), kept
@@ -162,7 +162,7 @@ class _Film:
         try:
             self._container = open_container(path)
         except (av.error.FFmpegError, OSError, ValueError) as error:
-            why = f"{_BAD} ({_said(error)}); is it the right file, and all of it?"
+            why = f"{_BAD} ({_said(error)}); it may be the wrong file, or incomplete"
             raise CannotObserve(name, why, _of_file(path)) from None
         try:
             self._stream = pictures_of(self._container, name)
@@ -194,7 +194,7 @@ class _Film:
                     self.turned = int(getattr(frame, "rotation", 0) or 0) % 360
                     yield number, frame.time, upright(frame.to_ndarray(format="bgr24"), self.turned)
         except (av.error.FFmpegError, ValueError) as error:
-            self.damage = f"it is damaged after frame {number} ({_said(error)}); later frames are left out"
+            self.damage = f"it is damaged after frame {number} ({_said(error)}); later frames are ignored"
 
 
 def _of_file(path):
@@ -248,12 +248,12 @@ def _look_through(name, path, frames, say, work):
             room -= small.nbytes
             if room > 0:
                 kept[number] = small
-            say("looking through the clip", len(numbers), total)
+            say("reading the clip", len(numbers), total)
     if not numbers:
         raise CannotObserve(name, _no_frames(number + 1, first, last, film.damage))
     notes = [film.damage] if film.damage else []
     if film.turned:
-        notes.append(f"the clip says it was filmed turned by {film.turned} degrees; it was turned upright")
+        notes.append(f"the clip is marked as rotated by {film.turned} degrees; it was turned upright")
     times, said = _clock(times, film.fps)
     apart, change = _changes(thumbs)
     return _Look(size, full, np.array(numbers), times, apart, change, _smaller(picture, size),
@@ -265,15 +265,17 @@ def _bounds(name, frames):
     first, last = frames or (None, None)
     first = 0 if first is None else first
     if first < 0 or (last is not None and last < first):
-        raise CannotObserve(name, f"frames are counted from 0, the first before the last; got {first}:{last}")
+        raise CannotObserve(
+            name, f"frames are numbered from 0, and the first must not be after the last; got {first}:{last}"
+        )
     return first, last
 
 
 def _no_frames(total, first, last, damage):
     """What to say of a film of which nothing is left."""
     if total == 0:
-        return f"has a video stream without a frame that can be read{f': {damage}' if damage else ''}"
-    return f"has frames 0 to {total - 1}, and none of {first}:{'' if last is None else last}"
+        return f"has a video stream without a readable frame{f': {damage}' if damage else ''}"
+    return f"has frames 0 to {total - 1}, but none in {first}:{'' if last is None else last}"
 
 
 def _clock(times, fps):
@@ -281,7 +283,7 @@ def _clock(times, fps):
     unknown = any(time is None for time in times) or (np.diff(np.array(times, float)) <= 0).any()
     if not unknown:
         return np.array(times, float), []
-    said = [] if fps else [f"the clip does not say how many frames it shows a second; {FPS:g} is assumed"]
+    said = [] if fps else [f"the clip does not contain its frame rate; {FPS:g} is assumed"]
     return np.arange(len(times)) / (fps or FPS), said
 
 
@@ -326,7 +328,7 @@ def _refuse_cuts(name, look):
     where = ", ".join(f"{numbers[k - 1]} and {numbers[k]}" for k in rows[:5])
     ways = " or ".join(f"--frames {shot}" for shot in sorted(shots, key=_length, reverse=True)[:3])
     raise CannotObserve(
-        name, f"there is a cut between frames {where}; a herd is learned from one shot: try {ways}",
+        name, f"there is a cut between frames {where}; a clip must be one shot: try {ways}",
         {"cuts": [int(numbers[k]) for k in rows], "pictures": {"last frame": look.first_picture}},
     )  # fmt: skip
 
@@ -356,7 +358,7 @@ def evenly(numbers, times, repeats):
     notes = []
     if 0.02 <= repeats.mean() <= 0.9 and (~repeats).sum() > 2:
         span = float(times[-1] - times[0])
-        notes.append(f"{int(repeats.sum())} of {len(times)} frames repeat the one before and were left out")
+        notes.append(f"{int(repeats.sum())} of {len(times)} frames are identical to the frame before and were left out")
         numbers = numbers[~repeats]
         times = times[0] + np.linspace(0, span, len(numbers))
     steps = np.diff(times)
@@ -368,8 +370,9 @@ def evenly(numbers, times, repeats):
     if len(row) == len(numbers):
         return numbers, times, (len(times) - 1) / float(times[-1] - times[0]), notes
     notes.append(
-        f"its frames are unevenly timed, {steps.min():.3g} to {steps.max():.3g} s apart; {len(row)} of {len(times)} "
-        f"were taken, {step:.3g} s apart"
+        f"its frames are not evenly spaced in time, {steps.min():.3g} to {steps.max():.3g} s apart; {len(row)} "
+        f"of {len(times)} "
+        f"were used, {step:.3g} s apart"
     )
     return numbers[row], times[row], 1.0 / step, notes
 
@@ -403,4 +406,4 @@ def _smaller(picture, size):
 def _shrunk(full, size):
     if tuple(full) == tuple(size):
         return []
-    return [f"its pictures are {full[0]} x {full[1]}; they were made {size[0]} x {size[1]} to work on"]
+    return [f"its pictures are {full[0]} x {full[1]}; they were reduced to {size[0]} x {size[1]}"]

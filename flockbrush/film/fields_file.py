@@ -16,7 +16,7 @@ from flockbrush.engine import limits
 from flockbrush.engine.problems import Problem, ProblemsError
 
 SCHEMA = "flockbrush.fields/1"
-_UNKNOWN = "is no file of fields"
+_UNKNOWN = "is not a fields file"
 
 
 def flat(prefix, thing, leave=()):
@@ -33,7 +33,7 @@ def part_of(data, prefix):
 
 def write(path, arrays):
     if sum(array.nbytes for array in arrays.values()) > limits.FIELDS_BYTES:
-        message = f"would be larger than {limits.FIELDS_BYTES.told}; take a part of the clip: --frames FIRST:LAST"
+        message = f"would be larger than {limits.FIELDS_BYTES.told}; use a part of the clip: --frames FIRST:LAST"
         raise refused(path, message)
     with open(path, "wb") as file:
         np.savez_compressed(file, schema=np.array(SCHEMA), **arrays)
@@ -59,15 +59,15 @@ def _check_members(file):
                 read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
                 shape, _, kind = read(member)
                 if info.file_size - member.tell() != math.prod(shape) * kind.itemsize:
-                    raise ValueError(f"{info.filename} is not as long as it says")
+                    raise ValueError(f"{info.filename} does not have the length given in its header")
 
 
 def _arrays(path, file):
     with np.load(file, allow_pickle=False) as archive:
         if not hasattr(archive, "files") or "schema" not in archive.files:
-            raise refused(path, f"{_UNKNOWN}: it has no schema; make one with flockbrush fields CLIP")
+            raise refused(path, f"{_UNKNOWN}: it has no schema; make a fields file with flockbrush fields CLIP")
         if str(archive["schema"]) != SCHEMA:
-            raise refused(path, f"its schema is {str(archive['schema'])!r}, and {SCHEMA!r} is read here")
+            raise refused(path, f"its schema is {str(archive['schema'])!r}, but this version reads {SCHEMA!r}")
         return {name: archive[name] for name in archive.files}
 
 

@@ -249,16 +249,16 @@ def _check(clip, found, samples, colour):
     if share > CROWDED:
         raise CannotObserve(
             clip.name,
-            f"{share:.0%} of the picture look like animals; name their colour with --body-colour R,G,B, or choose "
-            "frames in which more ground is seen",
+            f"{share:.0%} of the picture looks like animals; give their colour with --body-colour R,G,B, or choose "
+            "frames that show more ground",
             seen,
         )  # fmt: skip
     if share == 0:
-        told = "; name their colour with --body-colour R,G,B" if isinstance(colour, str) else (
-            f": nothing has a colour near {','.join(map(str, colour))}, as given; take it from the clip, with "
+        told = "; give their colour with --body-colour R,G,B" if isinstance(colour, str) else (
+            f": nothing has a colour near the given {','.join(map(str, colour))}; pick the colour in the clip with "
             "flockbrush play --clip, or leave --body-colour out"
         )  # fmt: skip
-        raise CannotObserve(clip.name, f"no animals were found{told}", seen)
+        raise CannotObserve(clip.name, f"no animals were detected{told}", seen)
 
 
 def _given(samples, steady, colour):
@@ -285,8 +285,8 @@ def found_colours(clip, samples, steady) -> BodyColours:
         raise CannotObserve(
             clip.name,
             f"nothing moves in frames {clip.numbers[0]} to {clip.numbers[-1]}: {share:.2%} of the pictures differ from "
-            "the ground; choose other or more frames; if animals stand there, name their colour (--body-colour R,G,B) "
-            "or learn how densely they stand from one frame alone, --frames A:A",
+            "the ground; choose other or more frames. If there are animals that stand, give their colour "
+            "(--body-colour R,G,B), or learn only their density from one frame, --frames A:A",
             {"share that differs": float(share), "pictures": {"ground": samples.ground.picture}},
         )  # fmt: skip
     ghosts = _ghosts(samples, moving)

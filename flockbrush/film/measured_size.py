@@ -25,15 +25,15 @@ def size_in(clip, steady, masks, given):
     length = None if given is None else float(given) * clip.scale
     if size is None and length is None:
         size = _guessed(clip, levelled)
-        few = {0: "no animal stands", 1: "only one animal stands"}.get(size.alone, f"only {size.alone} animals stand")
-        note = f"{few} alone; one was taken to be {size.length:.0f} pixels long: --body-length-px says it better"
+        few = {0: "no animal", 1: "only one animal"}.get(size.alone, f"only {size.alone} animals")
+        note = f"{few} without contact to others; body length assumed {size.length:.0f} pixels (set --body-length-px)"
         return size, size.length, size.alone > 0, [note]
     if length is None:
         return size, size.length, apart, []
     if size is None:
         return BodySize(length, length / LONG, CAPSULE * length**2, 0), length, False, []
     ratio = length / size.length
-    said = f"a body is {length:.0f} pixels long as given, those who stand alone measure {size.length:.0f}"
+    said = f"given body length {length:.0f} pixels, but animals without contact to others measure {size.length:.0f}"
     if abs(ratio - 1) > PARTLY:
         size = scaled(size, ratio)
     return size, length, apart, [said] if abs(ratio - 1) > 0.25 else []
@@ -63,7 +63,8 @@ def _guessed(clip, masks):
         example = {"what looks like animals": masks[0] * np.uint8(255)} if masks else {}
         raise CannotObserve(
             clip.name,
-            "no animals were found; name their colour with --body-colour R,G,B, or choose other frames: --frames A:B",
+            "no animals were detected; give their colour with --body-colour R,G,B, or choose other frames: "
+            "--frames A:B",
             {"pictures": example},
         )  # fmt: skip
     width = 2.0 * float(np.quantile(found, 0.7))

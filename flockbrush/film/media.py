@@ -51,12 +51,12 @@ def read_picture(path, hint="", flags=cv2.IMREAD_COLOR) -> np.ndarray:
 def decoded(data: bytes, path, hint="", flags=cv2.IMREAD_COLOR) -> np.ndarray:
     """The picture in the bytes of a file; see `read_picture`."""
     size = picture_size(data)
-    what = f"is no picture that can be read ({PICTURES} are){hint and '; '}{hint}"
+    what = f"is not a readable picture (formats: {PICTURES}){hint and '; '}{hint}"
     if size is None:
         raise refused(path, what)
     width, height = size
     if width * height > limits.PICTURE_PIXELS:
-        raise refused(path, f"has {width:,} x {height:,} pixels; a picture may have {limits.PICTURE_PIXELS.told}")
+        raise refused(path, f"has {width:,} x {height:,} pixels; the maximum is {limits.PICTURE_PIXELS.told}")
     picture = pictures.decoded(data, flags)
     if picture is None:
         raise refused(path, what)
@@ -100,10 +100,10 @@ def pictures_of(container, path):
     streams = container.streams
     if not streams.video:
         kinds = sorted({stream.type for stream in streams}) or ["nothing"]
-        raise refused(path, f"has no video stream, only {' and '.join(kinds)}; is it the right file?")
+        raise refused(path, f"has no video stream, only {' and '.join(kinds)}; it may be the wrong file")
     stream = streams.video[0]
     if stream.codec_context is None:
-        raise refused(path, "has pictures of a kind that cannot be read")
+        raise refused(path, "has frames in a pixel format that cannot be read")
     check_frame_size(path, stream.width, stream.height)
     stream.thread_type = "AUTO"
     return stream
@@ -112,7 +112,7 @@ def pictures_of(container, path):
 def check_frame_size(path, width, height):
     """ProblemsError when the frames of a film are larger than `limits.FILM_PIXELS`."""
     if width * height > limits.FILM_PIXELS:
-        message = f"has frames of {width:,} x {height:,} pixels; a film may have {limits.FILM_PIXELS.told}"
+        message = f"has frames of {width:,} x {height:,} pixels; the maximum is {limits.FILM_PIXELS.told}"
         raise refused(path, message)
 
 
@@ -145,11 +145,11 @@ class FilmReader:
     def __init__(self, path):
         self.path = Path(path)
         if not self.path.is_file():
-            raise refused(path, "is a folder, not a film" if self.path.is_dir() else "there is no such file")
+            raise refused(path, "is a folder, not a clip" if self.path.is_dir() else "there is no such file")
         try:
             self._container = open_container(path)
         except (av.error.FFmpegError, OSError, ValueError):
-            raise refused(path, f"is no film that can be read ({FILM_ENDINGS} are)") from None
+            raise refused(path, f"is not a readable video (formats: {FILM_ENDINGS})") from None
         try:
             self._stream = pictures_of(self._container, path)
         except ProblemsError:

@@ -271,7 +271,7 @@ class Evidence:
         """
         fields_part = self.fields.part(chosen)
         if not len(fields_part):
-            raise ValueError(f"no frame is left of the {len(self.fields)} of {self.name}")
+            raise ValueError(f"none of the {len(self.fields)} frames of {self.name} is left")
         seen = self.sightings.part(chosen) if self.sightings is not None else None
         speed = None
         if self.speed and len(fields_part) > 1:
@@ -325,7 +325,7 @@ class Evidence:
         """
         data = read(path)
         if "clip.name" not in data:
-            raise refused(path, "has fields alone and not the clip they are of; make it with flockbrush fields CLIP")
+            raise refused(path, "has only fields and no clip; make it with flockbrush fields CLIP")
         made = {"fields": _fields(path, data)}
         with damage(path):
             if "sightings.xy" in data:
@@ -350,7 +350,9 @@ def halves(evidence: Evidence, share: float = 0.5) -> tuple[Evidence, Evidence]:
     total = len(evidence.fields)
     cut = round(share * total)
     if min(cut, total - cut) < 2:
-        raise ValueError(f"{evidence.name} has {total} frames; {share:g} of them and the rest must be two at least")
+        raise ValueError(
+            f"{evidence.name} has {total} frames; {share:g} of them and the rest must both be at least two frames"
+        )
     return evidence.part(slice(0, cut)), evidence.part(slice(cut, total))
 
 

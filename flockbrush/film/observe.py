@@ -124,7 +124,7 @@ class Watch:
     def of(path, frames, landmarks, body_colour, body_length_px, grid, obstacles, regions, say) -> Watch:
         """Look at the whole clip once, as far as that is needed before its frames are measured."""
         if not 2 <= int(grid) <= 400:
-            raise ValueError(f"a grid has 2 to 400 cells across, got {grid}")
+            raise ValueError(f"a grid must have 2 to 400 cells across, got {grid}")
         clip = open_clip(path, frames, say)
         painted_on = [_mask_of(mask, clip) for mask in (obstacles, regions)]
         looks = _animals_in(clip, landmarks, body_colour, body_length_px, say)
@@ -136,10 +136,10 @@ class Watch:
         cells = grid_over(clip.size, steady.maps, length, grid)
         obstacle = None if painted_on[0] is None else (painted_on[0].max(-1) > 127).astype(np.uint8)
         if obstacle is not None and obstacle.mean() > ROOMLESS:
-            raise _refused(obstacles, "is white nearly everywhere; white marks obstacles, black marks the ground")
+            raise _refused(obstacles, "is almost completely white; white means obstacle, black means ground")
         numbers, kinds = (None, None) if painted_on[1] is None else read_colours(painted_on[1])
         if kinds is not None and len(kinds) > 32:
-            raise _refused(regions, f"has {len(kinds)} colours; regions are painted in a few, without soft edges")
+            raise _refused(regions, f"has {len(kinds)} colours; use a few colours for the regions, without soft edges")
         return Watch(
             clip, steady, colours, size, length, body_length_px is not None, cells,
             None if obstacle is None else cv2.resize(obstacle, clip.size, interpolation=cv2.INTER_NEAREST),
@@ -181,24 +181,25 @@ class Watch:
         """Refuse a clip in which there are no animals to speak of."""
         usual = float(np.median(fields.count))
         if usual < 1:
-            long = f" of {self.length / self.clip.scale:.0f} pixels, as given," if self.given else ""
+            long = f" of the given {self.length / self.clip.scale:.0f} pixels" if self.given else ""
             raise CannotObserve(
                 self.clip.name,
-                f"no animals were found: what was taken for them covers {usual:.2g} animals{long} in a usual frame; "
-                "name their colour with --body-colour R,G,B, or their length with --body-length-px",
+                f"no animals were detected: in the median frame, their colour covers the area of {usual:.2g} "
+                f"animals{long}; "
+                "give their colour with --body-colour R,G,B, or their length with --body-length-px",
                 {"animals": usual, "pictures": example},
             )  # fmt: skip
 
     def _notes(self, taken):
         notes = list(self.notes)
         if taken.gap > 1:
-            notes.append(f"motion was measured over {taken.gap} frames, since animals move little from one to the next")
+            notes.append(f"motion was measured over {taken.gap} frames, because animals move little between two frames")
         usual = float(np.median(taken.collector.rows["count"]))
         if usual < FEW:
-            notes.append(f"only about {usual:.0f} animals are seen: too few to learn how a herd moves")
+            notes.append(f"only about {usual:.0f} animals are visible: too few to learn the motion of a herd")
         notes += taken.jumps()
         if not self.apart:
-            notes.append("single animals could not be told apart; only fields are available")
+            notes.append("single animals could not be separated; only fields are available")
         return notes
 
     def _standing(self, speed):
@@ -207,8 +208,9 @@ class Watch:
         if way >= HARDLY:
             return []
         return [
-            f"unreliable: animals go {way:.2g} body lengths in this clip; those that stand all the while are taken for "
-            "ground, so numbers, speeds and directions are of the few that move; take a longer part, or --body-colour"
+            f"unreliable: animals move {way:.2g} body lengths in this clip. Animals that stand all the time are "
+            "taken for "
+            "ground, so counts, speeds and directions are of the few that move; use more frames, or --body-colour"
         ]
 
     def _camera(self):
@@ -280,7 +282,7 @@ class _Taken:
         for k in np.flatnonzero(overlaps < JUMP * usual)[:3] + 1 if usual > STEADY else []:
             a, b = numbers[k - 1], numbers[k]
             yield (
-                f"the herd jumps between frames {a} and {b}; if that is a cut, use --frames {numbers[0]}:{a} or "
+                f"the herd jumps between frames {a} and {b}; if this is a cut, use --frames {numbers[0]}:{a} or "
                 f"--frames {b}:{numbers[-1]}"
             )
 
@@ -367,7 +369,7 @@ class _Looks(NamedTuple):
 
 def _animals_in(clip, landmarks, body_colour, body_length_px, say):
     steady = _steady(clip, [_landmark(mark) for mark in landmarks], say)
-    say("finding the animals", 0, 1)
+    say("detecting the animals", 0, 1)
     colours = colours_of(clip, steady, body_colour)
     pictures, masks = _sampled(clip, colours)
     if not landmarks and not clip.still and steady.moved:
@@ -426,13 +428,17 @@ def _mask_of(path, clip):
     """A painted picture of the clip's size, BGR, or None."""
     if path is None:
         return None
-    picture = read_picture(path, "a mask is a PNG painted over the clip's first frame")
+    picture = read_picture(path, "a mask must be a PNG painted over the first frame of the clip")
     w, h = picture.shape[1::-1]
     if (w, h) == clip.full:
         return picture
     if abs(w / h - clip.full[0] / clip.full[1]) < 0.01:
         return cv2.resize(picture, clip.full, interpolation=cv2.INTER_NEAREST)
-    raise _refused(path, f"is {w} x {h} pixels and the clip {clip.full[0]} x {clip.full[1]}; paint over a frame of it")
+    raise _refused(
+        path,
+        f"is {w} x {h} pixels, but the clip is {clip.full[0]} x {clip.full[1]}; paint the mask over a frame of "
+        "the clip",
+    )
 
 
 def _refused(path, message):

@@ -47,8 +47,8 @@ def look_at(clip, how: Looking, show=None) -> Evidence:
     if is_tracks(clip):
         return _look_at_tracks(clip, how)
     if how.unit is not None or how.fps is not None:
-        raise refused(clip, "is a film: --unit and --fps are for tracks")
-    with progress(f"looking at {name}", 100) as bar:
+        raise refused(clip, "is a video or picture: --unit and --fps can only be used with tracks")
+    with progress(f"measuring {name}", 100) as bar:
 
         def told(text, done, total):
             bar(100 * done / max(total, 1), f"{name}: {text}")
@@ -82,7 +82,7 @@ def read_tracks_of(path, how: Looking) -> tuple[Trajectories, float]:
             raise CannotObserve(str(path), f"has no frames {how.frames[0]} to {how.frames[1]}")
     if tracks.unit == "px":
         if how.body_length_px is None:
-            raise refused(path, "is in pixels: say how long one animal is with --body-length-px")
+            raise refused(path, "is in pixels: give the body length with --body-length-px")
         return tracks, how.body_length_px
     return tracks, 1.0 if tracks.unit == "bl" else how.body_length_m or USUAL_LENGTH_M
 
@@ -90,11 +90,11 @@ def read_tracks_of(path, how: Looking) -> tuple[Trajectories, float]:
 def _look_at_tracks(path, how):
     for option, given in (("--obstacles", how.obstacles), ("--regions", how.regions), ("--landmark", how.landmarks)):
         if given:
-            raise refused(path, f"is a file of tracks: {option} is for films")
+            raise refused(path, f"is a file of tracks: {option} can only be used with videos and pictures")
     tracks, length = read_tracks_of(path, how)
     evidence = evidence_of_tracks(tracks, length, how.grid)
     if tracks.unit == "m" and how.body_length_m is None:
-        evidence.notes.append("one body length is taken to be 1 m: --body-length-m says it better")
+        evidence.notes.append("one body length is assumed to be 1 m (set --body-length-m)")
     return evidence
 
 
@@ -131,7 +131,7 @@ def looked_apart(clip, how: Looking, whole: Evidence, share: float, rotate=False
         try:
             parts.append(_apart(clip, how, whole, slice(total - cut, total), slice(0, total - cut)))
         except CannotObserve as error:
-            say(f"judged by one part of the clip: {error}")
+            say(f"tested on one part of the clip only: {error}")
     return parts
 
 
@@ -142,8 +142,8 @@ def _apart(clip, how, whole, chosen, held_out):
     if how.landmarks and not marks:
         raise CannotObserve(
             whole.name,
-            f"no landmark is in frames {first} to {last}, which are learned from while the others are held out: "
-            "draw one there too",
+            f"frames {first} to {last} have no landmark, but they are used without the other frames: draw one "
+            "there too",
         )
     training, held = look_at(clip, replace(how, frames=(first, last), landmarks=marks)), whole.part(held_out)
     return training, held.in_lengths_of(training.clip_body_px * held.clip_body_px / whole.part(chosen).clip_body_px)
@@ -187,7 +187,7 @@ def facts_of(clip) -> dict[str, object]:
     wide, tall = film.full
     facts: dict[str, object] = {"clip": str(clip), "SHA-256": film.sha256, "size": f"{wide} x {tall} pixels"}
     if not film.still:
-        facts["frames"] = f"{film.numbers[0]} to {film.numbers[-1]} at {film.fps:g} a second"
+        facts["frames"] = f"{film.numbers[0]} to {film.numbers[-1]} at {film.fps:g} per second"
     return facts | {"pictures": {"first frame": next(picture for _, picture in film.read([0]))}}
 
 

@@ -28,8 +28,8 @@ def ground_alone(clip: Clip, animals, maps, frames=8) -> bool:
         if not follower.step(k, picture) or follower.bare:
             raise CannotObserve(
                 clip.name,
-                "the ground is too plain to follow the camera by, and the animals would be followed instead; name "
-                "something that stands still, in two frames: --landmark FRAME:x,y,w,h",
+                "the ground has too little texture to measure the motion of the camera; mark something that does not "
+                "move, in two frames: --landmark FRAME:x,y,w,h",
                 {"pictures": {f"frame {int(clip.numbers[k])}": picture}},
             )  # fmt: skip
     pairs = zip(scaled_maps(follower.maps, 1 / follower.scale), maps, strict=False)

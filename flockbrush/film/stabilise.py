@@ -80,11 +80,11 @@ def register(clip: Clip, animals=None, say: Say = silent) -> Steady:
             a, b = int(clip.numbers[k - 1]), int(clip.numbers[k])
             raise CannotObserve(
                 clip.name,
-                f"the ground of frame {a} is not found again in frame {b}: a cut, or too quick a move of the camera; "
+                f"the ground of frame {a} cannot be found in frame {b}: a cut, or too fast a camera motion; "
                 f"try {_around(clip, k)}landmarks: --landmark FRAME:x,y,w,h",
                 {"frame": b, "pictures": {f"frame {b}": picture}},
             )  # fmt: skip
-        say("following the ground", k + 1, len(clip))
+        say("tracking the ground", k + 1, len(clip))
     return follower.steady()
 
 
@@ -194,7 +194,9 @@ class _Follower:
         """What was found of all pictures."""
         notes = []
         if self.bare:
-            notes.append("the ground has too little texture to follow the camera by; it is taken to have stood still")
+            notes.append(
+                "the ground has too little texture to measure the motion of the camera, which is assumed to stand still"
+            )
         maps = scaled_maps(self.maps, 1 / self.scale)
         size = np.array(self.keys[-1].grey.shape[::-1]) / self.scale
         corners = np.array([(0, 0), (size[0], 0), (0, size[1]), size])
@@ -341,7 +343,7 @@ def follow_landmarks(clip: Clip, landmarks, say: Say = silent) -> Steady:
     def track(i):
         def told(count):
             done[i] = count
-            say("following the landmarks", sum(done), len(pictures) * len(landmarks))
+            say("tracking the landmarks", sum(done), len(pictures) * len(landmarks))
 
         return _Track(clip, pictures, *begin[i], landmarks[i], told).followed()
 
@@ -360,7 +362,7 @@ def _placed(clip, mark, shape):
     if not len(rows):
         raise CannotObserve(
             clip.name,
-            f"the landmark of frame {mark.frame} is of a frame that is not used; there are {clip.numbers[0]} to "
+            f"the landmark of frame {mark.frame} is in a frame that is not used; used frames: {clip.numbers[0]} to "
             f"{clip.numbers[-1]}",
         )
     x, y, w, h = (value * clip.scale for value in (mark.x, mark.y, mark.w, mark.h))
@@ -385,8 +387,8 @@ class _Track:
         if found is None or len(found) < 4:
             raise CannotObserve(
                 clip.name,
-                f"there is nothing to hold on to in the landmark of frame {mark.frame}; draw it around something with "
-                "corners that stays where it is, a rock or a bush",
+                f"the landmark of frame {mark.frame} has no corners to track; draw it around something with corners "
+                "that does not move, such as a rock or a bush",
                 {"pictures": {f"frame {mark.frame}": pictures[row][1]}},
             )
         self.points = found.reshape(-1, 2).astype(float) + (x, y)

@@ -16,13 +16,13 @@ def numpy_array(path) -> TrackTable:
     """An npy array (frames, animals, 2), NaN where an animal is not seen."""
     with open(path, "rb") as file:
         if file.read(6) != b"\x93NUMPY":
-            raise refused(path, "is no npy file")
+            raise refused(path, "is not an npy file")
     try:
         values = np.load(path, allow_pickle=False, mmap_mode="r")
     except ValueError:
         raise refused(
             path,
-            "holds Python objects, which are never unpickled here (idtracker.ai: export the trajectories as CSV)",
+            "contains Python objects, which are not read for security (idtracker.ai: export the trajectories as CSV)",
         ) from None
     if values.ndim != 3 or values.shape[2] != 2 or values.dtype.kind not in "biuf":
         raise refused(path, f"must be an array (frames, animals, 2) of numbers, got {values.shape} of {values.dtype}")
@@ -47,7 +47,7 @@ def movement_netcdf(path) -> TrackTable:
         sizes = dict(zip(position.dimensions, position.shape, strict=True))
         if "time" not in sizes or sizes.get("space", 0) < 2:
             told = ", ".join(f"{name} {size}" for name, size in sizes.items())
-            raise refused(path, f"its position has the dimensions {told}, without time or a space of two")
+            raise refused(path, f"its position has the dimensions {told}, without time or a space dimension of size 2")
         check_size(path, sizes["time"], sizes.get("individuals", 1))
         order = [position.dimensions.index(n) for n in ("time", "individuals", "keypoints", "space") if n in sizes]
         if len(order) < len(sizes):
@@ -80,7 +80,7 @@ def _individuals(path, data, count):
         return [str(k) for k in range(count)]
     names = [str(name) for name in data["individuals"][:]]
     if len(set(names)) < count:
-        raise refused(path, "has two individuals of the same name")
+        raise refused(path, "has two individuals with the same name")
     return names
 
 
@@ -111,7 +111,7 @@ def _slabs(path, variable, axis):
         raise refused(path, f"{variable.name} is packed in blocks of more than {CHUNK // limits.MIB} MiB")
     length, whole = variable.shape[axis], np.prod(variable.shape, dtype=float)
     if whole > 64 * limits.TRACK_CELLS or whole / max(length, 1) > limits.TRACK_NUMBERS:
-        raise refused(path, f"{variable.name} is larger than fits; cut the file into parts")
+        raise refused(path, f"{variable.name} is too large; split the file into parts")
     step = max(1, int(SLAB * length / max(whole, 1)))
     for start in range(0, max(length, 1), step):
         part = [slice(None)] * variable.ndim

@@ -45,7 +45,7 @@ def _track(clip, out, seed_points, correct, reach, as_json):
     try:
         tracks = tracker.tracks()
     except ValueError as error:
-        hint = "is it a film of birds against the sky? birds must be small, and darker or lighter than it"
+        hint = "birds must be small, and darker or lighter than the sky"
         raise refused(clip, f"{error} in {frames} frames; {hint}") from None
     write_text(Path(out), table_of(tracks))
     seconds = time.perf_counter() - begin
@@ -53,7 +53,7 @@ def _track(clip, out, seed_points, correct, reach, as_json):
         note for path, marks in zip((seed_points, correct), by_hand, strict=True) for note in _unused(path, marks, size)
     ]
     if stopped:
-        notes.append(f"stopped after {frames} frames; what was followed so far is kept")
+        notes.append(f"stopped after {frames} frames; the tracks up to there are kept")
     _tell(out, tracks, frames, seconds, stopped, notes, as_json)
     return INTERRUPTED if stopped else 0
 
@@ -63,7 +63,7 @@ def _unused(path, marks, size):
     frames, wide, high = size
     late = sorted(frame for frame in marks if not 0 <= frame < frames)
     if late:
-        yield f"{path}: frame {late[0]} is not in the film, which has 0 to {frames - 1}; {len(late)} such left out"
+        yield f"{path}: frame {late[0]} is not in the clip, which has frames 0 to {frames - 1}; {len(late)} ignored"
     for frame in sorted(set(marks) - set(late)):
         for bird, x, y, *_ in marks[frame]:
             if not (0 <= x <= wide and 0 <= y <= high):
@@ -79,7 +79,7 @@ def _follow(clip, tracker):
 
 def _steps(film, tracker, total):
     done = 0
-    with progress("following birds", total) as bar:
+    with progress("tracking birds", total) as bar:
         try:
             while True:
                 image = film.read()
@@ -122,13 +122,13 @@ def _tell(out, tracks, frames, seconds, stopped, notes, as_json):
     rows = (
         ("tracks", facts["birds"]),
         ("frames", frames),
-        ("tracks over nearly all frames", whole),
-        ("sights missing within tracks", facts["in_gaps"]),
-        ("a frame took, ms", 1e3 * seconds / max(frames, 1)),
+        ("tracks over almost all frames", whole),
+        ("missing detections within tracks", facts["in_gaps"]),
+        ("processing time per frame, ms", 1e3 * seconds / max(frames, 1)),
     )
     show(table("what", "value", rows=rows, right=("value",)))
     for note in notes:
         say(f"note: {note}")
     if whole < len(tracks.ids):
-        say("tracks that break off are birds that came, left or were lost; put them right with --correct FILE")
+        say("incomplete tracks are birds that entered, left or were lost; correct them with --correct FILE")
     say(f"wrote {out}")

@@ -60,7 +60,7 @@ def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30) -> E
     if pieces.xy.shape[1] < FEWEST:
         raise CannotObserve(
             tracks.name,
-            f"{pieces.xy.shape[1]} animals are seen for {SHORTEST} frames without a gap of {GAP:g} s; "
+            f"{pieces.xy.shape[1]} animals are visible for {SHORTEST} frames without a gap of {GAP:g} s; "
             f"at least {FEWEST} are needed",
         )
     motion = _Motion.of(pieces, tracks.fps)
@@ -229,27 +229,30 @@ def _jumps(tracks, length):
     usual = np.array([np.nanmedian(row) if np.isfinite(row).any() else 0.0 for row in way])
     for t in np.flatnonzero(usual > JUMP * max(float(np.median(usual)), LEAST_JUMP))[:3]:
         a, b = tracks.frames[t], tracks.frames[t + 1]
-        yield f"the herd jumps between frames {a} and {b}; if two recordings meet there, use --frames to part them"
+        yield f"the herd jumps between frames {a} and {b}; if two recordings were joined, use --frames"
 
 
 def _notes(tracks, pieces, motion, length):
     yield from _jumps(tracks, length)
     yield (
-        f"from tracks: places are smoothed over about {motion.window:.2g} s; "
+        f"from tracks: positions are smoothed over about {motion.window:.2g} s; "
         f"their noise is {motion.noise * length:.2g} {tracks.unit}"
     )
     gapped = len(np.unique(pieces.animal[np.flatnonzero(np.bincount(pieces.animal)[pieces.animal] > 1)]))
     if pieces.gaps or gapped:
-        yield f"{pieces.gaps} gaps were filled; {gapped} animals were away for more than {GAP:g} s and count anew then"
+        yield (
+            f"{pieces.gaps} gaps were filled; {gapped} animals were missing for more than {GAP:g} s and count as new "
+            "animals afterwards"
+        )
     missing = _missing(tracks, motion)
     if missing > 1 - WHOLE:
         yield (
-            f"animals are missing for {missing:.0%} of the time between their first and last sight: neighbours seem "
-            "farther away then, and fewer, than they were"
+            f"animals are missing for {missing:.0%} of the time between their first and last frame: neighbours "
+            "then seem fewer and farther away"
         )
     if tracks.heading is None:
-        yield "headings are where animals go; slower than the noise they keep the heading they had"
-    yield "tracks do not tell how wide a body is: half its width is taken to be 0.2 body lengths"
+        yield "headings are directions of motion; an animal slower than the noise keeps its last heading"
+    yield "tracks have no body width: half the width is assumed to be 0.2 body lengths"
 
 
 def _missing(tracks, motion):

@@ -107,13 +107,13 @@ def read_trajectories(path, unit: str | None = None, fps: float | None = None) -
         raise refused(path, f"cannot be read as tracks: {_first_line(error)}") from None
     unit = unit or table.unit
     if unit is None:
-        raise refused(path, "does not say the unit of x and y: name it with --unit m, px or bl")
+        raise refused(path, "has no unit for x and y: give it with --unit m, px or bl")
     scale = 0.01 if unit == "cm" else 1.0
     rate = fps or table.fps
     if rate is None:
-        raise refused(path, "has no times: name the frames a second with --fps")
+        raise refused(path, "has no times: give the frames per second with --fps")
     if not (math.isfinite(rate) and 0 < rate <= 10_000):
-        raise refused(path, f"the frames a second must be above 0 and at most 10,000, got {rate:g}")
+        raise refused(path, f"the frames per second must be above 0 and at most 10,000, got {rate:g}")
     return _checked(path, table, "m" if unit == "cm" else unit, scale, float(rate))
 
 
@@ -129,10 +129,10 @@ def _checked(path, table, unit, scale, fps):
     kept = sights >= FEWEST
     if not kept.any():
         most = int(sights.max(initial=0))
-        raise refused(path, f"no animal is seen in more than {most} frames; at least {FEWEST} are needed")
+        raise refused(path, f"no animal is visible in more than {most} frames; at least {FEWEST} are needed")
     notes = list(table.notes)
     if not kept.all():
-        notes.append(f"{int((~kept).sum())} animals seen in fewer than {FEWEST} frames were left out")
+        notes.append(f"{int((~kept).sum())} animals visible in fewer than {FEWEST} frames were left out")
     xy, heading = xy[:, kept], None if table.heading is None else table.heading[:, kept]
     rows = np.flatnonzero(np.isfinite(xy[..., 0]).any(1))
     span = slice(rows[0], rows[-1] + 1)
@@ -167,5 +167,5 @@ def _table_of(path) -> TrackTable:
         ".npy": arrays.numpy_array, ".npz": formats.trex_file,
     }.get(path.suffix.lower())  # fmt: skip
     if read is None:
-        raise refused(path, f"is no file of tracks that can be read here ({', '.join(ENDINGS)})")
+        raise refused(path, f"is not a readable file of tracks ({', '.join(ENDINGS)})")
     return read(path)

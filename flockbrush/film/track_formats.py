@@ -68,7 +68,7 @@ def _need(path, where, header):
         missing.append("frame")
     if missing:
         hint = did_you_mean(missing[0], header)
-        needed = "a file of tracks has id, x, y, and frame or time"
+        needed = "a file of tracks must have the columns id, x, y, and frame or time"
         raise ProblemsError([Problem(str(path), 1, missing[0], f"there is no such column{hint}; {needed}")])
 
 
@@ -92,7 +92,7 @@ def _parsed(path, rows, where, heading):
     if problems:
         raise ProblemsError(problems)
     if not animal:
-        raise refused(path, "there is no row in it")
+        raise refused(path, "has no rows")
     columns = {name: np.frombuffer(values) for name, values in numbers.items() if len(values)}
     return columns, list(names), np.frombuffer(animal, np.int64)
 
@@ -104,9 +104,9 @@ def _grid(path, rows, columns):
         row = _split(cells)
         values.extend(_float(row[at]) if at < len(row) else np.nan for at in columns)
         if len(values) > limits.TRACK_NUMBERS:
-            raise refused(path, f"has more than {limits.TRACK_NUMBERS.told}; cut it into parts")
+            raise refused(path, f"has more than {limits.TRACK_NUMBERS.told}; split it into parts")
     if not values:
-        raise refused(path, "there is no row in it")
+        raise refused(path, "has no rows")
     return np.frombuffer(values).reshape(-1, len(columns))
 
 
@@ -170,7 +170,7 @@ def _long_table(path, header, where, columns, names, animal, degrees=False):
     if where["frame"] is None:
         kept &= np.isfinite(columns["time"])
     if not kept.any():
-        raise refused(path, "no row has a place")
+        raise refused(path, "no row has a position")
     unit = about.get("unit") if about.get("unit") in ("m", "px", "bl") else None
     if degrees:
         x, y = _metres(path, x, y, kept)
@@ -184,7 +184,7 @@ def _long_table(path, header, where, columns, names, animal, degrees=False):
     else:
         frames, fps, off = _frames_of_times(path, columns["time"][kept])
         if off > 0.25:
-            notes.append(f"times were rounded to {fps:g} frames a second")
+            notes.append(f"times were rounded to {fps:g} frames per second")
     heading = None if degrees or "heading" not in columns else columns["heading"][kept]
     xy, ids, numbers, turned = placed(
         path, frames, names, animal[kept], np.column_stack([x[kept], y[kept]]), heading
@@ -236,7 +236,7 @@ def parquet_table(path) -> TrackTable:
     try:
         return _parquet(path)
     except pyarrow.ArrowException as error:
-        raise refused(path, f"is no Parquet that can be read: {str(error)[:200]}") from None
+        raise refused(path, f"is not a readable Parquet file: {str(error)[:200]}") from None
 
 
 def _parquet(path):
@@ -265,13 +265,13 @@ def _check_parquet(path, about, names):
     """ProblemsError unless the columns of these names are small enough to be unpacked."""
     groups = [about.row_group(k) for k in range(about.num_row_groups)]
     if max(about.num_rows, sum(group.num_rows for group in groups)) > limits.TRACK_ROWS:
-        raise refused(path, f"has more than {limits.TRACK_ROWS:,} rows; cut it into parts")
+        raise refused(path, f"has more than {limits.TRACK_ROWS:,} rows; split it into parts")
     size = 0
     for group in groups:
         parts = [group.column(k) for k in range(group.num_columns)]
         size += sum(p.total_uncompressed_size for p in parts if p.path_in_schema.split(".")[0] in names)
     if size > limits.TRACKS_UNPACKED_BYTES:
-        raise refused(path, f"unpacks to more than {limits.TRACKS_UNPACKED_BYTES.told}; cut it into parts")
+        raise refused(path, f"unpacks to more than {limits.TRACKS_UNPACKED_BYTES.told}; split it into parts")
 
 
 def _coded(path, values):
@@ -282,7 +282,7 @@ def _coded(path, values):
         values = values.dictionary_encode()
     values = values.unify_dictionaries().combine_chunks()
     if isinstance(values, pyarrow.ChunkedArray):  # there is no row
-        raise refused(path, "there is no row in it")
+        raise refused(path, "has no rows")
     check_size(path, 1, len(values.dictionary))
     names = [str(name) for name in values.dictionary.to_pylist()]
     return [*names, ""], values.indices.fill_null(len(names)).to_numpy(zero_copy_only=False).astype(np.int64)
@@ -308,10 +308,14 @@ def _deeplabcut(path, header, rows) -> TrackTable:
         first = next(((line, _split(row)) for line, row in rows), None)
     coords = heads.get("coords")
     if not coords or "bodyparts" not in heads or first is None:
-        raise refused(path, "begins as a table of DeepLabCut, but has no rows bodyparts and coords, or none of places")
+        raise refused(
+            path,
+            "starts like a table of DeepLabCut, but the rows bodyparts and coords, or the rows of positions, are "
+            "missing",
+        )
     who = heads.get("individuals") or ["animal"] * len(coords)
     if len(who) != len(coords):
-        raise refused(path, f"names {len(who)} individuals and {len(coords)} coords; it needs one of each a column")
+        raise refused(path, f"names {len(who)} individuals and {len(coords)} coords; it needs one of each per column")
     values = _grid(path, chain([first], rows), range(len(coords) + 1))
     frames, values = _whole(path, values[:, 0]), values[:, 1:]
     parts: dict[str, list[int]] = {name: [] for name in who}
@@ -379,7 +383,7 @@ def _trex_table(path, header, rows) -> TrackTable:
 def _of_one(path, frames, xy, fps, unit):
     good = np.isfinite(xy).all(1)
     if not good.any():
-        raise refused(path, "no row has a place")
+        raise refused(path, "no row has a position")
     places, ids, numbers, _ = placed(path, frames[good], [Path(path).stem], np.zeros(good.sum(), int), xy[good])
     return TrackTable(places, ids, numbers, fps, unit, True)
 
@@ -389,17 +393,17 @@ def trex_file(path) -> TrackTable:
     try:
         found = _trex_arrays(path)
     except (zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
-        raise refused(path, f"is no npz of tracks: {error}") from None
+        raise refused(path, f"is not an npz file of tracks: {error}") from None
     columns = _trex_columns(list(found))
     if columns is None:
         raise refused(path, "has no X#wcentroid and Y#wcentroid, as files of TRex have")
     x, y, unit = columns
     if not len(found[x]):
-        raise refused(path, "there is no row in it")
+        raise refused(path, "has no rows")
     frames = _whole(path, found.get("frame", np.arange(len(found[x]))))
     xy = np.column_stack([found[x], found[y]]).astype(float)
     if len(frames) != len(xy):
-        raise refused(path, f"has {len(xy)} places in {len(frames)} frames")
+        raise refused(path, f"has {len(xy)} positions in {len(frames)} frames")
     if "missing" in found:
         xy[found["missing"].astype(bool)] = np.nan
     rate = found.get("frame_rate")
@@ -417,7 +421,7 @@ def _trex_arrays(path):
     with np.load(path, allow_pickle=False) as data:
         for name in wanted[:20]:
             if sizes[name] > 8 * limits.TRACK_FRAMES + 1024:
-                raise refused(path, f"{name} has more than {limits.TRACK_FRAMES.told}; cut it into parts")
+                raise refused(path, f"{name} has more than {limits.TRACK_FRAMES.told}; split it into parts")
             values = np.ravel(data[name])
             if values.dtype.kind not in "biuf":
                 raise refused(path, f"{name} must be numbers, got {values.dtype}")
@@ -434,7 +438,7 @@ def trex_folder(path) -> TrackTable:
     """All animals of a folder of TRex files, npz or csv."""
     files = trex_files(path)
     if len(files) > 10_000:
-        raise refused(path, f"has {len(files)} files; one for each animal is expected")
+        raise refused(path, f"has {len(files)} files; one file per animal is expected")
     tables = []
     for file in files:
         tables.append((trex_file if file.suffix.lower() == ".npz" else csv_table)(file))

@@ -74,7 +74,7 @@ def placed(path, frames, names, animal, xy, heading=None):
 def check_size(path, frames, animals):
     """ProblemsError unless so many frames of so many animals fit."""
     if frames > limits.TRACK_FRAMES or animals > limits.TRACK_ANIMALS or frames * animals > limits.TRACK_CELLS:
-        raise refused(path, f"{frames:,} frames of {animals:,} animals are more than fit; cut the file into parts")
+        raise refused(path, f"{frames:,} frames of {animals:,} animals are too many; split the file into parts")
 
 
 def middle_of_parts(places, weights):

@@ -360,7 +360,7 @@ class Tracker:
         """
         birds = [b for b in self.gone + self.birds if b.sure and len(b.told()) >= BORN_AFTER]
         if not birds:
-            raise ValueError("no bird was followed through three frames")
+            raise ValueError("no bird could be tracked through three frames")
         ended = {b.number for b in birds if b.gone}
         paths = _joined({b.number: b.told() for b in birds}, self.reach or 30.0, ended)
         numbers = sorted(paths)

@@ -62,7 +62,14 @@ def _rows(path, gone=None):
         other = next((mark for mark in (";", "\t") if len(header) == 1 and mark in header[0]), None)
         hints = "; separate them by commas" if other else did_you_mean(missing[0], header)
         raise ProblemsError(
-            [Problem(name, 1, missing[0], f"there is no such column{hints}; a file of tracks has {', '.join(COLUMNS)}")]
+            [
+                Problem(
+                    name,
+                    1,
+                    missing[0],
+                    f"there is no such column{hints}; a file of tracks must have the columns {', '.join(COLUMNS)}",
+                )
+            ]
         )
     further = header.index("gone") if gone is not None and "gone" in header else None
     return _parsed(name, rows, [header.index(column) for column in COLUMNS], further, gone)
@@ -103,7 +110,7 @@ def _parsed(name, rows, where, further=None, gone=None):
     if problems:
         raise ProblemsError(problems)
     if not frames:
-        raise ProblemsError([Problem(name, None, None, "there is no bird in it")])
+        raise ProblemsError([Problem(name, None, None, "has no birds")])
     return np.array(frames), np.array(ids), np.array(px).reshape(-1, 2), np.array(lines)
 
 
@@ -136,7 +143,7 @@ def _assembled(name, frames, ids, px, lines):
     birds, column = np.unique(ids, return_inverse=True)
     length = last - first + 1
     if length > limits.TRACK_FRAMES or length * len(birds) > limits.TRACK_CELLS:
-        message = f"frames {first} to {last} with {len(birds)} birds are more than fit; cut the clip into parts"
+        message = f"frames {first} to {last} with {len(birds)} birds are too many; split the clip into parts"
         raise ProblemsError([Problem(name, None, "frame", message)])
     grid = np.full((length, len(birds), 2), np.nan)
     taken = np.zeros((length, len(birds)), np.int32)

@@ -10,10 +10,10 @@ from flockbrush.learning.learned_parameters import Learned
 from flockbrush.learning.simulate import simulated
 
 PARTS = {
-    "occlusion": "nearer bodies hide those behind",
+    "occlusion": "nearer bodies hide farther ones",
     "angular": "each force has its own angle of view",
-    "density": "the density of the clip is matched, not its motion alone",
-    "variance": "the variance of directions is matched",
+    "density": "density is fitted, not only motion",
+    "variance": "the variance of directions is fitted",
 }
 RUNS = 3  # simulations of each
 
@@ -39,7 +39,7 @@ def ablated(
     said : callable
         Is told what is going on.
     """
-    rows = [_row("all of it", whole)]
+    rows = [_row("full method", whole)]
     for part in parts:
         said(f"learning without {part}")
         learned = learn_without(part)

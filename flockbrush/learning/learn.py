@@ -115,7 +115,7 @@ def learn_brushes(wishes: LearnOptions) -> list[Findings]:
         try:
             seen = [_looked(clip, wishes) for clip in wishes.clips]
         except KeyboardInterrupt:
-            say("stopped before anything was learned: nothing was written")
+            say("stopped before learning began; no file was written")
             raise Stopped from None
         herds = _herds(wishes, seen, regions)
         learned_from = [part for herd in herds for one in herd.seen for part, _ in one.parts]
@@ -142,12 +142,10 @@ def _checked(wishes) -> list[Region]:
     name, looking = name_of(wishes.out), wishes.looking
     check_kind(wishes.model)
     if wishes.workers and wishes.model not in (HERD, AUTO):
-        raise refused(
-            "--cluster", f"the model {wishes.model} is fitted here: trials of the herd model alone are shared"
-        )
+        raise refused("--cluster", f"the model {wishes.model} is fitted locally; only the herd model can use a cluster")
     regions = regions_of(looking.regions) if looking.regions else []
     if regions and len(wishes.clips) > 1:
-        raise refused(looking.regions, "a mask of regions belongs to one clip; several were given")
+        raise refused(looking.regions, "a region mask can only be used with one clip, got several")
     outs = _brush_files(wishes, regions)
     for out in outs:
         name_of(out)
@@ -157,7 +155,9 @@ def _checked(wishes) -> list[Region]:
         problems += folder_problems(wishes.report) or drawing_problems(wishes.report)
     state = BrushTask(outs[0], []).state()
     if wishes.resume and not any(BrushTask(out, []).state().exists() for out in outs):
-        problems += refused(state, f"there is nothing to resume of {name}; leave out --resume").problems
+        problems += refused(
+            state, f"there is no interrupted learning of {name} to continue; leave out --resume"
+        ).problems
     if problems:
         raise ProblemsError(problems)
     return regions
@@ -178,7 +178,7 @@ def _needs_torch(evidences, wishes):
     if importlib.util.find_spec("torch") is None:
         raise refused(
             evidences[0].name,
-            "its animals cannot be told apart, and learning from fields alone needs torch, which is not installed: "
+            "single animals could not be separated; learning from fields alone needs torch, which is not installed: "
             'pip install "flockbrush[learn]"',
         )
     from flockbrush.learning.torch_herd import missing_device
@@ -202,14 +202,14 @@ def _looked(clip, wishes) -> ClipFolds:
         if wishes.report is not None and facts:
             make_folder(wishes.report)
             page = write_partial(wishes.report, clip, str(error), _all_seen(clip, facts), wishes.command)
-            say(f"wrote {page}: what was seen up to there")
+            say(f"wrote {page}, with the observations so far")
         raise
     tell_notes(clip, whole)
     if whole.still:
         whole = standing(whole, SPEED if wishes.speed is None else wishes.speed)
         return ClipFolds(whole)
     if wishes.speed is not None:
-        say(f"{clip}: --speed was left out: it is for photographs, and the speed of animals in a film is measured")
+        say(f"{clip}: --speed was ignored: it is for photographs; the speed of animals in a clip is measured")
     return ClipFolds(whole, tuple(parts))
 
 
@@ -226,11 +226,11 @@ def _herds(wishes, seen: list[ClipFolds], regions) -> list[BrushTask]:
     for region in regions:
         part = seen_within(seen[0], region)
         if part is None:
-            say(f"{region.colour}: hardly an animal is in this region; no brush is learned of it")
+            say(f"{region.colour}: almost no animals are in this region; no brush is learned from it")
             continue
         made.append(BrushTask(_region_out(wishes.out, region), [part], region))
     if not made:
-        raise refused(wishes.looking.regions, "no animals are in any of its regions")
+        raise refused(wishes.looking.regions, "none of its regions contains animals")
     return made
 
 
@@ -263,9 +263,9 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
         began = time.perf_counter()
         _compare(found, wishes, interrupts, photo)
         if wishes.ablate and photo:
-            say("nothing was ablated: one picture tells too little for that")
+            say("--ablate was ignored: it cannot be used with one picture")
         elif wishes.ablate and herd.kind != HERD:
-            say(f"nothing was ablated: that is of the herd model, and this is {herd.kind}")
+            say(f"--ablate was ignored: it needs the herd model, and this model is {herd.kind}")
         elif wishes.ablate:
             _ablate(found, wishes, interrupts, herd)
         found.seconds["comparing"] = time.perf_counter() - began
@@ -294,7 +294,7 @@ def _judged(fold: Fold, found: Findings, wishes, interrupts):
     frames = fold.held if fold.held is not None else fold.clips[0]
     beside = not wishes.quick if wishes.beside is None else wishes.beside
     rivals = _rivals(frames, found) if beside else {}
-    with progress("judging it, beside other brushes", len(rivals) + 3) as bar:
+    with progress("testing the brush and others", len(rivals) + 3) as bar:
 
         def step(done, _):
             bar(done)
@@ -330,11 +330,11 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
         "each clip" if len(wholes) > 1 else f"{len(judged)} parts of the clip" if len(judged) > 1 else "the second part"
     )
     if own > theirs:
-        first.notes = [f"Judged by {parts} in turn; a fit of all frames did worse than the first of these."]
+        first.notes = [f"Tested on {parts} in turn; a fit to all frames was worse than the first of these fits."]
         return first
     again.judgement, again.seconds, again.judged_brush = first.judgement, first.seconds, first.brush
     again.models = first.models
-    again.notes = [f"Judged by {parts}, held out in turn; the numbers were then fitted to all frames."]
+    again.notes = [f"Tested on {parts}, held out in turn; the parameters were then fitted to all frames."]
     return again
 
 
@@ -349,8 +349,10 @@ def _refuse_strangers(wholes, checks, herd):
     for whole, check in zip(wholes, checks, strict=True):
         far = [row for row in check.brush.rows if row.name in ONE_KIND and row.far > STRANGE]
         if far:
-            told = ", ".join(f"{row.name} {measure(row.clip)} in it and {measure(row.herd)} simulated" for row in far)
-            raise refused(whole.name, f"no one brush fits these clips: {told}; learn them one by one")
+            told = ", ".join(
+                f"{row.name} {measure(row.clip)} in this clip, {measure(row.herd)} simulated" for row in far
+            )
+            raise refused(whole.name, f"no single brush fits these clips: {told}; learn from each clip separately")
 
 
 def _is_photo(whole):
@@ -366,7 +368,7 @@ def _learned(
     state, budget = herd.state(part), QUICK_BUDGET if wishes.quick else BUDGET / (1 + of)
     if not wishes.resume and not fresh:
         if state.exists():
-            say(f"started again: the state of an interrupted learning in {state} is given up")
+            say(f"starting again: the state of an interrupted learning in {state} is discarded")
         state.unlink(missing_ok=True)
     if photo:
         use = use & {"density", "variance"}
@@ -412,7 +414,7 @@ def _counted(found):
 
     def not_kept(row):
         strayed = found.strayed(row)
-        return f" (not as in the clip: {strayed})" if strayed else ""
+        return f" (differs from the clip in {strayed})" if strayed else ""
 
     if found.counts:
         told = "; ".join(
@@ -420,7 +422,7 @@ def _counted(found):
             f"neighbour {r['spacing']:.2f} BL{not_kept(r)}"
             for r in found.counts
         )
-        yield f"On an endless plane, 10 to 20 s after a start like the clip's: {told}."
+        yield f"On an endless plane, 10 to 20 s after a start like that of the clip: {told}."
 
 
 # how it does ------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ def show_findings(findings: Findings):
         show(_against_film(findings) if findings.motion else _against_photograph(findings))
     for title, rows in (
         ("with other numbers of animals", [r | {"not kept": findings.strayed(r) or "-"} for r in findings.counts]),
-        ("left out, one at a time: mean errors", findings.ablations),
+        ("ablations: mean errors", findings.ablations),
     ):
         if rows:
             columns = list(rows[0])
@@ -26,9 +26,9 @@ def show_findings(findings: Findings):
 
 def _against_film(findings):
     comparison = findings.comparison
-    what = "frames held out" if findings.held is not None else "frames learned from"
+    what = "held-out frames" if findings.held is not None else "frames it was learned from"
     title = f"{findings.brush.name}: {what}, {comparison.times[-1]:.1f} s"
-    made = table("measure", "clip", "±", "simulated", "off by", "allowed", "", title=title, right=_NUMBERS)
+    made = table("measure", "clip", "±", "simulated", "difference", "allowed", "", title=title, right=_NUMBERS)
     for v in comparison.verdicts():
         judged = v.name in JUDGED
         met = ("met" if v.met else "MISSED") if judged else ""
@@ -39,9 +39,9 @@ def _against_film(findings):
 
 
 def _against_photograph(findings):
-    title = f"{findings.brush.name}: against the photograph, {findings.comparison.times[-1]:.1f} s simulated"
+    title = f"{findings.brush.name}: comparison with the photograph, {findings.comparison.times[-1]:.1f} s simulated"
     rows = ((v.name, *map(measure, (v.clip, v.herd, v.off))) for v in findings.comparison.verdicts())
-    return table("measure", "photograph", "simulated", "off by", rows=rows, title=title, right=_NUMBERS)
+    return table("measure", "photograph", "simulated", "difference", rows=rows, title=title, right=_NUMBERS)
 
 
 def _word(column, value):
@@ -51,4 +51,4 @@ def _word(column, value):
     return number(value) if isinstance(value, int) or column == "factor" else measure(value)
 
 
-_NUMBERS = "clip", "photograph", "±", "simulated", "off by", "allowed"
+_NUMBERS = "clip", "photograph", "±", "simulated", "difference", "allowed"

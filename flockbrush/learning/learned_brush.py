@@ -38,10 +38,10 @@ def name_of(path) -> str:
     """
     base = Path(path).name
     if not base.endswith(SUFFIX):
-        raise refused(path, f"a brush is a file NAME{SUFFIX}")
+        raise refused(path, f"the name of a brush file must be NAME{SUFFIX}")
     name = base.removesuffix(SUFFIX)
     if not NAME.fullmatch(name):
-        told = "letters without accents, digits, - and _, at most 64, a letter or digit first"
+        told = "letters without accents, digits, - and _, at most 64, beginning with a letter or digit"
         raise refused(path, f"invalid brush name {name!r}: {told}; try {name_like(name)}{SUFFIX}")
     return name
 
@@ -122,21 +122,21 @@ def description(clip: Evidence, learned: Learned) -> str:
     """What the animals do, from what was measured of the clip."""
     count = float(np.median(clip.fields.count))
     speed = learned.speed.mean
-    where, pace = Path(clip.name).name, f"{speed:.2g} body lengths a second"
+    where, pace = Path(clip.name).name, f"{speed:.2g} body lengths/s"
     if not np.isfinite(clip.fields.velocity).any():
-        return f"As about {count:.0f} animals stand in {where}; {pace}, which the picture does not tell."
-    return f"As about {count:.0f} animals in {where} move: {_manner(clip)}, {pace}."
+        return f"Like about {count:.0f} animals in {where}; {pace} (the picture does not show the speed)."
+    return f"Like about {count:.0f} animals in {where}, which move {_manner(clip)} at {pace}."
 
 
 def _manner(clip):
     """March, mill or neither, by polarization and milling about the middle of the herd."""
     polarization, milling = order_of(clip)
     if milling >= MILL and milling > polarization:
-        return "round and round"
+        return "in a circle"
     if polarization >= MARCH:
-        return "all one way"
+        return "in one direction"
     if polarization >= AGREED:
-        return "mostly one way"
+        return "mostly in one direction"
     return "in no common direction"
 
 
@@ -160,20 +160,20 @@ def _sentences(learned, evidences):
     sure = names[np.asarray(learned.identifiable, bool)]
     unsure = names[~np.asarray(learned.identifiable, bool)]
     if learned.interrupted:
-        yield "Interrupted: the learning was stopped before its end; these are the best numbers up to then."
+        yield "Learning was interrupted; these are the best parameters so far."
     if len(sure):
-        yield f"What the clip tells: {', '.join(sure)}."
+        yield f"Identifiable from the clip: {', '.join(sure)}."
     if len(unsure):
-        yield f"What it does not tell (other values describe it as well): {', '.join(unsure)}."
+        yield f"Not identifiable from the clip (other values fit equally well): {', '.join(unsure)}."
     if learned.extras:
         told = ", ".join(f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}"
                          for key, value in learned.extras.items())  # fmt: skip
-        yield f"Set from the clip besides: {told}."
+        yield f"Also set from the clip: {told}."
     clip = evidences[0]
-    how = "given" if clip.length_source == "given" else "estimated from the bodies seen"
-    yield f"One body length is {clip.length_told} ({how}); {clip.fps:g} frames a second."
+    how = "given" if clip.length_source == "given" else "estimated from the detected bodies"
+    yield f"One body length is {clip.length_told} ({how}); {clip.fps:g} frames per second."
     if clip.sightings is None and not clip.still:
-        yield "Single animals could not be told apart: learned from density and flow alone."
+        yield "Single animals could not be separated: learned from density and flow only."
     for other in evidences[1:]:
         yield f"Also from {Path(other.name).name} (SHA-256 {other.sha256})."
     seen = dict.fromkeys([*(note for evidence in evidences for note in evidence.notes), *learned.notes])

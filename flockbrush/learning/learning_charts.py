@@ -52,7 +52,7 @@ def _chart(comparison, name, span=None):
     if name == "aspect" and np.nanmax(clip) > 1:
         span = None
     herds = [
-        ChartCurve("each simulation", times, h[name], colour=HERD, width=0.8, alpha=0.35) for h in comparison.herds
+        ChartCurve("single simulations", times, h[name], colour=HERD, width=0.8, alpha=0.35) for h in comparison.herds
     ]
     lines = [
         ChartCurve(comparison.subject, times, clip, band=band if name in ORDER else None, colour=CLIP),
@@ -65,7 +65,7 @@ def _chart(comparison, name, span=None):
 def _error_chart(comparison, name):
     times = comparison.times
     each = [
-        ChartCurve("each simulation", times, h[name], colour=OTHER, width=0.8, alpha=0.35) for h in comparison.herds
+        ChartCurve("single simulations", times, h[name], colour=OTHER, width=0.8, alpha=0.35) for h in comparison.herds
     ]
     lines = [*(each if len(each) > 1 else []), ChartCurve(_mean_of(each), times, comparison.herd(name), colour=OTHER)]
     return CurveChart(
@@ -74,7 +74,7 @@ def _error_chart(comparison, name):
 
 
 def _mean_of(herds):
-    return "mean of them" if len(herds) > 1 else "simulation"
+    return "mean of simulations" if len(herds) > 1 else "simulation"
 
 
 def _speeds(comparison):
@@ -88,7 +88,7 @@ def _speeds(comparison):
 
 def _maps(comparison):
     squares = [comparison.maps[name] for name in ("clip", "simulation")]
-    return Maps("Where the others stand", ["clip", "simulation"], squares, REACH, "per BL²")
+    return Maps("Positions of neighbours", ["clip", "simulation"], squares, REACH, "per BL²")
 
 
 def others_of(learned) -> tuple[list, list]:
@@ -119,7 +119,7 @@ def _losses(learned) -> list[CurveChart]:
     curves = [(k, a) for k, a in enumerate(learned.starts) if len(a.loss)]
     evolved = [(k, a) for k, a in curves if ", evolved" in a.name]
     fitted = [(k, a) for k, a in curves if ", evolved" not in a.name]
-    titles = ("Descent: loss", "steps"), ("Evolution: unlike the clip by, at best", "generations")
+    titles = ("Descent: loss", "steps"), ("Evolution: smallest distance to the clip", "generations")
     made = []
     for (title, across), some in zip(titles, (fitted, evolved), strict=True):
         lines = [_loss(a, False) for k, a in some if k != learned.chosen]
@@ -133,5 +133,5 @@ def _losses(learned) -> list[CurveChart]:
 def _loss(attempt, chosen):
     steps = np.arange(len(attempt.loss))
     if chosen:
-        return ChartCurve("the start chosen", steps, attempt.loss, colour=HERD)
+        return ChartCurve("chosen start", steps, attempt.loss, colour=HERD)
     return ChartCurve("other starts", steps, attempt.loss, colour=OTHER, width=1.0, alpha=0.6)

@@ -13,14 +13,14 @@ from flockbrush.learning.which_model import HERD, ModelComparison, compare_model
 from flockbrush.runs.terminal import measure, progress, table
 
 AUTO = "auto"
-COLUMNS = "model", "perception", "log score", "±", "behind", "± ", "told apart", "battery"
+COLUMNS = "model", "perception", "log score", "±", "behind", "± ", "distinct", "battery"
 
 
 def check_kind(name: str) -> None:
     """ProblemsError where ``--model`` cannot be this."""
     kinds = [AUTO, *kinds_of_models()]
     if name not in kinds:
-        message = f"there is no model {name!r} to learn{did_you_mean(name, kinds)}; there are {', '.join(kinds)}"
+        message = f"no model {name!r} can be learned{did_you_mean(name, kinds)}; models: {', '.join(kinds)}"
         raise ProblemsError([Problem("--model", None, None, message)])
 
 
@@ -34,7 +34,7 @@ def kind_of(name: str, clips: Sequence[Evidence], photo: bool, seed: int) -> tup
     """
     if name == HERD:
         return HERD, None
-    problem = "it is one picture, and the turns of animals tell models apart" if photo else problem_of(clips)
+    problem = "it is one picture, and models are compared by the turns of animals" if photo else problem_of(clips)
     if problem:
         raise refused(clips[0].name, f"{problem}: leave out --model {name}")
     if name != AUTO:
@@ -60,7 +60,7 @@ def cells_of(found: ModelComparison) -> list[list[str]]:
 
 def table_of(found: ModelComparison):
     """The models beside each other, for the terminal."""
-    title = f"models, on {found.blocks} blocks held out"
+    title = f"models, on {found.blocks} held-out blocks"
     return table(*COLUMNS, rows=cells_of(found), title=title, right=COLUMNS[2:6] + COLUMNS[7:])
 
 
@@ -86,12 +86,14 @@ def add_models(page, found: ModelComparison | None) -> None:
     """The section of a report."""
     if found is None:
         return
-    page.head("Which model")
+    page.head("Comparison of models")
     page.say(found.sentence)
     page.table(list(COLUMNS), cells_of(found), words=2)
     page.say(
-        "Log score: how likely the next step of an animal is, logarithm, in blocks of the clip that the model was not "
-        "fitted to; its error is by blocks. Behind: how much lower than the first, and the error of that difference. "
-        "Told apart: behind by three errors. Battery: root mean square of the limits its simulated herds are off.",
+        "Log score: mean logarithm of the likelihood of the next step of an animal, in blocks of the clip that the "
+        "model was not fitted to; the error is computed over the blocks. Behind: difference to the best log score, and "
+        "the error of that difference. Distinct: behind by more than three errors. Battery: root mean square "
+        "difference "
+        "between its simulated herds and the clip, in units of the limits.",
         "small",
     )

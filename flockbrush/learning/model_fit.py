@@ -106,9 +106,7 @@ def _as_learned(kind: Likelihood, params, vision, clips, x, information, deviati
         theta = np.clip(theta, LEAST, MOST)
         extras |= {"neighbour_range": params.neighbour_range}
         start, scales = Attempt(start.name, start.seed, theta, theta, loss=start.loss, score=start.score), None
-    notes = [
-        f"model {kind.name}: {vision.sight} sight, fitted to the next steps of the animals; no herd was run to fit it"
-    ]
+    notes = [f"model {kind.name}: {vision.sight} sight, fitted to the next steps of the animals, without simulations"]
     return Learned(
         params, speed_of(list(clips)), body_of(list(clips)), vision, theta, extras, [start], 0, spread, deviation,
         told, {}, notes, False, correlation, kind.model, names, kind.name, scales,
@@ -158,7 +156,7 @@ def _simulated_fit(clips, model: Behaviour, seed) -> Learned:
         losses.append(best[0])
     x, d = best[1], len(numbers)
     start = Attempt(model.name, seed, x, x, loss=np.array(losses), score=best[0])
-    notes = [f"model {model.name}: it has no likelihood; fitted by simulation, which tells no number by itself"]
+    notes = [f"model {model.name}: it has no likelihood; fitted by simulation, which identifies no single parameter"]
     return Learned(
         base.model_copy(update=read(numbers, x)), speed, body, SEES, x, {}, [start], 0, np.zeros(d), None,
         np.zeros(d, bool), {}, notes, False, None, model.name, tuple(numbers), model.name, scales_of(numbers, x),

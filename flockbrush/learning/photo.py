@@ -1,7 +1,7 @@
 """One photograph: a film in which density stands still and the directions are as varied as the bodies lie.
 
 The paper learns its seals from a photograph: it matches density and direction variance alone, with a variance of
-3000 degrees² for directions at random and speeds from what is known of seals [1]_.
+3000 degrees² for assuming random directions and speeds from what is known of seals [1]_.
 
 .. [1] Gong, X. et al. (2025). Herds from video: learning a microscopic herd model from macroscopic motion data.
    Computer Graphics Forum 44(6), e70225.  Section 7.2.4.
@@ -38,7 +38,7 @@ def standing(photo: Evidence, speed: float = SPEED, seconds: float = SECONDS) ->
     -------
     Evidence
         Density stands still, nobody's velocity is known, and the angular variance is that of the bodies' axes where
-        they can be told apart, else that of directions at random.
+        they can be told apart, else that of assuming random directions.
     """
     frames = max(2, round(seconds * FPS))
     target, told = angular_variance(photo)
@@ -58,11 +58,11 @@ def standing(photo: Evidence, speed: float = SPEED, seconds: float = SECONDS) ->
         **again,
     )
     camera = None if photo.camera is None else np.repeat(photo.camera, frames, axis=0)
-    how = "measured on the bodies' axes" if told else f"{RANDOM:g} degrees², directions at random"
+    how = "measured from the axes of the bodies" if told else f"{RANDOM:g} degrees², assuming random directions"
     notes = [
         *photo.notes,
-        "Learned from a photograph: density and the variance of directions alone, nothing is known of motion.",
-        f"Variance of directions: {how}. Speed: {speed:g} body lengths a second, as told.",
+        "Learned from a photograph: only from density and the variance of directions; motion is not known.",
+        f"Variance of directions: {how}. Speed: {speed:g} body lengths/s, as given.",
     ]
     return replace(
         photo,
@@ -79,7 +79,7 @@ def angular_variance(photo: Evidence) -> tuple[np.ndarray, bool]:
     """((ny, nx) degrees² for every cell, whether any was measured).
 
     A body shows its axis and not always its head: angles between axes are doubled, so that axes at random have the
-    variance of directions at random and parallel axes none.
+    variance of assuming random directions and parallel axes none.
     """
     fields = photo.fields
     target = np.where(np.nan_to_num(fields.density[0]) > 0, RANDOM, np.nan)

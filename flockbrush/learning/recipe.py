@@ -127,7 +127,7 @@ def learn(
     """
     clips = tuple([evidences] if isinstance(evidences, Evidence) else evidences)
     if not clips:
-        raise ValueError("there is no clip to learn from")
+        raise ValueError("there are no clips to learn from")
     if unknown := set(use) - USE:
         raise ValueError(f"use names {', '.join(sorted(unknown))}; it may have {', '.join(sorted(USE))}")
     given = dataclasses.replace(_setting(clips, frozenset(use), beta, speed, body), device=device)
@@ -313,7 +313,7 @@ class _Search:
         scores = self._judge(workers, which, [_seed(self.seed, 2, 0)], False, "trials")
         better = [which[k] for k in np.argsort(scores, kind="stable")[: max(4, len(which) // 3)]]
         again = [_seed(self.seed, 2, k) for k in (0, 1, 2)]
-        self._judge(workers, better, again, False, "trials of the better ones")
+        self._judge(workers, better, again, False, "trials of the best candidates")
         self.ranked = sorted(better, key=lambda k: self.attempts[k].score)
 
     def _distinct(self):
@@ -447,17 +447,19 @@ class _Search:
     def _notes(self, best):
         notes = [note for clip in self.given.clips for note in clip.notes]
         how = "turns of single animals" if all(told_apart(c) for c in self.given.clips) else "fields alone"
-        notes.append(f"learned from {how}; chosen: {best.name}, score {best.score:.2f} of the clip's own deviations")
+        notes.append(
+            f"learned from {how}; chosen start: {best.name}, {best.score:.2f} standard deviations of the clip away"
+        )
         if self.interrupted:
             notes.append("learning was stopped: these are the best parameters so far")
         if self.idle:
             notes.append(
-                f"{len(self.idle)} of {len(self.attempts)} candidates were left out: their animals hardly answer to "
-                "neighbours, and the turns of the clip show that its animals do"
+                f"{len(self.idle)} of {len(self.attempts)} candidates were dropped: their animals hardly react to "
+                "neighbours, and the turns in the clip show such reactions"
             )
         if any(len(c.fields) < FEWEST for c in self.given.clips):
             notes.append(
-                f"with fewer than {FEWEST} frames nothing could be held back: the score is of frames learned from"
+                f"with fewer than {FEWEST} frames, none could be held out: the score is for the frames learned from"
             )
         return notes
 

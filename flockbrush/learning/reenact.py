@@ -55,7 +55,7 @@ def reenact_clip(clip, brush_name, looking: Looking, runs=3, seed=0, export=None
         try:
             done = [simulated(evidence, brush, seed + k) for k in range(runs)]
         except ValueError as error:
-            raise refused(clip, f"{error}; begin at another frame with --frames") from None
+            raise refused(clip, f"{error}; start at another frame with --frames") from None
         comparison = compared(evidence, done)
         if export is not None:
             write_text(export, _csv(evidence, done[0]))
@@ -72,7 +72,7 @@ def reenact_clip(clip, brush_name, looking: Looking, runs=3, seed=0, export=None
 def _brush(name):
     brush = load_brush(name) if str(name).endswith(SUFFIX) else shipped().get(str(name))
     if brush.model != "herd":
-        raise refused(name, f"is a brush of the model {brush.model}; clips are done again with brushes of herd")
+        raise refused(name, f"is a brush of the model {brush.model}; reenact needs a brush of the model herd")
     return brush
 
 
@@ -171,5 +171,5 @@ def _show(brush, comparison: Comparison):
     for v in comparison.verdicts():
         if v.name in JUDGED:
             met = "met" if v.met else "MISSED"
-            told = f"{v.clip:.3f} in the clip, {v.herd:.3f} simulated, off by {v.off:.3f}"
+            told = f"{v.clip:.3f} in the clip, {v.herd:.3f} simulated, difference {v.off:.3f}"
             say(f"{v.name}: {told} (allowed: {v.allowed:.3f}): {met}")

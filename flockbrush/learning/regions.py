@@ -49,7 +49,7 @@ def regions_of(path) -> list[Region]:
     """
     from flockbrush.film.media import read_picture
 
-    image = read_picture(path, "a mask is a PNG in which each region has a colour")
+    image = read_picture(path, "a region mask must be a PNG with one colour per region")
     painted = np.unique(image[:, :, ::-1].reshape(-1, 3), axis=0)
     colours = [tuple(int(part) for part in colour) for colour in painted if colour.any()]
     if not colours:
@@ -57,7 +57,7 @@ def regions_of(path) -> list[Region]:
     if len(colours) > MOST:
         raise refused(
             path,
-            f"has {len(colours)} colours; a mask has one for each region, {MOST} at most: paint without soft edges, "
+            f"has {len(colours)} colours; a mask has one colour per region, at most {MOST}: paint without soft edges, "
             "and save as PNG, not as JPEG",
         )
     return [Region(k + 1, "#{:02x}{:02x}{:02x}".format(*colour)) for k, colour in enumerate(sorted(colours))]
@@ -81,7 +81,7 @@ def within(evidence: Evidence, region: Region) -> Evidence | None:
     speed = None
     if evidence.speed is not None and len(part) > 1:
         speed = speed_evidence(part, sightings, evidence.speed.body_pixels, evidence.speed.smoothed)
-    notes = [*evidence.notes, f"Learned from the region painted {region.colour} alone."]
+    notes = [*evidence.notes, f"Learned only from the region painted {region.colour}."]
     return replace(evidence, fields=part, sightings=sightings, speed=speed, notes=notes)
 
 

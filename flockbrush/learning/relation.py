@@ -62,14 +62,15 @@ class LearnedRelation:
         """The result in words."""
         if not self.told:
             return (
-                f"No reaction to {self.danger} is told by these tracks, beside what animals do because their "
-                f"neighbours do it: {self.strength:.2f} ± {self.strength_error:.2f} of the steering."
+                f"These tracks show no reaction to {self.danger} beyond reactions to neighbours: "
+                f"{self.strength:.2f} ± {self.strength_error:.2f} of the steering."
             )
         low, high = self.notice_range
-        beyond = "; it may be larger: no farther distances were seen" if self.reaches_beyond else ""
+        beyond = "; the distance may be larger, because the tracks contain no larger one" if self.reaches_beyond else ""
         return (
-            f"{self.danger} is noticed from {self.notice:.1f} {self.unit} ({low:.1f} to {high:.1f}) and takes "
-            f"{self.strength:.2f} ± {self.strength_error:.2f} of the steering when it is near{beyond}."
+            f"Animals notice {self.danger} at {self.notice:.1f} {self.unit} ({low:.1f} to {high:.1f}); near by, "
+            "it takes "
+            f"{self.strength:.2f} ± {self.strength_error:.2f} of the steering{beyond}."
         )
 
 
@@ -100,9 +101,9 @@ def learn_relation(recordings: list[Trajectories], danger: str, length: float, l
     """
     rows = [row for one in recordings for row in _turns(one, danger, length, set(leave_out))]
     if not rows:
-        raise ValueError(f"no recording has an animal {danger!r} that is followed beside others")
+        raise ValueError(f"no file has tracks of animal {danger!r} together with other animals")
     if sum(len(r) for r in rows) < FEWEST:
-        raise ValueError(f"{sum(len(r) for r in rows)} turns beside {danger!r} are too few; {FEWEST} are needed")
+        raise ValueError(f"{sum(len(r) for r in rows)} turns near {danger!r} are too few; at least {FEWEST} are needed")
     table = np.concatenate(rows)
     grid = np.geomspace(max(np.quantile(table[:, 4], 0.02), 0.05), np.quantile(table[:, 4], 0.995), DISTANCES)
     notice, strength = _fitted(table, grid)

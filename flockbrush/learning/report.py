@@ -1,4 +1,4 @@
-"""The report of a learned brush: one page that needs nothing but itself, and its pictures as files."""
+"""The report of a learned brush: a self-contained HTML page, its pictures as files, and figures.json."""
 
 from __future__ import annotations
 
@@ -35,31 +35,31 @@ ON_PAGE = replace(theme_of("light"), paper=(255, 255, 255))
 SCALE = 2  # pixels of a chart to one of the page: sharp on paper
 SEARCHED = 10  # starts in the table, the best first
 WORDS = {
-    "moments": "Left: the clip, stabilised. Right: the simulation with the learned brush, from the same start, at the "
-    "same scale and camera. It is left alone: animals are not the same ones one by one.",
-    "photograph": "Left: the photograph. Right: the simulated herd, begun with the density of the photograph, cell by "
-    "cell, and what it has become.",
-    "order": "Without colour: the clip, with the band that counts as the same (two of its own standard deviations, or "
-    ".05). "
-    "Red: the simulations, their mean drawn strongly. Polarization: 1 when all head one way. Milling: 1 when all go "
-    "round.",
-    "errors": "How far density and velocity drift away as time goes on, as means over the simulations: quote the "
-    "horizon with them. The paper's density error counts only cells the simulation occupies; the share of animals "
-    "in the wrong cell is fair to both.",
-    "crowd": "How the animals keep to one another. Without colour: what was filmed. Red: the simulations.",
-    "parameters": "Large discs: the brush. Small discs: other starts of the search, joined where they describe the "
-    "clip about as well. Red: told by the clip. Grey: not told, other values describe it as well; do not read them "
-    "as facts about the species.",
-    "loss": "Every start of the search; red the one that was chosen.",
-    "neighbours": "Where others stand about an animal that looks up, from above (the radial density histogram).",
+    "moments": "Left: the stabilised clip. Right: a simulation with the learned brush, from the same start, with the "
+    "same scale and camera. The simulation runs freely: its animals do not correspond to single animals of the clip.",
+    "photograph": "Left: the photograph. Right: the simulated herd, which starts with the density of the photograph in "
+    "each cell.",
+    "order": "Uncoloured: the clip, with the band of values that count as equal (two standard deviations of the clip, "
+    "at least .05). Red: the simulations; the thick line is their mean. Polarization is 1 if all animals head in one "
+    "direction. Milling is 1 if all animals rotate about the centre.",
+    "errors": "Growth of the density and velocity errors with time, as means over the simulations; always quote them "
+    "with their horizon. The density error of the paper counts only cells that the simulation occupies; the share of "
+    "animals in the wrong cell counts all cells.",
+    "crowd": "Spacing and order of neighbours. Uncoloured: the clip. Red: the simulations.",
+    "parameters": "Large discs: the brush. Small discs: other starts of the search, connected if they fit the clip "
+    "about equally well. Red: identifiable from the clip. Grey: not identifiable from this clip; other values fit "
+    "equally well, so grey values are not facts about the species.",
+    "loss": "All starts of the search; the chosen start is red.",
+    "neighbours": "Positions of neighbours around an animal that faces up, seen from above (the radial density "
+    "histogram).",
 }
 
 PAPER = (
     'Model, measures, "the paper": Gong, X. et al. (2025). Herds from video: learning a microscopic herd model from '
     "macroscopic motion data. Computer Graphics Forum 44(6), e70225."
 )
-FACTS = {"share of the picture": "share taken for animals", "share that differs": "share that moves"}
-LOOKED_AT = {"ground": "The ground, as it is without what moves on it."}  # what pictures of a refused clip show
+FACTS = {"share of the picture": "share detected as animals", "share that differs": "share that moves"}
+LOOKED_AT = {"ground": "The ground without the moving animals."}  # what pictures of a refused clip show
 
 
 def write_report(findings: Findings, folder) -> list[Path]:
@@ -177,15 +177,15 @@ def _show(page, panels, name, more=""):
 
 
 def _lines_in(panel):
-    """What a chart ends with, for who does not see it."""
+    """The means of a chart's curves, as text for readers who cannot see the chart."""
     if not isinstance(panel, CurveChart):
         return ""
     last = {
         line.name: line
         for line in panel.curves
-        if len(line.y) and line.name in ("clip", "photograph", "simulation", "mean of them")
+        if len(line.y) and line.name in ("clip", "photograph", "simulation", "mean of simulations")
     }
-    said = {"mean of them": "simulations"}
+    said = {"mean of simulations": "simulations"}
     told = ", ".join(
         f"{said.get(name, name)} {_n(np.nanmean(line.y))}" for name, line in last.items() if np.isfinite(line.y).any()
     )
@@ -195,8 +195,8 @@ def _lines_in(panel):
 def _compared(page, findings, panels):
     comparison = findings.comparison
     page.head(
-        "Held out: the frames nothing was learned from" if findings.held is not None
-        else "The frames it was learned from" if findings.motion else "Against the photograph"
+        "Comparison on the held-out frames" if findings.held is not None
+        else "Comparison on the frames it was learned from" if findings.motion else "Comparison with the photograph"
     )  # fmt: skip
     page.say(_frames_compared(findings))
     _measures(page, findings)
@@ -211,14 +211,14 @@ def _measures(page, findings):
     comparison = findings.comparison
     if not findings.motion:
         rows = [[TITLES[v.name], *map(_n, (v.clip, v.herd, v.herd_deviation, v.off))] for v in comparison.verdicts()]
-        page.table(["measure", "photograph", "simulated", "±", "off by"], rows)
+        page.table(["measure", "photograph", "simulated", "±", "difference"], rows)
         return
     rows = []
     for v in comparison.verdicts():
         met = (("met", "good") if v.met else ("missed", "bad")) if v.name in ORDER else ""
         cells = [v.clip, v.clip_deviation, v.herd, v.herd_deviation, v.off]
         rows.append([TITLES[v.name], met, *map(_n, cells), _n(v.allowed) if met else "", _n(v.frame_error)])
-    columns = ["measure", "", "clip", "±", "simulated", "±", "off by", "allowed", "frame by frame"]
+    columns = ["measure", "", "clip", "±", "simulated", "±", "difference", "allowed", "per-frame error"]
     page.table(columns, rows, words=2)
 
 
@@ -226,42 +226,42 @@ def _frames_compared(findings):
     comparison = findings.comparison
     first, last = comparison.frames[[0, -1]]
     runs = len(comparison.herds)
-    made = "One simulation" if runs == 1 else f"{runs} simulations with different chance, each"
+    made = "One simulation" if runs == 1 else f"{runs} simulations with different random seeds, each"
     if not findings.motion:
-        return f"{made} of {comparison.times[-1]:.1f} s, begun with the density of the photograph."
-    told = f"Frames {first} to {last}, {comparison.times[-1]:.2f} s. {made} begun as the first of these frames."
+        return f"{made} of {comparison.times[-1]:.1f} s, started with the density of the photograph."
+    told = f"Frames {first} to {last}, {comparison.times[-1]:.2f} s. {made} started from the first of these frames."
     if len(findings.clips) > 1:
-        told += f" Of {len(findings.clips)} clips the first is compared with."
+        told += f" Of the {len(findings.clips)} clips, the first is used for this comparison."
     if findings.judged_brush is not None:
         told += (
-            " The brush shown here was learned from the other frames alone; the numbers in the file were fitted to all "
-            "frames afterwards."
+            " The brush shown here was learned from the other frames alone; the parameters in the file were fitted to "
+            "all frames afterwards."
         )
     if findings.held is None:
-        told += " The clip was too short to hold a part of it back: these figures flatter the brush."
+        told += " The clip was too short to hold out a part: these figures are optimistic."
     return told
 
 
 def _explained(findings):
     if not findings.motion:
         return (
-            "±: the standard deviation over the time. Directions: of the bodies' axes, about each place; at random "
-            "they vary by about 2700, the paper takes 3000 where it is not told."
+            "±: standard deviation over the time. Directions: local variance of the body axes; random axes have about "
+            "2700, and the paper assumes 3000 if the variance is not known."
         )
     return (
-        "BL: body lengths. ±: the standard deviation over the frames. Allowed: two of the clip's own, or .05 if that "
-        "is more. Frame by frame: the mean difference between clip and simulation at the same moment."
+        "BL: body lengths. ±: standard deviation over the frames. Allowed: two standard deviations of the clip, at "
+        "least .05. Per-frame error: mean difference between clip and simulation at the same time."
     )
 
 
 def _untold(findings):
-    """Of what the clip does not tell, why."""
+    """Names of the measures that this clip does not determine, with the reason."""
     comparison = findings.comparison
     missing = [TITLES[name].lower() for name in ORDER if not is_told(comparison, name)]
     if not missing or not findings.motion:
         return ""
-    reasons = {TITLES["aspect"].lower(): " (there is no length without a common direction)"}
-    return "Not told by the clip: " + ", ".join(name + reasons.get(name, "") for name in missing) + "."
+    reasons = {TITLES["aspect"].lower(): " (needs a common direction)"}
+    return "Not measurable in this clip: " + ", ".join(name + reasons.get(name, "") for name in missing) + "."
 
 
 def _errors(page, comparison):
@@ -287,15 +287,15 @@ def _searched(page, findings, panels):
         return
     page.head("The search")
     chosen = learned.starts[learned.chosen]
-    bare = f"The one that was chosen, {chosen.name}, has no curve: it was taken as it is."
+    bare = f"The chosen start, {chosen.name}, has no curve: it was used without a search."
     _show(page, panels, "loss", "" if len(chosen.loss) else bare)
     shown = sorted((a for a in learned.starts if np.isfinite(a.score)), key=lambda a: a.score)[:SEARCHED] or [chosen]
     rows = [[a.name, len(a.loss), _n(a.score, 2)] for a in shown]
-    page.table(["start", "steps", "unlike the clip by"], rows, chief=[k for k, a in enumerate(shown) if a is chosen])
+    page.table(["start", "steps", "distance to the clip"], rows, chief=[k for k, a in enumerate(shown) if a is chosen])
     left = len(learned.starts) - len(shown)
     page.say(
-        "Unlike the clip by: of the part that was learned from, in the clip's own standard deviations."
-        + (f" {left} more did worse or were dropped before; figures.json has them all." if left else ""), "small",
+        "Distance to the clip: on the frames learned from, in standard deviations of the clip."
+        + (f" {left} other starts were worse or were dropped; figures.json lists all." if left else ""), "small",
     )  # fmt: skip
 
 
@@ -308,9 +308,9 @@ def _counts(page, findings):
         return
     page.head("With other numbers of animals")
     page.say(
-        f"Herds of the same density on an endless plane, {SECONDS:g} s; means over the last ten. "
+        f"Herds of the same density, simulated for {SECONDS:g} s on an endless plane; means over the last ten seconds. "
         + (
-            f"Not kept: what is farther than {KEPT:g} from the clip's, without what chance does to few animals."
+            f"Not kept: measures that differ from the clip by more than {KEPT:g}, corrected for chance in small herds."
             if findings.motion
             else ""
         )
@@ -321,17 +321,17 @@ def _counts(page, findings):
         kept = [(strayed, "bad") if strayed else ("nothing", "good")] if findings.motion else []
         figures = [_n(r[name]) for name in ("polarization", "milling", "spacing", "together")]
         rows.append([f"{r['factor']:g} times", f"{r['animals']:,}", *figures, *kept])
-    columns = ["", "animals", "polarization", "milling", "nearest neighbour, BL", "in one herd"]
+    columns = ["", "animals", "polarization", "milling", "nearest neighbour, BL", "share in one herd"]
     page.table([*columns, *(["not kept"] if findings.motion else [])], rows)
 
 
 def _ablations(page, findings):
     if not findings.ablations:
         return
-    page.head("Left out, one thing at a time")
+    page.head("Ablations")
     page.say(
-        "Learned again without one part of the method; mean error over the frames, as the paper tabulates it. A part "
-        "is worth what the errors grow by without it."
+        "Learned again without one part of the method; mean errors over the frames, as in the table of the paper. The "
+        "growth of the errors shows the contribution of the part."
     )
     columns = list(findings.ablations[0])
     rows = [[row[c] if isinstance(row[c], str) else _n(row[c]) for c in columns] for row in findings.ablations]
@@ -341,25 +341,25 @@ def _ablations(page, findings):
 
 
 def _seen(page, findings):
-    page.head("What was seen")
+    page.head("Observations")
     for clip in findings.clips:
         f = clip.fields
-        how = "given" if clip.length_source == "given" else "estimated from the bodies seen"
+        how = "given" if clip.length_source == "given" else "estimated from the detected bodies"
         facts = [
             ("clip", Path(clip.name).name),
             ("SHA-256", clip.sha256),
-            ("learned from frames", f"{f.frames[0]} to {f.frames[-1]} at {clip.fps:g} a second"),
+            ("frames", f"{f.frames[0]} to {f.frames[-1]} at {clip.fps:g} per second"),
             ("animals in the picture", f"{np.median(f.count):.0f} ({f.count.min():.0f} to {f.count.max():.0f})"),
             ("one body length", f"{clip.length_told}, {how}"),
-            ("half the width of a body", f"{clip.radius_bl:.2f} body lengths"),
+            ("half body width", f"{clip.radius_bl:.2f} body lengths"),
             ("grid", f"{f.shape[1]} x {f.shape[0]} cells of {f.cell:.2g} body lengths"),
             ("single animals", _single(clip)),
         ]
         if clip.speed is not None:
             reversion = clip.speed.reversion
-            told = "not told by the clip" if reversion is None else f"{reversion:.2g} a second"
-            facts.append(("speed", f"{clip.speed.mean:.3g} ± {clip.speed.deviation:.2g} body lengths a second"))
-            facts.append(("speed returns to its mean", told))
+            told = "not identifiable" if reversion is None else f"{reversion:.2g} 1/s"
+            facts.append(("speed", f"{clip.speed.mean:.3g} ± {clip.speed.deviation:.2g} body lengths/s"))
+            facts.append(("reversion rate of the speed", told))
         page.facts(facts)
     notes = [*(note for clip in findings.clips for note in clip.notes), *findings.learned.notes]
     page.notes(dict.fromkeys(map(sentence, notes)))
@@ -367,28 +367,28 @@ def _seen(page, findings):
 
 def _single(clip):
     if clip.sightings is None or not len(clip.sightings.xy):
-        return "could not be told apart"
-    return f"{len(clip.sightings.xy) / max(len(clip.sightings), 1):.0f} a frame told apart"
+        return "could not be separated"
+    return f"{len(clip.sightings.xy) / max(len(clip.sightings), 1):.0f} separated per frame"
 
 
 def _again(page, findings):
-    page.head("To do it again")
+    page.head("Reproduction")
     page.lines(findings.command)
     told = findings.brush.provenance
     facts = [("brush", f"{findings.brush.name}, of the model {findings.brush.model}"), ("learned on", str(told.date))]
     facts += [("by", told.by), ("seed", str(told.seed)), ("licence of the clip", told.licence or "not given")]
-    page.facts([*facts, *((f"{name} took", f"{value:.0f} s") for name, value in findings.seconds.items())])
+    page.facts([*facts, *((f"time for {name}", f"{value:.0f} s") for name, value in findings.seconds.items())])
     versions = told.versions
     page.say("Made with " + ", ".join(f"{name} {version}" for name, version in versions.items()) + ".", "small")
     page.say(PAPER, "small")
-    page.lines(brush_to_toml(findings.brush), "The brush, as it is in its file")
+    page.lines(brush_to_toml(findings.brush), "The brush file")
 
 
 # what can be told when nothing was learned -----------------------------------------------------
 
 
 def write_partial(folder, clip, message: str, seen: dict, command="") -> Path:
-    """A page about a clip that nothing could be learned from: what was seen up to there.
+    """Write a page about a clip that no brush could be learned from, with the observations so far.
 
     Parameters
     ----------
@@ -402,25 +402,25 @@ def write_partial(folder, clip, message: str, seen: dict, command="") -> Path:
     command : str
         That came to this.
     """
-    page = ReportPage(f"Nothing learned from {Path(clip).name}")
+    page = ReportPage(f"No brush learned from {Path(clip).name}")
     page.say(message, "lead")
     seen = dict(seen)
     pictures = seen.pop("pictures", {})
-    page.head("What was seen")
+    page.head("Observations")
     page.facts((FACTS.get(name, name.replace("_", " ")), _word(value)) for name, value in seen.items())
     for title, image in pictures.items():
         scale = max(1.0, image.shape[1] / 720)
         words, filmed = LOOKED_AT.get(title, title), image.ndim == 3
         page.pictures([(_coloured(image), title)], words, scale, photograph=filmed, paper=False)
-    page.head("What to try")
+    page.head("Suggestions")
     page.notes([sentence(message.split("; ", 1)[1])] if "; " in message else [])
     if pictures:
-        page.say("Look through the clip; take the colour and the length of an animal; draw what stands still:")
+        page.say("Open the clip; pick the colour and the length of an animal; mark things that do not move:")
         page.lines(shlex.join(["flockbrush", "play", "--clip", str(clip)]))
-        page.say("Then, with the options that you try, see what is taken for animals before anything is learned:")
+        page.say("Then check with these options what is detected as animals, before learning:")
         page.lines(shlex.join(["flockbrush", "fields", str(clip), "--out", "seen.npz", "--preview", "seen.mp4"]))
     if command:
-        page.head("What was asked for")
+        page.head("Command")
         page.lines(command)
     path = Path(folder) / "report.html"
     write_text(path, page.text())
@@ -428,15 +428,15 @@ def write_partial(folder, clip, message: str, seen: dict, command="") -> Path:
 
 
 def write_overview(folder, clip, mask, found: list[Findings]) -> Path:
-    """A page that leads to the reports of the regions of one clip, each in a folder of its own."""
+    """Write a page with links to the reports of the regions of one clip, each in its own folder."""
     page = ReportPage(f"Brushes learned from regions of {Path(clip).name}")
     kept = sum(f.judgement is not None and f.judgement.kind == "like" for f in found)
     page.say(f"{kept} of {len(found)} simulated herds move like the film.", "lead")
     page.links((f"{f.brush.name}/report.html", f.brush.name, f.verdict()) for f in found)
-    page.say(f"The regions are those of the mask {Path(mask).name}.", "small")
+    page.say(f"Region mask: {Path(mask).name}.", "small")
     for f in found:
         if f.moments:
-            told = "The clip, its other regions pale", f"The simulated herd of {f.brush.name}"
+            told = "The clip; other regions are pale", f"The simulated herd of {f.brush.name}"
             page.pictures(
                 list(zip(halves_of(f.moments[len(f.moments) // 2]), told, strict=True)), f.brush.name, photograph=True
             )

@@ -17,9 +17,9 @@ def folder_problems(folder) -> list:
     if folder.exists():
         return refused(folder, "is a file; a report needs a folder").problems
     if folder.parent.is_dir() and not os.access(folder.parent, os.W_OK):
-        return refused(folder, f"the folder {str(folder.parent)!r} may not be written to").problems
+        return refused(folder, f"the folder {str(folder.parent)!r} is not writable").problems
     if not folder.parent.is_dir():
-        return refused(folder, f"there is no folder {str(folder.parent)!r} to make it in").problems
+        return refused(folder, f"there is no folder {str(folder.parent)!r} to create it in").problems
     return []
 
 
@@ -28,4 +28,4 @@ def make_folder(folder) -> None:
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
-        raise refused(folder, f"cannot be made: {error.strerror}") from None
+        raise refused(folder, f"cannot be created: {error.strerror}") from None

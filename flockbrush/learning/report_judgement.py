@@ -1,4 +1,4 @@
-"""What a report says of a judgement: the measures, their limits, and others beside the brush."""
+"""The section of a report about the test of a brush: measures, limits, and other herds for comparison."""
 
 from __future__ import annotations
 
@@ -29,19 +29,23 @@ def add_judgement(page, judgement):
         return
     page.head("Measures and their limits")
     page.say(
-        "What the first sentence goes by. A limit is what the clip (by a bootstrap over its moments), the chance of "
-        "the runs, and the least difference that counts leave open; the first third, which is the clip's own start, is "
-        "left out. By chance: what as many animals would have that know nothing of each other. A measure is told if "
-        "one of the others misses it."
+        "The verdict is based on these measures. The limit of a measure combines the uncertainty of the clip "
+        "(bootstrap "
+        "over its samples), the scatter between simulations and the smallest difference that counts. The first "
+        "third of "
+        "the time is left out, because it depends on the start. By chance: the value of as many animals that do not "
+        "interact. A measure is conclusive if at least one of the other herds misses it."
     )
     alone = {row.name: row for row in judgement.brush.lasting}
     rows = []
     for row in judgement.brush.rows:
         met = (
-            (("met", "good") if row.met else ("missed", "bad")) if row.name in judgement.told else ("not told", "quiet")
+            (("met", "good") if row.met else ("missed", "bad"))
+            if row.name in judgement.told
+            else ("inconclusive", "quiet")
         )
         later = alone.get(row.name)
-        lasts = "" if later is None else ("lasts", "good") if later.met else ("does not last", "bad")
+        lasts = "" if later is None else ("persists", "good") if later.met else ("does not persist", "bad")
         cells = [_n(value) for value in (row.clip, row.herd, row.off, row.limit, row.by_chance)]
         rows.append(
             [
@@ -52,12 +56,12 @@ def add_judgement(page, judgement):
                 lasts,
             ]
         )
-    columns = ["measure", "", "clip", "simulated", "off by", "limit", "by chance", f"after {ALONE:g} s alone", ""]
+    columns = ["measure", "", "clip", "simulated", "difference", "limit", "by chance", f"after {ALONE:g} s alone", ""]
     page.table(columns, rows, words=2)
     page.say(
-        "The same frames with others: herds that stand, that go on straight ahead, random numbers, and the brushes "
-        "that come with Flockbrush at the clip's speed, the likest first. Distance: the root mean square of the "
-        "limits it is off."
+        "Other herds on the same frames: herds that stand, herds that go straight ahead, random parameters, and the "
+        "shipped brushes at the speed of the clip; the nearest first. Distance: root mean square of the differences, "
+        "in units of the limits."
     )
     everybody = sorted([judgement.brush, *judgement.rivals], key=lambda one: one.distance(judgement.told))
     told = judgement.told

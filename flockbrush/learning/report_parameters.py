@@ -1,4 +1,4 @@
-"""The table of a report that tells the numbers of a learned brush, how certain they are and what stands in for them."""
+"""The section of a report about the parameters of a learned brush: values, uncertainties and confounded ones."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ UNITS = {"radial": "BL", "angular": "°", "weight": "/s"}
 def add_parameters(page, findings, show):
     """Add the table of the numbers; ``show`` draws them."""
     learned = findings.learned
-    page.head("The numbers, and which of them the clip tells")
+    page.head("Parameters, and which of them are identifiable")
     show()
     sure, alone = learned.deviation is not None, not others_of(learned)[0]
     confounded = {one.name: ", ".join(map(plain, one.confounded_with)) for one in estimates_of(learned)}
     rows = []
     for k, name in enumerate(learned.names):
-        told = ("told", "good") if learned.identifiable[k] else ("not told", "quiet")
+        told = ("identifiable", "good") if learned.identifiable[k] else ("not identifiable", "quiet")
         deviation = [_n(learned.deviation[k] if learned.deviation[k] < 1 else math.nan)] if sure else []
         rows.append(
             [
@@ -38,29 +38,30 @@ def add_parameters(page, findings, show):
         )
     columns = [
         "parameter",
-        "by the clip",
+        "from the clip",
         "value",
-        "that is",
+        "physical value",
         "spread of starts",
         *(["deviation", "confounded with"] if sure else []),
     ]
     page.table(columns, rows, words=2)
     page.say(
-        "Value: 0 to 1, as in the paper and in the brush. That is: the strength (weight times sensitivity Ω), or the "
-        "standard deviation of the Gaussian in distance or angle. Spread: the standard deviation over the starts that "
-        "describe the clip about as well" + ("; none but this does." if alone else ".")
-        + (" Deviation: what the turns of the animals leave open (Cramér-Rao bound); - where they tell nothing. "
-           "Confounded: a change of these fits about as well (correlation of the errors .7 or more); weights are "
-           "always confounded with the sensitivity Ω, only their product acts."
+        "Value: 0 to 1, as in the paper and in the brush. Physical value: the strength (weight times sensitivity "
+        "Ω), or "
+        "the standard deviation of the Gaussian in distance or angle. Spread: standard deviation over the starts that "
+        "fit the clip about equally well" + ("; only this start does." if alone else ".")
+        + (" Deviation: uncertainty given the turns of the animals (Cramér-Rao bound); - if the turns contain no "
+           "information. Confounded: a change of these parameters fits about equally well (correlation of the errors "
+           ".7 or more). Weights are always confounded with the sensitivity Ω: only their product acts."
            if sure else ""), "small",
     )  # fmt: skip
     if learned.extras:
-        page.say("Set from the clip besides:")
+        page.say("Also set from the clip:")
         page.facts((name.replace("_", " "), _extra(name, value)) for name, value in learned.extras.items())
     speed = learned.speed
     page.say(
-        f"Speed: {speed.mean:.3g} body lengths a second, noise {speed.deviation:.3g} (speeds spread by "
-        f"{speed.deviation / math.sqrt(2 * speed.reversion):.3g}), reversion {speed.reversion:.3g} a second"
+        f"Speed: {speed.mean:.3g} body lengths/s, noise {speed.deviation:.3g} (speeds spread by "
+        f"{speed.deviation / math.sqrt(2 * speed.reversion):.3g}), reversion {speed.reversion:.3g} 1/s"
         + (f", a table of {len(speed.by_density)} densities." if speed.by_density else ".")
     )
 

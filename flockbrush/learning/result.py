@@ -94,10 +94,10 @@ class Findings:
         herds, told = len(self.starts[0]["milling"]), []
         for row in self.starts:
             each = ({"animals": row["animals"]} | {name: row[name][k] for name in JUDGED} for k in range(herds))
-            told.append(f"from {row['words']} {sum(not self.strayed(one) for one in each)}")
+            told.append(f"{sum(not self.strayed(one) for one in each)} from {row['words']}")
         return (
-            f"Of {herds} herds of {self.starts[0]['animals']} animals each, {ALONE_FROM:g} s alone on a plane, "
-            f"so many come to the clip's polarization and milling: {', '.join(told)}."
+            f"Herds that reach the polarization and milling of the clip after {ALONE_FROM:g} s alone on a plane, "
+            f"of {herds} herds of {self.starts[0]['animals']} animals for each start: {', '.join(told)}."
         )
 
     @property
@@ -108,18 +108,22 @@ class Findings:
     def verdict(self) -> str:
         """One sentence: does the brush do what the clip shows?"""
         if self.learned.interrupted and self.comparison is None:
-            return "The learning was interrupted: this is the best so far, and nothing was compared."
+            return "Learning was interrupted: this is the best brush so far, and it was not tested."
         if self.comparison is None:
             return "Learned from one picture: there is no motion to compare with."
         if not self.motion:
             v = self.comparison.verdict("density")
             return (
-                f"Learned from one picture: {v.clip:.2f} animals a square body length in it, {v.herd:.2f} in the "
+                f"Learned from one picture: {v.clip:.2f} animals per square body length in it, {v.herd:.2f} in the "
                 "simulated herd; there is no motion to compare with."
             )
         if self.judgement is None:
-            return "Nothing was judged."
-        by = "" if self.held is not None else " Nothing was held back: it is judged by the frames it was learned from."
+            return "The brush was not tested."
+        by = (
+            ""
+            if self.held is not None
+            else " No frames were held out: it was tested on the frames it was learned from."
+        )
         return self.judgement.sentence + by
 
     def judged(self) -> list[Verdict]:
@@ -154,18 +158,18 @@ class Findings:
             told.append((None, self.starts_sentence()))
         count = float(np.median(self.whole.fields.count))
         if count < FEW:
-            told.append((None, f"Only about {count:.0f} animals are seen: too few to say much of a herd."))
+            told.append((None, f"Only about {count:.0f} animals are visible: too few for conclusions about a herd."))
         sure = int(np.sum(self.learned.identifiable))
         told.append((None, f"The clip constrains {_of_all(sure, len(self.learned.names))}"))
         if self.learned.interrupted:
-            told.append((False, "The learning was interrupted: these are the best numbers up to then."))
+            told.append((False, "Learning was interrupted: these are the best parameters so far."))
         return told
 
 
 def _of_all(sure, count) -> str:
     """How many of the model's numbers are told."""
     if sure == 0:
-        return f"none of the {count} parameters: other values fit as well, and all are guesses."
+        return f"none of the {count} parameters: other values fit equally well, and all are guesses."
     return f"{sure} of {count} parameters{'; the rest are guesses' if sure < count else ''}."
 
 
@@ -174,21 +178,21 @@ def _judgement(row, after) -> str:
     met = "met" if row.met else "missed"
     return (
         f"{row.name.capitalize()}{after}: {row.clip:.2f} in the clip, {row.herd:.2f} simulated"
-        f"{f' ({unit})' if unit else ''}; {met}, off by {row.off:.2f} where {row.limit:.2f} is allowed."
+        f"{f' ({unit})' if unit else ''}; {met}, difference {row.off:.2f}, limit {row.limit:.2f}."
     )
 
 
 def _ranked(tried, nearer) -> str:
     if not nearer:
-        return f"Nearer to the clip than all of the {tried} others tried on the same frames."
+        return f"Nearer to the clip than all {tried} other herds on the same frames."
     are = "is" if len(nearer) == 1 else "are"
-    return f"Of {tried} others tried on the same frames, {len(nearer)} {are} nearer to the clip: {', '.join(nearer)}."
+    return f"Of {tried} other herds on the same frames, {len(nearer)} {are} nearer to the clip: {', '.join(nearer)}."
 
 
 def _resized(counts, strayed) -> str:
     sizes = ", ".join(str(row["animals"]) for row in counts)
-    begun = f"Left alone for {SECONDS:g} s on a plane, herds of {sizes} animals "
+    begun = f"After {SECONDS:g} s alone on a plane, herds of {sizes} animals "
     if not strayed:
-        return begun + "keep the clip's polarization and milling."
+        return begun + "keep the polarization and milling of the clip."
     told = "; ".join(f"with {r['animals']} animals {words.replace(', ', ' and ')} changed" for r, words in strayed)
-    return f"{begun}do not all keep the clip's polarization and milling: {told}."
+    return f"{begun}do not all keep the polarization and milling of the clip: {told}."

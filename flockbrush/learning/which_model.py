@@ -90,22 +90,24 @@ class ModelComparison:
         """Which is told apart, and which is not."""
         best, names = self.rows[0], self.equal
         if self.reason:
-            return f"Which model moves like this cannot be told: {self.reason}."
+            return f"The models cannot be distinguished on this clip: {self.reason}."
         others = [row for row in self.rows if row.told_apart]
         apart = "; ".join(f"{row.name} by {row.behind:.2f} ± {row.behind_error:.2f}" for row in others)
         if len(names) == 1:
-            return f"It moves by {best.name} ({best.perception}): the next step is likelier than by {apart} (nats)."
-        told = f"; {apart} (nats) behind" if others else ""
-        return f"Not told apart: {', '.join(names[:-1])} and {names[-1]}{told}."
+            return (
+                f"The best model is {best.name} ({best.perception}): log score of the next step above {apart} (nats)."
+            )
+        told = f"; behind them: {apart} (nats)" if others else ""
+        return f"Not distinguishable: {', '.join(names[:-1])} and {names[-1]}{told}."
 
 
 def perception_of(vision: VisionSpec) -> str:
     """Whom an animal takes into account, in words."""
     if vision.sight == "topological":
-        return f"the {vision.neighbours} nearest"
+        return f"the {vision.neighbours} nearest animals"
     if vision.sight == "voronoi":
-        return "the first shell"
-    seen = "whom it sees" if vision.sight == "exact" and vision.occlusion else "everybody"
+        return "the first shell of neighbours"
+    seen = "visible animals" if vision.sight == "exact" and vision.occlusion else "all animals"
     return f"{seen} within {vision.range:g} BL"
 
 
@@ -113,11 +115,11 @@ def problem_of(clips: Sequence[Evidence]) -> str:
     """Why the models of these clips cannot be compared; "" where they can."""
     for clip in clips:
         if not told_apart(clip):
-            return "its animals cannot be told apart, and only the turns of single ones tell models apart"
+            return "single animals could not be separated, and models are compared by the turns of single animals"
         if Gates.of(clip.fields) is not None:
-            return "it shows a part of a herd; models other than the herd are compared on whole herds"
+            return "it shows a part of a herd; other models than herd need the whole herd"
         if clip.fields.obstacle.any():
-            return "it shows obstacles; models other than the herd are compared on open ground"
+            return "it shows obstacles; other models than herd need open ground"
     return ""
 
 
@@ -248,11 +250,11 @@ def _reason(rows, blocks, every, straight) -> str:
     """Why nothing can be told; "" where something may."""
     usual = float(np.sqrt(np.average(every.turn**2, weights=np.maximum(every.weight, 1e-12))))
     if len(blocks.frames) < FEWEST_BLOCKS:
-        return f"it has {len(blocks.frames)} blocks of {BLOCK:g} s, and {FEWEST_BLOCKS} are needed"
+        return f"it has {len(blocks.frames)} blocks of {BLOCK:g} s, but {FEWEST_BLOCKS} are needed"
     if blocks.noise > NOISIEST:
-        return f"turns are uncertain by {blocks.noise:.2g} rad, of which the headings of its animals are made"
+        return f"the headings of the animals are too noisy: turns are uncertain by {blocks.noise:.2g} rad"
     if usual < CLEAR * blocks.noise:
         return f"turns of {usual:.2g} rad in {SPAN:g} s are hardly larger than the noise of {blocks.noise:.2g} rad"
     if rows[0].score < straight + LEAST:
-        return "no model says the next step better than going straight on does"
+        return "no model predicts the next step better than straight motion does"
     return ""

@@ -90,9 +90,9 @@ class Workers:
             kept = read_json(self.path)
             signature, done = kept["signature"], dict(kept["done"])
         except (ValueError, KeyError, TypeError):
-            raise self._refused("is damaged: nothing in it can be continued") from None
+            raise self._refused("is damaged and cannot be continued") from None
         if signature != self.signature:
-            raise self._refused("was begun with another clip, other options or another version; give it the same")
+            raise self._refused("belongs to another clip, other options or another version; use the same ones")
         return done
 
     def _refused(self, what):
@@ -165,14 +165,14 @@ class Workers:
                 except TimeoutError:
                     continue
                 except self.gone as error:
-                    reason = str(error) if isinstance(error, OtherCode) else "is gone"
-                    raise refused(self.name, f"{reason}; what was done is kept; continue with --resume") from None
+                    reason = str(error) if isinstance(error, OtherCode) else "is not running any more"
+                    raise refused(self.name, f"{reason}; finished work is kept; continue with --resume") from None
 
     def _open(self):
         if self.cluster is None:
             pool = ProcessPoolExecutor(self.jobs, get_context("spawn"), initializer=_receive, initargs=(self.given,))
             self.pool, self.submit = pool, partial(pool.submit, _work)
-            self.name, self.gone = "a process that learned", (BrokenExecutor,)
+            self.name, self.gone = "a learning process", (BrokenExecutor,)
             return
         shared = self.cluster.share(self.given)
         self.pool, code = self.cluster.open(), build_of_worker().code

@@ -50,7 +50,9 @@ def world_looks(start, params, speed, body, vision, seconds, fps, seed, around=(
     when something is ``around``: walls, gates or a guide.
     """
     if any(thing is not None for thing in around):
-        raise ValueError("only brushes of the herd model with exact sight are run among walls or in part of a herd")
+        raise ValueError(
+            "only brushes of the herd model with exact sight can be simulated among walls or in part of a herd"
+        )
     simulation = plane(brush_of_parts(params, speed, body, vision), max(len(start), 1), SPACING, seed=int(seed) % 2**31)
     agents, n = simulation.agents, len(start)
     if not n:

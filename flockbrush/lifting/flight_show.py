@@ -85,7 +85,7 @@ class Show:
             return cls(read_flight(path), name, span=span)
         if camera is None:
             message = (
-                f"is no flight (that has {', '.join(PLACES)}); to lift tracks (frame, id, x, y in pixels) name the"
+                f"is not a flight (columns {', '.join(PLACES)}); to lift tracks (frame, id, x, y in pixels), give the"
                 " camera that filmed them:  --camera cam.toml"
             )
             raise refused(path, message)
@@ -126,7 +126,7 @@ class Show:
             When there is none.
         """
         if self.camera is None or self.sight is None:
-            raise refused(self.name, "was not lifted here: without its tracks and camera it stays as it is")
+            raise refused(self.name, "cannot be lifted again without its tracks and camera")
         if not 0 < wanted.near < wanted.far:
             raise refused(
                 self.name, f"near must be above 0 and less than far, got {wanted.near:g} and {wanted.far:g} m"
@@ -228,7 +228,7 @@ class Show:
         path = Path(path)
         if path.suffix.lower() not in ENDINGS:
             got = repr(path.suffix) if path.suffix else "none"
-            raise refused(path, f"the ending of a flight is one of {', '.join(ENDINGS)}; got {got}")
+            raise refused(path, f"the file extension of a flight must be one of {', '.join(ENDINGS)}; got {got}")
         check_exports([path], [self.name])
         if path.suffix.lower() == ".csv":
             write_flight(path, self.flight)
@@ -272,7 +272,7 @@ class Show:
         found = extract(marks, Path(self.name).name.split(".")[0], about)
         if not found.usable:
             why = found.frames[0].why
-            raise refused(self.name, f"frame {frame}: the birds fly in no line formation: {why}")
+            raise refused(self.name, f"frame {frame}: the birds do not fly in a line formation: {why}")
         return found
 
     def formation_level(self, k, path) -> Path:

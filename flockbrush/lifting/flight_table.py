@@ -56,7 +56,7 @@ def _values(name, rows, columns, at):
                 message = f"must be a finite number, at most {FARTHEST:g}, got {cell[:40]!r}"
                 raise ProblemsError([Problem(name, line, column, message)])
     if not values:
-        raise refused(name, "there is no bird in it")
+        raise refused(name, "has no birds")
     return np.frombuffer(values).reshape(-1, len(columns))
 
 
@@ -72,9 +72,9 @@ def _gridded(name, values, timed):
     first, last = int(frames.min()), int(frames.max())
     birds, column = np.unique(ids, return_inverse=True)
     if last == first:
-        raise refused(name, "has one frame only; a flight needs two")
+        raise refused(name, "has only one frame; a flight needs at least two")
     if last - first >= limits.TRACK_FRAMES or (last - first + 1) * len(birds) > limits.TRACK_CELLS:
-        raise refused(name, f"frames {first} to {last} with {len(birds)} birds are more than fit; cut it into parts")
+        raise refused(name, f"frames {first} to {last} with {len(birds)} birds are too many; split it into parts")
     fps = 30.0
     if timed:
         begin, end = values[frames == first, 5].min(), values[frames == last, 5].max()

@@ -28,8 +28,8 @@ class Camera(BaseModel):
     height: int = Field(ge=1, le=100_000, description="pixels")
     horizontal_fov_deg: float = Field(gt=0, lt=180, description="angle between the left and right edge, degrees")
     fps: float = Field(gt=0, le=10_000, description="frames per second")
-    mean_speed: float = Field(gt=0, le=1_000, description="of the birds, m/s: it sets the scale")
-    near: float = Field(gt=0, description="least distance of a bird, m")
+    mean_speed: float = Field(gt=0, le=1_000, description="mean speed of the birds, m/s; sets the scale")
+    near: float = Field(gt=0, description="smallest distance of a bird, m")
     far: float = Field(gt=0, description="largest distance of a bird, m")
 
     @field_validator("*", mode="before")

@@ -32,7 +32,7 @@ EVENNESS = 10.0  # of speeding up over turning, for the whole flock.  By trial: 
 FLOCK = 8.0  # of alignment and cohesion over what the picture tells of them.  By trial: 4 to 16
 VOLUME = 2.0  # what a pixel sees grows with depth to this
 STEPS, SETTLED = 16, 2e-3  # of Newton's method at most; the largest relative change of a depth at which it ends
-EVEN = "they are put at one distance, at which they fly as fast as the camera's file says"
+EVEN = "all birds are placed at one distance, so that their mean speed is the one in the camera file"
 COARSE = 0.1  # the same, for a look while a slider is dragged
 WISHES = {"smoothness": 1e6, "flock": 1e6, "evenness": 1e6, "separation": 1.0, "separation_distance": 1e3}  # at most
 MOST = 150_000_000  # numbers in the banded system: 1.2 GB
@@ -61,7 +61,7 @@ class LiftWish:
             if not 0 <= value <= most:
                 raise LiftError(f"{name.replace('_', ' ')} must be from 0 to {most:g}, got {value:g}")
         if self.smoothness == 0:
-            raise LiftError("smoothness must be above 0: without it any depth is as good as another")
+            raise LiftError("smoothness must be above 0: without it, the depth is undetermined")
 
 
 @dataclass
@@ -142,18 +142,21 @@ def _warnings(tracks, clean, there, camera):
     """What to know before the depths are believed; LiftError when there can be no flight."""
     notes = []
     if tracks.px.shape[1] < 2:
-        notes.append(f"one bird alone has no depth: a flock is needed, two birds that are seen together; {EVEN}")
+        notes.append(
+            f"the depth of a single bird is undetermined: two birds that are visible together are needed; {EVEN}"
+        )
     elif not _is_flock(there):
-        notes.append(f"no two birds are seen at the same time for three frames, so none has a depth; {EVEN}")
+        notes.append(f"no two birds are visible together for three frames, so depths are undetermined; {EVEN}")
     moved = np.abs(np.diff(clean.px, axis=0))
     if not np.nanmax(moved, initial=0.0) > 1e-3:
         raise LiftError("nothing moves in these tracks: the speed of the birds cannot set the scale")
     if clean.longest_gap > camera.fps:
-        notes.append(f"the longest gap is {clean.longest_gap} frames: the path through it is a guess")
+        notes.append(f"the longest gap is {clean.longest_gap} frames: the path in the gap is interpolated")
     outside = tracks.seen & ((tracks.px < 0) | (tracks.px > (camera.width, camera.height))).any(-1)
     if outside.any():
         notes.append(
-            f"{int(outside.sum())} sights lie outside the {camera.width} x {camera.height} picture: is this the camera?"
+            f"{int(outside.sum())} sights lie outside the {camera.width} x {camera.height} picture: the camera "
+            "file may be wrong"
         )
     if camera.horizontal_fov_deg < 25:
         notes.append(
@@ -246,8 +249,8 @@ class _System:
                 wide = max(wide, self.number[f + step][both[f]].max() - self.number[f][both[f]].min())
         if (wide + 1) * self.size > MOST:
             raise LiftError(
-                f"{len(self.there)} frames of up to {max(map(len, self.frames))} birds are more than fit into memory at"
-                " once; cut the tracks into parts"
+                f"{len(self.there)} frames of up to {max(map(len, self.frames))} birds do not fit into"
+                " memory; split the tracks into parts"
             )
         return int(wide)
 
@@ -354,7 +357,7 @@ class _System:
     def _solved(self, bands, side):
         found = solve_banded(bands, side)
         if not np.isfinite(found).all():
-            raise LiftError("the tracks do not determine any depth; are they all of one bird?")
+            raise LiftError("the tracks do not determine any depth; they may all be of one bird")
         return found
 
 

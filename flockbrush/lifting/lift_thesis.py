@@ -20,7 +20,7 @@ from flockbrush.lifting.lens import Camera
 from flockbrush.lifting.lift_solver import LiftedFlight, LiftError, LiftWish, prepared
 
 TOLERANCE = 1e-4  # of the depths, relative, where COBYLA stops
-PLAUSIBLE = "these depths look plausible and are no measurement: the thesis' energy does not favour true depths"
+PLAUSIBLE = "these depths look plausible but are not measurements: the energy of the thesis does not favour true depths"
 MOST = 200  # evaluations for each bird of a frame
 
 

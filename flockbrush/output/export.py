@@ -30,7 +30,7 @@ def check_exports(paths, inputs=(), others=(), options=None):
         kind = exporter_of(path)
         if kind is None:
             got = f"{path.suffix!r}" if path.suffix else "none"
-            message = f"the ending of an export is one of {', '.join(exporters())}; got {got}"
+            message = f"the file extension of an export must be one of {', '.join(exporters())}; got {got}"
             problems.append(Problem(str(path), None, None, message))
             continue
         for module, package in kind.needs:
@@ -65,7 +65,7 @@ class Exports:
     def __init__(self, paths, simulation, fps=None, edits=None, **options):
         ticks = 1 / simulation.world.resource(Clock).dt
         if fps is not None and not 0 < fps <= ticks:
-            raise refused("--fps", f"must be more than 0 and at most {ticks:g}, the ticks of a second, got {fps:g}")
+            raise refused("--fps", f"must be above 0 and at most {ticks:g} (ticks per second), got {fps:g}")
         self._pairs, self._edits = [], edits
         try:
             for path in paths:

@@ -72,9 +72,7 @@ class CurveChart(NamedTuple):
     def draw(self, axes, look):
         """Curves, their errors and bands."""
         if not any(np.isfinite(np.asarray(curve.y, float)).any() for curve in self.curves):
-            axes.text(
-                0.5, 0.5, "no numbers", ha="center", va="center", color=_web(look.muted), transform=axes.transAxes
-            )
+            axes.text(0.5, 0.5, "no data", ha="center", va="center", color=_web(look.muted), transform=axes.transAxes)
             axes.set(xticks=[], yticks=[])
             return
         names = list(dict.fromkeys(curve.name for curve in self.curves if curve.name))

@@ -33,11 +33,13 @@ def write_brush(formation, out, like, source):
 
     out = Path(out)
     if not out.name.endswith(".brush.toml"):
-        raise refused(out, "a brush's name ends in .brush.toml")
+        raise refused(out, "the name of a brush must end in .brush.toml")
     learned = parameters_of(formation)
     base = load_brush(like) if like.endswith(".brush.toml") else shipped().get(like)
     if base.model != "line_formation":
-        raise refused(like, f"is a brush of {base.model}; a formation needs one of line_formation, such as geese")
+        raise refused(
+            like, f"is a brush of the model {base.model}; a formation needs a brush of line_formation, such as geese"
+        )
     made = Brush(
         name=out.name.removesuffix(".brush.toml"),
         model=base.model,

@@ -164,7 +164,7 @@ def _bars(canvas, agents, saved, flying, look):
     """What each bird saves, in order from left to right."""
     top = 30 + GROUND
     canvas.area([(0, top), (SIZE[0], top), SIZE, (0, SIZE[1])], look.paper)
-    canvas.words("power saved, by bird from left to right", (12, top + 12), 14, look.muted, anchor=(0, 0.5))
+    canvas.words("power saved by each bird, from left to right", (12, top + 12), 14, look.muted, anchor=(0, 0.5))
     birds = np.flatnonzero(flying)
     if not len(birds):
         return

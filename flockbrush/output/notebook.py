@@ -38,9 +38,9 @@ def recording_html(run) -> str:
     picture = base64.b64encode(data).decode()
     path = html.escape(str(run.path))
     return (
-        f'<img style="max-width:100%" alt="the last moment" src="data:image/png;base64,{picture}">'
-        f"<p>{len(simulation.agents):,} animals, {seconds:g} s: too much to show here. "
-        f"<code>flockbrush export {path} --to run.html</code> writes the page.</p>"
+        f'<img style="max-width:100%" alt="the last frame" src="data:image/png;base64,{picture}">'
+        f"<p>{len(simulation.agents):,} animals, {seconds:g} s: too large to show here. "
+        f"<code>flockbrush export {path} --to run.html</code> writes it as a page.</p>"
     )
 
 

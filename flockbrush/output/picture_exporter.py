@@ -6,27 +6,44 @@ import re
 
 from flockbrush.output.exporter import Exporter, Option
 
-THEME = Option("theme", "light", "Colours.", ("light", "dark", "vivid"))
+THEME = Option("theme", "light", "Colours of pictures and videos.", ("light", "dark", "vivid"))
 PALETTE = Option(
-    "palette", "own", "Colours of brushes: their own, or some that differ for colour-blind eyes.",
+    "palette", "own", "Colours of brushes: their own, or a palette for colour-blind viewers.",
     ("own", "okabe-ito", "tol"),
 )  # fmt: skip
 LOOKS = (
     THEME,
-    Option("view", "plan", "From straight above, or going with the herd.", ("plan", "space")),
-    Option("azimuth", 90.0, "In space: where one looks; 0 is east, 90 north.", low=-360, high=360, metavar="DEG"),
-    Option("elevation", None, "In space: how high above the herd one is.", kind=float, low=0, high=90, metavar="DEG"),
+    Option("view", "plan", "plan: from straight above; space: 3D view that follows the herd.", ("plan", "space")),
+    Option(
+        "azimuth",
+        90.0,
+        "With --view space: viewing direction, degrees; 0 is east, 90 is north.",
+        low=-360,
+        high=360,
+        metavar="DEG",
+    ),
+    Option(
+        "elevation",
+        None,
+        "With --view space: angle of the camera above the horizon, degrees.",
+        kind=float,
+        low=0,
+        high=90,
+        metavar="DEG",
+    ),
 )
-CAMERA = Option("camera", None, "A camera with keyframes: a .camera.toml file (docs/exports.md).", metavar="FILE")
+CAMERA = Option("camera", None, "Camera with keyframes: a .camera.toml file (see docs/exports.md).", metavar="FILE")
 CLEAN = (
     CAMERA,
     Option(
-        "overlays", True, "Ground, obstacles and animals alone, without words, trails, dust.", negated="no_overlays"
+        "overlays", True, "Draw only ground, obstacles and animals: no text, trails or dust.", negated="no_overlays"
     ),
-    Option("dust", True, "No dust behind runners and no ripples behind swimmers.", negated="no_dust"),
-    Option("size", None, "Pixels of the picture, as 1920x1080.", metavar="WxH"),
+    Option("dust", True, "Draw no dust behind runners and no ripples behind swimmers.", negated="no_dust"),
+    Option("size", None, "Size of the picture, pixels, such as 1920x1080.", metavar="WxH"),
 )
-ALPHA = Option("alpha", False, "Animals and their shadows alone, on transparent ground; no words, guides, trails.")
+ALPHA = Option(
+    "alpha", False, "Draw only animals and their shadows on a transparent ground: no text, guides or trails."
+)
 
 
 class Pictures(Exporter):
@@ -129,7 +146,7 @@ def _size_problems(size):
     if not isinstance(size, str):
         return []
     good = re.fullmatch(r"[0-9]{1,5}[xX][0-9]{1,5}", size) and all(8 <= side <= 16384 for side in size_of(size))
-    return [] if good else [f"--size is WIDTHxHEIGHT, 8 to 16384 pixels each, as 1920x1080; got {size!r}"]
+    return [] if good else [f"--size must be WIDTHxHEIGHT, 8 to 16384 pixels each, such as 1920x1080; got {size!r}"]
 
 
 def _measured(moment):

@@ -79,7 +79,7 @@ def _sheet(simulation, brush, panels, theme):
         order = compute_polarization(last.forward), compute_milling(last.xyz[:, :2], last.forward)
         words = f"{last.time:g} s     polarization {order[0]:.2f}     milling {order[1]:.2f}"
         away = int((_off(last) > 0.5 * side).sum())
-        words += f"     {away:,} out of view" if away else ""
+        words += f"     {away:,} outside the picture" if away else ""
         canvas.words(words, (left, HEAD + PANEL + FOOT / 2), 16, look.ink, anchor=(0, 0.5))
     _bar(canvas, (width - GAP, HEAD / 2), PANEL / side, look)
     return image

@@ -102,7 +102,7 @@ def _checked(toml: TomlFile) -> CameraPath:
     problems += _numbers(toml, (), data, ("fov",))
     keys = data.get("keys")
     if not isinstance(keys, list) or not keys or not all(isinstance(key, dict) for key in keys):
-        problems.append(toml.problem(("keys",), "there must be one [[keys]] table or more"))
+        problems.append(toml.problem(("keys",), "at least one [[keys]] table is needed"))
         raise ProblemsError(problems)
     for k, key in enumerate(keys):
         problems += _wrong_with(toml, ("keys", k), key)

@@ -42,37 +42,40 @@ EXPLAINED = frozenset({"forces", "field_of_view", "occlusion"})  # these show wh
 OVERLAYS = {
     overlay.name: overlay
     for overlay in (
-        Overlay("forces", "Forces", "Why the selected animal turns: one arrow for each reason", of_one=True),
-        Overlay("field_of_view", "Field of view", "How far and how wide the selected animal sees", of_one=True),
+        Overlay("forces", "Forces", "Forces on the selected animal: one arrow for each force", of_one=True),
+        Overlay("field_of_view", "Field of view", "View range and field of view of the selected animal", of_one=True),
         Overlay(
             "occlusion",
-            "Hidden places",
-            "What bodies and obstacles hide from the selected animal",
+            "Hidden areas",
+            "Areas that bodies and obstacles hide from the selected animal",
             of_one=True,
             looks_at_world=True,
         ),
         Overlay(
             "links",
-            "Who sees whom",
-            "A line between animals that see each other; those of the selected one stand out",
+            "Visible neighbours",
+            "A line between animals that see each other; lines of the selected animal are highlighted",
             looks_at_world=True,
         ),
         Overlay(
-            "leaders", "Leaders", "Leaders ringed, and a line from each animal to its reference bird", in_space=True
+            "leaders",
+            "Leaders",
+            "A ring around each leader, and a line from each bird to its reference bird",
+            in_space=True,
         ),
-        Overlay("density", "Density", "How crowded it is, in animals per square metre", below=True),
+        Overlay("density", "Density", "Animals per square metre", below=True),
         Overlay(
             "walkable",
             "Walkable",
-            "Where no animal can walk: hatched water, rock and obstacles",
+            "Hatches areas where animals cannot walk: water, rock and obstacles",
             below=True,
         ),
-        Overlay("regions", "Brush regions", "The painted brushes, strong and with their names", below=True),
-        Overlay("caps", "Speed caps", "Speed limits, and where they hold", below=True),
+        Overlay("regions", "Brush regions", "The painted brushes in strong colours, with their names", below=True),
+        Overlay("caps", "Speed caps", "Areas with speed limits, and their limits", below=True),
         Overlay(
             "navigation",
-            "Ways",
-            "The field that leaders follow to their guides and goals",
+            "Direction field",
+            "Directions that leaders follow to guides and goals",
             below=True,
             looks_at_world=True,
         ),

@@ -82,7 +82,7 @@ def differences(there, build: Build, own=None):
     sources, packages = (_texts(there.get(name)) for name in ("sources", "packages"))
     files = differing_files(sources, build.sources, own)
     if not isinstance(there.get("code"), str) or not sources:
-        found["code"] = "code that is not known"
+        found["code"] = "unknown code"
     elif there["code"] != build.code and files:
         found["code"] = f"other code: {some_of(files)}"
     libraries = differing_packages(packages, build.packages)

@@ -93,22 +93,22 @@ def cluster(address: str, tls: Tls | None = None) -> Iterator[Cluster]:
     try:
         from distributed import Client, KilledWorker
     except ImportError:
-        raise refused("--cluster", "dask is missing: pip install 'flockbrush[cluster]'") from None
+        raise refused("--cluster", "dask is not installed: pip install 'flockbrush[cluster]'") from None
     if not ADDRESS.fullmatch(address):
-        raise refused("--cluster", f"an address is a host and a port, such as tcp://host:8786, got {address!r}")
+        raise refused("--cluster", f"an address must be a host and a port, such as tcp://host:8786, got {address!r}")
     _silence("distributed", "tornado", "asyncio")  # what matters of it is said in our own words
     client = Client.__new__(Client)
     try:
         client.__init__(address, timeout=ANSWERS, set_as_default=False, security=_security(address, tls))  # type: ignore[misc]
     except (OSError, ValueError, TypeError, TimeoutError) as error:
         client.status = "closed"  # or its destructor prints a traceback
-        raise refused(address, f"no Dask scheduler answers there{_needs(address, tls)}: {error}") from None
+        raise refused(address, f"no Dask scheduler answers at this address{_needs(address, tls)}: {error}") from None
     try:
         try:
             _same_code(client, address)
             workers = sum(client.nthreads().values())
         except (OSError, ValueError, CancelledError) as error:  # TimeoutError is an OSError
-            raise refused(address, f"the scheduler there is gone, or has no workers: {error}") from None
+            raise refused(address, f"the scheduler cannot be reached any more, or has no workers: {error}") from None
         yield Cluster(
             address,
             workers,
@@ -127,10 +127,10 @@ def _security(address, tls):
     from distributed.security import Security
 
     if not address.startswith(("tls://", "wss://")):
-        raise refused("--cluster", f"with --tls-... the address begins with tls://, got {address!r}")
+        raise refused("--cluster", f"with --tls-..., the address must begin with tls://, got {address!r}")
     for name, path in (("--tls-ca", tls.ca), ("--tls-cert", tls.cert), ("--tls-key", tls.key)):
         if path is not None and not Path(path).is_file():
-            raise refused(path, f"there is no such file; {name} names one in PEM")
+            raise refused(path, f"there is no such file; {name} must be a PEM file")
     told = {"tls_ca_file": tls.ca, "tls_client_cert": tls.cert, "tls_client_key": tls.key}
     return Security(require_encryption=True, **{name: str(path) for name, path in told.items() if path is not None})
 
@@ -156,13 +156,17 @@ def _same_code(client, address):
     libraries = set()
     for worker, there in sorted(client.run(_build, on_error="return").items()):
         if not isinstance(there, dict):
-            raise refused(address, f"worker {worker} runs another flockbrush, or none: {' '.join(str(there).split())}")
+            raise refused(
+                address, f"worker {worker} runs another version of Flockbrush, or none: {' '.join(str(there).split())}"
+            )
         apart = differences(there, build_of_worker())
         if "code" in apart:
-            raise refused(address, f"worker {worker} has {apart['code']}; install the same there and start it again")
+            raise refused(
+                address, f"worker {worker} has {apart['code']}; install the same version there and restart the worker"
+            )
         libraries |= {apart[name] for name in ("libraries",) if name in apart}
     for found in sorted(libraries):
-        say(f"{address}: workers have {found}: the last bits of their results may differ")
+        say(f"{address}: workers have {found}: their results may differ in the last bits")
 
 
 def _build():

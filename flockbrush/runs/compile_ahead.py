@@ -212,7 +212,7 @@ class _shown:
 
     def _show(self):
         if terminal.is_terminal(sys.stderr):
-            with terminal.progress("compiling kernels, this once", 2) as bar:
+            with terminal.progress("compiling kernels (only at the first start)", 2) as bar:
                 while not self._over.wait(0.2):
                     bar(self.ahead.done, total=max(self.ahead.found, 1))
             return
@@ -220,4 +220,4 @@ class _shown:
         while not self._over.wait(0.2):
             if time.monotonic() - last >= EVERY:
                 last = time.monotonic()
-                terminal.say(f"{self.ahead.done} of {self.ahead.found} kernels are compiled")
+                terminal.say(f"{self.ahead.done} of {self.ahead.found} kernels compiled")

@@ -69,7 +69,7 @@ def investigate(run, divergence, simulation, rebuilt) -> Desync:
         again, written = _once_more(run, divergence, rebuilt())
         sums = run.sums(tick)
     except (RecordingError, StateError) as error:
-        report.notes.append(f"nothing more is known: {error}")
+        report.notes.append(f"no more details are available: {error}")
         return report
     there = _judge(report, divergence, again.world, there)
     again.close()
@@ -114,10 +114,10 @@ def _judge(report, divergence, again, there):
     digest = state_hash(again)
     report.repeatable = digest == divergence.replayed
     if digest == divergence.recorded:
-        report.notes.append("living this tick once more gave what was recorded: this build gives both states")
+        report.notes.append("simulating this tick again gave the recorded state: this build produces both states")
         return snapshot(again) if there is None else there
     if not report.repeatable:
-        report.notes.append("living this tick once more gave a third state")
+        report.notes.append("simulating this tick again gave a third state")
     return there
 
 
@@ -216,7 +216,7 @@ def _by_count(there, here):
     more = rows_in(here) - rows_in(there)
     if abs(more) != 1:
         return Difference(IDS, abs(more) or None, [], [], [], None)
-    words = ["does not live", "lives"][::more]
+    words = ["not alive", "lives"][::more]
     return Difference(IDS, 1, [more * (sum_in(here) - sum_in(there))], words[:1], words[1:], None)
 
 
@@ -231,7 +231,7 @@ def _go_on(run, report, simulation):
         while simulation.clock.tick < later:
             simulation.tick()
     except (ValueError, LookupError, ArithmeticError, RecordingError) as error:
-        report.notes.append(f"the replay does not come to the next snapshot, of tick {later}: {error}")
+        report.notes.append(f"the replay does not reach the next snapshot, of tick {later}: {error}")
         return
     report.later = later
     report.states |= {f"{THERE} later": (later, there), f"{HERE} later": (later, snapshot(simulation.world))}
@@ -245,7 +245,7 @@ def check_folder(folder):
     """Make sure that a report can be written into a folder, which is made if need be; ProblemsError."""
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
-        raise refused(folder, "is a file; --report names a folder")
+        raise refused(folder, "is a file; --report must be a folder")
     if not folder.parent.is_dir():
         raise refused(folder, f"there is no folder {str(folder.parent)!r}")
 

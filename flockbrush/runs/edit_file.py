@@ -146,7 +146,7 @@ def edits_of(recording) -> EditFile:
         return EditFile(path, sha256_of(recording), Path(recording).name)
     found = parse_edits(read_bytes(path), path)
     if found.sha256 != sha256_of(recording):
-        message = f"these are edits of another recording than {Path(recording).name}: rename or remove this file"
+        message = f"these edits belong to another recording than {Path(recording).name}: rename or remove this file"
         raise ProblemsError([Problem(str(path), None, "sha256", message)])
     return found
 
@@ -157,7 +157,7 @@ def parse_edits(data: bytes, path) -> EditFile:
     problems = _unknown(toml, (), toml.data, ("recording", "sha256", "order", "layers", "undone"))
     sha256 = toml.data.get("sha256")
     if not isinstance(sha256, str) or not re.fullmatch("[0-9a-f]{64}", sha256):
-        problems.append(toml.problem(("sha256",), "must be the SHA-256 of the recording, 64 digits"))
+        problems.append(toml.problem(("sha256",), "must be the SHA-256 of the recording, 64 hexadecimal digits"))
     layers, undone = _tables(toml, "layers", problems), _tables(toml, "undone", problems)
     made = EditFile(Path(path), str(sha256), str(toml.data.get("recording", "")))
     for k, table in enumerate(layers):
@@ -169,7 +169,7 @@ def parse_edits(data: bytes, path) -> EditFile:
             made.undone.append((str(table.get("layer", FIRST)), edit))
     names = [layer.name for layer in made.layers]
     if len(set(names)) < len(names):
-        problems.append(toml.problem(("layers",), "two layers have one name"))
+        problems.append(toml.problem(("layers",), "two layers have the same name"))
     every = [layer.name for layer in made.layers for _ in layer.edits]
     made.order = toml.data.get("order", every)
     if not isinstance(made.order, list) or sorted(map(str, made.order)) != sorted(every):
@@ -191,7 +191,7 @@ def _layer(toml: TomlFile, at, table, problems):
     problems += _unknown(toml, at, table, ("name", "on", "edits"))
     name, on, edits = table.get("name"), table.get("on", True), table.get("edits", [])
     if not isinstance(name, str) or not name.strip():
-        problems.append(toml.problem((*at, "name"), "a layer has a name"))
+        problems.append(toml.problem((*at, "name"), "a layer must have a name"))
     if not isinstance(on, bool):
         problems.append(toml.problem((*at, "on"), f"must be true or false, got {on!r}"))
     made = Layer(str(name), bool(on))
@@ -226,7 +226,7 @@ def _edit(toml, at, table, problems) -> Edit | None:
                 told[name] = tuple(map(float, told[name]))
     for name in ("brush", "species", "because"):
         if not isinstance(told.get(name, ""), str):
-            problems.append(toml.problem((*at, name), f"must be a text, got {told[name]!r}"))
+            problems.append(toml.problem((*at, name), f"must be a string, got {told[name]!r}"))
     if len(problems) == before and told.get("start", 0.0) >= told.get("end", ALWAYS):
         problems.append(toml.problem((*at, "end"), "must be later than the start"))
     return Edit(**told) if len(problems) == before else None
@@ -244,13 +244,13 @@ def sentence_of(edit: Edit) -> str:
 def ids_of(text) -> tuple[int, ...]:
     """The ids of a text as "1-40, 52"; ValueError."""
     if not isinstance(text, str) or not re.fullmatch(r"\s*\d+(-\d+)?(\s*,\s*\d+(-\d+)?)*\s*", text):
-        raise ValueError(f'must name animals as "1-40, 52", got {text!r}')
+        raise ValueError(f'must be ids such as "1-40, 52", got {text!r}')
     found: set[int] = set()
     for part in text.split(","):
         low, _, high = part.strip().partition("-")
         first, last = int(low), int(high or low)
         if not 1 <= first <= last <= 10**9 or last - first > 10**7:
-            raise ValueError(f'must name animals as "1-40, 52", the smaller id first; got {part.strip()!r}')
+            raise ValueError(f'must be ids such as "1-40, 52", the smaller id first; got {part.strip()!r}')
         found.update(range(first, last + 1))
     return tuple(sorted(found))
 

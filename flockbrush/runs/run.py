@@ -61,7 +61,7 @@ def find_level(name) -> Path:
     if path.exists() or path.suffix or path.name != str(name):
         return path  # the reader says what is wrong with it
     hint = did_you_mean(str(name), shipped_levels())
-    raise refused(name, f"there is no such file, and no shipped level of that name{hint}")
+    raise refused(name, f"there is no such file and no shipped level of this name{hint}")
 
 
 def open_level(name):
@@ -150,7 +150,7 @@ def _built(level, seed, agents, library):
     if agents is None:
         return build(level, seed, library=library)
     if not 1 <= agents <= limits.ANIMALS:
-        raise refused(level.path, f"there can be 1 to {limits.ANIMALS} animals, got {agents}")
+        raise refused(level.path, f"the number of animals must be 1 to {limits.ANIMALS}, got {agents}")
     try:
         return build(level, seed, agents, library)
     except ValueError as error:
@@ -228,11 +228,11 @@ def rebuild(run: RecordedRun) -> Simulation:
     level, library = embedded_level(run)
     seed, agents = run.header["seed"], run.header.get("agents")
     if agents is not None and not isinstance(agents, int):
-        raise RecordingError(f"{run.path}: the header says {agents!r} animals; it must be a whole number")
+        raise RecordingError(f"{run.path}: the number of animals in the header must be a whole number, got {agents!r}")
     simulation = begin(level, library, seed, agents)
     if run.header["dt"] != simulation.clock.dt:
         raise RecordingError(
-            f"{run.path}: recorded with a tick of {run.header['dt']} s; this version has {simulation.clock.dt} s"
+            f"{run.path}: recorded with a tick of {run.header['dt']} s; this version uses {simulation.clock.dt} s"
         )
     return simulation
 

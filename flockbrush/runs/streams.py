@@ -75,7 +75,7 @@ class _Closed(io.TextIOBase):
     """Standard output of a program that was started without one."""
 
     def write(self, text):
-        raise OSError(errno.EBADF, "it is closed", OUTPUT)
+        raise OSError(errno.EBADF, "the stream is closed", OUTPUT)
 
 
 def _hold_numbers():

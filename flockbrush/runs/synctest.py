@@ -18,7 +18,7 @@ class OutOfSync(Exception):
     """A tick that was lived twice gave two states."""
 
     def __init__(self, report: Desync):
-        super().__init__(f"tick {report.tick} gives another state when it is lived again")
+        super().__init__(f"tick {report.tick} gives another state when it is simulated again")
         self.report = report
 
 

@@ -216,7 +216,7 @@ def _listener(event):
         def on_start(self, event):
             if not Compiles.said:
                 Compiles.said = True
-                say("compiling kernels for the first time, about a minute ...")
+                say("compiling kernels; this takes about a minute, only at the first start ...")
             depth = getattr(self._depth, "value", 0)
             self._depth.value = depth + 1
             if self._meet is not None and depth == 0:
@@ -288,12 +288,12 @@ def exit_code_of(error) -> int:
     if isinstance(error, told) or type(error) is LookupError:
         say(str(error))
     elif isinstance(error, MemoryError):
-        say("there is not enough memory for this; try fewer animals (--agents)")
+        say("not enough memory; try fewer animals (--agents)")
     elif isinstance(error, OSError):
         say(_of_system(error))
     else:
-        say(f"this is a bug in flockbrush, not your mistake: {type(error).__name__}: {error}")
-        say("run it again with FLOCKBRUSH_DEBUG=1 in the environment to see where, and send us what it says")
+        say(f"this is a bug in Flockbrush: {type(error).__name__}: {error}")
+        say("please report it with the traceback, which is printed if the environment variable FLOCKBRUSH_DEBUG is 1")
     return PROBLEM
 
 
@@ -301,7 +301,7 @@ def _of_system(error):
     name = getattr(error, "filename", None)
     reason = error.strerror or str(error)
     if isinstance(error, FileNotFoundError) and _is_gone(os.curdir):
-        return f"{name or 'working folder'}: the folder this was started in is gone; change to another one"
+        return f"{name or 'working folder'}: the current folder was deleted; change to another folder"
     return f"{name}: {reason}" if name else reason
 
 

@@ -9,10 +9,10 @@ from flockbrush.components import Body, BrushBinding, Heading, Position
 from flockbrush.systems.palette import Palette
 
 MEANINGS = {
-    "leads": "birds outside every upwash (V rules)",
-    "groups": "sets of birds that no upwash connects",
+    "leads": "birds in no upwash (V rules)",
+    "groups": "groups of birds that no upwash connects",
     "segments": "straight lines of birds",
-    "distance": "distance to the nearest line, mean, wingspans",
+    "distance": "mean distance to the nearest line, wingspans",
 }
 
 

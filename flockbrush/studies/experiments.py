@@ -99,17 +99,17 @@ class LevelParameters(Parameters):
 
     level: str | None = Field(None, description="a .tmj file beside the sweep, or the name of a shipped level")
     plane: str | None = Field(
-        None, description="instead of a level: the brush of one herd on an endless plane, by name or as a file"
+        None, description="instead of a level: brush of one herd on an endless plane, a name or a file"
     )
-    density: float = quantity(0.7, "animals/BL²", "on a plane: how close the animals stand at the start", 0.001, 10)
-    seconds: float = quantity(30.0, "s", "how long a run is", 0, 1e6)
-    agents: int | None = Field(None, ge=1, description="so many animals instead of the level's counts")
-    every: float | None = Field(None, gt=0, description="s; also give the mean over moments so far apart")
+    density: float = quantity(0.7, "animals/BL²", "with plane: density of the animals at the start", 0.001, 10)
+    seconds: float = quantity(30.0, "s", "duration of a run", 0, 1e6)
+    agents: int | None = Field(None, ge=1, description="number of animals; default: the counts of the level")
+    every: float | None = Field(None, gt=0, description="s; also store means over samples at this interval")
 
     @model_validator(mode="after")
     def _one_world(self):
         if (self.level is None) == (self.plane is None):
-            raise ValueError("takes level, or plane")
+            raise ValueError("must have either level or plane")
         return self
 
 
@@ -213,7 +213,7 @@ def _brush_of(name, brushes):
     """("march", ("speed", "mean")) of "brush.march.speed.mean"."""
     _, brush, *field = name.split(".")
     if brush not in brushes:
-        raise Mistakes([(name, f"the level uses no brush '{brush}'{did_you_mean(brush, brushes)}")])
+        raise Mistakes([(name, f"the level does not use a brush '{brush}'{did_you_mean(brush, brushes)}")])
     if not field or len(field) > 2:
         raise Mistakes([(name, "must be brush.NAME.PARAMETER, or brush.NAME.speed.mean")])
     return brush, field

@@ -103,10 +103,10 @@ def morph(start: Brush, end: Brush, trial: Trial, detour: dict[str, float] | Non
     def at(along):
         return brush_at(start, end, along, detour)
 
-    tell("measuring fresh herds where the behaviour changes")
+    tell("measuring new herds where the behaviour changes")
     seen = response(at, trial)
     for k in range(ROUNDS):
-        tell(f"measuring fresh herds on the path, round {k + 1}")
+        tell(f"measuring new herds on the path, round {k + 1}")
         along = seen.evenly(trial.steps)
         seen.add(along, measured(at, along, trial, FIRST_FRESH + (k + 1) * trial.seeds).mean)
     along, steps = seen.evenly(trial.steps), np.linspace(0.0, 1.0, trial.steps + 1)
@@ -114,7 +114,7 @@ def morph(start: Brush, end: Brush, trial: Trial, detour: dict[str, float] | Non
     on_path = measured(at, along, trial)
     tell("measuring the same herds on the straight line")
     straight = measured(lambda share: brush_at(start, end, share, {}), steps, trial)
-    tell("sweeping there and back")
+    tell("sweeping from the first brush to the second and back")
     there, back = sweep(at, along, trial, FIRST_SWEEP)
     gap = float(np.abs(there - back)[1:-1].max())
     bumps = {name: tuple(float(v) for v in _bump(along) * peak) for name, peak in detour.items()}
@@ -260,7 +260,7 @@ def faults(found: Measured) -> list[str]:
         step = np.diff(mean) * (1.0 if rises else -1.0)
         allowed = 2.0 * np.hypot(error[1:, column], error[:-1, column])
         if (step < -allowed).any():
-            said.append(f"{name} goes back by {-step.min():.2f}")
+            said.append(f"{name} reverses by {-step.min():.2f}")
         if np.abs(step).max() > MOST_STEP:
             said.append(f"{name} changes by {np.abs(step).max():.2f} in one step")
         if found.deviation[:, column].max() >= MOST_DEVIATION:
@@ -284,8 +284,8 @@ def table(found: Morph) -> str:
         said = faults(way)
         lines.append(f"{name}: {'; '.join(said) if said else 'even'}")
     lines += [f"jumps by {size:.2f} at {where:.4f} of the straight line" for where, size in found.jumps]
-    back = "bistable: a herd does another thing on the way back, and fresh herds not always the same"
+    back = "bistable: the behaviour differs between both directions of the sweep and between new herds"
     if not found.bistable:
-        back = "herds take longer to change than the sweep waited" if found.gap > JUMP else "no jump"
-    lines.append(f"there and back differ by {found.gap:.2f}: {back}")
+        back = "slow: herds need longer to change than the sweep waits at each step" if found.gap > JUMP else "no jump"
+    lines.append(f"the two directions differ by {found.gap:.2f}: {back}")
     return "\n".join(lines)

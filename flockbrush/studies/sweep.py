@@ -104,7 +104,7 @@ def run_jobs(
                 try:
                     rows = list(job.rows(future.result()))
                 except CancelledError:
-                    raise ClusterGone([Problem("workers", None, None, "no worker is left")]) from None
+                    raise ClusterGone([Problem("workers", None, None, "there are no workers any more")]) from None
                 except OtherCode as error:
                     raise MixedCode([Problem("workers", None, None, str(error))]) from None
                 except Exception as error:  # noqa: BLE001  `perform` raises nothing: the worker died, or could not begin
@@ -206,7 +206,7 @@ class Journal:
                     break
                 row = _row(line)
                 if row is None:
-                    message = "is no row of a sweep; name another folder with --out"
+                    message = "is not a row of a sweep; choose another folder with --out"
                     raise ProblemsError([Problem(str(self.path), number, None, message)])
                 if "build" in row:
                     self.build = row["build"]
@@ -227,9 +227,9 @@ class Journal:
         """
         apart = differences(self.build, build)
         if self.rows and "code" in apart:
-            raise refused(self.path, f"its {len(self.rows):,} runs were made by {apart['code']}; name another --out")
+            raise refused(self.path, f"its {len(self.rows):,} runs were made by {apart['code']}; choose another --out")
         if self.rows and "libraries" in apart:
-            say(f"{self.path}: begun with {apart['libraries']}: the last bits of its runs may differ")
+            say(f"{self.path}: begun with {apart['libraries']}: its runs may differ in the last bits")
         if apart:
             self.build = build.as_json()
             with open(self.path, "ab", buffering=0) as file:
@@ -277,7 +277,7 @@ def _interned(pairs):
 
 def _plain(value):
     """Nothing else may be in a row."""
-    raise TypeError(f"a measure must be a number or a word, got {type(value).__name__}")
+    raise TypeError(f"a measure must be a number or a string, got {type(value).__name__}")
 
 
 # a whole sweep ---------------------------------------------------------------------------------
@@ -330,7 +330,7 @@ def sweep_to(sweep: Sweep, folder, open_executor, width, resume=False, look=lamb
         if journal.rows and not resume:
             raise refused(
                 journal.path,
-                f"there are {len(journal.rows):,} runs already; continue with --resume, or name another --out",
+                f"the folder already has {len(journal.rows):,} runs; continue with --resume, or choose another --out",
             )
         journal.begin(build_of_sweep())
         done = sweep.runs - len(_different(sweep)) * len(sweep.seeds) + runs_done(sweep, journal)

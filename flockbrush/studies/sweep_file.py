@@ -50,15 +50,15 @@ class Seeds(_Spec):
     """Seeds in a row, or one by one."""
 
     first: int = Field(0, ge=0, le=2**62, description="the first seed")
-    count: int | None = Field(None, ge=1, le=int(limits.SEEDS), description="how many seeds in a row")
-    list: tuple[Annotated[int, Field(ge=0, le=2**63 - 1)], ...] = Field((), description="seeds one by one")
+    count: int | None = Field(None, ge=1, le=int(limits.SEEDS), description="number of consecutive seeds")
+    list: tuple[Annotated[int, Field(ge=0, le=2**63 - 1)], ...] = Field((), description="list of seeds")
 
     @model_validator(mode="after")
     def _either(self):
         if (self.count is None) == (not self.list):
-            raise ValueError("takes count (and first), or list")
+            raise ValueError("must have either count (and first) or list")
         if len(set(self.list)) < len(self.list):
-            raise ValueError("has a seed twice in its list")
+            raise ValueError("contains a seed twice")
         return self
 
     @property
@@ -69,37 +69,37 @@ class Seeds(_Spec):
 class Expectation(_Spec):
     """What the mean of a measure must be."""
 
-    measure: str = Field(description="name of a measure; for words, NAME=WORD is the share of a word")
-    where: dict[str, Any] = Field({}, description="only scenarios with these parameters")
-    mean: tuple[Finite, Finite] | None = Field(None, description="lowest and highest mean")
+    measure: str = Field(description="name of a measure; NAME=WORD is the share of a word among the results")
+    where: dict[str, Any] = Field({}, description="check only scenarios with these parameters")
+    mean: tuple[Finite, Finite] | None = Field(None, description="lowest and highest allowed mean")
     more_than: dict[str, Any] | None = Field(
-        None, description="the mean is larger than with these parameters, others being equal"
+        None, description="the mean must be larger than with these parameters, all others being equal"
     )
 
     @model_validator(mode="after")
     def _one(self):
         if (self.mean is None) == (self.more_than is None):
-            raise ValueError("takes mean or more_than")
+            raise ValueError("must have either mean or more_than")
         if self.mean is not None and self.mean[0] > self.mean[1]:
-            raise ValueError("mean is [lowest, highest]")
+            raise ValueError("mean must be [lowest, highest]")
         return self
 
 
 class Plot(_Spec):
     """How means are drawn."""
 
-    across: str | None = Field(None, description="the parameter along the axis; default: the longest one of the grid")
-    lines: str | None = Field(None, description="the parameter with a line for each value")
+    across: str | None = Field(None, description="parameter on the horizontal axis; default: the longest of the grid")
+    lines: str | None = Field(None, description="parameter with one line per value")
     measures: tuple[str, ...] = Field((), description="measures; default: all")
 
 
 class _Document(_Spec):
-    title: str = Field("", max_length=200, description="a line for people")
-    experiment: str = Field("level", description="what is run")
-    measures: tuple[str, ...] = Field((), description="measures to keep; default: all")
-    seeds: Seeds = Field(description="which seeds")
-    expect: tuple[Expectation, ...] = Field((), description="what must come of it")
-    plot: Plot = Field(default_factory=lambda: Plot.model_validate({}), description="how means are drawn")
+    title: str = Field("", max_length=200, description="title of the sweep")
+    experiment: str = Field("level", description="kind of experiment")
+    measures: tuple[str, ...] = Field((), description="measures to store; default: all")
+    seeds: Seeds = Field(description="random seeds of the runs")
+    expect: tuple[Expectation, ...] = Field((), description="expected results")
+    plot: Plot = Field(default_factory=lambda: Plot.model_validate({}), description="plot of the means")
 
 
 def document_schema() -> dict[str, Any]:
@@ -208,7 +208,7 @@ def _parameter_tables(toml: TomlFile):
             problems.append(toml.problem((table,), f"must be a table, got {shown(toml.data[table])}"))
     cases = toml.data.get("case", [])
     if not (isinstance(cases, list) and all(isinstance(case, dict) for case in cases)):
-        problems.append(toml.problem(("case",), "cases are written [[case]], a table each"))
+        problems.append(toml.problem(("case",), "cases are written [[case]], one table per case"))
     if problems:
         return None, problems
     grid = dict(_flat(toml.data.get("grid", {}), ("grid",)))
@@ -216,17 +216,17 @@ def _parameter_tables(toml: TomlFile):
     for name, (path, values) in grid.items():
         if not isinstance(values, list) or not values:
             problems.append(
-                toml.problem(path, f"a grid takes an array of values, got {shown(values)}; or put it in [fixed]")
+                toml.problem(path, f"a grid must have an array of values, got {shown(values)}; or put it in [fixed]")
             )
         elif len({json.dumps(v, default=str) for v in values}) < len(values):
-            problems.append(toml.problem(path, "has a value twice"))
+            problems.append(toml.problem(path, "contains a value twice"))
         if name in fixed:
             problems.append(toml.problem(fixed[name][0], "is in [grid] as well"))
     listed = [dict(_flat(case, ("case", k))) for k, case in enumerate(cases)]
     titles = [case.get("title", (None, None))[1] for case in listed]
     for k, title in enumerate(titles):
         if not isinstance(title, str):
-            problems.append(toml.problem(("case", k), "a case needs a title, in words"))
+            problems.append(toml.problem(("case", k), "a case needs a title"))
         elif titles.index(title) < k:
             problems.append(toml.problem(("case", k, "title"), "two cases have this title"))
     return (grid, fixed, listed), problems
@@ -247,7 +247,7 @@ def _scenarios(toml, tables, experiment, folder, measures):
     for _, values in grid.values():
         count *= len(values)
     if count > limits.SCENARIOS:
-        message = f"that is {count:,} scenarios; there can be {limits.SCENARIOS:,}"
+        message = f"the sweep has {count:,} scenarios; the maximum is {limits.SCENARIOS:,}"
         raise ProblemsError([toml.problem(("grid",), message)])
     made, problems = [], []
     for case in cases or [{}]:

@@ -21,7 +21,7 @@ from flockbrush.studies.sweep_file import Sweep
 from flockbrush.systems.measures import measures
 
 SHOWN_FAILURES = 10
-NOTE = "marks: means over seeds; bars: standard error of the mean, each way"
+NOTE = "marks: means over seeds; bars: standard error of the mean in each direction"
 MOST_CURVES = 8
 WIDE = 160  # characters of a table; more stands in the files
 
@@ -181,11 +181,11 @@ def show(sweep: Sweep, found):
         where = ", ".join(f"{name} {_plain(value)}" for name, value in failure.items() if name != "error")
         print_line(f"failed: {where}: {failure['error']}")
     if found["failed"] > SHOWN_FAILURES:
-        print_line(f"... and {found['failed'] - SHOWN_FAILURES} more failed runs; runs.csv has them all")
+        print_line(f"... and {found['failed'] - SHOWN_FAILURES} more failed runs; see runs.csv")
     rate = found["done"] / found["core_seconds"] if found["core_seconds"] > 0 else math.nan
     print_line(
-        f"{found['done']:,} of {found['runs']:,} runs, {number(found['core_seconds'])} s of the processor: "
-        f"{number(rate)} runs a second and core"
+        f"{found['done']:,} of {found['runs']:,} runs, {number(found['core_seconds'])} s of processor time: "
+        f"{number(rate)} runs per second and core"
     )
     for file in found["files"]:
         print_line(f"wrote {file}")

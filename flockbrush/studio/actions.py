@@ -54,7 +54,7 @@ class Deeds:
 
     def branch(self):
         """Try something else from here."""
-        self.notify(f"this is branch {self.session.branch()!r} now; the one before is kept")
+        self.notify(f"now on branch {self.session.branch()!r}; the branch before is kept")
 
     def switch(self, name):
         """Go to another branch."""
@@ -87,14 +87,14 @@ class Deeds:
         self.tool.cancel()
         label = self.session.undo_label
         self.session.undo()
-        self.notify(f"taken back: {label}" if label else "there is nothing to undo")
+        self.notify(f"undone: {label}" if label else "there is nothing to undo")
 
     def redo(self):
         """Do again what was taken back."""
         self.tool.cancel()
         label = self.session.redo_label
         self.session.redo()
-        self.notify(f"done again: {label}" if label else "there is nothing to redo")
+        self.notify(f"redone: {label}" if label else "there is nothing to redo")
 
     def edit_recorded(self, kind, **values):
         """Make an edit of the recorded animals that are selected; whether it was made."""
@@ -114,7 +114,7 @@ class Deeds:
     def delete(self):
         """Take away what the tool has hold of."""
         if not self.tool.delete() and not self.tools["select"].delete():
-            self.notify("nothing is selected: click a thing with the Select tool first")
+            self.notify("nothing is selected: first click an object with the Select tool")
 
     def cancel(self):
         """Drop the uppermost thing that can be dropped."""
@@ -145,18 +145,18 @@ class Deeds:
         """Ask where to write the level; what to do `then`, when it is written."""
         lent = self.session.lent
         start = Path.cwd() / f"{self.level_name()}.tmj" if lent else self.session.path
-        why = "This level is part of Flockbrush or of a recording and is not changed.\n" if lent else ""
+        why = "This level is part of Flockbrush or of a recording and cannot be changed.\n" if lent else ""
         self.ask_text("Save the level", f"{why}File to write:", str(start), lambda text: self._save_to(text, then))
 
     def _save_to(self, text, then):
         if not text:
-            self.notify("a file needs a name", "warning")
+            self.notify("enter a file name", "warning")
             return False
         path = Path(text).expanduser()
         path = path if path.suffix.lower() in LEVELS else path.with_name(f"{path.name}.tmj")
         if path.exists() and path.resolve() != Path(self.session.path or "").resolve():
-            answers = [("Replace it", lambda: self._save(path) and then()), ("Cancel", None)]
-            return self.ask("Save the level", f"{path} is there already.", answers)
+            answers = [("Replace", lambda: self._save(path) and then()), ("Cancel", None)]
+            return self.ask("Save the level", f"{path} already exists.", answers)
         return self._save(path) and then()
 
     def _save(self, path):
@@ -173,7 +173,7 @@ class Deeds:
         if not self.session.dirty:
             return self._reload()
         answers = [("Reload", self._reload), ("Cancel", None)]
-        question = f"What you have changed since the last save is kept as {Path(self.session.path).name}.mine.bak."
+        question = f"Your unsaved changes will be kept in {Path(self.session.path).name}.mine.bak."
         return self.ask("Reload the level from disk?", question, answers)
 
     def _reload(self, keep="theirs"):
@@ -188,24 +188,24 @@ class Deeds:
         """Another program has written the level, and nothing here would be lost: begin again with what it wrote."""
         self._reload()
         if not self.session.changed_on_disk():
-            self.notify("the level was changed by another program: here it is, the run before is kept as a branch")
+            self.notify("another program changed the level; it was reloaded, and the run before is kept as a branch")
 
     def offer_reload(self, how):
         """The level file was changed by another program, or is gone."""
         if how == "deleted":
-            answers = [("Save it again", self.save), ("Go on", None)]
-            self.ask("The level is gone", f"{self.session.path} is not there any more.", answers)
+            answers = [("Save again", self.save), ("Continue", None)]
+            self.ask("The level file was deleted", f"{self.session.path} does not exist any more.", answers)
             return
         answers = [("Reload", self._reload), ("Keep mine", lambda: self._reload("mine"))]
-        kept = "  Nothing is lost: yours is kept as a file that ends in .mine.bak, theirs in .theirs.bak."
+        kept = "  Both versions are kept: yours in a .mine.bak file, the other in a .theirs.bak file."
         kept = kept if self.session.dirty else ""
-        self.ask("The level has changed on disk", f"Another program has written this level.{kept}", answers)
+        self.ask("The level file has changed", f"Another program has changed this level file.{kept}", answers)
 
     def offer_recovery(self, left):
         """A crash has ended a session with this level: one may go on from there."""
         answers = [("Recover", lambda: self._recover(left)), ("Discard", left.discard), ("Not now", None)]
-        why = f"A session with this level ended before its work was saved:\n{left}"
-        self.ask("Unsaved work", why, answers)
+        why = f"A session with this level ended with unsaved changes:\n{left}"
+        self.ask("Unsaved changes", why, answers)
 
     def _recover(self, left):
         from flockbrush.engine.recording import RecordingError
@@ -214,14 +214,14 @@ class Deeds:
         try:
             session = Session.recover(left)
         except RecordingError as error:
-            return self.notify(f"this work cannot be brought back: {error}", "error")
+            return self.notify(f"these changes cannot be recovered: {error}", "error")
         self.session.close()
         self.session = session
         self.empty(self.brush if self.brush in self.brush_names() else None)
         self.select(None)
         self.build()
         self.tell()
-        return self.notify("your work is restored")
+        return self.notify("your unsaved changes were recovered")
 
     def export_recording(self):
         """Ask where to write the recording."""
@@ -230,7 +230,7 @@ class Deeds:
 
     def _export(self, text):
         if not text:
-            self.notify("a file needs a name", "warning")
+            self.notify("enter a file name", "warning")
             return False
         written = self.session.export_recording(Path(text).expanduser())
         self.tell()
@@ -246,7 +246,7 @@ class Deeds:
             pygame.image.save(self.screen, picture, "picture.png")
             write_bytes(path, picture.getvalue(), overwrite=False)
         except (pygame.error, ProblemsError) as error:
-            return self.notify(f"no picture: {error}", "error")
+            return self.notify(f"the screenshot was not written: {error}", "error")
         return self.notify(f"wrote {path}")
 
     def toggle_video(self):
@@ -254,7 +254,7 @@ class Deeds:
         if self.film is None:
             path = free_path(Path.cwd() / f"flockbrush-{self.level_name()}-{stamp()}.mp4")
             self.film = RunningVideo(path, self.canvas.rect.size)
-            self.notify("recording a video of the canvas; F9 ends it")
+            self.notify("recording a video of the canvas; F9 stops")
         else:
             self.end_video()
 
@@ -303,7 +303,7 @@ class Deeds:
     def toggle_follow(self):
         """Let the view go with the herd, or stay."""
         self.canvas.follow()
-        self.notify("the view goes with the herd; T lets it stay" if self.canvas.follows else "the view stays")
+        self.notify("the view follows the herd; T stops" if self.canvas.follows else "the view stays still")
 
     def toggle_fullscreen(self):
         """Fill the screen, or come back."""
@@ -332,11 +332,11 @@ class Deeds:
             found = self.things_at([self.tool.at], self.tool.reach(), KINDS)
             chosen = (found[0][0], found[0][1].id) if found else None
         if chosen is None:
-            self.notify("click a thing with the Select tool first, or point at one: zone, goal, guide, obstacle")
+            self.notify("first click an object (zone, goal, guide, obstacle) with the Select tool, or point at one")
             return
         kind, number = chosen
         if not number:
-            self.notify(f"this {kind} belongs to no object of the level", "warning")
+            self.notify(f"this {kind} is not an object of the level", "warning")
             return
         if kind == "key":
             return self.ask_key(None, select.held() if chosen is select.thing else found[0][1])
@@ -358,7 +358,7 @@ class Deeds:
 
         known, world = live_commands(), self.session.simulation
         if key is not None and key.command not in known:
-            self.notify(f"{key.command} has more than a form can show; change this key in Tiled", "warning")
+            self.notify(f"{key.command} has values that this form cannot show; change this key in Tiled", "warning")
             return
         xy = tuple(key.xy.tolist()) if xy is None else tuple(round(float(value), 2) for value in xy)
         here = dict(zip("xy", xy, strict=True))
@@ -381,7 +381,7 @@ class Deeds:
                 return False
 
         menu = {"choices": list(known), "chosen": name, "choose": lambda other: self.ask_key(xy, key, other)}
-        rows = [FormRow("when", "at, s", f"{when:g}", "when it is given, after the start"), *rows_of(given)]
+        rows = [FormRow("when", "time, s", f"{when:g}", "time of the command after the start"), *rows_of(given)]
         self.open_dialog(Form(self, f"Script key {called!r}", rows, give, **menu))
 
     def _open_form(self, title, command, label, kind="", **menu):
@@ -417,8 +417,8 @@ class Deeds:
         if not self.session.dirty:
             self.quit()
             return
-        answers = [("Save", self._save_and_quit), ("Do not save", self.quit), ("Cancel", None)]
-        self.ask("Quit", f"{self.level_name()} has changes that are not saved.", answers)
+        answers = [("Save", self._save_and_quit), ("Discard changes", self.quit), ("Cancel", None)]
+        self.ask("Quit", f"{self.level_name()} has unsaved changes.", answers)
 
     def _save_and_quit(self):
         if self.session.lent:

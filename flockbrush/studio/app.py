@@ -439,7 +439,7 @@ def said(error) -> str:
     """An exception in words for a person."""
     known = isinstance(error, (ValueError, OSError)) or type(error) is LookupError
     text = str(error.args[0] if type(error) is LookupError and error.args else error)
-    return text if known and text else f"that did not work: {type(error).__name__}: {text}"
+    return text if known and text else f"this failed: {type(error).__name__}: {text}"
 
 
 def _screen_height():

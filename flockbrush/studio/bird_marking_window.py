@@ -101,7 +101,7 @@ class Marking(PlainWindow):
             self.buttons[icon_button(self, pygame.Rect(x, pad, side, side), picture, tip, back)] = do
             x += side + pad
         wide = px(self.scale, 120)
-        tip = "The way the birds fly across the picture (H)"
+        tip = "Heading of the birds in the picture (H)"
         self.way = UIButton(
             pygame.Rect(x, pad, wide, side), self._way(), self.manager, back, tool_tip_text=tip,
             object_id="@small_button",
@@ -126,7 +126,7 @@ class Marking(PlainWindow):
         self.hint = words(self, below, HINT, back, "@note")
 
     def _way(self):
-        return f"Fly {self.heading}" if self.heading != "auto" else "Heading auto"
+        return f"Heading {self.heading}" if self.heading != "auto" else "Heading auto"
 
     def _freshen(self):
         """Labels and buttons say how things are."""
@@ -349,7 +349,7 @@ class Marking(PlainWindow):
 
     def redo(self):
         """Do again what was taken back."""
-        self._after(self.album.redo(), "done again")
+        self._after(self.album.redo(), "redone")
 
     def _after(self, step, how):
         self._held = None
@@ -379,7 +379,7 @@ class Marking(PlainWindow):
         if partly:
             some = ", ".join(f"{bird} ({n})" for bird, n in list(partly.items())[:8])
             more = ", …" if len(partly) > 8 else ""
-            said = f"Dashed birds are not in all {len(self.album)} frames and are not saved: {some}{more}"
+            said = f"Dashed birds are not marked in all {len(self.album)} frames and will not be saved: {some}{more}"
             self.toasts.say(said, "warning")
 
     def ask_to_quit(self):
@@ -387,8 +387,8 @@ class Marking(PlainWindow):
         if not self.album.dirty:
             self.quit()
             return
-        answers = [("Save", self._save_and_quit), ("Do not save", self.quit), ("Cancel", None)]
-        self.dialog = Dialog(self, "Quit", f"{self.out} has corrections that are not saved.", answers)
+        answers = [("Save", self._save_and_quit), ("Discard changes", self.quit), ("Cancel", None)]
+        self.dialog = Dialog(self, "Quit", f"{self.out} has unsaved corrections.", answers)
 
     def _save_and_quit(self):
         if self.save():

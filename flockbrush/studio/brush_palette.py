@@ -106,9 +106,9 @@ class PaletteButtons:
         """(what is written, tooltip)."""
         app = self.app
         if self.layer == "cap":
-            return f"{entry:g} m/s", f"Nobody goes faster than {entry:g} metres a second here"
+            return f"{entry:g} m/s", f"Speed limit {entry:g} m/s"
         if self.layer == "surface":
-            return (entry or "bare ground"), ("Ground without a kind" if not entry else f"Ground of the kind {entry}")
+            return (entry or "bare ground"), ("No surface" if not entry else f"Surface: {entry}")
         brush = app.find_brush(entry)
         title = getattr(brush, "title", "") or entry
         return entry, f"<b>{html.escape(title)}</b><br>model {brush.model}<br>{whence(brush)}" if brush else entry

@@ -105,7 +105,7 @@ def _value(name, text, kind):
     if kind == "bool":
         words = {"yes": True, "true": True, "no": False, "false": False}
         if text.lower() not in words:
-            raise ValueError(f"{name} is yes or no, got {text!r}")
+            raise ValueError(f"{name} must be yes or no, got {text!r}")
         return words[text.lower()]
     if not text and "None" in kind:
         return None

@@ -11,12 +11,12 @@ from flockbrush.studio.tools import OF_RECORDINGS, TOOLS
 
 MOUSE = (
     ("Left button", "use the tool"),
-    ("Right button", "pick, end a shape, drop a point"),
-    ("Middle button", "move the view; in space: go round"),
-    ("Alt and drag", "go round, in space"),
-    ("Shift and middle button", "move the view, in space"),
+    ("Right button", "pick a brush, finish a shape, remove a point"),
+    ("Middle button", "move the view; in 3D: orbit"),
+    ("Alt and drag", "orbit, in 3D"),
+    ("Shift and middle button", "move the view, in 3D"),
     ("Space and drag", "move the view"),
-    ("Wheel", "zoom about the mouse"),
+    ("Wheel", "zoom at the mouse pointer"),
     ("Ctrl + wheel", "size of the brush"),
 )
 

@@ -24,17 +24,25 @@ from flockbrush.studio.plain_window import PlainWindow
 from flockbrush.studio.theme import chrome, px
 from flockbrush.studio.widgets import NO_MARGINS, icon_button, set_icon, words
 
-HINT = "Drag: go round   Right drag: move   Wheel: nearer   Click: pick a bird   Space: play   C: from the camera"
+HINT = "Drag: orbit   Right drag: move   Wheel: zoom   Click: select a bird   Space: play   C: camera view"
 STILL = 4  # pixels: a shorter way of the mouse is a click
 TRAIL = 2.0  # s
 SETTLE = 0.25  # s after the last move of a slider until all frames are solved
 SLIDERS = (  # name, what is set, lowest, highest, whether equal steps multiply, how it is written, tip
     ("Smooth paths", "smoothness", 0.03, 30.0, True, "{:.2g}", "λ_t: weight of smooth paths"),
-    ("Fly as one", "flock", 0.03, 30.0, True, "{:.2g}", "λ_f: weight of alignment and cohesion"),
-    ("Even pace", "evenness", 0.0, 3.0, False, "{:.2f}", "Weight of the flock's speed being even"),
-    ("Separation", "separation", 0.0, 1.0, False, "{:.2f}", "Weight of keeping apart: for looks"),
-    ("Separation distance", "separation_distance", 0.1, 10.0, True, "{:.2g} m", "Nearer birds are too close"),
-    ("Near", "near", 0.5, 500.0, True, "{:.3g} m", "Least distance from the camera"),
+    ("Alignment", "flock", 0.03, 30.0, True, "{:.2g}", "λ_f: weight of alignment and cohesion"),
+    ("Even speed", "evenness", 0.0, 3.0, False, "{:.2f}", "Weight of a constant mean speed of the flock"),
+    (
+        "Separation",
+        "separation",
+        0.0,
+        1.0,
+        False,
+        "{:.2f}",
+        "Weight of separation between birds; only for a better appearance",
+    ),
+    ("Separation distance", "separation_distance", 0.1, 10.0, True, "{:.2g} m", "Distance below which separation acts"),
+    ("Near", "near", 0.5, 500.0, True, "{:.3g} m", "Smallest distance from the camera"),
     ("Far", "far", 5.0, 5000.0, True, "{:.4g} m", "Largest distance from the camera"),
 )
 
@@ -100,9 +108,9 @@ class LiftWindow(PlainWindow):
         side, gap, x = px(self.scale, 34), px(self.scale, 3), px(self.scale, 8)
         self.buttons, self._icon = {}, ""
         for picture, tip, do in (
-            ("back", "One frame back (Left)", lambda: self.step(-1)), ("play", "Play or stop (Space)", self.toggle),
-            ("step", "One frame on (Right)", lambda: self.step(1)), ("fit", "Show all of it (0)", self.fit),
-            ("camera", "As the camera saw it (C)", self.from_camera),
+            ("back", "Previous frame (Left)", lambda: self.step(-1)), ("play", "Play or pause (Space)", self.toggle),
+            ("step", "Next frame (Right)", lambda: self.step(1)), ("fit", "Show everything (0)", self.fit),
+            ("camera", "View from the camera (C)", self.from_camera),
         ):  # fmt: skip
             made = icon_button(self, pygame.Rect(x, px(self.scale, 6), side, side), picture, tip, back)
             self.buttons[made] = do
@@ -135,17 +143,21 @@ class LiftWindow(PlainWindow):
                     name, self._value(key), low, high, form.format, lambda value, key=key: self.wish(key, value),
                     power=power, tip=tip,
                 )  # fmt: skip
-            self.method = column.button(self._method(), self.other_method, "One global solve, or the thesis' descent")
+            self.method = column.button(
+                self._method(),
+                self.other_method,
+                "Solver: one global solve, or the frame-by-frame descent of the thesis",
+            )
             self.buttons_in_column = column.buttons
-            column.button("Initial state", self.reset, "All sliders back")
+            column.button("Reset", self.reset, "Reset all sliders")
         column.heading(f"{self.show.animal.capitalize()}s")
         column.slider(
             self.show.sized_by, self.show.span, 0.1, 4.0, "{:.2f} m".format, self.resize, power=True,
-            tip="Of what is drawn, and of the formation",
+            tip="Size of the drawn animals; the wingspan is also used for a formation brush",
         )  # fmt: skip
         column.pair(
             ("Export…", self.ask_export, f"Write the flight: {', '.join(ENDINGS)} (Ctrl+S)"),
-            ("Formation…", self.ask_brush, "A formation brush from the birds of this frame (B)"),
+            ("Formation…", self.ask_brush, "Make a formation brush from the birds of this frame (B)"),
         )
         self.solved = column.line("")
 
@@ -455,7 +467,7 @@ class LiftWindow(PlainWindow):
         kind = found.frames[0].kind
         name = f"{Path(self.show.name).name.split('.')[0]}-{kind.lower().replace(' ', '-')}.brush.toml"
         question = f"The birds of this frame fly as a {kind} ({found.frames[0].why}). Write the brush to:"
-        answers = [("Write", self._brush), ("Write and fly", None), ("Cancel", None)]
+        answers = [("Write", self._brush), ("Write and play", None), ("Cancel", None)]
         where = str(Path(self.show.name).parent / name)
         self.dialog = dialog = Dialog(self, "Formation brush", question, answers, where)
         dialog.answers[list(dialog.answers)[1]] = lambda: self._fly(dialog.entry.get_text().strip())
@@ -469,7 +481,7 @@ class LiftWindow(PlainWindow):
         """Write brush and level, and open that in a window of its own."""
         self.guarded(self._finish_solving)
         level = self.show.formation_level(self.k, path)
-        self.toasts.say(f"{level}: a window of its own opens")
+        self.toasts.say(f"{level}: opening in a new window")
         self._levels.append(subprocess.Popen(self.command(level), stderr=subprocess.PIPE, stdout=subprocess.DEVNULL))
 
     def command(self, level):

@@ -26,4 +26,4 @@ def shortened(text) -> str:
     lines = text.splitlines()
     shown = [line if len(line) <= LONGEST else line[: LONGEST - 1] + "…" for line in lines[:MOST_LINES]]
     more = len(lines) - len(shown)
-    return "\n".join([*shown, *([f"and {more} more lines: see Tiled's console"] if more else [])])
+    return "\n".join([*shown, *([f"and {more} more lines; see the console of Tiled"] if more else [])])

@@ -56,7 +56,7 @@ class Opening:
         scale = scale_of(screen.get_size())
         width, height = screen.get_size()
         screen.fill(c.panel)
-        why = "Compiling the kernels, once on this machine …" if seconds > PATIENCE else "Opening the level …"
+        why = "Compiling kernels (only at the first start) …" if seconds > PATIENCE else "Opening the level …"
         for text, size, colour, y in ((self.title, 24, c.ink, -30), (why, 14, c.muted, 8)):
             words = font(px(scale, size), size > 20).render(text, True, colour)
             screen.blit(

@@ -166,7 +166,7 @@ def unpacked(run, folder) -> tuple[Path, ...]:
     for name, data in run.assets.items():
         parts = PurePosixPath(name).parts
         if not parts or name.startswith("/") or ".." in parts or "\\" in name or ":" in name or "\0" in name:
-            raise RecordingError(f"{run.path}: embeds a file called {name!r}, which leads out of its folder")
+            raise RecordingError(f"{run.path}: contains a file {name!r} outside its folder")
         to = folder.joinpath(*parts)
         to.parent.mkdir(parents=True, exist_ok=True)
         files.append(write_bytes(to, data))
@@ -177,6 +177,6 @@ def unpacked(run, folder) -> tuple[Path, ...]:
 
 def _told(run):
     seconds = run.last_tick * run.header["dt"]
-    text = f"recording {Path(run.path).name}: {seconds:g} s. Drag in the time bar; what you do begins a branch"
-    text = f"{text}. D selects animals to edit for exports"
+    text = f"recording {Path(run.path).name}: {seconds:g} s. Drag in the time bar; a change starts a branch"
+    text = f"{text}. Press D to edit recorded animals for exports"
     return f"{text}. {run.notice}" if run.notice else text

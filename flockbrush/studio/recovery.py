@@ -152,13 +152,13 @@ def leftovers(level=None, root=None, tell: Callable[[str], object] = lambda text
     if root is None and (early := folders.early_sessions()):
         names = ", ".join(folder.name for folder in early[:5])
         to = state_folder()
-        tell(f"{early[0].parent} has sessions of an early version ({names}); to recover them, move them to {to}")
+        tell(f"{early[0].parent} has sessions of an older version ({names}); to recover them, move them to {to}")
     root = state_folder() if root is None else Path(root)
     folders.empty_trash(root)
     try:
         ended = folders.session_folders(root)
     except OSError as error:
-        tell(f"{root}: cannot be looked into for work that was not saved: {error.strerror}")
+        tell(f"{root}: cannot be searched for unsaved changes: {error.strerror}")
         return []
     found = [left for folder in ended if (left := _leftover(folder, tell)) is not None]
     if level is not None:
@@ -173,7 +173,7 @@ def _leftover(folder, tell):
     except Damaged as error:
         return _keep_damaged(folder, error, tell)
     if left is None and any(map(_is_unsaved, folder.glob("*.journal"))):
-        why = "names no file that is there" if (folder / NOTE).exists() else "is missing"
+        why = "names no existing file" if (folder / NOTE).exists() else "is missing"
         return _keep_damaged(folder, why, tell)
     if left is None:
         with contextlib.suppress(OSError):
@@ -208,7 +208,7 @@ def _read_note(folder):
     except OSError as error:
         raise Damaged(f"cannot be read ({error.strerror})") from None
     except (ValueError, RecursionError) as error:
-        raise Damaged(f"is damaged (no JSON: {str(error)[:100]})") from None
+        raise Damaged(f"is damaged (invalid JSON: {str(error)[:100]})") from None
     note, mistakes = validated(SessionNote, data) if isinstance(data, dict) else (None, [((), "must be a table")])
     if note is None:
         (key, message), *_ = mistakes
@@ -269,7 +269,7 @@ def recovered_branches(left: Leftover):
             if name == left.current:
                 raise
     if left.current not in branches:
-        raise RecordingError(f"{left.folder}: nothing is left of {left.current}")
+        raise RecordingError(f"{left.folder}: {left.current} cannot be read any more")
     return branches
 
 

@@ -136,11 +136,11 @@ class Session(Going, Keeping):
         """The editor whose journal a crash left."""
         try:
             if journal is None:
-                raise JournalError("there is no journal of it")
+                raise JournalError("its journal is missing")
             return Editor.recover(journal)
         except (JournalError, ProblemsError) as error:
-            self._say("warning", f"{name}: what was done to the level is lost: {error}")
-            return History(self.path, "its edits were lost in a crash; open it again to edit it")
+            self._say("warning", f"{name}: the changes of the level are lost: {error}")
+            return History(self.path, "its edits were lost in a crash; open the level again to edit it")
 
     @staticmethod
     def recoverable(name=None, state_folder=None, tell=lambda text: None):
@@ -294,7 +294,7 @@ class Session(Going, Keeping):
             beginning = Beginning(self._level_now(), self.library, now.seed, now.agents)
             self._begin(beginning, editor.restarted(), self.simulation.world.resource(Palette).own)
         except ProblemsError as error:
-            self._say("error", f"{error}\nThe level cannot begin so; the run goes on.")
+            self._say("error", f"{error}\nThe level cannot start with this change; the run continues.")
 
     def _level_now(self):
         """The level with all that was done to it."""
@@ -422,7 +422,7 @@ class Session(Going, Keeping):
         try:
             again = self.timeline.perform(commands)
         except CommandError as error:
-            self._say("warning", f"{label}: taken back in the level; the herd cannot follow: {_reason(error)}")
+            self._say("warning", f"{label}: undone in the level, but not in the running herd: {_reason(error)}")
             again = None
         self.editor.undo(self.tick, again)
         self._done()

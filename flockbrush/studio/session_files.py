@@ -99,10 +99,10 @@ class Keeping:
         to = Path(os.path.abspath(self.path if path is None else path))
         try:
             if to.parent == running.SHIPPED:  # whatever is open
-                raise refused(to, "is part of Flockbrush and is not changed; save under another name")
+                raise refused(to, "is part of Flockbrush and cannot be changed; save it under another name")
             self.editor.save(to)
         except (ProblemsError, OSError, ValueError) as error:
-            self._say("error", f"{error}\nThe level was not saved; nothing of your work is lost.")
+            self._say("error", f"{error}\nThe level was not saved; your changes are kept in this window.")
             return False
         self._bring_along(to)
         self.path, self._file, self.lent = to, LevelFile(to), False
@@ -126,7 +126,7 @@ class Keeping:
                     (to.parent / name).parent.mkdir(parents=True, exist_ok=True)
                     write_bytes(to.parent / name, data, overwrite=False)
         except (ProblemsError, OSError) as error:
-            self._say("warning", f"{to} is saved, but does not open yet: {error}")
+            self._say("warning", f"{to} was saved, but cannot be opened yet: {error}")
 
     def changed_on_disk(self):
         """ "" as long as the level's file is as we know it, "changed" or "deleted" when another program did that."""
@@ -144,7 +144,7 @@ class Keeping:
         try:
             self._keep_mine() if keep == "mine" else self._take_theirs()
         except (ProblemsError, OSError) as error:
-            self._say("error", f"{error}\nWhat you have here stays as it is.")
+            self._say("error", f"{error}\nThe level in this window is not changed.")
             return False
         return True
 
@@ -160,7 +160,7 @@ class Keeping:
         level, library = running.open_level(self.path)
         if self.dirty:
             write_bytes(self._file.beside("mine.bak"), self.editor.text().encode())
-            self._say("info", f"what you had not saved is kept as {self._file.beside('mine.bak').name}")
+            self._say("info", f"your unsaved changes are kept as {self._file.beside('mine.bak').name}")
         now, before, self.library = self.timeline.current.beginning, self.library, library
         try:
             self._begin(Beginning(level, library, now.seed, now.agents), None)
@@ -177,12 +177,12 @@ class Keeping:
         if self.lent:
             raise refused(
                 self.path,
-                "is part of Flockbrush or of a recording; save it elsewhere first, then brushes can be saved beside it",
+                "is part of Flockbrush or of a recording; first save the level elsewhere, then save brushes beside it",
             )
         try:
             folder.mkdir(exist_ok=True)
         except OSError as error:
-            raise refused(folder, f"cannot be made: {error.strerror}") from None
+            raise refused(folder, f"cannot be created: {error.strerror}") from None
         self.library = brush_library(self.path, self.level.files)
         return folder
 
@@ -201,17 +201,17 @@ class Keeping:
         folder = project_folder(self.path)
         try:
             if renew_brushes(folder, brush_library(folder / self.path.name)):
-                told = f"Tiled finds the brush {name!r} when it opens the project again"
+                told = f"Tiled shows the brush {name!r} when the project is opened again"
                 self._say("info", f"{folder / PROJECT_FILE}: {told}")
         except (ProblemsError, OSError) as error:
-            self._say("warning", f"Tiled does not know the brush: {error}")
+            self._say("warning", f"Tiled does not show the brush: {error}")
 
     # the run ------------------------------------------------------------------------
 
     def tell_size(self, path):
         """Say how fast the file of a recording will grow, and for how long the disk has room if that is not long."""
         rate = running.hashed_rate(self.simulation)
-        said = f"{path.name} grows by about {60 * rate / 1e6:.2g} MB a minute of the run"
+        said = f"{path.name} grows by about {60 * rate / 1e6:.2g} MB per minute of the run"
         with suppress(OSError):
             minutes = shutil.disk_usage(path.parent).free / (60 * rate)
             if minutes < LITTLE_ROOM:
@@ -236,7 +236,7 @@ class Keeping:
         self._flushed = time.monotonic()
         self.timeline.flush()
         if self.editor.journal_problem:
-            self._say("warning", f"a crash would now lose what is new: {self.editor.journal_problem}")
+            self._say("warning", f"new changes are not protected against a crash: {self.editor.journal_problem}")
             self.editor.journal_problem = ""
 
     def close(self, keep=False):
@@ -267,7 +267,7 @@ class Keeping:
         try:
             editor.journal(self._journal_of(branch.name))
         except OSError as error:
-            self._say("warning", f"a crash would now lose what is new: {error}")
+            self._say("warning", f"new changes are not protected against a crash: {error}")
 
     def _journal_of(self, name):
         return self._shelter.folder / f"{plain_name(name)}.journal"
@@ -281,7 +281,7 @@ class Keeping:
         try:
             self._shelter.note(self.branch_name, {name: self._told(branch) for name, branch in self.branches.items()})
         except ProblemsError as error:
-            self._say("warning", f"a crash would now lose what is new: {error}")
+            self._say("warning", f"new changes are not protected against a crash: {error}")
 
     def _told(self, branch):
         """Where the files of a branch lie."""
@@ -301,13 +301,13 @@ def editor_of(path, simulation, beginning, library):
     """(editor, why): the editor of a level, or of the run alone and the reason why its file cannot be edited."""
     why = ""
     if simulation.level.shape != beginning.level.shape:
-        why = f"the map had to grow for {beginning.agents:,} animals"
+        why = f"the map was enlarged for {beginning.agents:,} animals"
     else:
         try:
             return Editor.open(path, library), ""
         except ProblemsError as error:
             why = error.problems[0].message
-    return History(path, why), f"what you do here changes this run, and not the level's file: {why}"
+    return History(path, why), f"changes affect only this run, not the level file: {why}"
 
 
 @contextmanager
@@ -316,7 +316,11 @@ def sheltered(level, root, notices):
     try:
         shelter = Shelter(level, root)
     except OSError as error:
-        notices.append(SessionNotice("warning", f"a crash would lose your work: {error.filename}: {error.strerror}"))
+        notices.append(
+            SessionNotice(
+                "warning", f"your changes are not protected against a crash: {error.filename}: {error.strerror}"
+            )
+        )
         shelter = None
     try:
         yield shelter

@@ -75,11 +75,11 @@ def load_settings(path=None) -> tuple[Settings, str]:
     except FileNotFoundError:
         return Settings(), ""
     except OSError as error:
-        return Settings(), f"{path}: cannot be read: {error.strerror}; the usual settings are used"
+        return Settings(), f"{path}: cannot be read: {error.strerror}; default settings are used"
     except (ValueError, RecursionError) as error:
-        return Settings(), f"{path}: is no JSON ({error}); the usual settings are used"
+        return Settings(), f"{path}: is not valid JSON ({error}); default settings are used"
     if not isinstance(data, dict):
-        return Settings(), f"{path}: must be a table of settings; the usual settings are used"
+        return Settings(), f"{path}: must be a table of settings; default settings are used"
     return _understood(path, data)
 
 
@@ -103,7 +103,7 @@ def save_settings(settings: Settings, path=None) -> str:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_bytes(path, (settings.model_dump_json(indent=2) + "\n").encode())
     except OSError as error:
-        return f"{path}: the settings cannot be kept: {error.strerror}"
+        return f"{path}: the settings cannot be saved: {error.strerror}"
     except ProblemsError as error:
         return str(error)
     return ""

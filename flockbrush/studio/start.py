@@ -13,10 +13,10 @@ from flockbrush.runs.terminal import USAGE, Interrupts, compiling, say
 
 LARGEST = 16384  # pixels of a window's side
 NO_SCREEN = (
-    "no window can be opened here ({}); flockbrush play needs a screen."
+    "no window can be opened ({}); flockbrush play needs a screen."
     " Without one, `flockbrush run LEVEL --export herd.mp4` makes a video."
 )
-KEPT = "what was not saved is kept: flockbrush play offers it when it opens the level again"
+KEPT = "unsaved changes are kept; flockbrush play offers to recover them when you open the level again"
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def refuse_wishes(wishes):
     """BadParameter for what a recording says itself."""
     for option in ("seed", "agents", "record"):
         if getattr(wishes, option) is not None:
-            raise typer.BadParameter("a recording has its own", param_hint=f"--{option}")
+            raise typer.BadParameter("cannot be used with a recording, which has its own", param_hint=f"--{option}")
 
 
 def _play(session, wishes, size, interrupts):
@@ -129,7 +129,7 @@ def size_of(text: str) -> tuple[int, int]:
     width, height = map(int, found.groups()) if found else (0, 0)
     if not (0 < width <= LARGEST and 0 < height <= LARGEST):
         raise typer.BadParameter(
-            f"a size is WIDTHxHEIGHT in pixels, such as 1280x720, got {text!r}", param_hint="--size"
+            f"the size must be WIDTHxHEIGHT in pixels, such as 1280x720, got {text!r}", param_hint="--size"
         )
     return width, height
 

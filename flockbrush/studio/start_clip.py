@@ -15,8 +15,8 @@ from flockbrush.runs.terminal import USAGE, Interrupts, compiling, progress, say
 from flockbrush.studio.start import missing_display, size_of
 
 NO_SCREEN = (
-    "no window can be opened here: there is no display. Without one, `flockbrush track CLIP` follows birds, and"
-    " `flockbrush learn CLIP` takes --landmark, --body-colour and masks as they are."
+    "no window can be opened: there is no display. Without one, `flockbrush track CLIP` tracks birds, and"
+    " `flockbrush learn CLIP` takes --landmark, --body-colour and masks."
 )
 MODES = ("look", "landmarks", "paint", "body", "birds", "sketch")
 
@@ -45,10 +45,10 @@ def mark_clip(clip, out=None, tracks=None, camera=None, mode=None, theme=None, s
     """
     place = size_of(size)
     if mode is not None and mode not in MODES:
-        raise typer.BadParameter(f"a mode is one of {', '.join(MODES)}, got {mode!r}", param_hint="--mode")
+        raise typer.BadParameter(f"the mode must be one of {', '.join(MODES)}, got {mode!r}", param_hint="--mode")
     folder = Path(out or ".")
     if folder.exists() and not folder.is_dir():
-        raise refused(folder, "is a file; --out names the folder for all that is made")
+        raise refused(folder, "is a file; --out must be the folder for all output files")
     if not folder.exists() and not folder.parent.is_dir():
         raise refused(folder, f"there is no folder {str(folder.parent)!r}")
     lens = None if camera is None else read_camera(camera)
@@ -60,7 +60,7 @@ def mark_clip(clip, out=None, tracks=None, camera=None, mode=None, theme=None, s
             book.load(tracks)
             if lens is not None and (lens.width, lens.height) != tuple(film.size):
                 here = f"{film.size[0]} x {film.size[1]}"
-                raise refused(camera, f"has {lens.width} x {lens.height} pixels, the film {here}")
+                raise refused(camera, f"has {lens.width} x {lens.height} pixels, but the clip has {here}")
             if missing_display():
                 say(NO_SCREEN)
                 return USAGE
@@ -77,7 +77,7 @@ def _opened(clip, lens):
     """The film, or an empty sky of the camera's size."""
     if str(clip) == SKY and not Path(clip).exists():
         return Sky() if lens is None else Sky((lens.width, lens.height), fps=lens.fps)
-    with progress("reading the film", 0) as moved:
+    with progress("reading the clip", 0) as moved:
         return Film(clip, moved)
 
 
@@ -93,7 +93,7 @@ def _stay(book, size, theme, camera, mode, frames, interrupts):
         window.close()
         if not ended_well and book.dirty:
             book.save()
-            say(f"{book.place('marks.toml')}: what was marked was saved before the end")
+            say(f"{book.place('marks.toml')}: marks were saved before the program ended")
     if line := book.lift_line(camera):
         say(line)
     elif book.place("marks.toml").is_file() and book.film.path is not None:

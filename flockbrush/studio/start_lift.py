@@ -8,7 +8,7 @@ from flockbrush.runs.terminal import USAGE, Interrupts, compiling, say
 from flockbrush.studio.start import missing_display, size_of
 
 NO_SCREEN = (
-    "no window can be opened here: there is no display. Without one, `flockbrush lift TRACKS --camera CAM --out F.csv`"
+    "no window can be opened: there is no display. Without one, `flockbrush lift TRACKS --camera CAM --out F.csv`"
     " lifts a flock."
 )
 

@@ -10,7 +10,7 @@ from flockbrush.runs.terminal import USAGE, Interrupts, compiling, progress, say
 from flockbrush.studio.start import missing_display, size_of
 
 NO_SCREEN = (
-    "no window can be opened here: there is no display. Without one, `flockbrush formation detect` writes the marks"
+    "no window can be opened: there is no display. Without one, `flockbrush formation detect` writes the marks"
     " of the birds that are found without help."
 )
 
@@ -28,7 +28,7 @@ def mark_birds(paths, out=None, every=1, theme=None, size="1280x720", frames=Non
     place, out = size_of(size), out or name_for(paths)
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     with claimed([out], paths), Interrupts() as interrupts, compiling():
-        with progress("finding birds", len(paths)) as moved:
+        with progress("detecting birds", len(paths)) as moved:
             album = Album(read_frames(paths, every, moved))
         if out.exists():
             album.load(out)
@@ -52,4 +52,4 @@ def _stay(album, out, size, theme, frames, interrupts):
         window.close()
     if interrupts.asked and album.dirty:
         album.save(out)
-        say(f"{out}: corrections were saved before the end")
+        say(f"{out}: corrections were saved before the program ended")

@@ -143,7 +143,7 @@ class TimeBar:
             return "in the past" if session.in_past else "paused"
         if self._is_late():
             return f"lags: {session.pace:.2g}× of {session.rate:g}×"
-        return "watching the past" if session.in_past else "running"
+        return "viewing the past" if session.in_past else "running"
 
     def _is_late(self):
         """Whether time has been slower than wished for a while, not only in the moment after a pause."""

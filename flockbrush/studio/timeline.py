@@ -139,7 +139,7 @@ class Timeline:
     def perform(self, commands):
         """Do these at this tick, all or none; what takes them back.  CommandError, and nothing was done."""
         if not self.at_end:
-            raise ValueError("the past cannot be changed; fork first")
+            raise ValueError("the past cannot be changed; start a new branch first")
         self._mark_ground(commands)
         try:
             return self.queue.perform(self.simulation.world, commands)
@@ -207,7 +207,9 @@ class Timeline:
         known = branch.hashes.get(now)
         if known is not None and branch.differs is None and state_hash(self.simulation.world) != known:
             branch.differs = now
-            self.tell(f"tick {now} of {branch.name} came out differently when lived again; please report this")
+            self.tell(
+                f"tick {now} of {branch.name} gave another state when it was simulated again; please report this bug"
+            )
 
     # going -----------------------------------------------------------------------
 
@@ -309,7 +311,7 @@ class Timeline:
     def switch(self, name):
         """Stand at the end of another branch; LookupError."""
         if name not in self.branches:
-            raise LookupError(f"there is no branch {name!r}; there are {', '.join(self.branches)}")
+            raise LookupError(f"there is no branch {name!r}; available: {', '.join(self.branches)}")
         self._leave()
         branch = self.branches[name]
         if branch.beginning is not self.current.beginning:
@@ -434,7 +436,7 @@ class Timeline:
             write()
         except (RecordingError, OSError) as error:
             self.current.scribe = None
-            self.tell(f"the run continues, but is no longer recorded: {error}")
+            self.tell(f"the run continues, but is not recorded any more: {error}")
 
     def export(self, path):
         """Write a recording of the current branch, whole or not at all; RecordingError, OSError."""

@@ -36,7 +36,7 @@ class Toasts:
     def say(self, text, kind="info"):
         """Show a message; the same one again is counted instead of shown twice."""
         kind = kind if kind in STAYS else "info"
-        text = str(text).strip() or "something went wrong"
+        text = str(text).strip() or "an error occurred"
         for toast in self.shown:
             if toast.text == text:
                 toast.left, toast.times, toast.picture = STAYS[kind], toast.times + 1, None

@@ -17,8 +17,8 @@ ACROSS = 5  # tools side by side
 PALETTE, TIP = 170, 110  # pixels at scale 1 that a palette, and a tip, have at least
 SCROLL_BAR = 22  # pixels, whatever the scale
 SWITCHES = {
-    "solid": ("Keeps bodies out", "Whether animals cannot walk through it"),
-    "blocks_view": ("Hides the view", "Whether animals cannot see through it"),
+    "solid": ("Solid", "Animals cannot walk through the obstacle"),
+    "blocks_view": ("Blocks the view", "Animals cannot see through the obstacle"),
 }
 
 
@@ -116,16 +116,16 @@ class Toolbox:
             low, high = app.sizes()
             return Slider(
                 app, row, "Size", app.size, low, high, metres, app.set_size, self.lower, True,
-                "Radius of the round tools.  Keys [ and ], or Ctrl and the mouse wheel",
+                "Radius of the round tools, m (keys [ and ], or Ctrl and the mouse wheel)",
             )  # fmt: skip
         if name == "softness":
             return Slider(
                 app, row, "Softness", app.softness, 0.0, 1.0, percent, app.set_softness, self.lower, False,
-                "How much the stroke thins out towards its rim",
+                "How much the stroke fades towards its edge",
             )  # fmt: skip
         return Slider(
             app, row, "Animals", app.options["count"], 1, 500, whole, app.set_count, self.lower, True,
-            "How many come at once",
+            "Number of animals added at once",
         )  # fmt: skip
 
     def handle(self, event) -> bool:

@@ -48,7 +48,7 @@ class RunningVideo:
         self._thread.join(30)
         if self.problem:
             return self.problem
-        less = f"; {self.left_out} frames were left out, the machine was too slow" if self.left_out else ""
+        less = f"; {self.left_out} frames are missing because the machine was too slow" if self.left_out else ""
         return f"wrote {self.path}: {self.taken / FPS:.1f} s{less}"
 
     def _write(self):

@@ -172,7 +172,7 @@ source = ""
         ('model = "herd"', "model = [{}]", "2: model: must be text, got an array of 1"),
         ('model = "herd"\n', "", "1: model: is missing"),
         ('colour = "#c9a24b"', 'colour = "#c9a24"', "3: colour: must look like #c9a24b, got '#c9a24'"),
-        ('colour = "#c9a24b"', 'name = "x"', "3: name: a brush's name is its file's name; remove this line"),
+        ('colour = "#c9a24b"', 'name = "x"', "3: name: the name of a brush is its file name; remove this line"),
         ('colour = "#c9a24b"', "params = 1", "3: params: unknown name; did you mean 'parameters'?"),
         ('colour = "#c9a24b"', 'title = "\\u001b[31m"', "3: title: must not have control characters, got '\\x1b[31m'"),
         ('colour = "#c9a24b"', 'title = "a\\nb"', "3: title: must be one line, got 'a\\nb'"),
@@ -352,7 +352,7 @@ def test_a_brush_is_saved_under_its_name(tmp_path):
 def test_a_brush_that_is_there_is_not_overwritten_unasked(tmp_path):
     save_brush(read(GOOD), tmp_path)
     changed = read(GOOD).with_parameters(cohesion_weight=0.75)
-    with pytest.raises(ProblemsError, match="is there already"):
+    with pytest.raises(ProblemsError, match="already exists"):
         save_brush(changed, tmp_path)
     assert load_brush(tmp_path / "meadow.brush.toml") == read(GOOD)
     save_brush(changed, tmp_path, overwrite=True)
@@ -365,7 +365,7 @@ def test_a_disk_without_hard_links_overwrites_nothing_either(tmp_path, monkeypat
     if not links:
         monkeypatch.setattr("os.link", lambda *_: (_ for _ in ()).throw(PermissionError(1, "no links")))
     write_bytes(tmp_path / "a", b"first", overwrite=False)
-    with pytest.raises(ProblemsError, match="is there already"):
+    with pytest.raises(ProblemsError, match="already exists"):
         write_bytes(tmp_path / "a", b"second", overwrite=False)
     assert (tmp_path / "a").read_bytes() == b"first"
 

@@ -75,8 +75,8 @@ def test_the_command_converts_no_file_that_somebody_writes(tmp_path, monkeypatch
     brush.write_bytes(before)
     with held(brush):
         said = CliRunner().invoke(app, ["brush", "convert", str(brush)])
-    assert said.exit_code == 1 and "this program is writing it already" in said.output
+    assert said.exit_code == 1 and "this program is already writing it" in said.output
     assert brush.read_bytes() == before
     monkeypatch.setattr("flockbrush.cli.brush_conversion._written", lambda *given: holders.append(holder(brush)))
     assert CliRunner().invoke(app, ["brush", "convert", str(brush)]).exit_code == 0
-    assert holders == ["this program is writing it already"] and holder(brush) == ""
+    assert holders == ["this program is already writing it"] and holder(brush) == ""

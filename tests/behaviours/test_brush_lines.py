@@ -150,7 +150,7 @@ def test_files_that_are_none_are_refused(tmp_path):
         (tmp_path / "none", "there is no such file"),
         (large, "is larger than 1,048,576 bytes"),
         ("nul\0", "no such file"),
-        ("/dev/zero", "is not a plain file"),
+        ("/dev/zero", "is not a regular file"),
     ]:
         with pytest.raises(ProblemsError) as error:
             read_bytes(path)

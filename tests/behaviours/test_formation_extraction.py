@@ -315,7 +315,7 @@ def test_files_without_birds_are_refused(tmp_path):
     with pytest.raises(ProblemsError, match="no such file"):
         mark([tmp_path / "none.png"])
     (tmp_path / "text.png").write_text("no picture")
-    with pytest.raises(ProblemsError, match="no picture that can be read"):
+    with pytest.raises(ProblemsError, match="is not a readable picture"):
         mark([tmp_path / "text.png"])
     cv2.imwrite(str(tmp_path / "sky.png"), sky([]))
     with pytest.raises(ProblemsError, match="no birds"):

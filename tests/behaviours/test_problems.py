@@ -32,6 +32,6 @@ def test_a_slip_of_the_pen_is_answered_with_the_word_meant():
 
 
 def test_a_word_like_no_other_is_answered_with_what_there_is():
-    assert did_you_mean("fly", ["walk", "swim"]) == "; there are swim, walk"
-    assert did_you_mean("fly", []) == "; there are none"
+    assert did_you_mean("fly", ["walk", "swim"]) == "; available: swim, walk"
+    assert did_you_mean("fly", []) == "; available: none"
     assert did_you_mean("x" * 10**6, (f"word{i:02}" for i in range(20))).endswith("word11 and 8 more")

@@ -56,7 +56,7 @@ def test_amounts_have_units(text, dimension, low, high, own):
         ("20", LENGTH, "must be a length in m, cm, km, BL"),
         ("20 s", LENGTH, "must be a length in m, cm, km, BL"),
         ("m", LENGTH, 'must be a length such as "20 m"'),
-        ("12..8 s", TIME, "from the lower to the higher"),
+        ("12..8 s", TIME, "must have the lower number first"),
         ("-1 s", TIME, "must be from 0 to 1000000 s"),
         ("9999 m/s", SPEED, "must be from 0 to 1000 m/s"),
         ("1e999 m", LENGTH, "must be from 0 to 1000000 m"),
@@ -96,8 +96,8 @@ def test_a_program_says_states_and_triggers():
         ('schema = "flockbrush.brush/1"', "must be 'flockbrush.program/1'"),
         (HEAD, "small.program.toml:1: state: is missing; a program has at least one table [state.NAME]"),
         (TWO + "[states.x]", "6: states: unknown name; write [state.NAME] tables"),
-        (HEAD + 'name = "x"\n[state.a]', "2: name: a program's name is its file's name"),
-        (HEAD + 'start = "b"\n[state.a]', "2: start: there is no state 'b'; there are a"),
+        (HEAD + 'name = "x"\n[state.a]', "2: name: the name of a program is its file name"),
+        (HEAD + 'start = "b"\n[state.a]', "2: start: there is no state 'b'; available: a"),
         (HEAD + 'start = { a = 0 }\n[state.a]', "2: start: must be a state, or a table of states and weights above 0"),
         (HEAD + 'titel = "x"\n[state.a]', "2: titel: unknown name; did you mean 'title'?"),
         (HEAD + '[state.a]\nbrush = "no spaces"', "3: state.a.brush: must look like graze"),
@@ -107,7 +107,7 @@ def test_a_program_says_states_and_triggers():
         (HEAD + '[state.a]\nfor = 3\nthen = "a"', "3: state.a.for: must be a time such as \"8 s\", got 3"),
         (HEAD + '[state.a]\nfor = "3 s"\nthen = "b"', "4: state.a.then: there is no state 'b'"),
         (HEAD + '[state.a]\nlasts = "3 s"', "3: state.a.lasts: unknown name; did you mean 'for'?"),
-        (HEAD + '[state.a]\nemits_within = "3 m"', "3: state.a.emits_within: says how far an event is heard"),
+        (HEAD + '[state.a]\nemits_within = "3 m"', "3: state.a.emits_within: is the radius of an event, but there"),
         (HEAD + '[state."a b"]', "a state's name has letters, digits, - and _"),
         (HEAD + "state = 3", "state: is missing"),
         (TWO + "[trigger]\nto = 'run'", "must be tables [[trigger]]"),
@@ -115,7 +115,7 @@ def test_a_program_says_states_and_triggers():
         (TWO + "[[trigger]]\nwhen = { event = 'x' }", "trigger[0].to: is missing"),
         (TWO + "[[trigger]]\nto = 'rum'\nwhen = { event = 'x' }", "7: trigger[0].to: there is no state 'rum'"),
         (TWO + "[[trigger]]\nfrom='clam'\nto='run'\nwhen={event='x'}", "7: trigger[0].from: there is no state 'clam'"),
-        (TWO + "[[trigger]]\nfrom=['*','calm']\nto='run'\nwhen={event='x'}", "'*' is every state already"),
+        (TWO + "[[trigger]]\nfrom=['*','calm']\nto='run'\nwhen={event='x'}", "'*' already means every state"),
         (TWO + "[[trigger]]\nform='calm'\nto='run'\nwhen={event='x'}", "form: unknown name; did you mean 'from'?"),
         (TWO + "[[trigger]]\nto='run'\nwhen='wolf'", "8: trigger[0].when: must be a table such as"),
         (TWO + "[[trigger]]\nto='run'\nwhen={}", "is empty; a condition has one of"),
@@ -126,7 +126,7 @@ def test_a_program_says_states_and_triggers():
         (TWO + "[[trigger]]\nto='run'\nwhen={any=[]}", "when.any: must be an array of conditions"),
         (TWO + "[[trigger]]\nto='run'\nwhen={not={any=[{sees=1}]}}", "trigger[0].when.not.any[0].sees: must be a name"),
         (TWO + "[[trigger]]\nto='run'\nwhen={any=[{event='x'}],sees='y'}", "asks for any and sees at once"),
-        (TWO + "[[trigger]]\nto='run'\nwhen={any=[{event='x'}],within='3 m'}", "nothing stands beside 'any'"),
+        (TWO + "[[trigger]]\nto='run'\nwhen={any=[{event='x'}],within='3 m'}", "'any' must be the only key"),
         (TWO + "[[trigger]]\nto='run'\nwhen={share_of_seen_in='rum',at_least=0.5}", "there is no state 'rum'"),
         (TWO + "[[trigger]]\nto='run'\nwhen={share_of_seen_in='run',at_least=2}", "must be above 0 and at most 1"),
         (TWO + "[[trigger]]\nto='run'\nwhen={event='x'}\ndelay='-1 s'", "delay: must be from 0 to 1000000 s"),
@@ -152,7 +152,7 @@ def test_conditions_are_nested_eight_deep_and_no_deeper():
 
 def test_a_program_remembers_at_most_eight_things():
     triggers = "".join(f"[[trigger]]\nto='run'\nwhen={{enters='r{k}'}}\n" for k in range(9))
-    assert "remember 9 different things; there may be at most 8" in problems(TWO + triggers)[0]
+    assert "store times of 9 different things; the maximum is 8" in problems(TWO + triggers)[0]
 
 
 def test_a_file_of_another_name_is_no_program():

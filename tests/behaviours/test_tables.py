@@ -48,25 +48,26 @@ def test_rows_come_with_their_lines(table):
 
 def test_a_line_that_is_no_text_is_named(table):
     assert refusal(table(b"a,b\n1,2\n1,\xff\n")) == ":3: is not UTF-8 text"
-    assert refusal(table(b"a,b\n1,2\n1,\0\n")) == ":3: is no table: it holds bytes of zero"
+    assert refusal(table(b"a,b\n1,2\n1,\0\n")) == ":3: is not a table: it contains zero bytes"
 
 
 def test_a_table_without_end_is_refused(table):
     assert refusal(table("a" * (limits.TABLE_LINE + 1))).startswith(":1: the line is longer than 100,000 characters")
     assert "has more than 1,000 rows" in refusal(table("1\n" * 2000))
     assert (
-        refusal(table("1\n" * 10), lambda path: rows(path, 10)) == ": is larger than 10 bytes; this is no file of ours"
+        refusal(table("1\n" * 10), lambda path: rows(path, 10))
+        == ": is larger than 10 bytes, the maximum for this kind of file"
     )
 
 
 def test_a_quote_that_never_closes_is_refused(table):
-    assert "is no table: field larger than field limit" in refusal(table("a,b\n" + '"' + "1,2\n" * 100_000))
+    assert "is not a table: field larger than field limit" in refusal(table("a,b\n" + '"' + "1,2\n" * 100_000))
 
 
 def test_places_that_are_out_of_all_bounds_are_named(table):
     told = refusal(table(FLIGHT + "5,1,1e300,0,0\n"), read_flight)
     assert told == ":7: x: must be a finite number, at most 1e+12, got '1e300'"
-    assert "frames 0 to 999000 with 11 birds are more than fit" in refusal(
+    assert "frames 0 to 999000 with 11 birds are too many; split it into parts" in refusal(
         table(FLIGHT + "".join(f"999000,{k},0,0,0\n" for k in range(2, 12))), read_flight
     )
 

@@ -107,7 +107,7 @@ def test_an_empty_sky_has_no_birds():
     tracker = Tracker()
     for _ in range(5):
         tracker.step(np.full((120, 160), 200, np.uint8))
-    with pytest.raises(ValueError, match="no bird was followed"):
+    with pytest.raises(ValueError, match="no bird could be tracked"):
         tracker.tracks()
 
 

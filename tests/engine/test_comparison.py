@@ -54,7 +54,7 @@ def test_who_lives_in_one_state_only_is_named_and_the_others_are_compared():
 
     found = apart(change)
     assert (found["ids"].count, found["ids"].ids) == (1, [2])
-    assert (found["ids"].one, found["ids"].other) == (["lives"], ["does not live"])
+    assert (found["ids"].one, found["ids"].other) == (["lives"], ["not alive"])
     assert found["Position.xyz"].ids == [5]
 
 

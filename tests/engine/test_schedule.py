@@ -52,9 +52,9 @@ def test_systems_run_by_stage():
 
 
 def test_two_writers_of_one_stage_are_refused():
-    with pytest.raises(Ambiguity, match="Push and Brake both touch Velocity in one stage"):
+    with pytest.raises(Ambiguity, match="Push and Brake both access Velocity in one stage"):
         Schedule([Push(), Brake()])
-    with pytest.raises(Ambiguity, match="Push and Anything both touch Position, Velocity|Component"):
+    with pytest.raises(Ambiguity, match="Push and Anything both access Position, Velocity|Component"):
         Schedule([Push(), Anything()])
 
 
@@ -72,7 +72,7 @@ def test_a_system_must_say_its_stage():
     class Lost(System):
         pass
 
-    with pytest.raises(TypeError, match="Lost must say its stage, one of COMMANDS"):
+    with pytest.raises(TypeError, match="Lost must declare its stage, one of COMMANDS"):
         Schedule([Lost()])
 
 

@@ -23,13 +23,17 @@ LOADS = (
 def test_a_folder_without_sources_is_refused(cli, tmp_path, monkeypatch):
     monkeypatch.setattr(build_wheel.build, "__defaults__", (tmp_path,))
     done = cli("build-wheel", tmp_path / "out")
-    assert done.code == 1 and "here are no sources" in done.err and not (tmp_path / "out").exists()
+    assert done.code == 1 and "this folder has no sources" in done.err and not (tmp_path / "out").exists()
 
 
 def test_a_missing_build_tool_is_named(cli, tmp_path, monkeypatch):
     monkeypatch.setattr(build_wheel.importlib.util, "find_spec", lambda name: None)
     done = cli("build-wheel", tmp_path / "out")
-    assert done.code == 1 and "setuptools is missing" in done.err and not (tmp_path / "out").exists()
+    assert (
+        done.code == 1
+        and "built with setuptools, which is not installed" in done.err
+        and not (tmp_path / "out").exists()
+    )
 
 
 def test_an_unknown_processor_or_level_is_refused(cli, tmp_path):

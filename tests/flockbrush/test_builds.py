@@ -120,7 +120,7 @@ def test_a_recording_by_other_code_opens_and_names_the_files(cli, recording, tmp
     path = other_build(recording, tmp_path / "a.flock", code="0" * 64, sources=sources)
     done = cli("replay", path, "--verify")
     assert done.code == 0
-    assert f"recorded with other code: {PACE}, old.py (not here): the last bits may differ" in done.err
+    assert f"recorded with other code: {PACE}, old.py (not here): results may differ in the last bits" in done.err
     assert cli("measure", path).code == 0
 
 
@@ -136,7 +136,7 @@ def test_a_recording_opens_whatever_its_build_says(cli, recording, tmp_path, bui
     path = copied(recording, tmp_path / "a.flock", header={"build": build})
     done = cli("replay", path, "--verify")
     assert done.code == 0
-    assert "code that is not known" in done.err
+    assert "unknown code" in done.err
 
 
 @pytest.fixture
@@ -182,7 +182,7 @@ def test_a_sweep_does_not_go_on_with_the_runs_of_other_code(edited, tmp_path):
     before = (out / JOURNAL).read_bytes()
     done = other_process("sweep", file, "--out", out, "--jobs", 1, "--resume", cwd=tmp_path, PYTHONPATH=edited)
     assert done.returncode == 1
-    told = f"{out / JOURNAL}: its 8 runs were made by other code: {PACE}; name another --out"
+    told = f"{out / JOURNAL}: its 8 runs were made by other code: {PACE}; choose another --out"
     assert done.stderr.strip() == told
     assert (out / JOURNAL).read_bytes() == before
 
@@ -193,7 +193,7 @@ def test_a_sweep_does_not_go_on_with_runs_of_nobody_knows_what(cli, sweep, tmp_p
     path = out / JOURNAL
     path.write_bytes(path.read_bytes().split(b"\n", 1)[1])
     told = cli("sweep", sweep_file(tmp_path, FEW), "--out", out, "--jobs", 1, "--resume").err
-    assert "its 8 runs were made by code that is not known; name another --out" in told
+    assert "its 8 runs were made by unknown code; choose another --out" in told
 
 
 def test_other_libraries_are_named_and_another_processor_is_not(cli, sweep, tmp_path):
@@ -247,7 +247,7 @@ def test_a_cluster_with_an_edited_speed_is_refused(cli, edited, tmp_path):
     with dask_cluster(cwd=tmp_path, PYTHONPATH=edited) as (address, _):
         done = cli("sweep", sweep_file(tmp_path, FEW), "--out", tmp_path / "out", "--cluster", address)
     assert done.code == 1
-    assert f"has other code: {PACE}; install the same there and start it again" in done.err
+    assert f"has other code: {PACE}; install the same version there and restart the worker" in done.err
     assert not (tmp_path / "out" / JOURNAL).exists()
 
 

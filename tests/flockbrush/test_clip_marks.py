@@ -38,7 +38,7 @@ def test_frames_are_the_same_whichever_way_they_are_had(tmp_path, ending):
 
 
 @pytest.mark.parametrize(
-    ("name", "said"), [("none.mp4", "no such file"), ("", "folder"), ("notes.txt", "no film that can be read")]
+    ("name", "said"), [("none.mp4", "no such file"), ("", "folder"), ("notes.txt", "is not a readable video")]
 )
 def test_what_is_no_film_is_refused_in_plain_words(tmp_path, name, said):
     (tmp_path / "notes.txt").write_text("no film")
@@ -98,7 +98,7 @@ def test_a_track_that_breaks_off_is_joined_to_its_other_half_with_its_correction
     joined = birds.join(1, 2)
     assert joined.ids == (1, 3) and joined.sights() == {1: 57, 3: 60}
     assert joined.corrections == {8: {1: (7.0, 7.0, False)}, 9: {1: (7.0, 7.0, False)}}
-    with pytest.raises(ValueError, match="bird 1 is seen in frame 0"):
+    with pytest.raises(ValueError, match="bird 1 and bird 3 are both seen in frame 0"):
         birds.join(1, 3)
     assert birds.remove(2, 1).lost(5) == {}  # a person took it away
 
@@ -203,7 +203,7 @@ def test_strokes_and_fills_paint_masks_that_files_bring_back(tmp_path):
     assert np.array_equal(layers.read_regions(tmp_path / "r.png", (80, 60)).array, array)
     layers.write_obstacles(tmp_path / "o.png", layers.MaskLayer.of(array == 2))
     assert np.array_equal(layers.read_obstacles(tmp_path / "o.png", (80, 60)).array, array == 2)
-    with pytest.raises(ProblemsError, match="as large as the film"):
+    with pytest.raises(ProblemsError, match="must have the size of the clip"):
         layers.read_obstacles(tmp_path / "o.png", (81, 60))
     cv2.imwrite(str(tmp_path / "odd.png"), np.full((60, 80, 3), (0, 0, 255), np.uint8))
     with pytest.raises(ProblemsError, match="255, 0, 0, which no region has"):
@@ -324,7 +324,7 @@ def test_a_file_that_is_not_ours_is_kept_beside(book, followed_birds):
 def test_marks_of_another_film_are_refused(book, sky_film):
     book.folder.mkdir()
     book.place("marks.toml").write_text("[[landmark]]\nframe = 900\nbox = [1, 2, 30, 40]\n")
-    with pytest.raises(ProblemsError, match="speaks of frame 900"):
+    with pytest.raises(ProblemsError, match="has marks in frame 900, but"):
         book.load()
     book.place("marks.toml").write_text("[[landmark]]\nframe = 'x'\n")
     with pytest.raises(ProblemsError, match="cannot be loaded"):
@@ -333,7 +333,7 @@ def test_marks_of_another_film_are_refused(book, sky_film):
 
 def test_tracks_that_are_longer_than_the_film_are_refused(book, tmp_path):
     (tmp_path / "t.csv").write_text("frame,id,x,y\n" + "".join(f"{f},1,5,5\n" for f in range(60)))
-    with pytest.raises(ProblemsError, match="the film has frames 0 to 39"):
+    with pytest.raises(ProblemsError, match="the clip has frames 0 to 39"):
         book.load(tmp_path / "t.csv")
 
 

@@ -38,16 +38,21 @@ def clips(tmp_path_factory):
 
 
 REFUSED = [
-    ("text.mp4", (), "input); is it the right file, and all of it?", True),
-    ("empty.mp4", (), "is empty: it has no bytes", True),
+    ("text.mp4", (), "input); it may be the wrong file, or incomplete", True),
+    ("empty.mp4", (), "is empty (0 bytes)", True),
     ("song.mp4", (), "has no video stream, only audio", True),
     ("still.mp4", (), "nothing moves in frames 0 to 9", True),
     ("plain.mp4", (), "--body-colour R,G,B", True),
     ("cut.mp4", (), "try --frames 0:8 or --frames 9:17", True),
-    ("swarm.mp4", ("--body-colour", "90,120,60"), "of the picture look like animals; name their colour", True),
-    ("swarm.mp4", ("--body-colour", "0,0,255"), "no animals were found: nothing has a colour near 0,0,255", True),
-    ("swarm.mp4", ("--body-length-px", "150"), "covers 0 animals of 150 pixels, as given, in a usual frame", True),
-    ("swarm.mp4", ("--frames", "90:99"), "has frames 0 to 9, and none of 90:99", False),
+    ("swarm.mp4", ("--body-colour", "90,120,60"), "of the picture looks like animals; give their colour", True),
+    (
+        "swarm.mp4",
+        ("--body-colour", "0,0,255"),
+        "no animals were detected: nothing has a colour near the given 0,0,255",
+        True,
+    ),
+    ("swarm.mp4", ("--body-length-px", "150"), "covers the area of 0 animals of the given 150 pixels", True),
+    ("swarm.mp4", ("--frames", "90:99"), "has frames 0 to 9, but none in 90:99", False),
     (
         "swarm.mp4",
         ("--landmark", "0:230,10,40,40", "--landmark", "9:5,5,40,40"),
@@ -57,7 +62,7 @@ REFUSED = [
     (
         "plain.mp4",
         ("--landmark", "0:10,10,40,40", "--landmark", "9:90,50,40,40"),
-        "there is nothing to hold on to in the landmark",
+        "has no corners to track",
         True,
     ),
     ("folder.mp4", (), "is a folder, not a clip", False),
@@ -81,7 +86,7 @@ def test_a_clip_that_tells_nothing_is_refused_with_what_was_seen(cli, clips, tmp
 def test_a_mask_that_leaves_no_room_is_told(cli, clips, tmp_path):
     cv2.imwrite(str(tmp_path / "white.png"), np.full((180, 240), 255, np.uint8))
     done = cli("fields", clips / "swarm.mp4", "--out", tmp_path / "x.npz", "--obstacles", tmp_path / "white.png")
-    assert done.code == 1 and "white.png: is white nearly everywhere" in done.err
+    assert done.code == 1 and "white.png: is almost completely white" in done.err
 
 
 def test_a_herd_that_jumps_over_the_same_ground_may_be_a_cut(cli, tmp_path):
@@ -95,7 +100,7 @@ def test_a_herd_that_jumps_over_the_same_ground_may_be_a_cut(cli, tmp_path):
     film(tmp_path / "jump.mp4", pictures)
     done = cli("fields", tmp_path / "jump.mp4", "--out", tmp_path / "jump.npz")
     assert done.code == 0, done.err
-    assert "the herd jumps between frames 11 and 12; if that is a cut, use --frames 0:11 or --frames 12:23" in done.err
+    assert "the herd jumps between frames 11 and 12; if this is a cut, use --frames 0:11 or --frames 12:23" in done.err
 
 
 def test_the_preview_of_a_small_film_has_room_for_its_words(cli, clips, tmp_path):
@@ -114,6 +119,6 @@ def test_words_that_are_too_long_for_a_picture_are_written_smaller():
 def test_one_frame_of_a_film_is_a_photograph(cli, clips, tmp_path):
     done = cli("fields", clips / "swarm.mp4", "--out", tmp_path / "one.npz", "--frames", "3:3")
     assert done.code == 0, done.err
-    assert "nothing of how they move" in done.err
+    assert "not their motion" in done.err
     with np.load(tmp_path / "one.npz") as seen:
         assert seen["fields.density"].shape[0] == 1

@@ -74,11 +74,11 @@ def test_a_wrong_call_is_explained_with_code_2(cli, words):
         (["run", "meadwo"], "did you mean 'meadow'?"),
         (["run", "nowhere.tmj"], "nowhere.tmj: there is no such file"),
         (["run", "."], ".: is a folder, not a file"),
-        (["run", "meadow", "--agents", "9999999"], "there can be 1 to 1000000 animals"),
+        (["run", "meadow", "--agents", "9999999"], "the number of animals must be 1 to 1000000"),
         (["run", "meadow", "--ticks", "1", "--export", "herd.avi"], ".mp4, .nc, .parquet, .png"),
         (["run", "meadow", "--ticks", "1", "--export", "no/such/herd.csv"], "there is no folder 'no/such'"),
         (["run", "meadow", "--ticks", "1", "--record", "no/such/herd"], "there is no folder 'no/such'"),
-        (["run", "meadow", "--ticks", "1", "--export", "a.csv", "--export", "a.csv"], "named twice"),
+        (["run", "meadow", "--ticks", "1", "--export", "a.csv", "--export", "a.csv"], "given twice"),
         (["run", "meadow", "--ticks", "1", "--export", "a.mp4", "--fps", "33"], "at most 32"),
         (["run", "meadow", "--ticks", "1", "--export", "a.mp4", "--fps", "nan"], "at most 32"),
         (["replay", "nothing.flock"], "nothing.flock: there is no such file"),
@@ -125,7 +125,7 @@ def test_writing_over_the_level_that_is_run_is_refused(cli, level):
     before = level.read_bytes()
     done = cli("run", level, "--ticks", "1", "--record", level)
     assert (done.code, level.read_bytes()) == (1, before)
-    assert "is what is read from" in done.err
+    assert "is also an input file" in done.err
 
 
 def test_a_bug_is_said_to_be_one_with_the_way_to_see_more(cli, monkeypatch):
@@ -135,7 +135,7 @@ def test_a_bug_is_said_to_be_one_with_the_way_to_see_more(cli, monkeypatch):
     monkeypatch.setattr("flockbrush.cli.commands.list_levels", broken)
     done = cli("level", "list")
     assert done.code == 1
-    assert "this is a bug in flockbrush, not your mistake: KeyError: 'weights'" in done.err
+    assert "this is a bug in Flockbrush: KeyError: 'weights'" in done.err
     assert "FLOCKBRUSH_DEBUG=1" in done.err
 
 

@@ -135,7 +135,7 @@ def test_an_animal_that_dies_is_named(desync, edited):
     found = desync()
     assert (found["tick"], found["system"], found["parts"]) == (20, "Live", ["ids"])
     (who,) = found["differences"]
-    assert (who["ids"], who["one"], who["other"]) == ([9], ["lives"], ["does not live"])
+    assert (who["ids"], who["one"], who["other"]) == ([9], ["lives"], ["not alive"])
     assert {d["part"] for d in found["later_differences"]} >= {"ids"}
 
 
@@ -162,9 +162,9 @@ def test_several_animals_between_snapshots_are_compared_in_the_next_one(cli, des
     assert [(d["part"], d["count"], d["ids"]) for d in found["differences"]] == [("Position.xyz", None, [])]
     assert next(d for d in found["later_differences"] if d["part"] == "Position.xyz")["count"] >= 4
     said = cli("replay", walk, "--verify").out
-    assert "the first system that differs: Move" in said
-    assert "more than one animal differs in Position.xyz" in said
-    assert "one made with --keyframes 1 has all of them" in said
+    assert "first system that differs: Move" in said
+    assert "several animals differ in Position.xyz" in said
+    assert "record with --keyframes 1 to have a snapshot of every tick" in said
     assert "in the next snapshot, after tick 60" in said
 
 
@@ -194,7 +194,7 @@ def test_a_state_that_comes_by_chance_is_told_apart_from_other_code(cli, desync,
     assert (found["tick"], found["repeatable"], found["system"]) == (20, False, "Move")
     assert sorted(found["differences"][0]["ids"]) == [3, 4, 5]
     times.clear()
-    assert "living this tick once more gave what was recorded" in cli("replay", walk, "--verify").out
+    assert "simulating this tick again gave the recorded state" in cli("replay", walk, "--verify").out
 
 
 def test_a_recording_without_sums_is_compared_in_the_next_snapshot(cli, edited, walk, tmp_path):
@@ -237,7 +237,7 @@ def test_what_differs_in_the_build_comes_first(cli, edited, walk, tmp_path):
     assert "the replay differs in tick 20" in lines[0]
     assert lines[1] == "recorded with other code: flockbrush/systems/motion.py"
     assert lines[2].startswith("recorded on z80 (here ")
-    assert "the code, the libraries and the CPU are those that recorded it" in cli("replay", walk, "--verify").out
+    assert "code, libraries and CPU are the same as when it was recorded" in cli("replay", walk, "--verify").out
 
 
 # the folder ------------------------------------------------------------------------------------
@@ -282,7 +282,7 @@ def test_a_replay_that_is_the_same_writes_no_report(cli, walk, tmp_path):
 
 def test_a_folder_that_is_none_is_refused_before_the_replay(cli, walk, tmp_path):
     (tmp_path / "f").write_text("")
-    assert "is a file; --report names a folder" in cli("replay", walk, "--verify", "--report", tmp_path / "f").err
+    assert "is a file; --report must be a folder" in cli("replay", walk, "--verify", "--report", tmp_path / "f").err
     assert "there is no folder" in cli("replay", walk, "--verify", "--report", tmp_path / "a" / "b").err
     assert cli("replay", walk, "--report", tmp_path / "r").code == 2
 

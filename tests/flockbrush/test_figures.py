@@ -86,7 +86,7 @@ def test_maps_share_one_scale_and_behind_is_below():
 def test_a_chart_without_numbers_says_so_on_the_paper_of_its_theme(theme):
     nothing = ChartCurve("clip", np.arange(3), np.full(3, np.nan))
     figure = figure_of([CurveChart("none", "s", [nothing])], theme=theme)
-    assert figure.axes[0].texts[0].get_text() == "no numbers"
+    assert figure.axes[0].texts[0].get_text() == "no data"
     image = pixels_of(figure)
     assert image.dtype == np.uint8 and tuple(image[0, 0]) == THEMES[theme].paper
 

@@ -57,7 +57,7 @@ def test_a_sequence_has_a_numbered_picture_for_every_frame(cli, recording, tmp_p
 def test_a_sequence_does_not_mix_with_another(cli, recording, tmp_path):
     (tmp_path / "s.0000.png").write_bytes(b"mine")
     done = cli("export", recording, "--to", tmp_path / "s.####.png", "--fps", 4)
-    assert done.code == 1 and "s.0000.png is there already" in done.err
+    assert done.code == 1 and "s.0000.png already exists" in done.err
     assert (tmp_path / "s.0000.png").read_bytes() == b"mine" and names(tmp_path) == ["s.0000.png"]
 
 
@@ -161,8 +161,8 @@ def test_a_smooth_camera_does_not_jump_or_overshoot(tmp_path, ease):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "there must be one [[keys]]"),
-        ("keys = 3", "there must be one [[keys]]"),
+        ("", "at least one [[keys]]"),
+        ("keys = 3", "at least one [[keys]]"),
         (ORBIT.replace("time = 1", "time = 0"), "more than that of the key before"),
         (ORBIT.replace("azimuth", "azimut"), "did you mean 'azimuth'"),
         (ORBIT.replace("elevation = 15", "elevation = 95"), "from -80 to 90"),
@@ -195,7 +195,7 @@ def test_a_bad_camera_is_refused_before_the_run(cli, recording, tmp_path, text):
 @pytest.mark.parametrize("size", ["big", "1920", "4x4", "99999x20", "-3x9"])
 def test_a_size_that_is_none_is_refused(cli, recording, tmp_path, size):
     done = cli("export", recording, "--to", tmp_path / "a.png", f"--size={size}")
-    assert done.code == 1 and "--size is WIDTHxHEIGHT" in done.err
+    assert done.code == 1 and "--size must be WIDTHxHEIGHT" in done.err
 
 
 def test_scenes_have_the_camera_of_the_film(cli, recording, tmp_path, shot):

@@ -33,8 +33,8 @@ def test_a_march_and_a_mill_are_refused_together_with_the_evidence(clips, march)
     checks = [judge(clip, march, {}, runs=2) for clip in wholes]
     with pytest.raises(ProblemsError) as told:
         _refuse_strangers(wholes, checks, None)
-    assert "mill-filled: no one brush fits these clips" in str(told.value)
-    assert "simulated; learn them one by one" in str(told.value)
+    assert "mill-filled: no single brush fits these clips" in str(told.value)
+    assert "simulated; learn from each clip separately" in str(told.value)
 
 
 def test_two_clips_of_one_herd_are_learned_together(clips, march):

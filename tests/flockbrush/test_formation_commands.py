@@ -110,7 +110,7 @@ def test_a_film_of_geese(tmp_path):
     [
         (["extract", "nothing.csv"], "no such file"),
         (["fly", "nothing.json"], "no such file"),
-        (["film", "geese", "-o", "geese.gif"], "ends in .mp4"),
+        (["film", "geese", "-o", "geese.gif"], "the name must end in .mp4"),
         (["detect", "nothing.png", "-o", "marks.csv"], "no such file"),
     ],
 )

@@ -65,7 +65,7 @@ def nothing_in(folder):
 def test_a_clip_becomes_a_brush_with_figures_of_what_was_held_out(cli, films, quick, tmp_path):
     done = cli("learn", films / "one.mp4", "--out", tmp_path / "lambs.brush.toml", "--seed", 3, "--licence", "mine")
     assert done.code == 0, done.err
-    assert "frames held out" in done.out and "wrote" in done.err
+    assert "held-out frames" in done.out and "wrote" in done.err
     brush = load_brush(tmp_path / "lambs.brush.toml")
     told = brush.provenance
     assert (told.kind, told.seed, told.frames, told.licence) == ("learned", 3, (0, 19), "mine")
@@ -80,7 +80,7 @@ def test_the_report_tells_how_to_do_it_again(cli, films, quick, tmp_path):
     done = cli("learn", films / "one.mp4", "-o", out, "--report", report, "--ablate", "occlusion,density", "--json")
     assert done.code == 0, done.err
     told = json.loads(done.out)["brushes"][0]
-    assert [row["method"] for row in told["ablations"]] == ["all of it", "without occlusion", "without density"]
+    assert [row["method"] for row in told["ablations"]] == ["full method", "without occlusion", "without density"]
     names = {row["name"] for row in told["judgement"]["rivals"]}
     assert names == {"graze", "random numbers", "nobody moves", "all animals keep their velocity"}
     assert told["command"].startswith("flockbrush learn") and "--seed 0" in told["command"]
@@ -122,12 +122,12 @@ def test_ctrl_c_keeps_the_best_so_far_and_how_to_go_on(cli, films, quick, tmp_pa
     done = cli("learn", films / "one.mp4", "--out", out, "--report", tmp_path / "r")
     assert done.code == 130
     assert "--resume" in done.err
-    assert load_brush(out).provenance.notes.startswith("Interrupted")
+    assert load_brush(out).provenance.notes.startswith("Learning was interrupted")
     assert "interrupted" in (tmp_path / "r" / "report.html").read_text()
     assert (tmp_path / "lambs.learning").exists()
     monkeypatch.setattr(learning, "learn", filmed.learn)
     assert cli("learn", films / "one.mp4", "--out", out, "--resume").code == 0
-    assert not load_brush(out).provenance.notes.startswith("Interrupted")
+    assert not load_brush(out).provenance.notes.startswith("Learning was interrupted")
     assert not (tmp_path / "lambs.learning").exists()
 
 
@@ -135,9 +135,9 @@ def test_what_an_interrupted_learning_left_is_not_lost_without_a_word(cli, films
     out, kept = tmp_path / "x.brush.toml", tmp_path / "x.learning"
     kept.write_text("what was done")
     done = cli("learn", films / "one.mp4", "--out", out)
-    assert done.code == 0 and f"started again: the state of an interrupted learning in {kept} is given up" in done.err
+    assert done.code == 0 and f"starting again: the state of an interrupted learning in {kept} is discarded" in done.err
     again = cli("learn", films / "one.mp4", "--out", out)  # takes the place of the brush, as a run's recording does
-    assert again.code == 0 and "started again" not in again.err
+    assert again.code == 0 and "starting again" not in again.err
 
 
 def test_a_brush_that_another_program_is_learning_is_left_to_it(cli, films, quick, tmp_path, monkeypatch):
@@ -156,10 +156,10 @@ def test_a_brush_that_another_program_is_learning_is_left_to_it(cli, films, quic
     for path in (out, report):
         with held(path):
             done = cli("learn", films / "one.mp4", "--out", out, "--report", report)
-        assert done.code == 1 and f"{path}: this program is writing it already" in done.err
+        assert done.code == 1 and f"{path}: this program is already writing it" in done.err
         assert nothing_in(tmp_path) and not meanwhile
     assert cli("learn", films / "one.mp4", "--out", out, "--report", report).code == 0
-    assert meanwhile == [("this program is writing it already",) * 2] * 3  # each half, and all frames
+    assert meanwhile == [("this program is already writing it",) * 2] * 3  # each half, and all frames
     assert sorted(path.name for path in tmp_path.iterdir()) == ["lambs.brush.toml", "report"]
 
 
@@ -173,7 +173,7 @@ def test_what_is_said_of_the_clip_and_what_is_left_out_is_told(cli, films, quick
     clip = films / "one.mp4"
     done = cli("learn", clip, "--out", tmp_path / "x.brush.toml", "--speed", "2")
     assert f"{clip}: the herd jumps between frames 3 and 4" in done.err
-    assert f"{clip}: --speed was left out: it is for photographs" in done.err
+    assert f"{clip}: --speed was ignored: it is for photographs" in done.err
     assert f"{clip}: the herd jumps" in cli("reenact", clip, "--brush", "march", "--runs", "1").err
 
 
@@ -213,11 +213,11 @@ def test_places_where_nothing_can_be_written_are_told_before_anything_is_done(cl
         assert done.code == 1 and words in done.err, done.err
     assert "try a-u.brush.toml" in done.err
     (tmp_path / "file").write_text("")
-    for report, words in (("file", "needs a folder"), ("none/report", "to make it in")):
+    for report, words in (("file", "needs a folder"), ("none/report", "to create it in")):
         done = cli("learn", clip, "--out", tmp_path / "x.brush.toml", "--report", tmp_path / report)
         assert done.code == 1 and words in done.err, done.err
     done = cli("learn", clip, "--out", tmp_path / "x.brush.toml", "--resume")
-    assert done.code == 1 and "nothing to resume" in done.err
+    assert done.code == 1 and "no interrupted learning" in done.err
     assert not (tmp_path / "x.brush.toml").exists()
 
 
@@ -296,7 +296,7 @@ def test_clip_and_brush_are_compared_as_numbers_for_programs(cli, films, quick):
 
 def test_a_brush_of_birds_cannot_do_a_clip_again(cli, films, quick):
     done = cli("reenact", films / "one.mp4", "--brush", "geese")
-    assert done.code == 1 and "brushes of herd" in done.err
+    assert done.code == 1 and "a brush of the model herd" in done.err
     done = cli("reenact", films / "one.mp4", "--brush", "grase")
     assert done.code == 1 and "did you mean 'graze'" in done.err
     done = cli("reenact", films / "one.mp4", "--brush", "graze", "--export", "x.txt")

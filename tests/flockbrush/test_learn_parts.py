@@ -101,14 +101,14 @@ def test_a_learned_brush_says_where_it_is_from_and_what_the_clip_does_not_tell(m
     assert told.report == {"loss": 0.5}
     assert "flockbrush" in told.versions and "torch" in told.versions
     assert "does not tell (other values describe it as well): weight of obstacle, reach of obstacle" in told.notes
-    assert "all one way" in brush.description
+    assert "in one direction" in brush.description
     assert brush.body.length == 1.2 and brush.body.radius <= 0.6
 
 
 def test_an_interrupted_brush_says_so(march):
     _, evidence = march
     learned = replace(learn([evidence]), interrupted=True)
-    assert brush_of("x", learned, [evidence], seed=0).provenance.notes.startswith("Interrupted")
+    assert brush_of("x", learned, [evidence], seed=0).provenance.notes.startswith("Learning was interrupted")
 
 
 def test_a_file_that_can_be_no_brush_is_refused():
@@ -169,8 +169,8 @@ def test_the_report_is_one_well_formed_page_with_its_pictures_in_it(march, tmp_p
         assert cv2.imdecode(data, cv2.IMREAD_COLOR) is not None
     said = " ".join(tree.itertext())
     for words in (
-        "too short to hold a part of it back",
-        "not told",
+        "too short to hold out a part",
+        "not identifiable",
         "all animals keep their velocity",
         "flockbrush learn x",
         evidence.sha256,
@@ -288,7 +288,7 @@ def test_a_photograph_stands_still_and_nobody_is_known_to_move():
     assert (fields.density == fields.density[0]).all()
     assert np.nanmin(fields.angular_variance) == RANDOM
     assert still.speed.mean == 0.7
-    assert any("as told" in note for note in still.notes)
+    assert any("as given" in note for note in still.notes)
 
 
 def test_how_animals_lie_is_told_by_those_whose_axes_are_seen():

@@ -56,7 +56,7 @@ def test_bounds_in_the_wrong_order_are_refused(film, capsys):
 def test_writing_over_the_tracks_is_refused(film, capsys):
     camera = str(film / "cam.toml")
     assert called(["lift", str(film / "tracks.csv"), "--camera", camera, "--out", str(film / "tracks.csv")]) == 1
-    assert "is what is read from" in capsys.readouterr().err
+    assert "is also an input file" in capsys.readouterr().err
 
 
 def test_a_bird_in_a_level_turn_banks_by_speed_and_radius():
@@ -136,7 +136,7 @@ def beside(f):
 @pytest.mark.parametrize(
     ("tracks", "birds", "said"),
     [
-        (of_birds(east), 1, "one bird alone has no depth"),
+        (of_birds(east), 1, "the depth of a single bird is undetermined"),
         (of_birds(east, beside, lambda f: (5, 5) if f == 4 else None), 2, "left out, seen in fewer than three frames"),
         (of_birds(east, lambda f: None if 4 < f < 9 else beside(f)), 2, ""),
         (of_birds(east, east), 2, ""),
@@ -144,7 +144,7 @@ def beside(f):
         (of_birds(east, beside, frames=3), 2, ""),
         (of_birds(east, lambda f: beside(f) if f < 9 else None), 2, ""),
         (of_birds(lambda f: east(f) if f < 9 else None, lambda f: beside(f) if f > 9 else None), 2, "no two birds"),
-        (of_birds(lambda f: (9000 + f, 5), lambda f: (9100 + f, 9)), 2, "is this the camera?"),
+        (of_birds(lambda f: (9000 + f, 5), lambda f: (9100 + f, 9)), 2, "the camera file may be wrong"),
     ],
     ids=[
         "one bird",
@@ -174,7 +174,7 @@ def test_what_can_be_lifted_is_and_the_rest_is_told(film, capsys, tracks, birds,
     ("tracks", "said"),
     [
         ("", "tracks.csv:1: frame: there is no such column"),
-        ("frame,id,x,y\n", "there is no bird in it"),
+        ("frame,id,x,y\n", "has no birds"),
         ("frame;id;x;y\n1;1;2;3\n", "separate them by commas"),
         ("frame,bird,x,y\n1,1,2,3\n", "tracks.csv:1: id: there is no such column"),
         ("frame,id,x,y\n1,1,nan,3\n", "tracks.csv:2: x: must be a finite number of pixels"),
@@ -182,7 +182,7 @@ def test_what_can_be_lifted_is_and_the_rest_is_told(film, capsys, tracks, birds,
         ("frame,id,x,y\n1.5,1,2,3\n", "tracks.csv:2: frame: must be a whole number, got '1.5'"),
         (of_birds(east, beside, frames=1), "a flight needs three"),
         (of_birds(lambda f: (5, 5), lambda f: (7, 7)), "nothing moves in these tracks"),
-        ("\0\1\2", "is no table"),
+        ("\0\1\2", "is not a table"),
     ],
 )
 def test_tracks_without_a_flight_are_refused_in_plain_words(film, capsys, tracks, said):
@@ -207,9 +207,9 @@ def test_weights_of_nonsense_are_refused(film, capsys, name, value):
         (["play", "{film}/none.csv"], "there is no such file"),
         (["play", "{film}/tracks.csv", "--camera", "{film}/none.toml"], "there is no such file"),
         (["play", "--clip", "{film}/none.mp4"], "there is no such file"),
-        (["play", "--clip", "{film}/cam.toml"], "is no film that can be read"),
-        (["play", "--clip", "{film}"], "is a folder, not a film"),
-        (["play", "--clip", "sky", "--mode", "nonsense"], "a mode is one of"),
+        (["play", "--clip", "{film}/cam.toml"], "is not a readable video"),
+        (["play", "--clip", "{film}"], "is a folder, not a clip"),
+        (["play", "--clip", "sky", "--mode", "nonsense"], "the mode must be one of"),
     ],
 )
 def test_nothing_opens_for_what_cannot_be_shown(film, capsys, line, said):

@@ -165,7 +165,7 @@ class TestSteering:
             assert [goal["name"] for goal in texts(connection, "place")["goals"]] == [*before, "pond"]
             assert ask(connection, undo=True)["type"] == "done"
             assert [goal.name for goal in goals] == before
-            assert ask(connection, undo=True)["message"] == "there is nothing to take back"
+            assert ask(connection, undo=True)["message"] == "there is nothing to undo"
 
     def test_steered_leaders_go_where_they_are_sent(self):
         with serving() as served, client(served) as connection:
@@ -190,25 +190,25 @@ class TestSteering:
             assert ask(connection, play=False)["type"] == "done"
             assert ask(connection, command=["Gust", {"x": -3.0, "y": 0.0}])["type"] == "done"  # the last word, paused
         assert [type(cmd).__name__ for _, cmd in open_recording(path).commands] == ["PlaceGoal", "Gust", "Gust"]
-        assert "the same, bit for bit" in cli("replay", path, "--verify").out
+        assert "identical, bit for bit" in cli("replay", path, "--verify").out
 
 
 BAD_REQUESTS = [
-    (b"bytes", "a request is a text with JSON in it, got bytes"),
+    (b"bytes", "a request must be a text message with JSON, got bytes"),
     ("{", "this is not JSON"),
     ("[" * 100_000, "this is not JSON"),
-    ("[]", "a request is an object such as"),
-    ('{"id": 1}', "a request has one of command, undo, play"),
-    ('{"id": 1, "undo": true, "play": true}', "a request has one of command, undo, play"),
-    ('{"id": [], "undo": true}', "id must be a whole number or a text"),
+    ("[]", "a request must be an object such as"),
+    ('{"id": 1}', "a request must have one of command, undo, play"),
+    ('{"id": 1, "undo": true, "play": true}', "a request must have one of command, undo, play"),
+    ('{"id": [], "undo": true}', "id must be a whole number or a string"),
     ('{"undo": 1}', "undo must be true"),
     ('{"play": "yes"}', "play must be true or false"),
     ('{"command": "Gust"}', "it must be [name, {field: value, ...}]"),
     ('{"command": ["Gusty", {}]}', "unknown command 'Gusty'; did you mean 'Gust'?"),
     ('{"command": ["Gust", {"x": 1, "y": 2, "w": 3}]}', "Gust has no field 'w'"),
     ('{"command": ["Gust", {"x": 1}]}', "Gust needs y"),
-    ('{"command": ["Gust", {"x": NaN, "y": 2}]}', "NaN is not a number that a command can hold"),
-    ('{"command": ["Gust", {"x": 1e999, "y": 2}]}', "Infinity is not a number that a command can hold"),
+    ('{"command": ["Gust", {"x": NaN, "y": 2}]}', "NaN is not allowed as a number in a command"),
+    ('{"command": ["Gust", {"x": 1e999, "y": 2}]}', "Infinity is not allowed as a number in a command"),
     ('{"command": ["Gust", {"x": "east", "y": 2}]}', "Gust.x must be a number, got 'east'"),
     ('{"command": ["Steer", {"entities": [123456789]}]}', "123456789"),
 ]
@@ -270,7 +270,7 @@ class TestClientsThatMisbehave:
             stuck.close()
 
     def test_a_flood_is_read_no_faster_than_is_allowed(self, served, monkeypatch):
-        monkeypatch.setattr(limits, "LIVE_MESSAGES", limits.Limit(50, "messages a second", "a client"))
+        monkeypatch.setattr(limits, "LIVE_MESSAGES", limits.Limit(50, "messages per second", "a client"))
         with client(served) as other, client(served) as connection:
             begun = time.monotonic()
             for number in range(150):
@@ -333,7 +333,7 @@ class TestCommandLine:
         assert (process.returncode, "Traceback" in err) == (0, False)
         assert "wrote live.flock" in out and "stopped after tick" in err
         assert os.listdir(tmp_path) == ["live.flock"]
-        assert "the same, bit for bit" in cli("replay", tmp_path / "live.flock", "--verify").out
+        assert "identical, bit for bit" in cli("replay", tmp_path / "live.flock", "--verify").out
 
     def test_a_port_in_use_is_a_sentence(self, cli):
         with socket.create_server(("127.0.0.1", 0)) as taken:
@@ -341,12 +341,13 @@ class TestCommandLine:
             result = cli("serve", "meadow", "--port", port, "--agents", "20")
         assert result.code == 1
         assert result.err.strip().splitlines()[-1] == (
-            f"127.0.0.1:{port}: this port is in use by another program; name another one, or --port 0 for any free port"
+            f"127.0.0.1:{port}: this port is in use by another program; choose another port, or --port 0 for any "
+            "free port"
         )
 
     def test_an_address_that_is_not_ours_is_a_sentence(self, cli):
         result = cli("serve", "meadow", "--host", "no.such.host.invalid", "--agents", "20")
-        assert result.code == 1 and "no.such.host.invalid:0: there is no such address here" in result.err
+        assert result.code == 1 and "no.such.host.invalid:0: this machine does not have this address" in result.err
 
     def test_a_recording_over_the_level_is_refused(self, cli, tmp_path):
         cli("level", "init", tmp_path)

@@ -87,7 +87,7 @@ def test_a_file_where_the_folder_should_be_is_left_alone(cli, tmp_path):
     (tmp_path / "designs").write_text("mine")
     done = cli("level", "init", tmp_path / "designs")
     assert (done.code, (tmp_path / "designs").read_text()) == (1, "mine")
-    assert "this is a file; name a folder" in done.err
+    assert "this is a file; give a folder" in done.err
 
 
 def test_the_list_of_levels_has_them_all(cli):
@@ -255,7 +255,7 @@ def test_the_bench_tells_milliseconds_and_systems(cli):
     assert [(r["agents"], r["threads"], r["ticks"]) for r in report["results"]] == [(60, 1, 3), (120, 1, 3)]
     assert all(0 < r["median"] <= r["p95"] for r in report["results"])
     assert "See" in report["results"][0]["systems"]
-    assert "µs an animal" in cli("bench", "--agents", 60, "--ticks", 2, "--threads", 1).out
+    assert "µs per animal" in cli("bench", "--agents", 60, "--ticks", 2, "--threads", 1).out
 
 
 def test_the_scene_of_the_bench_is_the_one_that_was_promised():

@@ -33,7 +33,7 @@ def test_check_prints_warnings_and_is_content(cli, tmp_path):
     result = cli("level", "check", path)
     lines = result.out.splitlines()
     assert result.code == 0
-    assert "layer 'terrain': warning: is hidden and counts all the same" in result.out
+    assert "layer 'terrain': warning: is hidden in Tiled but still used" in result.out
     assert "first.tmj: ok: 40 x 30 m, 60 animals" in lines[-1]
 
 
@@ -81,7 +81,7 @@ class TestAdopting:
         before = {file: file.read_bytes() for file in path.parent.rglob("*") if file.is_file()}
         result = cli("level", "adopt", path)
         assert result.code == 0, result.err
-        assert f"wrote {new}; {path} is as it was" in result.out
+        assert f"wrote {new}; {path} was not changed" in result.out
         after = {file: file.read_bytes() for file in path.parent.rglob("*") if file.is_file() and file != new}
         assert after == before
         theirs, document = read_xml(path.read_bytes()), json.loads(new.read_bytes())
@@ -107,7 +107,7 @@ class TestAdopting:
         assert result.code == 0, result.err
         told = json.loads(result.out)
         assert told["agents"] == 30 and told["measures"]["speed_mean"] > 0.2
-        assert "the same, bit for bit" in cli("replay", run, "--verify").out
+        assert "identical, bit for bit" in cli("replay", run, "--verify").out
 
     @pytest.mark.tools
     @tiled
@@ -209,7 +209,8 @@ class TestRefusals:
         path.write_text(path.read_text().replace("orthogonal", orientation))
         told = self.refused(cli, path)
         assert (
-            f"sewers.tmx:2: the orientation must be orthogonal, got the text '{orientation}': tiles are squares" in told
+            f"sewers.tmx:2: the orientation must be orthogonal, got the text '{orientation}': tiles must be squares"
+            in told
         )
         assert not new.exists()
 
@@ -238,7 +239,7 @@ class TestRefusals:
         path, new = adopted("sewers", tmp_path)
         other = new.with_name("other.tmj")
         other.write_text("mine")
-        assert "is there already; name another file with -o" in self.refused(cli, path, "-o", other)
+        assert "already exists; give another file with -o" in self.refused(cli, path, "-o", other)
         assert other.read_text() == "mine"
         assert cli("level", "adopt", path).code == 0
         assert cli("level", "adopt", path).code == 0  # the next free name
@@ -247,11 +248,11 @@ class TestRefusals:
     def test_a_level_is_not_adopted_again(self, tmp_path, cli):
         path, new = adopted("sewers", tmp_path)
         cli("level", "adopt", path)
-        assert "is a level already" in self.refused(cli, new)
+        assert "is already a level" in self.refused(cli, new)
 
     def test_a_name_that_is_no_level_is_refused(self, tmp_path, cli):
         path, _ = adopted("sewers", tmp_path)
-        assert "the name of a level ends in .tmj" in self.refused(cli, path, "-o", tmp_path / "x.tmx")
+        assert "the name of a level must end in .tmj" in self.refused(cli, path, "-o", tmp_path / "x.tmx")
         assert "there is no folder" in self.refused(cli, path, "-o", tmp_path / "gone" / "x.tmj")
         assert "there is no such file" in self.refused(cli, tmp_path / "gone.tmx")
 

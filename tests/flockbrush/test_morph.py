@@ -118,7 +118,7 @@ def test_the_command_writes_a_path_that_a_library_finds(cli, tmp_path, monkeypat
     short = ("--animals", 6, "--seeds", 2, "--steps", 2, "--seconds", 1)
     done = cli("brush", "morph", "swarm", "march", *short)
     assert done.code == 0, done.err
-    assert "there and back differ by" in done.out and "wrote swarm--march.path.toml" in done.out
+    assert "the two directions differ by" in done.out and "wrote swarm--march.path.toml" in done.out
     file = tmp_path / "swarm--march.path.toml"
     path = load_path(file.read_bytes(), file.name)
     assert path.start == "swarm" and len(path.along) == 3 and "brush morph swarm march" in path.measured
@@ -131,8 +131,8 @@ def test_the_command_writes_a_path_that_a_library_finds(cli, tmp_path, monkeypat
 def test_pairs_with_nothing_between_are_refused(cli, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for pair, why in (
-        (("graze", "starlings"), "one is herd, the other boids"),
-        (("graze", "graze"), "they are the same"),
+        (("graze", "starlings"), "their models are herd and boids"),
+        (("graze", "graze"), "both brushes are the same"),
     ):
         done = cli("brush", "morph", *pair)
         assert done.code != 0 and why in done.err + done.out

@@ -51,14 +51,14 @@ def test_a_mill_that_never_forms_from_a_scatter_says_so():
     by = {row["start"]: row for row in mill.starts}
     assert min(by["ring"]["milling"]) > 0.7 > max(by["scatter"]["milling"])
     said = mill.starts_sentence()
-    assert "Of 3 herds of 60 animals each" in said
-    assert "from a scatter with random headings 0" in said and "from a turning ring 3" in said
+    assert "of 3 herds of 60 animals for each start" in said
+    assert "0 from a scatter with random headings" in said and "3 from a turning ring" in said
 
 
 def test_a_march_holds_from_a_scatter_and_every_herd_is_another(march):
     one = found(march, 0.98, 0.05, seconds=12.0)
     scatter = one.starts[0]
-    assert "from a scatter with random headings 3" in one.starts_sentence()
+    assert "3 from a scatter with random headings" in one.starts_sentence()
     assert len(set(scatter["polarization"])) == 3 and scatter["animals"] == 60
 
 

@@ -45,7 +45,7 @@ def test_an_output_is_held_while_the_command_works_and_free_afterwards(cli, tmp_
 
     monkeypatch.setattr(f"flockbrush.{where}", work)
     done = cli(*arguments)
-    assert (done.code, holders) == (1, ["this program is writing it already"]), done.err
+    assert (done.code, holders) == (1, ["this program is already writing it"]), done.err
     assert "here: it goes no further" in done.err
     assert holder(out) == ""
     assert {path.name.split(".")[0] for path in tmp_path.iterdir()} == ({"IN"} if "IN" in command else set())
@@ -59,4 +59,4 @@ def test_an_output_that_somebody_writes_is_refused_before_the_work(cli, tmp_path
     with held(out):
         done = cli(*arguments)
     assert done.code == 1
-    assert f"{out}: this program is writing it already; wait until it has ended" in done.err
+    assert f"{out}: this program is already writing it; wait until it has ended" in done.err

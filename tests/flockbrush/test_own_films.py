@@ -50,7 +50,7 @@ def test_why_a_clean_film_of_a_level_cannot_be_read_is_said(level, why, tmp_path
 def test_that_most_animals_stand_and_are_taken_for_ground_is_said(level, tmp_path):
     _, scale = film(level, tmp_path / "walk.mp4")
     _, told = seen(tmp_path / "walk.mp4", scale)
-    assert any(note.startswith("unreliable: animals go 0.1") for note in told.notes)
+    assert any(note.startswith("unreliable: animals move 0.1") for note in told.notes)
 
 
 BODY = BodySize(14.0, 6.0, 70.0, 20)

@@ -134,7 +134,7 @@ def test_an_event_in_a_place_is_heard_there(cli, tmp_path):
 def test_programs_are_listed_shown_and_checked(cli):
     assert all(name in cli("program", "list").out for name in shipped_programs().names())
     shown = cli("program", "show", "stampede").out
-    assert "8..12 s" in shown and 'sees = "wolf"' in shown and "begins in graze" in shown
+    assert "8..12 s" in shown and 'sees = "wolf"' in shown and "start: graze" in shown
     told = json.loads(cli("program", "show", "stampede", "--json").out)
     assert told["triggers"][0]["from"] == ["graze", "calm"] and told["states"]["stampede"]["for"] == "8..12 s"
     assert "stampede: ok: Stampede, 3 states, 2 triggers" in cli("program", "check", "stampede").out
@@ -146,7 +146,10 @@ def test_a_wrong_program_is_said_with_its_line_and_a_strange_one_noted(cli, tmp_
     assert f"{wrong}:5: state.go.brush: there is no brush 'mrach'" in cli("program", "check", wrong).out
     wrong.write_text(OWN + "[state.left]\n" + '[[trigger]]\nto = "go"\nwhen = { sees = "wofl" }\n')
     done = cli("program", "check", wrong)
-    assert "state.left: no trigger leads to it" in done.err and "no shipped species is called 'wofl'" in done.err
+    assert (
+        "state.left: no trigger leads to this state; only a command can set it" in done.err
+        and "there is no shipped species 'wofl'" in done.err
+    )
 
 
 def test_a_program_is_tried_on_a_plane(cli, tmp_path):

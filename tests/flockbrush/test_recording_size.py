@@ -84,10 +84,10 @@ def test_a_large_recording_is_announced(capsys, tmp_path, monkeypatch):
     commands.tell_size(tmp_path / "a.flock", 10**6)
     assert capsys.readouterr().err == ""
     commands.tell_size(tmp_path / "a.flock", 10**8)
-    assert "a.flock: the recording will take about 100 MB\n" in capsys.readouterr().err
+    assert "a.flock: the recording will need about 100 MB\n" in capsys.readouterr().err
     monkeypatch.setattr("shutil.disk_usage", lambda path: type("Usage", (), {"free": 5 * 10**7}))
     commands.tell_size(tmp_path / "a.flock", 10**8)
-    assert "will take about 100 MB; the disk has 50 MB free\n" in capsys.readouterr().err
+    assert "will need about 100 MB, but the disk has only 50 MB free\n" in capsys.readouterr().err
 
 
 def test_a_snapshot_packed_in_parts_is_the_snapshot(tmp_path, herd):

@@ -39,7 +39,7 @@ def test_notice_distance_and_strength_are_found():
 
 def test_a_herd_that_does_not_care_is_not_said_to_flee():
     found = learn_relation([herd(0.0, 6.0, k) for k in range(3)], "dog", 1.0)
-    assert not found.told and "No reaction" in found.sentence
+    assert not found.told and "no reaction" in found.sentence
 
 
 def test_the_command_prints_a_line_for_a_species(tmp_path, capsys):
@@ -56,4 +56,4 @@ def test_the_command_prints_a_line_for_a_species(tmp_path, capsys):
     told = json.loads(capsys.readouterr().out)
     assert told["told"] and told["line"].startswith("dog = {")
     assert called(["relation", str(paths[0]), "--danger", "wolf"]) == 1
-    assert "no recording has an animal 'wolf'" in capsys.readouterr().err
+    assert "no file has tracks of animal 'wolf'" in capsys.readouterr().err

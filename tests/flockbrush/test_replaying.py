@@ -41,7 +41,7 @@ def flipped(digest):
 def test_a_recording_verifies_on_one_thread_and_on_two(cli, recording, threads):
     done = cli("replay", recording, "--verify", "--threads", threads)
     assert (done.code, done.err) == (0, "")
-    assert "the same, bit for bit: 41 states up to tick 40" in done.out
+    assert "41 states up to tick 40 identical, bit for bit" in done.out
 
 
 @pytest.fixture(scope="module")
@@ -238,7 +238,7 @@ def test_a_recording_cut_anywhere_opens_or_is_refused_in_words(cli, recording, t
 def test_a_tick_after_the_end_is_refused(cli, recording):
     done = cli("replay", recording, "--to-tick", 41)
     assert done.code == 1
-    assert "ends with tick 40; there is no tick 41" in done.err
+    assert "ends at tick 40; tick 41 is not in it" in done.err
 
 
 def test_a_recording_of_other_versions_says_so(cli, recording, tmp_path, monkeypatch):

@@ -250,9 +250,9 @@ def test_undo_redo_and_layers(cli, run):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--delete",), "say whom"),
-        (("--ids", "1"), "chosen for nothing"),
-        (("--ids", "900", "--delete"), "no animal fits"),
+        (("--delete",), "no animals are selected"),
+        (("--ids", "1"), "no edit for the selected animals"),
+        (("--ids", "900", "--delete"), "no animal at"),
         (("--ids", "x", "--delete"), "1-40, 52"),
         (("--ids", "1", "--delete", "--freeze"), "one edit at a time"),
         (("--ids", "1", "--move", "a,b"), "2 or 3 numbers"),
@@ -263,7 +263,7 @@ def test_undo_redo_and_layers(cli, run):
         (("--ids", "1", "--delete", "--from", "9"), "ends after 1.25 s"),
         (("--ids", "1", "--delay", "1", "--from", "0.5"), "whole run"),
         (("--ids", "1", "--freeze", "--from", "1", "--until", "0.5"), "later than --from"),
-        (("--ids", "1", "--freeze", "--over", "1"), "--move takes"),
+        (("--ids", "1", "--freeze", "--over", "1"), "can only be used with --move"),
         (("--undo",), "nothing to undo"),
         (("--on", "x"), "no layer 'x'"),
     ],
@@ -280,7 +280,7 @@ def test_edits_of_another_recording_are_refused(cli, run, level, tmp_path):
     assert cli("run", level, "--ticks", 3, "--record", other).code == 0
     beside(run).rename(beside(other))
     done = cli("export", other, "--to", tmp_path / "a.csv")
-    assert done.code == 1 and "edits of another recording" in done.err
+    assert done.code == 1 and "edits belong to another recording" in done.err
     assert not (tmp_path / "a.csv").exists()
     assert cli("export", other, "--to", tmp_path / "a.csv", "--no-edits").code == 0
 
@@ -308,7 +308,7 @@ speed = 2
         ('"1-3"', "[1, 2]", "1-40, 52"),
         ("speed = 2", "start = 5\nend = 2", "later than the start"),
         ('name = "one"', "on = 3", "true or false"),
-        ('name = "one"', "", "a layer has a name"),
+        ('name = "one"', "", "a layer must have a name"),
         ("0" * 64, "abc", "SHA-256"),
         ("[[layers]]", 'order = ["two"]\n[[layers]]', "name the layer of each edit"),
     ],

@@ -103,7 +103,10 @@ with terminal.compiling():
     done = subprocess.run(
         [sys.executable, "-c", program], env=environment(), capture_output=True, text=True, check=True
     )
-    assert done.stderr.splitlines() == ["compiling kernels for the first time, about a minute ...", "done"]
+    assert done.stderr.splitlines() == [
+        "compiling kernels; this takes about a minute, only at the first start ...",
+        "done",
+    ]
 
 
 def test_a_run_whose_kernels_are_there_does_not_speak_of_compiling(level):
@@ -139,7 +142,7 @@ def test_whoever_stops_a_run_keeps_what_was_written(cli, level, tmp_path, how):
     assert process.returncode == 130
     assert out == ""
     assert "Traceback" not in err
-    assert "what was written is complete up to there" in err
+    assert "the written files are complete up to this tick" in err
     run = open_recording(recording)
     assert not run.truncated
     lines = table.read_text().splitlines()
@@ -164,8 +167,8 @@ def test_a_recording_outlives_a_kill_that_asks_nobody(cli, level, tmp_path):
     assert not (tmp_path / "a.mp4").exists()  # half a film is none
     done = cli("replay", recording, "--verify")
     assert done.code == 0
-    assert "the run was not closed" in done.err or "cut off" in done.err
-    assert "the same, bit for bit" in done.out
+    assert "the recording was not closed" in done.err or "cut off" in done.err
+    assert "identical, bit for bit" in done.out
 
 
 def test_a_second_run_into_the_same_files_is_refused_and_the_first_goes_on(cli, level, tmp_path):
@@ -176,7 +179,7 @@ def test_a_second_run_into_the_same_files_is_refused_and_the_first_goes_on(cli, 
         assert second.code == 1
         assert second.err.startswith(f"{path}: process {process.pid} on ")
         assert f"run {level} --seconds 9000" in second.err
-        assert "has been writing it since" in second.err and "name another file" in second.err
+        assert "has been writing it since" in second.err and "choose another file" in second.err
     process.send_signal(signal.SIGTERM)
     process.communicate(timeout=240)
     assert cli("replay", recording, "--verify").code == 0

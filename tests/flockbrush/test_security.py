@@ -122,7 +122,7 @@ def test_a_sweep_runs_on_an_encrypted_cluster_and_nobody_else_gets_in(certificat
         for files, hint in (([], " without --tls-ca, --tls-cert and --tls-key"), (tls(theirs), "")):
             refused = other_process("sweep", file, "--out", tmp_path / "no", "--cluster", address, *files)
             assert refused.returncode == 1
-            assert f"{address}: no Dask scheduler answers there{hint}: " in refused.stderr
+            assert f"{address}: no Dask scheduler answers at this address{hint}: " in refused.stderr
             assert "Traceback" not in refused.stderr and "Exception ignored" not in refused.stderr
 
 
@@ -139,9 +139,9 @@ def test_dask_settings_are_enough(certificates, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--cluster", "tcp://127.0.0.1:1", "--tls-ca", "HERE"], "with --tls-... the address begins with tls://"),
+        (["--cluster", "tcp://127.0.0.1:1", "--tls-ca", "HERE"], "with --tls-..., the address must begin with tls://"),
         (["--cluster", "tls://127.0.0.1:1", "--tls-key", "none.pem"], "none.pem: there is no such file"),
-        (["--tls-cert", "HERE"], "these files are for --cluster tls://HOST:PORT"),
+        (["--tls-cert", "HERE"], "certificates can only be used with --cluster tls://HOST:PORT"),
     ],
 )
 def test_files_of_an_encrypted_connection_that_make_no_sense_are_refused(cli, tmp_path, words, said):

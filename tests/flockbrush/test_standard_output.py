@@ -23,7 +23,7 @@ def shell(line, cwd=None, **variables):
 @pytest.mark.skipif(os.name != "posix", reason="shells of other systems close nothing")
 def test_without_standard_output_a_command_says_so():
     done = shell("FLOCKBRUSH brush list >&-")
-    assert (done.returncode, done.stderr) == (1, b"standard output: it is closed\n")
+    assert (done.returncode, done.stderr) == (1, b"standard output: the stream is closed\n")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="shells of other systems close nothing")
@@ -36,7 +36,7 @@ def test_without_standard_error_nothing_else_goes_to_standard_output(tmp_path):
 def test_a_file_never_becomes_standard_output(tmp_path):
     """The lowest free number of a file is that of standard output, when that is closed."""
     done = shell("FLOCKBRUSH brush preview march --seconds 0 -o a.png >&-", cwd=tmp_path)
-    assert done.stderr.endswith(b"standard output: it is closed\n")
+    assert done.stderr.endswith(b"standard output: the stream is closed\n")
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
 
 
@@ -98,7 +98,7 @@ def test_a_working_folder_that_is_gone_is_named(tmp_path, words):
     (tmp_path / "gone").mkdir()
     done = shell(f"rmdir ../gone; FLOCKBRUSH {words}", cwd=tmp_path / "gone")
     assert done.returncode == 1
-    assert b"the folder this was started in is gone; change to another one" in done.stderr
+    assert b"the current folder was deleted; change to another folder" in done.stderr
     assert b"bug" not in done.stderr
 
 
@@ -106,7 +106,7 @@ def test_a_working_folder_that_is_gone_is_named(tmp_path, words):
 def test_a_run_that_would_never_end_is_refused(cli, level, seconds):
     done = cli("run", level, "--seconds", seconds)
     assert done.code == 2
-    assert "there can be 1,000,000,000 ticks" in " ".join(done.err.split())
+    assert "a run can have at most 1,000,000,000 ticks" in " ".join(done.err.split())
 
 
 @pytest.fixture

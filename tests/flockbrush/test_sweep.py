@@ -56,11 +56,11 @@ def test_seeds_may_be_listed_one_by_one():
         ),
         ("angle = [180, 170]", "angle = [180, 200]", "11: grid.angle[1]: must be from 1 to 180 degrees, got 200"),
         ("angle = [180, 170]", "angel = [180]", "11: grid.angel: unknown name; did you mean 'angle'?"),
-        ("angle = [180, 170]", "angle = 180", "11: grid.angle: a grid takes an array of values, got 180"),
-        ("angle = [180, 170]", "angle = [180, 180]", "11: grid.angle: has a value twice"),
+        ("angle = [180, 170]", "angle = 180", "11: grid.angle: a grid must have an array of values, got 180"),
+        ("angle = [180, 170]", "angle = [180, 180]", "11: grid.angle: contains a value twice"),
         ("steps = 300", "steps = 300\nbirds = 4", "15: fixed.birds: is in [grid] as well"),
         ("steps = 300", 'steps = "300"', "14: fixed.steps: must be a whole number, got '300'; write the number alone"),
-        ("count = 6", "", "6: seeds: takes count (and first), or list"),
+        ("count = 6", "", "6: seeds: must have either count (and first) or list"),
         ("count = 6", "count = 0", "7: seeds.count: must be"),
         ('title = "small flocks"', "titel = 3", "3: titel: unknown name; did you mean 'title'?"),
         (
@@ -74,7 +74,7 @@ def test_seeds_may_be_listed_one_by_one():
             "17: expect[0].measure: there is no measure 'lead'; did you mean 'leads'?",
         ),
         ("angle = 180 }", "angle = 175 }", "18: expect[0].where.angle: is never 175; it is 180, 170"),
-        ("mean = [0.5, 1.5]", "", "16: expect[0]: takes mean or more_than"),
+        ("mean = [0.5, 1.5]", "", "16: expect[0]: must have either mean or more_than"),
         (
             '"flockbrush.sweep/1"',
             '"flockbrush.sweep/2"',
@@ -182,7 +182,7 @@ def test_a_sweep_that_was_stopped_goes_on_where_it_was(tmp_path):
 def test_a_journal_is_not_begun_twice_by_mistake(tmp_path):
     sweep = read_sweep(sweep_file(tmp_path))
     sweep_to(sweep, tmp_path / "out", here, 2)
-    with pytest.raises(ProblemsError, match="there are 24 runs already; continue with --resume"):
+    with pytest.raises(ProblemsError, match="the folder already has 24 runs; continue with --resume"):
         sweep_to(sweep, tmp_path / "out", here, 2)
 
 
@@ -215,7 +215,7 @@ GOOD_ROW = '{"scenario": "a", "seed": 1, "status": "ok", "seconds": 0.5, "measur
 )
 def test_other_files_are_not_taken_for_a_journal(tmp_path, line):
     (tmp_path / "runs.jsonl").write_text(GOOD_ROW + line + "\n")
-    with pytest.raises(ProblemsError, match=r"runs.jsonl:2: is no row of a sweep"):
+    with pytest.raises(ProblemsError, match=r"runs.jsonl:2: is not a row of a sweep"):
         Journal(tmp_path / "runs.jsonl")
 
 

@@ -63,7 +63,10 @@ def test_a_scheduler_that_dies_is_told_in_one_line(tmp_path):
         begun[0].kill()
         told = run.communicate(timeout=240)[0]
     assert run.returncode == 1
-    assert told == f"{address}: is gone; finished work is in {tmp_path / 'out'}; continue with --resume\n"
+    assert (
+        told
+        == f"{address}: cannot be reached any more; finished runs are in {tmp_path / 'out'}; continue with --resume\n"
+    )
 
 
 def test_a_cluster_that_is_not_there_is_told(cli, tmp_path, monkeypatch):
@@ -71,7 +74,7 @@ def test_a_cluster_that_is_not_there_is_told(cli, tmp_path, monkeypatch):
     monkeypatch.setattr("flockbrush.runs.cluster.ANSWERS", "1s")
     told = cli("sweep", sweep_file(tmp_path), "--out", tmp_path / "out", "--cluster", "localhost:1")
     assert told.code == 1
-    assert "no Dask scheduler answers there" in told.err
+    assert "no Dask scheduler answers at this address" in told.err
 
 
 @pytest.mark.parametrize("address", ["nonsense://1", "localhost", "tcp://localhost", "two words:1", ""])

@@ -54,7 +54,7 @@ def test_files_that_are_not_there_are_told(cli, tmp_path):
         "no shipped sweep of that name; did you mean 'v_rules'?" in cli("sweep", "v_rule", "--out", tmp_path / "o").err
     )
     (tmp_path / "file").touch()
-    assert "--out names a folder" in cli("sweep", sweep_file(tmp_path), "--out", tmp_path / "file").err
+    assert "--out must be a folder" in cli("sweep", sweep_file(tmp_path), "--out", tmp_path / "file").err
     assert cli("sweep", sweep_file(tmp_path), "--out", tmp_path / "o", "--jobs", 1, "--cluster", "tcp://x:1").code == 2
 
 
@@ -100,7 +100,11 @@ def test_a_run_of_a_sweep_is_the_run_of_the_level(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("march.sensitivity", "marsh.sensitivity", "8: grid.brush.marsh.sensitivity: the level uses no brush 'marsh'"),
+        (
+            "march.sensitivity",
+            "marsh.sensitivity",
+            "8: grid.brush.marsh.sensitivity: the level does not use a brush 'marsh'",
+        ),
         (
             "march.sensitivity",
             "march.sensitive",
@@ -149,8 +153,8 @@ def test_a_herd_on_a_plane_is_swept_over_its_brush(tmp_path):
     ("old", "new", "said"),
     [
         ('plane = "march"', 'plane = "marsh"', "there is no brush 'marsh'; did you mean 'march'?"),
-        ('plane = "march"', 'plane = "march"\nlevel = "meadow"', "takes level, or plane"),
-        ('plane = "march"\n', "", "takes level, or plane"),
+        ('plane = "march"', 'plane = "march"\nlevel = "meadow"', "must have either level or plane"),
+        ('plane = "march"\n', "", "must have either level or plane"),
     ],
 )
 def test_mistakes_about_planes_are_told(tmp_path, old, new, said):

@@ -89,8 +89,8 @@ def test_the_system_is_the_one_that_reads_what_no_snapshot_holds(level, monkeypa
 def test_the_command_says_so_and_writes_both_states(cli, level, forgetful, tmp_path):
     done = cli("run", level, "--ticks", 40, "--synctest", 8, "--report", tmp_path / "r")
     assert done.code == 1
-    assert "tick 6 gives another state when it is lived again" in done.out
-    assert "the first system that differs: Move" in done.out
+    assert "tick 6 gives another state when it is simulated again" in done.out
+    assert "first system that differs: Move" in done.out
     assert {path.name for path in (tmp_path / "r").iterdir()} == {
         "report.json", "first-6.csv", "first-6.state", "again-6.csv", "again-6.state",
     }  # fmt: skip
@@ -110,7 +110,7 @@ def test_the_command_runs_and_records_as_without_it(cli, level, tmp_path):
     assert (one.hashes, one.commands) == (other.hashes, other.commands)
     assert len(other.commands) == 1
     assert cli("replay", tmp_path / "b.flock", "--verify").code == 0
-    assert "30 ticks lived twice, the same bit for bit" in cli("run", level, "--ticks", 30, "--synctest", 30).out
+    assert "30 ticks simulated twice: identical, bit for bit" in cli("run", level, "--ticks", 30, "--synctest", 30).out
 
 
 def test_what_a_designer_hands_in_meanwhile_is_applied_once(level):

@@ -43,7 +43,7 @@ def test_what_is_no_film_is_refused(tmp_path, capsys):
     (tmp_path / "notes.mp4").write_text("no film")
     out = str(tmp_path / "t.csv")
     assert called(["track", str(tmp_path / "notes.mp4"), "--out", out]) == 1
-    assert "notes.mp4: is no film that can be read" in capsys.readouterr().err
+    assert "notes.mp4: is not a readable video" in capsys.readouterr().err
     assert called(["track", str(tmp_path / "missing.mp4"), "--out", out]) == 1
     assert "there is no such file" in capsys.readouterr().err
 
@@ -60,7 +60,7 @@ def test_marks_that_the_film_has_no_place_for_are_told(clip, tmp_path, capsys):
     out, fix = str(tmp_path / "t.csv"), str(tmp_path / "fix.csv")
     assert called(["track", str(clip), "--out", out, "--correct", fix, "--json"]) == 0
     late, outside = json.loads(capsys.readouterr().out)["notes"]
-    assert "frame 5000 is not in the film, which has 0 to 29" in late
+    assert "frame 5000 is not in the clip, which has frames 0 to 29" in late
     assert "bird 7 in frame 3 is outside the 320 x 180 picture" in outside
 
 

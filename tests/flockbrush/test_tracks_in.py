@@ -190,7 +190,7 @@ def test_unit_and_frame_rate_are_asked_for(tmp_path):
 
 def test_pickled_arrays_are_refused(tmp_path):
     np.save(tmp_path / "a.npy", np.array([{"trajectories": 1}], dtype=object), allow_pickle=True)
-    with pytest.raises(ProblemsError, match="never unpickled"):
+    with pytest.raises(ProblemsError, match="not read for security"):
         read_trajectories(tmp_path / "a.npy", "px", 30)
 
 
@@ -319,4 +319,4 @@ def test_reenact_takes_tracks(circling, tmp_path, capsys):
 def test_options_of_films_are_refused_for_tracks(circling, tmp_path, capsys):
     command = ["learn", str(circling), "-o", str(tmp_path / "a.brush.toml"), "--unit", "m", "--fps", "10"]
     assert called([*command, "--obstacles", str(tmp_path / "no.png")]) == 1
-    assert "--obstacles is for films" in capsys.readouterr().err
+    assert "--obstacles can only be used with videos and pictures" in capsys.readouterr().err

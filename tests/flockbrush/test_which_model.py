@@ -44,7 +44,7 @@ def test_a_herd_is_told_to_be_what_it_is_or_not_told_apart(name):
     assert all(row.behind >= 0 for row in found.rows) and not found.rows[0].told_apart
     assert found.chosen.name == ("herd" if "herd" in found.equal else found.rows[0].name)
     if name == "zones":
-        assert found.equal == ["zones"] and "by zones (everybody" in found.sentence
+        assert found.equal == ["zones"] and "by zones (all animals" in found.sentence
         assert found.rows[0].params.repulsion == pytest.approx(1.0, abs=0.1)
 
 
@@ -52,7 +52,7 @@ def test_nothing_is_told_of_too_little_or_of_noise():
     short = compare_models([evidence_of(tracks("zones")[:40])], ["herd", "zones"])
     assert "blocks" in short.reason and short.equal == [row.name for row in short.rows]
     noisy = compare_models([evidence_of(tracks("zones")[:110, :20], noise=0.4)], ["herd", "zones"])
-    assert noisy.reason and noisy.sentence.startswith("Which model moves like this cannot be told")
+    assert noisy.reason and noisy.sentence.startswith("The models cannot be distinguished on this clip")
     assert noisy.chosen.name == "herd"
 
 
@@ -119,9 +119,9 @@ def test_numbers_of_zones_come_with_their_errors_and_make_a_brush(tmp_path):
 
 def test_what_cannot_be_learned_is_refused_in_a_sentence(tmp_path):
     assert kinds_of_models() == ["boids", "herd", "topological", "zones"]
-    with pytest.raises(ProblemsError, match="no model 'zone' to learn; did you mean 'zones'"):
+    with pytest.raises(ProblemsError, match="no model 'zone' can be learned; did you mean 'zones'"):
         check_kind("zone")
-    with pytest.raises(ProblemsError, match="no model 'v_rules' to learn"):
+    with pytest.raises(ProblemsError, match="no model 'v_rules' can be learned"):
         flockbrush.learn(np.zeros((10, 3, 2)), unit="m", fps=10, model="v_rules")
     clip = evidence_of(tracks("zones"))
     assert problem_of([clip]) == ""
@@ -150,18 +150,19 @@ def test_the_sentence_names_what_is_told_apart_and_what_is_not():
         ModelRow("boids", "boids", vision, params, 1.2, 0.1, 0.3, 0.02, True),
     ]
     both = ModelComparison(rows, 1.0, 10)
-    assert both.sentence == "Not told apart: zones and herd; boids by 0.30 ± 0.02 (nats) behind."
+    assert both.sentence == "Not distinguishable: zones and herd; behind them: boids by 0.30 ± 0.02 (nats)."
     assert both.chosen.name == "herd"
     alone = ModelComparison([rows[0], rows[2]], 1.0, 10)
     assert alone.sentence == (
-        "It moves by zones (whom it sees within 8 BL): the next step is likelier than by boids by 0.30 ± 0.02 (nats)."
+        "The best model is zones (visible animals within 8 BL): log score of the next step above boids by 0.30 ± 0.02 "
+        "(nats)."
     )
     assert len(table_of(alone).rows) == 2
     told = json.loads(json.dumps(as_json(both)))
     assert told["chosen"] == "herd" and told["equal"] == ["zones", "herd"] and told["rows"][2]["told_apart"]
     page = ReportPage("a page")
     add_models(page, both)
-    assert both.sentence in page.text() and "whom it sees within 8 BL" in page.text()
+    assert both.sentence in page.text() and "visible animals within 8 BL" in page.text()
 
 
 def test_the_confusion_table_counts_what_was_said():

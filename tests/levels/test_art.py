@@ -103,7 +103,7 @@ class TestWhatIsArt:
         own = {"name": "own", "image": "gone.png", "columns": 1, "tilecount": 1, "tilewidth": 16, "tileheight": 16}
         document["tilesets"].append({"firstgid": 6, **own})
         found = read(document)
-        assert "picture 'gone.png' is not drawn" in str(found.warnings[0])
+        assert "picture 'gone.png' cannot be drawn" in str(found.warnings[0])
         assert not found.art.picture.any()
 
     def test_a_picture_that_is_none_draws_nothing(self):

@@ -136,7 +136,7 @@ def test_all_spawns_that_do_not_fit_are_named_at_once():
         made(*small)
     first, second = str(caught.value).splitlines()
     assert "object 4 'a' in layer 'spawns': only" in first
-    assert "of 60 animals fit; make the area larger" in second
+    assert "of 60 animals fit; enlarge the area" in second
 
 
 def test_a_level_with_nobody_in_it_can_be_built():

@@ -348,7 +348,7 @@ def test_what_the_file_cannot_say_is_refused_and_nothing_has_changed():
     start = edit.text()
     for command, reason in (
         (Paint("surface", "lava", 5.0, 5.0, 5.0, 5.0, 1.0), "no tileset has a ground 'lava'"),
-        (PaintCells("surface", [None], [[1, 1, 1, 0]]), "does not know how the ground was before"),
+        (PaintCells("surface", [None], [[1, 1, 1, 0]]), "has no earlier state of the ground"),
         (PaintBrush("march", 5.0, 5.0, 1.0), "paint with Paint"),
         (RemoveThing("guide", 77), "the level has no Guide with id 77"),
         (RemoveThing("goal", 5), "the script names goal 'fold' in object 6; change that first"),
@@ -376,7 +376,7 @@ def test_the_last_spawn_stays_for_a_level_without_animals_is_none(meadow):
 
 def test_an_infinite_map_is_refused_in_words(tmp_path):
     (tmp_path / "endless.tmj").write_text(json.dumps(small(infinite=True)))
-    with pytest.raises(ProblemsError, match="an infinite map cannot be edited here; fix its size in Tiled"):
+    with pytest.raises(ProblemsError, match="an infinite map cannot be edited here; set a fixed size in Tiled"):
         Editor.open(tmp_path / "endless.tmj")
 
 

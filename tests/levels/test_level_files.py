@@ -86,7 +86,7 @@ def test_what_names_no_file_is_refused(project, name, message):
 def test_a_pipe_does_not_hang(project):
     os.mkfifo(project / "kinds.tsj")
     start = time.monotonic()
-    assert "is not an ordinary file" in refused(save(project))
+    assert "is not a regular file" in refused(save(project))
     assert time.monotonic() - start < 5
 
 

@@ -32,7 +32,7 @@ class TestGoals:
         assert len(found) == 1
         assert found[0].startswith("small.tmj:")
         assert "object 3 'shed' in layer 'goals': warning: no animal goes to goal 'shed'" in found[0]
-        assert "bound to the first goal, 'pond'" in found[0]
+        assert "animals start with the first goal, 'pond'" in found[0]
 
     def test_one_that_follows_another_is_linked(self):
         first = goal(2, "pond", 80, 80, on_arrive="next", next="shed")
@@ -84,8 +84,8 @@ class TestLayers:
     def test_a_hidden_layer_counts_and_is_named(self):
         document = level(tiles(visible=False), objects("spawns", herd()))
         assert warnings(document) == [
-            "small.tmj:93: layer 'terrain': warning: is hidden and counts all the same; delete it, or call it"
-            " 'notes ...' to leave it out"
+            "small.tmj:93: layer 'terrain': warning: is hidden in Tiled but still used; delete it, or name it"
+            " 'notes ...' to have it ignored"
         ]
 
     def test_a_layer_in_a_hidden_group_is_hidden(self):
@@ -98,7 +98,7 @@ class TestLayers:
 
     def test_parallax_is_told(self):
         document = level(tiles(parallaxx=0.5), objects("spawns", herd()))
-        assert "has a parallax factor, which is not used" in warnings(document)[0]
+        assert "has a parallax factor, which is ignored" in warnings(document)[0]
 
 
 def test_a_moved_tileset_is_the_only_thing_that_is_wrong():
@@ -119,7 +119,7 @@ class TestPaint:
         for document in (with_objects("zones", zone), level(tiles(), layer, objects("spawns", herd()))):
             found = warnings(document)
             assert len(found) == named
-            assert not named or "makes birds land and binds from 5 m up only" in found[0]
+            assert not named or "makes birds land, but acts only above z_min 5 m: below, they take off" in found[0]
 
     def test_paint_of_part_weight_names_pairs_that_nobody_has_measured(self):
         layer = tiles("brush", [3] * 100, opacity=0.5, properties=properties(blend="mix", edge=4.0))
@@ -128,7 +128,7 @@ class TestPaint:
         (made,) = found.brush_layers
         assert (made.bounds.blend, made.bounds.edge, made.weight, made.plain) == ("mix", 4.0, 0.5, False)
         assert len(found.warnings) == 1
-        assert "nobody has measured the way from 'graze' to 'march'" in str(found.warnings[0])
+        assert "there is no measured path from 'graze' to 'march'" in str(found.warnings[0])
 
     @pytest.mark.parametrize(
         ("values", "blend"),
@@ -144,4 +144,4 @@ class TestPaint:
         told = []
         made = SimpleNamespace(brush_layers=[mixing], zones=[], spawns=pairs)
         mixing_hints(made, {}, shipped(), SimpleNamespace(warn=told.append))
-        assert len(told) == 1 and "the measured way from 'graze' to 'march' is not even" in told[0]
+        assert len(told) == 1 and "the measured path from 'graze' to 'march' is uneven: behaviour may jump" in told[0]

@@ -53,7 +53,7 @@ class TestDefaults:
     def test_an_object_without_class_takes_that_of_its_layer(self):
         plain = thing(2, "", 16, 16, 32, 32)
         assert len(read(with_objects("obstacles north", plain)).obstacles) == 1
-        assert "has no class; there are Obstacle, Guide" in problem(with_objects("things", plain))
+        assert "has no class; set one of Obstacle, Guide" in problem(with_objects("things", plain))
 
     def test_a_class_value_counts_as_its_members(self):
         spawn = herd()
@@ -87,7 +87,7 @@ class TestDefaults:
         assert read(document).guides[0].goal == "fold"
         arrow["properties"][0]["value"] = 1
         document = level(tiles(), objects("spawns", herd()), objects("guides", arrow), objects("goals", fold))
-        assert "goal: object 1 is no Goal" in problem(document)
+        assert "goal: object 1 is not a Goal" in problem(document)
 
 
 class TestNumbers:
@@ -157,7 +157,7 @@ class TestCaps:
 
     def test_too_many_animals_are_refused(self):
         herds = [thing(k, "Spawn", 0, 0, 160, 160, brush="march", count=600_000, rate=1.0) for k in (1, 2)]
-        assert "the spawns together ask for 1200000 animals; there may be at most 1000000" in problem(
+        assert "the spawns have 1200000 animals in total; the maximum is 1000000" in problem(
             level(tiles(), objects("spawns", *herds))
         )
 
@@ -230,25 +230,23 @@ class TestMeaning:
         assert "there is no brush 'mrach'; did you mean 'march'?" in found[2]
 
     def test_a_level_says_what_it_is(self):
-        assert "map: schema is missing; a Flockbrush level says 'flockbrush-level/1'" in problem(level(properties=[]))
+        assert "map: schema is missing; a Flockbrush level has 'flockbrush-level/1'" in problem(level(properties=[]))
         assert "schema must be 'flockbrush-level/1', got 'flockbrush-level/9'" in problem(
             level(properties=properties(schema="flockbrush-level/9"))
         )
 
     def test_nobody_is_born_in_a_rock(self):
         rock = thing(2, "Obstacle", 16, 16, 142, 142, name="rock")
-        assert "lies wholly inside obstacles or on ground that cannot be walked on" in problem(
+        assert "is completely inside obstacles or on ground that is not walkable" in problem(
             with_objects("obstacles", rock)
         )
-        assert "on ground that cannot be walked on" in problem(
-            level(tiles(gids=[WALL] * 100), objects("spawns", herd()))
-        )
+        assert "on ground that is not walkable" in problem(level(tiles(gids=[WALL] * 100), objects("spawns", herd())))
         through = thing(2, "Obstacle", 16, 16, 142, 142, solid=False)
         assert read(with_objects("obstacles", through)).agents == 12
 
     def test_animals_must_have_room(self):
         small = thing(1, "Spawn", 16, 16, 16, 16, "herd", brush="march", count=40)
-        assert "40 animals 1 m long do not fit on 4 m^2 of free ground; there is room for 6" in problem(
+        assert "40 animals 1 m long do not fit on 4 m^2 of free ground; at most 6 fit" in problem(
             level(tiles(), objects("spawns", small))
         )
 
@@ -269,11 +267,11 @@ class TestMeaning:
 
     def test_things_beyond_the_map_are_told(self):
         arrow = thing(2, "Guide", 16, 400, extra=polyline((0, 0), (64, 0)))
-        assert "lies outside of the map, which is 20 x 20 m: x from 2.0 to 10.0, y from -30.0 to -30.0" in problem(
+        assert "is outside the map, which is 20 x 20 m: x from 2.0 to 10.0, y from -30.0 to -30.0" in problem(
             with_objects("guides", arrow)
         )
         spawn = thing(1, "Spawn", -16, 32, 128, 96, brush="march", count=3)
-        assert "reaches outside of the map" in problem(level(tiles(), objects("spawns", spawn)))
+        assert "extends outside the map" in problem(level(tiles(), objects("spawns", spawn)))
         through = thing(2, "Guide", -16, 80, extra=polyline((0, 0), (300, 0)))
         assert len(read(with_objects("guides", through)).guides) == 1
 
@@ -284,7 +282,7 @@ class TestMeaning:
 
         assert read(goals(name="fold")).goals[0].next == "fold"
         assert "next: there is no goal 'fold'; did you mean 'fould'?" in problem(goals(name="fould"))
-        assert "two goals are called 'ford'; object 2 is the other" in problems(goals(name="ford"))[1]
+        assert "two goals have the name 'ford'; the other is object 2" in problems(goals(name="ford"))[1]
         lost = thing(4, "Goal", 80, 80, name="x", extra={"point": True}, on_arrive="next")
         assert "on_arrive is 'next', so next must name a goal" in problem(with_objects("goals", lost))
 
@@ -302,10 +300,10 @@ class TestMeaning:
 
     def test_measures_have_names_of_their_own(self):
         lines = [thing(k, "Line", 16, 16, name="gate", extra=polyline((0, 0), (64, 0))) for k in (2, 3)]
-        assert "two measures are called 'gate'" in problem(with_objects("measure", *lines))
+        assert "two measures have the name 'gate'" in problem(with_objects("measure", *lines))
 
     def test_a_template_must_be_detached(self):
-        assert "templates are not read; detach it" in problem(
+        assert "templates are not supported; detach the object" in problem(
             with_objects("obstacles", {"id": 2, "template": "rock.tj", "x": 16, "y": 16})
         )
 
@@ -354,7 +352,7 @@ class TestScript:
 
         values = {"command": command, "radius": 5.0, "z": 1.0, "species": "aminal"}
         values = {k: v for k, v in values.items() if (command, k) != ("RemoveAnimals", "z")}
-        assert "species: there is no species 'aminal'; there are animal" in told(values)
+        assert "species: there is no species 'aminal'; available: animal" in told(values)
         assert told(values | {"species": "animal"}) == told(values | {"species": ""}) == ""
         added = {"command": "AddAnimals", "brush": "march", "radius": 5.0, "species": "aminal"}
         assert told(values, added) == ""
@@ -364,7 +362,7 @@ class TestNoLevel:
     def test_a_map_in_tmx_that_is_no_level_names_what_makes_one(self):
         for text in ('<?xml version="1.0"?><map/>', "<map version='1.8'/>"):
             assert problems(text)[0] == (
-                "small.tmj:1: map: schema is missing; a Flockbrush level says 'flockbrush-level/1'"
+                "small.tmj:1: map: schema is missing; a Flockbrush level has 'flockbrush-level/1'"
                 "; to make a level of another map: flockbrush level adopt FILE"
             )
 
@@ -376,7 +374,7 @@ class TestNoLevel:
             ('{"type": "tileset"}', "small.tmj:1: this is not a Tiled map: its type is the text 'tileset'"),
             ('{"a": 1\n "b"}', "small.tmj:2: not valid JSON: expecting ',' delimiter, found '\"'"),
             ('{"a": 1,\n\n "a": 2}', "small.tmj:3: 'a' is given twice in one object"),
-            ('{"a": "\\ud800"}', "small.tmj:1: half a character (a lone surrogate) in a text"),
+            ('{"a": "\\ud800"}', "small.tmj:1: incomplete character (a lone surrogate) in a string"),
             (b'{"a":\n"\xff"}', "small.tmj:2: this is not UTF-8 text"),
         ],
     )

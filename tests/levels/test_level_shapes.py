@@ -109,15 +109,15 @@ class TestShapes:
         [{}, polygon((0, 0), (32, 32)), polygon((0, 0), (16, 16), (32, 32)), {"ellipse": True}, {"width": 32}],
     )
     def test_a_shape_without_area_is_refused(self, shape):
-        assert "it has no area; drag it larger or delete it" in problem(
+        assert "its area is zero; enlarge or delete it" in problem(
             with_objects("obstacles", thing(2, "Obstacle", 16, 16, extra=shape))
         )
 
     def test_a_shape_of_the_wrong_kind_says_which_is_right(self):
-        assert "a Guide must be a polyline, and this is a rectangle, ellipse or polygon" in problem(
+        assert "a Guide must be a polyline, but this is a rectangle, ellipse or polygon" in problem(
             with_objects("guides", thing(2, "Guide", 16, 16, 32, 32))
         )
-        assert "an Exit must be a rectangle, ellipse or polygon, and this is a polyline" in problem(
+        assert "an Exit must be a rectangle, ellipse or polygon, but this is a polyline" in problem(
             with_objects("exits", thing(2, "Exit", 16, 16, extra=polyline((0, 0), (9, 9))))
         )
 
@@ -151,8 +151,8 @@ class TestHulls:
             ("0 0; 1 0; 0 1; 1 1", "three numbers"),
             ("0 0 0; 1 0 0; 0 1 0; 1 1 0", "must not lie in one plane"),
             ("0 0 0; 1 0 0; 0 1 0; 0 0 up", "could not convert"),
-            ("0 0 0; 1 0 0; 0 1 0; 0 0 nan", "no level is larger"),
-            ("0 0 0; 1 0 0; 0 1 0; 0 0 1e300", "no level is larger"),
+            ("0 0 0; 1 0 0; 0 1 0; 0 0 nan", "coordinates must be at most"),
+            ("0 0 0; 1 0 0; 0 1 0; 0 0 1e300", "coordinates must be at most"),
             ("; ".join(f"{k} {k * k} {k**3}" for k in range(40)), "4 to 32 corners"),
         ],
     )
@@ -161,4 +161,4 @@ class TestHulls:
         assert "rock" in found and "such as '-2 -2 0;" in found and told in found
 
     def test_corners_of_a_box_are_told(self):
-        assert "set shape to 'hull', it is 'box'" in problem(rock_with(corners=PYRAMID))
+        assert "corners can only be used with shape 'hull', and shape is 'box'" in problem(rock_with(corners=PYRAMID))

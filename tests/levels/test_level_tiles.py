@@ -50,10 +50,13 @@ class TestTiles:
     @pytest.mark.parametrize(
         "layer, message",
         [
-            ({"encoding": "base64", "compression": "zstd"}, "zstd is not read; set Map > Tile Layer Format to CSV"),
-            ({"encoding": "base32"}, "unknown tile data encoding 'base32'; there are csv and base64"),
+            (
+                {"encoding": "base64", "compression": "zstd"},
+                "zstd is not supported; set Map > Tile Layer Format to CSV",
+            ),
+            ({"encoding": "base32"}, "unknown tile data encoding 'base32'; available: csv, base64"),
             ({"encoding": "base64", "compression": "lzma"}, "unknown tile data compression 'lzma'"),
-            ({"encoding": "base64"}, "base64 tile data must be a text"),
+            ({"encoding": "base64"}, "base64 tile data must be a string"),
             ({"encoding": "base64", "data": "no*base64"}, "tile data is not valid base64"),
             ({"encoding": "base64", "data": "AAAA"}, "must have 400 bytes (100 tiles), got 3"),
             ({"encoding": "base64", "compression": "zlib", "data": "AAAA"}, "tile data is not valid zlib"),
@@ -82,9 +85,9 @@ class TestTiles:
         gids = [GRASS] * 100
         gids[23], gids[35], gids[40] = MARCH, PLAIN, 77
         found = problems(level(tiles(gids=gids), objects("spawns", herd())))
-        assert any("tile id 3 at column 3, row 2 must be a Terrain tile, and it is a Brush tile" in p for p in found)
-        assert any("tile id 5 at column 5, row 3 must be a Terrain tile, and it has no class" in p for p in found)
-        assert any("tile id 77 at column 0, row 4 must be a Terrain tile, and no tileset has it" in p for p in found)
+        assert any("tile id 3 at column 3, row 2 must be a Terrain tile, but it is a Brush tile" in p for p in found)
+        assert any("tile id 5 at column 5, row 3 must be a Terrain tile, but it has no class" in p for p in found)
+        assert any("tile id 77 at column 0, row 4 must be a Terrain tile, but no tileset has it" in p for p in found)
 
     def test_an_infinite_map_is_as_large_as_what_is_painted(self):
         def chunk(x, y, *cells):
@@ -107,7 +110,7 @@ class TestTiles:
         assert "there may be at most 4194304" in problem({**document, "infinite": True})
 
     def test_an_empty_infinite_map_has_no_size(self):
-        assert "an infinite map is as large as what is painted" in problem(
+        assert "an infinite map is as large as its painted area" in problem(
             level(objects("spawns", herd()), infinite=True)
         )
 

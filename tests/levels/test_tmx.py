@@ -118,10 +118,10 @@ BOMB = '<!DOCTYPE map [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><map>&b;</m
 @pytest.mark.parametrize(
     ("text", "message", "line"),
     [
-        (BOMB, "a DTD or entities is not read", 1),
+        (BOMB, "a DTD or entities are not supported", 1),
         (
             '<?xml version="1.0"?>\n<!DOCTYPE map SYSTEM "file:///etc/passwd">\n<map/>',
-            "a DTD or entities is not read",
+            "a DTD or entities are not supported",
             2,
         ),
         ("<map>\n&b;</map>", "not valid XML: undefined entity", 2),
@@ -151,7 +151,8 @@ def test_more_elements_than_there_may_be_are_refused(monkeypatch):
 def test_a_world_names_its_maps():
     document = {"type": "world", "maps": [{"fileName": "north.tmj"}, {"fileName": "south.tmx"}]}
     assert (
-        problem(document) == "small.tmj:1: a world is several maps, which are opened one by one: north.tmj, south.tmx"
+        problem(document)
+        == "small.tmj:1: this is a Tiled world of several maps; open one of its maps: north.tmj, south.tmx"
     )
 
 

@@ -37,7 +37,7 @@ def test_a_level_that_tiled_saves_comes_anew_and_goes_on_playing(window):
     window.frames(40)
     assert window.dialog is None
     assert window.session.level.seed == 77 and window.session.playing
-    assert any("changed by another program" in text for text in window.said())
+    assert any("another program changed the level" in text for text in window.said())
     assert len(window.session.branches) == 2
 
 
@@ -55,7 +55,7 @@ def test_a_level_that_tiled_saves_broken_stays_and_says_why_once(window):
     window.session.path.write_text("{")
     window.frames(120)
     assert window.session.level.seed == before
-    told = [text for text in window.said("error") if "stays as it is" in text]
+    told = [text for text in window.said("error") if "The level in this window is not changed" in text]
     assert len(told) == 1
     window.toasts.log.clear()
 
@@ -84,7 +84,7 @@ def test_the_result_of_a_check_is_shown_in_a_window(tmp_path, monkeypatch):
     bad.write_text("{")
     assert CliRunner().invoke(cli, ["level", "check", "--window", str(bad)]).exit_code != 0
     (title, text, wrong), (other, why, worse) = seen
-    assert "in order" in title and f"{good}: ok" in text and not wrong
+    assert "No problems" in title and f"{good}: ok" in text and not wrong
     assert "Problems" in other and "bad.tmj" in why and worse
 
 

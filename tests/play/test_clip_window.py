@@ -203,7 +203,7 @@ def test_a_click_takes_the_bodys_colour_and_a_drag_its_length(sky_clip, open_win
     window.drag((x - 6, y), (x + 6, y))
     assert window.book.state.marks.body_length == pytest.approx(12, abs=0.6)
     assert 0 < window.mode._masked().mean() < 0.02
-    window.push("Find it automatically")
+    window.push("Detect colour")
     assert window.book.state.marks.body_colour is None
 
 
@@ -213,7 +213,7 @@ def test_a_click_takes_the_bodys_colour_and_a_drag_its_length(sky_clip, open_win
 @pytest.fixture
 def bird_window(sky_clip, open_window):
     window = open_window(Film(sky_clip), "birds")
-    window.push("Follow birds")
+    window.push("Track birds")
     window.wait()
     return window
 
@@ -269,7 +269,7 @@ def test_who_is_chosen_is_removed_from_here_on_or_altogether(bird_window):
     assert bird_window.book.state.birds.sights()[bird] == 10
     assert bird_window.mode.breaks() == [9]
     bird_window.key("ctrl+z")
-    bird_window.push("Never was a bird")
+    bird_window.push("Never a bird")
     assert bird not in bird_window.book.state.birds.ids
     bird_window.key("ctrl+z")
     bird_window.click(true(bird_window.k)[2], button=3)
@@ -280,7 +280,7 @@ def test_who_never_was_a_bird_does_not_rename_the_others(bird_window):
     names = whose(bird_window, 0)
     bird_window.go(20)
     bird_window.click(true(20)[0])
-    bird_window.push("Never was a bird")
+    bird_window.push("Never a bird")
     before = bird_window.book.state.birds
     bird_window.key("f")
     bird_window.wait()
@@ -305,13 +305,13 @@ def test_what_was_followed_for_a_state_that_is_gone_is_not_taken(bird_window):
     bird_window.click((250, 20))
     birds = bird_window.book.state.birds
     bird_window.wait()
-    assert bird_window.book.state.birds is birds and "meanwhile" in " ".join(bird_window.said())
+    assert bird_window.book.state.birds is birds and "in the meantime" in " ".join(bird_window.said())
 
 
 def test_corrections_of_the_window_are_those_of_the_command(bird_window, sky_clip, tmp_path):
     bird_window.click(true(0)[2], button=3)
     bird_window.key("f")
-    bird_window.answer("Follow anew")
+    bird_window.answer("Track again")
     bird_window.wait()
     bird_window.key("ctrl+s")
     out = tmp_path / "again.csv"
@@ -351,7 +351,7 @@ def test_paths_drawn_on_an_empty_sky_become_tracks(open_window):
 def test_a_sketch_is_lifted_in_a_window_of_its_own(open_window, monkeypatch):
     window = open_window(Sky((640, 360), 60), "sketch")
     window.drag((60, 80), (560, 90))
-    window.push("Lift and look")
+    window.push("Lift and view")
     assert window.dialog.alive()
     monkeypatch.setattr(
         window.lifting, "command", lambda tracks: [sys.executable, "-c", f"print({str(tracks)!r}); 1/0"]
@@ -419,7 +419,7 @@ def test_the_command_opens_a_window_and_says_what_is_wrong(tmp_path, monkeypatch
     (tmp_path / "notes.mp4").write_text("no film")
     (tmp_path / "cam.toml").write_text("width = 3\n")
     for words, said in (
-        (["--clip", str(tmp_path / "notes.mp4")], "is no film that can be read"),
+        (["--clip", str(tmp_path / "notes.mp4")], "is not a readable video"),
         (["--clip", str(tmp_path)], "is a folder"),
         (["--clip", str(sky_clip), "--tracks", str(tmp_path / "no.csv")], "no.csv"),
         (["--clip", str(sky_clip), "--camera", str(tmp_path / "cam.toml")], "height is missing"),

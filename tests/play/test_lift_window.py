@@ -153,7 +153,7 @@ def test_a_name_with_a_wrong_ending_is_told(window, tmp_path):
     window.key("s", "ctrl")
     window.dialog.entry.set_text(str(tmp_path / "flight.obj"))
     window.key("return")
-    assert any("the ending of a flight" in toast.text for toast in window.toasts.log)
+    assert any("the file extension of a flight" in toast.text for toast in window.toasts.log)
 
 
 def test_the_birds_of_a_frame_become_a_brush_and_a_level(window, tmp_path, monkeypatch):

@@ -159,7 +159,7 @@ def test_nothing_is_written_where_nothing_can_be(tmp_path, open_window):
 
 def test_marks_of_other_pictures_are_not_overwritten(tmp_path):
     (tmp_path / "m.csv").write_text("frame,bird,x_px,y_px\nother.png,0,3,4\n")
-    with pytest.raises(ProblemsError, match="no marks of these pictures"):
+    with pytest.raises(ProblemsError, match="no marks for these pictures"):
         Album(read_frames(film(tmp_path, 1))).load(tmp_path / "m.csv")
 
 
@@ -169,6 +169,6 @@ def test_the_command_opens_a_window_and_says_what_is_wrong(tmp_path, monkeypatch
     assert runner.invoke(commands, ["formation", "mark", *paths, *out, "--frames", "2"]).exit_code == 0
     (tmp_path / "no.png").write_text("no picture")
     done = runner.invoke(commands, ["formation", "mark", str(tmp_path / "no.png"), *out])
-    assert isinstance(done.exception, ProblemsError) and "is no picture that can be read" in str(done.exception)
+    assert isinstance(done.exception, ProblemsError) and "is not a readable picture" in str(done.exception)
     monkeypatch.setattr("flockbrush.studio.start_marking.missing_display", lambda: "none")
     assert runner.invoke(commands, ["formation", "mark", *paths, *out], standalone_mode=False).return_value == 2

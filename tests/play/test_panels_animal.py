@@ -36,7 +36,7 @@ def select(window, row=0):
 
 def test_nobody_is_selected_at_first_and_the_panel_says_what_to_do(window):
     assert window.panel.pictures.keys() == {"nobody"}
-    assert "select tool" in window.panel.pictures["nobody"].said[0][1]
+    assert "Select tool" in window.panel.pictures["nobody"].said[0][1]
 
 
 def test_the_panel_shows_the_selected_animal(window):
@@ -64,7 +64,7 @@ def test_a_bird_tells_how_it_lies_in_the_air_and_whom_it_sees_there():
     sparrow = 20
     facts = dict(facts_of(session, sparrow))
     lists = session.simulation.world.resource(SightInSpace).lists
-    assert facts["others in sight"] == str(lists.first[sparrow + 1] - lists.first[sparrow]) != "0"
+    assert facts["visible neighbours"] == str(lists.first[sparrow + 1] - lists.first[sparrow]) != "0"
     assert "height" in facts["place"] and "ground" not in facts and "flies" in facts
     assert "flies" not in dict(facts_of(session, 0))  # an elephant
     session.close()
@@ -100,7 +100,7 @@ def test_an_animal_that_is_gone_is_said_to_be_gone(window):
     entity = select(window)
     window.session.do("away", [RemoveAnimals(0.0, 0.0, 0.0)])
     window.wait()
-    assert f"Animal {entity} is no longer there." in window.panel.pictures["nobody"].said[0]
+    assert f"Animal {entity} does not exist any more." in window.panel.pictures["nobody"].said[0]
 
 
 def test_the_buttons_lead_to_the_reference_bird_and_to_nobody(window):
@@ -126,9 +126,9 @@ def test_rows_are_found_by_id(window):
 
 
 def test_turns_in_words():
-    assert turning(np.radians(40)) == "Together: left, 40°/s"
-    assert turning(np.radians(-40), np.radians(20)) == "Together: right, 20°/s, as fast as it can"
-    assert turning(0.0) == "Together: keeps its way"
+    assert turning(np.radians(40)) == "Sum: left, 40°/s"
+    assert turning(np.radians(-40), np.radians(20)) == "Sum: right, 20°/s (maximum)"
+    assert turning(0.0) == "Sum: keeps its heading"
     assert [compass(*v) for v in ((1, 0), (0, 1), (-1, -1), (1, -0.9))] == ["east", "north", "south-west", "south-east"]
 
 

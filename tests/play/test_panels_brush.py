@@ -227,7 +227,7 @@ def test_a_command_carries_a_brush_that_reads_back_the_same():
 def test_a_new_brush_of_nothing_changed_says_so():
     brush = shipped().get("march")
     made = as_new(brush, brush, "copy", datetime.date(2026, 11, 21))
-    assert "same numbers" in made.provenance.notes
+    assert "Same parameters" in made.provenance.notes
     assert made.params == brush.params
 
 
@@ -243,7 +243,7 @@ def test_a_level_that_comes_with_flockbrush_keeps_its_folder_and_says_why():
     window = SmallWindow("meadow", BrushPanel, brush="march")
     window.panel.save_as("shy-march")
     window.frames(2)
-    assert "part of Flockbrush or of a recording; save it elsewhere first" in window.said[-1][1]
+    assert "part of Flockbrush or of a recording; first save the level elsewhere" in window.said[-1][1]
     assert window.brush == "march"
     window.close()
 

@@ -67,10 +67,10 @@ def test_what_was_measured_stands_below_a_slider_that_does_less_or_more():
         return one.kind == SENTENCE, one.note
 
     assert order([0.1, 0.9], polarization=9.0, nnd=2.9) == (False, "")
-    assert order([0.1, 0.9], polarization=9.0, nnd=3.1, speed_mean=4.0) == (False, "also moves speed and spacing")
-    said = "hardly acts: polarization 0.63 to 0.78 ± 0.05"
+    assert order([0.1, 0.9], polarization=9.0, nnd=3.1, speed_mean=4.0) == (False, "also changes speed and spacing")
+    said = "weak effect: polarization 0.63 to 0.78 ± 0.05"
     assert order([0.63, 0.78, 0.7], polarization=3.0) == (True, said)
-    assert order([0.3, 0.8], polarization=1.0) == (True, "hardly acts: polarization 0.30 to 0.80 ± 0.50")
+    assert order([0.3, 0.8], polarization=1.0) == (True, "weak effect: polarization 0.30 to 0.80 ± 0.50")
 
 
 def test_the_table_speaks_of_shipped_brushes_and_its_ranges_hold_them():

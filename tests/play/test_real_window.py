@@ -192,7 +192,7 @@ def test_ctrl_c_ends_it_and_loses_nothing(desk):
     desk.until(lambda: '{"event":"undo"' in journal(desk), "not undone")
     desk.child.send_signal(signal.SIGINT)
     code, errors = desk.end()
-    assert code == 130 and "Traceback" not in errors and "what was not saved is kept" in errors
+    assert code == 130 and "Traceback" not in errors and "unsaved changes are kept" in errors
     desk.open()
     desk.key("Return")  # go on from there
     desk.saved(False)

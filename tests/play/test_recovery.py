@@ -147,7 +147,7 @@ def test_a_lost_journal_costs_the_edits_and_not_the_run(level, state):
     (file,) = state.glob("*/*.journal")
     file.write_text("nonsense")
     again = Session.recover(leftovers(root=state)[0], state)
-    assert again.tick == 4 and "what was done to the level is lost" in texts(again)[0]
+    assert again.tick == 4 and "the changes of the level are lost" in texts(again)[0]
     again.step(3)
     assert again.timeline.current.hashes == straight_run(level, by_hand(again), 7)
     again.close()
@@ -219,7 +219,7 @@ def test_sessions_of_an_early_version_are_told_of_and_found_once_they_are_moved(
     told = []
     assert leftovers(tell=told.append) == []
     assert told == [
-        f"{tmp_path / 'home'} has sessions of an early version ({now.name}); to recover them, move them to"
+        f"{tmp_path / 'home'} has sessions of an older version ({now.name}); to recover them, move them to"
         f" {state_folder()}"
     ]
     early.rename(now)

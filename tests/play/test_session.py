@@ -172,7 +172,7 @@ def test_what_cannot_be_done_is_said_and_nothing_has_happened(session):
     session.step(3)
     here = state_hash(session.simulation.world)
     assert not session.do("switch", [SwitchBrush("swarm"), SwitchBrush("swarm", species="cow")])
-    assert texts(session) == ["there is no species 'cow'; there are sheep"]
+    assert texts(session) == ["there is no species 'cow'; available: sheep"]
     assert state_hash(session.simulation.world) == here
     assert texts(session) == []
 

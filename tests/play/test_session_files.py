@@ -205,13 +205,13 @@ def test_a_restarted_run_is_a_recording_of_its_own(session, tmp_path):
 
 def test_a_run_of_more_animals_than_the_map_holds_can_be_painted_but_not_saved(level, tmp_path):
     session = Session.open(level, agents=300, state_folder=tmp_path / "state")
-    assert isinstance(session.editor, History) and "the map had to grow for 300 animals" in texts(session)[0]
+    assert isinstance(session.editor, History) and "the map was enlarged for 300 animals" in texts(session)[0]
     session.do("paint", [stroke("march", 8, 8, 2)], join="s")
     session.do("paint", [stroke("march", 9, 8, 2)], join="s")
     session.step(2)
     assert session.undo() and session.undo_label is None and session.redo_label == "paint"
     assert session.redo() and session.undo_label == "paint" and not session.dirty
-    assert not session.save() and "the map had to grow" in texts(session)[0]
+    assert not session.save() and "the map was enlarged" in texts(session)[0]
     session.step(2)
     session.scrub(1)
     session.branch()
@@ -272,14 +272,14 @@ def test_a_brush_is_not_replaced_unasked(session):
     mine = shipped().get("march").model_copy(update={"name": "mine"})
     assert session.save_brush(mine) and session.save_brush(mine) is None
     told, refused = texts(session)
-    assert "Tiled finds the brush" in told and "is there already" in refused
+    assert "Tiled shows the brush" in told and "already exists" in refused
     assert session.save_brush(mine, overwrite=True)
 
 
 def test_a_shipped_level_stays_as_it_is(tmp_path):
     session = Session.open("meadow", agents=20, state_folder=tmp_path / "state")
     assert session.save() is False and "is part of Flockbrush" in texts(session)[0]
-    with pytest.raises(ProblemsError, match="save it elsewhere first"):
+    with pytest.raises(ProblemsError, match="first save the level elsewhere"):
         session.brush_folder()
     session.close()
 
@@ -296,7 +296,7 @@ def test_a_full_disk_loses_nothing(session, level, monkeypatch, where):
     assert session.save() is False
     monkeypatch.undo()
     (text_told,) = texts(session)
-    assert "No space left on device" in text_told and "nothing of your work is lost" in text_told
+    assert "No space left on device" in text_told and "your changes are kept in this window" in text_told
     assert "pasture.tmj" in text_told
     assert level.read_bytes() == before and session.dirty and session.editor.text() == text
     assert not [p for p in level.parent.iterdir() if p.name.startswith(".")]
@@ -315,7 +315,7 @@ def test_a_disk_that_is_really_full_loses_nothing(session, tmp_path):
         pytest.skip("no small disk can be mounted here")
     try:
         assert session.save(small / "walk.tmj") is False
-        assert "nothing of your work is lost" in texts(session)[0] and session.path.name == "pasture.tmj"
+        assert "your changes are kept in this window" in texts(session)[0] and session.path.name == "pasture.tmj"
     finally:
         subprocess.run(["umount", small], check=True)
 
@@ -369,7 +369,7 @@ def test_a_broken_version_is_not_taken(session, level):
     level.write_text('{"type": "map"')
     assert not session.reload()
     (text,) = texts(session)
-    assert "pasture.tmj:1" in text and "stays as it is" in text
+    assert "pasture.tmj:1" in text and "is not changed" in text
     assert session.undo_label == "rock" and session.changed_on_disk() == "changed"
 
 
@@ -389,7 +389,7 @@ def test_a_folder_deleted_while_open_loses_nothing(session, level, tmp_path):
     session.restart()
     session.step(3)
     assert session.tick == 3 and len(session.level.obstacles) == 2
-    assert session.save() is False and "nothing of your work is lost" in texts(session)[-1]
+    assert session.save() is False and "your changes are kept in this window" in texts(session)[-1]
     level.parent.mkdir()
     assert session.save() == level and len(read_level(level).obstacles) == 2
     (tmp_path / "new").mkdir()

@@ -224,7 +224,7 @@ def test_a_folder_that_may_not_be_written_is_said_and_one_plays_on(level, tmp_pa
     blocked.write_text("a file where a folder should be")
     session = Session.open(level, state_folder=blocked)
     session.step(3)
-    assert "a crash would lose your work" in texts(session)[0]
+    assert "your changes are not protected against a crash" in texts(session)[0]
     session.close()
 
 

@@ -64,7 +64,7 @@ def test_a_folder_that_may_not_be_written_is_said(tmp_path):
 
 def test_a_file_in_the_place_of_the_folder_is_said(tmp_path):
     (tmp_path / "deep").write_text("a file")
-    assert "cannot be kept" in save_settings(Settings(), tmp_path / "deep" / "settings.json")
+    assert "cannot be saved" in save_settings(Settings(), tmp_path / "deep" / "settings.json")
 
 
 def test_the_folder_is_where_the_system_wants_it(monkeypatch, tmp_path):

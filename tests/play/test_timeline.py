@@ -115,7 +115,7 @@ def test_keys_placed_on_the_way_act_in_every_branch_as_in_a_straight_run(timelin
 
 def test_the_past_cannot_be_edited_without_a_branch(timeline):
     lived(timeline, 4).go_to(2)
-    with pytest.raises(ValueError, match="fork first"):
+    with pytest.raises(ValueError, match="start a new branch first"):
         timeline.perform([RemoveAnimals(6, 8, 9)])
 
 
@@ -176,7 +176,7 @@ def test_a_new_beginning_is_another_branch(timeline, level):
 
 
 def test_who_is_unknown_cannot_be_switched_to(timeline):
-    with pytest.raises(LookupError, match="no branch 'left'; there are pasture"):
+    with pytest.raises(LookupError, match="no branch 'left'; available: pasture"):
         timeline.switch("left")
 
 
@@ -246,7 +246,7 @@ def test_a_past_that_comes_out_differently_is_told_once(level, monkeypatch):
     lived(timeline, 12).go_to(1)
     timeline.simulation.agents[Position.xyz][0, 0] += 1e-9
     timeline.go_to(7)
-    assert told == ["tick 2 of pasture came out differently when lived again; please report this"]
+    assert told == ["tick 2 of pasture gave another state when it was simulated again; please report this bug"]
     timeline.close()
 
 
@@ -376,7 +376,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(level, monkeypatch, tmp_
     monkeypatch.setattr("flockbrush.engine.recording.Recording._append", full)
     lived(timeline, 5)
     monkeypatch.undo()
-    assert len(told) == 1 and "no longer recorded" in told[0] and "No space left" in told[0]
+    assert len(told) == 1 and "not recorded any more" in told[0] and "No space left" in told[0]
     timeline.export(tmp_path / "whole.flock")  # once there is room again
     assert verified(tmp_path / "whole.flock").last_tick == 7
     timeline.close()

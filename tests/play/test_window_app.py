@@ -150,7 +150,10 @@ def test_a_level_that_is_broken_on_disk_is_offered_again_when_it_is_mended(windo
     path.write_text("{ half a")
     window.frames(40)
     window.key("return")
-    assert "What you have here stays" in window.said("error")[-1] and window.painted((13, 3)) == window.brush
+    assert (
+        "The level in this window is not changed" in window.said("error")[-1]
+        and window.painted((13, 3)) == window.brush
+    )
     window.frames(80)
     assert window.dialog is None
     path.write_text(good.replace('"stone"', '"menhir"'))
@@ -281,7 +284,7 @@ def test_every_key_does_something_and_nothing_breaks(window, action, monkeypatch
         if window.dialog is not None:
             window.key("escape")
     window.end_video()
-    assert [text for text in window.said() if "did not work" in text] == []
+    assert [text for text in window.said() if "this failed" in text] == []
 
 
 def test_no_key_means_two_things():

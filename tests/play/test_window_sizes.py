@@ -167,7 +167,7 @@ def test_without_a_display_there_is_one_sentence_and_code_2(tmp_path):
         cwd=HOUSE, env=env | {"FLOCKBRUSH_CONFIG": str(tmp_path)}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 2, done.stderr
-    assert "no window can be opened here" in done.stderr and "Traceback" not in done.stderr
+    assert "no window can be opened" in done.stderr and "Traceback" not in done.stderr
 
 
 def test_the_command_opens_a_window_and_closes_it(tmp_path):

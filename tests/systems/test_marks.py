@@ -115,7 +115,7 @@ BAD = [
     (DrawZone(30, "pen", HERE.tolist(), factor=0.0), "factor must be 0.01 to 10, got 0"),
     (DrawZone(30, "pen", box(50, 50, 60, 60).tolist(), "run"), "the zone is not on the map"),
     (DrawLine(31, "gate", [[1.0, 1.0]]), "a line has 2 to 2000 points, got 1"),
-    (DrawLine(31, "", [[1.0, 1.0], [2.0, 1.0]]), "give it one"),
+    (DrawLine(31, "", [[1.0, 1.0], [2.0, 1.0]]), "needs a name"),
     (DrawArea(31, "yard", [[1.0, 1.0], [2.0, 1.0]]), "an area has 3 to"),
     (RemoveThing("zone", 30), "there is no zone 30 in this world"),
 ]

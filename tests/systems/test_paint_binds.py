@@ -136,7 +136,7 @@ def test_a_landing_can_be_broken_off():
 def test_who_cannot_is_refused_by_species_and_brush():
     simulation = world()
     put(simulation, [(5, 5), (9, 9)], species="sheep", brush="walk")
-    sentence = "species 'sheep' cannot do brush 'flock', which flies: its media are walk"
+    sentence = "species 'sheep' cannot use brush 'flock', which flies: its media are walk"
     for command in (SwitchBrush("flock"), SwitchBrush("flock", "sheep"), GiveBrush("flock", [1]),
                     AddAnimals("flock", 20.0, 20.0, 3.0, 1, "sheep")):  # fmt: skip
         with pytest.raises(CommandError, match=sentence):

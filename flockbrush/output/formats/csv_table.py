@@ -13,7 +13,7 @@ from flockbrush.output.exporter import Exporter, exporter
 class Csv(Exporter):
     """A table for everybody: six decimals, and the metadata in ``NAME.csv.json`` beside it."""
 
-    contents = "a row for each animal in each frame; units in NAME.csv.json"
+    contents = "one row per animal and frame; units in NAME.csv.json"
     opens_in = "pandas, R, Excel, flockbrush play"
 
     _ROW = "%d,%.6f,%d,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%s,%s,%s,%d"

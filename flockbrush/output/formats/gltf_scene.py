@@ -12,13 +12,13 @@ THEME, _, AZIMUTH, ELEVATION = LOOKS
 class GltfScene(Exporter):
     """A binary glTF 2.0 scene; `flockbrush.output.gltf` writes it."""
 
-    contents = "the scene: ground, obstacles, guides, camera, animals with gait; y up; or a crowd buffer"
+    contents = "scene: ground, obstacles, guides, camera, animals with gaits; y up; or a crowd buffer"
     opens_in = "three.js, Godot, Unity, Blender, every glTF viewer"
     fps = 16.0
     choices = (
         Option(
-            "gltf_mode", "nodes", "nodes: an animated node for each animal, up to 1,000; crowd: a buffer of records "
-            "for readers as in examples/.", ("nodes", "crowd"),
+            "gltf_mode", "nodes", "nodes: one animated node per animal, at most 1,000; crowd: a buffer of records, "
+            "read as in examples/.", ("nodes", "crowd"),
         ),
         THEME, PALETTE, AZIMUTH, ELEVATION, CAMERA,
     )  # fmt: skip

@@ -19,10 +19,14 @@ START = datetime(2000, 1, 1, tzinfo=UTC)
 class Movebank(Exporter):
     """A table in Movebank's terms. Metres become degrees about an origin, by a plate carrée that is true there."""
 
-    contents = "tracks in Movebank's columns, degrees about --origin, time from 2000-01-01 UTC"
-    opens_in = "Movebank, move2 (R), Google Earth by way of Movebank"
+    contents = "tracks with the columns of Movebank, degrees relative to --origin, time from 2000-01-01 UTC"
+    opens_in = "Movebank, move2 (R), Google Earth (through Movebank)"
     fps = 1.0
-    choices = (Option("origin", "0,0", "Latitude and longitude of the level's south-west corner.", metavar="LAT,LON"),)
+    choices = (
+        Option(
+            "origin", "0,0", "Latitude and longitude of the south-west corner of the level, degrees.", metavar="LAT,LON"
+        ),
+    )
 
     @classmethod
     def problems(cls, path, options):
@@ -32,7 +36,7 @@ class Movebank(Exporter):
             latitude, longitude = math.nan, math.nan
         if abs(latitude) <= 85 and abs(longitude) <= 180:
             return []
-        return [f"--origin is latitude,longitude in degrees, -85 to 85 and -180 to 180, got {options['origin']!r}"]
+        return [f"--origin must be latitude,longitude in degrees, -85 to 85 and -180 to 180, got {options['origin']!r}"]
 
     def open(self):
         self._file = open(self.temporary, "w", encoding="utf-8", newline="")

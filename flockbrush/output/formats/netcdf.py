@@ -11,7 +11,7 @@ BLOCK = 64  # frames in memory before they are written
 class NetCdf(Exporter):
     """Positions (time, space, keypoints, individuals) of movement's poses, NaN where an animal is not there."""
 
-    contents = "positions (time, space, keypoints, individuals) as movement has them, heading, names"
+    contents = "positions (time, space, keypoints, individuals) in the layout of movement, headings, names"
     opens_in = "movement, xarray, MATLAB, R ncdf4"
     fps = 16.0
     needs = (("netCDF4", "netCDF4"),)

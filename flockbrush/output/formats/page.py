@@ -10,7 +10,10 @@ from flockbrush.output.picture_exporter import PALETTE, THEME
 class Html(Exporter):
     """One page with the run in it; `flockbrush.output.page` writes it."""
 
-    contents, opens_in = "a page with the run: play, scrub, orbit, charts, cards", "every browser, also offline"
+    contents, opens_in = (
+        "interactive page of the run: player, orbit camera, charts, animal cards",
+        "any browser, also offline",
+    )
     fps = 16.0
     choices = (THEME, PALETTE)
 

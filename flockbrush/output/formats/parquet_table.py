@@ -9,7 +9,7 @@ from flockbrush.output.exporter import Exporter, exporter
 class Parquet(Exporter):
     """A table for large runs: exact numbers, metadata in the schema."""
 
-    contents = "the same table, exact numbers, units in the schema"
+    contents = "the same table as .csv with exact numbers, units in the schema"
     opens_in = "pandas, polars, DuckDB, R arrow"
     needs = (("pyarrow", "pyarrow"),)
     _ROWS = 1 << 18  # in memory before they are written

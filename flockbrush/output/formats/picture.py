@@ -10,7 +10,7 @@ from flockbrush.output.picture_exporter import Pictures
 class Png(Pictures):
     """A picture of the last moment."""
 
-    contents, opens_in = "a picture of the last frame", "everything"
+    contents, opens_in = "picture of the last frame", "everything"
 
     def take(self, moment):
         self._frame = self.draw(moment)

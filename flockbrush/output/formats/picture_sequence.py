@@ -15,7 +15,7 @@ MARK = "####"
 class PngSequence(Pictures):
     """Numbered pictures: ``shot.####.png`` becomes ``shot.0000.png``, ``shot.0001.png`` and so on."""
 
-    contents = "a picture for each frame, #### is its number; --alpha for transparent ground"
+    contents = "one picture per frame, #### is the frame number; --alpha for a transparent ground"
     opens_in = "Nuke, After Effects, Blender, DaVinci Resolve, ffmpeg"
     fps = 24.0
     choices = (*Pictures.choices, ALPHA)
@@ -25,7 +25,7 @@ class PngSequence(Pictures):
         found = super().problems(path, options)
         first = numbered(path, 0)
         if first.exists():
-            found.append(f"{first.name} is there already; choose another name, or an empty folder")
+            found.append(f"{first.name} already exists; choose another name, or an empty folder")
         return found
 
     def open(self):
@@ -45,7 +45,7 @@ class PngSequence(Pictures):
         for frame in range(self.frames):
             source, target = self._folder / f"{frame}.png", numbered(self.path, frame)
             if target.exists():
-                raise FileExistsError(17, "a picture of this number is there already", str(target))
+                raise FileExistsError(17, "a picture with this number already exists", str(target))
             os.replace(source, target)
         self.let_go()
         self._work.close()

@@ -21,16 +21,16 @@ FULL = 1 << 16  # bytes: a disk with less room is full
 class UsdScene(Exporter):
     """A USD scene; `flockbrush.output.usd` writes it, and is imported only when it is asked for."""
 
-    contents = "the scene: ground, obstacles, guides, camera, animals with gait; z up; picture in NAME.ground.jpg"
+    contents = "scene: ground, obstacles, guides, camera, animals with gaits; z up; picture in NAME.ground.jpg"
     opens_in = "Blender, Houdini, Maya, Unreal, Omniverse"
     fps = 24.0
     needs = (("pxr", "usd-core"),)
     choices = (
         Option(
-            "usd_mode", "instancer", "instancer: poses switch; xforms: a prim for each animal, for Maya and Blender; "
-            "skel: a skeleton for each.", ("instancer", "xforms", "skel"),
+            "usd_mode", "instancer", "instancer: switched poses; xforms: one prim per animal, for Maya and Blender; "
+            "skel: one skeleton per animal.", ("instancer", "xforms", "skel"),
         ),
-        Option("prototype", None, "A file that replaces the look of a species.", many=True, metavar="SPECIES=FILE"),
+        Option("prototype", None, "USD file to draw a species with.", many=True, metavar="SPECIES=FILE"),
         THEME, PALETTE, AZIMUTH, ELEVATION, CAMERA,
     )  # fmt: skip
 

@@ -10,7 +10,7 @@ from flockbrush.output.picture_exporter import Pictures
 class Mp4(Pictures):
     """A video of the whole level."""
 
-    contents, opens_in = "a film of the level", "every player, browser and editor"
+    contents, opens_in = "video of the level", "any player, browser or editor"
 
     def open(self):
         from flockbrush.render import Video

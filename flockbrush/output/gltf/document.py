@@ -112,7 +112,9 @@ class GltfDocument:
         if total > LONGEST:
             from flockbrush.engine.files import refused
 
-            raise refused(path.name, "a .glb cannot be longer than 4 GiB: export fewer seconds or with less --fps")
+            raise refused(
+                path.name, "a .glb file cannot be larger than 4 GiB: export a shorter run, or use a smaller --fps"
+            )
         with open(path, "wb") as file, open(self._path, "rb") as numbers:
             file.write(struct.pack("<3I", MAGIC, VERSION, total) + struct.pack("<2I", len(text), JSON) + text)
             if self._size:

@@ -30,7 +30,7 @@ class Herd:
 
     def __init__(self, document, bodies, records, world, fps):
         if len(records.slots) > MOST:
-            message = f"animated nodes are for up to {MOST} animals, here are {len(records.slots)}"
+            message = f"animated nodes are limited to {MOST} animals, and this run has {len(records.slots)}"
             raise refused("--gltf-mode nodes", f"{message}; use --gltf-mode crowd")
         self.document, self.bodies, self.records, self.fps = document, bodies, records, fps
         self.words = words_of(bodies.simulation)

@@ -24,15 +24,15 @@ HEADER = struct.Struct("<4sIQdd")
 
 # (name, type, values for each animal, meaning); the order is that of the bytes
 COLUMNS = (
-    ("id", "<u4", 1, "stays the same for an animal's whole life"),
+    ("id", "<u4", 1, "constant id of the animal"),
     ("xyz", "<f4", 3, "metres east, north and up of the south-west corner"),
     ("heading", "<f4", 1, "rad, counter-clockwise from east"),
     ("pitch", "<f4", 1, "rad, nose up"),
     ("bank", "<f4", 1, "rad, right wing down"),
     ("length", "<f4", 1, "m, nose to tail"),
-    ("species", "<u2", 1, "number in the names of species"),
-    ("brush", "<u2", 1, "number in the names of brushes"),
-    ("state", "<u2", 1, "number in the names of states; 0 where there are none"),
+    ("species", "<u2", 1, "index into the names of species"),
+    ("brush", "<u2", 1, "index into the names of brushes"),
+    ("state", "<u2", 1, "index into the names of states; 0 without programs"),
     ("flags", "<u2", 1, "1: a leader"),
 )
 

@@ -135,14 +135,14 @@ class Link:
             family = socket.getaddrinfo(self.host, self.port, type=socket.SOCK_STREAM)[0][0]
             return socket.create_server((self.host, self.port), family=family)
         except OverflowError:
-            raise refused(where, "a port is a number from 0 to 65535") from None
+            raise refused(where, "a port must be a number from 0 to 65535") from None
         except socket.gaierror as error:
-            raise refused(where, f"there is no such address here: {error.strerror}") from None
+            raise refused(where, f"this machine does not have this address: {error.strerror}") from None
         except OSError as error:
             if error.errno == errno.EADDRINUSE:
-                text = "this port is in use by another program; name another one, or --port 0 for any free port"
+                text = "this port is in use by another program; choose another port, or --port 0 for any free port"
                 raise refused(where, text) from None
-            raise refused(where, f"cannot be listened to: {error.strerror or error}") from None
+            raise refused(where, f"cannot listen on this address: {error.strerror or error}") from None
 
     def close(self):
         """Say goodbye to all clients and stop listening."""
@@ -184,10 +184,12 @@ class Link:
         """None, or why this client is sent away."""
         given = parse_qs(urlsplit(request.path).query).get("token", [""])[0]
         if not hmac.compare_digest(given.encode(), self.token.encode()):
-            text = "the token is wrong or missing: connect to the address that flockbrush serve has printed\n"
+            text = "the token is wrong or missing: connect to the address that flockbrush serve printed\n"
             return connection.respond(HTTPStatus.UNAUTHORIZED, text)
         if len(self.clients) >= limits.LIVE_CLIENTS:
-            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"there are {limits.LIVE_CLIENTS.told} already\n")
+            return connection.respond(
+                HTTPStatus.SERVICE_UNAVAILABLE, f"the maximum of {limits.LIVE_CLIENTS.told} is reached\n"
+            )
         return None
 
     async def _serve(self, connection):
@@ -234,7 +236,7 @@ class Link:
         except RequestError as error:
             client.tell(json.dumps({"type": "error", "id": error.id, "message": str(error)}))
         except queue.Full:
-            text = f"{limits.LIVE_WAITING.told} are waiting already; ask more slowly"
+            text = f"{limits.LIVE_WAITING.told} are already waiting; send fewer requests"
             client.tell(json.dumps({"type": "error", "id": request.id, "message": text}))
 
 

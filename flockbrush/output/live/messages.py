@@ -39,7 +39,7 @@ def read_request(message) -> Request:
     A command is checked as those of a recording are: `flockbrush.engine.commands.from_json`.
     """
     if not isinstance(message, str):
-        raise RequestError("a request is a text with JSON in it, got bytes")
+        raise RequestError("a request must be a text message with JSON, got bytes")
     try:
         asked = json.loads(message, parse_constant=_no_number)
     except RequestError:
@@ -47,12 +47,12 @@ def read_request(message) -> Request:
     except (ValueError, RecursionError) as error:
         raise RequestError(f"this is not JSON: {error}") from None
     if not isinstance(asked, dict):
-        raise RequestError('a request is an object such as {"id": 1, "command": ["NAME", {...}]}')
+        raise RequestError('a request must be an object such as {"id": 1, "command": ["NAME", {...}]}')
     number = asked.pop("id", None)
     if not (number is None or type(number) in (int, str)) or len(str(number)) > _ID:
-        raise RequestError(f"id must be a whole number or a text of at most {_ID} characters")
+        raise RequestError(f"id must be a whole number or a string of at most {_ID} characters")
     if len(asked) != 1 or next(iter(asked)) not in _ASKED:
-        raise RequestError(f"a request has one of {', '.join(_ASKED)}", number)
+        raise RequestError(f"a request must have one of {', '.join(_ASKED)}", number)
     try:
         return _request(number, **asked)
     except ValueError as error:
@@ -72,7 +72,7 @@ def _request(number, command=None, undo=None, play=None):
 
 
 def _no_number(word):
-    raise RequestError(f"{word} is not a number that a command can hold")
+    raise RequestError(f"{word} is not allowed as a number in a command")
 
 
 # what clients are told ---------------------------------------------------------------------

@@ -134,7 +134,7 @@ class Serving:
             self.playing = request.play
         elif request.undo:
             if not self.undone:
-                raise CommandError(self.simulation.clock.tick, None, "there is nothing to take back")
+                raise CommandError(self.simulation.clock.tick, None, "there is nothing to undo")
             commands.perform(self.simulation.world, self.undone.pop())
             self.unrecorded = True
         else:

@@ -35,11 +35,11 @@ HERE = Path(__file__).parent
 GROUND = (56, 32)  # pixels of a patch of painted ground in the legend, twice those on the page
 SCRIPTS = ("unpack.js", "shaders.js", "place.js", "animals.js", "charts.js", "card.js", "main.js")
 MEASURES = (
-    ("polarization", "1", "0: each its own way, 1: all the same way"),
-    ("milling", "1", "0: none, 1: all turn about the centre"),
+    ("polarization", "1", "0: headings in all directions, 1: all the same"),
+    ("milling", "1", "0: no rotation, 1: all rotate about the centroid"),
     ("speed", "m/s", "mean speed"),
-    ("spread", "m", "from the centroid, root mean square"),
-    ("animals", "", "how many there are"),
+    ("spread", "m", "root mean square distance from the centroid"),
+    ("animals", "", "number of animals"),
 )
 
 

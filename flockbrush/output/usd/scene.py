@@ -97,7 +97,7 @@ def problems_of(prototypes) -> list[str]:
     for text in prototypes or ():
         name, _, file = text.partition("=")
         if not name or not file:
-            found.append(f"--prototype is written species=file.usd, got {text!r}")
+            found.append(f"--prototype must be SPECIES=FILE.usd, got {text!r}")
         elif not Path(file).is_file():
             found.append(f"--prototype {text}: there is no file {file!r}")
         else:
@@ -106,5 +106,5 @@ def problems_of(prototypes) -> list[str]:
             except Exception:  # noqa: BLE001  whatever USD says of a file it cannot read
                 stage = None
             if stage is None or not stage.GetDefaultPrim():
-                found.append(f"--prototype {text}: this is no USD file with a default prim")
+                found.append(f"--prototype {text}: this is not a USD file with a default prim")
     return found

@@ -27,7 +27,7 @@ class Skeletons(Xforms):
 
     def root(self, path):
         if len(self._animals) >= MOST:
-            raise refused("--usd-mode skel", f"skeletons are for up to {MOST} animals; use --usd-mode instancer")
+            raise refused("--usd-mode skel", f"skeletons are limited to {MOST} animals; use --usd-mode instancer")
         return UsdSkel.Root.Define(self._stage, path)
 
     def body(self, path, moment, row):

@@ -19,7 +19,7 @@ class PowerSaved:
     """A per cent beside each bird in a formation, where there is room, and the mean in the corner."""
 
     name, title = "saved", "Power saved"
-    tip = "What each bird of a line formation saves by flying in the upwash of others"
+    tip = "Power that each bird of a line formation saves in the upwash of others"
     in_space = True
 
     def draw(self, view):

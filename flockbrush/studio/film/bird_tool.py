@@ -25,8 +25,8 @@ class BirdsMode(Mode):
     name = "birds"
     title = "Birds"
     hint = (
-        "Click: new   Drag: move   Drag a number onto a bird: swap, or join to a track that broke off   "
-        "Right click: none   F: follow on   N: next break"
+        "Click: add   Drag: move   Drag a number onto a bird: swap, or join tracks   Right click: no bird   "
+        "F: track on   N: next track end"
     )
 
     def __init__(self, window):
@@ -41,27 +41,29 @@ class BirdsMode(Mode):
 
     def fill(self, column):
         self.count = column.line()
-        self.begin = column.button("Follow birds", self.follow_all, "Find and follow the birds of the whole film")
+        self.begin = column.button("Track birds", self.follow_all, "Detect and track the birds in the whole clip")
         self.on = column.button(
-            "Follow on from here",
+            "Track on from here",
             self.follow,
             "Track all birds again from this frame on, with your corrections (F)",
         )
-        self.stop = column.button("Stop following", self.stop_following)
+        self.stop = column.button("Stop tracking", self.stop_following)
         self.pending = column.line()
         column.heading("Bird")
-        self.who = column.line("none is chosen")
+        self.who = column.line("none selected")
         self.ends = column.pair(
             ("First", lambda: self.go_end(0), "Show its first frame"),
             ("Last", lambda: self.go_end(-1), "Show its last frame"),
         )
         self.remove = column.button(
-            "No bird from here on", lambda: self.take_away(self.window.k), "It is something else (Delete)"
+            "No bird from here on",
+            lambda: self.take_away(self.window.k),
+            "This is not a bird from this frame on (Delete)",
         )
-        self.never = column.button("Never was a bird", lambda: self.take_away(0), "Take the whole track away")
+        self.never = column.button("Never a bird", lambda: self.take_away(0), "Delete the whole track")
         column.slider("Tails", self.tail, *TAILS, lambda v: f"{v:.0f} frames", self.set_tail)
-        column.heading("Into space")
-        column.button("Lift and look", self.lift, "Save, and see the flock in three dimensions")
+        column.heading("3D")
+        column.button("Lift and view", self.lift, "Save, and show the flock in 3D")
 
     def freshen(self):
         birds = self.state.birds
@@ -70,11 +72,11 @@ class BirdsMode(Mode):
         if birds.pending is None:
             self.pending.say("")
         else:
-            self.pending.say(f"put right from frame {birds.pending} on")
+            self.pending.say(f"corrected from frame {birds.pending} on")
         if self.selected is not None and self.selected not in birds.ids:
             self.selected = None
         there = self.selected is not None
-        self.who.say(f"{self.selected}: in {_frames(birds.sights()[self.selected])}" if there else "none is chosen")
+        self.who.say(f"{self.selected}: in {_frames(birds.sights()[self.selected])}" if there else "none selected")
         for button in (*self.ends, self.remove, self.never):
             enabled(button, there)
         busy = "birds" in self.window.jobs
@@ -94,15 +96,15 @@ class BirdsMode(Mode):
             self.follow_all()
 
     def follow_all(self):
-        """Find and follow the birds of the whole film; asks when there are some already."""
+        """Detect and track the birds in the whole clip; asks when there are some already."""
         if not self.state.birds.ids:
             self._follow(0)
             return
-        answers = [("Follow anew", lambda: self._follow(0)), ("Cancel", None)]
+        answers = [("Track again", lambda: self._follow(0)), ("Cancel", None)]
         question = (
             "Track all birds again from the first frame, with your corrections. Tracks loaded from a file are replaced."
         )
-        self.window.ask("Follow birds", question, answers)
+        self.window.ask("Track birds", question, answers)
 
     def _follow(self, k):
         self._follower = self._follower or Follower(self.window.film.again())
@@ -110,14 +112,14 @@ class BirdsMode(Mode):
 
         def then(birds):
             if self.state.birds is not asked:
-                self.window.toasts.say("Birds were put right meanwhile; follow on again.", "warning")
+                self.window.toasts.say("Birds were corrected in the meantime; track on again.", "warning")
                 return
-            self.book.do(f"followed from frame {k}", self.name, k, birds=birds)
+            self.book.do(f"tracked from frame {k}", self.name, k, birds=birds)
             some = f"{len(birds.ids)} birds" if len(birds.ids) != 1 else "one bird"
-            no = "No bird was followed; are they small, and darker or lighter than the sky?"
-            self.window.toasts.say(f"Followed {some} from frame {k}." if birds.ids else no)
+            no = "No bird could be tracked: birds must be small, and darker or lighter than the sky."
+            self.window.toasts.say(f"Tracked {some} from frame {k}." if birds.ids else no)
 
-        self.window.job("birds", f"following birds from frame {k}", lambda say: follower.follow(asked, k, say), then)
+        self.window.job("birds", f"tracking birds from frame {k}", lambda say: follower.follow(asked, k, say), then)
 
     def stop_following(self):
         """Leave the tracks as they are."""
@@ -169,7 +171,7 @@ class BirdsMode(Mode):
         if self.state.birds.ids:
             self.window.lifting.begin("tracks.csv")
         else:
-            self.window.toasts.say("There are no birds to lift; follow them first.", "warning")
+            self.window.toasts.say("There are no birds to lift; track them first.", "warning")
 
     def key(self, key):
         does = {"f": self.follow, "n": self.next_break, "delete": lambda: self.take_away(self.window.k)}
@@ -219,7 +221,7 @@ class BirdsMode(Mode):
             self.select(bird)
         elif what == "bird":
             self.select(bird)
-            self.edit(f"bird {bird} put right", birds=self.state.birds.put(k, bird, *self._inside(place)))
+            self.edit(f"bird {bird} corrected", birds=self.state.birds.put(k, bird, *self._inside(place)))
         else:
             other = self.bird_at(at)
             if other is not None and other != bird:
@@ -235,7 +237,7 @@ class BirdsMode(Mode):
             self.edit(f"birds {bird} and {other} joined", birds=birds.join(bird, other))
             self.select(bird)
         except ValueError as error:
-            self.window.toasts.say(f"Not joined: {error}. Swap the two in a frame where both are seen.", "warning")
+            self.window.toasts.say(f"Not joined: {error}. Swap them in a frame in which both are visible.", "warning")
 
     def _inside(self, place):
         return tuple(np.clip(place, 0, np.array(self.window.film.size) - 1).tolist())

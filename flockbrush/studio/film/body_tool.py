@@ -20,7 +20,7 @@ class BodyMode(Mode):
 
     name = "body"
     title = "Body"
-    hint = "Click an animal: its colour   Drag from tail to head: its length   M: show or hide the mask"
+    hint = "Click an animal: pick its colour   Drag from tail to head: measure its length   M: show or hide the mask"
 
     def __init__(self, window):
         super().__init__(window)
@@ -33,24 +33,28 @@ class BodyMode(Mode):
         self.chips = [column.chip(self.state.marks.body_colour)]
         self.colour = column.line()
         self.mask = column.button("Hide mask", self.toggle_mask, "Show which pixels have this colour (M)")
-        self.no_colour = column.button("Find it automatically", self.forget_colour, "Let the command find the colour")
+        self.no_colour = column.button(
+            "Detect colour", self.forget_colour, "Clear the colour; flockbrush learn then detects it"
+        )
         column.heading("Length")
         self.length = column.line()
-        self.no_length = column.button("Measure it automatically", self.forget_length, "Let the command find it")
-        column.heading("Learn with it")
+        self.no_length = column.button(
+            "Measure length", self.forget_length, "Clear the length; flockbrush learn then measures it"
+        )
+        column.heading("Learn")
         column.button(
-            "Copy command", self.window.copy_line, "Put the line for flockbrush learn into the clipboard (Ctrl+C)"
+            "Copy command", self.window.copy_line, "Copy the flockbrush learn command to the clipboard (Ctrl+C)"
         )
 
     def freshen(self):
         marks = self.state.marks
         self.chips[0].colour = marks.body_colour
         if marks.body_colour is None:
-            self.colour.say("found by the command")
+            self.colour.say("detected when learning")
         else:
             share = 100 * float(self._masked().mean())
             self.colour.say(f"{', '.join(map(str, marks.body_colour))}: {share:.1f} % of the picture")
-        self.length.say("found by the command" if marks.body_length is None else f"{marks.body_length:.1f} pixels")
+        self.length.say("detected when learning" if marks.body_length is None else f"{marks.body_length:.1f} pixels")
         text = "Hide mask" if self.shown else "Show mask"
         if self.mask.text != text:
             self.mask.set_text(text)
@@ -65,11 +69,11 @@ class BodyMode(Mode):
 
     def forget_colour(self):
         """Let the command find the colour."""
-        self.mark("colour forgotten", body_colour=None)
+        self.mark("colour cleared", body_colour=None)
 
     def forget_length(self):
         """Let the command find the length."""
-        self.mark("length forgotten", body_length=None)
+        self.mark("length cleared", body_length=None)
 
     def key(self, key):
         if key == "m":

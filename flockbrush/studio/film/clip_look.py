@@ -10,25 +10,27 @@ class LookMode(Mode):
     """What the film is, and which part of it is used."""
 
     name = "look"
-    title = "Look"
-    hint = "Space: play   Left, Right: step   Page Up, Page Down: ten   Wheel: zoom   Drag: move   I, O: use from, to"
+    title = "View"
+    hint = (
+        "Space: play   Left, Right: step   Page Up, Page Down: ten   Wheel: zoom   Drag: move   I, O: first, last frame"
+    )
 
     def fill(self, column):
         film = self.window.film
         column.line(film.name)
         column.line(f"{film.size[0]} x {film.size[1]} pixels")
-        column.line(f"{len(film)} frames, {film.fps:g} a second")
-        column.heading("Frames that are used")
+        column.line(f"{len(film)} frames, {film.fps:g} per second")
+        column.heading("Used frames")
         self.used = column.line()
         column.pair(
-            ("From here", self.window.use_from, "Begin with this frame (I)"),
-            ("To here", self.window.use_to, "End with this frame (O)"),
-            ("All", self.window.use_all, "Use the whole film"),
+            ("From here", self.window.use_from, "Make this the first used frame (I)"),
+            ("To here", self.window.use_to, "Make this the last used frame (O)"),
+            ("All", self.window.use_all, "Use all frames"),
         )
-        column.heading("Learn from it")
+        column.heading("Learn")
         column.note("Mark landmarks if the camera moves, paint obstacles, show a body. The command with all of it:")
         column.button(
-            "Copy command", self.window.copy_line, "Put the line for flockbrush learn into the clipboard (Ctrl+C)"
+            "Copy command", self.window.copy_line, "Copy the flockbrush learn command to the clipboard (Ctrl+C)"
         )
 
     def freshen(self):

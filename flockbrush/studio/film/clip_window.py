@@ -358,12 +358,12 @@ class ClipWindow(PlainWindow):
 
     def use_all(self):
         """The whole film is used."""
-        self._use(None, None, "the whole film is used")
+        self._use(None, None, "all frames are used")
 
     def _use(self, first, last, label):
         marks, state = self.book.state.marks, self.book.state
         if first != marks.first and not (state.obstacles.blank and state.regions.blank):
-            self.toasts.say("The mask belongs to the first frame that is used, which is another one now.", "warning")
+            self.toasts.say("The mask belongs to the first used frame, which has changed.", "warning")
         self.book.mark(label, self.mode.name, self.k, first=first, last=last)
 
     def undo(self):
@@ -372,7 +372,7 @@ class ClipWindow(PlainWindow):
 
     def redo(self):
         """Do again what was taken back."""
-        self._after(self.book.redo(), "done again")
+        self._after(self.book.redo(), "redone")
 
     def _after(self, step, how):
         self.let_go()
@@ -388,7 +388,7 @@ class ClipWindow(PlainWindow):
             pygame.scrap.put_text(line)
             self.toasts.say(f"Copied: {line}")
         except (pygame.error, AttributeError):
-            self.toasts.say(f"There is no clipboard here; the line is: {line}", "warning")
+            self.toasts.say(f"No clipboard is available; the command is: {line}", "warning")
 
     def save(self) -> bool:
         """Write everything that was marked; whether that went well."""
@@ -410,8 +410,8 @@ class ClipWindow(PlainWindow):
         if not self.book.dirty:
             self.quit()
             return
-        answers = [("Save", self._save_and_quit), ("Do not save", self.quit), ("Cancel", None)]
-        self.ask("Quit", f"What was marked in {self.film.name} is not saved.", answers)
+        answers = [("Save", self._save_and_quit), ("Discard changes", self.quit), ("Cancel", None)]
+        self.ask("Quit", f"The marks in {self.film.name} are not saved.", answers)
 
     def _save_and_quit(self):
         if self.save():

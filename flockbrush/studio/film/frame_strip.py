@@ -24,9 +24,9 @@ class FilmBar:
         side, gap, x = px(window.scale, 34), px(window.scale, 3), px(window.scale, 8)
         self.buttons, self._icon = {}, "play"
         for picture, tip, do in (
-            ("back", "One frame back (Left)", lambda: window.step(-1)),
-            ("play", "Play or stop (Space)", window.toggle_play),
-            ("step", "One frame on (Right)", lambda: window.step(1)),
+            ("back", "Previous frame (Left)", lambda: window.step(-1)),
+            ("play", "Play or pause (Space)", window.toggle_play),
+            ("step", "Next frame (Right)", lambda: window.step(1)),
         ):
             place = pygame.Rect(x, px(window.scale, 6), side, side)
             made = icon_button(window, place, picture, tip, self.back)

@@ -18,7 +18,7 @@ class LandmarksMode(Mode):
 
     name = "landmarks"
     title = "Landmarks"
-    hint = "Drag a rectangle around something that stands still   Right click: remove   Two are enough, in any frames"
+    hint = "Drag a rectangle around something that does not move   Right click: remove   Two are enough, in any frames"
 
     def __init__(self, window):
         super().__init__(window)
@@ -32,12 +32,12 @@ class LandmarksMode(Mode):
             " where no animal passes."
         )
         self.rows = [
-            column.pair((f"{k + 1}", lambda k=k: self.go(k), "Show the frame it was drawn in"))[0] for k in range(4)
+            column.pair((f"{k + 1}", lambda k=k: self.go(k), "Show the frame of this landmark"))[0] for k in range(4)
         ]
         self.all_gone = column.button("Remove all", self.clear)
-        column.heading("Learn with them")
+        column.heading("Learn")
         column.button(
-            "Copy command", self.window.copy_line, "Put the line for flockbrush learn into the clipboard (Ctrl+C)"
+            "Copy command", self.window.copy_line, "Copy the flockbrush learn command to the clipboard (Ctrl+C)"
         )
 
     def freshen(self):
@@ -67,7 +67,7 @@ class LandmarksMode(Mode):
         film = self._film
         self.window.job(
             f"landmark {mark.told}",
-            "following landmarks",
+            "tracking landmarks",
             lambda say: followed(film, mark, say),
             lambda found: self.found.__setitem__(mark, found),
         )
@@ -110,7 +110,7 @@ class LandmarksMode(Mode):
 
     def press(self, place, at):
         if len(self.state.marks.landmarks) >= MOST:
-            self.window.toasts.say(f"There are {MOST} landmarks; more do not help.", "warning")
+            self.window.toasts.say(f"The maximum of {MOST} landmarks is reached.", "warning")
             return False
         self.held = np.array(place), np.array(place)
         return True

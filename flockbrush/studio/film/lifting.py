@@ -34,7 +34,7 @@ class Lifting:
             place = self.window.book.place("camera.toml")
             self.camera = place if place.is_file() else None
         if self.camera is None:
-            question = "How wide does the camera see from left to right, degrees, and how fast do the birds fly, m/s?"
+            question = "Horizontal field of view of the camera, degrees, and mean speed of the birds, m/s:"
             answers = [("Lift", lambda text: self._with(text, part)), ("Cancel", None)]
             self.window.ask("Camera", question, answers, f"{FOV:g}, {SPEED:g}")
             return
@@ -47,12 +47,12 @@ class Lifting:
         try:
             fov, speed = (float(value) for value in text.replace(";", ",").split(","))
         except ValueError:
-            self.window.toasts.say(f"Two numbers, such as {FOV:g}, {SPEED:g}, not {text!r}.", "warning")
+            self.window.toasts.say(f"Enter two numbers, such as {FOV:g}, {SPEED:g}, not {text!r}.", "warning")
             return
         film, place = self.window.film, self.window.book.place("camera.toml")
         if not (0 < fov < 180 and 0 < speed <= 1000):
             raise refused(
-                place, f"a camera sees 0 to 180 degrees, and birds fly 0 to 1000 m/s; got {fov:g} and {speed:g}"
+                place, f"the field of view must be 0 to 180 degrees, the speed 0 to 1000 m/s; got {fov:g} and {speed:g}"
             )
         camera = Camera(
             width=film.size[0], height=film.size[1], horizontal_fov_deg=fov, fps=film.fps, mean_speed=speed,

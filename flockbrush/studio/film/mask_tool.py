@@ -36,12 +36,12 @@ class PaintMode(Mode):
     def hint(self):
         """What the mouse does; where the mask belongs, when nobody knows where it has gone."""
         if self._to_first() is None:
-            return "The mask belongs to the first used frame; landmarks locate it in this one"
+            return "The mask belongs to the first used frame; here it is placed with the landmarks"
         return "Drag: paint   Right click: fill   B, E, F: brush, eraser, fill   [ ]: size   Wheel: zoom"
 
     def fill(self, column):
         self.layers = column.pair(
-            ("Obstacles", lambda: self.take_layer("obstacles"), "Where no animal walks: trees, water, walls"),
+            ("Obstacles", lambda: self.take_layer("obstacles"), "Areas where animals cannot walk: trees, water, walls"),
             ("Regions", lambda: self.take_layer("regions"), "One brush is learned from each colour"),
         )
         self.swatches = column.swatches(REGIONS, self.take_region) if self.layer == "regions" else []
@@ -53,7 +53,7 @@ class PaintMode(Mode):
         self.size = column.slider(
             "Size", 2 * self.radius, *SIZES, lambda v: f"{v:.0f} px", self.set_size, power=True, tip="[ and ]"
         )
-        self.gone = column.button("Clear", self.clear, "Take all paint of this layer away")
+        self.gone = column.button("Clear", self.clear, "Remove all paint of this layer")
         self.share = column.line()
         column.note(
             "The mask belongs to the first frame that is used. In other frames it is shown where the landmarks say that"

@@ -22,7 +22,7 @@ class SketchMode(Mode):
 
     name = "sketch"
     title = "Sketch"
-    hint = "Drag: draw the path of a bird   Drag its beginning: move it   Right click: remove   Space: see them fly"
+    hint = "Drag: draw the path of a bird   Drag its start: move it   Right click: remove   Space: play"
 
     def __init__(self, window):
         super().__init__(window)
@@ -30,12 +30,12 @@ class SketchMode(Mode):
         self.held: tuple | None = None  # (bird, where it was begun, where it is now) of a path that is being moved
 
     def fill(self, column):
-        column.note("Draw the way of each bird. All begin in the first frame and end in the last.")
+        column.note("Draw the path of each bird. All paths begin in the first frame and end in the last.")
         self.count = column.line()
         column.heading("Speed")
         self.speed = column.pair(
-            ("Even", lambda: self.set_even(True), "As fast everywhere along the path"),
-            ("As drawn", lambda: self.set_even(False), "Speed follows the speed of the pen"),
+            ("Even", lambda: self.set_even(True), "Constant speed along the path"),
+            ("As drawn", lambda: self.set_even(False), "Speed of the pen while drawing"),
         )
         sketch = self.state.sketch
         self.smooth = column.slider(
@@ -45,7 +45,7 @@ class SketchMode(Mode):
             1.0,
             lambda v: f"{100 * v:.0f} %",
             self.set_smooth,
-            tip="Bends that are shorter go",
+            tip="Removes bends shorter than this",
         )
         self.length = None
         if self.window.film.path is None:
@@ -53,15 +53,15 @@ class SketchMode(Mode):
                 "Length", float(sketch.frames), *LENGTHS, self._said_length, self.set_length, power=True
             )
         self.gone = column.button("Remove all", self.clear)
-        column.heading("Into space")
-        self.lifts = column.button("Lift and look", self.lift, "Save, and see the flock in three dimensions")
+        column.heading("3D")
+        self.lifts = column.button("Lift and view", self.lift, "Save, and show the flock in 3D")
 
     def _said_length(self, frames):
         return f"{frames:.0f} frames, {frames / self.window.film.fps:.1f} s"
 
     def freshen(self):
         sketch = self.state.sketch
-        self.count.say("no path yet" if not sketch.paths else f"{len(sketch.paths)} birds, {sketch.frames} frames")
+        self.count.say("no paths" if not sketch.paths else f"{len(sketch.paths)} birds, {sketch.frames} frames")
         chosen(self.speed, 0 if sketch.even else 1)
         self.smooth.set(sketch.smooth)
         if self.length is not None:
@@ -138,7 +138,7 @@ class SketchMode(Mode):
         elif drawn is not None:
             after = self.state.sketch.with_path(drawn)
             if after is None:
-                self.window.toasts.say("Drag to draw the path of a bird; a click is too short.")
+                self.window.toasts.say("Hold the button and drag to draw the path of a bird.")
             else:
                 self.edit(f"path {after.paths[-1].bird}", sketch=after)
 

@@ -32,14 +32,14 @@ from flockbrush.systems.population import SpeciesList
 from flockbrush.systems.program_reports import reason
 from flockbrush.systems.senses import Sight, SightInSpace
 
-NOBODY = "Nobody is selected.", "Take the select tool and click an animal:", "its numbers and its forces appear here."
+NOBODY = "No animal is selected.", "Click an animal with the Select tool to see", "its state and its forces here."
 
 
 class AnimalPanel(Panel):
     """Shows who the selected animal is and why it turns."""
 
     title = "Animal"
-    tip = "The selected animal: its state, its visible neighbours, and the forces that turn it"
+    tip = "The selected animal: its state, its visible neighbours and the forces on it"
     pictures: dict[str, Picture]
     buttons: dict[str, UIButton]
     parts: list
@@ -109,11 +109,11 @@ class AnimalPanel(Panel):
             return
         y = self._picture("facts", y, px(30) + facts * self.row) + px(6)
         half = (self.wide - px(6)) // 2
-        self._button("reference", "Reference bird", "Select the animal this one keeps its place by", 0, y, half)
-        self._button("nobody", "Deselect", "Select nobody", half + px(6), y, half)
+        self._button("reference", "Reference bird", "Select the reference bird of this bird", 0, y, half)
+        self._button("nobody", "Deselect", "Clear the selection", half + px(6), y, half)
         y += px(36)
         rect = pygame.Rect(0, y, self.wide, px(26))
-        self.parts.append(UILabel(rect, "Why it turns", self.manager, container=self.scroll, object_id="@heading"))
+        self.parts.append(UILabel(rect, "Forces", self.manager, container=self.scroll, object_id="@heading"))
         y = self._picture("pulls", y + px(26), (pulls + 1) * self.row + px(48), PULLS_TIP)
         self.scroll.set_scrollable_area_dimensions((self.wide, y + px(6)))
 
@@ -138,7 +138,7 @@ class AnimalPanel(Panel):
     def _show_nobody(self, entity):
         self._lay_out(None)
         picture = self.pictures["nobody"]
-        lines = (f"Animal {entity} is no longer there.", *NOBODY[1:]) if entity else NOBODY
+        lines = (f"Animal {entity} does not exist any more.", *NOBODY[1:]) if entity else NOBODY
         if picture.said == (lines, self.app.theme.name):
             return
         surface = blank(picture.size)
@@ -184,7 +184,7 @@ class AnimalPanel(Panel):
 
 
 PULLS_TIP = (
-    "What each force adds to the turn: bars to the left turn the animal to its left, bars to the right to its right. "
+    "Contribution of each force to the turn: bars to the left turn the animal left, bars to the right turn it right. "
     "The arrows on the canvas have the same colours."
 )
 
@@ -223,17 +223,17 @@ def facts_of(session, row) -> list[tuple[str, str]]:
         ("brush", palette.names[binding] + (f", {100 * blend:.0f} % (from {before})" if blend < 1 else "")),
         ("role", "leader" if agents[Role.leader][row] else "follower"),
         ("speed", f"{speed:.2f} m/s, {speed / length:.1f} BL/s"),
-        ("wants to go", f"{float(agents[Speed.target][row]):.2f} m/s"),
+        ("desired speed", f"{float(agents[Speed.target][row]):.2f} m/s"),
         ("faces", f"{np.degrees(np.arctan2(fy, fx)) % 360:.0f}°, {compass(fx, fy)}"),
         ("place", f"{x:.1f}, {y:.1f} m" + (f"; height {z:.1f} m" if z else "")),
-        ("others in sight", f"{seen_by(world, row)}"),
+        ("visible neighbours", f"{seen_by(world, row)}"),
         ("reference bird", f"animal {bird}" if bird else "none"),
     ]
     told = reason(world, row)
     if told is not None:
         facts[1:1] = [("state", f"{told[1]} (program {told[0]})"), ("why", told[2])]
     if goal >= 0:
-        facts.append(("bound for", land.goals[goal].name or f"goal {goal + 1}"))
+        facts.append(("goes to", land.goals[goal].name or f"goal {goal + 1}"))
     ways = world.resource(Palette)
     if ways.flies[binding] and not ways.grounded[binding]:
         facts.append(("flies", attitude(agents[Heading.forward][row], agents[Airborne.up][row])))
@@ -259,7 +259,7 @@ def attitude(forward, up) -> str:
     left = np.array([-forward[1], forward[0], 0.0]) / max(np.hypot(forward[0], forward[1]), 1e-9)
     lean = float(np.degrees(np.arctan2(up @ left, up @ np.cross(forward, left))))
     words = [f"{'climbs' if climb > 0 else 'sinks'} {abs(climb):.0f}°"] if abs(climb) >= 0.5 else []
-    words += [f"leans {abs(lean):.0f}° to the {'left' if lean > 0 else 'right'}"] if abs(lean) >= 0.5 else []
+    words += [f"banks {abs(lean):.0f}° to the {'left' if lean > 0 else 'right'}"] if abs(lean) >= 0.5 else []
     return ", ".join(words) or "level"
 
 
@@ -273,7 +273,5 @@ def turning(turn, fastest=np.inf) -> str:
     """A turn in words; `turn` and the `fastest` there may be, rad/s, to the left positive."""
     degrees = float(np.degrees(min(abs(turn), fastest)))
     if degrees < 1:
-        return "Together: keeps its way"
-    return f"Together: {'left' if turn > 0 else 'right'}, {degrees:.0f}°/s" + (
-        ", as fast as it can" if abs(turn) > fastest else ""
-    )
+        return "Sum: keeps its heading"
+    return f"Sum: {'left' if turn > 0 else 'right'}, {degrees:.0f}°/s" + (" (maximum)" if abs(turn) > fastest else "")

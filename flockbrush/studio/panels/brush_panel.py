@@ -26,7 +26,7 @@ class BrushPanel(Panel):
     """Tunes the brush in hand."""
 
     title = "Brush"
-    tip = "Tune every parameter of the selected brush while the herd runs, and save it as a new brush"
+    tip = "Change all parameters of the selected brush while the herd runs, and save them as a new brush"
     name: str | None
     rows: list[PanelRow]
     heads: list[Picture]
@@ -47,21 +47,21 @@ class BrushPanel(Panel):
             pygame.Rect(pad, y, wide, px(30)),
             "Save as new…",
             object_id=ObjectID("#save_brush_button", "@small_button"),
-            tool_tip_text="Save these numbers as a new brush: a file that says from which brush it came",
+            tool_tip_text="Save these parameters as a new brush; its file names the original brush",
             **common,
         )
         self.mode = UIButton(
             pygame.Rect(3 * pad + 2 * wide, y, wide, px(30)),
             self._mode_words(),
             object_id=ObjectID("#brush_mode_button", "@small_button"),
-            tool_tip_text="A few sliders in plain words, or every number of the brush",
+            tool_tip_text="Simple: a few sliders; Advanced: all parameters",
             **common,
         )
         self.drop = UIButton(
             pygame.Rect(2 * pad + wide, y, wide, px(30)),
             "Revert",
             object_id=ObjectID("#drop_changes_button", "@small_button"),
-            tool_tip_text="Take back every change of this brush: all numbers as in its asset",
+            tool_tip_text="Undo all changes of this brush: all parameters as in its file",
             **common,
         )
         self.refresh()
@@ -269,7 +269,7 @@ class BrushPanel(Panel):
         brush = self.brush
         if brush is not None:
             asset = self.asset_of(brush)
-            self._do(f"changes of {asset.name} dropped", lambda: [use(asset)])
+            self._do(f"changes of {asset.name} reverted", lambda: [use(asset)])
             self.drag += 1
 
     def ask_name(self):
@@ -296,7 +296,7 @@ class BrushPanel(Panel):
         try:
             made = as_new(brush, self.asset_of(brush), name, datetime.date.today())
             if name in {*self.app.session.library.names(), *palette_of(self.app.session).names}:
-                raise ValueError(f"there is a brush {name!r} already; choose another name")
+                raise ValueError(f"a brush {name!r} already exists; choose another name")
         except ValueError as error:
             self.app.notify(str(error), "error")
             return False

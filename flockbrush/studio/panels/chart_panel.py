@@ -13,22 +13,22 @@ from flockbrush.studio.panels.panel_strip import Strip, axis_picture, end_of, st
 from flockbrush.systems.program_reports import state_colours
 
 MEASURES = {
-    "polarization": ("polarization", "", "How much all face one way: 0 every way, 1 all the same"),
-    "milling": ("milling", "", "How much all go round their middle: 0 not at all, 1 a perfect mill"),
-    "speed": ("speed", " m/s", "Mean speed, metres per second"),
+    "polarization": ("polarization", "", "Polarization: 0 headings in all directions, 1 all the same"),
+    "milling": ("milling", "", "Milling: 0 no rotation about the centroid, 1 all animals rotate"),
+    "speed": ("speed", " m/s", "Mean speed, m/s"),
 }
 UNITY = {"polarization", "milling"}  # measures from 0 to 1
 DRAWN = (*MEASURES, "animals", "axis", "legend", "counts")
 MOST = 5  # brushes in the legend
 LINE = 19  # pixels of a line of words
-COUNTS_TIP = "Gone: left by an exit, a goal or the edge, caught, or removed by hand"
+COUNTS_TIP = "Gone: left at an exit, a goal or the edge, were caught, or were removed"
 
 
 class ChartsPanel(Panel):
     """Shows how the herd has been, and where in that the present is."""
 
     title = "Charts"
-    tip = "Polarization, milling, speed and the number of animals per brush, over the whole run"
+    tip = "Polarization, milling, speed and the number of animals per brush over the whole run"
     strips: dict[str, Picture]
 
     def make(self):
@@ -43,9 +43,7 @@ class ChartsPanel(Panel):
         self.strips = {}
         for name, (_, _, tip) in MEASURES.items():
             y = self._strip(name, y, tall, tip) + gap
-        y = self._strip(
-            "animals", y, round(1.3 * tall), "How many animals each brush moves, laid on top of one another"
-        )
+        y = self._strip("animals", y, round(1.3 * tall), "Number of animals under each brush, stacked")
         y = self._strip("axis", y, px(18), None)
         y = self._strip("legend", y + px(4), legend, None)
         y = self._strip("counts", y, 2 * px(LINE), COUNTS_TIP)

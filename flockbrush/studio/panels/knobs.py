@@ -65,14 +65,14 @@ class Knob:
             value = float(text.strip().replace(",", "."))
         except ValueError:
             raise ValueError(
-                f"{self.words} is a number, such as {written(max(self.low, 0.5))}; got {text.strip()!r}"
+                f"{self.words} must be a number, such as {written(max(self.low, 0.5))}; got {text.strip()!r}"
             ) from None
         if not math.isfinite(value):
             raise ValueError(f"{self.words} must be a finite number")
         if self.kind == WHOLE and value != round(value):
-            raise ValueError(f"{self.words} is a whole number; got {text.strip()!r}")
+            raise ValueError(f"{self.words} must be a whole number, got {text.strip()!r}")
         if self.hard and not self.low <= value <= self.high:
-            raise ValueError(f"{self.words} goes from {self.low:g} to {self.high:g}; got {text.strip()}")
+            raise ValueError(f"{self.words} must be from {self.low:g} to {self.high:g}; got {text.strip()}")
         return int(value) if self.kind == WHOLE else value
 
 
@@ -136,7 +136,7 @@ def help_of(field, kind) -> str:
     meaning = " ".join((field.description or "").split()).rstrip(".")
     parts = [meaning[:1].upper() + meaning[1:]] if meaning else []
     if kind in (NUMBER, WHOLE):
-        parts.append(f"Unit: {unit(field) or 'none, a pure number'}")
+        parts.append(f"Unit: {unit(field) or 'none'}")
         found = bounds(field)
         if str(found):
             parts.append(f"Range: {span(field) if not unit(field)[:1].isdigit() else str(found)}")

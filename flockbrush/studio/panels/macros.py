@@ -95,7 +95,7 @@ def macros_of(brush: Brush, measured: Mapping[str, Any] | None = None) -> list[M
             ranges = tuple(Range(*part) for part in entry["ranges"])
         symbols = ", ".join(part.name for part in ranges)
         kind, note = _note(name, entry)
-        about = f"{words}. Moves {symbols} together." + (f" Measured: {note}." if note else "")
+        about = f"{words}. Changes {symbols} together." + (f" Measured: {note}." if note else "")
         found.append(Macro("macro", name, kind, "", about, note=note, ranges=ranges))
     return found
 
@@ -108,7 +108,7 @@ def _note(name, entry):
     moves = entry["moves"]
     if high - low < HARDLY or moves["polarization"] < SURE:
         spread = (high - low) / max(moves["polarization"], 0.1)
-        return SENTENCE, f"hardly acts: polarization {low:.2f} to {high:.2f} ± {spread:.2f}"
+        return SENTENCE, f"weak effect: polarization {low:.2f} to {high:.2f} ± {spread:.2f}"
     also = [one for one in ALSO if GOAL * moves[one] > moves["polarization"]]
     also = sorted(also, key=lambda one: -moves[one])[:2]
-    return NUMBER, f"also moves {' and '.join(ALSO[one] for one in also)}" if also else ""
+    return NUMBER, f"also changes {' and '.join(ALSO[one] for one in also)}" if also else ""

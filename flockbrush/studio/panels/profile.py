@@ -11,7 +11,7 @@ from flockbrush.studio.panels.bars import Bar, bars_picture
 from flockbrush.studio.panels.panel import Panel, Picture
 
 FRAME = {
-    "simulation": "waiting for ticks: they run beside the rest",
+    "simulation": "waiting for ticks, which run in parallel",
     "drawing": "ground, animals, overlays",
     "interface": "buttons, panels, this text",
 }
@@ -22,7 +22,7 @@ class ProfilePanel(Panel):
     """Shows milliseconds as bars."""
 
     title = "Profile"
-    tip = "Milliseconds for each part of a frame, and for each system of a tick"
+    tip = "Time of each part of a frame and of each system of a tick"
     systems: Picture | None
 
     def make(self):
@@ -33,12 +33,15 @@ class ProfilePanel(Panel):
             allow_scroll_x=False,
         )  # fmt: skip
         self.wide, self.row = self.inner, px(22)
-        self._head("A frame, mean ms", 0)
+        self._head("Frame, mean ms", 0)
         tip = "<br>".join(f"<b>{name}</b>: {meaning}" for name, meaning in FRAME.items())
         self.frame = Picture(
-            pygame.Rect(0, px(28), self.wide, 5 * self.row), self.manager, self.scroll, f"{tip}<br>60 a second: 16.7 ms"
+            pygame.Rect(0, px(28), self.wide, 5 * self.row),
+            self.manager,
+            self.scroll,
+            f"{tip}<br>60 frames per second: 16.7 ms",
         )
-        self._head("A tick by system, mean ms", px(36) + 5 * self.row)
+        self._head("Tick by system, mean ms", px(36) + 5 * self.row)
         self.systems = None
         self.refresh()
 
@@ -66,7 +69,7 @@ class ProfilePanel(Panel):
     def _show_systems(self, profile):
         px, ordered = self.px, sorted(profile.items(), key=lambda item: -item[1])
         total = sum(profile.values())
-        bars = [Bar("a whole tick", 1.0 if total else 0.0, f"{total:.2f}", self.colours.muted, True)]
+        bars = [Bar("whole tick", 1.0 if total else 0.0, f"{total:.2f}", self.colours.muted, True)]
         most = max(total, 1e-9)
         bars += [Bar(words_of(name), ms / most, f"{ms:.2f}", self.app.theme.guide) for name, ms in ordered]
         tall = len(bars) * self.row

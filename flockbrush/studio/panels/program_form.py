@@ -136,7 +136,7 @@ def with_state(program: Program, name: str) -> str:
     """The file with one more state; ValueError."""
     document = document_of(program)
     if name in document["state"]:
-        raise ValueError(f"there is a state {name!r} already")
+        raise ValueError(f"a state {name!r} already exists")
     document["state"][name] = {}
     return checked(program.name, document)
 

@@ -23,7 +23,7 @@ class StatesPanel(Panel):
     """Shows one program, and changes it by commands: every change is live, and undone as any other."""
 
     title = "States"
-    tip = "States of animals and the triggers between them, changed while the herd runs"
+    tip = "Change the states of animals and the triggers between them while the herd runs"
 
     def make(self):
         px, area = self.px, self.area
@@ -100,7 +100,7 @@ class StatesPanel(Panel):
 
     def _ask_program(self):
         names = ", ".join(shipped_programs().names())
-        self.app.ask_text("Program", f"All animals follow the program ({names}):", "stampede", self.give)
+        self.app.ask_text("Program", f"Program for all animals ({names}):", "stampede", self.give)
 
     def _ask_folder(self):
         folder = str(self.app.session.path.parent / "programs")
@@ -161,7 +161,7 @@ class StatesPanel(Panel):
         px, half = self.px, (self.inner - self.px(6)) // 2
         if program is None:
             self._label("No animal follows a program.", 0, 0, self.inner)
-            self._button("Give a program", self._ask_program, 0, px(30), self.inner)
+            self._button("Choose a program", self._ask_program, 0, px(30), self.inner)
             return px(66)
         self._label(program.title or program.name, 0, 0, self.inner, "@heading")
         y, events = px(28), heard(self.world)

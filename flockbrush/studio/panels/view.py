@@ -11,13 +11,13 @@ from flockbrush.render.style import PALETTES, THEMES
 from flockbrush.studio.panels.panel import Panel
 
 ALWAYS = {
-    "trails": ("Trails", "Where each animal has been in the last seconds"),
-    "shadows": ("Shadows", "Shadows under the animals, and how high they fly"),
+    "trails": ("Trails", "Path of each animal in the last seconds"),
+    "shadows": ("Shadows", "Shadows under the animals; they show the height of birds"),
     "dust": ("Dust and ripples", "Dust behind runners on dry ground, ripples behind swimmers and waders"),
 }
 CAMERA = {
-    "space": ("In space", "View the herd in space (3): the middle button orbits, the wheel zooms"),
-    "follow": ("Follow the herd", "The view goes with the herd, or with the selected animal (T)"),
+    "space": ("3D view", "View the herd in 3D (key 3): the middle button orbits, the wheel zooms"),
+    "follow": ("Follow the herd", "Keep the herd, or the selected animal, in view (T)"),
 }
 AUTOMATIC = "automatic"
 SCALES = (0.75, 1.0, 1.25, 1.5, 2.0, 3.0)
@@ -27,7 +27,7 @@ class ViewPanel(Panel):
     """Chooses what is drawn, and how."""
 
     title = "View"
-    tip = "Overlays over the herd, light or dark colours, size of the words"
+    tip = "Overlays, camera, colours and text size"
 
     def make(self):
         px, area = self.px, self.area

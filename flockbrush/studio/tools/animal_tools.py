@@ -14,8 +14,8 @@ class AddAnimalsTool(Stroke):
     """Puts animals down."""
 
     name, title, key, icon = "add", "Add animals", "n", "add"
-    tip = "Add animals with the selected behaviour"
-    hint = "Click or drag to put animals down."
+    tip = "Add animals with the selected brush"
+    hint = "Click or drag to add animals."
     palette = "brush"
     options: tuple[str, ...] = ("size", "count")
 
@@ -45,7 +45,9 @@ class AddAnimalsTool(Stroke):
         painted = app.painted_under(xy, app.species_of(brush))
         if painted not in ("", brush) and not self._told:
             self._told = True
-            app.notify(f"the ground here is painted {painted}: animals on it follow that brush, and {brush} elsewhere")
+            app.notify(
+                f"the ground here is painted with {painted}: animals follow that brush here, and {brush} elsewhere"
+            )
 
     def cursor(self, surface, camera):
         brush = self.app.brush
@@ -56,8 +58,8 @@ class Predator(Tool):
     """Puts one predator down, which belongs to the level from then on."""
 
     name, title, key, icon = "predator", "Predator", "w", "predator"
-    tip = "Add a predator of the chosen species; others flee from it, and the level keeps it"
-    hint = "Click to put a predator down."
+    tip = "Add a predator of the selected brush, from which animals flee; it becomes part of the level"
+    hint = "Click to add a predator."
     options = ("hunter",)
 
     def press(self, xy, button, mods):
@@ -68,7 +70,7 @@ class Predator(Tool):
             return
         hunter = app.hunter()
         if hunter is None:
-            app.notify("there is no brush of a predator; wolf-hunt is one that comes with Flockbrush", "warning")
+            app.notify("there is no brush for a predator; use a shipped one such as wolf-hunt", "warning")
             return
         name = free_name(app.session.simulation, hunter.species)
         room = rows(self._room(xy, hunter))
@@ -92,7 +94,7 @@ class RemoveAnimalsTool(Stroke):
 
     name, title, key, icon = "remove", "Remove animals", "r", "remove"
     tip = "Remove the animals within the circle"
-    hint = "Click or drag over animals to take them away."
+    hint = "Click or drag over animals to remove them."
     options = ("size",)
     spacing = 0.5
 
@@ -113,8 +115,8 @@ class Select(Tool):
     """Takes hold of an animal to understand it, or of a thing to move or delete it."""
 
     name, title, key, icon = "select", "Select", "v", "select"
-    tip = "Click an animal to see why it turns; click a thing to delete it, drag it to move it"
-    hint = "Click an animal to see why it turns; click a thing to delete it, drag it to move it."
+    tip = "Click an animal to see its forces; click an object to edit or delete it, drag it to move it"
+    hint = "Click an animal to see its forces; click an object to edit or delete it, drag it to move it."
 
     def __init__(self, app):
         super().__init__(app)
@@ -131,7 +133,9 @@ class Select(Tool):
         self._pressed = xy if self.thing else None
         if found:
             kind = SPOKEN.get(found[0][0], found[0][0])
-            app.set_hint(f"{kind} {found[0][1].name!r}:  drag moves it, P shows its properties, Delete takes it away.")
+            app.set_hint(
+                f"{kind} {found[0][1].name!r}: drag to move it, P to edit its properties, Delete to remove it."
+            )
 
     def drag(self, xy):
         pass
@@ -143,7 +147,7 @@ class Select(Tool):
             return
         kind = self.thing[0]
         if not held.id:
-            self.app.notify(f"this {kind} belongs to no object of the level", "warning")
+            self.app.notify(f"this {kind} is not an object of the level", "warning")
             return
         self.app.do(f"move the {SPOKEN.get(kind, kind)}", [moved(self.app, kind, held, np.subtract(xy, start))])
 

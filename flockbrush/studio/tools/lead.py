@@ -20,8 +20,8 @@ class Lead(Tool):
     """Steers one animal, which becomes a leader; one hold, from press to release, is one step of undo."""
 
     name, title, key, icon = "lead", "Lead", "l", "lead"
-    tip = "Click an animal, then hold the button where it shall go, or steer it with WASD or the arrow keys"
-    hint = "Click an animal to lead it; hold the button where it shall go, or hold W A S D or arrow keys."
+    tip = "Lead an animal: click it, then hold the button where it should go, or steer with WASD or the arrow keys"
+    hint = "Click an animal to lead it; then hold the button where it should go, or use WASD or the arrow keys."
 
     def __init__(self, app):
         super().__init__(app)
@@ -90,7 +90,7 @@ class Lead(Tool):
 
     def _is_there(self):
         if self._position() is None:
-            self.app.notify("nobody is led: click an animal first")
+            self.app.notify("no animal is led: click an animal first")
             return False
         return True
 

@@ -12,7 +12,7 @@ class ZoneTool(OutlineTool):
     """Draws zones, whose brush animals take up while they are inside."""
 
     name, title, key, icon = "zone", "Zone", "u", "zone"
-    tip = "Draw a zone: animals inside take up the selected brush; P gives it a speed limit or an event as well"
+    tip = "Draw a zone in which animals follow the selected brush; P adds a speed limit or an event"
     hint, label, palette = "Drag to draw a zone with the selected brush.", "draw a zone", "brush"
 
     def needed(self):
@@ -31,8 +31,8 @@ class LineTool(PathTool):
     """Draws lines whose crossings are counted."""
 
     name, title, key, icon, ink, spoken = "line", "Counting line", "y", "line", "ink", "a counting line"
-    tip = "Draw a line; animals that cross it are counted; drag its points to reshape it"
-    hint = "Drag to draw a line that counts who crosses it.  Drag its points to reshape it."
+    tip = "Draw a line that counts the animals that cross it; drag its points to reshape it"
+    hint = "Drag to draw a line that counts crossings. Drag its points to reshape it."
 
     def command(self, number, name, points):
         from flockbrush.systems.mark_commands import DrawLine
@@ -44,7 +44,7 @@ class MeasuredAreaTool(OutlineTool):
     """Draws areas in which animals are counted."""
 
     name, title, key, icon, thing = "area", "Measured area", "m", "area", "muted"
-    tip = "Draw an area; the animals in it are counted, and programs can ask who is there"
+    tip = "Draw an area in which animals are counted; programs can use it too"
     hint, label = "Drag to draw an area in which animals are counted.", "draw a measured area"
 
     def command(self, name, points):
@@ -57,8 +57,8 @@ class KeyTool(Tool):
     """Puts timed commands into the level's script, and opens those there are."""
 
     name, title, key, icon = "key", "Script key", "j", "key"
-    tip = "Put a timed command into the level's script; it is given at its time, if that is still ahead"
-    hint = "Click where the command is meant to act; click a key to change it.  Ctrl+R starts the level with it."
+    tip = "Add a timed command to the script of the level; it runs at its time if that is in the future"
+    hint = "Click where the command should act; click a key to change it. Ctrl+R restarts the level with it."
 
     def press(self, xy, button, mods):
         if button != 1 or self.app.is_off_map(xy, xy, 0.0):

@@ -62,8 +62,8 @@ class PaintBrushTool(Painting):
     """Paints behaviour."""
 
     name, title, key, icon = "brush", "Paint behaviour", "b", "brush"
-    tip = "Paint a behaviour: animals on it follow it"
-    hint = "Drag over the ground: animals that walk there behave like this."
+    tip = "Paint a brush on the ground: animals there follow it"
+    hint = "Drag over the ground: animals there follow the selected brush."
     layer = palette = "brush"
 
     def needed(self):
@@ -89,8 +89,8 @@ class PaintSurface(Painting):
     """Paints what the ground is made of."""
 
     name, title, key, icon = "surface", "Paint a surface", "s", "surface"
-    tip = "Paint what the ground is made of: road, mud, water, rock"
-    hint = "Drag over the ground to change what it is made of."
+    tip = "Paint the surface of the ground: road, mud, water, rock"
+    hint = "Drag over the ground to change its surface."
     layer = palette = "surface"
 
 
@@ -98,8 +98,8 @@ class Erase(Stroke):
     """Takes away what is painted, and things that are touched."""
 
     name, title, key, icon = "erase", "Erase", "e", "erase"
-    tip = "Erase paint, and things that the centre touches"
-    hint = "Drag over paint, or over a thing, to take it away."
+    tip = "Erase paint, and objects at the centre of the eraser"
+    hint = "Drag over paint or an object to erase it."
     options = ("size", "erase")
 
     def go(self, start, stop):
@@ -131,8 +131,8 @@ class Pick(Tool):
     """Takes what lies under the mouse into the hand."""
 
     name, title, key, icon = "pick", "Pick from the ground", "i", "pick"
-    tip = "Pick the brush, speed limit or surface under the mouse, or the behaviour of an animal"
-    hint = "Click painted ground or an animal to take its brush."
+    tip = "Pick the brush, speed limit or surface under the mouse, or the brush of an animal"
+    hint = "Click painted ground or an animal to pick its brush."
 
     def press(self, xy, button, mods):
         from flockbrush.systems.edits import pick
@@ -145,15 +145,15 @@ class Pick(Tool):
             found = pick(world, layer, *xy)
             if found:
                 return app.take(layer, found)
-        app.notify("there is nothing painted here")
+        app.notify("nothing is painted here")
 
 
 class Fill(Tool):
     """Fills the region under the mouse."""
 
     name, title, key, icon = "fill", "Fill a region", "f", "fill"
-    tip = "Fill a connected area of the same value"
-    hint = "Click a region: all of it takes what is chosen on the left."
+    tip = "Fill a connected area with the selected brush, speed limit or surface"
+    hint = "Click an area to fill it with the brush, speed limit or surface selected on the left."
     palette, options = "layer", ("layer",)
 
     def press(self, xy, button, mods):
@@ -164,10 +164,10 @@ class Fill(Tool):
         app = self.app
         layer = app.options["layer"]
         if app.is_off_map(xy, xy, 0.0):
-            return app.notify("this is outside the map")
+            return app.notify("this point is outside the map")
         needed = app.brush_needed(app.brush) if layer == "brush" else []
         if needed:
-            app.do("take a brush", needed)
+            app.do("load a brush", needed)
         cells = fill(app.session.simulation.world, layer, *xy, app.paint[layer])
         app.do(f"fill with {LAYERS[layer]}", [cells])
 

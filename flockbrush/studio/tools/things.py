@@ -161,7 +161,7 @@ class ObstacleTool(OutlineTool):
     """Draws obstacles."""
 
     name, title, key, icon, thing = "obstacle", "Obstacle", "o", "obstacle", "obstacle_edge"
-    tip = "Draw an obstacle; press the key again to change the pen"
+    tip = "Draw an obstacle; press the key again to change the drawing mode"
     hint, label = "Drag to draw an obstacle.", "add an obstacle"
     options = ("shape", "size", "solid", "blocks_view")
 
@@ -313,8 +313,8 @@ class GuideTool(PathTool):
     """Draws arrows for leaders to follow."""
 
     name, title, key, icon, ink, spoken = "guide", "Guide", "g", "guide", "guide", "a guide"
-    tip = "Draw an arrow that leaders follow; drag its points to reshape it"
-    hint = "Drag to draw a way for leaders.  Drag its points to reshape it."
+    tip = "Draw a guide that leaders follow; drag its points to reshape it"
+    hint = "Drag to draw a guide for leaders. Drag its points to reshape it."
 
     def command(self, number, name, points):
         from flockbrush.systems.edits import DrawGuide
@@ -413,8 +413,8 @@ class ExitTool(AreaTool):
     """Draws areas in which animals leave the world."""
 
     name, title, key, icon, thing = "exit", "Exit", "x", "exit", "exit"
-    tip = "Draw an area; animals that come there leave the world"
-    hint = "Drag a rectangle: animals that come there leave the world."
+    tip = "Draw an area that removes animals that enter it"
+    hint = "Drag a rectangle: animals that enter it are removed."
 
     def place(self, corners):
         from flockbrush.systems.edits import PlaceExit
@@ -427,8 +427,8 @@ class SpawnAreaTool(AreaTool):
     """Draws areas in which animals come into the world."""
 
     name, title, key, icon, thing = "spawn", "Spawn area", "a", "spawn", "spawn"
-    tip = "Draw an area; animals are born there now, and whenever the level starts"
-    hint = "Drag a rectangle: animals are born there, now and at each start."
+    tip = "Draw an area in which animals are created, now and at each start of the level"
+    hint = "Drag a rectangle: animals are created there, now and at each start of the level."
     palette, options = "brush", ("count",)
 
     def place(self, corners):

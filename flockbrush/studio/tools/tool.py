@@ -14,12 +14,12 @@ _strokes = itertools.count(1)
 CHOICES = {  # options that are one of several, and what a person reads
     "shape": {"pen": "Round pen", "rectangle": "Rectangle", "polygon": "Polygon"},
     "erase": {
-        "usual": "Paint and things",
-        "everything": "All, surfaces too",
+        "usual": "Paint and objects",
+        "everything": "All, with surfaces",
         "brush": "Behaviour",
         "cap": "Speed limits",
         "surface": "Surfaces",
-        "things": "Things",
+        "things": "Objects",
     },
     "layer": {"brush": "Behaviour", "cap": "Speed limit", "surface": "Surface"},
 }

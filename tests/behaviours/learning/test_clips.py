@@ -51,8 +51,8 @@ def test_a_film_is_read_frame_by_frame(tmp_path):
 def test_frames_are_chosen_by_their_numbers_both_included(tmp_path):
     path = film(tmp_path / "a.mp4", [meadow(shift=2 * k) for k in range(8)])
     assert open_clip(path, (2, 5)).numbers.tolist() == [2, 3, 4, 5]
-    assert "has frames 0 to 7, and none of 20:30" in refusal(path, frames=(20, 30))
-    assert "counted from 0, the first before the last" in refusal(path, frames=(5, 2))
+    assert "has frames 0 to 7, but none in 20:30" in refusal(path, frames=(20, 30))
+    assert "numbered from 0, and the first must not be after the last" in refusal(path, frames=(5, 2))
 
 
 @pytest.mark.parametrize("turned", [90, 180, 270])
@@ -62,7 +62,7 @@ def test_a_film_taken_with_the_camera_on_its_side_is_turned_upright_as_opencv_do
     _, other = cv2.VideoCapture(str(path)).read()
     mine = dict(clip.read([0]))[0]
     assert mine.shape == other.shape and np.abs(mine.astype(int) - other).mean() < 2
-    assert any(f"turned by {turned} degrees" in note for note in clip.notes)
+    assert any(f"rotated by {turned} degrees" in note for note in clip.notes)
 
 
 def test_a_large_film_is_made_smaller_and_says_so(tmp_path):
@@ -77,8 +77,8 @@ def test_a_photograph_and_a_film_of_one_frame_stand_still(tmp_path):
     photo = open_clip(tmp_path / "a.png")
     assert photo.still and len(photo) == 1 and "photograph" in photo.notes[0]
     single = open_clip(film(tmp_path / "a.mp4", [meadow()]))
-    assert single.still and any("one frame alone" in note for note in single.notes)
-    assert "leave --frames out" in refusal(tmp_path / "a.png", frames=(3, 5))
+    assert single.still and any("only one frame" in note for note in single.notes)
+    assert "leave out --frames" in refusal(tmp_path / "a.png", frames=(3, 5))
 
 
 def test_what_is_no_film_is_refused_by_name(tmp_path):
@@ -87,7 +87,7 @@ def test_what_is_no_film_is_refused_by_name(tmp_path):
     assert "there is no such file" in refusal(tmp_path / "none.mp4")
     assert "is a folder" in refusal(tmp_path)
     assert "is empty" in refusal(tmp_path / "empty.mp4")
-    assert "is no film or picture that can be read" in refusal(tmp_path / "text.mp4")
+    assert "is not a readable video or picture" in refusal(tmp_path / "text.mp4")
 
 
 def test_a_film_without_pictures_says_what_it_has(tmp_path):

@@ -51,7 +51,7 @@ def test_fields_alone_are_read_from_either_file(tmp_path):
     seen.fields.save(tmp_path / "fields.npz")
     for name in ("all.npz", "fields.npz"):
         np.testing.assert_array_equal(Fields.load(tmp_path / name).density, seen.fields.density)
-    with pytest.raises(ProblemsError, match=r"fields\.npz: has fields alone"):
+    with pytest.raises(ProblemsError, match=r"fields\.npz: has only fields"):
         Evidence.load(tmp_path / "fields.npz")
 
 
@@ -70,7 +70,7 @@ def test_the_second_half_is_not_known_to_the_first():
 
 
 def test_one_frame_has_no_halves():
-    with pytest.raises(ValueError, match="must be two at least"):
+    with pytest.raises(ValueError, match="must both be at least two frames"):
         halves(two_sheep(frames=3))
 
 
@@ -78,7 +78,7 @@ def test_one_frame_has_no_halves():
 def test_a_file_of_something_else_is_refused_by_name(tmp_path, content):
     path = tmp_path / "fields.npz"
     path.write_bytes(content)
-    with pytest.raises(ProblemsError, match=r"fields\.npz: is no file of fields"):
+    with pytest.raises(ProblemsError, match=r"fields\.npz: is not a fields file"):
         Fields.load(path)
 
 

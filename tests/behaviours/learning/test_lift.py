@@ -89,7 +89,7 @@ def test_tracks_are_read_with_gaps_and_birds_that_come_and_go(tmp_path):
         ("frame,id,x,y\n1,1,2,3\n2,1,abc,3", "tracks.csv:3: x: must be a number, got 'abc'"),
         ("frame,id,x,y\n1,1,2,nan", "tracks.csv:2: y: must be a finite number of pixels"),
         ("frame,id,x,y\n1,1,2,3\n1,1,2,4\n", "tracks.csv:3: id: bird 1 is in frame 1 twice, here and in line 2"),
-        ("frame,id,x,y\n", "there is no bird in it"),
+        ("frame,id,x,y\n", "has no birds"),
         ("frame,id,x,y\n1,1,2,3\n1,2,2,4\n", "a flight needs three"),
         ("", "tracks.csv:1: frame"),
     ],
@@ -356,7 +356,7 @@ def test_one_bird_has_no_depth_and_is_put_at_one_distance():
     flight = lift(filmed(starlings(1)), CAMERA)
     assert np.ptp(flight.depth) == pytest.approx(0)
     assert np.linalg.norm(np.diff(flight.xyz, axis=0), axis=-1).mean() * 30 == pytest.approx(9.0)
-    assert "one bird alone has no depth" in flight.notes[0]
+    assert "the depth of a single bird is undetermined" in flight.notes[0]
 
 
 def test_birds_that_never_meet_are_no_flock_and_put_at_one_distance():
@@ -364,7 +364,7 @@ def test_birds_that_never_meet_are_no_flock_and_put_at_one_distance():
     tracks.px[:20, 0] = tracks.px[20:, 1] = np.nan
     flight = lift(tracks, CAMERA)
     assert np.nanstd(flight.depth) == pytest.approx(0)
-    assert "no two birds are seen at the same time" in flight.notes[0]
+    assert "no two birds are visible together" in flight.notes[0]
 
 
 @pytest.mark.parametrize("toward", [-4.0, 0.0, 4.0])

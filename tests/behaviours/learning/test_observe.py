@@ -88,7 +88,7 @@ def test_a_landmark_that_leaves_the_picture_or_is_plain_is_told(band, tmp_path):
         follow_landmarks(open_clip(away.path), [GroundLandmark(0, 20, 100, 60, 50)])
     with pytest.raises(CannotObserve, match="must be a rectangle .* inside the picture of 480 x 360"):
         follow_landmarks(open_clip(band.path), [GroundLandmark(0, 470, 100, 60, 50)])
-    with pytest.raises(CannotObserve, match="of a frame that is not used; there are 0 to 19"):
+    with pytest.raises(CannotObserve, match="in a frame that is not used; used frames: 0 to 19"):
         follow_landmarks(open_clip(band.path), [GroundLandmark(99, 20, 100, 60, 50)])
 
 
@@ -216,10 +216,10 @@ def test_obstacles_and_regions_fall_on_the_cells_they_were_painted_over(still, t
 
 def test_a_mask_of_another_clip_is_refused(still, tmp_path):
     cv2.imwrite(str(tmp_path / "wall.png"), np.zeros((100, 400), np.uint8))
-    with pytest.raises(ProblemsError, match=r"wall\.png: is 400 x 100 pixels and the clip 480 x 360"):
+    with pytest.raises(ProblemsError, match=r"wall\.png: is 400 x 100 pixels, but the clip is 480 x 360"):
         observe(still.path, obstacles=tmp_path / "wall.png")
     (tmp_path / "wall.png").write_text("no picture")
-    with pytest.raises(ProblemsError, match="is no picture that can be read"):
+    with pytest.raises(ProblemsError, match="is not a readable picture"):
         observe(still.path, obstacles=tmp_path / "wall.png")
 
 
@@ -235,9 +235,9 @@ def test_a_clip_in_which_nothing_moves_is_refused_with_the_ground_it_showed(tmp_
 
 
 def test_a_colour_that_nobody_has_and_one_that_everything_has_are_refused(still):
-    with pytest.raises(CannotObserve, match="no animals were found"):
+    with pytest.raises(CannotObserve, match="no animals were detected"):
         observe(still.path, body_colour=(255, 0, 255))
-    with pytest.raises(CannotObserve, match=r"% of the picture look like animals; name their colour"):
+    with pytest.raises(CannotObserve, match=r"% of the picture looks like animals; give their colour"):
         observe(still.path, body_colour=(92, 112, 62))
 
 

@@ -177,7 +177,7 @@ def test_work_is_done_once_and_kept(tmp_path):
         assert working.map(doubled, [{"number": 3}, {"number": 4}], done.append) == [6, 8]
     with Workers(100, signature="a", path=path) as working:  # remembered, though it would be another number now
         assert working.map(doubled, [{"number": 4}]) == [8]
-    with pytest.raises(ProblemsError, match=r"kept.json: was begun with another clip.*without --resume"):
+    with pytest.raises(ProblemsError, match=r"kept.json: belongs to another clip.*without --resume"):
         Workers(100, signature="b", path=path)
     with Workers(1, stop=lambda: True) as working, pytest.raises(WorkStopped):
         working.map(doubled, [{"number": 1}])
