@@ -72,10 +72,12 @@ def ours(level, herd, frames):
 
     def animals(k):
         from flockbrush.render.drawn_herd import checked
+        from flockbrush.render.sprites import looks_of
 
         ready = checked(moved(herd, k))
         stamps = painter._stamps_of(ready)
-        painter._animals(out, ready, stamps.looks(ready.brush, ready.leader, ready.predator), stamps)
+        look = looks_of(ready, len(stamps.brush_colours))
+        painter._animals(out, ready, look, stamps)
 
     return {
         "animals": median(animals, frames),
@@ -151,10 +153,12 @@ def legs(look, clip, frames, count=338, long=38.0):
 def window(count, frames, name="gorge"):
     """Return {name: (median, least)} milliseconds of the other work of a window."""
     from flockbrush.render import Scenery
-    from flockbrush.render.overlays import OVERLAYS, Overlays
+    from flockbrush.render.overlay_registry import OVERLAYS, load_overlays
+    from flockbrush.render.overlays import Overlays
     from flockbrush.runs.run import start
     from flockbrush.runs.snapshots import moment_of
 
+    load_overlays()
     simulation = start(name, agents=count)
     simulation.run(32)
     scenery, moment = Scenery(simulation), moment_of(simulation)

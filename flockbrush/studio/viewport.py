@@ -11,6 +11,7 @@ import pygame
 
 from flockbrush.output.pictures import herd_of
 from flockbrush.render import Painter, Scenery
+from flockbrush.render.ground_texture import Underlay
 from flockbrush.render.overlay_registry import EXPLAINED, OVERLAYS
 from flockbrush.render.overlays import Overlays
 from flockbrush.render.space_view import SpacePainter
@@ -244,10 +245,10 @@ class Viewport:
         self.painter.dust = "dust" in app.overlays
         if self.in_space:
             lying = self._lying()
-            news = frozenset(lying), app.selected, round(moment.time / LAID)
+            under = Underlay(self._on_ground, (frozenset(lying), app.selected, round(moment.time / LAID)))
             self.painter.frame(
-                self.herd, moment.time, "", legend=False, trails=trails, out=self.frame, news=news,
-                under=self._on_ground if lying else None, selected=app.selected,
+                self.herd, moment.time, "", legend=False, trails=trails, out=self.frame,
+                under=under if lying else None, selected=app.selected,
             )  # fmt: skip
             in_space = {name for name, overlay in OVERLAYS.items() if overlay.in_space}
             self._overlays.over(self.frame, self.camera, app.overlays & in_space, moment)
