@@ -167,10 +167,10 @@ def test_a_pair_without_a_path_is_judged_along_the_straight_line():
 
 @pytest.mark.parametrize("pair", ["lanes", "lanes--unicorn"])
 def test_what_is_no_pair_is_said(pair):
-    with pytest.raises(ValueError, match=f"'{pair}' is no pair A--B of shipped brushes.*lanes"):
+    with pytest.raises(ValueError, match=f"'{pair}': invalid pair A--B of shipped brushes.*lanes"):
         brushes_of(pair)
 
 
 def test_brushes_of_unlike_models_are_no_pair():
-    with pytest.raises(ValueError, match="nothing is between"):
+    with pytest.raises(ValueError, match="cannot be mixed"):
         brushes_of("lanes--starlings")
