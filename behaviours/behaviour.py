@@ -20,7 +20,7 @@ from functools import cache
 from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
-from flockbrush.behaviours.sliders import SLIDERS, Slider
+from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider
 from flockbrush.engine.plugins import load_entry_points, load_modules
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -35,7 +35,7 @@ class Parameters(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-    sliders: ClassVar[dict[str, Slider]] = SLIDERS
+    sliders: ClassVar[dict[str, DesignerSlider]] = SLIDERS
 
 
 def quantity(

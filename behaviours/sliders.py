@@ -18,7 +18,7 @@ class Range(NamedTuple):
     times: bool = False  # even steps multiply; otherwise they add
 
 
-class Slider(NamedTuple):
+class DesignerSlider(NamedTuple):
     """What the two ends of a slider mean, and the numbers that it moves together; the first says where it stands."""
 
     ends: str
@@ -31,7 +31,7 @@ def moves(name: str, low: float, high: float, times: bool = False) -> Range:
 
 
 SLIDERS = {
-    "pace": Slider(
+    "pace": DesignerSlider(
         "Slow and calm to fast",
         (Range("speed", "mean", 0.1, 20.0, True), Range("speed", "deviation", 0.1, 20.0, True)),
     )

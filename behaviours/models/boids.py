@@ -26,7 +26,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from flockbrush.behaviours.behaviour import Flight, Parameters, Wishes, air_of, behaviour, quantity
-from flockbrush.behaviours.sliders import SLIDERS, Slider, moves
+from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
 from flockbrush.engine.arrays import write_
 from flockbrush.engine.maths import exp_, kernel_function, log_
 from flockbrush.engine.parallel import over_rows
@@ -109,13 +109,15 @@ class Params(Parameters):
     )
 
     sliders: ClassVar = {
-        "tightness": Slider("Loose to strongly attracted by neighbours", (moves("centring_strength", 0.0, 1.0),)),
-        "order": Slider(
+        "tightness": DesignerSlider(
+            "Loose to strongly attracted by neighbours", (moves("centring_strength", 0.0, 1.0),)
+        ),
+        "order": DesignerSlider(
             "Random headings to common heading",
             (moves("matching_strength", 0.0, 1.0), moves("matching_time", 1.5, 0.05, True)),
         ),
-        "personal space": Slider("Wing to wing to wide spacing", (moves("separation", 0.5, 30.0, True),)),
-        "nerve": Slider(
+        "personal space": DesignerSlider("Wing to wing to wide spacing", (moves("separation", 0.5, 30.0, True),)),
+        "nerve": DesignerSlider(
             "Bold to fearful",
             (moves("flight_distance", 5.0, 500.0, True), moves("panic_pace", 1.0, 4.0, True)),
         ),

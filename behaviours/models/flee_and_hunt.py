@@ -18,7 +18,7 @@ from typing import ClassVar
 import numpy as np
 from flockbrush.behaviours.behaviour import behaviour, kinds_in, quantity
 from flockbrush.behaviours.models import herd
-from flockbrush.behaviours.sliders import Slider, moves
+from flockbrush.behaviours.sliders import DesignerSlider, moves
 from flockbrush.engine.parallel import over_rows
 from numba import njit
 
@@ -37,7 +37,7 @@ class FleeParams(herd.Params):
 
     sliders: ClassVar = {
         **herd.Params.sliders,
-        "nerve": Slider(
+        "nerve": DesignerSlider(
             "Bold to fearful",
             (moves("flight_distance", 2.0, 60.0, True), moves("panic_pace", 1.0, 6.0, True)),
         ),
@@ -68,7 +68,7 @@ class HuntParams(herd.Params):
 
     sliders: ClassVar = {
         **herd.Params.sliders,
-        "nerve": Slider(
+        "nerve": DesignerSlider(
             "Attacks near prey only to chases all prey in sight",
             (moves("chase_distance", 5.0, 120.0, True), moves("charge_distance", 2.0, 60.0, True)),
         ),

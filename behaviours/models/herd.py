@@ -30,7 +30,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity, share_guided, who_is_guided
-from flockbrush.behaviours.sliders import SLIDERS, Slider, moves
+from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
 from flockbrush.engine.lane_maths import exponential, lane_function, square_of_angle
 from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, splat8, store, total
 from flockbrush.engine.maths import sincos_
@@ -112,23 +112,23 @@ class Params(Parameters):
     )
 
     sliders: ClassVar = {
-        "tightness": Slider(
+        "tightness": DesignerSlider(
             "Spread out to close together",
             (moves("cohesion_weight", 0.0, 1.0), moves("cohesion_radial", 0.5, 1.0)),
         ),
-        "order": Slider(
+        "order": DesignerSlider(
             "Random headings to common heading",
             (moves("alignment_weight", 0.0, 1.0), moves("alignment_radial", 0.5, 1.0)),
         ),
-        "personal space": Slider(
+        "personal space": DesignerSlider(
             "Close contact to wide spacing",
             (moves("avoidance_radial", 0.1, 1.0, True), moves("avoidance_weight", 0.02, 1.0, True)),
         ),
-        "nerve": Slider(
+        "nerve": DesignerSlider(
             "Slow to quick reactions",
             (moves("sensitivity", 1.0, 100.0, True), moves("max_turn", 1.0, 30.0, True)),
         ),
-        "wander": Slider("Straight paths to random turns", (moves("wander", 0.0, 3.0),)),
+        "wander": DesignerSlider("Straight paths to random turns", (moves("wander", 0.0, 3.0),)),
         **SLIDERS,
     }
 

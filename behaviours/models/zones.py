@@ -29,7 +29,7 @@ from typing import ClassVar
 import numpy as np
 from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity, share_guided, who_is_guided
 from flockbrush.behaviours.models.herd import wander_kernel
-from flockbrush.behaviours.sliders import SLIDERS, Slider, moves
+from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
 from flockbrush.engine.maths import atan2_, kernel_function, sincos_
 from flockbrush.engine.parallel import over_rows
 from numba import njit
@@ -59,13 +59,13 @@ class Params(Parameters):
     guided_share: float = share_guided()
 
     sliders: ClassVar = {
-        "tightness": Slider(
+        "tightness": DesignerSlider(
             "Attracted by near to attracted by distant animals", (moves("attraction", 1.0, 30.0, True),)
         ),
-        "order": Slider("Random headings to common heading", (moves("orientation", 0.1, 20.0, True),)),
-        "personal space": Slider("Close contact to wide spacing", (moves("repulsion", 0.3, 6.0, True),)),
-        "nerve": Slider("Slow to quick turns", (moves("max_turn", 0.1, 10.0, True),)),
-        "wander": Slider("Straight paths to random turns", (moves("wander", 0.0, 2.0),)),
+        "order": DesignerSlider("Random headings to common heading", (moves("orientation", 0.1, 20.0, True),)),
+        "personal space": DesignerSlider("Close contact to wide spacing", (moves("repulsion", 0.3, 6.0, True),)),
+        "nerve": DesignerSlider("Slow to quick turns", (moves("max_turn", 0.1, 10.0, True),)),
+        "wander": DesignerSlider("Straight paths to random turns", (moves("wander", 0.0, 2.0),)),
         **SLIDERS,
     }
 
