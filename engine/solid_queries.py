@@ -132,7 +132,7 @@ def ahead_(s, x, y, z, ux, uy, uz, reach, w):
     return who, hit
 
 
-class Pose(NamedTuple):
+class BodyFrame(NamedTuple):
     """Where a body is and how it is held; all three as (x, y, z)."""
 
     place: tuple[float, float, float]  # m
@@ -261,7 +261,7 @@ def _past_polyhedron(s, k, pose, beyond, lowest):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def past_(s, k, pose, beyond, lowest, odd):
-    """Unit vector to a point ``beyond`` m past the silhouette edge of a solid nearest to the heading of a `Pose`.
+    """Unit vector to a point ``beyond`` m past the silhouette edge of a solid nearest to the heading of a `BodyFrame`.
 
     Points more than ``lowest`` m below the body are under the ground.  Dead ahead of a cylinder, ``odd`` says on which
     side.  From where there is no such edge (a plane, or inside) it leads along the nearest face.

@@ -16,7 +16,7 @@ from flockbrush.components import Airborne, Body, BrushBinding, Heading, Migrati
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
-from flockbrush.engine.solid_queries import Pose, ahead_, far_, past_, surface_
+from flockbrush.engine.solid_queries import BodyFrame, ahead_, far_, past_, surface_
 from flockbrush.engine.solids import Solids, no_solids, with_cylinders
 from flockbrush.systems.flight import flyers_of
 from flockbrush.systems.ground_height import height_of_ground
@@ -120,7 +120,7 @@ def _look_ahead(lo, hi, order, ids, flyers, foresight, solids, heights, foreseen
         if who >= 0:
             hit[i] = distance
             beyond = radius[i] + (ROOM + 0.5) * length[i]
-            pose = Pose((x, y, z), (fx, fy, fz), (up[i, 0], up[i, 1], up[i, 2]))
+            pose = BodyFrame((x, y, z), (fx, fy, fz), (up[i, 0], up[i, 1], up[i, 2]))
             aim[i, 0], aim[i, 1], aim[i, 2] = past_(solids, who, pose, beyond, height[i], ids[i] & 1)
         for k in range(len(solids.kind)):
             if not far_(solids, k, x, y, z, reach, 0.0):
