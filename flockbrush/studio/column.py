@@ -12,7 +12,7 @@ TAB = 48  # pixels of a tab at scale 1
 
 
 def panel_classes():
-    """The panels there are, in the order of their tabs."""
+    """The classes of all panels, in the order of their tabs."""
     try:
         from flockbrush.studio.panels import PANELS
     except ImportError:
@@ -21,7 +21,7 @@ def panel_classes():
 
 
 class Column:
-    """Hosts the panels: one is shown, and each is made when it is shown first."""
+    """The right-hand column: shows one panel, and creates each panel when it is shown first."""
 
     def __init__(self, app, manager, rect: pygame.Rect):
         self.app, self.manager = app, manager
