@@ -293,7 +293,7 @@ def exit_code_of(error) -> int:
         say(_of_system(error))
     else:
         say(f"this is a bug in Flockbrush: {type(error).__name__}: {error}")
-        say("please report it with the traceback, which is printed if the environment variable FLOCKBRUSH_DEBUG is 1")
+        say("please report it with the traceback that FLOCKBRUSH_DEBUG=1 in the environment prints")
     return PROBLEM
 
 

@@ -32,15 +32,7 @@ SLIDERS = (  # name, what is set, lowest, highest, whether equal steps multiply,
     ("Smooth paths", "smoothness", 0.03, 30.0, True, "{:.2g}", "λ_t: weight of smooth paths"),
     ("Alignment", "flock", 0.03, 30.0, True, "{:.2g}", "λ_f: weight of alignment and cohesion"),
     ("Even speed", "evenness", 0.0, 3.0, False, "{:.2f}", "Weight of a constant mean speed of the flock"),
-    (
-        "Separation",
-        "separation",
-        0.0,
-        1.0,
-        False,
-        "{:.2f}",
-        "Weight of separation between birds; only for a better appearance",
-    ),
+    ("Separation", "separation", 0.0, 1.0, False, "{:.2f}", "Weight of separation; for a better appearance"),
     ("Separation distance", "separation_distance", 0.1, 10.0, True, "{:.2g} m", "Distance below which separation acts"),
     ("Near", "near", 0.5, 500.0, True, "{:.3g} m", "Smallest distance from the camera"),
     ("Far", "far", 5.0, 5000.0, True, "{:.4g} m", "Largest distance from the camera"),
@@ -143,11 +135,7 @@ class LiftWindow(PlainWindow):
                     name, self._value(key), low, high, form.format, lambda value, key=key: self.wish(key, value),
                     power=power, tip=tip,
                 )  # fmt: skip
-            self.method = column.button(
-                self._method(),
-                self.other_method,
-                "Solver: one global solve, or the frame-by-frame descent of the thesis",
-            )
+            self.method = column.button(self._method(), self.other_method, "Global solve, or descent of the thesis")
             self.buttons_in_column = column.buttons
             column.button("Reset", self.reset, "Reset all sliders")
         column.heading(f"{self.show.animal.capitalize()}s")
