@@ -1,4 +1,4 @@
-"""What every animal has: one column per field."""
+"""The components of every animal, with one column per field."""
 
 import numpy as np
 from flockbrush.components.formation import FormationPlace, Lost
@@ -18,13 +18,13 @@ class Position(Component):
 
 
 class Velocity(Component):
-    """What the animal really did in the last tick, metres per second."""
+    """The velocity of the animal in the last tick, m/s."""
 
     xyz = Field((0.0, 0.0, 0.0))
 
 
 class Heading(Component):
-    """The way the body faces: a unit vector.  Direction is separate from speed (Gong et al. 2025, eq. 2)."""
+    """The heading of the body, a unit vector.  Direction is separate from speed (Gong et al. 2025, eq. 2)."""
 
     forward = Field((1.0, 0.0, 0.0))
 
@@ -65,7 +65,7 @@ class ReferenceBird(Component):
 
 
 class Vision(Component):
-    """How far and how wide the animal sees."""
+    """View range and field of view of the animal."""
 
     range = Field(4.0)  # m
     field_of_view = Field(2 * np.pi)  # rad, full angle
@@ -92,7 +92,7 @@ class Speed(Component):
 
 
 class Ground(Component):
-    """What is underfoot."""
+    """The ground under the animal."""
 
     factor = Field(1.0)  # surface, painted factors: multiplies speed
     cap = Field(np.inf, finite=False)  # m/s, painted maximum
@@ -107,7 +107,7 @@ class Destination(Component):
 
 
 class Memory(Component):
-    """Where the animal last saw others: a stray goes back there."""
+    """The place where the animal last saw others; a stray returns there."""
 
     herd = Field((0.0, 0.0))  # m
     known = Field(0, np.uint8)
@@ -122,7 +122,7 @@ class Individual(Component):
 
 
 class Alarm(Component):
-    """What is left of a fright: it goes on for a while after the danger is out of sight."""
+    """The alarm of the animal, which lasts for a while after the danger is out of sight."""
 
     optional = True
     level = Field(0.0)  # 0 calm, 1 full fear
@@ -130,14 +130,14 @@ class Alarm(Component):
 
 
 class Wish(Component):
-    """What the models want in this tick.  Rewritten every tick."""
+    """The wish of the models in this tick.  Rewritten every tick."""
 
     direction = Field((1.0, 0.0, 0.0))  # unit vector
     pace = Field(1.0)  # multiplies the speed (a sprint, a halt)
 
 
 class Urge(Component):
-    """What drives took of the body in this tick, and how fast it goes for their sake."""
+    """The share of the body's limits that drives used in this tick, and the speed they ask for."""
 
     optional = True
     share = Field(0.0)  # 0: the model alone
@@ -146,7 +146,7 @@ class Urge(Component):
 
 
 class Transit(Component):
-    """On the way from one medium to another: a bird that lands or takes off."""
+    """The transition between media: a bird that lands or takes off."""
 
     optional = True
     kind = Field(SETTLED, np.uint8)
@@ -160,7 +160,7 @@ class Airborne(Component):
 
 
 class Thrust(Component):
-    """What a model in the air wants.  Rewritten every tick."""
+    """The wish of a model in the air.  Rewritten every tick."""
 
     optional = True
     kind = Field(BY_HEADING, np.uint8)

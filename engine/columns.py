@@ -152,14 +152,14 @@ class Table:
         return bool(row < self.count and self._ids[row] == entity)
 
     def __getitem__(self, field):
-        """The live rows of a column, ``table[Position.xyz]``.  Good until rows are added or removed."""
+        """The rows of a column, ``table[Position.xyz]``; a view that is valid until rows are added or removed."""
         try:
             return self.arrays[field][: self.count]
         except KeyError:
             raise KeyError(f"this world has no column {field!r}") from None
 
     def row(self, entity):
-        """The row of an agent now.  Nobody keeps it past the tick."""
+        """The row of an agent, valid for this tick only."""
         row = self._ids[: self.count].searchsorted(entity)
         if row < self.count and self._ids[row] == entity:
             return int(row)

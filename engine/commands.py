@@ -1,4 +1,4 @@
-"""Changes from outside as data: submitted, applied at the start of a tick, recorded, replayed."""
+"""Commands: changes of the world as data; submitted, applied at the start of a tick, recorded and replayed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _WORDS = {
 
 
 class CommandError(ValueError):
-    """A command could not be done; ``str()`` says when, which, and why.  The world is as it was before it.
+    """A command failed; ``str()`` tells tick, command and reason.  The world is unchanged.
 
     ``source`` is the recording that it is from, if it is from one.
     """
@@ -109,7 +109,7 @@ def to_json(cmd):
 
 
 def from_json(text):
-    """The command that `to_json` wrote, from outside: nothing in it is taken on trust.
+    """The command in a JSON text of `to_json`; all values are validated.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def _instead(word, known):
 
 
 class Commands:
-    """The queue: what is due, and what was applied when."""
+    """The queue of commands, and the log of those that were applied."""
 
     hashed = False  # a replay knows from the start what a designer submitted in the middle of the run
 

@@ -1,4 +1,4 @@
-"""What is wrong with a file, in a form people can act on: all of it at once, each with file, line and key."""
+"""Error reports about files: all problems at once, each with file, line and key."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LISTED = 12  # names listed when none is near
 
 @dataclasses.dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong, and what would be right.
+    """One error, with what would be right.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def _shortened(text: str) -> str:
 
 
 class ProblemsError(Exception):
-    """Everything that is wrong with what was read; ``str()`` has one problem a line."""
+    """All problems of an input; ``str()`` has one problem per line."""
 
     def __init__(self, problems: Iterable[Problem]):
         self.problems = list(problems)

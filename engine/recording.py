@@ -1,4 +1,4 @@
-"""Recordings: what happened to a world, small enough to keep and enough to live it again.
+"""Writing and replaying recordings: the seed, the commands, hashes and snapshots of a run.
 
 A recording is a beginning and then records, each with a checksum, appended as the run goes on
 (`flockbrush.engine.recording_format`); `flockbrush.engine.recording_reader` opens it.
@@ -233,7 +233,7 @@ class Recorder:
 
 @dataclass(frozen=True)
 class Divergence:
-    """Where a replay leaves the recording."""
+    """The first tick at which a replay differs from its recording."""
 
     tick: int  # the first hash that differs is after this many ticks
     same_until: int  # the last hash that was the same
@@ -279,7 +279,7 @@ def resume(run, world, tick=None):
 
 
 def first_difference(run, world, step, to_tick=None, progress=None):
-    """Live a recording again and compare.
+    """Replay a recording and compare every tick.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What runs in a tick, and in which order."""
+"""The systems of a tick and their order."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Stage(enum.IntEnum):
 
 
 class System(esper.Processor):
-    """A processor that says when it runs and what it touches.
+    """A processor that declares its stage and the data it reads and writes.
 
     ``reads`` and ``writes`` name component classes and resource types; a base
     class stands for all its subclasses.  Keep them true: `Schedule.ambiguities`
@@ -120,7 +120,7 @@ class Schedule:
         return found
 
     def undeclared_writes(self, world):
-        """One tick, watched: (system, what) of each system that changed what it does not say it writes.
+        """Run one tick and return (system, type) of each system that changed data it does not declare as written.
 
         Slow, for tests.  It sees the columns of animals that live before and
         after the system, and resources with a ``state``.

@@ -1,4 +1,4 @@
-"""From a level to a running world: columns, resources, systems."""
+"""Builds the simulation of a level: columns, resources and systems."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ DT = 1 / 32  # s; a power of two: tick * dt is exact
 
 
 class Simulation:
-    """A world with its level and its schedule: what is run, drawn, recorded and measured."""
+    """A running level: its world, its schedule and its measures."""
 
     def __init__(self, world: World, level: Level, shuffle_seed: int | None = None):
         self.world, self.level = world, level
@@ -88,29 +88,29 @@ class Simulation:
         return self.world.agents
 
     def tick(self) -> None:
-        """One step of the world."""
+        """Run one tick."""
         self.schedule.run(self.world)
         self.clock.tick += 1
 
     def run(self, ticks: int) -> None:
-        """So many steps."""
+        """Run some ticks."""
         for _ in range(ticks):
             self.tick()
 
     def submit(self, command, tick: int = 0) -> None:
-        """Hand in a command; it is applied at the start of that tick, or of the next."""
+        """Submit a command, which is applied at the start of the given tick, or of the next tick."""
         self.world.resource(Commands).submit(command, tick)
 
     def measures(self) -> dict[str, float]:
-        """Measures of this moment by name (`flockbrush.systems.measures`)."""
+        """Measures at this tick by name (`flockbrush.systems.measures`)."""
         return measures_of(self.world)
 
     def parts(self):
-        """Counts and measures of this moment by species, brush and group (`flockbrush.systems.groups`)."""
+        """Counts and measures at this tick by species, brush and group (`flockbrush.systems.groups`)."""
         return summary(self.world)
 
     def assets(self) -> dict[str, bytes]:
-        """Every file this world was made from, by name, as bytes: what a recording embeds."""
+        """All files this simulation was made from, as bytes by name; a recording embeds them."""
         palette = self.world.resource(Palette)
         species = [one for one in self.world.resource(SpeciesList).assets if one is not None]
         named = {f"brushes/{b.name}.brush.toml": b.source for b in palette.own} | self.level.paths
@@ -119,7 +119,7 @@ class Simulation:
         return self.level.files | named | {f"programs/{p.name}.program.toml": p.source for p in programs}
 
     def event(self, name, x=0.0, y=0.0, radius=0.0):
-        """Have the animals hear a named event in the next tick: all, or those within a radius (m) of a place."""
+        """Send a named event to programs in the next tick: for all animals, or those within a radius (m) of a place."""
         self.submit(_program_commands.Event(name, x, y, radius), self.clock.tick)
 
     def states(self):
@@ -131,12 +131,12 @@ class Simulation:
         return transitions(self.world)
 
     def close(self) -> None:
-        """Forget the world."""
+        """Release the world."""
         self.world.close()
 
 
 def systems():
-    """What an animal goes through in a tick, in order."""
+    """The systems of a tick, in order."""
     return [
         ApplyCommands(),
         Underfoot(),
@@ -165,7 +165,7 @@ def build(
     library: BrushLibrary | None = None,
     shuffle_seed: int | None = None,
 ) -> Simulation:
-    """Make the world of a level.
+    """Build the simulation of a level.
 
     Parameters
     ----------
@@ -369,7 +369,7 @@ def plane(
     heading: float | None = None,
     body_length: float | None = None,
 ) -> Simulation:
-    """One herd on an endless plane: what brush previews, searches and many tests run.
+    """A simulation of one herd on an endless plane, for brush previews, searches and tests.
 
     Parameters
     ----------
@@ -395,7 +395,7 @@ def herds_apart(
     body_length: float | None = None,
     apart: float = 0.0,
 ) -> Simulation:
-    """Herds side by side on one endless plane, a brush each: cheaper than as many worlds.
+    """A simulation of several herds on one endless plane, each with its own brush; cheaper than several worlds.
 
     Parameters
     ----------

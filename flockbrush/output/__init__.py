@@ -1,1 +1,1 @@
-"""What comes out of a run: videos, tables, USD, plots."""
+"""Exports of runs: videos, tables, scenes, pages and plots."""

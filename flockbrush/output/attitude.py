@@ -1,4 +1,4 @@
-"""How a body is held in space, from where it looks and where its back is: angles, matrices, quaternions."""
+"""Orientation of bodies in 3D, from heading and up vector: angles, matrices, quaternions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LEVEL = 1e-6
 
 
 def back_of(forward, up=None):
-    """Unit vectors out of the backs (n, 3), at right angles to the headings: as told, else upright."""
+    """Up vectors (n, 3), perpendicular to the headings: the given ones, or upright."""
     forward = np.asarray(forward, float)
     upright = standing(forward)
     if up is None:
@@ -56,7 +56,7 @@ def quaternions(matrices):
 
 
 def _from(m, k, biggest):
-    """Quaternions from the component that is certain not to vanish."""
+    """Quaternions, computed from the largest component."""
     a, b, c = m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]
     xy, xz, yz = m[:, 0, 1] + m[:, 1, 0], m[:, 0, 2] + m[:, 2, 0], m[:, 1, 2] + m[:, 2, 1]
     f = 0.25 / biggest
@@ -66,7 +66,7 @@ def _from(m, k, biggest):
 
 
 def held(simulation, moment):
-    """(forward, up), (n, 3) unit vectors each, of the bodies of a moment: flyers bank, walkers lie along the slope."""
+    """(forward, up), (n, 3) unit vectors each, of the bodies of a moment: flyers bank, walkers follow the slope."""
     forward, up = np.asarray(moment.forward, float).copy(), back_of(moment.forward, moment.up)
     land = _land(simulation)
     if land is None or land.relief.shape[:2] == (1, 1):
@@ -105,7 +105,7 @@ def _layer(land, k):
 
 
 def _land(simulation):
-    """The landscape, None for what only looks like a simulation."""
+    """The landscape; None for objects that only imitate a simulation."""
     from flockbrush.levels.build import Simulation
 
     return simulation.world.resource(Landscape) if isinstance(simulation, Simulation) else None

@@ -1,4 +1,4 @@
-"""Exports of a run, written as the run goes on and never held in memory whole.
+"""Exports of a run, written during the run and never held in memory as a whole.
 
 `Exports` takes moments from a running simulation and hands them to one `Exporter` for each file; the ending of the
 name says which.  A file gets its name when it is complete; one that was interrupted is complete up to there, and one
@@ -18,7 +18,7 @@ from flockbrush.runs.snapshots import Sampler
 
 
 def check_exports(paths, inputs=(), others=(), options=None):
-    """Make sure before the run that every export can be written, and every other output.
+    """Check before the run that all exports and other outputs can be written.
 
     Raises
     ------
@@ -79,7 +79,7 @@ class Exports:
             raise
 
     def take(self):
-        """Write the moments that are due."""
+        """Write the frames that are due."""
         for exporter, sampler in self._pairs:
             with exporter.naming():
                 for moment in sampler.due():
@@ -94,7 +94,7 @@ class Exports:
             del self._pairs[0]
 
     def abandon(self):
-        """Remove all files that are not complete."""
+        """Remove all incomplete files."""
         for exporter, _ in self._pairs:
             exporter.abandon()
         self._pairs = []

@@ -1,4 +1,4 @@
-"""What every exporter is, and which there are.
+"""The base class of exporters, and their registry.
 
 An exporter is one file in ``flockbrush/output/formats``::
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Option:
-    """Something that a person may choose about an export, on the command line as ``--name``."""
+    """An option of an export, on the command line ``--name``."""
 
     name: str  # as Python writes it: ``usd_mode`` is ``--usd-mode``
     # its type is the option's type: a text, a number, or False for a switch. None: nothing unless given.
@@ -47,7 +47,7 @@ class Option:
 
 
 class Exporter:
-    """Writes the moments of a run into one file, which nobody else can write meanwhile.
+    """Writes the frames of a run to one file, which is locked in the meantime.
 
     Subclasses get ready in `open`, write to ``self.temporary`` in `take`, and complete it in `finish`.
 
@@ -84,26 +84,26 @@ class Exporter:
 
     @classmethod
     def beside(cls, path) -> list[Path]:
-        """Files that are written beside the one that was named."""
+        """Files that are written beside the main file."""
         return []
 
     @classmethod
     def problems(cls, path, options) -> list[str]:
-        """What is wrong with a name or with options, said before the run begins."""
+        """Error messages about the file name or the options, checked before the run."""
         return []
 
     def open(self):
-        """Get ready for the first moment."""
+        """Prepare for the first frame."""
 
     def take(self, moment: Moment):
-        """Write one moment."""
+        """Write one frame."""
         raise NotImplementedError
 
     def finish(self):
         """Complete the temporary file."""
 
     def let_go(self):
-        """Close what is open without completing it."""
+        """Close open files without completing them."""
 
     def close(self):
         """Complete the file and give it its name."""
@@ -116,7 +116,7 @@ class Exporter:
         return self._work.naming()
 
     def abandon(self):
-        """Leave no trace; what had the name before keeps it."""
+        """Remove the unfinished file; an existing file of this name is kept."""
         try:
             self.let_go()
         except Exception:  # noqa: BLE001  it is half written: it may complain about that
@@ -157,14 +157,14 @@ def exporters() -> dict[str, type[Exporter]]:
 
 
 def exporter_of(path) -> type[Exporter] | None:
-    """The exporter that writes a file of this name, None where there is none."""
+    """The exporter for a file of this name, or None."""
     name = Path(path).name.lower()
     fitting = [ending for ending in exporters() if name.endswith(ending)]
     return exporters()[max(fitting, key=len)] if fitting else None
 
 
 def all_options() -> list[tuple[Option, tuple[str, ...]]]:
-    """Options of all exporters, each once, with the endings that know it."""
+    """Options of all exporters, each once, with the file extensions they apply to."""
     found: dict[str, tuple[Option, tuple[str, ...]]] = {}
     for ending, kind in exporters().items():
         for option in kind.choices:

@@ -1,4 +1,4 @@
-"""Charts as figures of matplotlib: curves, rows of words, parameters, maps of neighbours; as PNG, SVG or PDF.
+"""Charts drawn with matplotlib (curves, categories, parameters, neighbour maps), as PNG, SVG or PDF.
 
 matplotlib comes with the extra ``report`` and is imported where something is drawn, and nowhere else.  A kind of panel
 is a class with a `draw`, which gets axes and a theme.
@@ -28,7 +28,7 @@ CLIP, HERD, OTHER = "#26302c", "#d0402b", "#097abe"  # what was filmed, what was
 
 
 class ChartPanel(Protocol):
-    """What fills one frame of a figure."""
+    """Base class of the contents of one panel of a figure."""
 
     @property
     def title(self) -> str: ...
@@ -55,7 +55,7 @@ class ChartCurve(NamedTuple):
 
 
 class CurveChart(NamedTuple):
-    """Curves over numbers, or over words: then a row for each word."""
+    """Curves over numbers or categories; each category is a row."""
 
     title: str
     across: str
@@ -109,7 +109,7 @@ class CurveChart(NamedTuple):
 
 
 class ParamRow(NamedTuple):
-    """One parameter: what was found, by every start, and whether the clip tells it."""
+    """One parameter: its value, the values of all starts, and whether it is identifiable."""
 
     name: str
     value: float
@@ -120,7 +120,7 @@ class ParamRow(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Parameters below one another on one axis."""
+    """A panel of parameters, one row each, on a common axis."""
 
     title: str
     rows: list[ParamRow]
@@ -132,7 +132,7 @@ class Rows(NamedTuple):
         return 0.9 + ROW * len(self.rows)
 
     def draw(self, axes, look):
-        """A disc where a parameter was found, small ones where other starts came to."""
+        """Draw a disc at the value of each parameter, and small discs at the values of other starts."""
         groups = list(dict.fromkeys(row.group for row in self.rows))
         at = [k + 0.5 * groups.index(row.group) for k, row in enumerate(self.rows)]
         for y, row in zip(at, self.rows, strict=True):
@@ -152,7 +152,7 @@ class Rows(NamedTuple):
 
 
 class Maps(NamedTuple):
-    """Squares of numbers beside one another, on one scale of colours."""
+    """Maps side by side, with a common colour scale."""
 
     title: str
     names: list[str]
@@ -166,7 +166,7 @@ class Maps(NamedTuple):
         return SIZE[1]
 
     def draw(self, axes, look):
-        """Light where few stand, dark where many do; the animal in the middle looks up."""
+        """Draw maps: darker is denser; the animal in the middle faces up."""
         from matplotlib.colors import ListedColormap
 
         known = [float(np.nanmax(square)) for square in self.squares if np.isfinite(square).any()]
@@ -192,7 +192,7 @@ class Maps(NamedTuple):
 
 
 def draw_series(path, series, title):
-    """Draw measures over time, a panel each; those without a number are left out.
+    """Draw measures over time, one panel each; measures without data are left out.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def draw_series(path, series, title):
 
 
 def figure_of(panels, title="", note="", columns=3, theme="light"):
-    """Panels side by side and below one another, one legend for all.
+    """A figure of panels in rows and columns, with one legend.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def figure_of(panels, title="", note="", columns=3, theme="light"):
 
 
 def write_figure(path, figure) -> None:
-    """Write a figure in the format of the ending; the same figure gives the same bytes.
+    """Write a figure in the format of the file extension; the same figure gives the same bytes.
 
     Raises
     ------
@@ -280,7 +280,7 @@ def pixels_of(figure) -> np.ndarray:
 
 
 def drawing_problems(subject) -> list:
-    """What keeps a figure from being drawn: a missing package, named at `subject`."""
+    """Problems that prevent drawing figures, such as a missing package, reported for `subject`."""
     if importlib.util.find_spec("matplotlib") is not None:
         return []
     return refused(subject, 'charts need matplotlib: pip install "flockbrush[report]"').problems
@@ -295,7 +295,7 @@ def _has_errors(curves):
 
 
 def _frame(axes, look):
-    """Axes as all charts have them: no box, a thin grid."""
+    """Set up axes without a box, with a thin grid."""
     axes.set_facecolor(_web(look.paper))
     axes.grid(color=_web(look.muted), alpha=0.2, lw=0.6)
     axes.set_axisbelow(True)
@@ -306,7 +306,7 @@ def _frame(axes, look):
 
 
 def _draw_curve(axes, curve, colour, by_rows):
-    """One curve, upright or along rows of words; lone points as dots."""
+    """Draw one curve over numbers or categories; single points are dots."""
     x, y = np.asarray(curve.x, float), np.asarray(curve.y, float)
     if curve.band is not None:
         axes.fill_between(x, *(np.broadcast_to(side, y.shape) for side in curve.band), color=colour, alpha=BAND, lw=0)
@@ -323,7 +323,7 @@ def _draw_curve(axes, curve, colour, by_rows):
 
 
 def _legend(figure, look):
-    """Each name once, above the panels."""
+    """Draw a legend above the panels, each name once."""
     named = {}
     for axes in figure.axes:
         for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):

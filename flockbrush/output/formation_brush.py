@@ -1,4 +1,4 @@
-"""Brushes that fly as an example formation does."""
+"""Brushes made from an extracted formation."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def write_brush(formation, out, like, source):
 
 
 def parameters_of(formation):
-    """What the model line_formation takes from an example."""
+    """Parameters of the model line_formation from an extracted formation."""
     frames = formation.usable
     if not frames:
         raise refused(formation.name or "formation", "has no frame with a line formation")

@@ -1,4 +1,4 @@
-"""A film of a flock in line formation from close by: wings that beat, the leader, and what each bird saves."""
+"""A close-up video of a flock in line formation: beating wings, the leader, and the power each bird saves."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FULL = 0.35  # Σ g at which a bird is drawn as saving much
 
 
 class FollowCamera:
-    """Follows a flock gently."""
+    """A camera that follows a flock smoothly."""
 
     def __init__(self):
         self.middle, self.across = None, LEAST
@@ -48,7 +48,7 @@ class FollowCamera:
 
 
 def film(level, path, seconds=60.0, seed=None, fps=16, theme="light", say=lambda done: None):
-    """Run a level and film its flock.
+    """Run a level and write a video of its flock.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def film(level, path, seconds=60.0, seed=None, fps=16, theme="light", say=lambda
 
 
 def _frame(canvas, simulation, camera, dt, look):
-    """Draw one moment; the mean of what birds in formation save."""
+    """Draw one frame; returns the mean power saved by birds in formation."""
     agents, time = simulation.agents, simulation.clock.tick / 32
     xyz, forward = agents[Position.xyz], agents[Heading.forward]
     place = agents[FormationPlace.place]
@@ -122,7 +122,7 @@ def _frame(canvas, simulation, camera, dt, look):
 
 
 def _grid(canvas, camera, look):
-    """Lines every ten metres, so that one sees the flock move."""
+    """Draw lines every ten metres, which show the motion of the flock."""
     half = camera.across / 2
     for axis in (0, 1):
         low, high = camera.middle[axis] - half, camera.middle[axis] + half
@@ -161,7 +161,7 @@ def _placed(points, at, fx, fy, wing):
 
 
 def _bars(canvas, agents, saved, flying, look):
-    """What each bird saves, in order from left to right."""
+    """Draw bars of the power saved by each bird, from left to right."""
     top = 30 + GROUND
     canvas.area([(0, top), (SIZE[0], top), SIZE, (0, SIZE[1])], look.paper)
     canvas.words("power saved by each bird, from left to right", (12, top + 12), 14, look.muted, anchor=(0, 0.5))

@@ -1,4 +1,4 @@
-"""Obstacles that are moved, put down or taken away while a run goes on: where each is in each frame."""
+"""Obstacles that are moved, added or removed during a run: their places in each frame."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SAME = 1e-6  # m; what moves by less stands
 
 
 class SolidKey(NamedTuple):
-    """Where an obstacle is from a frame on; between two keys it goes evenly."""
+    """A keyframe of an obstacle; motion between two keys is linear."""
 
     frame: int
     shown: bool

@@ -1,4 +1,4 @@
-"""Simulations and recordings as a notebook shows them: the page of the run, or a still picture where that is large.
+"""Display of simulations and recordings in notebooks: the page of the run, or a picture if the page is too large.
 
 Importing this file gives `Simulation` and `RecordedRun` their ``_repr_html_``; `flockbrush` does so in a notebook.
 """

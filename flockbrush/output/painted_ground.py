@@ -1,4 +1,4 @@
-"""The ground's picture while a run goes on: what paint, and things that are put down or moved, change of it."""
+"""The picture of the ground during a run: updates by paint and by objects that are added or moved."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class PaintedGround:
 
 
 class GroundPictures:
-    """Whole pictures of the ground for scenes, as it is painted: one a second at most.
+    """Pictures of the painted ground for scene exports, at most one per second.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What exporters of pictures and films share: looks, cameras, clean and transparent pictures."""
+"""The base class of picture and video exporters: themes, cameras, clean and transparent pictures."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ ALPHA = Option(
 
 
 class Pictures(Exporter):
-    """Draws every moment, for trails need them all."""
+    """Draws every frame, because trails depend on all of them."""
 
     choices: tuple[Option, ...] = (*LOOKS, PALETTE, *CLEAN)
     labels = False
@@ -108,14 +108,14 @@ def matte(on_black, on_white):
 
 
 def chosen_theme(options):
-    """The theme that was asked for, with its palette of brushes."""
+    """The requested theme with its palette of brushes."""
     from flockbrush.render.style import theme_of
 
     return theme_of(options.get("theme") or "light", options.get("palette"))
 
 
 def camera_of(options):
-    """The camera with keyframes that was asked for, None for none."""
+    """The requested camera with keyframes, or None."""
     if not options.get("camera"):
         return None
     from flockbrush.render.camera_path import read_camera
@@ -124,7 +124,7 @@ def camera_of(options):
 
 
 def camera_problems(options) -> list[str]:
-    """What is wrong with the file of a camera, said before the run begins."""
+    """Problems in a camera file, checked before the run."""
     from flockbrush.engine.problems import ProblemsError
 
     try:

@@ -1,4 +1,4 @@
-"""Pictures of a running simulation: the herd as painters take it, and painters."""
+"""Pictures of a running simulation: the herd for painters, and painters."""
 
 from __future__ import annotations
 

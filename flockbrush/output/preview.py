@@ -1,4 +1,4 @@
-"""What animals do under a brush: one picture of a herd on a plain at the start, half-way and at the end."""
+"""The picture of ``flockbrush brush preview``: a herd on a plane at the start, in the middle and at the end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recordings as tables in memory: `RecordedRun.to_dataframe` and `RecordedRun.to_xarray`.
+"""Recordings as tables: `RecordedRun.to_dataframe` and `RecordedRun.to_xarray`.
 
 Importing this file gives `RecordedRun` the two; `flockbrush.open_recording` does so.
 """
@@ -13,7 +13,7 @@ from flockbrush.engine.recording import RecordedRun
 
 
 def to_dataframe(run, fps=None):
-    """The table of a recording, a row for each animal in each frame, as a pandas DataFrame.
+    """The trajectories of a recording as a pandas DataFrame, one row per animal and frame.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What stands still in a run, as meshes for exporters of scenes: ground, obstacles, guides, goals, exits, areas."""
+"""Static parts of a run as meshes for scene exporters: ground, obstacles, guides, goals, exits, areas."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ class SceneMeshes:
         return [self._line(thing.name, thing.polygon, True) for thing in named]
 
     def goals(self) -> list[SceneGoal]:
-        """Where the way leads."""
+        """The goals."""
         return [
             SceneGoal(goal.name, self._line("", np.asarray(goal.xy)[None], False).points[0], float(goal.radius))
             for goal in self.scenery.goals

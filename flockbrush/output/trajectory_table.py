@@ -1,4 +1,4 @@
-"""The table of a run: a row for each animal in each frame, the same in every format that is a table."""
+"""The trajectory table of a run, common to all table formats: one row per animal and frame."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def table_of(simulation, moment: Moment, frame):
 
 
 def metadata_of(simulation, fps):
-    """What a reader of a table must know beside its columns."""
+    """The metadata of a table."""
     level = simulation.level
     first = next(iter(level.files.values()), b"")
     return {

@@ -71,7 +71,7 @@ OVERLAYS = {
             below=True,
         ),
         Overlay("regions", "Brush regions", "The painted brushes in strong colours, with their names", below=True),
-        Overlay("caps", "Speed caps", "Areas with speed limits, and their limits", below=True),
+        Overlay("caps", "Speed limits", "Areas with speed limits, and their limits", below=True),
         Overlay(
             "navigation",
             "Direction field",

@@ -205,12 +205,12 @@ class Overlays:
     def _cap_legend(self, frame, camera, values, foot):
         said = np.unique(values[np.isfinite(values)])
         if not len(said):
-            return self._note(frame, camera, "no speed caps in view", foot)
+            return self._note(frame, camera, "no speed limits in view", foot)
         canvas, u = Canvas(frame, camera.view), self.unit
         chosen = said if len(said) <= 6 else said[np.linspace(0, len(said) - 1, 6).astype(int)]
         left, wide, tall = camera.view[0] + 12 * u, 62 * u, 16 * u
         box = (left, foot - 46 * u, left + max(len(chosen) * wide + 16 * u, 140 * u), foot)
-        self._panel(canvas, box, "speed caps, m/s")
+        self._panel(canvas, box, "speed limits, m/s")
         for k, value in enumerate(chosen):
             x = left + 8 * u + k * wide
             canvas.area(box_of(x, foot - 22 * u, x + tall, foot - 22 * u + tall), self._cap_colour(value, said), 0.85)

@@ -1,1 +1,1 @@
-"""Runs of levels: opening, stepping, recording, snapshots, words for the terminal."""
+"""Runs of levels: opening, stepping, recording, snapshots, terminal output."""

@@ -1,4 +1,4 @@
-"""Builds compared: of recordings, of the journals of sweeps, of workers."""
+"""Comparison of builds: of recordings, sweep journals and workers."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _registered():
 
 
 def differences(there, build: Build, own=None):
-    """What another build has that this one has not, in words.
+    """Differences between another build and this one, as text.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A Dask cluster that does work for a program: connected, checked to run the same code, and handed work.
+"""A Dask cluster: connecting, checking that its workers run the same code, and submitting work.
 
 Workers may join at any time, so every piece of work says for which code it is (`work_as`).
 """
@@ -35,7 +35,7 @@ class MixedCode(ProblemsError):
 
 
 class ClusterGone(ProblemsError):
-    """Nobody is left to do the work."""
+    """The cluster has no workers any more."""
 
 
 def work_as(code: str, function: Callable, *arguments):
@@ -48,7 +48,7 @@ def work_as(code: str, function: Callable, *arguments):
 
 
 def let_go(executor: Executor, wait=False):
-    """Ask for nothing more; those of clusters know no ``cancel_futures``."""
+    """Shut an executor down; executors of clusters have no ``cancel_futures``."""
     try:
         executor.shutdown(wait=wait, cancel_futures=True)
     except TypeError:
@@ -65,7 +65,7 @@ class Tls:
 
 
 class Cluster(NamedTuple):
-    """Those who work elsewhere."""
+    """The connection to the workers of a cluster."""
 
     address: str
     width: int  # threads of workers
@@ -121,7 +121,7 @@ def cluster(address: str, tls: Tls | None = None) -> Iterator[Cluster]:
 
 
 def _security(address, tls):
-    """What Dask is told about encryption; None leaves it to the address and to the settings of Dask."""
+    """The security settings for Dask; None leaves them to the address and the settings of Dask."""
     if tls is None or tls == Tls():
         return None
     from distributed.security import Security
@@ -136,7 +136,7 @@ def _security(address, tls):
 
 
 def _needs(address, tls):
-    """What an encrypted scheduler may be waiting for."""
+    """A hint about missing certificates for an encrypted scheduler."""
     return (
         " without --tls-ca, --tls-cert and --tls-key" if address.startswith("tls://") and tls in (None, Tls()) else ""
     )

@@ -1,4 +1,4 @@
-"""Compile the kernels that some work begins with in several processes, where none are stored yet.
+"""Compiles missing kernels in several processes before some work begins.
 
 A scout finds what will be called (`flockbrush.engine.kernel_calls`); this process and helpers compile it, each into
 numba's cache, from where this process then loads what others have made.  What the scout did not find is compiled when
@@ -48,7 +48,7 @@ def compiling_for(rehearsal, **work):
 
 
 class CompileAhead:
-    """Helpers that compile the kernels of some work together with this process.
+    """Helper processes that compile the kernels of some work together with this process.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def _no_interrupts():
 
 
 class _shown:
-    """Shows how far compiling has come: a bar, or lines where stderr is no terminal."""
+    """Shows the progress of compiling: a bar, or lines if stderr is not a terminal."""
 
     def __init__(self, ahead):
         self.ahead, self._over = ahead, threading.Event()

@@ -1,4 +1,4 @@
-"""Why two runs that should be the same are not: the system, the parts of the state, the animals, both values.
+"""Analysis of runs that should be identical but differ: the system, the parts of the state, the animals, both values.
 
 A recording keeps a hash and sums of every tick, and a snapshot now and then.  `investigate` lives the last tick before
 a difference again, from the nearest snapshot, to see which system writes what; what differs then follows from the sums,
@@ -30,7 +30,7 @@ IDS = "ids"  # the part of the state that says which animals live
 
 @dataclass
 class Desync:
-    """What is known about a difference between two runs."""
+    """The report on a difference between two runs."""
 
     tick: int  # the states differ after so many ticks
     exact: bool = True  # and not after one tick less; False: somewhere between
@@ -51,7 +51,7 @@ class Desync:
 
 
 def investigate(run, divergence, simulation, rebuilt) -> Desync:
-    """What is behind a difference that `flockbrush.engine.recording.first_difference` has found.
+    """Analyse a difference found by `flockbrush.engine.recording.first_difference`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Files with edits of a recorded run: ``RUN.edits.toml`` beside ``RUN.flock``.
+"""Files with edits of a recording: ``RUN.edits.toml`` beside ``RUN.flock``.
 
 ::
 
@@ -66,7 +66,7 @@ class EditFile:
         return next((layer for layer in self.layers if layer.name == name), None)
 
     def add(self, edit: Edit, name=FIRST):
-        """Put an edit on a layer, which is made where there is none; what was undone cannot be done again.
+        """Add an edit to a layer, which is created if needed; undone edits cannot be redone afterwards.
 
         Raises
         ------
@@ -85,7 +85,7 @@ class EditFile:
         self.undone = []
 
     def undo(self) -> Edit | None:
-        """Take back the edit that was made last; None where there is none."""
+        """Undo the last edit; returns it, or None."""
         if not self.order:
             return None
         name = self.order.pop()
@@ -96,7 +96,7 @@ class EditFile:
         return edit
 
     def redo(self) -> Edit | None:
-        """Make the edit again that was taken back last; None where there is none."""
+        """Redo the edit that was undone last; returns it, or None."""
         if not self.undone:
             return None
         name, edit = self.undone.pop()
@@ -118,7 +118,7 @@ class EditFile:
         self.order.append(name)
 
     def save(self):
-        """Write the file; where nothing is left in it too."""
+        """Write the file, even if it is empty."""
         write_bytes(self.path, _text(self).encode())
 
 
@@ -128,7 +128,7 @@ def beside(recording) -> Path:
 
 
 def sha256_of(recording) -> str:
-    """What tells a recording from others."""
+    """The SHA-256 of a recording."""
     with open(recording, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

@@ -1,4 +1,4 @@
-"""What a process does that helps another one to compile its kernels; started by `flockbrush.runs.compile_ahead`.
+"""The helper process that compiles kernels for another process; started by `flockbrush.runs.compile_ahead`.
 
 Nothing that imports numba may be imported before a task begins: a scout sets what numba reads when it is imported.
 """

@@ -1,4 +1,4 @@
-"""What a level itself asks to be measured: crossings of its lines, animals in its areas."""
+"""Counts of a level: crossings of its lines and animals in its areas."""
 
 from __future__ import annotations
 

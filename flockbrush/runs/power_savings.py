@@ -1,4 +1,4 @@
-"""What each bird of a line formation saves by flying in the upwash of others."""
+"""Power that each bird of a line formation saves by flying in the upwash of others."""
 
 from __future__ import annotations
 

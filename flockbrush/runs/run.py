@@ -1,4 +1,4 @@
-"""Running levels: by name or path, recorded, timed, and built again from a recording alone."""
+"""Runs of levels: opening by name or path, recording, timing, and rebuilding from a recording."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ PACKED_TICK = 400  # bytes of a tick's hash and sums: 310 to 570 on shipped leve
 
 
 def shipped_levels() -> list[str]:
-    """Names of the levels that come with Flockbrush."""
+    """Names of the shipped levels."""
     return sorted(path.stem for path in SHIPPED.glob("*.tmj"))
 
 
@@ -76,7 +76,7 @@ def open_level(name):
 def start(
     name: str | os.PathLike, seed: int | None = None, agents: int | None = None, brush: str | os.PathLike | None = None
 ) -> Simulation:
-    """The world of a level, ready for its first tick.
+    """Build the simulation of a level, ready for its first tick.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def _objects(layer):
 
 
 def begin(level, library, seed=None, agents=None) -> Simulation:
-    """The world of a level that was read, as `start` makes it; ProblemsError."""
+    """Build the simulation of a level that was read, as `start` does; ProblemsError."""
     simulation = _built(level, seed, agents, library)
     simulation.origin = {"seed": level.seed if seed is None else seed, "agents": agents}
     return simulation
@@ -161,7 +161,7 @@ def _built(level, seed, agents, library):
 
 
 def record(path: str | os.PathLike, simulation: Simulation, keyframes: int | None = None) -> Recorder:
-    """Begin to record a simulation that `start` or `rebuild` has made; call ``take()`` after every tick.
+    """Begin to record a simulation from `start` or `rebuild`; call ``take()`` after every tick.
 
     A hash and sums are kept for every tick, so that a replay can name the very tick that differs; ``keyframes`` is the
     number of ticks between snapshots, `usual_keyframes` unless told.
@@ -212,7 +212,7 @@ def beginning_of(simulation):
 
 
 def rebuild(run: RecordedRun) -> Simulation:
-    """The world of a recording before its first tick, from nothing but what the recording embeds.
+    """Rebuild the simulation of a recording before its first tick, from the files that the recording embeds.
 
     Call `flockbrush.engine.recording.resume` next: it replaces the level's script by the commands as they were applied.
 
@@ -238,7 +238,7 @@ def rebuild(run: RecordedRun) -> Simulation:
 
 
 def go_to(run: RecordedRun, simulation: Simulation, tick: int, stop=lambda tick: None):
-    """Bring the world of a recording to this tick, from the nearest snapshot before it."""
+    """Replay a recording to this tick, from the nearest snapshot before it."""
     resume(run, simulation.world, tick)
     while simulation.clock.tick < tick:
         simulation.tick()
@@ -260,7 +260,7 @@ def rooted(files, level_path):
 
 
 def source_of(path) -> dict[str, str]:
-    """What tells a recording from others: its name and its SHA-256, by the words for people."""
+    """Name and SHA-256 of a recording, by label."""
     with open(path, "rb") as file:
         return {"recording": Path(path).name, "recording SHA-256": hashlib.file_digest(file, "sha256").hexdigest()}
 
@@ -321,7 +321,7 @@ class Stopwatch:
 
 
 def peak_memory():
-    """MiB this process has held at most, or NaN where the system does not say."""
+    """Peak memory of this process, MiB; NaN if the system does not report it."""
     try:
         import resource
     except ImportError:  # Windows
@@ -331,7 +331,7 @@ def peak_memory():
 
 
 def versions():
-    """{package: version} of what may change a run, and of Flockbrush."""
+    """{package: version} of Flockbrush and of the packages that may change a run."""
     from flockbrush.engine.fingerprint import package_versions
 
     return {"flockbrush": flockbrush.__version__} | package_versions()

@@ -1,4 +1,4 @@
-"""Edits of a recorded run, made after it: what they are, and the moments that they give.
+"""Edits of a recorded run, and the edited frames that exports show.
 
 The recording stays as it is.  An edit changes what is drawn and exported of some animals: it deletes, moves, retimes,
 freezes or delays them, or gives them another look.  Edits apply one after another: each sees what those before it gave.
@@ -24,7 +24,7 @@ EXACT = 1e-9  # s
 
 @dataclass(frozen=True)
 class Edit:
-    """A change of some animals."""
+    """One edit of some animals."""
 
     kind: str  # one of `KINDS`
     ids: tuple[int, ...]  # whom it changes

@@ -1,4 +1,4 @@
-"""Choosing animals of one moment of a run: by id, box, nearness to a point, species, brush, state."""
+"""Selection of animals at one time of a run: by id, box, distance to a point, species, brush or state."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ REACH = 5.0  # m; a click farther from every animal chooses none
 
 @dataclass(frozen=True)
 class Selection:
-    """What animals must be to be chosen; what is left empty does not matter."""
+    """The conditions of a selection; empty ones are ignored."""
 
     ids: tuple[int, ...] = ()
     box: tuple[float, float, float, float] | None = None  # (west, south, east, north), optional; metres

@@ -1,4 +1,4 @@
-"""The animals of one moment, kept apart from the world that goes on; and moments between two ticks."""
+"""Copies of the animals at one time, and interpolation between two ticks."""
 
 from __future__ import annotations
 

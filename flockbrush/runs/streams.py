@@ -1,4 +1,4 @@
-"""Standard output and error as they are: closed, full, or of an encoding that knows few letters."""
+"""Safe writing to standard output and error: closed, full, or with a limited encoding."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sync test of rollback games: live some ticks, go back to a snapshot, live them again, compare.
+"""The determinism test of ``run --synctest``: simulate ticks twice from a snapshot and compare.
 
 What is not part of a snapshot and changes a herd all the same is found this way, and so is what threads decide.
 """
@@ -15,7 +15,7 @@ FIRST, AGAIN = "first", "again"
 
 
 class OutOfSync(Exception):
-    """A tick that was lived twice gave two states."""
+    """A tick that was simulated twice gave different states."""
 
     def __init__(self, report: Desync):
         super().__init__(f"tick {report.tick} gives another state when it is simulated again")
@@ -23,7 +23,7 @@ class OutOfSync(Exception):
 
 
 class SyncTest:
-    """Lives every tick of a simulation twice.
+    """Simulates every tick twice and compares the states.
 
     Call `tick` in the place of the simulation's own.  It goes ahead by ``every`` ticks, comes back to the snapshot it
     took before, and then does the ticks one by one, each compared with what it was the first time.  Commands are

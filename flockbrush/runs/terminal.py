@@ -1,4 +1,4 @@
-"""What people see while a command runs: progress, notices, mistakes in plain words; and how a run is stopped.
+"""Terminal output of commands: progress, notices, error messages, tables; and the handling of Ctrl-C.
 
 Everything here goes to stderr: stdout is for results alone.
 """
@@ -23,16 +23,16 @@ PROBLEM, USAGE, INTERRUPTED, PIPE = 1, 2, 130, 141
 
 
 class Stopped(Exception):
-    """A run was asked to end before its time; what is open has been closed in good order."""
+    """A run was stopped by Ctrl-C; open files have been closed."""
 
 
 def debugging():
-    """Whether the person wants tracebacks."""
+    """Whether tracebacks are requested (FLOCKBRUSH_DEBUG)."""
     return os.environ.get("FLOCKBRUSH_DEBUG", "") not in ("", "0")
 
 
 def say(text):
-    """One line to the person, never in the way of results."""
+    """Print one line to stderr, separate from results."""
     if sys.stderr is None:  # print would take stdout
         return
     try:
@@ -104,7 +104,7 @@ def table(*columns, rows=(), title=None, right=()):
 
 
 def number(value, digits=4):
-    """A number for people: four digits that count, "-" for one without meaning."""
+    """A number as text: four significant digits, "-" for NaN."""
     if value is None or value != value:
         return "-"
     if isinstance(value, int):
@@ -144,7 +144,7 @@ def print_json(values):
 
 
 class _Silent:
-    """Progress that nobody sees."""
+    """Progress without output."""
 
     def __call__(self, done, text=None, total=None):
         pass
@@ -232,7 +232,7 @@ def _listener(event):
 
 
 class Interrupts:
-    """Ctrl-C and a polite kill: the first ends a run between two ticks, the second at once.
+    """Handling of Ctrl-C and SIGTERM: the first ends a run between two ticks, the second at once.
 
     Until `gently` is called, the first one too ends at once: nothing has been written yet that it could cut.
     """
@@ -271,7 +271,7 @@ class Interrupts:
 
 
 def exit_code_of(error) -> int:
-    """Tell a person what went wrong; the exit code."""
+    """Print an error message; returns the exit code."""
     from flockbrush.engine.commands import CommandError
     from flockbrush.engine.problems import ProblemsError
     from flockbrush.engine.recording import RecordingError
@@ -293,7 +293,7 @@ def exit_code_of(error) -> int:
         say(_of_system(error))
     else:
         say(f"this is a bug in Flockbrush: {type(error).__name__}: {error}")
-        say("please report it with the traceback, which is printed if the environment variable FLOCKBRUSH_DEBUG is 1")
+        say("please report it with the traceback that FLOCKBRUSH_DEBUG=1 in the environment prints")
     return PROBLEM
 
 

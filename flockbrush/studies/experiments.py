@@ -1,4 +1,4 @@
-"""What a sweep can do a thousand times over: run a level, or let flocks fly by the V rules.
+"""The experiments of sweeps: runs of levels, and flocks that fly by the V rules.
 
 An experiment is a class with a name; third parties register theirs under the entry point group
 ``flockbrush.experiments``.  `Experiment.run` happens in another process, perhaps on another machine: it gets plain
@@ -35,7 +35,7 @@ Row = dict[str, Any]  # what one run gave, by name of measure
 
 
 class Mistakes(Exception):
-    """What is wrong with parameters: [(name, message)]."""
+    """Errors in parameters: [(name, message)]."""
 
     def __init__(self, found):
         self.found = list(found)
@@ -43,7 +43,7 @@ class Mistakes(Exception):
 
 
 class Ready(NamedTuple):
-    """A scenario that can be run: every parameter, and the files it needs."""
+    """A scenario that can be run: all parameters, and the files it needs."""
 
     parameters: dict[str, Any]
     files: dict[str, bytes]
@@ -114,7 +114,7 @@ class LevelParameters(Parameters):
 
 
 class LevelRuns(Experiment):
-    """Runs a level and takes the measures of its last moment."""
+    """Runs a level and takes the measures of its last tick."""
 
     name = "level"
     settings = LevelParameters

@@ -1,4 +1,4 @@
-"""Sweeps: the same thing run many times, on every core or on many machines.
+"""Parameter sweeps: many runs of an experiment, on all cores or on a cluster.
 
 `run_jobs` takes any ``concurrent.futures.Executor``.  What comes back is written to a journal at once, a line for each
 run, so whatever dies, nothing that was done is lost: ``--resume`` goes on where it stopped.  A worker that dies takes
@@ -45,7 +45,7 @@ BEAT = 0.2  # s between looks at the keyboard
 
 @dataclass(frozen=True)
 class SweepJob:
-    """Some runs of one scenario, done by one worker in one go."""
+    """Some runs of one scenario, executed by one worker."""
 
     experiment: str
     scenario: Scenario
@@ -76,7 +76,7 @@ class SweepJob:
 def run_jobs(
     jobs: Iterable[SweepJob], open_executor: Callable[[], Executor], width: int, look=lambda: None
 ) -> Iterator[dict]:
-    """Do all jobs; yields the rows as they come, in any order.
+    """Run all jobs; yields the rows as they are finished, in any order.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def _end_with_master():
 
 
 def processes(count) -> Executor:
-    """Spawned processes on this machine."""
+    """An executor of local processes."""
     context = multiprocessing.get_context("spawn")
     return ProcessPoolExecutor(count, mp_context=context, initializer=_begin_worker)
 
@@ -181,7 +181,7 @@ def processes(count) -> Executor:
 
 
 class Journal:
-    """A line for every run that was done, written as soon as it was, after one that says by which build.
+    """The journal of a sweep: a line for each finished run, written at once, after a line with the build.
 
     A line that was cut off when the program died is left out, and the run is done again.
     """
@@ -284,7 +284,7 @@ def _plain(value):
 
 
 def jobs_of(sweep: Sweep, journal: Journal) -> Iterator[SweepJob]:
-    """What is left to do, made as it is asked for."""
+    """The remaining jobs, generated on demand."""
     for scenario in _different(sweep):
         left = (seed for seed in sweep.seeds if not journal.done(scenario, seed))
         while seeds := tuple(itertools.islice(left, sweep.experiment.batch)):
@@ -292,7 +292,7 @@ def jobs_of(sweep: Sweep, journal: Journal) -> Iterator[SweepJob]:
 
 
 def runs_done(sweep: Sweep, journal: Journal) -> int:
-    """How many runs of a sweep went well before."""
+    """The number of runs of a sweep that succeeded before."""
     scenarios, seeds = {s.hash: s for s in _different(sweep)}, sweep.seeds
     listed = seeds if isinstance(seeds, range) else frozenset(seeds)
     return sum(
@@ -307,7 +307,7 @@ def _different(sweep):
 
 
 def sweep_to(sweep: Sweep, folder, open_executor, width, resume=False, look=lambda: None, step=lambda done: None):
-    """Do what is left of a sweep; its journal.
+    """Run the rest of a sweep; returns its journal.
 
     Parameters
     ----------

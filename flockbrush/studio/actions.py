@@ -1,4 +1,4 @@
-"""What keys and buttons do: time, undo, files, pictures, the look of the window."""
+"""Actions behind keys and buttons: time, undo, files, pictures, window settings."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 
 
 class Deeds:
-    """The part of the App that actions talk to."""
+    """Methods of the App that actions call."""
 
     # time --------------------------------------------------------------------------
 
@@ -32,32 +32,32 @@ class Deeds:
         (self.session.pause if self.session.playing else self.session.play)()
 
     def step(self, ticks):
-        """Go on, or back, by so many ticks, and stop there."""
+        """Step by some ticks, forwards or backwards, and pause."""
         self.session.pause()
         self.session.step(ticks)
 
     def scrub(self, tick):
-        """Look at another moment."""
+        """Go to another tick."""
         self.session.scrub(tick, 0.008)
 
     def restart(self):
-        """Begin the level again."""
+        """Restart the level."""
         playing = self.session.playing
         self.session.restart()
         if playing:
             self.session.play()
 
     def change_rate(self, factor):
-        """Let time go faster or slower."""
+        """Multiply the playback speed by a factor."""
         now = min(range(len(RATES)), key=lambda k: abs(RATES[k] - self.session.rate))
         self.session.rate = RATES[min(max(now + (1 if factor > 1 else -1), 0), len(RATES) - 1)]
 
     def branch(self):
-        """Try something else from here."""
+        """Start a new branch at this tick."""
         self.notify(f"now on branch {self.session.branch()!r}; the branch before is kept")
 
     def switch(self, name):
-        """Go to another branch."""
+        """Switch to another branch."""
         if name != self.branch_name():
             self.session.switch(name)
 
@@ -70,27 +70,27 @@ class Deeds:
         return self.session.branches[self.branch_name()]
 
     def forks(self):
-        """Branches that left the one that is shown, and itself where it left another."""
+        """Branches that fork from the shown one, and its own fork from its parent."""
         name = self.branch_name()
         return [b for b in self.session.branches.values() if b.parent == name or (b.name == name and b.parent)]
 
     # edit --------------------------------------------------------------------------
 
     def do(self, label, commands, join=None):
-        """Do something to the world; whether it was done.  What stands against it becomes a message."""
+        """Apply commands to the world; returns whether it worked.  A refusal becomes a message."""
         done = self.session.do(label, list(commands), join=join)
         self.tell()
         return done
 
     def undo(self):
-        """Take back the last change."""
+        """Undo the last change."""
         self.tool.cancel()
         label = self.session.undo_label
         self.session.undo()
         self.notify(f"undone: {label}" if label else "there is nothing to undo")
 
     def redo(self):
-        """Do again what was taken back."""
+        """Redo the change that was undone last."""
         self.tool.cancel()
         label = self.session.redo_label
         self.session.redo()
@@ -112,37 +112,37 @@ class Deeds:
         return True
 
     def delete(self):
-        """Take away what the tool has hold of."""
+        """Delete what is selected."""
         if not self.tool.delete() and not self.tools["select"].delete():
             self.notify("nothing is selected: first click an object with the Select tool")
 
     def cancel(self):
-        """Drop the uppermost thing that can be dropped."""
+        """Close the help, or cancel the drawing, or clear the selection."""
         if self.help is not None and self.help.alive():
             self.help.kill()
         elif not self.tool.cancel():
             self.tools["select"].cancel()
 
     def finish(self):
-        """End a shape."""
+        """Finish the shape being drawn."""
         self.tool.finish()
 
     # files -------------------------------------------------------------------------
 
     def title(self):
-        """What the window is called."""
+        """The window title."""
         return f"{self.level_name()} – Flockbrush"
 
     def level_name(self):
-        """What the title says."""
+        """The name of the level in the title."""
         return Path(self.session.path).stem if self.session.path else self.session.level.name
 
     def save(self):
-        """Write the level where it came from; a shipped level somewhere else."""
+        """Write the level to its file; ask for a file if the level is shipped or from a recording."""
         return self.save_as() if self.session.lent else self._save(None)
 
     def save_as(self, then=lambda: None):
-        """Ask where to write the level; what to do `then`, when it is written."""
+        """Ask for a file and write the level there; call `then` afterwards."""
         lent = self.session.lent
         start = Path.cwd() / f"{self.level_name()}.tmj" if lent else self.session.path
         why = "This level is part of Flockbrush or of a recording and cannot be changed.\n" if lent else ""
@@ -169,7 +169,7 @@ class Deeds:
         return written
 
     def reload(self):
-        """Read the level file again; what is not saved is asked for."""
+        """Read the level file again; ask first if there are unsaved changes."""
         if not self.session.dirty:
             return self._reload()
         answers = [("Reload", self._reload), ("Cancel", None)]
@@ -185,13 +185,13 @@ class Deeds:
             self.tool_changed()
 
     def reload_live(self):
-        """Another program has written the level, and nothing here would be lost: begin again with what it wrote."""
+        """Reload the level after another program changed it, when there are no unsaved changes here."""
         self._reload()
         if not self.session.changed_on_disk():
             self.notify("another program changed the level; it was reloaded, and the run before is kept as a branch")
 
     def offer_reload(self, how):
-        """The level file was changed by another program, or is gone."""
+        """Ask what to do after another program changed or deleted the level file."""
         if how == "deleted":
             answers = [("Save again", self.save), ("Continue", None)]
             self.ask("The level file was deleted", f"{self.session.path} does not exist any more.", answers)
@@ -202,7 +202,7 @@ class Deeds:
         self.ask("The level file has changed", f"Another program has changed this level file.{kept}", answers)
 
     def offer_recovery(self, left):
-        """A crash has ended a session with this level: one may go on from there."""
+        """Ask whether to recover the unsaved changes of a crashed session."""
         answers = [("Recover", lambda: self._recover(left)), ("Discard", left.discard), ("Not now", None)]
         why = f"A session with this level ended with unsaved changes:\n{left}"
         self.ask("Unsaved changes", why, answers)
@@ -239,7 +239,7 @@ class Deeds:
     # pictures ------------------------------------------------------------------------
 
     def screenshot(self):
-        """Write the window as a picture into the folder one works in."""
+        """Write a screenshot of the window into the current folder."""
         path = free_path(Path.cwd() / f"flockbrush-{self.level_name()}-{stamp()}.png")
         picture = io.BytesIO()
         try:
@@ -250,7 +250,7 @@ class Deeds:
         return self.notify(f"wrote {path}")
 
     def toggle_video(self):
-        """Begin a video, or end it."""
+        """Start or stop a video."""
         if self.film is None:
             path = free_path(Path.cwd() / f"flockbrush-{self.level_name()}-{stamp()}.mp4")
             self.film = RunningVideo(path, self.canvas.rect.size)
@@ -259,7 +259,7 @@ class Deeds:
             self.end_video()
 
     def end_video(self):
-        """End the video, if there is one."""
+        """Stop the video, if one is being recorded."""
         film, self.film = self.film, None
         if film is not None:
             said = film.close()
@@ -268,49 +268,49 @@ class Deeds:
     # the window ------------------------------------------------------------------------
 
     def set_theme(self, name):
-        """Light, dark or vivid."""
+        """Set the colours of the window: light, dark or vivid."""
         self.theme = theme_of(name, self.theme.palette)
         self.remember(theme=name)
         self.build()
 
     def set_palette(self, name):
-        """The colours of brushes: their own, or those of a palette."""
+        """Set the colours of brushes: their own, or a palette."""
         self.theme = theme_of(self.theme.name, name)
         self.remember(palette=name)
         self.build()
 
     def set_scale(self, scale):
-        """The size of words and buttons; None: as window and screen suggest."""
+        """Set the size of text and buttons; None: the size that suits the window and the screen."""
         self.wanted_scale = scale
         self.remember(ui_scale=scale)
         self.build()
 
     def toggle_theme(self):
-        """The next theme."""
+        """Switch to the next theme."""
         names = list(THEMES)
         self.set_theme(names[(names.index(self.theme.name) + 1) % len(names)])
 
     def toggle_columns(self):
-        """Hide the columns, or show them again."""
+        """Hide or show the side columns."""
         self.columns = not self.columns
         self.build()
 
     def toggle_space(self):
-        """Look at the herd in space, or at the plan."""
+        """Switch between plan and 3D view."""
         self.let_go()
         self.canvas.toggle_space()
 
     def toggle_follow(self):
-        """Let the view go with the herd, or stay."""
+        """Switch following of the herd on or off."""
         self.canvas.follow()
         self.notify("the view follows the herd; T stops" if self.canvas.follows else "the view stays still")
 
     def toggle_fullscreen(self):
-        """Fill the screen, or come back."""
+        """Switch full screen on or off."""
         pygame.display.toggle_fullscreen()
 
     def toggle_help(self):
-        """Show the keys, or hide them."""
+        """Show or hide the help."""
         if self.help is not None and self.help.alive():
             self.help.kill()
         else:
@@ -323,7 +323,7 @@ class Deeds:
     # questions ---------------------------------------------------------------------------
 
     def ask_properties(self):
-        """Ask for the numbers of the thing that is selected, or under the mouse."""
+        """Open a form with the properties of the selected object, or of the one under the mouse."""
         from flockbrush.systems.edits import as_command
 
         select = self.tools["select"]
@@ -345,7 +345,7 @@ class Deeds:
         self._open_form(f"{spoken.capitalize()} {command.name!r}", command, f"change the {spoken}", kind.capitalize())
 
     def ask_command(self, name="", xy=None):
-        """Ask for one of the commands of scripts, and give it."""
+        """Open a form for a script command and submit it."""
         level, known = self.session.simulation.level, live_commands()
         xy = xy or self.tool.at or (level.width / 2, level.height / 2)
         name = name or ("Gust" if "Gust" in known else next(iter(known)))
@@ -353,7 +353,7 @@ class Deeds:
         self._open_form("Command", blank(known[name], xy), name, **menu)
 
     def ask_key(self, xy, key=None, name=""):
-        """Ask for a timed command of the level's script: a new one at a point, or the one there is."""
+        """Open a form for a key of the level's script: a new one at a point, or an existing one."""
         from flockbrush.systems.mark_commands import PlaceKey
 
         known, world = live_commands(), self.session.simulation
@@ -385,7 +385,7 @@ class Deeds:
         self.open_dialog(Form(self, f"Script key {called!r}", rows, give, **menu))
 
     def _open_form(self, title, command, label, kind="", **menu):
-        """A form that gives the command with what was typed."""
+        """Open a form that submits the command with the typed values."""
 
         def give(texts):
             try:
@@ -398,11 +398,11 @@ class Deeds:
         self.open_dialog(Form(self, title, rows_of(command, kind), give, **menu))
 
     def ask_text(self, title, question, default, on_ok):
-        """Ask for a text, and give it to a function."""
+        """Ask for a text and call a function with it."""
         self.open_dialog(Dialog(self, title, question, [("OK", on_ok), ("Cancel", None)], default))
 
     def ask(self, title, question, answers):
-        """Ask for one of some answers (text, function or None); the first is the proposed one."""
+        """Ask a question with some answers (text, function or None); the first is the default."""
         self.open_dialog(Dialog(self, title, question, answers))
 
     def open_dialog(self, dialog):
@@ -413,7 +413,7 @@ class Deeds:
         self.dialog = dialog
 
     def ask_to_quit(self):
-        """Close the window, unless something is not saved yet and the person wants to keep it."""
+        """Close the window; ask first if there are unsaved changes."""
         if not self.session.dirty:
             self.quit()
             return
@@ -432,12 +432,12 @@ class Deeds:
 
 
 def stamp():
-    """Date and time for names of files."""
+    """Date and time for file names."""
     return datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
 
 
 def free_path(path: Path) -> Path:
-    """The path, or with a number when there is such a file."""
+    """The path, with a number if the file exists."""
     candidate, n = path, 2
     while candidate.exists():
         candidate, n = path.with_name(f"{path.stem}-{n}{path.suffix}"), n + 1

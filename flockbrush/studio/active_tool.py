@@ -1,4 +1,4 @@
-"""What the designer has in hand: a tool, a brush, a speed limit, a surface, and how large the stroke is."""
+"""The active tool, the selected brush, speed limit and surface, and the size of the stroke."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from flockbrush.systems.palette import Palette
 
 
 class Hand:
-    """The part of the App that tools talk to."""
+    """Methods of the App that tools call."""
 
     def empty(self, brush=None):
-        """Take the usual things: the paint brush, with the brush that was asked for or the first of the level."""
+        """Select the paint tool, with the requested brush or the first brush of the level."""
         level = self.session.simulation.level
         self.options = {
             "shape": "pen", "solid": True, "blocks_view": True, "erase": "usual", "layer": "brush", "count": 10,
@@ -43,7 +43,7 @@ class Hand:
         self.tool = self.tools["brush"]
 
     def _first_brush(self, names):
-        """A brush that does something else than what the animals do already, so that a first stroke is seen.
+        """A brush that differs from what the animals do already, so that the first stroke has a visible effect.
 
         One that binds the species of the level, if there is any.
         """
@@ -59,7 +59,7 @@ class Hand:
         return (others or quiet or names or [""])[0]
 
     def _binds(self, name, present):
-        """Whether paint of a brush binds any of some species, as far as these are known."""
+        """Whether paint of a brush affects any of some species, as far as they are known."""
         from flockbrush.systems.population import SpeciesList
 
         brush, library = self.find_brush(name), self.session.simulation.world.resource(SpeciesList).library
@@ -70,7 +70,7 @@ class Hand:
 
     @property
     def brush(self):
-        """Name of the brush in hand."""
+        """Name of the selected brush."""
         return self.paint["brush"]
 
     @brush.setter
@@ -78,7 +78,7 @@ class Hand:
         self.paint["brush"] = name
 
     def take_tool(self, name):
-        """Take another tool; what the one before had half done is dropped."""
+        """Select another tool; an unfinished action of the tool before is cancelled."""
         if name == self.tool.name:
             if "shape" in self.tool.options:
                 self._next_pen()
@@ -94,19 +94,19 @@ class Hand:
         self.set_option("shape", pens[(pens.index(self.options["shape"]) + 1) % 3])
 
     def set_option(self, name, value):
-        """Set what the tool in hand asks for."""
+        """Set an option of the active tool."""
         if value != self.options[name]:
             self.options[name] = value
             self.tool.cancel()
             self.tool_changed()
 
     def choose(self, layer, value):
-        """Take what was chosen in a palette."""
+        """Select an entry of a palette."""
         self.paint[layer] = value
         self.tool_changed(palette=False)
 
     def take(self, layer, value):
-        """Take something up from the ground, and the tool that paints with it."""
+        """Select what was picked from the ground, and the tool that paints with it."""
         self.paint[layer] = value
         keep = self.tool.palette == layer
         if not keep:
@@ -115,7 +115,7 @@ class Hand:
         self.notify(f"selected: {value:g} m/s" if layer == "cap" else f"selected: {value}")
 
     def next_paint(self, step):
-        """Take the next thing of the palette."""
+        """Select the next entry of the palette."""
         layer = self.options["layer"] if self.tool.palette == "layer" else self.tool.palette
         if not layer:
             return
@@ -147,19 +147,19 @@ class Hand:
         self.set_size(self.size * factor)
 
     def set_softness(self, softness):
-        """How much a stroke thins out towards its rim, 0 to 1."""
+        """Set how much a stroke fades towards its edge, 0 to 1."""
         self.softness = float(np.clip(softness, 0, 1))
 
     def change_softness(self, step):
-        """Make the rim softer by so much."""
+        """Change the softness of the edge by an amount."""
         self.set_softness(round(self.softness + step, 3))
 
     def set_count(self, count):
-        """How many animals come at once."""
+        """Set the number of animals added at once."""
         self.options["count"] = round(count)
 
     def usual_radius(self):
-        """Metres of what is placed with a click: to be seen on this map."""
+        """Radius of objects placed by a click, m, large enough to be visible on this map."""
         level = self.session.simulation.level
         return round(max(1.5 * level.cell, min(level.width, level.height) / 30), 1)
 
@@ -167,7 +167,7 @@ class Hand:
 
     @property
     def library(self):
-        """The brushes there are, in the world or on disk."""
+        """The available brushes, in the world or on disk."""
         return getattr(self.session, "library", None) or shipped()
 
     def world_palette(self):
@@ -175,7 +175,7 @@ class Hand:
         return self.session.simulation.world.resource(Palette)
 
     def brush_names(self):
-        """Names of all brushes one can paint with: the designer's own, those of the level, the other shipped ones."""
+        """Names of all brushes to paint with: the designer's own, those of the level, the other shipped ones."""
         own = [brush.name for brush in self.world_palette().own]  # without those between two
         names = list(dict.fromkeys([*own, *self.library.names()]))
         usual = set(shipped().names())
@@ -192,7 +192,7 @@ class Hand:
             return None
 
     def brush_needed(self, name):
-        """Commands that bring a brush into the world, if it is not there yet."""
+        """Commands that load a brush into the world, if it is not loaded yet."""
         if name in self.world_palette().index:
             return []
         from flockbrush.systems.undo import MixBrush, UseBrush
@@ -203,7 +203,7 @@ class Hand:
         return [UseBrush(name, source), *(MixBrush(end, found) for end, found in paths.items() if found)]
 
     def mix_needed(self, command):
-        """Commands that bring the brushes between into the world that a zone gives, if they are not there yet."""
+        """Commands that load the mixed brushes of a zone into the world, if they are not loaded yet."""
         from flockbrush.systems.mark_commands import DrawZone
         from flockbrush.systems.undo import MixBrush
 
@@ -230,7 +230,7 @@ class Hand:
         return brush.colour if brush is not None else tuple(fallback_colours(1)[0])
 
     def brush_of(self, animal):
-        """Name of the brush an animal moves by now."""
+        """Name of the brush that controls an animal now."""
         from flockbrush.components import BrushBinding
 
         simulation = self.session.simulation
@@ -238,18 +238,18 @@ class Hand:
         return self.world_palette().names[int(index)]
 
     def choices(self, option):
-        """{value: what a person reads} of an option that is a choice of several; {} of others."""
+        """{value: label} of an option with choices; {} of others."""
         if option == "hunter":
             return {name: name.capitalize() for name in hunters(self)}
         return CHOICES.get(option, {})
 
     def hunter(self):
-        """The predator that is put down: the chosen one, else the one that the animals here fear most; or None."""
+        """The predator to add: the chosen one, else the one that the animals of this level fear most; or None."""
         known = hunters(self)
         return known.get(self.options["hunter"], next(iter(known.values()), None))
 
     def body_length(self, hunter):
-        """Nose to tail of a predator, m."""
+        """Body length of a predator, m."""
         from flockbrush.systems.population import SpeciesList, body_of
 
         library = self.session.simulation.world.resource(SpeciesList).library
@@ -263,7 +263,7 @@ class Hand:
         return [name for name, brush in found if brush is not None and models[brush.model].danger]
 
     def painted_under(self, xy, species):
-        """Name of the brush that a point of the ground gives to a species, or ""."""
+        """Name of the painted brush that a species follows at a point of the ground, or ""."""
         from flockbrush.systems.population import SpeciesList
 
         world = self.session.simulation.world
@@ -277,7 +277,7 @@ class Hand:
         return palette.names[index] if binds else ""
 
     def species_of(self, brush):
-        """What animals that are put down with a brush are: those that start with it, or that it is made for."""
+        """Species of animals added with a brush: the species that starts with it, or that it is made for."""
         from flockbrush.behaviours.species import usual_species
         from flockbrush.systems.population import SpeciesList
 
@@ -294,12 +294,12 @@ class Hand:
     # surfaces -------------------------------------------------------------------------
 
     def surface_names(self):
-        """Names of the kinds of ground one can paint; the first is bare ground."""
+        """Names of the surfaces to paint; the first is bare ground."""
         land = self.session.simulation.world.resource(Landscape)
         return ["", *(kind.name for kind in getattr(land, "kinds", ()))]
 
     def surface_colour(self, name):
-        """The colour of a kind of ground."""
+        """The colour of a surface."""
         from flockbrush.render.style import mix, rgb
 
         land = self.session.simulation.world.resource(Landscape)
@@ -311,11 +311,11 @@ class Hand:
     # what lies where --------------------------------------------------------------------
 
     def things_at(self, places, reach, kinds):
-        """(kind, thing) under any of some points of the ground, topmost first."""
+        """(kind, object) at any of some points of the ground, topmost first."""
         return lookup.things_at(self.session.simulation, places, reach, kinds)
 
     def animal_at(self, xy, reach):
-        """Id of the animal nearest to a point of the ground, or None; in space, of the one under the mouse."""
+        """Id of the animal nearest to a point of the ground, or None; in the 3D view, of the one under the mouse."""
         if self.canvas.in_space:
             return self.canvas.pick()
         return lookup.animal_at(self.session.simulation, xy, reach)
@@ -329,7 +329,7 @@ class Hand:
         )
 
     def new_id(self):
-        """A number for a new object of the level file."""
+        """An id for a new object of the level file."""
         editor = getattr(self.session, "editor", None)
         if editor is not None:
             return editor.new_id()
@@ -338,7 +338,7 @@ class Hand:
         )
 
     def select(self, animal):
-        """Look at an animal more closely; None: at none."""
+        """Select an animal; None clears the selection."""
         self.selected = animal
         if animal is not None and self.column is not None:
             self.column.show_titled("Animal")

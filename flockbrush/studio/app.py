@@ -1,4 +1,4 @@
-"""The playground's window: its parts, its main loop, and who hears which event."""
+"""The window of the playground: its parts, its main loop and the distribution of events."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class App(Hand, Deeds, CanvasEvents):
         pygame.event.set_blocked([pygame.JOYDEVICEADDED, pygame.AUDIODEVICEADDED])
 
     def build(self):
-        """Make all controls for the window's size, the theme and the scale."""
+        """Build all controls for the window size, the theme and the scale."""
         for panel in self.panels:
             self._guarded(panel.close)
         size = self.screen.get_size()
@@ -140,7 +140,7 @@ class App(Hand, Deeds, CanvasEvents):
             self._build_hint(place.hint)
 
     def _build_hint(self, rect):
-        """The line under the canvas: what to do now on the left, what lies under the mouse on the right."""
+        """Build the line under the canvas: the hint on the left, what is under the mouse on the right."""
         back = UIPanel(rect, 1, self.manager, margins=NO_MARGINS, object_id="@bar")
         pad, tall = round(10 * self.scale), rect.height
         right = round(190 * self.scale) if rect.width > 660 * self.scale else 0
@@ -150,7 +150,7 @@ class App(Hand, Deeds, CanvasEvents):
             self.place = words(self, pygame.Rect(rect.width - right - pad, 0, right, tall), "", back, "@note_right")
 
     def close(self, keep=False):
-        """Take the window away; whether what is not saved was kept for next time, if that is asked for."""
+        """Close the window; returns whether unsaved changes were kept for recovery, if asked."""
         self.end_video()
         self.thumbnails.close()
         for panel in self.panels:
@@ -164,7 +164,7 @@ class App(Hand, Deeds, CanvasEvents):
     # one frame -------------------------------------------------------------------------
 
     def run(self, frames=None, stop=lambda: False):
-        """Go on until the window is closed, for so many frames, or until `stop()`."""
+        """Run the main loop until the window is closed, for some frames, or until `stop()`."""
         clock = pygame.time.Clock()
         self.session.play()
         self.thumbnails.start()
@@ -174,7 +174,7 @@ class App(Hand, Deeds, CanvasEvents):
             frames = None if frames is None else frames - 1
 
     def frame(self, dt, patience_s=None):
-        """One frame, `dt` seconds after the last one.
+        """Run one frame, `dt` seconds after the last one.
 
         Ticks that are due run beside the drawing, which shows the last finished state; the next frame has what they
         leave.  It waits for them no longer than ``patience_s``: as long as they take unless told.
@@ -203,7 +203,7 @@ class App(Hand, Deeds, CanvasEvents):
         }
 
     def _between_ticks(self):
-        """All that looks at the world, which stands still now."""
+        """Everything that reads the world, between ticks."""
         dt, self._unheard = self._unheard, 0.0
         self.session.autosave()
         self.tell()
@@ -232,12 +232,12 @@ class App(Hand, Deeds, CanvasEvents):
             self._told_disk = version
 
     def tell(self):
-        """Show what the session has to say."""
+        """Show the notices of the session."""
         for notice in self.session.notices():
             self.notify(notice.text, notice.kind)
 
     def _show(self, dt):
-        """Controls and canvas onto the screen; controls that nobody touches are drawn ten times a second."""
+        """Draw controls and canvas; controls that are not used are drawn ten times a second."""
         self.toasts.update(dt)
         self._calm, self._unseen = self._calm - dt, self._unseen + dt
         touched = self._calm <= 0
@@ -258,7 +258,7 @@ class App(Hand, Deeds, CanvasEvents):
         pygame.display.flip()
 
     def _freshen(self):
-        """Labels and buttons that follow the session."""
+        """Update labels and buttons from the session."""
         for part in (self.top, self.toolbox, self.timebar):
             if part is not None:
                 part.update()
@@ -266,7 +266,7 @@ class App(Hand, Deeds, CanvasEvents):
             self.place.say(self._under_mouse())
 
     def _under_mouse(self):
-        """Where the mouse is, and what is painted there."""
+        """Text about the mouse position and the paint there."""
         at = self.tool.at
         animal = self.canvas.pick()
         if animal is not None:
@@ -282,14 +282,14 @@ class App(Hand, Deeds, CanvasEvents):
         return f"{painted}{at[0]:.1f}, {at[1]:.1f} m"
 
     def _animal_in_space(self, animal):
-        """Who is under the mouse, and how high above the ground."""
+        """Text about the animal under the mouse in the 3D view, and its height."""
         herd = self.canvas.herd
         row = int(np.searchsorted(herd.ids, animal))
         name = herd.brush_names[herd.brush[row]] if herd.brush[row] >= 0 else "animal"
         return f"{name} {animal}   {herd.z[row]:.1f} m up"
 
     def _above(self, surface, dt):
-        """Legend, scale bar and the tool's cursor on the canvas; not on videos."""
+        """Draw legend, scale bar and tool cursor on the canvas; they are not in videos."""
         self.legend.update(dt)
         self.legend.draw(surface)
         if not self.canvas.in_space:  # there it is the grid that says how long a metre is
@@ -297,7 +297,7 @@ class App(Hand, Deeds, CanvasEvents):
         self._guarded(self.tool.cursor, surface, self.canvas.camera)
 
     def _is_covered(self):
-        """Whether a tooltip, menu or dialog lies above the canvas."""
+        """Whether a tooltip, menu or dialog covers the canvas."""
         root, area = self.manager.get_root_container(), self.canvas.rect
         return any(
             sprite.visible and sprite is not root and sprite.rect.colliderect(area)
@@ -305,7 +305,7 @@ class App(Hand, Deeds, CanvasEvents):
         )
 
     def _guarded(self, do, *arguments):
-        """Do something; what goes wrong becomes a message, and the window goes on."""
+        """Call a function; an exception becomes a message, and the window continues."""
         try:
             return do(*arguments)
         except Exception as error:
@@ -318,7 +318,7 @@ class App(Hand, Deeds, CanvasEvents):
     # events ----------------------------------------------------------------------------
 
     def handle(self, event):
-        """Answer one event."""
+        """Handle one event."""
         if event.type != pygame.MOUSEMOTION:
             self._calm = 0.0
         elif not self.canvas.rect.collidepoint(event.pos):
@@ -333,7 +333,7 @@ class App(Hand, Deeds, CanvasEvents):
             self._of_canvas(event)
 
     def _is_of_controls(self, event):
-        """Whether dialogs, controls or panels have taken an event."""
+        """Whether a dialog, control or panel has used an event."""
         if self.dialog is not None and self.dialog.alive():
             self.manager.process_events(event)
             self.dialog.handle(event)
@@ -362,7 +362,7 @@ class App(Hand, Deeds, CanvasEvents):
         return any(isinstance(element, (UITextEntryLine, UITextEntryBox)) for element in focus)
 
     def resize(self, size):
-        """The window has another size; what is being drawn ends here."""
+        """Handle a new window size; an unfinished drawing ends."""
         self.let_go()
         size = _least(size)
         if size != self.screen.get_size():
@@ -391,19 +391,19 @@ class App(Hand, Deeds, CanvasEvents):
         self.toasts.say(text, kind)
 
     def set_hint(self, text):
-        """Say what to do now."""
+        """Set the hint under the canvas."""
         if self.hint is not None:
             self.hint.say(text)
 
     def tool_changed(self, palette=True):
-        """Another tool is in hand, or another paint: show it."""
+        """Show the active tool and the selected paint."""
         if self.toolbox is not None:
             (self.toolbox.show if palette else self.toolbox.update)()
         self.set_hint(getattr(self.tool, "HINTS", {}).get(self.options["shape"], self.tool.hint))
         self._calm = 0.0
 
     def remember(self, **choices):
-        """Keep choices for next time; a disk that refuses is no reason to stop."""
+        """Save settings for the next session; a write error is ignored."""
         for name, value in choices.items():
             with contextlib.suppress(ValueError):
                 setattr(self.settings, name, value)
@@ -414,7 +414,7 @@ class App(Hand, Deeds, CanvasEvents):
 
 
 def _merged(events):
-    """Events without movements and sizes that the next one makes old; the mouse's way in a stroke stays whole."""
+    """Events without outdated mouse motions and resizes; during a stroke all motions are kept."""
     kept = []
     for event in events:
         if event.type == pygame.VIDEORESIZE and kept and kept[-1].type == pygame.VIDEORESIZE:
@@ -424,7 +424,7 @@ def _merged(events):
 
 
 def _written(path):
-    """When a file was last written, ns; 0 when it is not there."""
+    """Modification time of a file, ns; 0 if it does not exist."""
     try:
         return os.stat(path).st_mtime_ns
     except OSError:
@@ -436,7 +436,7 @@ def _least(size):
 
 
 def said(error) -> str:
-    """An exception in words for a person."""
+    """The message of an exception for the user."""
     known = isinstance(error, (ValueError, OSError)) or type(error) is LookupError
     text = str(error.args[0] if type(error) is LookupError and error.args else error)
     return text if known and text else f"this failed: {type(error).__name__}: {text}"

@@ -1,4 +1,4 @@
-"""The window in which a person corrects where birds are in the frames of a film."""
+"""The window to correct the positions of birds in the frames of a clip."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LARGEST_ZOOM = 24.0  # of the picture's size in the window
 
 
 class PictureView:
-    """Which part of a picture is shown where in the window."""
+    """The part of a picture that is visible, and its place in the window."""
 
     def __init__(self):
         self.zoom, self.shift = 1.0, np.zeros(2)
@@ -40,7 +40,7 @@ class PictureView:
         return scale, float(corner[0]), float(corner[1])
 
     def wheel(self, notches, at, picture, area):
-        """Zoom so that what lies under the mouse stays there."""
+        """Zoom at the mouse pointer."""
         scale, left, top = self.matrix(picture, area)
         point = (at[0] - left) / scale, (at[1] - top) / scale
         self.zoom = float(np.clip(self.zoom * 1.2**notches, 1.0, LARGEST_ZOOM))
@@ -79,7 +79,7 @@ class Marking(PlainWindow):
     # controls ---------------------------------------------------------------------------
 
     def build(self):
-        """Make all controls for the window's size."""
+        """Build all controls for the window size."""
         size = self.begin()
         bar, foot = px(self.scale, 42), px(self.scale, 62)
         self.area = pygame.Rect(0, bar, size[0], max(20, size[1] - bar - foot))
@@ -129,7 +129,7 @@ class Marking(PlainWindow):
         return f"Heading {self.heading}" if self.heading != "auto" else "Heading auto"
 
     def _freshen(self):
-        """Labels and buttons say how things are."""
+        """Update labels and buttons."""
         birds = self.album.birds(self.k)
         touched = ", corrected" if self.k in self.album.state.touched else ""
         frame = self.album.frames[self.k]
@@ -150,7 +150,7 @@ class Marking(PlainWindow):
     # one frame ---------------------------------------------------------------------------
 
     def frame(self, dt):
-        """One frame, without waiting."""
+        """Run one frame, without waiting."""
         self.events()
         self.toasts.update(dt)
         self.manager.update(dt)
@@ -158,7 +158,7 @@ class Marking(PlainWindow):
         self.draw()
 
     def draw(self):
-        """Picture, marks and controls onto the screen."""
+        """Draw picture, marks and controls."""
         self.screen.fill(chrome(self.theme).panel)
         image = self._picture().copy()
         self._draw_marks(Canvas(image))
@@ -199,7 +199,7 @@ class Marking(PlainWindow):
         return max(px(self.scale, 8), 0.62 * self.album.wingspan * scale)
 
     def _birds(self):
-        """The birds as they are while one is dragged."""
+        """The birds, with the dragged one at the mouse."""
         birds = self.album.birds(self.k)
         if self._held is not None and self._held[0] == "bird" and self._far():
             birds[self._held[1]] = Mark(*self._place(self._held[3]), "hand")
@@ -294,7 +294,7 @@ class Marking(PlainWindow):
         return next((b for b, place in self._labels.items() if place.collidepoint(at)), None)
 
     def _far(self):
-        """Whether the mouse has gone farther than in a click."""
+        """Whether the mouse has moved farther than in a click."""
         return np.hypot(*np.subtract(self._held[2], self._held[3])) > px(self.scale, STILL)
 
     def _drag(self, at):
@@ -339,16 +339,16 @@ class Marking(PlainWindow):
         self.view = PictureView()
 
     def turn(self):
-        """Take the next of the ways the birds may fly."""
+        """Select the next heading of the birds."""
         self.heading = WAYS[(WAYS.index(self.heading) + 1) % len(WAYS)]
         self.way.set_text(self._way())
 
     def undo(self):
-        """Take the last correction back."""
+        """Undo the last correction."""
         self._after(self.album.undo(), "undone")
 
     def redo(self):
-        """Do again what was taken back."""
+        """Redo the change that was undone last."""
         self._after(self.album.redo(), "redone")
 
     def _after(self, step, how):
@@ -358,7 +358,7 @@ class Marking(PlainWindow):
             self.toasts.say(f"{step[0]}: {how}")
 
     def save(self) -> bool:
-        """Write the marks; whether that went well."""
+        """Write the marks; returns whether it worked."""
         try:
             self.album.save(self.out)
         except ProblemsError as error:
@@ -374,7 +374,7 @@ class Marking(PlainWindow):
         return True
 
     def _tell_partly(self):
-        """Say who is not in all frames: such birds make no formation."""
+        """Tell which birds are not marked in all frames; they are not saved."""
         partly = self.album.partly()
         if partly:
             some = ", ".join(f"{bird} ({n})" for bird, n in list(partly.items())[:8])
@@ -383,7 +383,7 @@ class Marking(PlainWindow):
             self.toasts.say(said, "warning")
 
     def ask_to_quit(self):
-        """Close the window, unless there are marks that are not saved and the person wants to keep them."""
+        """Close the window; ask first if there are unsaved marks."""
         if not self.album.dirty:
             self.quit()
             return

@@ -1,4 +1,4 @@
-"""The branches of a session: where one began, what was done in it, and the moments that are kept of it."""
+"""The branches of a session: their start, their commands and their snapshots."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flockbrush.studio.scribe import Scribe
 
 @dataclass(frozen=True, eq=False)
 class Beginning:
-    """Where a run starts: a level with its brushes, the seed, and how many animals."""
+    """The start of a run: a level with its brushes, the seed and the number of animals."""
 
     level: Level
     library: BrushLibrary
@@ -32,13 +32,13 @@ class Beginning:
 
 
 class Keyframes:
-    """Snapshots by tick.  What did not change between two of them is kept once."""
+    """Snapshots by tick.  Parts that did not change between two snapshots are stored once."""
 
     def __init__(self, kept=None):
         self._kept: dict[int, list[bytes]] = kept or {}
 
     def keep(self, tick, data):
-        """Keep a snapshot of this tick."""
+        """Store a snapshot of this tick."""
         cut, before = pieces(data), self.before(tick)
         known = [] if before is None else self._kept[before]
         if len(known) == len(cut):
@@ -58,7 +58,7 @@ class Keyframes:
         return {id(part): part for cut in self._kept.values() for part in cut}
 
     def gaps(self):
-        """(ticks it would leave between its neighbours, tick) for each that could be spared: not the first or last."""
+        """(ticks between its neighbours, tick) of each snapshot that may be dropped: not the first or last."""
         ticks = sorted(self._kept)
         return [(after - before, tick) for before, tick, after in zip(ticks, ticks[1:], ticks[2:], strict=False)]
 
@@ -67,7 +67,7 @@ class Keyframes:
         return self._kept.get(tick)
 
     def drop(self, tick):
-        """Forget one."""
+        """Drop the snapshot of a tick."""
         del self._kept[tick]
 
     def let_go(self, count):
@@ -87,7 +87,7 @@ class Keyframes:
 
 @dataclass(eq=False)
 class Branch:
-    """One course of events: where it began, what was done when, and what is known of it."""
+    """One course of a run: its start, its commands by tick, and what is recorded of it."""
 
     name: str
     beginning: Beginning
@@ -116,7 +116,7 @@ class Branch:
 
     @classmethod
     def begun(cls, name, beginning, simulation):
-        """A branch at its first tick."""
+        """A new branch at its first tick."""
         header, assets = running.beginning_of(simulation)
         branch = cls(name, beginning, header, assets, simulation.world.resource(Commands).waiting)
         branch.waiting = branch.script
@@ -125,7 +125,7 @@ class Branch:
         return branch
 
     def take_over(self, run, world, budget):
-        """Know all that a recording knows, and so many bytes of its snapshots, so that any moment is near one."""
+        """Take hashes and commands from a recording, and its snapshots up to some bytes, evenly spaced."""
         self.commands, self.hashes, self.last_tick = run.commands, dict(sorted(run.hashes.items())), run.last_tick
         known = max([run.last_tick - 1, *(tick for tick, _ in run.commands)])
         self.waiting = self._to_come(known)
@@ -162,7 +162,7 @@ class Branch:
 
 
 def _coarse_to_fine(ticks):
-    """The last one, the middle, the quarters, and so on: wherever one stops, those passed lie evenly."""
+    """The last element, the middle, the quarters and so on, so that any prefix is evenly spaced."""
     steps = [1 << power for power in range(len(ticks).bit_length(), -1, -1)]
     return list(dict.fromkeys(tick for step in steps for tick in ticks[::-step]))
 

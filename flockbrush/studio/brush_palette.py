@@ -1,4 +1,4 @@
-"""What one can paint with: brushes as pictures of what they do, speed limits, surfaces."""
+"""The palette: pictures of brushes, speed limits and surfaces to paint with."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ACROSS = 2  # pictures side by side
 
 
 def whence(brush) -> str:
-    """Where a brush's numbers come from, and how well a learned one kept to its clip, for a tooltip."""
+    """Tooltip text about the origin of a brush's parameters, and the fit of a learned brush."""
     told = brush.provenance
     lines = [f"{told.kind}: {told.clip or told.source}"]
     if told.clip and told.frames:
@@ -31,7 +31,7 @@ def whence(brush) -> str:
 
 
 class PaletteButtons:
-    """Buttons for what can be painted on one layer; one of them is in hand."""
+    """Buttons of everything that can be painted on one layer; one of them is selected."""
 
     def __init__(self, app, rect, container, layer):
         self.app, self.layer = app, layer
@@ -56,7 +56,7 @@ class PaletteButtons:
         self._scroll_to_chosen(tall + gap, rows, rect.height)
 
     def _scroll_to_chosen(self, row, rows, height):
-        """Show what is in hand, if it lies below what can be seen."""
+        """Scroll to the selected entry."""
         bar, chosen = self.back.vert_scroll_bar, self.app.paint[self.layer]
         if bar is None or chosen not in self.entries:
             return
@@ -131,7 +131,7 @@ class PaletteButtons:
         return surface
 
     def handle(self, event) -> bool:
-        """Take what was pressed into the hand."""
+        """Select the entry that was pressed."""
         if event.type == pygame_gui.UI_BUTTON_PRESSED:
             for entry, button in self._made.items():
                 if event.ui_element is button:
@@ -140,7 +140,7 @@ class PaletteButtons:
         return False
 
     def update(self):
-        """Mark what is in hand; show pictures that have become ready."""
+        """Mark the selected entry, and show pictures that are ready."""
         chosen = self.app.paint[self.layer]
         if chosen != self._marked:
             self._marked = chosen
@@ -154,7 +154,7 @@ class PaletteButtons:
 
 
 class Thumbnails:
-    """Pictures of what brushes do: at once where they have been made before, otherwise from another process.
+    """Pictures of what brushes do: from the cache, or made by another process.
 
     Until `start` is called nothing is made: tests and pictures of the window take what there is.
     """
@@ -226,7 +226,7 @@ def surface_of(array, size):
 
 
 def fitted(text, room, scale):
-    """The text as far as there is room for it on a picture's button."""
+    """The text, cut to the width of a picture button."""
     from flockbrush.studio.theme import font
 
     letters = font(px(scale, 12))

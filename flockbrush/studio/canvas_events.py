@@ -1,4 +1,4 @@
-"""Mouse and keys over the canvas: they draw with the tool, and move and turn the view."""
+"""Mouse and keyboard events of the canvas: they use the tool, and move and turn the view."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ TOOL_KEYS = {kind.key: kind.name for kind in TOOLS + OF_RECORDINGS}
 
 
 class CanvasEvents:
-    """The part of the App that hears what is not for a control."""
+    """Methods of the App that handle events outside the controls."""
 
     def _of_canvas(self, event):
         """Mouse and keys that are not for a control."""
@@ -101,7 +101,7 @@ class CanvasEvents:
             self.canvas.zoom(1.2**turn, position)
 
     def _let_go(self, event):
-        """The mouse has left the window, or the window has lost the keyboard: what is being drawn ends here."""
+        """Finish the drawing when the mouse leaves the window or the window loses the keyboard."""
         if event.type == pygame.WINDOWFOCUSLOST:
             self.let_go()
         if not self._stroking:

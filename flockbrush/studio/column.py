@@ -13,7 +13,7 @@ TAB = 48  # pixels of a tab at scale 1
 
 
 class Column:
-    """Hosts the panels: one is shown, and each is made when it is shown first."""
+    """The right-hand column: shows one panel, and creates each panel when it is shown first."""
 
     def __init__(self, app, manager, rect: pygame.Rect):
         self.app, self.manager = app, manager

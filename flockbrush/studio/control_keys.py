@@ -1,4 +1,4 @@
-"""Controls by keys: F6 goes to them, Tab from one to the next, arrows turn sliders and menus, Enter presses."""
+"""Keyboard control of widgets: F6 starts it, Tab moves, arrows change values, Enter presses."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PRESS = (pygame.K_RETURN, pygame.K_KP_ENTER, pygame.K_SPACE)
 
 
 class ControlKeys:
-    """Which control the keys are for, if they are for one."""
+    """The control that has the keyboard focus, if any."""
 
     def __init__(self, app):
         self.app, self.now, self._at = app, None, (0, 0)

@@ -1,4 +1,4 @@
-"""Questions in windows of their own: a text to type, or buttons to choose from."""
+"""Dialogs: a question with a text field or with buttons."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flockbrush.studio.theme import px
 
 
 class Dialog(UIWindow):
-    """A window that asks something and blocks what is below.
+    """A modal dialog.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class Dialog(UIWindow):
         return False
 
     def answer(self, button):
-        """Close, and do what the button means; a text that is not accepted (False) can be mended."""
+        """Close and call the function of the button; if it returns False, the text can be changed."""
         do, first = self.answers[button], button is next(iter(self.answers))
         if self.entry is None or not first or do is None:
             self.kill()

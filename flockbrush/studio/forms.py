@@ -1,4 +1,4 @@
-"""A form for any command: a row for each field, made from its dataclass and from what the level schema says of it."""
+"""A form for any command, with a row for each field of its dataclass; units and meanings are from the level schema."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STROKES = {"Paint"}  # commands that tools give piece by piece
 
 
 class FormRow(NamedTuple):
-    """One field as a person sees it."""
+    """One row of a form: label, value and tooltip of a field."""
 
     name: str
     label: str
@@ -54,7 +54,7 @@ def changed(command, texts):
 
 
 def said(command) -> dict:
-    """What a command says that is not its default, by name: the arguments of a script key."""
+    """The fields of a command that differ from their defaults, by name: the arguments of a script key."""
     return {f.name: value for f in fields(command) if (value := getattr(command, f.name)) != _default(f)}
 
 
@@ -63,7 +63,7 @@ def _default(one):
 
 
 def live_commands() -> dict[str, type]:
-    """Commands that a person may give by name: those that a few numbers and words say, lists left empty, by name."""
+    """Commands that a form can submit, by name: their fields are numbers and texts, lists stay empty."""
     found = {}
     for name, kind in sorted(COMMANDS.items()):
         own = fields(kind)

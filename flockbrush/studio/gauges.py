@@ -1,4 +1,4 @@
-"""What a session measures while it runs: charts, the time of each system, the pace."""
+"""Measurements of a running session: charts, time per system, playback speed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PACE_SECONDS = 1.0  # s of real time over which the pace is averaged
 
 @dataclass(frozen=True)
 class MeasureSample:
-    """What the charts show of one moment."""
+    """The values of the charts at one time."""
 
     tick: int
     time: float  # s
@@ -66,7 +66,7 @@ def chart_of(samples):
 
 
 class Pacemaker:
-    """How fast simulated time really goes."""
+    """Measures the real playback speed."""
 
     def __init__(self):
         self.restart()

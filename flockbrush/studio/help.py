@@ -1,4 +1,4 @@
-"""The page of all keys and buttons, made from the tables of actions and tools."""
+"""The help window with all keys and buttons, generated from the tables of actions and tools."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Undo and redo for a run whose level file cannot be edited: what is done changes the run alone."""
+"""Undo and redo for a run whose level file cannot be edited: changes affect the run only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which predators can be put down: species that hunt, each with the brush that makes it hunt."""
+"""The predators that can be added: species that hunt, each with its hunting brush."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small pictures for buttons: an SVG file each, in white, and black where white is taken away again.
+"""Icons of buttons: SVG files drawn in white; black parts erase white.
 
 They are drawn at the size and in the colour that they are needed in.
 """

@@ -1,4 +1,4 @@
-"""Where things stand in a window of any size."""
+"""The layout of the window for any size."""
 
 from __future__ import annotations
 

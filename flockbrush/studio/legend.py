@@ -1,4 +1,4 @@
-"""What colours mean, and how long a metre is: small cards on the canvas."""
+"""The legend of brush colours and the scale bar on the canvas."""
 
 from __future__ import annotations
 

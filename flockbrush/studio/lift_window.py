@@ -1,4 +1,4 @@
-"""The window in which a lifted flight is looked at from all sides, solved anew with other wishes, and kept."""
+"""The window that shows a lifted flight in 3D, solves it again with other weights, and exports it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ SLIDERS = (  # name, what is set, lowest, highest, whether equal steps multiply,
 
 
 class LiftWindow(PlainWindow):
-    """The window on a flight.
+    """The window that shows a flight.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class LiftWindow(PlainWindow):
     # controls ---------------------------------------------------------------------------
 
     def build(self):
-        """Make all controls for the window's size."""
+        """Build all controls for the window size."""
         size = self.begin()
         self._letter = ""  # of the key that has opened the dialog; it comes once more, as text
         foot, wide = px(self.scale, 66), min(px(self.scale, 270), size[0] // 2)
@@ -135,11 +135,7 @@ class LiftWindow(PlainWindow):
                     name, self._value(key), low, high, form.format, lambda value, key=key: self.wish(key, value),
                     power=power, tip=tip,
                 )  # fmt: skip
-            self.method = column.button(
-                self._method(),
-                self.other_method,
-                "Solver: one global solve, or the frame-by-frame descent of the thesis",
-            )
+            self.method = column.button(self._method(), self.other_method, "Global solve, or descent of the thesis")
             self.buttons_in_column = column.buttons
             column.button("Reset", self.reset, "Reset all sliders")
         column.heading(f"{self.show.animal.capitalize()}s")
@@ -160,7 +156,7 @@ class LiftWindow(PlainWindow):
         return "Method: one global solve" if self.wanted.method == METHODS[0] else "Method: Algorithm 3 (COBYLA)"
 
     def _freshen(self):
-        """Labels and buttons say how things are."""
+        """Update labels and buttons."""
         flight = self.show.flight
         self.clock.say(f"frame {flight.first + self.k}   {self.k / flight.fps:.2f} of {self.show.seconds:.2f} s")
         told = self.show.facts(self.k)
@@ -182,7 +178,7 @@ class LiftWindow(PlainWindow):
     # one frame ---------------------------------------------------------------------------
 
     def frame(self, dt):
-        """One frame, without waiting."""
+        """Run one frame, without waiting."""
         self.events()
         self._go_on(dt)
         self._due -= dt

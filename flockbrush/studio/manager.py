@@ -1,4 +1,4 @@
-"""pygame_gui's manager, made quick enough for windows that are built anew at every change of size."""
+"""A faster pygame_gui manager, for windows that are rebuilt at every change of size."""
 
 from __future__ import annotations
 

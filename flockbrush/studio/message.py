@@ -1,4 +1,4 @@
-"""A message in a window of its own, for programs that start commands and hide what they print."""
+"""A message window, for programs such as Tiled that hide the output of commands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The first seconds: a window at once, while the level is read and the kernels are compiled."""
+"""The start window, which is shown while the level is read and kernels are compiled."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FEW = 8  # animals of the herd that tries all kernels
 
 
 class Opening:
-    """Does some work in a thread while a window says so.
+    """Runs a function in a thread while a window shows the progress.
 
     Parameters
     ----------

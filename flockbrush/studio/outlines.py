@@ -1,4 +1,4 @@
-"""From strokes of the mouse to outlines: lines with few corners, and the polygons that a round pen covers."""
+"""Geometry of mouse strokes: simplified lines, and the polygons that a round pen covers."""
 
 from __future__ import annotations
 

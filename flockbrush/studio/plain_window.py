@@ -1,4 +1,4 @@
-"""A window of its own, beside the playground's: it stays open, answers events, and asks before it loses anything."""
+"""The base class of the windows for marks, clips and flights: main loop, dialogs, unsaved changes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from flockbrush.studio.toasts import Toasts
 
 
 class PlainWindow:
-    """What the windows on marks, on a film and on a flight have in common.
+    """The common part of the windows for marks, clips and flights.
 
     Who derives from it has `build` (all controls, beginning with `begin`), `frame` (one frame; it calls `events`),
     `_key` (a key by its name), `_mouse` (what no control has taken) and `_file` (what a message about a file is about).
@@ -62,7 +62,7 @@ class PlainWindow:
         return size
 
     def run(self, frames=None, stop=lambda: False):
-        """Go on until the window is closed, for so many frames, or until `stop()`."""
+        """Run the main loop until the window is closed, for some frames, or until `stop()`."""
         clock = pygame.time.Clock()
         while self.running and frames != 0 and not stop():
             self.frame(min(clock.tick(60) / 1000, 0.25))

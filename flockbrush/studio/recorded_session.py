@@ -1,4 +1,4 @@
-"""A session of a recording: its level unpacked from it, its run known from the first tick to the last."""
+"""A session opened from a recording: its level is unpacked, and its run is known from the first to the last tick."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a crash leaves behind, and how to go on from there.
+"""Recovery of the unsaved changes of crashed sessions.
 
 A session that runs has a folder of its own among the user's files: its recordings, the journals of its edits, and a
 note that says of which level.  The folder goes when the session ends well.  One whose session runs no more was left by
@@ -33,7 +33,7 @@ from flockbrush.studio.timeline import KEYFRAME_BYTES
 
 
 class Shelter:
-    """The folder of a running session.
+    """The folder of a running session, from which it can be recovered after a crash.
 
     Parameters
     ----------
@@ -93,11 +93,11 @@ class Shelter:
 
 
 class Damaged(Exception):
-    """A note that cannot be read."""
+    """A `session.json` that cannot be read."""
 
 
 class BranchFiles(BaseModel):
-    """What a note says about a branch."""
+    """The entry of a branch in `session.json`."""
 
     model_config = ConfigDict(extra="ignore", strict=True)
 
@@ -108,7 +108,7 @@ class BranchFiles(BaseModel):
 
 
 class SessionNote(BaseModel):
-    """What the note of a session says."""
+    """The contents of `session.json`."""
 
     model_config = ConfigDict(extra="ignore", strict=True)
 

@@ -1,4 +1,4 @@
-"""Writes a branch into a recording's file while it goes on."""
+"""Records a branch to a file while it runs."""
 
 from __future__ import annotations
 

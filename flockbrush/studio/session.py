@@ -1,4 +1,4 @@
-"""A level that is played: its world in time, its document, and what a designer does to both.
+"""A session of the playground: a level, its running world, its level document and the edits of both.
 
 Nothing here draws.  The window asks for `Session.view` and hands in what the designer does with `Session.do`; whatever
 goes wrong becomes a `Notice`, never a traceback.

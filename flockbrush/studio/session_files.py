@@ -1,4 +1,4 @@
-"""The files of a session: the level on the disk, recordings, brushes of one's own, and what a crash must not take."""
+"""The files of a session: level, recordings, own brushes, and the files for recovery after a crash."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LITTLE_ROOM = 60  # minutes of the run that a disk has room for; with less, who 
 
 @dataclass(frozen=True)
 class SessionNotice:
-    """Something the designer should know."""
+    """A message to the user, with its kind."""
 
     kind: str  # "info", "warning" or "error"
     text: str
@@ -82,7 +82,7 @@ def _digest(data):
 
 
 class Keeping:
-    """The part of a session that has to do with files."""
+    """Methods of a session that read and write files."""
 
     # the level -----------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""Folders of sessions: how they are recognised, set aside and discarded.
+"""Folders of sessions: finding, moving and removing them.
 
     flockbrush/sessions/LEVEL-PROCESS-N/    a session that runs, or one that a crash ended
     flockbrush/sessions/damaged/            what could not be read; never removed

@@ -1,4 +1,4 @@
-"""What the playground remembers from one day to the next: theme, size of the words, size of the brush, overlays."""
+"""The settings of the playground, stored between sessions: theme, text size, brush size, overlays."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LISTED = ("trails", "shadows", "forces", "field_of_view")  # overlays shown at f
 
 
 class Settings(BaseModel):
-    """Choices of the person at the window.  None: the playground chooses."""
+    """The settings of the user.  None: the default."""
 
     model_config = ConfigDict(extra="forbid", strict=True, validate_assignment=True, allow_inf_nan=False)
 

@@ -1,4 +1,4 @@
-"""Everything that can be done with a key or a button: one table; buttons, the help page and tests come from it."""
+"""The table of all actions with their keys and buttons, from which buttons, help page and tests are generated."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pygame
 
 @dataclass(frozen=True)
 class Action:
-    """One thing a person may do."""
+    """One action, with its keys, tooltip and function."""
 
     name: str  # stable; buttons and tests speak of it
     title: str  # what buttons and the help page say

@@ -1,4 +1,4 @@
-"""From the command line to the window, with plain words when there cannot be one."""
+"""Opens the playground from the command line, or tells why no window can be opened."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ KEPT = "unsaved changes are kept; flockbrush play offers to recover them when yo
 
 @dataclass(frozen=True)
 class StartOptions:
-    """What a person asked for on the command line; None: as it comes."""
+    """The options of ``flockbrush play``; None: not given."""
 
     level: str
     brush: str | None = None
@@ -96,7 +96,7 @@ def _open(wishes):
 
 
 def refuse_wishes(wishes):
-    """BadParameter for what a recording says itself."""
+    """Raise BadParameter for options that a recording determines itself."""
     for option in ("seed", "agents", "record"):
         if getattr(wishes, option) is not None:
             raise typer.BadParameter("cannot be used with a recording, which has its own", param_hint=f"--{option}")

@@ -1,4 +1,4 @@
-"""From the command line to the window over a film, with plain words when there cannot be one."""
+"""Opens the window for clips from the command line, or tells why no window can be opened."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the command line to the window of a flight, with plain words when there cannot be one."""
+"""Opens the window of a flight from the command line, or tells why no window can be opened."""
 
 from __future__ import annotations
 

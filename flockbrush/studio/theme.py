@@ -1,4 +1,4 @@
-"""What the window's controls look like: colours from the theme of the pictures, sizes from the window."""
+"""The look of the controls: colours from the theme of the pictures, sizes from the window."""
 
 from __future__ import annotations
 

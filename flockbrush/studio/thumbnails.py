@@ -1,4 +1,4 @@
-"""Small pictures of what brushes do, made by running them: for the palette of the playground, and as tiles for Tiled.
+"""Thumbnails of brushes, made by running them, for the palette of the playground and as tiles for Tiled.
 
 A picture takes about a second to make and is kept in the user's cache folder, under a name that changes with the
 brush.

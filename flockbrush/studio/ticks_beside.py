@@ -1,4 +1,4 @@
-"""Ticks that run in a thread beside the window, which draws the last finished state meanwhile."""
+"""Runs ticks in a thread, while the window draws the last finished state."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Lived:
 
 
 class Beside:
-    """One piece of work at a time, in a thread of its own.
+    """Runs one function at a time in a thread.
 
     The thread does not keep the program from ending: who presses Ctrl-C while a model never comes to its end is not
     held up by it.
@@ -66,7 +66,7 @@ class Beside:
 
 
 class Going:
-    """The part of a session that lets time go on, while somebody draws."""
+    """Methods of a session that run ticks while the window draws."""
 
     _timeline: Any
     playing: bool

@@ -1,4 +1,4 @@
-"""The bar below: play and pause, speed of time, and a strip of all that was recorded, to scrub in."""
+"""The time bar: play, pause, playback speed, and a strip of the recorded run to scrub in."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run in which one can go back: kept moments, living again what lies between, and branches.
+"""A run with branches that can go back in time: snapshots, and replay of the ticks between them.
 
 The world is always at one tick of one branch.  At the branch's end a tick is new: it is hashed, kept and recorded.
 Before the end a tick is lived again from what was done then, compared with the hash that was kept, and changes
@@ -29,7 +29,7 @@ class WentWrong(Exception):
 
 
 class Timeline:
-    """The branches of a run, and the world that stands at one tick of one of them.
+    """The branches of a run, and the world at one tick of one of them.
 
     Parameters
     ----------

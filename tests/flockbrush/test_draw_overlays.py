@@ -299,7 +299,7 @@ def test_caps_say_how_fast(look, monkeypatch):
     Paint("cap", 0.0, 10.0, 30.0, 20.0, 32.0, 6.0).apply(other.simulation.world)
     said.clear()
     other.frame({"caps"})
-    assert said == ["no speed caps in view"]
+    assert said == ["no speed limits in view"]
 
 
 def test_bodies_are_as_large_as_they_touch(look):

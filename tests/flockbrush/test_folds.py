@@ -77,5 +77,5 @@ def test_the_report_says_from_which_starts_a_brush_holds(clips, march, monkeypat
     clip = clips["march"]
     found = Findings(march, [clip], clip, learned_as(march), clip)
     _compare(found, LearnOptions([tmp_path / "a.mp4"], tmp_path / "a.brush.toml", quick=quick), None, False)
-    said = any("from a turning ring 1" in words for _, words in found.checks())
+    said = any("1 from a turning ring" in words for _, words in found.checks())
     assert said is not quick

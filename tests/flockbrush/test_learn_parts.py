@@ -100,7 +100,10 @@ def test_a_learned_brush_says_where_it_is_from_and_what_the_clip_does_not_tell(m
     assert told.licence == "public domain"
     assert told.report == {"loss": 0.5}
     assert "flockbrush" in told.versions and "torch" in told.versions
-    assert "does not tell (other values describe it as well): weight of obstacle, reach of obstacle" in told.notes
+    assert (
+        "Not identifiable from the clip (other values fit equally well): weight of obstacle, reach of obstacle"
+        in told.notes
+    )
     assert "in one direction" in brush.description
     assert brush.body.length == 1.2 and brush.body.radius <= 0.6
 
@@ -325,7 +328,7 @@ def test_a_mask_that_is_none_is_told_why(tmp_path):
     noise = np.random.default_rng(0).integers(0, 255, (30, 30, 3), dtype=np.uint8)
     cv2.imwrite(str(tmp_path / "photo.png"), noise)
     for name, words in (
-        ("text.png", "no picture"),
+        ("text.png", "is not a readable picture"),
         ("photo.png", "colours"),
         ("none.png", "no such file"),
     ):

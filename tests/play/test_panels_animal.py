@@ -55,7 +55,7 @@ def test_the_facts_are_those_of_the_world(window):
     assert facts["role"] == ("leader" if agents[Role.leader][row] else "follower")
     assert facts["brush"].startswith("march, ") and facts["brush"].endswith(" % (from swarm)")
     x, y = agents[Heading.forward][row, :2]
-    assert facts["faces"].endswith(compass(x, y))
+    assert facts["heading"].endswith(compass(x, y))
 
 
 def test_a_bird_tells_how_it_lies_in_the_air_and_whom_it_sees_there():
@@ -65,7 +65,7 @@ def test_a_bird_tells_how_it_lies_in_the_air_and_whom_it_sees_there():
     facts = dict(facts_of(session, sparrow))
     lists = session.simulation.world.resource(SightInSpace).lists
     assert facts["visible neighbours"] == str(lists.first[sparrow + 1] - lists.first[sparrow]) != "0"
-    assert "height" in facts["place"] and "ground" not in facts and "flies" in facts
+    assert "height" in facts["position"] and "ground" not in facts and "flies" in facts
     assert "flies" not in dict(facts_of(session, 0))  # an elephant
     session.close()
 
@@ -75,8 +75,8 @@ def test_a_bird_tells_how_it_lies_in_the_air_and_whom_it_sees_there():
     [
         (0, 0, "level"),
         (10, 0, "climbs 10°"),
-        (-40, 30, "sinks 40°, leans 30° to the right"),
-        (0, -5, "leans 5° to the left"),
+        (-40, 30, "sinks 40°, banks 30° to the right"),
+        (0, -5, "banks 5° to the left"),
     ],
 )
 def test_how_a_bird_lies_in_the_air_in_words(pitch, bank, words):

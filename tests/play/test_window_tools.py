@@ -385,7 +385,7 @@ def test_added_animals_say_when_the_ground_gives_them_another_brush(window):
     window.click((8, 3))
     assert not any("painted" in text for text in window.said())
     window.click((19, 13))
-    assert [text for text in window.said() if "the ground here is painted swarm" in text]
+    assert [text for text in window.said() if "the ground here is painted with swarm" in text]
 
 
 def test_an_animal_is_selected_and_let_go(window):

@@ -1,1 +1,1 @@
-"""One file for each kind of export; the folder is scanned (`flockbrush.output.exporter.exporters`)."""
+"""One module per export format; the folder is scanned (`flockbrush.output.exporter.exporters`)."""

@@ -1,4 +1,4 @@
-"""CSV: a row for each animal in each frame."""
+"""CSV export: one row per animal and frame."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flockbrush.output.exporter import Exporter, exporter
 
 @exporter(".csv")
 class Csv(Exporter):
-    """A table for everybody: six decimals, and the metadata in ``NAME.csv.json`` beside it."""
+    """CSV table with six decimals; metadata in ``NAME.csv.json`` beside it."""
 
     contents = "one row per animal and frame; units in NAME.csv.json"
     opens_in = "pandas, R, Excel, flockbrush play"

@@ -1,4 +1,4 @@
-"""glTF: the scene of a run, for the web, games and every tool of three dimensions."""
+"""glTF export: the 3D scene of a run."""
 
 from __future__ import annotations
 

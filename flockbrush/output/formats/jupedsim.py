@@ -1,4 +1,4 @@
-"""SQLite as JuPedSim writes it: trajectories and the walkable area, for PedPy."""
+"""SQLite export in the schema of JuPedSim: trajectories and walkable area, for PedPy."""
 
 from __future__ import annotations
 

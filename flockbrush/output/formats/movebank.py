@@ -1,4 +1,4 @@
-"""Movebank CSV: tracks as biologists exchange them, on a map when the level says where on earth it lies."""
+"""Movebank CSV export: tracks in degrees of latitude and longitude about an origin."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""netCDF in the layout of the package movement, for xarray."""
+"""netCDF export in the layout of the package movement, for xarray."""
 
 from __future__ import annotations
 

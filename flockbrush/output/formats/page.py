@@ -1,4 +1,4 @@
-"""HTML: a page to share, self-contained."""
+"""HTML export: a self-contained page of the run."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from flockbrush.output.picture_exporter import PALETTE, THEME
 
 @exporter(".html")
 class Html(Exporter):
-    """One page with the run in it; `flockbrush.output.page` writes it."""
+    """A self-contained page of the run, written by `flockbrush.output.page`."""
 
     contents, opens_in = (
         "interactive page of the run: player, orbit camera, charts, animal cards",

@@ -1,4 +1,4 @@
-"""Parquet: the same table, exact and small."""
+"""Parquet export: the table of the CSV export with exact numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""PNG: a picture of the last frame."""
+"""PNG export: a picture of the last frame."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from flockbrush.output.picture_exporter import Pictures
 
 @exporter(".png")
 class Png(Pictures):
-    """A picture of the last moment."""
+    """A picture of the last frame."""
 
     contents, opens_in = "picture of the last frame", "everything"
 

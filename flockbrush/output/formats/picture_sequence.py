@@ -1,4 +1,4 @@
-"""PNG sequences: a numbered picture for each frame, for compositing."""
+"""PNG sequence export: one numbered picture per frame, for compositing."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class PngSequence(Pictures):
         self.frames += 1
 
     def close(self):
-        """Give all pictures their names; one that is taken meanwhile keeps what it has, and this is an error."""
+        """Give all pictures their names; a name that was taken in the meantime is an error."""
         for frame in range(self.frames):
             source, target = self._folder / f"{frame}.png", numbered(self.path, frame)
             if target.exists():

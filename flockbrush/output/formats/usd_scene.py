@@ -1,4 +1,4 @@
-"""USD: the scene of a run, for film and games."""
+"""USD export: the 3D scene of a run."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class UsdScene(Exporter):
         self.frames += 1
 
     def _paint(self, new):
-        """Give the ground another picture from a frame on, if there is a new one."""
+        """Set a new picture of the ground from a frame on, if it changed."""
         if new is None:
             return
         frame, picture = new
@@ -95,7 +95,7 @@ class UsdScene(Exporter):
 
 @contextmanager
 def _in_words(folder):
-    """What USD cannot write, or read back when the disk is full, as an error of the system."""
+    """Convert errors of USD, such as a full disk, to OSError."""
     from pxr import Tf
 
     try:

@@ -1,4 +1,4 @@
-"""MP4: a film of the whole level."""
+"""MP4 export: a video of the whole level."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The server of the live link: clients, what waits for them, and what they ask, on a thread of its own.
+"""The WebSocket server of the live link: clients, their queues and requests, in its own thread.
 
 No client can hold up the herd or another client.  Each has one place for the newest frame, which a newer one replaces,
 and a bounded list of answers; who does not read for `STALL` seconds is cut off.
@@ -34,7 +34,7 @@ def refused(where, message):
 
 
 class Client:
-    """A program at the other end."""
+    """A connected client program."""
 
     def __init__(self, connection):
         self.connection = connection
@@ -44,7 +44,7 @@ class Client:
         self.lost = False
 
     def tell(self, text):
-        """Have this text sent; who lets too many wait is cut off."""
+        """Send a text; a client with too many unread messages is disconnected."""
         if len(self.texts) >= limits.LIVE_ANSWERS:
             self.lost = True
         else:
@@ -52,7 +52,7 @@ class Client:
         self.news.set()
 
     def show(self, frame):
-        """Have this frame sent, instead of one that is still waiting."""
+        """Send a frame; it replaces a frame that is still waiting."""
         self.frame = frame
         self.news.set()
 
@@ -93,7 +93,7 @@ class Link:
 
     @property
     def address(self):
-        """What a client connects to."""
+        """The address to connect to, with the token."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"ws://{host}:{self.port}/?token={self.token}"
 
@@ -145,7 +145,7 @@ class Link:
             raise refused(where, f"cannot listen on this address: {error.strerror or error}") from None
 
     def close(self):
-        """Say goodbye to all clients and stop listening."""
+        """Close all connections and stop listening."""
         if self._server is None:
             return
 
@@ -181,7 +181,7 @@ class Link:
             deed(client, what)
 
     def _admit(self, connection, request):
-        """None, or why this client is sent away."""
+        """None, or the response that rejects this client."""
         given = parse_qs(urlsplit(request.path).query).get("token", [""])[0]
         if not hmac.compare_digest(given.encode(), self.token.encode()):
             text = "the token is wrong or missing: connect to the address that flockbrush serve printed\n"
@@ -241,5 +241,5 @@ class Link:
 
 
 def _is_stuck(client, ended):
-    """Whether a client stopped reading: no goodbye would reach it."""
+    """Whether a client has stopped reading, so that the connection must be aborted."""
     return client.lost or any(isinstance(error, TimeoutError) for error in ended)

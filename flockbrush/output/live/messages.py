@@ -1,4 +1,4 @@
-"""Messages of the live link: what clients may ask, and what they are told, as JSON."""
+"""JSON messages of the live link: requests of clients and answers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class RequestError(ValueError):
 
 @dataclass(frozen=True)
 class Request:
-    """What a client asks: a command, to take the last one back, or to go on or pause."""
+    """A request of a client: a command, undo, or play and pause."""
 
     id: Any
     command: Any = None
@@ -96,13 +96,13 @@ def hello(simulation, fps):
 
 
 def names(simulation):
-    """What the numbers in frames mean."""
+    """The message with the names behind the indices in frames."""
     words = words_of(simulation)
     return {"type": "names", **{key: list(words.get(key, [])) for key in ("species", "brush", "state")}}
 
 
 def place(simulation):
-    """What stands in the level, as it is now: outlines in metres."""
+    """The message with the objects of the level: outlines in metres."""
     land = simulation.world.resource(Landscape)
     return {
         "type": "place",

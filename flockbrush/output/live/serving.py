@@ -1,4 +1,4 @@
-"""Running a level at its own pace for the programs at the other end of the live link."""
+"""Runs a level in real time for the clients of a live link."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LOOK_AGAIN = 0.5  # s between two looks at what stands in the level
 
 
 class Serving:
-    """A simulation that clients watch and steer.
+    """A simulation that clients watch and control.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class Serving:
         self._moments = [self._moments[1], moment_of(self.simulation)]
 
     def show(self, tick_due):
-        """Send the animals as they are now."""
+        """Send a frame with the animals."""
         if not self.link.clients:
             return
         self._tell_changes()
@@ -112,7 +112,7 @@ class Serving:
     # what clients ask -------------------------------------------------------------------
 
     def answer(self):
-        """Do what clients have asked for, and tell them."""
+        """Execute the requests of clients and answer them."""
         for _ in range(_AT_ONCE):
             try:
                 client, request = self.link.requests.get_nowait()

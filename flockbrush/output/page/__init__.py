@@ -1,1 +1,1 @@
-"""A run as one page: `writer` fills ``page.html``; ``three.bundle.js`` says how three.js is bundled."""
+"""The HTML page of a run: `writer` fills ``page.html``; ``three.bundle.js`` tells how three.js is bundled."""

@@ -1,4 +1,4 @@
-"""Moments of animals as small numbers: what the page unpacks.
+"""Frames of animals packed as small integers, which the page unpacks.
 
 A chunk is the moments of some seconds: little-endian ``frames, animals`` (uint32), the box of the positions (low, size:
 6 float32), ``ids`` (animals, uint32), body lengths and widths (animals, float32 each), then for each of `COLUMNS` and

@@ -1,4 +1,4 @@
-"""Writes a run as one page that needs nothing else: no network, no server."""
+"""Writes a run as one self-contained HTML page."""
 
 from __future__ import annotations
 

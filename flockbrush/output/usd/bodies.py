@@ -18,7 +18,7 @@ EVERY = 2  # every so manieth pose of a cycle becomes a prototype
 
 
 class UsdBodies:
-    """What animals look like on a stage.
+    """Prototypes of animals on a USD stage.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ THIN = 0.12  # m, width of curves
 
 
 def write_place(stage, simulation, options, texture=None):
-    """Everything that stands there, and who follows the obstacles (`Obstacles`); None for flights without a place."""
+    """Write the place; returns the `Obstacles` to update, or None for flights without a place."""
     if not isinstance(simulation, Simulation):
         return None
     place = SceneMeshes(simulation, chosen_theme(options))
@@ -81,7 +81,7 @@ def _ground(stage, place, texture):
 
 
 def sample_ground(stage, texture, frame):
-    """Let the ground have another picture from a frame on."""
+    """Set a new picture of the ground from a frame on."""
     file = UsdShade.Shader.Get(stage, f"{MATERIALS}/ground/Picture").GetInput("file").GetAttr()
     if not file.GetNumTimeSamples():
         file.Set(file.Get(), 0)

@@ -71,7 +71,7 @@ class UsdStage:
             self._pending = 0
 
     def paint(self, texture, frame):
-        """Let the ground have another picture from a frame on."""
+        """Set a new picture of the ground from a frame on."""
         sample_ground(self._stage, texture, frame)
 
     def finish(self):

@@ -1,1 +1,1 @@
-"""The window over a film: look, mark, put right, sketch.  One module for each mode."""
+"""The window for clips: view, mark, correct and sketch, one module for each mode."""

@@ -1,4 +1,4 @@
-"""Birds: their tracks over the film, put right by hand, and followed on from there."""
+"""The mode for birds: shows tracks over the clip, corrects them by hand and tracks on from there."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COLOURS = tuple(rgb(colour) for colour in PALETTE)
 
 
 class BirdsMode(Mode):
-    """Who is where in every frame."""
+    """Shows and corrects the tracks of birds."""
 
     name = "birds"
     title = "Birds"
@@ -167,7 +167,7 @@ class BirdsMode(Mode):
             self.window.toasts.say("No track begins or ends after this frame.")
 
     def lift(self):
-        """See the flock in space."""
+        """Show the flock in 3D."""
         if self.state.birds.ids:
             self.window.lifting.begin("tracks.csv")
         else:

@@ -1,4 +1,4 @@
-"""A body shown to the program: its colour by a click, its length by a drag along it."""
+"""The mode for bodies: pick a colour by a click, measure a length by a drag."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The column beside a film: rows of words, buttons and sliders that a mode puts one below the other."""
+"""The column beside a clip: rows of text, buttons and sliders of a mode."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Look at a film: play it, scrub, choose the frames that are used."""
+"""The mode to view a clip: play, scrub, select the used frames."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from flockbrush.studio.theme import chrome
 
 
 class LookMode(Mode):
-    """What the film is, and which part of it is used."""
+    """Shows facts about the clip and the used frames."""
 
     name = "look"
     title = "View"

@@ -1,4 +1,4 @@
-"""The window over a film: its parts, its main loop, and who hears which event."""
+"""The window for clips: its parts, its main loop and the distribution of events."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ OF_THE_SKY = (LookMode, SketchMode)  # where there is no film
 
 
 class ClipWindow(PlainWindow):
-    """The window on the marks of a film.
+    """The window that shows a clip and edits its marks.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class ClipWindow(PlainWindow):
         self.rebuild_column()
 
     def rebuild_column(self):
-        """Make the controls of the mode anew."""
+        """Rebuild the controls of the mode."""
         self.column.close()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -123,7 +123,7 @@ class ClipWindow(PlainWindow):
         self._freshen()
 
     def _freshen(self):
-        """Labels and buttons say how things are."""
+        """Update labels and buttons."""
         self.bar.freshen()
         self.mode.freshen()
         for button, do in self.buttons.items():
@@ -134,13 +134,13 @@ class ClipWindow(PlainWindow):
         pygame.display.set_caption(f"{self.film.name}{star} – {self.mode.title} – Flockbrush")
 
     def jobs_said(self):
-        """What goes on beside the window, in words; "" when nothing does."""
+        """Text about background jobs; "" if there are none."""
         return "   ".join(f"{job.name}: {100 * job.share:.0f} %" for job in self.jobs.values())
 
     # one frame ---------------------------------------------------------------------------
 
     def frame(self, dt):
-        """One frame, without waiting."""
+        """Run one frame, without waiting."""
         self.now += dt
         if self.film.path is None and len(self.film) != self.book.state.sketch.frames:
             self.film.lasts(self.book.state.sketch.frames)
@@ -155,7 +155,7 @@ class ClipWindow(PlainWindow):
         self.guarded(self.draw)
 
     def guarded(self, do, *arguments):
-        """Do something; what goes wrong becomes a message, and the window goes on with everything marked so far."""
+        """Call a function; an exception becomes a message, and the window continues with all marks."""
         try:
             return super().guarded(do, *arguments)
         except Exception as error:
@@ -180,7 +180,7 @@ class ClipWindow(PlainWindow):
             self.playing = False
 
     def job(self, key, name, do, then):
-        """Begin work beside the window; an older piece of the same key is dropped."""
+        """Start a background job; an older job with the same key is dropped."""
         if key in self.jobs:
             self.jobs.pop(key).stop()
         self.jobs[key] = ClipJob(name, do, then)
@@ -194,7 +194,7 @@ class ClipWindow(PlainWindow):
     # drawing -----------------------------------------------------------------------------
 
     def draw(self):
-        """Picture, marks and controls onto the screen."""
+        """Draw picture, marks and controls."""
         self.screen.fill(chrome(self.theme).panel)
         image = self._picture().copy()
         self.guarded(self.mode.draw, Canvas(image))
@@ -251,7 +251,7 @@ class ClipWindow(PlainWindow):
     # what a person does ---------------------------------------------------------------------
 
     def handle(self, event):
-        """Answer one event; who looks elsewhere lets go of what is held."""
+        """Handle one event; losing the focus cancels an unfinished action."""
         if event.type == pygame.WINDOWFOCUSLOST and not self.asking:
             self.let_go()
         else:
@@ -317,7 +317,7 @@ class ClipWindow(PlainWindow):
         self._held = who, at, button
 
     def let_go(self):
-        """Drop what is half done."""
+        """Cancel an unfinished action."""
         self._held = None
         self.mode.let_go()
 
@@ -335,7 +335,7 @@ class ClipWindow(PlainWindow):
         self.go(self.k + frames)
 
     def toggle_play(self):
-        """Play, from the beginning if it is over, or stop."""
+        """Play or pause; from the end, play from the beginning."""
         self.playing = not self.playing
         self._late = 0.0
         if self.playing and self.k == len(self.film) - 1:
@@ -346,18 +346,18 @@ class ClipWindow(PlainWindow):
         self.view = PictureView()
 
     def use_from(self):
-        """The film is used from this frame on."""
+        """Make this the first used frame."""
         last = self.book.state.marks.last
         self._use(self.k or None, last if last is None or last > self.k else None, f"used from frame {self.k}")
 
     def use_to(self):
-        """The film is used up to this frame."""
+        """Make this the last used frame."""
         first = self.book.state.marks.first
         last = self.k if self.k < len(self.film) - 1 else None
         self._use(first if first is None or first < self.k else None, last, f"used up to frame {self.k}")
 
     def use_all(self):
-        """The whole film is used."""
+        """Use all frames."""
         self._use(None, None, "all frames are used")
 
     def _use(self, first, last, label):
@@ -367,11 +367,11 @@ class ClipWindow(PlainWindow):
         self.book.mark(label, self.mode.name, self.k, first=first, last=last)
 
     def undo(self):
-        """Take the last step back."""
+        """Undo the last step."""
         self._after(self.book.undo(), "undone")
 
     def redo(self):
-        """Do again what was taken back."""
+        """Redo the change that was undone last."""
         self._after(self.book.redo(), "redone")
 
     def _after(self, step, how):
@@ -382,7 +382,7 @@ class ClipWindow(PlainWindow):
             self.take(step.mode)
 
     def copy_line(self):
-        """Put the command that learns from the film into the clipboard."""
+        """Copy the flockbrush learn command to the clipboard."""
         line = self.book.learn_line()
         try:
             pygame.scrap.put_text(line)
@@ -391,7 +391,7 @@ class ClipWindow(PlainWindow):
             self.toasts.say(f"No clipboard is available; the command is: {line}", "warning")
 
     def save(self) -> bool:
-        """Write everything that was marked; whether that went well."""
+        """Write all marks; returns whether it worked."""
         written = self.guarded(self.book.save)
         if written is None:
             return False
@@ -400,13 +400,13 @@ class ClipWindow(PlainWindow):
         return True
 
     def ask(self, title, question, answers, entry=None):
-        """Ask something in a window of its own."""
+        """Ask a question in a dialog."""
         self.let_go()
         self.playing = False
         self.dialog = Dialog(self, title, question, answers, entry)
 
     def ask_to_quit(self):
-        """Close the window, unless there is something that is not saved and the person wants to keep it."""
+        """Close the window; ask first if there are unsaved marks."""
         if not self.book.dirty:
             self.quit()
             return
@@ -418,7 +418,7 @@ class ClipWindow(PlainWindow):
             self.quit()
 
     def close(self):
-        """Take the window away, and all work beside it."""
+        """Close the window and end all background jobs."""
         for job in self.jobs.values():
             job.stop(wait=True)
         self.jobs.clear()

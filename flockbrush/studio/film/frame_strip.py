@@ -1,4 +1,4 @@
-"""The bar below a film: play, step, and a strip of all frames to scrub in."""
+"""The bar below a clip: play, step, and a strip of all frames to scrub in."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flockbrush.studio.widgets import NO_MARGINS, icon_button, set_icon, words
 
 
 class FilmBar:
-    """Time of a film.
+    """Buttons and strip for the frames of a clip.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Landmarks: rectangles on things that stand still, seen as CSRT follows them."""
+"""The mode for landmarks: rectangles on things that do not move, tracked by CSRT."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ COLOURS = tuple(rgb(PALETTE[k]) for k in (5, 0, 2, 1, 4, 3, 7, 6))
 
 
 class LandmarksMode(Mode):
-    """Rectangles are drawn, followed, and taken away."""
+    """Draws, tracks and removes landmarks."""
 
     name = "landmarks"
     title = "Landmarks"

@@ -1,4 +1,4 @@
-"""From tracks in a film to a flock in space: a window of its own, which `flockbrush play TRACKS --camera CAM` opens."""
+"""Lifts the tracks of a clip and opens the flight with `flockbrush play TRACKS --camera CAM`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NEAR, FAR = 2.0, 1000.0  # m
 
 
 class Lifting:
-    """Opens the window of the lifted flock.
+    """Opens the window of a lifted flock.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Obstacles and regions, painted over the film."""
+"""The mode to paint masks of obstacles and regions over a clip."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SIZES = (2.0, 160.0)  # pixels of the film
 
 
 class PaintMode(Mode):
-    """A mask is painted; it belongs to the first frame that is used and moves with the landmarks."""
+    """Paints a mask, which belongs to the first used frame and moves with the landmarks."""
 
     name = "paint"
     title = "Mask"

@@ -1,4 +1,4 @@
-"""What every mode of the window over a film can do."""
+"""The base class of all modes of the window for clips."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from flockbrush.studio.film.clip_column import ClipColumn
 
 
 class Mode:
-    """One way to work on a film.  Places are pixels of the film, `at` is in pixels of the canvas.
+    """One mode of the window for clips.  Places are pixels of the clip, `at` is in pixels of the canvas.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Mode:
         """Put controls into the column."""
 
     def freshen(self):
-        """Let the controls show how things are."""
+        """Update the controls."""
 
     def draw(self, canvas):
         """Draw onto the picture of the frame."""
@@ -47,7 +47,7 @@ class Mode:
         return ()
 
     def press(self, place, at) -> bool:
-        """The left button goes down; whether the mode has a use for it (else the view is moved)."""
+        """Handle a press of the left button; returns whether the mode uses it (else the view moves)."""
         return False
 
     def drag(self, place, at):
@@ -64,10 +64,10 @@ class Mode:
         return False
 
     def let_go(self):
-        """Drop what is half done."""
+        """Cancel an unfinished action."""
 
     def leave(self):
-        """Another mode is taken."""
+        """Called when another mode is selected."""
 
     # help for modes -----------------------------------------------------------------------
 

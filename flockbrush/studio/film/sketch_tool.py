@@ -1,4 +1,4 @@
-"""Sketch: a path is drawn for each bird, and the flock flies along all of them at once."""
+"""The mode to sketch a flock: draws a path for each bird."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COLOURS = tuple(rgb(colour) for colour in PALETTE)
 
 
 class SketchMode(Mode):
-    """Paths drawn by hand become tracks."""
+    """Converts paths drawn by hand to tracks."""
 
     name = "sketch"
     title = "Sketch"
@@ -96,7 +96,7 @@ class SketchMode(Mode):
         self.edit("all paths removed", sketch=replace(self.state.sketch, paths=()))
 
     def lift(self):
-        """See the flock in space."""
+        """Show the flock in 3D."""
         self.window.lifting.begin("sketch.csv")
 
     # the mouse ----------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""The Animal panel: the numbers of one animal, and what turns it."""
+"""The Animal panel: the state of one animal and the forces on it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ NOBODY = "No animal is selected.", "Click an animal with the Select tool to see"
 
 
 class AnimalPanel(Panel):
-    """Shows who the selected animal is and why it turns."""
+    """Shows the state of the selected animal and the forces on it."""
 
     title = "Animal"
     tip = "The selected animal: its state, its visible neighbours and the forces on it"
@@ -208,7 +208,7 @@ def row_of(session, entity) -> int | None:
 
 
 def facts_of(session, row) -> list[tuple[str, str]]:
-    """(name, value with unit) of what there is to say of one animal."""
+    """(name, value with unit) of all facts about one animal."""
     world = session.simulation.world
     agents, land = world.agents, world.resource(Landscape)
     speed, length = float(np.linalg.norm(agents[Velocity.xyz][row])), float(agents[Body.length][row])
@@ -224,8 +224,8 @@ def facts_of(session, row) -> list[tuple[str, str]]:
         ("role", "leader" if agents[Role.leader][row] else "follower"),
         ("speed", f"{speed:.2f} m/s, {speed / length:.1f} BL/s"),
         ("desired speed", f"{float(agents[Speed.target][row]):.2f} m/s"),
-        ("faces", f"{np.degrees(np.arctan2(fy, fx)) % 360:.0f}°, {compass(fx, fy)}"),
-        ("place", f"{x:.1f}, {y:.1f} m" + (f"; height {z:.1f} m" if z else "")),
+        ("heading", f"{np.degrees(np.arctan2(fy, fx)) % 360:.0f}°, {compass(fx, fy)}"),
+        ("position", f"{x:.1f}, {y:.1f} m" + (f"; height {z:.1f} m" if z else "")),
         ("visible neighbours", f"{seen_by(world, row)}"),
         ("reference bird", f"animal {bird}" if bird else "none"),
     ]

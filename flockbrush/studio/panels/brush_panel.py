@@ -1,4 +1,4 @@
-"""The Brush panel: every number of a brush as a slider, turned on the living herd, compared with its asset, saved."""
+"""The Brush panel: sliders for all parameters of a brush, applied to the running herd, and saved as a new brush."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from flockbrush.studio.widgets import Shelf
 
 
 class BrushPanel(Panel):
-    """Tunes the brush in hand."""
+    """Changes the parameters of the selected brush."""
 
     title = "Brush"
     tip = "Change all parameters of the selected brush while the herd runs, and save them as a new brush"
@@ -77,7 +77,7 @@ class BrushPanel(Panel):
 
     @property
     def is_simple(self) -> bool:
-        """Whether a few sliders in plain words stand for all numbers."""
+        """Whether the panel shows a few sliders instead of all parameters."""
         return self.app.memory.get("brush panel") == "simple"
 
     def _mode_words(self):
@@ -85,7 +85,7 @@ class BrushPanel(Panel):
 
     @property
     def brush(self) -> Brush | None:
-        """The brush in hand as it is in the running world; as its file has it, if nobody has brought it there yet."""
+        """The selected brush as in the running world, or as in its file if it is not loaded."""
         return self._found(self.name)
 
     def _found(self, name) -> Brush | None:
@@ -99,7 +99,7 @@ class BrushPanel(Panel):
 
     @property
     def is_in_world(self) -> bool:
-        """Whether the running world has the brush in hand."""
+        """Whether the selected brush is loaded in the running world."""
         return self.name in palette_of(self.app.session).index
 
     def asset_of(self, brush: Brush) -> Brush:
@@ -265,7 +265,7 @@ class BrushPanel(Panel):
         return any(row.handle(event) for row in self.rows)
 
     def drop_changes(self):
-        """Every number as in the asset."""
+        """Reset all parameters to the values in the file."""
         brush = self.brush
         if brush is not None:
             asset = self.asset_of(brush)

@@ -25,7 +25,7 @@ COUNTS_TIP = "Gone: left at an exit, a goal or the edge, were caught, or were re
 
 
 class ChartsPanel(Panel):
-    """Shows how the herd has been, and where in that the present is."""
+    """Shows measures over the whole run, with the present marked."""
 
     title = "Charts"
     tip = "Polarization, milling, speed and the number of animals per brush over the whole run"

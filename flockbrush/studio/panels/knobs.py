@@ -1,4 +1,4 @@
-"""What can be tuned in a brush: one knob for each number, switch and choice, found in the model's own `Params`.
+"""The knobs of a brush: one for each number, switch and choice of the model's `Params`.
 
 Nothing here knows a model, and nothing knows a window: a model written tomorrow has its sliders tomorrow.
 """
@@ -21,7 +21,7 @@ SHORT = {"body lengths": "BL", "degrees": "°"}
 
 @dataclass(frozen=True)
 class Knob:
-    """One thing of a brush that a designer may set."""
+    """One parameter of a brush that can be changed in the panel."""
 
     table: str  # {"params", "speed", "vision"}; which part of the brush has it
     name: str

@@ -1,4 +1,4 @@
-"""Sliders in a designer's words: each moves a few numbers of a brush together along a path.
+"""Simple sliders, each of which changes a few parameters of a brush together.
 
 A slider stands where its first number says; turning it moves the others as far along their own ranges.  Models declare
 them (`Parameters.sliders`), with ranges set by eye.  `TABLE` has ranges for single brushes, found by

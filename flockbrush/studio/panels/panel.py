@@ -1,4 +1,4 @@
-"""What a panel of the right-hand column is, and how panels draw what no widget draws."""
+"""The base class of the panels of the right-hand column, and their drawing functions."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def palette_of(session):
 
 
 class Picture:
-    """A see-through drawing of our own among the widgets; drawn anew only when asked."""
+    """A transparent picture among the widgets, drawn again only on request."""
 
     def __init__(self, rect, manager, container, tip=None):
         self.element = UIImage(rect, blank(rect[2:]), manager, container=container)

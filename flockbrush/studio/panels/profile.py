@@ -1,4 +1,4 @@
-"""The Profile panel: where the time goes, system by system and frame by frame."""
+"""The Profile panel: time of each system of a tick and of each part of a frame."""
 
 from __future__ import annotations
 

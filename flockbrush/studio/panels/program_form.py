@@ -1,4 +1,4 @@
-"""A program as a form: cards with rows, and what a changed row makes of the program's file."""
+"""A program as a form of cards and rows, and the edits of the program file by a changed row."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from flockbrush.systems.undo import UseBrush
 
 
 class StatesPanel(Panel):
-    """Shows one program, and changes it by commands: every change is live, and undone as any other."""
+    """Shows one program and changes it by commands, which can be undone."""
 
     title = "States"
     tip = "Change the states of animals and the triggers between them while the herd runs"

@@ -231,7 +231,7 @@ class NumberRow(PanelRow):
 
 
 class SentenceRow(PanelRow):
-    """What there is nothing to turn for, and why."""
+    """A row without a widget: a sentence that tells why."""
 
     @property
     def height(self) -> int:

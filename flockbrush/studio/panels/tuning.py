@@ -1,4 +1,4 @@
-"""Tuning as commands: what a turned knob asks of the running world, and new brushes made of what was tuned."""
+"""Commands for changed parameters, and new brushes from changed ones."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def changes(brush: Brush, asset: Brush) -> list[tuple[Knob, object, object]]:
 
 
 def as_new(brush: Brush, asset: Brush, name: str, today: datetime.date) -> Brush:
-    """A tuned brush under a new name, saying by whose hand and from which brush it came.
+    """A changed brush under a new name; its provenance names the original brush.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The View panel: which overlays are shown, light or dark, and how large the words are."""
+"""The View panel: overlays, camera, colours and text size."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SCALES = (0.75, 1.0, 1.25, 1.5, 2.0, 3.0)
 
 
 class ViewPanel(Panel):
-    """Chooses what is drawn, and how."""
+    """Settings of overlays, camera, colours and text size."""
 
     title = "View"
     tip = "Overlays, camera, colours and text size"

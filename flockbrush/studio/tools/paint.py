@@ -1,4 +1,4 @@
-"""Tools that paint the ground: behaviour, speed caps, surfaces; erase, pick and fill."""
+"""Tools that paint the ground (brushes, speed limits, surfaces), erase, pick and fill."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flockbrush.studio.tools.world_tools import KINDS
 from flockbrush.systems.landscape import Landscape
 
 ERASES = {"usual": ("brush", "cap"), "everything": ("brush", "cap", "surface")}  # what the eraser takes, by its option
-LAYERS = {"brush": "behaviour", "cap": "speed caps", "surface": "surfaces"}
+LAYERS = {"brush": "behaviour", "cap": "speed limits", "surface": "surfaces"}
 
 
 class Painting(Stroke):
