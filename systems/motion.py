@@ -21,9 +21,9 @@ from flockbrush.components.agent import LANDING
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
-from flockbrush.systems.contact import Hills, move_by_slot
+from flockbrush.systems.contact import move_by_slot
 from flockbrush.systems.fauna import SpeciesList, by_medium
-from flockbrush.systems.flight import fly
+from flockbrush.systems.flight import FlightLimits, WantedFlight, fly, flyers_of
 from flockbrush.systems.foresight import in_the_way
 from flockbrush.systems.ground_height import height_of_ground
 from flockbrush.systems.landscape import Landscape
@@ -82,28 +82,27 @@ def _walk(world, rows, max_turn, top):
     reach = float(body[rows].max() + radius[rows].max() + 4.0 * dt * speed[rows].max())
     if near.aloft is not None:
         speed = np.where(near.aloft, 0.0, speed)
-    wrap = land.wrap or (0.0, 0.0)
-    hills = Hills(land.relief, land.relief_cell, wrap) if land.relief.size > 3 else None
-    cells, walls = near.cells, land.walls_within(reach)
-    order, poses = move_by_slot(cells, agents[Wish.direction], speed, max_turn, walls, dt, near.ghosts, top, hills)
+    hills, cells, walls = land.heights if land.relief.size > 3 else None, near.cells, land.walls_within(reach)
+    order, going = move_by_slot(cells, agents[Wish.direction], speed, max_turn, walls, dt, near.ghosts, top, hills)
     bodies = agents[Position.xyz], agents[Velocity.xyz], agents[Heading.forward]
-    ground = land.relief, land.relief_cell, wrap
-    over_rows(_go, len(order), order, cells.row, poses, dt, ground, bodies)
+    over_rows(_go, len(order), order, cells.row, going, dt, land.heights, *bodies)
 
 
 def _fly(world, near, max_turn, top):
     agents, land, palette = world.agents, world.resource(Landscape), world.resource(Palette)
-    wrap, order = land.wrap or (0.0, 0.0), np.flatnonzero(near.aloft)
+    order, solids = np.flatnonzero(near.aloft), in_the_way(agents, land.sky, near.aloft)
     table, species = world.resource(SpeciesList).table, agents[Species.index]
     climb = np.where(table.known[species], table.climb[species], np.inf)  # who is not described has no limits
-    over_rows(
-        fly, len(order), order, world.resource(Clock).dt, agents[BrushBinding.brush], palette.flight, max_turn,
-        climb, agents[Body.length], agents[Body.radius], agents[Speed.target],
-        np.minimum(agents[Ground.cap], top), agents[Thrust.kind],
-        agents[Thrust.acceleration], agents[Thrust.velocity], agents[Wish.direction], agents[Transit.kind],
-        in_the_way(agents, land.sky, near.aloft), land.relief_cell, land.relief, wrap[0], wrap[1],
-        agents[Position.xyz], agents[Velocity.xyz], agents[Heading.forward], agents[Airborne.up],
+    limits = FlightLimits(
+        palette.flight, agents[BrushBinding.brush], max_turn, climb, agents[Speed.target],
+        np.minimum(agents[Ground.cap], top),
     )  # fmt: skip
+    wanted = WantedFlight(
+        agents[Thrust.kind], agents[Thrust.acceleration], agents[Thrust.velocity], agents[Wish.direction],
+        agents[Transit.kind],
+    )  # fmt: skip
+    dt, flyers = world.resource(Clock).dt, flyers_of(agents)
+    over_rows(fly, len(order), order, dt, flyers, limits, wanted, solids, land.heights)
     _level_at_landing(agents, order)
 
 
@@ -123,10 +122,9 @@ def _level_at_landing(agents, flyers):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _go(lo, hi, order, row, poses, dt, ground, bodies):
-    relief, relief_cell, (width, height) = ground
-    xyz, velocity, forward = bodies
-    step, heading = poses
+def _go(lo, hi, order, row, going, dt, heights, xyz, velocity, forward):
+    step, heading = going
+    relief, relief_cell, (width, height) = heights
     flat = relief.shape[0] == 1 and relief.shape[1] == 1
     for o in range(lo, hi):
         s = order[o]

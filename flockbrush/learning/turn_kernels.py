@@ -172,7 +172,7 @@ def turn_kernel(
 @njit(inline="always")
 def aside_of_(fx, fy, half, x, y, gx, gy, touch):
     """Unit vector to a body at (x, y), and the share of a heading into it that it takes away; zeros where it is far."""
-    ox, oy, far, room = towards_body_(0.0, 0.0, fx, fy, half, x, y, gx, gy, half, touch)
+    ox, oy, far, room = towards_body_(x, y, fx, fy, half, gx, gy, half, touch)
     if room <= 0.0:
         return 0.0, 0.0, 0.0
     return ox / far, oy / far, min(room, DEFLECT)  # a film may show bodies one over the other
