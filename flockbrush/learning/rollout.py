@@ -22,9 +22,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import ndimage
 
-from flockbrush.behaviours.behaviour import Parameters
+from flockbrush.behaviours.behaviour import ByRow, Parameters
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
-from flockbrush.behaviours.models.herd import Params, herd_kernel, kernel_params, wander_kernel
+from flockbrush.behaviours.models.herd import Herd, Land, Params, forces_of, herd_kernel, wander_kernel
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.noise import Noise
 from flockbrush.learning.world_rollout import between, needs_world, world_looks
@@ -292,7 +292,7 @@ class PlaneHerd:
 
     def _tables(self):
         p, spec = self.params, self.spec
-        self.kernel_params = kernel_params(p)
+        self.forces = forces_of(p)
         self.table = np.array(spec.by_density or [(0.0, 1.0)], float)
         half = -1.0 if p.leader_cone >= 360.0 else sincos_(np.radians(0.5 * p.leader_cone))[1]
         rule = np.array([p.neighbour_range]), np.array([p.leader_neighbours]), np.array([half])
@@ -387,10 +387,10 @@ class PlaneHerd:
         n = len(rows)
         guidance = self.zero if self.guide is None else self.guide.at(self.time, self.xyz[:, :2])
         direction, wish = np.zeros((n, 3)), np.empty((n, 3))
-        herd_kernel(
-            0, n, rows, self.dt, self.forward, self.length, self.none, self.leader, *lists, walls_first, walls_offset,
-            guidance, self.zero, self.memory - self.xyz[:, :2], self.known, *self.kernel_params, direction,
-        )  # fmt: skip
+        memory = self.memory - self.xyz[:, :2]
+        herd = Herd(self.forward, self.length, self.none, self.leader, memory, self.known)
+        land = Land(walls_first, walls_offset, guidance, self.zero)
+        herd_kernel(0, n, rows, self.dt, herd, ByRow(*lists), land, self.forces, direction)
         if params.wander > 0.0:
             key = self.noise.key("wander", self.tick_number)
             wander_kernel(0, n, rows, self.ids, key, params.wander * np.sqrt(self.dt), direction)
