@@ -27,7 +27,7 @@ from flockbrush.systems.palette import Palette
 from flockbrush.systems.spawning import Capsules, NoRoom, free_ground, place
 from numba import njit
 
-MANY = 20_000  # newborns and more get their ids in the order of their places: columns of fewer fit into caches
+MANY = 20_000  # newborns or more are numbered row by row where they stand; the columns of fewer fit into caches
 
 
 def give_birth(
@@ -79,7 +79,7 @@ def give_birth(
     key = noise.key(stream, clock.tick)
     xy, forward = place(polygon, count, 2 * (axis + radius), radius, heading, formation, key, ground, others)
     if count >= MANY:
-        order = order_in_space(xy)
+        order = _row_by_row(xy)  # so that neighbours in the field are neighbours in memory
         each = xy, forward, length, radius, axis, pace, boldness
         xy, forward, length, radius, axis, pace, boldness = (column[order] for column in each)
     land.see_to(float(length.max(initial=0.0) * palette.view_range.max()))
@@ -115,11 +115,11 @@ def give_birth(
     )
 
 
-def order_in_space(xy):
-    """Row by row from the south, each row from the west, of about as many animals as there are rows."""
+def _row_by_row(xy):
+    """An order of places: rows from the south, each from the west; there are half as many as for a square lattice."""
     low, high = xy.min(axis=0), xy.max(axis=0)
-    row = (xy[:, 1] - low[1]) * (np.sqrt(len(xy)) / max(high[1] - low[1], 1e-9))
-    return np.lexsort((xy[:, 0], np.floor(0.5 * row)))
+    row = (xy[:, 1] - low[1]) * (0.5 * np.sqrt(len(xy)) / max(high[1] - low[1], 1e-9))
+    return np.lexsort((xy[:, 0], np.floor(row)))
 
 
 def _speeds(asset, pace, chance):
