@@ -458,35 +458,33 @@ def _sides_of_edges(s, met, edges, first, last, n, sides):
 @step
 def _step_within(s, met, wished, n, sides, far):
     """(whether it keeps to all n sides, its step, its heading): with the turn wished for, with half of it, or none."""
-    fx, fy, h, step = met.fx[s], met.fy[s], met.half[s], wished.step
-    nx, ny, free = sides.nx, sides.ny, sides.free
+    fx, fy, h, wx, wy = met.fx[s], met.fy[s], met.half[s], wished.step[s, 0], wished.step[s, 1]
+    nx, ny, free = sides
     gx, gy = wished.heading[s, 0], wished.heading[s, 1]
-    sx, sy = step[s, 0], step[s, 1]
-    done = False
-    for attempt in range(3):
+    sx, sy, done, attempt = wx, wy, False, 0
+    while not done and attempt < 3:  # no `break`: with two ways out references to arrays are counted for every animal
+        turns = True
         if attempt == 1:
             gx, gy = gx + fx, gy + fy
             size = np.sqrt(gx * gx + gy * gy)
-            if size < 1e-9:
-                continue
-            gx, gy = gx / size, gy / size
+            turns = size >= 1e-9
+            if turns:
+                gx, gy = gx / size, gy / size
         elif attempt == 2:
             gx, gy = fx, fy
-        sx, sy = step[s, 0], step[s, 1]
-        for _ in range(SWEEPS):
-            done = True
-            for k in range(n):
-                wider = h * (abs(gx * nx[k] + gy * ny[k]) - abs(fx * nx[k] + fy * ny[k]))
-                over = sx * nx[k] + sy * ny[k] + wider - free[k]
-                if over > 0.0:
-                    sx -= (over + 1e-12) * nx[k]
-                    sy -= (over + 1e-12) * ny[k]
-                    done = False
-            if done:
-                break
-        done = done and sx * sx + sy * sy <= far * far * (1.0 + 1e-12)
-        if done:
-            break
+        attempt += 1
+        if turns:
+            sx, sy, sweep = wx, wy, 0
+            while not done and sweep < SWEEPS:
+                sweep, done = sweep + 1, True
+                for k in range(n):
+                    wider = h * (abs(gx * nx[k] + gy * ny[k]) - abs(fx * nx[k] + fy * ny[k]))
+                    over = sx * nx[k] + sy * ny[k] + wider - free[k]
+                    if over > 0.0:
+                        sx -= (over + 1e-12) * nx[k]
+                        sy -= (over + 1e-12) * ny[k]
+                        done = False
+            done = done and sx * sx + sy * sy <= far * far * (1.0 + 1e-12)
     return done, sx, sy, gx, gy
 
 

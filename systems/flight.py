@@ -31,7 +31,7 @@ from flockbrush.components.agent import BY_ACCELERATION, BY_VELOCITY
 from flockbrush.engine.maths import atan2_, kernel_function, sincos_
 from flockbrush.engine.solid_queries import out_of_, slide_
 from flockbrush.systems.ground_height import below, height_of_ground
-from flockbrush.systems.sightline import step
+from flockbrush.systems.sightline import kernel, step
 from numba import njit
 
 GRAVITY = 9.81  # m/s^2
@@ -142,16 +142,15 @@ def limited_turn(fx, fy, fz, gx, gy, gz, limit):
 @njit(cache=True, nogil=True, error_model="numpy")
 def fly(lo, hi, order, dt, flyers, limits, wanted, solids, heights):
     """One tick of flight for the rows of ``order[lo:hi]``: writes position, velocity, heading and up."""
-    xyz, velocity, forward, up = flyers.xyz, flyers.velocity, flyers.forward, flyers.up
-    flight, brush = limits.flight, limits.brush
-    width, depth = heights.wrap
+    xyz, velocity, forward, up, _, radius = flyers
+    flight, brush, turn, climb, _, cap = limits
+    relief, cell, (width, depth) = heights
     for o in range(lo, hi):
         i = order[o]
-        held, limit = flight[brush[i], GROUNDED] != 0.0, limits.turn[i] * dt
+        held, limit, w = flight[brush[i], GROUNDED] != 0.0, turn[i] * dt, radius[i]
         fx, fy, fz = forward[i, 0], forward[i, 1], forward[i, 2]
         vx, vy, vz = velocity[i, 0], velocity[i, 1], velocity[i, 2]
         (nx, ny, nz), (gx, gy, gz) = _steered(i, dt, flyers, limits, wanted)
-        nz = min(nz, limits.climb[i])
         ux, uy, uz = turned_without_roll(up[i, 0], up[i, 1], up[i, 2], fx, fy, fz, gx, gy, gz)
         if held:
             ux, uy, uz = 0.0, 0.0, 1.0
@@ -160,11 +159,21 @@ def fly(lo, hi, order, dt, flyers, limits, wanted, solids, heights):
             tx, ty, tz = bank * ((nx - vx) / dt), bank * ((ny - vy) / dt), bank * ((nz - vz) / dt) + GRAVITY
             ux, uy, uz = rolled(ux, uy, uz, gx, gy, gz, tx, ty, tz, share)
         x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-        room = flyers.radius[i], limits.climb[i] * dt, held
-        touched, px, py, pz = _along_what_it_meets(x, y, z, nx * dt, ny * dt, nz * dt, room, solids, heights)
+        touched, px, py, pz = False, x + nx * dt, y + ny * dt, z + nz * dt
+        if len(solids.kind):
+            _, px, py, pz = out_of_(solids, x, y, z, w + CLEAR)
+            touched, px, py, pz = slide_(solids, px, py, pz, nx * dt, ny * dt, nz * dt, w + CLEAR)
+            touched |= (px != x + nx * dt) | (py != y + ny * dt) | (pz != z + nz * dt)
+        low = height_of_ground(relief, cell, px, py) + w
+        if held:
+            touched |= pz != low - w
+            pz = low - w
+        elif pz < low:
+            touched = True
+            px, py, pz = _over_the_ground(x, y, z, px, py, pz, climb[i] * dt, w, solids, heights)
         if touched:  # it is where it came to that counts
             nx, ny, nz = (px - x) / dt, (py - y) / dt, (pz - z) / dt
-            nx, ny, nz = _cut(nx, ny, nz, limits.cap[i])  # put out of what was set down on it, it is not thrown
+            nx, ny, nz = _cut(nx, ny, nz, cap[i])  # put out of what was set down on it, it is not thrown
             if not held:
                 wx, wy, wz = _unit(nx, ny, nz, gx, gy, gz)
                 hx, hy, hz = limited_turn(fx, fy, fz, wx, wy, wz, limit)
@@ -183,63 +192,56 @@ def fly(lo, hi, order, dt, flyers, limits, wanted, solids, heights):
 @step
 def _steered(i, dt, flyers, limits, wanted):
     """((3,) m/s, (3,) unit vector): the velocity and the heading of a bird where it meets nothing."""
-    flight, b, own, limit = limits.flight, limits.brush[i], flyers.length[i], limits.turn[i] * dt
+    # all that is read comes first: where branches read an array, its references are counted for every bird
+    own, limit, target = flyers.length[i], limits.turn[i] * dt, limits.target[i]
+    climb, cap, rules, b = limits.climb[i], limits.cap[i], limits.flight, limits.brush[i]
+    damping, weight, lift, buoyancy = rules[b, DAMPING], rules[b, WEIGHT], rules[b, LIFT], rules[b, BUOYANCY]
+    least, fastest, most = rules[b, MIN_SPEED] * own, rules[b, MAX_SPEED] * own, rules[b, MAX_ACCELERATION] * own
+    held, exact, kind, settled = rules[b, GROUNDED], rules[b, EXACT], wanted.kind[i], wanted.transit[i] == 0
     fx, fy, fz = flyers.forward[i, 0], flyers.forward[i, 1], flyers.forward[i, 2]
     vx, vy, vz = flyers.velocity[i, 0], flyers.velocity[i, 1], flyers.velocity[i, 2]
-    cx, cy, cz = wanted.direction[i, 0], wanted.direction[i, 1], wanted.direction[i, 2]
-    speed, target = np.sqrt(vx * vx + vy * vy + vz * vz), limits.target[i]
-    if flight[b, EXACT] and wanted.kind[i] == BY_VELOCITY:
-        nx, ny, nz = wanted.velocity[i, 0], wanted.velocity[i, 1], wanted.velocity[i, 2]
-        gx, gy, gz = _unit(cx, cy, cz, fx, fy, fz)
-        return _cut(nx, ny, nz, limits.cap[i]), limited_turn(fx, fy, fz, gx, gy, gz, limit)
-    if wanted.kind[i] == BY_ACCELERATION:
-        ax, ay, az = wanted.acceleration[i, 0], wanted.acceleration[i, 1], wanted.acceleration[i, 2]
-        ax, ay, az = _cut(ax, ay, az, flight[b, MAX_ACCELERATION] * own)
-        drag = flight[b, DAMPING] * (target - speed)
-        ax, ay, az = ax + drag * fx, ay + drag * fy, az + drag * fz
-    else:  # heads for the direction at its own speed
-        gx, gy, gz = limited_turn(fx, fy, fz, cx, cy, cz, limit)
-        ax, ay, az = (target * gx - vx) / dt, (target * gy - vy) / dt, (target * gz - vz) / dt
-        ax, ay, az = _cut(ax, ay, az, flight[b, MAX_ACCELERATION] * own)
-    if flight[b, WEIGHT] > 0.0:
-        weight = GRAVITY * flight[b, WEIGHT]
-        lift = weight * flight[b, LIFT] * speed * speed / max(target * target, 1e-12)
-        ax, ay = ax + lift * flyers.up[i, 0], ay + lift * flyers.up[i, 1]
-        az += lift * flyers.up[i, 2] - weight * (1.0 - flight[b, BUOYANCY])
-    nx, ny, nz = vx + dt * ax, vy + dt * ay, min(vz + dt * az, limits.climb[i])
-    if flight[b, GROUNDED]:
-        nz = 0.0
-    gx, gy, gz = _unit(nx, ny, nz, fx, fy, fz)
-    if limit < np.pi:
-        hx, hy, hz = limited_turn(fx, fy, fz, gx, gy, gz, limit)
-        if hx != gx or hy != gy or hz != gz:
-            gx, gy, gz = _unit(hx, hy, hz, fx, fy, fz)
-    if flight[b, GROUNDED]:
-        gx, gy, gz = _unit(gx, gy, 0.0, 1.0, 0.0, 0.0)
-    speed = np.sqrt(nx * nx + ny * ny + nz * nz)
-    least = flight[b, MIN_SPEED] * own if wanted.transit[i] == 0 else 0.0
-    speed = min(max(speed, least), flight[b, MAX_SPEED] * own, limits.cap[i])
-    return (speed * gx, speed * gy, speed * gz), (gx, gy, gz)
+    ux, uy, uz = flyers.up[i, 0], flyers.up[i, 1], flyers.up[i, 2]
+    gx, gy, gz = wanted.direction[i, 0], wanted.direction[i, 1], wanted.direction[i, 2]
+    nx, ny, nz = wanted.velocity[i, 0], wanted.velocity[i, 1], wanted.velocity[i, 2]
+    ax, ay, az = wanted.acceleration[i, 0], wanted.acceleration[i, 1], wanted.acceleration[i, 2]
+    speed = np.sqrt(vx * vx + vy * vy + vz * vz)
+    if exact and kind == BY_VELOCITY:
+        nx, ny, nz = _cut(nx, ny, nz, cap)
+        gx, gy, gz = _unit(gx, gy, gz, fx, fy, fz)
+        gx, gy, gz = limited_turn(fx, fy, fz, gx, gy, gz, limit)
+    else:
+        if kind == BY_ACCELERATION:
+            ax, ay, az = _cut(ax, ay, az, most)
+            drag = damping * (target - speed)
+            ax, ay, az = ax + drag * fx, ay + drag * fy, az + drag * fz
+        else:  # heads for the direction at its own speed
+            gx, gy, gz = limited_turn(fx, fy, fz, gx, gy, gz, limit)
+            ax, ay, az = (target * gx - vx) / dt, (target * gy - vy) / dt, (target * gz - vz) / dt
+            ax, ay, az = _cut(ax, ay, az, most)
+        if weight > 0.0:
+            weight = GRAVITY * weight
+            lift = weight * lift * speed * speed / max(target * target, 1e-12)
+            ax, ay, az = ax + lift * ux, ay + lift * uy, az + (lift * uz - weight * (1.0 - buoyancy))
+        nx, ny, nz = vx + dt * ax, vy + dt * ay, min(vz + dt * az, climb)
+        if held:
+            nz = 0.0
+        gx, gy, gz = _unit(nx, ny, nz, fx, fy, fz)
+        if limit < np.pi:
+            hx, hy, hz = limited_turn(fx, fy, fz, gx, gy, gz, limit)
+            if hx != gx or hy != gy or hz != gz:
+                gx, gy, gz = _unit(hx, hy, hz, fx, fy, fz)
+        if held:
+            gx, gy, gz = _unit(gx, gy, 0.0, 1.0, 0.0, 0.0)
+        speed = np.sqrt(nx * nx + ny * ny + nz * nz)
+        speed = min(max(speed, least if settled else 0.0), fastest, cap)
+        nx, ny, nz = speed * gx, speed * gy, speed * gz
+    return (nx, ny, min(nz, climb)), (gx, gy, gz)
 
 
-@step
-def _along_what_it_meets(x, y, z, sx, sy, sz, room, solids, heights):
-    """(touched, x, y, z): where a step ends that stays out of solids and above the ground.
-
-    ``room`` are the radius of the body, how far it may rise, both m, and whether it is held to the ground.
-    """
-    w, rise, held = room
-    relief, cell = heights.relief, heights.cell
-    touched, px, py, pz = False, x + sx, y + sy, z + sz
-    if len(solids.kind):
-        _, px, py, pz = out_of_(solids, x, y, z, w + CLEAR)
-        touched, px, py, pz = slide_(solids, px, py, pz, sx, sy, sz, w + CLEAR)
-        touched |= (px != x + sx) | (py != y + sy) | (pz != z + sz)
-    low = height_of_ground(relief, cell, px, py) + w
-    if held:
-        return touched | (pz != low - w), px, py, low - w
-    if pz >= low:
-        return touched, px, py, pz
+@kernel
+def _over_the_ground(x, y, z, px, py, pz, rise, w, solids, heights):
+    """Where a step from (x, y, z) into the ground at (px, py, pz) ends, for a body of radius w that may rise so far."""
+    relief, cell, _ = heights
     here = height_of_ground(relief, cell, x, y) + w
     px, py = below(relief, cell, x, y, px - x, py - y, max(z + rise, here) - w)
     low = height_of_ground(relief, cell, px, py) + w
@@ -248,4 +250,4 @@ def _along_what_it_meets(x, y, z, sx, sy, sz, room, solids, heights):
         _, qx, qy, qz = out_of_(solids, px, py, pz, w + CLEAR)
         if qx != px or qy != py or qz < low:
             px, py, pz = x, y, max(z, here)
-    return True, px, py, pz
+    return px, py, pz
