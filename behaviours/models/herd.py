@@ -311,12 +311,12 @@ def _by_slot(lo, hi, rows, dt, herd, seen, land, forces, direction, heeded):
     pk, who = pointer(seen.species), pointer(seen.seen)
     for k in range(lo, hi):
         i = rows[k]
-        n, s, per_length = np.int64(0), seen.slot[i], 1.0 / herd.length[i]
+        n, s, per_length, kind = np.int64(0), seen.slot[i], 1.0 / herd.length[i], herd.species[i]
         if seen.count[i] > 0:
+            x, y = px[s], py[s]
             for at in range(seen.begin[s], seen.begin[s] + seen.count[i]):
                 j = who[at]
-                dx, dy = (px[j] - px[s]) * per_length, (py[j] - py[s]) * per_length
-                kin = 1.0 if pk[j] == herd.species[i] else 0.0
+                dx, dy, kin = (px[j] - x) * per_length, (py[j] - y) * per_length, 1.0 if pk[j] == kind else 0.0
                 n += _heed(n, dx, dy, pu[j], pv[j], kin, cut, column, step)
         direction[k, 0], direction[k, 1] = _heading(
             i, n, land.first[i], land.first[i + 1], own, near, rule, column, step
