@@ -121,6 +121,14 @@ class BySlot(NamedTuple):
     species: np.ndarray  # (slots,) int32
 
 
+class ByRow(NamedTuple):
+    """Visible neighbours of row i: ``near[first[i]:first[i + 1]]``."""
+
+    first: np.ndarray  # (n + 1,)
+    near: np.ndarray  # (m,) rows
+    offset: np.ndarray  # (m, 2) m, from the observer
+
+
 class Kinds(NamedTuple):
     """Who fears and hunts whom: ``fears[kind[i], kind[j]]``."""
 

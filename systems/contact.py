@@ -23,6 +23,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from flockbrush.engine.lanes import LANES, lane_numbers, load, load_where, pack, pointer, store
+from flockbrush.engine.lanes import count as lanes_set
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.parallel import over_rows
 from flockbrush.systems.grid import Cells
@@ -68,29 +70,37 @@ def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=No
     Poses
         By row.
     """
-    n, m = len(forward), len(cells.row)
-    body, far = _bounds(cells)
-    speed = np.minimum(speed, max(ghosts - 2.0 * (body + far + SLACK), 0.0) / (4.0 * dt))
-    far += 2.0 * dt * float(speed.max(initial=0.0))
-    reach = 2.0 * (body + far + SLACK)  # whoever is farther away cannot be met, for nobody goes farther than ``far``
-    # all by slot, so that neighbours in turn are neighbours in memory
-    order = np.flatnonzero(~cells.ghost).astype(np.int32)
-    met = Contacts(*cells[:7], order, cells.slot[cells.row], *_contacts(cells, reach, order))
-    wished = Poses(np.zeros((m, 2)), np.zeros((m, 2)))
-    over_rows(_turn, len(order), met, wish, speed, max_turn, edges, dt, wished)
-    for _ in range(PUSHES):
-        pushed = np.zeros((m, 2))
-        over_rows(_push, len(order), met, wished, far, pushed)
-        wished = Poses(pushed, wished.heading)
-    within = None if top is None else Within(top[cells.row] * dt, cells, hills)
-    if within is not None:
-        within.shorten(order, wished.step)
-    step, heading = _agree(met, edges, wished, far, within)
+    n = len(forward)
+    order, (step, heading) = move_by_slot(cells, wish, speed, max_turn, edges, dt, ghosts, top, hills)
     if len(order) == n:  # everybody has a slot
         return Poses(step[cells.slot], heading[cells.slot])
     rows, steps, headings = cells.row[order], np.zeros((n, 2)), np.zeros((n, 2))
     steps[rows], headings[rows] = step[order], heading[order]
     return Poses(steps, headings)
+
+
+def move_by_slot(cells, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=None, hills=None):
+    """As `move`: slots of those who move, and `Poses`."""
+    m = len(cells.row)
+    body, far = _bounds(cells)
+    if ghosts < np.inf:
+        speed = np.minimum(speed, max(ghosts - 2.0 * (body + far + SLACK), 0.0) / (4.0 * dt))
+    far += 2.0 * dt * float(speed.max(initial=0.0))
+    reach = 2.0 * (body + far + SLACK)  # whoever is farther away cannot be met, for nobody goes farther than ``far``
+    # all by slot, so that neighbours in turn are neighbours in memory
+    order = itself = np.arange(m, dtype=np.int32)
+    if cells.ghost.any():
+        order, itself = order[~cells.ghost], cells.slot[cells.row]
+    met = Contacts(*cells[:7], order, itself, *_contacts(cells, reach, order))
+    wished, pushed = Poses(np.zeros((m, 2)), np.zeros((m, 2))), np.zeros((m, 2))
+    over_rows(_turn, len(order), met, wish, speed, max_turn, edges, dt, wished)
+    for _ in range(PUSHES):
+        over_rows(_push, len(order), met, wished, far, pushed)
+        wished, pushed = Poses(pushed, wished.heading), wished.step
+    within = None if top is None else Within(top[cells.row] * dt, cells, hills)
+    if within is not None:
+        within.shorten(order, wished.step)
+    return order, _agree(met, edges, wished, far, within)
 
 
 def _bounds(cells):
@@ -134,10 +144,7 @@ class Within(NamedTuple):
     def shorten(self, order, step, slack=1.0):
         """(slots,) bool, whose steps (slots, 2) were too long; they are cut in place."""
         most, over = slack * self.most, np.zeros(len(step), np.bool_)
-        size = np.sqrt((step[order] ** 2).sum(axis=1))  # copies across a seam have no step
-        long = size > most[order]
-        over[order] = long
-        step[order[long]] *= (most[order[long]] / size[long])[:, None]
+        over_rows(_shorten, len(order), order, most, step, over)  # copies across a seam have no step
         if self.hills is not None:
             cut = np.zeros(len(step), np.bool_)
             shorten_on_slopes(order, self.cells.x, self.cells.y, step, most, self.hills, cut)
@@ -163,9 +170,10 @@ def _agree(met, edges, wished, far, within=None):
         over_rows(_keep_to_own_side, len(met.order), met, edges, wished, firm, fresh, stuck, far, safe)
         if within is not None:
             fast = within.shorten(met.order, safe.step.copy(), PUSHED)
-            stays = fast & (firm > 0)
-            safe.step[stays], safe.heading[stays] = 0.0, np.column_stack([met.fx, met.fy])[stays]
-            stuck[fast & ~stays] = 1
+            if fast.any():
+                stays = fast & (firm > 0)
+                safe.step[stays], safe.heading[stays] = 0.0, np.column_stack([met.fx, met.fy])[stays]
+                stuck[fast & ~stays] = 1
         if not stuck.any():
             break
         firm |= stuck
@@ -173,7 +181,7 @@ def _agree(met, edges, wished, far, within=None):
     return safe
 
 
-def _contacts(cells, reach, order, width=16):
+def _contacts(cells, reach, order, width=LANES):
     """Slots of the bodies that could be met in this tick, by slot."""
     m = len(cells.row)
     count = np.zeros(m, np.int32)
@@ -188,22 +196,42 @@ def _contacts(cells, reach, order, width=16):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _find_contacts(lo, hi, cells, order, reach, near, count):
-    x, y, start, nx, ny, cell = cells.x, cells.y, cells.start, cells.nx, cells.ny, cells.cell
-    west, south, width, reach2 = cells.west, cells.south, near.shape[1], reach * reach
+    _contacts_of(lo, hi, cells, order, reach, near, count, np.empty(near.shape[1] + LANES, np.int32))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+def _contacts_of(lo, hi, cells, order, reach, near, count, found):
+    x, y, start, nx, ny = pointer(cells.x), pointer(cells.y), pointer(cells.start), cells.nx, cells.ny
+    cell, width, reach2, here, out = cells.cell, near.shape[1], reach * reach, pointer(found), pointer(near)
     for o in range(lo, hi):
         s = order[o]
         xi, yi = x[s], y[s]
-        r0, r1 = max(0, int((yi - reach - south[s]) / cell)), min(ny - 1, int((yi + reach - south[s]) / cell))
-        c0, c1 = max(0, int((xi - reach - west[s]) / cell)), min(nx - 1, int((xi + reach - west[s]) / cell))
-        found = 0
+        west, south = cells.west[s], cells.south[s]
+        r0, r1 = max(0, int((yi - reach - south) / cell)), min(ny - 1, int((yi + reach - south) / cell))
+        c0, c1 = max(0, int((xi - reach - west) / cell)), min(nx - 1, int((xi + reach - west) / cell))
+        n = np.int64(0)
         for r in range(r0, r1 + 1):
-            for j in range(start[r * nx + c0], start[r * nx + c1 + 1]):
-                dx, dy = x[j] - xi, y[j] - yi
-                if dx * dx + dy * dy < reach2 and j != s:
-                    if found < width:
-                        near[s, found] = j
-                    found += 1
-        count[s] = found
+            end = start[r * nx + c1 + 1]
+            for k in range(start[r * nx + c0], end, LANES):
+                there, slot = lane_numbers() < np.int32(end - k), lane_numbers() + np.int32(k)
+                dx, dy = load_where(x, k, there) - xi, load_where(y, k, there) - yi
+                ok = there & (dx * dx + dy * dy < reach2) & (slot != s)
+                pack(here, min(n, width), slot, ok)
+                n += lanes_set(ok)
+        count[s] = n
+        for k in range(0, width if n <= width else 0, LANES):
+            store(out, s * width + k, load(here, k))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _shorten(lo, hi, order, most, step, over):
+    """Cut, in place, steps that are longer than ``most``; note whose."""
+    for o in range(lo, hi):
+        s = order[o]
+        size = np.sqrt(step[s, 0] * step[s, 0] + step[s, 1] * step[s, 1])
+        over[s] = size > most[s]
+        if over[s]:
+            step[s, 0], step[s, 1] = step[s, 0] * (most[s] / size), step[s, 1] * (most[s] / size)
 
 
 @njit(inline="always")

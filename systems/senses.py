@@ -134,6 +134,7 @@ class See(System):
     def process(self, world):
         agents, land, palette = world.agents, world.resource(Landscape), world.resource(Palette)
         near, n = world.resource(Near), len(agents)
+        world.resource(Sight).show(None)  # room for the lists to come
         binding = agents[BrushBinding.brush]
         if near.aloft is not None:
             binding = binding[~near.aloft]

@@ -70,7 +70,8 @@ class AskModels(System):
         direction, pace = agents[Wish.direction], agents[Wish.pace]
         for index, rows in _by_brush(binding[scene.order], scene.order):
             wishes = self._ask(world, scene, palette, index, rows)
-            direction[rows], pace[rows] = wishes.direction, wishes.pace
+            wished = (np.ascontiguousarray(some, float) for some in (wishes.direction, wishes.pace))
+            over_rows(_put, len(rows), rows, *wished, direction, pace)
             if palette.flies[index]:
                 _take(agents, rows, wishes)
         changing = scene.order[blend[scene.order] < 1.0]
@@ -106,7 +107,7 @@ class AskModels(System):
                 f"model {palette.brushes[index].model!r} was asked for {len(rows)} animals: directions must be "
                 f"({len(rows)}, 3) and paces ({len(rows)},), got {shapes[0]} and {shapes[1]}"
             )
-        fine = np.isfinite(wishes.direction).all(1) & np.isfinite(wishes.pace)
+        said = [wishes.direction, wishes.pace]
         for name, vectors in (("accelerations", wishes.acceleration), ("velocities", wishes.velocity)):
             if vectors is None:
                 continue
@@ -115,8 +116,9 @@ class AskModels(System):
                     f"model {palette.brushes[index].model!r} was asked for {len(rows)} animals: {name} must be "
                     f"({len(rows)}, 3), got {np.shape(vectors)}"
                 )
-            fine &= np.isfinite(vectors).all(1)
-        if not fine.all():
+            said.append(vectors)
+        if not all(np.isfinite(some).all() for some in said):
+            fine = np.all([np.isfinite(some).reshape(len(rows), -1).all(1) for some in said], axis=0)
             entity = int(scene.ids[rows[np.argmin(fine)]])
             raise NotFinite(
                 f"model {palette.brushes[index].model!r} (brush {palette.brushes[index].name!r}) gave a wish that is "
@@ -142,7 +144,8 @@ def _take(agents, rows, wishes):
 
 def _by_brush(brush, rows):
     """(index, rows) of every brush present; ``brush[k]`` is the one of ``rows[k]``."""
-    return [(int(index), rows[brush == index]) for index in np.unique(brush)]
+    present = np.flatnonzero(np.bincount(brush)).tolist()
+    return [(index, rows[brush == index]) for index in present]
 
 
 def _all_by_slot(world):
@@ -258,6 +261,14 @@ def _air_of(world, xyz, near):
 def _nearest_image(offset, wrap):
     """Offsets on a periodic map the short way, across the seam where that is shorter."""
     return offset if wrap is None else offset - wrap * np.floor(offset / wrap + 0.5)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _put(lo, hi, rows, wished, wanted, direction, pace):
+    for k in range(lo, hi):
+        i = rows[k]
+        direction[i, 0], direction[i, 1], direction[i, 2] = wished[k, 0], wished[k, 1], wished[k, 2]
+        pace[i] = wanted[k]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

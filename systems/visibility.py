@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from flockbrush.engine.lanes import LANES
 from flockbrush.engine.parallel import over_rows
-from flockbrush.systems.sight import look
+from flockbrush.systems.sight import Eyes, Sizes, Views, look
 from numba import njit
 
 CHUNK = 2048  # observers to a piece of work
@@ -127,15 +127,13 @@ def look_around(cells, view_range, cos_half_view, edges=None, occlusion=True, wi
     """What `visible_neighbours` makes its lists of, with the same parameters."""
     n, m = len(view_range), len(cells.x)
     edges = no_edges() if edges is None else edges
-    view_range, cos_half_view = _plain(view_range), _plain(cos_half_view)
+    eyes, sizes = Eyes(_plain(view_range), _plain(cos_half_view)), Sizes(*_widths(cells.half, cells.radius))
     begin, count = np.empty(m, np.int64), np.zeros(n, np.int64)
-    sizes = _widths(cells.half, cells.radius)
     while True:
-        seen = np.empty(m * width + LANES, np.int32)
-        given = (cells, view_range, cos_half_view, edges, occlusion, *sizes, width, seen, begin, count)
-        over_rows(look, m, *given, chunk=CHUNK)
+        views = Views(width, np.empty(m * width + LANES, np.int32), begin, count)
+        over_rows(look, m, cells, eyes, edges, occlusion, sizes, views, chunk=CHUNK)
         if not _crowded(begin, cells.ghost):
-            return Found(cells, seen, begin, count)
+            return Found(cells, views.seen, begin, count)
         width = 2 * max(width, -(-int(count.sum()) // max(m, 1)))
 
 

@@ -13,10 +13,10 @@ neighbour, and the vulnerable are the near ones with few others about them.
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
-from flockbrush.behaviours.behaviour import behaviour, kinds_in, quantity
+from flockbrush.behaviours.behaviour import ByRow, behaviour, kinds_in, quantity
 from flockbrush.behaviours.models import herd
 from flockbrush.behaviours.sliders import DesignerSlider, moves
 from flockbrush.engine.parallel import over_rows
@@ -124,15 +124,49 @@ def _in_view(scene, i):
     return scene.near[seen], scene.offset[seen]
 
 
+class Movers(NamedTuple):
+    """Who flees, hunts and is met, by row."""
+
+    length: np.ndarray  # (n,) m
+    forward: np.ndarray  # (n, 3)
+    velocity: np.ndarray  # (n, 3) m/s
+    speed: np.ndarray  # (n,) m/s
+    species: np.ndarray  # (n,)
+    kind: np.ndarray  # (n,)
+
+
+class Fright(NamedTuple):
+    """The parameters of those who flee."""
+
+    flight_distance: float
+    push: float  # rad, in a tick
+    panic_pace: float
+    contagion: float
+
+
+class Chase(NamedTuple):
+    """The parameters of those who hunt."""
+
+    distance: float
+    charge_distance: float
+    turn: float  # rad, in a tick
+    pace: float
+    charge_pace: float
+    crowd_penalty: float
+
+
+def _movers(s, kinds):
+    return Movers(s.length, s.forward, s.velocity, s.speed, s.species, kinds.kind)
+
+
 @behaviour("flee", FleeParams, explain=explain_flight, has=("flee",))
 def flee(scene, rows, p):
     """The herd's wish, turned away from every predator in view, and hurried."""
     wishes, kinds = herd.steer(scene, rows, p), kinds_in(scene)
-    over_rows(
-        _flee, len(rows), rows, scene.dt, scene.length, scene.velocity, scene.speed, scene.species, kinds.kind,
-        kinds.fears, scene.first, scene.near, scene.offset,
-        p.sensitivity, p.flight_distance, p.fear_weight, p.panic_pace, p.contagion, wishes.direction, wishes.pace,
-    )  # fmt: skip
+    fright = Fright(p.flight_distance, scene.dt * p.sensitivity * p.fear_weight, p.panic_pace, p.contagion)
+    seen = ByRow(scene.first, scene.near, scene.offset)
+    wished = wishes.direction, wishes.pace
+    over_rows(_flee, len(rows), rows, _movers(scene, kinds), kinds.fears, seen, fright, *wished)
     return wishes
 
 
@@ -140,19 +174,18 @@ def flee(scene, rows, p):
 def hunt(scene, rows, p):
     """The pack's wish until prey is seen; then towards the most vulnerable one."""
     wishes, kinds = herd.steer(scene, rows, p), kinds_in(scene)
-    over_rows(
-        _hunt, len(rows), rows, scene.dt, scene.length, scene.forward, scene.velocity, scene.speed, kinds.kind,
-        kinds.prey, scene.first, scene.near, scene.offset, p.sensitivity, p.chase_distance,
-        p.charge_distance, p.chase_weight, p.chase_pace, p.charge_pace, p.crowd_penalty, wishes.direction, wishes.pace,
-    )  # fmt: skip
+    turn = scene.dt * p.sensitivity * p.chase_weight
+    chase = Chase(p.chase_distance, p.charge_distance, turn, p.chase_pace, p.charge_pace, p.crowd_penalty)
+    seen = ByRow(scene.first, scene.near, scene.offset)
+    wished = wishes.direction, wishes.pace
+    over_rows(_hunt, len(rows), rows, _movers(scene, kinds), kinds.prey, seen, chase, *wished)
     return wishes
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _flee(
-    lo, hi, rows, dt, length, velocity, speed, species, kind, fears, first, near, offset,
-    sensitivity, flight_distance, fear_weight, panic_pace, contagion, direction, pace,
-):  # fmt: skip
+def _flee(lo, hi, rows, movers, fears, seen, fright, direction, pace):
+    length, _, velocity, speed, species, kind = movers
+    (first, near, offset), (flight_distance, push, panic_pace, contagion) = seen, fright
     for k in range(lo, hi):
         i = rows[k]
         flight = flight_distance * length[i]
@@ -176,14 +209,14 @@ def _flee(
         if kin:
             wanted = max(wanted, 1.0 + contagion * (haste / kin - 1.0))
         pace[k] *= wanted
-        _lean(direction, k, dt * sensitivity * fear_weight * ax, dt * sensitivity * fear_weight * ay)
+        _lean(direction, k, push * ax, push * ay)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _hunt(
-    lo, hi, rows, dt, length, forward, velocity, speed, kind, prey, first, near, offset,
-    sensitivity, chase_distance, charge_distance, chase_weight, chase_pace, charge_pace, crowd_penalty, direction, pace,
-):  # fmt: skip
+def _hunt(lo, hi, rows, movers, prey, seen, chase, direction, pace):
+    length, forward, velocity, speed, _, kind = movers
+    first, near, offset = seen
+    chase_distance, charge_distance, turn, chase_pace, charge_pace, crowd_penalty = chase
     for k in range(lo, hi):
         i = rows[k]
         unit = length[i]
@@ -214,7 +247,6 @@ def _hunt(
             direction[k, 0], direction[k, 1] = x, y
             pace[k] *= charge_pace
         else:
-            turn = dt * sensitivity * chase_weight
             _lean(direction, k, turn * x, turn * y)
             pace[k] *= chase_pace
 

@@ -26,10 +26,19 @@ ignored.
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity, share_guided, who_is_guided
+from flockbrush.behaviours.behaviour import (
+    ByRow,
+    Guided,
+    Parameters,
+    Wishes,
+    behaviour,
+    quantity,
+    share_guided,
+    who_is_guided,
+)
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
 from flockbrush.engine.lane_maths import exponential, lane_function, square_of_angle
 from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, splat8, store, total
@@ -209,80 +218,85 @@ def scaled(reasons, by):
     return {name: by * vector for name, vector in reasons.items()}
 
 
+class Herd(NamedTuple):
+    """Who turns and who is looked at, by row."""
+
+    forward: Any  # (n, 3) unit headings
+    length: Any  # (n,) m
+    species: Any  # (n,) int32, the same for those who keep together
+    leader: Any  # (n,)
+    memory: Any  # (n, 2) m, from the animal to where it last saw others
+    known: Any  # (n,) 1 where there is such a memory
+
+
+class Land(NamedTuple):
+    """What the land says to each animal, by row."""
+
+    first: Any  # (n + 1,) obstacles of row i are walls[first[i]:first[i + 1]]
+    walls: Any  # (k, 2) m, from the animal to the nearest point of an obstacle
+    guidance: Any  # (n, 2)
+    slope: Any  # (n, 2)
+
+
+class Forces(NamedTuple):
+    """The parameters of a herd in body lengths and radians."""
+
+    weight: Any  # (4,) of avoidance, cohesion, alignment and obstacles
+    radial: Any  # (4,) 1 / (2 sigma^2) in distance
+    angular: Any  # (4,) likewise in bearing
+    turn: float  # sensitivity, 1/s; in kernels that of a tick
+    downhill: float  # slope aversion, likewise
+    neighbour_range: float
+    leader_blend: float
+    unled_returns: bool
+
+
 @behaviour("herd", Params, explain=explain, by_slot=True)
 def steer(scene, rows, p):
     """Turn by social forces; leaders by the navigation field."""
-    direction, pace = np.zeros((len(rows), 3)), np.ones(len(rows))
-    seen = scene.by_slot
+    direction, pace, s = np.zeros((len(rows), 3)), np.ones(len(rows)), scene
+    herd = Herd(s.forward, s.length, s.species, s.leader, s.memory, s.known)
+    land = Land(s.obstacle_first, s.obstacle_offset, s.guidance, s.slope)
+    kernel, seen = herd_kernel_by_slot, s.by_slot
     if seen is None:
-        kernel, seen = herd_kernel, (scene.first, scene.near, scene.offset)
-    else:
-        kernel = herd_kernel_by_slot
-    over_rows(kernel, len(rows), rows, *_columns(scene, seen), *kernel_params(p), direction)
+        kernel, seen = herd_kernel, ByRow(s.first, s.near, s.offset)
+    over_rows(kernel, len(rows), rows, s.dt, herd, seen, land, forces_of(p), direction)
     if p.wander > 0.0:
-        drift = p.wander * np.sqrt(scene.dt)
-        over_rows(wander_kernel, len(rows), rows, scene.ids, scene.key("wander"), drift, direction)
+        drift = p.wander * np.sqrt(s.dt)
+        over_rows(wander_kernel, len(rows), rows, s.ids, s.key("wander"), drift, direction)
     return Wishes(direction, pace)
 
 
-def _columns(s, seen):
-    """What the kernels read, in their order."""
-    return (
-        s.dt, s.forward, s.length, s.species, s.leader, *seen, s.obstacle_first, s.obstacle_offset,
-        s.guidance, s.slope, s.memory, s.known,
-    )  # fmt: skip
-
-
-def kernel_params(p):
-    """The parameters in the order of the kernels; ranges become body lengths and radians."""
+def forces_of(p):
+    """The parameters as the kernels want them."""
     names = "avoidance", "cohesion", "alignment", "obstacle"
     weight = np.array([getattr(p, f"{name}_weight") for name in names])
     radial = np.array([4.0 * getattr(p, f"{name}_radial") for name in names])
     angular = np.array([np.pi * getattr(p, f"{name}_angular") for name in names])
-    return (
-        weight, 0.5 / radial**2, 0.5 / angular**2, p.sensitivity, p.neighbour_range, p.leader_blend,
-        p.unled == "return", p.slope_aversion,
+    return Forces(
+        weight, 0.5 / radial**2, 0.5 / angular**2, p.sensitivity, p.slope_aversion, p.neighbour_range,
+        p.leader_blend, p.unled == "return",
     )  # fmt: skip
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def herd_kernel(
-    lo, hi, rows,
-    dt, forward, length, species, leader, first, near, offset, obstacle_first, obstacle_offset,
-    guidance, slope, memory, known,
-    weight, radial, angular, sensitivity, neighbour_range, leader_blend, unled_returns, slope_aversion,
-    direction,
-):  # fmt: skip
+def herd_kernel(lo, hi, rows, dt, herd, seen, land, forces, direction):
     """The next heading of each row asked (eqs. 2-5); neighbours by row."""
     most = np.int64(1)  # a plain 1 is a type of its own, for which numba would compile `_room` once more
     for k in range(lo, hi):
-        most = max(most, first[rows[k] + 1] - first[rows[k]])
-    heeded = np.empty((5, _room(lo, hi, rows, most, obstacle_first)))
-    _by_row(
-        lo, hi, rows, dt, forward, length, species, leader, first, near, offset, obstacle_first, obstacle_offset,
-        guidance, slope, memory, known, weight, radial, angular, sensitivity, neighbour_range, leader_blend,
-        unled_returns, slope_aversion, direction, heeded,
-    )  # fmt: skip
+        most = max(most, seen.first[rows[k] + 1] - seen.first[rows[k]])
+    heeded = np.empty((5, _room(lo, hi, rows, most, land.first)))
+    _by_row(lo, hi, rows, dt, herd, seen, land, forces, direction, heeded)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def herd_kernel_by_slot(
-    lo, hi, rows,
-    dt, forward, length, species, leader, slot, begin, count, seen, x, y, fx, fy, kind, obstacle_first,
-    obstacle_offset, guidance, slope, memory, known,
-    weight, radial, angular, sensitivity, neighbour_range, leader_blend, unled_returns, slope_aversion,
-    direction,
-):  # fmt: skip
+def herd_kernel_by_slot(lo, hi, rows, dt, herd, seen, land, forces, direction):
     """The same, with the same bits; neighbours by slot (`flockbrush.behaviours.behaviour.BySlot`)."""
     most = np.int64(1)  # a plain 1 is a type of its own, for which numba would compile `_room` once more
     for k in range(lo, hi):
-        most = max(most, count[rows[k]])
-    heeded = np.empty((5, _room(lo, hi, rows, most, obstacle_first)))
-    _by_slot(
-        lo, hi, rows, dt, forward, length, species, leader, slot, begin, count, seen, x, y, fx, fy, kind,
-        obstacle_first, obstacle_offset, guidance, slope, memory, known, weight, radial, angular, sensitivity,
-        neighbour_range, leader_blend, unled_returns, slope_aversion, direction, heeded,
-    )  # fmt: skip
+        most = max(most, seen.count[rows[k]])
+    heeded = np.empty((5, _room(lo, hi, rows, most, land.first)))
+    _by_slot(lo, hi, rows, dt, herd, seen, land, forces, direction, heeded)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
@@ -296,57 +310,55 @@ def _room(lo, hi, rows, most, obstacle_first):
     return (most + 3 * EIGHT) // EIGHT * EIGHT | EIGHT
 
 
+@lane_function
+def _pointers(dt, herd, land, forces):
+    """The same tuples by pointers: arrays would be counted at every call, which costs more than the work."""
+    herd = Herd(
+        pointer(herd.forward), pointer(herd.length), herd.species, pointer(herd.leader), pointer(herd.memory),
+        pointer(herd.known),
+    )  # fmt: skip
+    land = Land(land.first, pointer(land.walls), pointer(land.guidance), pointer(land.slope))
+    f = forces
+    return herd, land, Forces(
+        pointer(f.weight), pointer(f.radial), pointer(f.angular), dt * f.turn, dt * f.downhill,
+        f.neighbour_range, f.leader_blend, f.unled_returns,
+    )  # fmt: skip
+
+
 @njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-def _by_row(
-    lo, hi, rows,
-    dt, forward, length, species, leader, first, near, offset, obstacle_first, obstacle_offset,
-    guidance, slope, memory, known,
-    weight, radial, angular, sensitivity, neighbour_range, leader_blend, unled_returns, slope_aversion,
-    direction, heeded,
-):  # fmt: skip
-    column, step, cut = pointer(heeded), heeded.shape[1], neighbour_range * neighbour_range
-    own = pointer(length), pointer(forward), pointer(leader), pointer(known)
-    land = pointer(guidance), pointer(slope), pointer(memory), pointer(obstacle_offset)
-    rule = pointer(weight), pointer(radial), pointer(angular), dt * sensitivity, dt * slope_aversion
+def _by_row(lo, hi, rows, dt, herd, seen, land, forces, direction, heeded):
+    column, step, cut = pointer(heeded), heeded.shape[1], forces.neighbour_range * forces.neighbour_range
+    own, near, rule = _pointers(dt, herd, land, forces)
     for k in range(lo, hi):
         i = rows[k]
-        per_length, n = 1.0 / length[i], np.int64(0)
-        for at in range(first[i], first[i + 1]):
-            j, dx, dy = near[at], offset[at, 0] * per_length, offset[at, 1] * per_length
-            kin = 1.0 if species[j] == species[i] else 0.0
-            n += _heed(n, dx, dy, forward[j, 0], forward[j, 1], kin, cut, column, step)
-        hx, hy = _heading(
-            i, n, obstacle_first[i], obstacle_first[i + 1], own, land, rule, leader_blend, unled_returns, column, step
+        per_length, n = 1.0 / herd.length[i], np.int64(0)
+        for at in range(seen.first[i], seen.first[i + 1]):
+            j, dx, dy = seen.near[at], seen.offset[at, 0] * per_length, seen.offset[at, 1] * per_length
+            kin = 1.0 if herd.species[j] == herd.species[i] else 0.0
+            n += _heed(n, dx, dy, herd.forward[j, 0], herd.forward[j, 1], kin, cut, column, step)
+        direction[k, 0], direction[k, 1] = _heading(
+            i, n, land.first[i], land.first[i + 1], own, near, rule, column, step
         )
-        direction[k, 0], direction[k, 1] = hx, hy
 
 
 @njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-def _by_slot(
-    lo, hi, rows,
-    dt, forward, length, species, leader, slot, begin, count, seen, x, y, fx, fy, kind, obstacle_first,
-    obstacle_offset, guidance, slope, memory, known,
-    weight, radial, angular, sensitivity, neighbour_range, leader_blend, unled_returns, slope_aversion,
-    direction, heeded,
-):  # fmt: skip
-    column, step, cut = pointer(heeded), heeded.shape[1], neighbour_range * neighbour_range
-    own = pointer(length), pointer(forward), pointer(leader), pointer(known)
-    land = pointer(guidance), pointer(slope), pointer(memory), pointer(obstacle_offset)
-    rule = pointer(weight), pointer(radial), pointer(angular), dt * sensitivity, dt * slope_aversion
-    herd = pointer(x), pointer(y), pointer(fx), pointer(fy), pointer(kind), pointer(seen)
+def _by_slot(lo, hi, rows, dt, herd, seen, land, forces, direction, heeded):
+    column, step, cut = pointer(heeded), heeded.shape[1], forces.neighbour_range * forces.neighbour_range
+    own, near, rule = _pointers(dt, herd, land, forces)
+    px, py, pu, pv = pointer(seen.x), pointer(seen.y), pointer(seen.fx), pointer(seen.fy)
+    pk, who = pointer(seen.species), pointer(seen.seen)
     for k in range(lo, hi):
         i = rows[k]
-        n, s, per_length = np.int64(0), slot[i], 1.0 / length[i]
-        if count[i] > 0:
-            px, py, pu, pv, pk, who = herd
-            for at in range(begin[s], begin[s] + count[i]):
+        n, s, per_length, kind = np.int64(0), seen.slot[i], 1.0 / herd.length[i], herd.species[i]
+        if seen.count[i] > 0:
+            x, y = px[s], py[s]
+            for at in range(seen.begin[s], seen.begin[s] + seen.count[i]):
                 j = who[at]
-                dx, dy = (px[j] - px[s]) * per_length, (py[j] - py[s]) * per_length
-                n += _heed(n, dx, dy, pu[j], pv[j], 1.0 if pk[j] == species[i] else 0.0, cut, column, step)
-        hx, hy = _heading(
-            i, n, obstacle_first[i], obstacle_first[i + 1], own, land, rule, leader_blend, unled_returns, column, step
+                dx, dy, kin = (px[j] - x) * per_length, (py[j] - y) * per_length, 1.0 if pk[j] == kind else 0.0
+                n += _heed(n, dx, dy, pu[j], pv[j], kin, cut, column, step)
+        direction[k, 0], direction[k, 1] = _heading(
+            i, n, land.first[i], land.first[i + 1], own, near, rule, column, step
         )
-        direction[k, 0], direction[k, 1] = hx, hy
 
 
 @lane_function
@@ -358,11 +370,11 @@ def _heed(n, x, y, u, v, kin, cut, column, step):
 
 
 @lane_function
-def _heading(i, n, wall, last_wall, own, land, rule, leader_blend, unled_returns, column, step):
+def _heading(i, n, wall, last_wall, herd, land, forces, column, step):
     """The next heading of an animal who heeds n others and these obstacles (eqs. 2 and 3)."""
-    length, forward, leader, known = own
-    guidance, slope, memory, walls = land
-    weight, radial, angular, turn, downhill = rule
+    forward, length, _, leader, memory, known = herd
+    _, walls, guidance, slope = land
+    weight, radial, angular, turn, downhill, _, leader_blend, unled_returns = forces
     fx, fy, per_length = forward[3 * i], forward[3 * i + 1], 1.0 / length[i]
     sx, sy = _social_forces(n, fx, fy, weight, radial, angular, column, step)
     if last_wall > wall:

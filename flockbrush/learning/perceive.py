@@ -12,7 +12,7 @@ import numpy as np
 
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
 from flockbrush.engine.maths import sincos_
-from flockbrush.systems.decide import _roles
+from flockbrush.systems.decide import LeaderRules, Members, RoleState, _roles
 from flockbrush.systems.grid import sort_into_cells
 from flockbrush.systems.perception import chosen_of_one_kind
 from flockbrush.systems.senses import _cosine_of_half, _nearest_points
@@ -115,10 +115,9 @@ def _leaders(xyz, forward, species, lists, neighbour_range, leader_neighbours, l
     n = len(xyz)
     half = -1.0 if leader_cone >= 360.0 else sincos_(np.radians(0.5 * leader_cone))[1]
     leader, memory, known = np.zeros(n, np.uint8), xyz[:, :2].copy(), np.zeros(n, np.uint8)
-    rule = np.array([float(neighbour_range)]), np.array([leader_neighbours]), np.array([half])
-    _roles(
-        0, n, xyz, np.ones(n), species, np.zeros(n, np.int32), forward, *lists, *rule, leader, memory, known,
-    )  # fmt: skip
+    rules = LeaderRules(np.array([float(neighbour_range)]), np.array([leader_neighbours]), np.array([half]))
+    members = Members(np.arange(n), xyz, np.ones(n), species, np.zeros(n, np.int32))
+    _roles(0, n, forward, *lists, members, rules, RoleState(leader, memory, known))
     return leader, memory, known
 
 

@@ -22,14 +22,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import ndimage
 
-from flockbrush.behaviours.behaviour import Parameters
+from flockbrush.behaviours.behaviour import ByRow, Parameters
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
-from flockbrush.behaviours.models.herd import Params, herd_kernel, kernel_params, wander_kernel
+from flockbrush.behaviours.models.herd import Herd, Land, Params, forces_of, herd_kernel, wander_kernel
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.noise import Noise
 from flockbrush.learning.world_rollout import between, needs_world, world_looks
 from flockbrush.systems.contact import move
-from flockbrush.systems.decide import _roles
+from flockbrush.systems.decide import LeaderRules, Members, RoleState, _roles
 from flockbrush.systems.grid import sort_into_cells
 from flockbrush.systems.ground_edges import outline_edges
 from flockbrush.systems.pace import PaceRules, PaceState, Walkers, _pace, company, crowding, pause
@@ -292,10 +292,11 @@ class PlaneHerd:
 
     def _tables(self):
         p, spec = self.params, self.spec
-        self.kernel_params = kernel_params(p)
+        self.forces = forces_of(p)
         self.table = np.array(spec.by_density or [(0.0, 1.0)], float)
         half = -1.0 if p.leader_cone >= 360.0 else sincos_(np.radians(0.5 * p.leader_cone))[1]
-        self.roles = np.array([p.neighbour_range]), np.array([p.leader_neighbours]), np.array([half])
+        rule = np.array([p.neighbour_range]), np.array([p.leader_neighbours]), np.array([half])
+        self.roles = LeaderRules(*rule)
         mean, deviation, reversion = np.array([spec.mean]), np.array([spec.deviation]), np.array([spec.reversion])
         stops, starts, imitation = np.array([spec.stops]), np.array([spec.starts]), np.array([spec.imitation])
         first = np.array([0, len(self.table)])
@@ -362,10 +363,8 @@ class PlaneHerd:
         cells = sort_into_cells(self.xyz, self.forward, self.size, self.thick, self.range)
         lists = visible_neighbours(cells, self.views, self.cosines, self.solid, self.occlusion)
         walls_first, walls_offset = self._walls_in_sight(n)
-        _roles(
-            0, n, self.xyz, self.length, self.none, self.none, self.forward, *lists, *self.roles,
-            self.leader, self.memory, self.known,
-        )  # fmt: skip
+        members = Members(self.ids, self.xyz, self.length, self.none, self.none)
+        _roles(0, n, self.forward, *lists, members, self.roles, RoleState(self.leader, self.memory, self.known))
         wish = self._wishes(cells.row, lists, walls_first, walls_offset, params)
         self._hurry(cells)
         step, heading = move(
@@ -388,10 +387,10 @@ class PlaneHerd:
         n = len(rows)
         guidance = self.zero if self.guide is None else self.guide.at(self.time, self.xyz[:, :2])
         direction, wish = np.zeros((n, 3)), np.empty((n, 3))
-        herd_kernel(
-            0, n, rows, self.dt, self.forward, self.length, self.none, self.leader, *lists, walls_first, walls_offset,
-            guidance, self.zero, self.memory - self.xyz[:, :2], self.known, *self.kernel_params, direction,
-        )  # fmt: skip
+        memory = self.memory - self.xyz[:, :2]
+        herd = Herd(self.forward, self.length, self.none, self.leader, memory, self.known)
+        land = Land(walls_first, walls_offset, guidance, self.zero)
+        herd_kernel(0, n, rows, self.dt, herd, ByRow(*lists), land, self.forces, direction)
         if params.wander > 0.0:
             key = self.noise.key("wander", self.tick_number)
             wander_kernel(0, n, rows, self.ids, key, params.wander * np.sqrt(self.dt), direction)

@@ -4,10 +4,11 @@ import time
 
 import numpy as np
 import pytest
-from flockbrush.components import Body
+from flockbrush.components import Body, Heading, Individual, Position
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.terrain_kinds import Terrain
+from flockbrush.systems import population
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.life import inside_polygon
 from flockbrush.systems.population import give_birth
@@ -180,6 +181,22 @@ def test_no_two_are_born_into_each_other_across_the_seam():
     for shift in ((9, 0), (0, 9), (9, 9), (9, -9)):
         across = gaps(np.vstack([xy, xy + shift]), east, half, radius)[(i < n) & (j >= n)]
         assert across.min() > 0
+
+
+def test_large_herds_are_numbered_where_they_stand_with_the_same_bodies(monkeypatch):
+    herds = []
+    for many in (1000, 300):
+        monkeypatch.setattr(population, "MANY", many)
+        simulation = meadow(WALK)
+        give_birth(simulation.world, box(0, 0, 40, 40), 300, "walk", "sheep")
+        agents = simulation.agents
+        columns = agents[Position.xyz], agents[Heading.forward], agents[Body.length], agents[Individual.pace]
+        herds.append(np.column_stack(columns))
+    drawn, ordered = herds
+    assert len(np.unique(drawn[:, 6])) > 200  # of many sizes
+    assert sorted(map(tuple, drawn)) == sorted(map(tuple, ordered))
+    steps = [np.median(np.hypot(*np.diff(herd[:, :2], axis=0).T)) for herd in herds]
+    assert steps[0] > 10 and steps[1] < 4
 
 
 def test_nobody_is_born_into_those_who_are_there_already():

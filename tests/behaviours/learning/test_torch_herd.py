@@ -5,8 +5,9 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from flockbrush.behaviours.behaviour import ByRow
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
-from flockbrush.behaviours.models.herd import herd_kernel, kernel_params
+from flockbrush.behaviours.models.herd import Herd, Land, forces_of, herd_kernel
 from torch_turns import contacts_of, turned
 
 from flockbrush.learning.perceive import Percept, perceive, together
@@ -32,11 +33,10 @@ def by_kernel(percept: Percept, params):
     n = percept.animals
     rows = np.arange(n, dtype=np.int32)
     forward, direction = np.column_stack([percept.forward, np.zeros(n)]), np.zeros((n, 3))
-    herd_kernel(
-        0, n, rows, DT, forward, np.ones(n), percept.species, percept.leader, percept.first, percept.near,
-        percept.offset, percept.walls_first, percept.walls_offset, percept.guidance, np.zeros((n, 2)), percept.memory,
-        percept.known, *kernel_params(params), direction,
-    )  # fmt: skip
+    herd = Herd(forward, np.ones(n), percept.species, percept.leader, percept.memory, percept.known)
+    seen = ByRow(percept.first, percept.near, percept.offset)
+    land = Land(percept.walls_first, percept.walls_offset, percept.guidance, np.zeros((n, 2)))
+    herd_kernel(0, n, rows, DT, herd, seen, land, forces_of(params), direction)
     return direction[:, :2]
 
 
