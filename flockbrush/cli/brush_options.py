@@ -15,6 +15,12 @@ brush_app = typer.Typer(
 )
 
 
+class Beginning(str, enum.Enum):
+    """How the herds of a path begin."""
+
+    RANDOM, ALIGNED, MILL = "random", "aligned", "mill"
+
+
 class StartLayout(str, enum.Enum):
     """How a herd stands at first."""
 
@@ -90,17 +96,21 @@ def brush_morph(
     ] = 20.0,
     wander: Annotated[
         float,
-        typer.Option(min=0, max=10, metavar="W", help="Random turning added half-way (rad/√s), none at the ends."),
+        typer.Option(min=0, max=10, metavar="W", help="Random turning added on the way (rad/√s), none at the ends."),
     ] = 0.0,
+    begin: Annotated[
+        Beginning,
+        typer.Option(help="How herds begin: headings at random, or one way, or a disc that turns."),
+    ] = Beginning.RANDOM,
 ):
     """Measure a path between two brushes along which behaviour changes evenly, beside the straight line.
 
-    Sweeps a herd there and back and says when the pair is bistable. Paint of part weight follows the path when it lies
+    Sweeps herds there and back and says when the pair is bistable. Paint of part weight follows the path when it lies
     in a folder `brushes` beside the level. About a minute with the defaults.
     """
     from flockbrush.cli.morph_commands import Trial, morph_brushes
 
-    morph_brushes(start, end, output, Trial(animals, seeds, steps, seconds), wander)
+    morph_brushes(start, end, output, Trial(animals, seeds, steps, seconds, begin.value), wander)
 
 
 @brush_app.command("preview")
