@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import re
 import zlib
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from flockbrush.behaviours.brush import Brush, BrushLibrary, flies_free
@@ -35,7 +35,10 @@ class BrushPath(Spec):
         ..., "at even steps from 0 to 1: how far the numbers are along the straight line", min_length=2, max_length=65
     )
     detour: dict[Line, tuple[Finite, ...]] = spec_field({}, "at the same steps: added to a parameter")
+    begin: Literal["random", "aligned", "mill"] = spec_field("random", "how the herds began that were measured")
+    seconds: Finite = spec_field(20.0, "how long they were, s", gt=0)
     even: bool = spec_field(True, "whether it met its bounds when it was measured; false: it jumps")
+    bistable: bool = spec_field(False, "whether herds on the way there and back did other things at the same step")
     measured: Text = spec_field("", "command and table")
 
     @model_validator(mode="after")
@@ -89,7 +92,10 @@ def path_to_toml(path: BrushPath) -> str:
 
     lines = [f'schema = "{PATH_SCHEMA}"', f'start = "{path.start}"', f'end = "{path.end}"']
     lines += [
+        f'begin = "{path.begin}"',
+        f"seconds = {path.seconds:g}",
         f"even = {str(path.even).lower()}",
+        f"bistable = {str(path.bistable).lower()}",
         f"along = {numbers(path.along)}",
         f'measured = """\n{path.measured}"""',
     ]

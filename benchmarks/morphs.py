@@ -3,20 +3,22 @@
     python benchmarks/morphs.py [A--B ...] --seeds 64 --animals 100 400
 
 For each path and herd size, on new seeds, it prints the largest change of polarization or milling in one step, the
-largest deviation between seeds, and whether both change monotonically within two standard errors
-(`flockbrush.studies.morph`); and the same for the straight line between the brushes with as many steps.  Pairs without
-a shipped path get only the straight line, in eighths.
+largest deviation between seeds, the largest reversal (`flockbrush.studies.morph` says what chance explains), and a
+verdict: "even"; or "bistable", with both branches at one step, for herds that are swept along the way and back; or
+"uneven".  The same is printed for the straight line between the brushes with as many steps.  Start and duration of the
+runs come from the path.  Pairs without a shipped path get only the straight line, in eighths, as the options say.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 import numpy as np
 from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.mixture import STEPS, can_mix, load_path, mixed
 
-from flockbrush.studies.morph import Trial, faults, measured
+from flockbrush.studies.morph import BEGINNINGS, Trial, faults, goes_back, measured, sweep, verdict
 
 FIRST = 9001  # seed; the searches used no seeds from here to a million
 
@@ -31,14 +33,26 @@ def shipped_paths():
     return found
 
 
-def judged(start, end, path, trial):
-    """Return a `Measured` for the path, if there is one, and for the straight line."""
+def judged(start, end, path, trial, swept_herds):
+    """What herds do at the steps of a path, if there is one, and of the straight line: a `Measured` by way, and words.
+
+    The words say whether the way is even or bistable.
+    """
     shares = np.linspace(0.0, 1.0, len(path.along) if path else STEPS + 1)
-    ways = {"path": path, "straight line": None} if path else {"straight line": None}
-    return {
-        name: measured(lambda share, w=way: mixed(start, end, share, w), shares, trial, FIRST)
-        for name, way in ways.items()
-    }
+    found = {}
+    for name, way in {"path": path, "straight line": None}.items():
+        if name == "path" and path is None:
+            continue
+
+        def at(share, w=way):
+            return mixed(start, end, share, w)
+
+        seen, words = measured(at, shares, trial, FIRST), "even"
+        if faults(seen):
+            swept = sweep(at, shares, replace(trial, seeds=swept_herds), FIRST)
+            words = verdict(swept, even=False) if swept.hysteresis else "uneven"
+        found[name] = seen, words
+    return found
 
 
 def brushes_of(pair):
@@ -57,23 +71,30 @@ def main():
     parser.add_argument("paths", nargs="*", metavar="A--B", help="default: all shipped paths")
     parser.add_argument("--seeds", type=int, default=64)
     parser.add_argument("--animals", type=int, nargs="+", default=[100, 400])
-    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--swept", type=int, default=16, help="herds that are swept along a way that is not even")
+    parser.add_argument("--seconds", type=float, default=20.0, help="of pairs without a path")
+    parser.add_argument("--begin", choices=BEGINNINGS, default="random", help="of pairs without a path")
     told = parser.parse_args()
     paths = shipped_paths()
     try:
         pairs = {name: brushes_of(name) for name in told.paths or paths}
     except ValueError as error:
         parser.error(str(error))
-    print(f"{told.seeds} seeds from {FIRST} on, {told.seconds:g} s")
-    print(f"{'path':<24} animals  way            largest step  largest deviation  goes back")
+    print(f"{told.seeds} seeds from {FIRST} on, {told.swept} herds swept where a way is not even")
+    print(f"{'pair':<22} animals  begin    s    way            largest step  largest deviation  goes back  verdict")
     for name, (start, end) in pairs.items():
+        path = paths.get(name)
+        begin, seconds = (path.begin, path.seconds) if path else (told.begin, told.seconds)
         for animals in told.animals:
-            trial = Trial(animals, told.seeds, seconds=told.seconds)
-            for way, found in judged(start, end, paths.get(name), trial).items():
-                back = "yes" if any("goes back" in fault for fault in faults(found)) else "no"
-                step = np.abs(np.diff(found.mean, axis=0)).max()
-                line = f"{name:<24} {animals:>7}  {way:<13} {step:>13.2f} {found.deviation.max():>18.2f}  {back}"
-                print(line, flush=True)
+            trial = Trial(animals, told.seeds, seconds=seconds, begin=begin)
+            for way, (seen, words) in judged(start, end, path, trial, told.swept).items():
+                back = goes_back(seen)[0].max()
+                step = np.abs(np.diff(seen.mean, axis=0)).max()
+                print(
+                    f"{name:<22} {animals:>7}  {begin:<7}  {seconds:<3g}  {way:<13} {step:>13.2f} "
+                    f"{seen.deviation.max():>18.2f}  {back:>9.2f}  {words}",
+                    flush=True,
+                )
 
 
 if __name__ == "__main__":

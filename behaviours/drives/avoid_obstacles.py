@@ -12,7 +12,7 @@ import numpy as np
 from flockbrush.behaviours.behaviour import air_of, quantity
 from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards
 from flockbrush.engine.maths import sincos_
-from flockbrush.engine.solid_queries import Pose, ahead_, past_
+from flockbrush.engine.solid_queries import BodyFrame, ahead_, past_
 from numba import njit
 
 ROOM = 0.5  # body lengths beside the body that count as in the way of a bird
@@ -122,5 +122,5 @@ def _past_solids(rows, aloft, solids, ids, xyz, wished, forward, up, length, rad
         if who >= 0:
             beyond = radius[i] + (ROOM + 0.5) * length[i]
             gx, gy, gz = forward[i, 0], forward[i, 1], forward[i, 2]
-            pose = Pose((x, y, z), (gx, gy, gz), (up[i, 0], up[i, 1], up[i, 2]))
+            pose = BodyFrame((x, y, z), (gx, gy, gz), (up[i, 0], up[i, 1], up[i, 2]))
             aim[k, 0], aim[k, 1], aim[k, 2] = past_(solids, who, pose, beyond, height[i], ids[i] & 1)
