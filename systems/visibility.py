@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from flockbrush.engine.lanes import LANES
 from flockbrush.engine.parallel import over_rows
-from flockbrush.systems.sight import Eyes, Sizes, Views, look
+from flockbrush.systems.sight import Sizes, ViewBounds, Views, look
 from numba import njit
 
 CHUNK = 2048  # observers to a piece of work
@@ -127,7 +127,7 @@ def look_around(cells, view_range, cos_half_view, edges=None, occlusion=True, wi
     """What `visible_neighbours` makes its lists of, with the same parameters."""
     n, m = len(view_range), len(cells.x)
     edges = no_edges() if edges is None else edges
-    eyes, sizes = Eyes(_plain(view_range), _plain(cos_half_view)), Sizes(*_widths(cells.half, cells.radius))
+    eyes, sizes = ViewBounds(_plain(view_range), _plain(cos_half_view)), Sizes(*_widths(cells.half, cells.radius))
     begin, count = np.empty(m, np.int64), np.zeros(n, np.int64)
     while True:
         views = Views(width, np.empty(m * width + LANES, np.int32), begin, count)

@@ -24,7 +24,7 @@ from scipy import ndimage
 
 from flockbrush.behaviours.behaviour import ByRow, Parameters
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
-from flockbrush.behaviours.models.herd import Herd, Land, Params, forces_of, herd_kernel, wander_kernel
+from flockbrush.behaviours.models.herd import HerdState, Land, Params, forces_of, herd_kernel, wander_kernel
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.noise import Noise
 from flockbrush.learning.world_rollout import between, needs_world, world_looks
@@ -388,7 +388,7 @@ class PlaneHerd:
         guidance = self.zero if self.guide is None else self.guide.at(self.time, self.xyz[:, :2])
         direction, wish = np.zeros((n, 3)), np.empty((n, 3))
         memory = self.memory - self.xyz[:, :2]
-        herd = Herd(self.forward, self.length, self.none, self.leader, memory, self.known)
+        herd = HerdState(self.forward, self.length, self.none, self.leader, memory, self.known)
         land = Land(walls_first, walls_offset, guidance, self.zero)
         herd_kernel(0, n, rows, self.dt, herd, ByRow(*lists), land, self.forces, direction)
         if params.wander > 0.0:

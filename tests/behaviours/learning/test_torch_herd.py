@@ -7,7 +7,7 @@ torch = pytest.importorskip("torch")
 
 from flockbrush.behaviours.behaviour import ByRow
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
-from flockbrush.behaviours.models.herd import Herd, Land, forces_of, herd_kernel
+from flockbrush.behaviours.models.herd import HerdState, Land, forces_of, herd_kernel
 from torch_turns import contacts_of, turned
 
 from flockbrush.learning.perceive import Percept, perceive, together
@@ -33,7 +33,7 @@ def by_kernel(percept: Percept, params):
     n = percept.animals
     rows = np.arange(n, dtype=np.int32)
     forward, direction = np.column_stack([percept.forward, np.zeros(n)]), np.zeros((n, 3))
-    herd = Herd(forward, np.ones(n), percept.species, percept.leader, percept.memory, percept.known)
+    herd = HerdState(forward, np.ones(n), percept.species, percept.leader, percept.memory, percept.known)
     seen = ByRow(percept.first, percept.near, percept.offset)
     land = Land(percept.walls_first, percept.walls_offset, percept.guidance, np.zeros((n, 2)))
     herd_kernel(0, n, rows, DT, herd, seen, land, forces_of(params), direction)
