@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from flockbrush.behaviours.behaviour import Behaviour, behaviours
+from flockbrush.behaviours.behaviour import Behaviour, Parameters, behaviours
 
 DOCS = Path(__file__).parent
 
@@ -63,10 +63,35 @@ def models_page(text: str) -> str:
     return text.rstrip() + "\n"
 
 
+def slider_table() -> str:
+    """The sliders that each model declares, as a Markdown table below a marker."""
+    rows, known = (
+        ["<!-- sliders -->", "| model | slider | from one end to the other | moves |", "|---|---|---|---|"],
+        {},
+    )
+    for model in [Parameters, *(model.Params for model in behaviours().values())]:
+        name = {one.Params: one.name for one in reversed(behaviours().values())}.get(model, "all")
+        for slider, (ends, ranges) in model.sliders.items():
+            if known.setdefault((slider, ends, ranges), name) == name:
+                moves = ", ".join(f"`{part.name}` {part.low:g} to {part.high:g}" for part in ranges)
+                rows.append(f"| {name} | {slider} | {ends[:1].lower() + ends[1:]} | {moves} |")
+    return "\n".join(rows)
+
+
+def brushes_page(text: str) -> str:
+    """The page of brushes with the table of sliders as it is now."""
+    before, marker, after = text.partition("<!-- sliders -->")
+    return f"{before}{slider_table()}\n\n{after.partition(chr(10) * 2)[2]}" if marker else text
+
+
 def texts() -> dict[Path, str]:
     """Return the text of every generated file."""
     page = DOCS / "models.md"
-    return schema_texts() | {page: models_page(page.read_text(encoding="utf-8"))}
+    brushes = DOCS / "brushes.md"
+    return schema_texts() | {
+        page: models_page(page.read_text(encoding="utf-8")),
+        brushes: brushes_page(brushes.read_text(encoding="utf-8")),
+    }
 
 
 if __name__ == "__main__":
