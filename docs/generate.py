@@ -65,16 +65,16 @@ def models_page(text: str) -> str:
 
 def slider_table() -> str:
     """The sliders that each model declares, as a Markdown table below a marker."""
-    rows, known = (
-        ["<!-- sliders -->", "| model | slider | from one end to the other | moves |", "|---|---|---|---|"],
-        {},
-    )
-    for model in [Parameters, *(model.Params for model in behaviours().values())]:
-        name = {one.Params: one.name for one in reversed(behaviours().values())}.get(model, "all")
-        for slider, (ends, ranges) in model.sliders.items():
-            if known.setdefault((slider, ends, ranges), name) == name:
-                moves = ", ".join(f"`{part.name}` {part.low:g} to {part.high:g}" for part in ranges)
-                rows.append(f"| {name} | {slider} | {ends[:1].lower() + ends[1:]} | {moves} |")
+    rows = ["<!-- sliders -->", "| model | slider | from one end to the other | moves |", "|---|---|---|---|"]
+    owners = {Parameters: "all"}
+    for model in behaviours().values():
+        owners.setdefault(model.Params, model.name)
+    for params, owner in owners.items():
+        inherited = [base.sliders for base in params.__mro__[1:] if hasattr(base, "sliders")]
+        for name, slider in params.sliders.items():
+            if slider not in [sliders.get(name) for sliders in inherited]:
+                moves = ", ".join(f"`{part.name}` {part.low:g} to {part.high:g}" for part in slider.ranges)
+                rows.append(f"| {owner} | {name} | {slider.ends[:1].lower() + slider.ends[1:]} | {moves} |")
     return "\n".join(rows)
 
 
