@@ -54,7 +54,7 @@ def test_a_scheduler_that_dies_is_told_and_what_was_done_is_kept(tmp_path):
         with Workers(np.arange(5.0), path=tmp_path / "kept", cluster=crew) as far:
             far.map(digest_of, [{"number": 0}])
             begun[0].kill()
-            with pytest.raises(ProblemsError, match="is not running any more; finished work is kept; continue with --resume"):
+            with pytest.raises(ProblemsError, match="is not running any more; finished work is kept; continue"):
                 far.map(digest_of, [{"number": 1}])
         assert len(Workers(None, path=tmp_path / "kept").known) == 1
 
