@@ -412,7 +412,7 @@ def _plain(pictures, steady, masks):
         return []
     return [
         "the ground has too little texture to measure the motion of the camera, which is assumed to stand still; if it "
-        "moves, name something that stands still, in two frames, with --landmark FRAME:x,y,w,h"
+        "moves, mark something that does not move, in two frames, with --landmark FRAME:x,y,w,h"
     ]
 
 

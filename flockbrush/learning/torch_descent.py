@@ -90,7 +90,7 @@ class DescentState:
         data = read_json(path)
         names = {f.name for f in fields(DescentState)}
         if not isinstance(data, dict) or set(data) != names:
-            raise ValueError(f"{path} is no state of a descent: it should have {', '.join(sorted(names))}")
+            raise ValueError(f"{path} is not the state of a descent: it should have {', '.join(sorted(names))}")
         return DescentState(**data)
 
 

@@ -35,7 +35,7 @@ def test_a_clean_film_of_a_level_is_seen_as_the_herd_was(level, tmp_path):
 
 @pytest.mark.parametrize(
     ("level", "why"),
-    [*((level, "too small to be told apart") for level in TOO_SMALL), *((level, "nothing moves") for level in RESTING)],
+    [*((level, "too small to separate") for level in TOO_SMALL), *((level, "nothing moves") for level in RESTING)],
 )
 def test_why_a_clean_film_of_a_level_cannot_be_read_is_said(level, why, tmp_path):
     film(level, tmp_path / "walk.mp4")

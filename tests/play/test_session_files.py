@@ -132,7 +132,7 @@ def test_undo_goes_on_where_the_herd_cannot_follow(session, monkeypatch):
     session.do("guide", [DrawGuide(session.editor.new_id(), "way", [[2, 2], [9, 2]])])
     monkeypatch.setattr(session.editor._done[-1], "back", [RemoveAnimals(6, 8, 1, "cow")])
     assert session.undo() and session.editor.text() == before
-    assert "taken back in the level; the herd cannot follow: there is no species 'cow'" in texts(session)[0]
+    assert "undone in the level, but not in the running herd: there is no species 'cow'" in texts(session)[0]
 
 
 def test_an_edit_the_file_cannot_take_changes_nothing(session):

@@ -39,7 +39,7 @@ def test_the_same_seed_gives_the_same_numbers_with_a_pause_between(tmp_path):
 
 def test_a_file_that_is_no_state_is_told(tmp_path):
     (tmp_path / "x.json").write_text("[1]")
-    with pytest.raises(ValueError, match=r"x\.json is no state of a descent: it should have .*theta"):
+    with pytest.raises(ValueError, match=r"x\.json is not the state of a descent: it should have .*theta"):
         DescentState.load(tmp_path / "x.json")
 
 
