@@ -23,10 +23,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from flockbrush.engine.lanes import LANES, lane_numbers, load, load_where, pack, pointer, store
-from flockbrush.engine.lanes import count as lanes_set
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.parallel import over_rows
+from flockbrush.systems.contact_candidates import contacts_within
 from flockbrush.systems.grid import Cells
 from flockbrush.systems.ground_height import Heights, shorten_on_slopes
 from flockbrush.systems.sightline import step
@@ -88,10 +87,8 @@ def move_by_slot(cells, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=Non
     far += 2.0 * dt * float(speed.max(initial=0.0))
     reach = 2.0 * (body + far + SLACK)  # whoever is farther away cannot be met, for nobody goes farther than ``far``
     # all by slot, so that neighbours in turn are neighbours in memory
-    order = itself = np.arange(m, dtype=np.int32)
-    if cells.ghost.any():
-        order, itself = order[~cells.ghost], cells.slot[cells.row]
-    met = Contacts(*cells[:7], order, itself, *_contacts(cells, reach, order))
+    met = contacts_within(reach, cells)
+    order = met.order
     wished, pushed = Poses(np.zeros((m, 2)), np.zeros((m, 2))), np.zeros((m, 2))
     over_rows(_turn, len(order), met, wish, speed, max_turn, edges, dt, wished)
     for _ in range(PUSHES):
@@ -109,22 +106,6 @@ def _bounds(cells):
         return 0.0, 0.0
     body, radius = float((cells.half + cells.radius).max()), float(cells.radius.max())
     return body, min(SKIN * body, radius)
-
-
-class Contacts(NamedTuple):
-    """Whom everybody could meet in a tick, by slot."""
-
-    x: np.ndarray  # (slots,) m
-    y: np.ndarray
-    fx: np.ndarray  # heading
-    fy: np.ndarray
-    half: np.ndarray  # m, half the length of the axis
-    radius: np.ndarray  # m
-    row: np.ndarray  # (slots,) int32
-    order: np.ndarray  # (k,) int32: slots of those who move
-    itself: np.ndarray  # (slots,) int32: of a ghost the slot of the animal that it copies
-    near: np.ndarray  # (slots, width) int32: slots of those who could be met
-    count: np.ndarray  # type: ignore[assignment]  # (slots,) int32: how many they are
 
 
 class Poses(NamedTuple):
@@ -179,48 +160,6 @@ def _agree(met, edges, wished, far, within=None):
         firm |= stuck
         fresh = stuck
     return safe
-
-
-def _contacts(cells, reach, order, width=LANES):
-    """Slots of the bodies that could be met in this tick, by slot."""
-    m = len(cells.row)
-    count = np.zeros(m, np.int32)
-    while True:
-        near = np.empty((m, width), np.int32)
-        over_rows(_find_contacts, len(order), cells, order, reach, near, count)
-        most = int(count.max()) if m else 0
-        if most <= width:
-            return near, count
-        width = 1 << most.bit_length()
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _find_contacts(lo, hi, cells, order, reach, near, count):
-    _contacts_of(lo, hi, cells, order, reach, near, count, np.empty(near.shape[1] + LANES, np.int32))
-
-
-@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-def _contacts_of(lo, hi, cells, order, reach, near, count, found):
-    x, y, start, nx, ny = pointer(cells.x), pointer(cells.y), pointer(cells.start), cells.nx, cells.ny
-    cell, width, reach2, here, out = cells.cell, near.shape[1], reach * reach, pointer(found), pointer(near)
-    for o in range(lo, hi):
-        s = order[o]
-        xi, yi = x[s], y[s]
-        west, south = cells.west[s], cells.south[s]
-        r0, r1 = max(0, int((yi - reach - south) / cell)), min(ny - 1, int((yi + reach - south) / cell))
-        c0, c1 = max(0, int((xi - reach - west) / cell)), min(nx - 1, int((xi + reach - west) / cell))
-        n = np.int64(0)
-        for r in range(r0, r1 + 1):
-            end = start[r * nx + c1 + 1]
-            for k in range(start[r * nx + c0], end, LANES):
-                there, slot = lane_numbers() < np.int32(end - k), lane_numbers() + np.int32(k)
-                dx, dy = load_where(x, k, there) - xi, load_where(y, k, there) - yi
-                ok = there & (dx * dx + dy * dy < reach2) & (slot != s)
-                pack(here, min(n, width), slot, ok)
-                n += lanes_set(ok)
-        count[s] = n
-        for k in range(0, width if n <= width else 0, LANES):
-            store(out, s * width + k, load(here, k))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
