@@ -99,9 +99,45 @@ class Scene(NamedTuple):
     air: Air | None = None  # what flyers perceive; None in a world without any
     formation: Any = None  # what birds in line formation know (`behaviours.models.line_formation.InFormation`)
     relations: Kinds | None = None  # who fears and hunts whom, by kind of animal
-    noticed: Any = None  # dangers, prey and leaders that animals notice (`flockbrush.systems.noticing.NoticedLists`)
+    noticed: NoticedLists | None = None  # dangers, prey and leaders that animals notice
     bodies: Bodies | None = None  # what drives know of bodies; None where no drive could act
     by_slot: BySlot | None = None  # the same neighbours for models that say so (`Behaviour.by_slot`)
+
+    @property
+    def animals(self) -> Animals:
+        """Its columns of the animals, for kernels."""
+        return Animals(*(getattr(self, name) for name in Animals._fields))
+
+
+class Animals(NamedTuple):
+    """The columns of a `Scene` that kernels of models and drives read, by row."""
+
+    ids: np.ndarray  # (n,)
+    species: np.ndarray  # (n,) the same number for those who keep together
+    xyz: np.ndarray  # (n, 3) m
+    velocity: np.ndarray  # (n, 3) m/s
+    forward: np.ndarray  # (n, 3) unit headings
+    speed: np.ndarray  # (n,) m/s, the speed process
+    length: np.ndarray  # (n,) m
+    guidance: np.ndarray  # (n, 2) navigation field, length at most 1
+
+
+class NoticedLists(NamedTuple):
+    """Whom everybody notices: those of row i are ``first[i]:first[i + 1]``."""
+
+    first: np.ndarray  # (n + 1,) int64
+    near: np.ndarray  # (m,) int32 rows
+    offset: np.ndarray  # (m, 3) m, from the observer, across the seam of a wrapped map where that is shorter
+    verb: np.ndarray  # (m,) uint8, `flockbrush.systems.fauna.FEAR`, `HUNT` or `FOLLOW`
+    weight: np.ndarray  # (m,) 0 to 1
+    notice: np.ndarray  # (m,) m, within which it is noticed
+
+
+def nobody_noticed(n) -> NoticedLists:
+    """The lists of n animals who notice nobody."""
+    none = np.zeros(0)
+    first, offset = np.zeros(n + 1, np.int64), none.reshape(0, 3)
+    return NoticedLists(first, none.astype(np.int32), offset, none.astype(np.uint8), none, none)
 
 
 class BySlot(NamedTuple):

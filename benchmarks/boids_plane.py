@@ -25,7 +25,7 @@ from flockbrush.behaviours.behaviour import Air, Scene
 from flockbrush.behaviours.models import boids
 from flockbrush.engine import parallel
 from flockbrush.engine.scratch import Scratch
-from flockbrush.systems.space import sort_in_space, visible_in_space
+from flockbrush.systems.space import EyesInSpace, sort_in_space, visible_in_space
 from numba import njit
 from perception import machine
 from scipy.spatial import cKDTree
@@ -55,9 +55,9 @@ class Flock:
         self.xyz[:, :2], self.velocity[:, :2] = place, velocity
         self.forward, self.rows, self.scratch = self.velocity.copy(), np.arange(n, dtype=np.int32), Scratch()
         ones, nothing, far = np.ones(n), np.zeros((n, 3)), np.full(n, np.inf)
-        self.seen = np.full(n, REACH), -ones, np.ones(n, np.uint8), np.zeros(n)
+        self.eyes = EyesInSpace(np.full(n, REACH), -ones, np.ones(n, np.uint8), np.zeros(n))
         self.air = Air(
-            *visible_in_space(self._sorted(), *self.seen, scratch=self.scratch), np.tile([0.0, 0, 1], (n, 1)), far,
+            *visible_in_space(self._sorted(), self.eyes, scratch=self.scratch), np.tile([0.0, 0, 1], (n, 1)), far,
             self.forward, far, nothing, far, np.zeros(n, np.uint8), nothing, np.zeros(n + 1, np.int64), nothing[:0],
         )  # fmt: skip
         self.scene = Scene(*[None] * 22)._replace(dt=DT, length=OWN * ones, species=np.zeros(n, np.int64))
@@ -72,7 +72,7 @@ class Flock:
 
     def acceleration(self):
         """Return the accelerations (n, 3), m/s²."""
-        lists = visible_in_space(self._sorted(), *self.seen, scratch=self.scratch)
+        lists = visible_in_space(self._sorted(), self.eyes, scratch=self.scratch)
         air = self.air._replace(first=lists.first, near=lists.near, offset=lists.offset)
         scene = self.scene._replace(velocity=self.velocity, forward=self.forward, air=air)
         return boids.steer(scene, self.rows, self.params).acceleration

@@ -55,10 +55,8 @@ def chosen_of_one_kind(lists, sight, neighbours):
         return lists
     n, keep, kin = len(lists.first) - 1, np.ones(len(lists.near), np.bool_), np.zeros((1, 1), np.bool_)
     kind = np.zeros(n, np.int32)
-    over_rows(
-        _choose, n, lists.first, lists.near, lists.offset, kind, kind, kin, np.full(n, SIGHTS.index(sight)),
-        np.full(n, neighbours), keep,
-    )  # fmt: skip
+    sight = np.full(n, SIGHTS.index(sight))
+    over_rows(_choose, n, lists, kind, kind, kin, sight, np.full(n, neighbours), keep)
     before = np.concatenate([[0], np.cumsum(keep)])
     return Lists(before[lists.first], lists.near[keep], lists.offset[keep])
 
@@ -101,14 +99,15 @@ def _kept(world, lists):
     n, brush, species = len(agents), agents[BrushBinding.brush], agents[Species.index]
     keep = np.ones(len(lists.near), np.bool_)
     over_rows(
-        _choose, n, lists.first, lists.near, lists.offset, species, kin_of(table, species), table.ignore,
-        palette.sight[brush], palette.neighbours[brush], keep,
+        _choose, n, lists, species, kin_of(table, species), table.ignore, palette.sight[brush],
+        palette.neighbours[brush], keep,
     )  # fmt: skip
     return keep
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _choose(lo, hi, first, near, offset, species, kin, ignore, sight, neighbours, keep):
+def _choose(lo, hi, lists, species, kin, ignore, sight, neighbours, keep):
+    first, near, offset = lists
     for i in range(lo, hi):
         count = 0
         for at in range(first[i], first[i + 1]):

@@ -18,7 +18,7 @@ from flockbrush.systems.hidden_points import visible_by_hpr
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.perception import chooses, chosen, chosen_by_slot, each_its_own
-from flockbrush.systems.space import Space, sort_in_space, visible_in_space
+from flockbrush.systems.space import EyesInSpace, Space, sort_in_space, visible_in_space
 from flockbrush.systems.visibility import Found, Lists, lists_of, look_around
 from numba import njit
 
@@ -171,16 +171,9 @@ class SeeInSpace(System):
         cosine = np.empty(len(agents))
         over_rows(_cosine_of_half, len(agents), agents[Vision.field_of_view], cosine)
         through = palette.sees_through[agents[BrushBinding.brush]]
-        sight.lists = visible_in_space(
-            near.space,
-            agents[Vision.range],
-            cosine,
-            through,
-            agents[Body.radius],
-            world.resource(Landscape).opaque_solids,
-            self.width,
-            sight.scratch,
-        )
+        eyes = EyesInSpace(agents[Vision.range], cosine, through, agents[Body.radius])
+        solids = world.resource(Landscape).opaque_solids
+        sight.lists = visible_in_space(near.space, eyes, solids, self.width, sight.scratch)
         self.width = max(32, 16 + 3 * len(sight.lists.near) // max(2 * len(near.space.x), 1))
         if chooses(world):
             sight.lists = chosen(world, sight.lists)

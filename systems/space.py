@@ -54,6 +54,24 @@ class Space(NamedTuple):
         return self.row[~self.ghost]
 
 
+class EyesInSpace(NamedTuple):
+    """How animals see in space, (n,) each, by row."""
+
+    range: np.ndarray  # m
+    cosine: np.ndarray  # of half the field of view; -1 sees all round
+    through: np.ndarray  # 1 for those who see through bodies and solids
+    radius: np.ndarray  # m, of the ball that hides others
+
+
+class Around(NamedTuple):
+    """Who lives in a cube and those around it, side by side."""
+
+    x: np.ndarray  # (room,) m
+    y: np.ndarray
+    z: np.ndarray
+    slot: np.ndarray  # (room,) int32
+
+
 def sort_in_space(xyz, forward, rows, reach, wrap=None):
     """Sort animals into cubes as wide as the farthest of them sees.
 
@@ -168,19 +186,14 @@ def _by_slot(order, place, rows, ghosts, forward):
     return x, y, z, fx, fy, fz, row, ghost
 
 
-def visible_in_space(space, view_range, cos_half_view, through, radius, solids=None, width=32, scratch=None):
+def visible_in_space(space, eyes, solids=None, width=32, scratch=None):
     """Compressed lists of whom everybody in a `Space` sees.
 
     Parameters
     ----------
     space : Space
         With a reach of at least the largest range.
-    view_range, cos_half_view : ndarray (n,)
-        Metres, and the cosine of half the field of view, by row; -1 sees all round.
-    through : ndarray (n,)
-        1 for those who see through bodies and solids, by row.
-    radius : ndarray (n,)
-        Metres, of the ball that hides others, by row.
+    eyes : EyesInSpace
     solids : Solids, optional
         What blocks the view besides.
     width : int
@@ -193,7 +206,7 @@ def visible_in_space(space, view_range, cos_half_view, through, radius, solids=N
     Lists
         Empty for rows that are not in the space; offsets are (m, 3).
     """
-    n, m = len(view_range), len(space.x)
+    n, m = len(eyes.range), len(space.x)
     if not m:
         return nobody(n, 3)
     solids = no_solids() if solids is None else solids
@@ -201,7 +214,7 @@ def visible_in_space(space, view_range, cos_half_view, through, radius, solids=N
     begin, count = np.empty(m, np.int64), np.zeros(n, np.int64)
     while True:
         seen = scratch.take("seen", (m * width + LANES,), np.int32)
-        given = (space, view_range, cos_half_view, through, radius, solids, width, seen, begin, count)
+        given = (space, eyes, solids, width, seen, begin, count)
         over_rows(_look, m, *given, chunk=CHUNK)
         if not _crowded(begin, space.ghost):
             break
@@ -215,10 +228,10 @@ def visible_in_space(space, view_range, cos_half_view, through, radius, solids=N
 
 
 @kernel
-def _look(lo, hi, space, view_range, cos_half_view, through, radius, solids, width, seen, begin, count):
+def _look(lo, hi, space, eyes, solids, width, seen, begin, count):
     """The visible of observers lo to hi, into ``seen`` from ``lo * width`` on; ``begin[i] = -1``: no room."""
-    room = 1024
-    x, y, z, slot = np.empty(room), np.empty(room), np.empty(room), np.empty(room, np.int32)
+    through, room = eyes.through, np.int64(1024)  # as its type is later
+    around = _room_for(room)
     at, end = lo * width, hi * width
     cube, n = -1, 0
     for i in range(lo, hi):
@@ -231,18 +244,12 @@ def _look(lo, hi, space, view_range, cos_half_view, through, radius, solids, wid
             n = _population(space, cx, cy, cz)
             if n + LANES > room:
                 room = 2 * (n + LANES)
-                x, y, z, slot = np.empty(room), np.empty(room), np.empty(room), np.empty(room, np.int32)
-            _gather(space, cx, cy, cz, x, y, z, slot)
+                around = _room_for(room)
+            _gather(space, cx, cy, cz, around)
         if through[row] and at + n + LANES <= end:
-            visible = _in_view(
-                n, x, y, z, slot, seen, at, i, space.x[i], space.y[i], space.z[i], space.fx[i], space.fy[i],
-                space.fz[i], view_range[row] * view_range[row], cos_half_view[row],
-            )  # fmt: skip
+            visible = _in_view(n, around, seen, at, i, space, eyes)
         else:
-            visible = _in_view_by_one(
-                n, x, y, z, slot, seen, at, end, i, space, view_range[row], cos_half_view[row], not through[row],
-                radius, solids,
-            )  # fmt: skip
+            visible = _in_view_by_one(n, around, seen, at, end, i, space, eyes, solids)
         count[row] = visible
         if at + visible > end:
             begin[i] = -1
@@ -274,8 +281,15 @@ def _population(space, cx, cy, cz):
 
 
 @kernel
-def _gather(space, cx, cy, cz, x, y, z, slot):
+def _room_for(animals):
+    """`Around` for so many."""
+    return Around(np.empty(animals), np.empty(animals), np.empty(animals), np.empty(animals, np.int32))
+
+
+@kernel
+def _gather(space, cx, cy, cz, around):
     """All who live in a cube and those around it, side by side, and nobody after them."""
+    x, y, z, slot = around
     n = 0
     c0, c1 = max(cx - 1, 0), min(cx + 1, space.nx - 1)
     for level in range(max(cz - 1, 0), min(cz + 1, space.nz - 1) + 1):
@@ -289,9 +303,14 @@ def _gather(space, cx, cy, cz, x, y, z, slot):
 
 
 @kernel
-def _in_view(n, x, y, z, slot, seen, at, i, xi, yi, zi, fx, fy, fz, reach2, cosine):
+def _in_view(n, around, seen, at, i, space, eyes):
     """Slots of those in range and in the cone, sixteen at a time; returns how many."""
-    px, py, pz, ps, out = pointer(x), pointer(y), pointer(z), pointer(slot), pointer(seen)
+    px, py, pz, ps, out = (
+        pointer(around.x), pointer(around.y), pointer(around.z), pointer(around.slot), pointer(seen),
+    )  # fmt: skip
+    xi, yi, zi, fx, fy, fz = space.x[i], space.y[i], space.z[i], space.fx[i], space.fy[i], space.fz[i]
+    reach, cosine = eyes.range[space.row[i]], eyes.cosine[space.row[i]]
+    reach2 = reach * reach
     cos2 = cosine * cosine
     found = at
     for k in range(0, n, LANES):
@@ -310,8 +329,11 @@ def _in_view(n, x, y, z, slot, seen, at, i, xi, yi, zi, fx, fy, fz, reach2, cosi
 
 
 @kernel
-def _in_view_by_one(n, x, y, z, slot, seen, at, end, i, space, reach, cosine, occlusion, radius, solids):
+def _in_view_by_one(n, around, seen, at, end, i, space, eyes, solids):
     """As `_in_view`, one at a time: with occlusion, and where room may be short."""
+    x, y, z, slot = around
+    row, radius = space.row[i], eyes.radius
+    reach, cosine, occlusion = eyes.range[row], eyes.cosine[row], not eyes.through[row]
     xi, yi, zi, fx, fy, fz = space.x[i], space.y[i], space.z[i], space.fx[i], space.fy[i], space.fz[i]
     ox, oy, oz, d2, who = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n, np.int32)
     found = 0
