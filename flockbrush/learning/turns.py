@@ -25,7 +25,7 @@ from flockbrush.behaviours.models.herd import Params
 from flockbrush.engine.parallel import over_rows
 from flockbrush.learning.perceive import Percept, half_and_radius, perceive, together
 from flockbrush.learning.rollout import BODY, DT, LEAST, MOST, VISION, Walls, theta_of
-from flockbrush.learning.turn_kernels import is_inside, room_kernel, turn_kernel
+from flockbrush.learning.turn_kernels import TurnLaw, is_inside, room_kernel, turn_kernel
 
 FREEDOM = 4.0  # degrees of freedom of Student's t: the usual choice between robust and sharp
 SMALLEST = 1e-7  # rad, of the spread of differences: below it all agree
@@ -128,10 +128,7 @@ def _evenly(frames):
 
 def _look(seen, t, body, vision, walls, params):
     rows = seen.of(t)
-    return perceive(
-        seen.xy[rows], seen.forward[rows], body, vision, walls=walls, neighbour_range=params.neighbour_range,
-        leader_neighbours=params.leader_neighbours, leader_cone=params.leader_cone,
-    )  # fmt: skip
+    return perceive(seen.xy[rows], seen.forward[rows], body, vision, params, walls=walls)
 
 
 def _at_liberty(percept, rows, turn, half, radius, enough=40.0):
@@ -141,7 +138,7 @@ def _at_liberty(percept, rows, turn, half, radius, enough=40.0):
     """
     free = np.ones(percept.animals)
     if radius > 0.0:
-        room_kernel(percept.forward, percept.first, percept.near, percept.offset, half, radius, free)
+        room_kernel(percept, half, radius, free)
     weight = free[rows] if half > 0.0 else np.where(np.abs(turn) < STILL, free[rows], 1.0)
     return weight if weight.sum() > enough else np.maximum(weight, 0.1)
 
@@ -190,14 +187,11 @@ def predicted(turns: Turns, theta, params=None):
     ``params`` has what theta has not: Ω, range, wander and the limit of turning.
     """
     params = params or Params()
-    p, k = turns.percept, len(turns.rows)
+    k = len(turns.rows)
     turn, slope = np.empty(k), np.empty((k, 12))
-    over_rows(
-        turn_kernel, k, turns.rows, turns.ticks, p.forward, p.species, p.first, p.near, p.offset, p.walls_first,
-        p.walls_offset, turns.velocity, turns.spin, np.asarray(theta, float), turns.dt, params.sensitivity,
-        params.neighbour_range, params.max_turn * turns.dt, params.wander * turns.dt**0.5, turns.half, turns.radius,
-        turn, slope, chunk=512,
-    )  # fmt: skip
+    limit, drift = params.max_turn * turns.dt, params.wander * turns.dt**0.5
+    law = TurnLaw(params.sensitivity, params.neighbour_range, limit, drift)
+    over_rows(turn_kernel, k, turns, np.asarray(theta, float), law, turn, slope, chunk=512)
     return turn, slope
 
 
