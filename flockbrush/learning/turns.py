@@ -31,6 +31,7 @@ FREEDOM = 4.0  # degrees of freedom of Student's t: the usual choice between rob
 SMALLEST = 1e-7  # rad, of the spread of differences: below it all agree
 SPAN = 0.1  # s over which a turn is observed where frames are closer.  By trial: see docs/learning.md
 STILL = 1e-6  # rad
+UNSEEN = 0.1  # share of neighbours missing at which a turn counts half.  By trial: tests/behaviours/learning
 PAIRS = 1_500_000  # visible neighbours that are looked at in a step, at most; of more frames every second or third
 
 
@@ -105,7 +106,8 @@ def turns_of(
     )
     velocity, spin = _motion(seen, chosen)
     half, radius = half_and_radius(body)
-    weight = _at_liberty(percept, rows, turn[rows], half, radius)
+    around = np.concatenate([seen.neighbours_seen[seen.of(t)] for t in chosen])[rows]
+    weight = _at_liberty(percept, rows, turn[rows], half, radius) * trust(around)
     return Turns(percept, velocity, spin, rows, seconds[rows] / dt, turn[rows], weight, half, radius, dt)
 
 
@@ -129,6 +131,11 @@ def _evenly(frames):
 def _look(seen, t, body, vision, walls, params):
     rows = seen.of(t)
     return perceive(seen.xy[rows], seen.forward[rows], body, vision, params, walls=walls)
+
+
+def trust(neighbours_seen):
+    """How much a turn counts by the share of the neighbours that are seen: those that are not make it vary more."""
+    return 1.0 / (1.0 + ((1.0 - neighbours_seen) / UNSEEN) ** 2)
 
 
 def _at_liberty(percept, rows, turn, half, radius, enough=40.0):
