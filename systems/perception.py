@@ -24,9 +24,9 @@ References
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.behaviours.behaviour import filled_up
 from flockbrush.behaviours.brush_tables import SIGHTS
 from flockbrush.components import BrushBinding, Species
-from flockbrush.engine.lanes import LANES
 from flockbrush.engine.parallel import over_rows
 from flockbrush.systems.fauna import SpeciesList, kin_of
 from flockbrush.systems.hidden_points import RADIUS_FACTOR, _corners
@@ -42,15 +42,8 @@ def chooses(world):
     return bool(world.resource(Palette).chooses or world.resource(SpeciesList).table.ignore.any())
 
 
-def chosen(world, lists):
-    """`Lists` of those whom everybody's brush takes into account, of those in view."""
-    keep = _kept(world, lists)
-    before = np.concatenate([[0], np.cumsum(keep)])
-    return Lists(before[lists.first], lists.near[keep], lists.offset[keep])
-
-
 def chosen_of_one_kind(lists, sight, neighbours):
-    """The same where all are of one kind and have one brush: its ``sight`` and ``neighbours``."""
+    """`Lists` of those in view who are taken into account where all are of one kind and have one brush."""
     if SIGHTS.index(sight) < HIDDEN_POINTS:
         return lists
     n, keep, kin = len(lists.first) - 1, np.ones(len(lists.near), np.bool_), np.zeros((1, 1), np.bool_)
@@ -62,7 +55,7 @@ def chosen_of_one_kind(lists, sight, neighbours):
 
 
 def chosen_by_slot(world, found):
-    """The same of and as `Found`."""
+    """Those whom everybody's brush takes into account, of those in view; both as `Found`."""
     keep = _kept(world, lists_of(found))
     before = np.concatenate([[0], np.cumsum(keep)])
     first = np.concatenate([[0], np.cumsum(found.count)])
@@ -86,11 +79,10 @@ def _slots(found):
 
 
 def _found(cells, slots, count):
-    first = np.concatenate([[0], np.cumsum(count)])
     begin, rows = np.zeros(len(cells.x), np.int64), np.flatnonzero(cells.slot >= 0)
+    seen, first = filled_up(slots, count, cells.slot)
     begin[cells.slot[rows]] = first[rows]
-    room = np.zeros(LANES, np.int32)  # kernels read whole lanes
-    return Found(cells, np.concatenate([slots.astype(np.int32), room]), begin, count.astype(np.int64))
+    return Found(cells, seen, begin, count.astype(np.int64))
 
 
 def _kept(world, lists):

@@ -37,15 +37,10 @@ class Lists(NamedTuple):
         return self.near[self.first[row] : self.first[row + 1]]
 
 
-def nobody(n, dimensions):
-    """The lists of n animals who see nobody."""
-    return Lists(np.zeros(n + 1, np.int64), np.zeros(0, np.int32), np.zeros((0, dimensions)))
-
-
 class Found(NamedTuple):
     """Who is seen, as it was found: by slot, so that neighbours in turn are neighbours in memory."""
 
-    cells: Any  # the herd as it was
+    cells: Any  # the herd as it was: `Cells`, or a `Space`
     seen: np.ndarray  # int32 slots; those that row i sees are ``seen[begin[slot[i]]:][:count[i]]``
     begin: np.ndarray  # (slots,) int64
     count: np.ndarray  # type: ignore[assignment]  # (n,) int64, by row; 0 for who is in no cell
@@ -142,9 +137,8 @@ def lists_of(found: Found) -> Lists:
     cells, seen, begin, count = found
     first = np.zeros(len(count) + 1, np.int64)
     np.cumsum(count, out=first[1:])
-    near, offset = np.empty(first[-1], np.int32), np.empty((first[-1], 2))
-    axes = cells.x, cells.y
-    over_rows(by_row, len(cells.x), axes, cells.row, cells.ghost, seen, begin, first, near, offset, chunk=CHUNK)
+    near, offset = np.empty(first[-1], np.int32), np.empty((first[-1], len(cells.axes)))
+    over_rows(by_row, len(cells.x), cells.axes, cells.row, cells.ghost, seen, begin, first, near, offset, chunk=CHUNK)
     return Lists(first, near, offset)
 
 
