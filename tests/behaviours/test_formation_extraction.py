@@ -172,7 +172,7 @@ def test_the_way_a_v_flies_is_seen_from_its_arms():
         a = np.radians(turn - 90)
         points = np.c_[x, y] @ [(np.cos(a), np.sin(a)), (-np.sin(a), np.cos(a))]
         assert abs((guess_heading(points) - turn + 180) % 360 - 180) <= 10
-    with pytest.raises(ProblemsError, match="give it"):
+    with pytest.raises(ProblemsError, match="give --heading left"):
         guess_heading(np.c_[ROW, -ROW])
 
 

@@ -418,7 +418,7 @@ def test_where_a_recording_begins_its_size_is_said(level, tmp_path, monkeypatch)
     (said,) = [text for text in texts(session) if "walk.flock" in text]
     session.step(round(60 / session.simulation.clock.dt))
     session.close()
-    megabytes = float(re.search(r"about (\S+) MB a minute", said)[1])
+    megabytes = float(re.search(r"about (\S+) MB per minute", said)[1])
     assert megabytes == pytest.approx((tmp_path / "walk.flock").stat().st_size / 1e6, rel=0.5)
     monkeypatch.setattr(shutil, "disk_usage", lambda folder: shutil._ntuple_diskusage(0, 0, round(5e6 * megabytes)))
     session = Session.open(level, record=tmp_path / "run.flock", state_folder=tmp_path / "state")
