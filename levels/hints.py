@@ -74,7 +74,10 @@ def _mixing_hint(library, start, end):
         return f"brushes {start!r} and {end!r} are of unlike models: a share of the animals takes {end!r} altogether"
     path = path_between(library, start, end)
     if path is not None and not path.even:
-        return f"the measured way from {start!r} to {end!r} is not even: herds may jump (the table is in its file)"
+        kind = (
+            "bistable: a herd does one of two things, as it did before" if path.bistable else "not even: herds may jump"
+        )
+        return f"the measured way from {start!r} to {end!r} is {kind} (the table is in its file)"
     if path is None:
         return (
             f"nobody has measured the way from {start!r} to {end!r}: numbers are mixed in a straight line, along which "

@@ -15,7 +15,7 @@ brush_app = typer.Typer(
 )
 
 
-class Beginning(str, enum.Enum):
+class FirstHeadings(str, enum.Enum):
     """How the herds of a path begin."""
 
     RANDOM, ALIGNED, MILL = "random", "aligned", "mill"
@@ -101,7 +101,7 @@ def brush_morph(
     begin: Annotated[
         Beginning,
         typer.Option(help="How herds begin: headings at random, or one way, or a disc that turns."),
-    ] = Beginning.RANDOM,
+    ] = FirstHeadings.RANDOM,
 ):
     """Measure a path between two brushes along which behaviour changes evenly, beside the straight line.
 
