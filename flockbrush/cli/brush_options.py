@@ -99,7 +99,7 @@ def brush_morph(
         typer.Option(min=0, max=10, metavar="W", help="Random turning added on the way (rad/√s), none at the ends."),
     ] = 0.0,
     begin: Annotated[
-        Beginning,
+        FirstHeadings,
         typer.Option(help="How herds begin: headings at random, or one way, or a disc that turns."),
     ] = FirstHeadings.RANDOM,
 ):
