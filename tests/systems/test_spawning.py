@@ -188,7 +188,7 @@ def test_large_herds_are_numbered_where_they_stand_with_the_same_bodies(monkeypa
     for many in (1000, 300):
         monkeypatch.setattr(population, "MANY", many)
         simulation = meadow(WALK)
-        give_birth(simulation.world, box(0, 0, 40, 40), 300, "walk", "sheep")
+        give_birth(simulation.world, spawn(box(0, 0, 40, 40), "walk", 300, None, species="sheep"), 300)
         agents = simulation.agents
         columns = agents[Position.xyz], agents[Heading.forward], agents[Body.length], agents[Individual.pace]
         herds.append(np.column_stack(columns))
