@@ -17,6 +17,7 @@ import numpy as np
 from flockbrush.engine.arrays import order_
 from flockbrush.engine.lanes import LANES, load, pack, pointer
 from flockbrush.engine.lanes import count as count_lanes
+from flockbrush.engine.maths import inner_kernel
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.scratch import Scratch
 from flockbrush.engine.solid_queries import blocks_
@@ -268,7 +269,7 @@ def _cube(space, x, y, z):
     )
 
 
-@kernel
+@inner_kernel
 def _population(space, cx, cy, cz):
     """How many live in a cube and those around it."""
     n = 0
@@ -280,13 +281,13 @@ def _population(space, cx, cy, cz):
     return n
 
 
-@kernel
+@inner_kernel
 def _room_for(animals):
     """`Around` for so many."""
     return Around(np.empty(animals), np.empty(animals), np.empty(animals), np.empty(animals, np.int32))
 
 
-@kernel
+@inner_kernel
 def _gather(space, cx, cy, cz, around):
     """All who live in a cube and those around it, side by side, and nobody after them."""
     x, y, z, slot = around
@@ -302,7 +303,7 @@ def _gather(space, cx, cy, cz, around):
         x[k], y[k], z[k], slot[k] = np.inf, 0.0, 0.0, -1
 
 
-@kernel
+@inner_kernel
 def _in_view(n, around, seen, at, i, space, eyes):
     """Slots of those in range and in the cone, sixteen at a time; returns how many."""
     px, py, pz, ps, out = (
@@ -328,7 +329,7 @@ def _in_view(n, around, seen, at, i, space, eyes):
     return found - at
 
 
-@kernel
+@inner_kernel
 def _in_view_by_one(n, around, seen, at, end, i, space, eyes, solids):
     """As `_in_view`, one at a time: with occlusion, and where room may be short."""
     x, y, z, slot = around
@@ -361,7 +362,7 @@ def _in_view_by_one(n, around, seen, at, end, i, space, eyes, solids):
     return visible
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _hidden(k, nearest, who, ox, oy, oz, d2, rows, radius):
     """Whether the ball of somebody nearer meets the segment to k."""
     if d2[k] <= 0.0:

@@ -252,6 +252,7 @@ COMPILERS = (
     "cache",
     "kernel",
     "kernel_function",
+    "inner_kernel",
     "lane_function",
     "dataclass",
 )  # others register what is below
