@@ -1,4 +1,4 @@
-"""Test the scenes of the papers on many seeds: ``python benchmarks/scenes.py anthill|river|mills|lifetimes|lines [--seeds A:B]``.
+"""Test the scenes of the papers on many seeds: ``python benchmarks/scenes.py SCENE [--seeds A:B]``; the scenes are:
 
 * ``anthill`` (Gong et al. 2025, fig. 17): the share of ants that go at least half round the square in 120 s, and the
   mean rotation about it from 60 s on; a seed passes with .8 and .5.

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from flockbrush.behaviours.formation.reaching import FormingRules, home_, part_in_height, reach_, wrap_
 from flockbrush.engine.arrays import write_
-from flockbrush.engine.maths import atan2_, sincos_
+from flockbrush.engine.maths import atan2_, inner_kernel, sincos_
 from flockbrush.engine.noise import Noise
 from flockbrush.systems.hidden_points import _corners
 from numba import njit
@@ -66,7 +66,7 @@ def target_of(x, y) -> Target:
     return Target(np.array([len(arm) - 1 for arm in arms]), dx, dy)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _look(i, birds, rules, perceived, angle, seen):
     """Mark whom bird i sees: perceived, within the visual volume, and not hidden.  ``angle`` becomes the bearings."""
     x, y, heading = birds
@@ -91,7 +91,7 @@ def _look(i, birds, rules, perceived, angle, seen):
         seen[j] &= angle[j] <= rules.volume and perceived[i, j]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _follows(j, i, reference):
     """Whether bird j follows bird i, through however many others."""
     for _ in range(len(reference)):
@@ -103,7 +103,7 @@ def _follows(j, i, reference):
     return True  # a ring
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _nearest(i, birds, now, seen, angle, rules, arm, beyond):
     """The nearest bird that i sees and may follow, first within the narrow volume; -1 for none.
 
@@ -195,7 +195,7 @@ def decide(birds, leader, now, count, rules, perceived, new):
         new_reference[i], new_side[i], new_slot[i] = j, s, place
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _rival(i, j, s, leader, birds, now, rules):
     """The front-most of those who follow j on side s, are near and in front of i; -1 for none."""
     x, y, _ = birds
@@ -212,7 +212,7 @@ def _rival(i, j, s, leader, birds, now, rules):
     return rival
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def move(birds, speed, leader, now, target, usual, rules, new_heading, new_speed):
     """Speed and heading of every bird in the next frame (eqs. 5 and 6)."""
     x, y, heading = birds

@@ -16,7 +16,7 @@ import numpy as np
 from flockbrush.behaviours.behaviour import NoticedLists, nobody_noticed
 from flockbrush.components import Alarm, Body, BrushBinding, Heading, Individual, Position, Species
 from flockbrush.engine.clock import Clock
-from flockbrush.engine.maths import exp_, sincos_
+from flockbrush.engine.maths import exp_, inner_kernel, sincos_
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.engine.solid_queries import blocks_
@@ -185,7 +185,7 @@ def _notice(lo, hi, watchers, kinds, hiding, first, near, offset, distance, coun
         count[i] = found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _crossed(edges, x, y, ox, oy):
     """Whether the way from (x, y) by an offset crosses an edge that blocks the view."""
     x0, x1, y0, y1 = min(x, x + ox), max(x, x + ox), min(y, y + oy), max(y, y + oy)
@@ -198,7 +198,7 @@ def _crossed(edges, x, y, ox, oy):
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _behind_a_hill(relief, cell, x, y, z, ox, oy, oz):
     """Whether the ground rises above the line from (x, y, z) by an offset."""
     for k in range(1, STEPS):

@@ -27,6 +27,7 @@ import numpy as np
 from flockbrush.behaviours.behaviour import filled_up
 from flockbrush.behaviours.brush_tables import SIGHTS
 from flockbrush.components import BrushBinding, Species
+from flockbrush.engine.maths import inner_kernel
 from flockbrush.engine.parallel import over_rows
 from flockbrush.systems.fauna import SpeciesList, kin_of
 from flockbrush.systems.hidden_points import RADIUS_FACTOR, _corners
@@ -118,7 +119,7 @@ def _choose(lo, hi, lists, species, kin, ignore, sight, neighbours, keep):
             _shell(own, offset, sight[i] == VORONOI, keep)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _nearest(own, offset, most, keep):
     """Keep so many of the nearest; of equally far ones the first of the list."""
     for _ in range(min(most, len(own))):
@@ -132,7 +133,7 @@ def _nearest(own, offset, most, keep):
         keep[which] = True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _shell(own, offset, inverted, keep):
     """Keep the corners of the hull of the points, turned inside out: by inversion, or over a sphere about all.
 

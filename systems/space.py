@@ -17,6 +17,7 @@ import numpy as np
 from flockbrush.engine.arrays import order_
 from flockbrush.engine.lanes import EIGHT, LANES, lane_numbers, load, load_where, pack, pointer, splat, store
 from flockbrush.engine.lanes import count as count_lanes
+from flockbrush.engine.maths import inner_kernel
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.scratch import Scratch
 from flockbrush.engine.solid_queries import blocks_
@@ -353,7 +354,7 @@ def _without_hidden(i, n, space, eyes, solids, who):
     return visible
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _hidden(k, nearest, who, ox, oy, oz, d2, rows, radius):
     """Whether the ball of somebody nearer meets the segment to k."""
     if d2[k] <= 0.0:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from flockbrush.behaviours.behaviour import air_of, quantity
 from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards
-from flockbrush.engine.maths import sincos_
+from flockbrush.engine.maths import inner_kernel, sincos_
 from flockbrush.engine.solid_queries import BodyFrame, ahead_, past_
 from numba import njit
 
@@ -80,7 +80,7 @@ def _free_way(rows, aloft, animals, ahead, walls, room, way, urgency):
         urgency[k] = min(0.3 + 0.7 * (1.0 - straight / reach), 1.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _room(walls, x, y, fx, fy, reach, beside):
     """Metres along a unit vector until an edge comes nearer than ``beside`` in front; ``reach`` when none does."""
     free = reach

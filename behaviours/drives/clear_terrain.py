@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from flockbrush.behaviours.behaviour import quantity
 from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards
-from flockbrush.engine.maths import sincos_
+from flockbrush.engine.maths import inner_kernel, sincos_
 from flockbrush.engine.raster import bilinear_
 from numba import njit
 
@@ -75,7 +75,7 @@ def _way_over(rows, steering, bodies, animals, clearance, foresight, need, wante
         wanted[k, 0], wanted[k, 1], wanted[k, 2] = slow * bx, slow * by, min(need[k], most)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _steepness(height, cell, x, y, fx, fy, z, reach):
     """Rise per metre of way that clears the ground along a unit vector, as far as ``reach`` m."""
     steepest = -np.inf

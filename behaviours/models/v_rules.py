@@ -23,7 +23,7 @@ from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
 from flockbrush.behaviours.v_rules.flights import STREAM, InFrame, shift
 from flockbrush.behaviours.v_rules.rules import VRuleSettings, kernel, law_of, sort_by
 from flockbrush.engine.arrays import write_
-from flockbrush.engine.maths import atan2_, sincos_
+from flockbrush.engine.maths import atan2_, inner_kernel, sincos_
 
 LEVELS, STEEPEST = 2.0, 0.12  # s in which a bird comes to another height, and at most what share of its speed
 
@@ -147,7 +147,7 @@ def _rises(members, air, birds, way, cotangent, velocity):
         velocity[i, 2] += min(max(rise / LEVELS, -most), most)
 
 
-@kernel
+@inner_kernel
 def _of_those_ahead(i, air, birds, fx, fy, cotangent):
     """Sum of the headings of one's kind within the angle; (0, 0): nobody, one leads."""
     first, near, offset, species, forward = air.first, air.near, air.offset, birds.species, birds.forward
@@ -162,7 +162,7 @@ def _of_those_ahead(i, air, birds, fx, fy, cotangent):
     return ax, ay
 
 
-@kernel
+@inner_kernel
 def _of_the_foremost(i, air, birds, fx, fy):
     """The heading of the foremost of one's kind, who has no reason to turn; (0, 0): one is it oneself."""
     first, near, offset, species, forward = air.first, air.near, air.offset, birds.species, birds.forward
@@ -183,7 +183,7 @@ def _of_the_foremost(i, air, birds, fx, fy):
     return ax, ay
 
 
-@kernel
+@inner_kernel
 def _level(x, y, instead_x, instead_y):
     size = np.sqrt(x * x + y * y)
     if size > 1e-12:

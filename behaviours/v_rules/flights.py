@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from flockbrush.behaviours.v_rules.rules import VRuleSettings, barred, dodge, kernel, law_of, sort_by, turned, wish
 from flockbrush.engine.arrays import write_
+from flockbrush.engine.maths import inner_kernel
 from flockbrush.engine.noise import Noise, key_, normal_, uniform_
 from flockbrush.engine.parallel import over_rows
 
@@ -139,7 +140,7 @@ def _fly(lo, hi, law, ids, streams, steps, every, on, flown):
             xyz[flock, i, 0], xyz[flock, i, 1], xyz[flock, i, 2] = x[i], y[i] + took[flock] * on, z[i]
 
 
-@kernel
+@inner_kernel
 def one_step(law, n, ids, key, flock, seen, angle, by_x):
     """One time step of a flock, in place, by what each has ``seen``.  Whether anybody moved or wanted to."""
     x, y, z = flock
@@ -158,7 +159,7 @@ def one_step(law, n, ids, key, flock, seen, angle, by_x):
     return busy
 
 
-@kernel
+@inner_kernel
 def shift(law, i, kin, n, seen, flock, by_x, key, entity, angle):
     """What one bird does in one step: (acts?, angle to the flock's way, displacement to the side, forward and up).
 
