@@ -84,14 +84,14 @@ class Deeds:
 
     def undo(self):
         """Take back the last change."""
-        self.tool.cancel()
+        self.tool.interrupt()
         label = self.session.undo_label
         self.session.undo()
         self.notify(f"undone: {label}" if label else "there is nothing to undo")
 
     def redo(self):
         """Do again what was taken back."""
-        self.tool.cancel()
+        self.tool.interrupt()
         label = self.session.redo_label
         self.session.redo()
         self.notify(f"redone: {label}" if label else "there is nothing to redo")
