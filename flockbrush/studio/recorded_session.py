@@ -45,6 +45,11 @@ class RecordedSession(Session):
         """Whether edits of the recording are shown at a time of the branch that one is on."""
         return self.edits is not None and self._timeline.current.name == MAIN and time <= self.recorded + EXACT
 
+    @property
+    def edition(self):
+        """As `Session.edition`."""
+        return self.edits.edition if self._edits_hold(self._after.time) else -1
+
     def play(self):
         """As `Session.play`; what is recorded is played to its end, where time stands still once."""
         super().play()

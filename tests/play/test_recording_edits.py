@@ -293,3 +293,15 @@ def test_edits_of_another_recording_are_not_shown_and_the_session_opens(recordin
     assert session.edits is None
     assert any("edits of another recording" in notice.text for notice in session.notices())
     session.close()
+
+
+def test_trails_of_ways_that_edits_took_away_are_not_drawn(window):
+    go_to(window, 8)
+    animal = next(iter(shown(window)))
+    for tick in range(9, 40):
+        go_to(window, tick)
+    before = np.count_nonzero(window.canvas.painter.trails.alpha)
+    window.session.edits.select([animal])
+    window.key("delete")
+    window.frames(1)
+    assert np.count_nonzero(window.canvas.painter.trails.alpha) < 0.3 * before
