@@ -231,6 +231,7 @@ class Evidence:
     sightings: Sightings | None = None  # none where bodies do not separate
     speed: SpeedEvidence | None = None  # none of a single picture
     notes: list[str] = field(default_factory=list)  # what whoever uses this should know
+    doubt: str = ""  # why nothing can be judged by this, or nothing
     # (h, w, 3) uint8 or None; the ground and the herd as the stabilised frame shows it, BGR
     picture: np.ndarray | None = None
     # (2, 3) or None; from BL (x, y up) to pixels (x, y down) of `picture`: ``to_pixels[:, :2] @ xy + to_pixels[:, 2]``
