@@ -124,8 +124,11 @@ class Within(NamedTuple):
 
     def shorten(self, order, step, slack=1.0):
         """(slots,) bool, whose steps (slots, 2) were too long; they are cut in place."""
-        most, over = slack * self.most, np.zeros(len(step), np.bool_)
-        over_rows(_shorten, len(order), order, most, step, over)  # copies across a seam have no step
+        most = slack * self.most
+        size = np.sqrt(step[:, 0] * step[:, 0] + step[:, 1] * step[:, 1])  # copies across a seam have no step
+        over = size > most
+        if over.any():
+            step[over] *= (most[over] / size[over])[:, None]
         if self.hills is not None:
             cut = np.zeros(len(step), np.bool_)
             shorten_on_slopes(order, self.cells.x, self.cells.y, step, most, self.hills, cut)
@@ -141,7 +144,7 @@ def _agree(met, edges, wished, far, within=None):
     Likewise who would be shoved faster than he can go; firm, he may stay as he is.
     """
     m = len(wished.step)
-    safe = Poses(np.empty((m, 2)), np.empty((m, 2)))
+    safe = Poses(np.zeros((m, 2)), np.empty((m, 2)))
     firm, fresh = np.zeros(m, np.uint8), np.ones(m, np.uint8)
     for again in range(ROUNDS + 1):
         if again == ROUNDS:
@@ -160,17 +163,6 @@ def _agree(met, edges, wished, far, within=None):
         firm |= stuck
         fresh = stuck
     return safe
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _shorten(lo, hi, order, most, step, over):
-    """Cut, in place, steps that are longer than ``most``; note whose."""
-    for o in range(lo, hi):
-        s = order[o]
-        size = np.sqrt(step[s, 0] * step[s, 0] + step[s, 1] * step[s, 1])
-        over[s] = size > most[s]
-        if over[s]:
-            step[s, 0], step[s, 1] = step[s, 0] * (most[s] / size), step[s, 1] * (most[s] / size)
 
 
 @njit(inline="always")

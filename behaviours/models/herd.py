@@ -314,10 +314,10 @@ def _room(lo, hi, rows, most, obstacle_first):
 def _pointers(dt, herd, land, forces):
     """The same tuples by pointers: arrays would be counted at every call, which costs more than the work."""
     herd = HerdState(
-        pointer(herd.forward), pointer(herd.length), herd.species, pointer(herd.leader), pointer(herd.memory),
+        pointer(herd.forward), pointer(herd.length), pointer(herd.species), pointer(herd.leader), pointer(herd.memory),
         pointer(herd.known),
     )  # fmt: skip
-    land = Land(land.first, pointer(land.walls), pointer(land.guidance), pointer(land.slope))
+    land = Land(pointer(land.first), pointer(land.walls), pointer(land.guidance), pointer(land.slope))
     f = forces
     return herd, land, Forces(
         pointer(f.weight), pointer(f.radial), pointer(f.angular), dt * f.turn, dt * f.downhill,
