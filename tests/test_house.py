@@ -227,15 +227,6 @@ def test_no_file_of_tests_benchmarks_and_pictures_is_too_long():
 
 
 MOST = 10  # parameters of a function: pass a NamedTuple
-# functions that still take more; whoever shortens one takes its name away
-WAITING = {
-    "behaviours/models/boids.py": {"_steer", "_weigh", "_clear_of_obstacles"},
-    "behaviours/models/flee_and_hunt.py": {"_flee", "_hunt"},
-    "behaviours/models/herd.py": {"_by_slot", "_by_row", "_heading", "herd_kernel", "herd_kernel_by_slot"},
-    "behaviours/models/zones.py": {"_zones"},
-    "systems/decide.py": {"_roles", "_roles_by_slot"},
-    "systems/sight.py": {"_add_rings", "_look", "_look_through", "_view_by_looks", "look"},
-}
 
 
 def parameters(source):
@@ -259,7 +250,7 @@ def with_too_many(counts):
 def test_no_function_has_too_many_parameters(room):
     counts = {named(path): parameters(path.read_text(encoding="utf-8")) for path in files(room)}
     assert len(counts) > 3
-    assert with_too_many(counts) == {file: names for file, names in WAITING.items() if file.startswith(f"{room}/")}
+    assert with_too_many(counts) == {}
 
 
 def test_all_parameters_are_counted():
