@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import enum
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from flockbrush.cli.shared_options import Json
+from flockbrush.cli.shared_options import Json, grouped
 
 
 class LiftMethod(str, enum.Enum):
@@ -44,19 +45,40 @@ def track(
     return track_clip(clip, out, seed_points, correct, reach, json)
 
 
+@dataclass
+class LiftWeights:
+    """What a flight should be like, as `LiftWish` has it."""
+
+    smoothness: Annotated[float, typer.Option("--lambda-t", min=0, help="Weight of smooth paths.")] = 1.0
+    flock: Annotated[float, typer.Option("--lambda-f", min=0, help="Weight of similar velocities.")] = 1.0
+    evenness: Annotated[float, typer.Option(min=0, help="Weight of a constant speed of the flock.")] = 1.0
+    separation: Annotated[float, typer.Option(min=0, max=1, help="Weight of separation between birds, for looks.")] = (
+        0.0
+    )
+    separation_distance: Annotated[
+        float, typer.Option(min=0, metavar="M", help="Distance below which birds are too close.")
+    ] = 1.2
+
+
+@dataclass
+class FormationOptions:
+    """A formation brush that is made of a flight."""
+
+    brush: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Formation brush to write too, from the birds of one frame.")
+    ] = None
+    frame: Annotated[int | None, typer.Option(metavar="N", help="Frame number; default: the middle one.")] = None
+    wingspan: Annotated[float | None, typer.Option(metavar="M", help="Wingspan of the birds; default: estimated.")] = (
+        None
+    )
+
+
+@grouped
 def lift(
     tracks: Annotated[Path, typer.Argument(metavar="TRACKS", help="Table of tracks: frame, id, x, y in pixels.")],
     camera: Annotated[Path, typer.Option(metavar="FILE", help="TOML: width, height, horizontal_fov_deg, fps, ...")],
     out: Annotated[Path, typer.Option(metavar="FILE", help="Trajectory to write, a CSV in metres.")],
-    lambda_t: Annotated[float, typer.Option(min=0, help="Weight of smooth paths.")] = 1.0,
-    lambda_f: Annotated[float, typer.Option(min=0, help="Weight of similar velocities.")] = 1.0,
-    evenness: Annotated[float, typer.Option(min=0, help="Weight of a constant speed of the flock.")] = 1.0,
-    separation: Annotated[
-        float, typer.Option(min=0, max=1, help="Weight of separation between birds, for looks.")
-    ] = 0.0,
-    separation_distance: Annotated[
-        float, typer.Option(min=0, metavar="M", help="Distance below which birds are too close.")
-    ] = 1.2,
+    weights: LiftWeights = LiftWeights(),  # noqa: B008  its fields become the options
     near: Annotated[
         float | None, typer.Option(metavar="M", help="Distance in metres, instead of the camera file's.")
     ] = None,
@@ -66,19 +88,11 @@ def lift(
     method: Annotated[
         LiftMethod, typer.Option(help="smooth: one global solution; cobyla: Lin's descent.")
     ] = LiftMethod.smooth,
-    brush: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Formation brush to write too, from the birds of one frame.")
-    ] = None,
-    frame: Annotated[int | None, typer.Option(metavar="N", help="Frame number; default: the middle one.")] = None,
-    wingspan: Annotated[
-        float | None, typer.Option(metavar="M", help="Heading of the birds; default: estimated.")
-    ] = None,
+    formation: FormationOptions = FormationOptions(),  # noqa: B008
     json: Json = False,
 ):
     """Lift a flock from one camera into space: tracks in pixels become a flight in metres."""
     from flockbrush.cli.lift_commands import lift_tracks
 
-    wishes = dict(smoothness=lambda_t, flock=lambda_f, evenness=evenness)
-    wishes |= dict(separation=separation, separation_distance=separation_distance)
-    made = (brush, frame, wingspan) if brush is not None else None
-    lift_tracks(tracks, camera, out, method.value, near, far, json, made, **wishes)
+    made = (formation.brush, formation.frame, formation.wingspan) if formation.brush is not None else None
+    lift_tracks(tracks, camera, out, method.value, near, far, json, made, **vars(weights))
