@@ -23,6 +23,7 @@ ORDER = (
     {"cli"},
 )
 ROOMS = tuple(sorted(set().union(*ORDER)))
+MOST = 10  # arguments of a function
 LIVING = ("engine", "components", "behaviours", "systems")  # no windows, no learning
 CLOCKS = {"now", "today", "utcnow"}  # of datetime; the module time is not imported at all
 
@@ -205,6 +206,7 @@ def test_the_rules_find_those_who_break_them():
     ):
         assert chance_and_clocks(source) != [], source
     assert chance_and_clocks("from flockbrush.engine.clock import Clock\nclock.now\n") == []
+    assert list(crowded("def f(a, b, c, d, e, *, f, g, h, i, j, k): pass")) == [(1, "f")]
     assert machine_dependent("@njit(fastmath=True)\ndef f(): pass") == [1]
     assert machine_dependent("@njit(fastmath={'nnan', 'reassoc'})\ndef f(): pass") == [1]
     assert machine_dependent("@njit(fastmath={'nnan'})\ndef f(): pass") == []
@@ -218,6 +220,21 @@ LONG = 500  # lines of a file
 def test_no_file_is_too_long(room):
     lines = {named(path): path.read_text(encoding="utf-8").count("\n") for path in files(room)}
     assert lines and {name: count for name, count in lines.items() if count > LONG} == {}, "split it by subject"
+
+
+def crowded(source):
+    """(line, name) of every function of a source that takes more than `MOST` arguments."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            taken = node.args
+            if len(taken.posonlyargs) + len(taken.args) + len(taken.kwonlyargs) > MOST:
+                yield node.lineno, node.name
+
+
+@pytest.mark.parametrize("room", [room for room in ROOMS if room not in TOP])
+def test_no_function_takes_too_many_arguments(room):
+    found = {named(path): list(crowded(path.read_text(encoding="utf-8"))) for path in files(room)}
+    assert {name: functions for name, functions in found.items() if functions} == {}, "pass a NamedTuple or a dataclass"
 
 
 def test_no_file_of_tests_benchmarks_and_pictures_is_too_long():
