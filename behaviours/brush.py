@@ -77,11 +77,15 @@ class Brush(Spec):
     params: SerializeAsAny[BaseModel] = spec_field(..., "the parameters of the model")
     speed: SpeedSpec = spec_field(..., "how fast")
     made_for: tuple[Annotated[str, Field(pattern=f"^{NAME.pattern}$")], ...] = spec_field(
-        (), "species or tags that paint of it binds; the first species lends its body; empty: all", max_length=64
+        (),
+        "species or tags that the painted brush acts on; the first species gives its body; empty: all",
+        max_length=64,
     )
-    body: BodySpec = spec_field(BodySpec(), "a body of its own, instead of the species'")
-    vision: VisionSpec = spec_field(VisionSpec(), "what they see")
-    drives: dict[str, SerializeAsAny[BaseModel]] = spec_field({}, "what acts on top, in order of priority")
+    body: BodySpec = spec_field(BodySpec(), "body that replaces the body of the species")
+    vision: VisionSpec = spec_field(VisionSpec(), "what the animals see")
+    drives: dict[str, SerializeAsAny[BaseModel]] = spec_field(
+        {}, "drives that act on top of the model, in order of priority"
+    )
     provenance: Provenance = spec_field(..., "where the numbers come from")
     _source: bytes | None = PrivateAttr(None)
 

@@ -16,7 +16,7 @@ class SpeedSpec(Spec):
     In body lengths (BL), so that a brush fits animals of all sizes.
     """
 
-    mean: float = spec_field(..., "the speed they come back to", "BL/s", ge=0, le=100)
+    mean: float = spec_field(..., "the mean speed", "BL/s", ge=0, le=100)
     deviation: float = spec_field(
         0.0,
         "noise of the speed (v_sigma of eq. 6); speeds spread by deviation / sqrt(2 reversion)",
@@ -24,15 +24,15 @@ class SpeedSpec(Spec):
         ge=0,
         le=50,
     )
-    reversion: float = spec_field(1.0, "how soon they come back to the mean (theta of eq. 6)", "1/s", gt=0, le=100)
-    stops: float = spec_field(0.0, "how often an animal that walks stops to stand; 0: never", "1/s", ge=0, le=20)
-    starts: float = spec_field(0.0, "how often an animal that stands begins to walk", "1/s", ge=0, le=20)
+    reversion: float = spec_field(1.0, "rate at which speeds return to the mean (theta of eq. 6)", "1/s", gt=0, le=100)
+    stops: float = spec_field(0.0, "rate at which a walking animal stops; 0: never", "1/s", ge=0, le=20)
+    starts: float = spec_field(0.0, "rate at which a standing animal starts to walk", "1/s", ge=0, le=20)
     imitation: float = spec_field(
-        0.0, "so many times likelier, of all neighbours within 4 body lengths that do it already (Ginelli et al. 2015)",
+        0.0, "gain of both rates for neighbours within 4 body lengths that already do the same (Ginelli et al. 2015)",
         ge=0, le=100,
     )  # fmt: skip
     by_density: tuple[tuple[Annotated[Finite, Field(ge=0, le=100)], Annotated[Finite, Field(ge=0, le=10)]], ...] = (
-        spec_field((), "pairs of animals per BL² and the factor of the speed there, linear between", max_length=64)
+        spec_field((), "pairs of density (animals per BL²) and speed factor, interpolated linearly", max_length=64)
     )
 
     @model_validator(mode="after")
@@ -50,14 +50,16 @@ SIGHTS = get_args(Sight)
 class VisionSpec(Spec):
     """What the animals see."""
 
-    range: float = spec_field(4.0, "how far they see", "BL", gt=0, le=1000)
+    range: float = spec_field(4.0, "distance to which animals see", "BL", gt=0, le=1000)
     field_of_view: float = spec_field(360.0, "full angle of view, centred ahead", "degrees", gt=0, le=360)
-    occlusion: bool = spec_field(True, "whether nearer bodies and obstacles hide those behind")
+    occlusion: bool = spec_field(True, "whether nearer bodies and obstacles hide the animals behind them")
     sight: Sight = spec_field(
-        "exact", "whom it takes into account of those in view; metric: bodies hide nobody; hidden_points: whom "
-        "hidden-point removal leaves; topological: the nearest; voronoi: the first shell"
+        "exact", "which animals in view count; metric: bodies hide no animal; hidden_points: those left "
+        "by hidden-point removal; topological: the nearest; voronoi: the first shell"
     )  # fmt: skip
-    neighbours: int = spec_field(7, "how many are the nearest, of topological sight", "animals", ge=1, le=1000)
+    neighbours: int = spec_field(
+        7, "number of nearest animals that count in topological sight", "animals", ge=1, le=1000
+    )
 
 
 class Provenance(Spec):
@@ -66,11 +68,11 @@ class Provenance(Spec):
     kind: Literal["published", "hand-set", "searched", "learned"] = spec_field(..., "how the numbers were found")
     source: Line = spec_field(..., "the paper, clip or map of parameters", min_length=1)
     date: datetime.date = spec_field(..., "when the brush was made")
-    by: Line = spec_field(..., "who or what tool made it", min_length=1)
+    by: Line = spec_field(..., "the person or tool that made it", min_length=1)
     notes: Text = spec_field("", "how the numbers were found, and what is not known")
     seed: int | None = spec_field(None, "seed of the search or the learning", ge=0, le=2**63 - 1)
-    clip: Line | None = spec_field(None, "the clip learned from")
-    frames: tuple[int, int] | None = spec_field(None, "first and last frame learned from")
+    clip: Line | None = spec_field(None, "clip that the brush was learned from")
+    frames: tuple[int, int] | None = spec_field(None, "first and last frame that the brush was learned from")
     clip_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = spec_field(
         None, "SHA-256 of the clip", examples=["64 of 0-9 and a-f"]
     )

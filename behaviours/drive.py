@@ -35,7 +35,7 @@ TAKES_UP = 0.4  # s in which a drive's velocity is taken up, as efforts are (`fl
 class DriveParameters(Parameters):
     """Base of every drive's ``Params``."""
 
-    strength: float = quantity(1.0, "1", "share of the body that it may take at most; 0 switches it off", 0, 1)
+    strength: float = quantity(1.0, "1", "largest share of control that the drive may take; 0 switches it off", 0, 1)
 
 
 class Urges(NamedTuple):

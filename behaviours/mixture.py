@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import re
 import zlib
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from flockbrush.behaviours.brush import Brush, BrushLibrary, flies_free
@@ -35,7 +35,12 @@ class BrushPath(Spec):
         ..., "position of the parameters on the straight line, at even steps from 0 to 1", min_length=2, max_length=65
     )
     detour: dict[Line, tuple[Finite, ...]] = spec_field({}, "offsets that are added to a parameter at the same steps")
+    begin: Literal["random", "aligned", "mill"] = spec_field("random", "start of the measured herds")
+    seconds: Finite = spec_field(20.0, "duration of the measured runs, s", gt=0)
     even: bool = spec_field(True, "true if the measured behaviour changes evenly; false: it jumps")
+    bistable: bool = spec_field(
+        False, "true if herds behaved differently at the same step in both directions of a sweep"
+    )
     measured: Text = spec_field("", "command and table")
 
     @model_validator(mode="after")
@@ -89,7 +94,10 @@ def path_to_toml(path: BrushPath) -> str:
 
     lines = [f'schema = "{PATH_SCHEMA}"', f'start = "{path.start}"', f'end = "{path.end}"']
     lines += [
+        f'begin = "{path.begin}"',
+        f"seconds = {path.seconds:g}",
         f"even = {str(path.even).lower()}",
+        f"bistable = {str(path.bistable).lower()}",
         f"along = {numbers(path.along)}",
         f'measured = """\n{path.measured}"""',
     ]

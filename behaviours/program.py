@@ -77,14 +77,16 @@ class State(Spec):
     """What an animal does until a trigger, or the end of its time, leads it elsewhere."""
 
     brush: Name | None = spec_field(
-        None, "the brush that moves it; without one its own brush, or the ground's, does", examples=["graze"]
+        None, "the brush that moves the animal; by default the painted brush or the animal's own", examples=["graze"]
     )
-    lasts: TimeRange | None = Field(None, alias="for", description="ends after so long; of a range each draws its own")
-    then: Shares | None = spec_field(None, "the state after that, or a table of states and weights")
-    emits: Word | None = spec_field(None, "a named event that entering this state raises")
-    emits_within: Length | None = spec_field(None, "radius in which the event is heard; default: everywhere")
+    lasts: TimeRange | None = Field(
+        None, alias="for", description="duration of the state; with a range, each animal draws its own"
+    )
+    then: Shares | None = spec_field(None, "the next state, or a table of states and weights")
+    emits: Word | None = spec_field(None, "name of the event raised when an animal enters the state")
+    emits_within: Length | None = spec_field(None, "radius within which animals hear the event; default: everywhere")
     colour: Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$")] | None = spec_field(
-        None, "in charts and tables, #rrggbb", examples=["#c9a24b"]
+        None, "colour in charts and tables, #rrggbb", examples=["#c9a24b"]
     )
 
     model_config = {**Spec.model_config, "populate_by_name": True}
@@ -93,11 +95,15 @@ class State(Spec):
 class Trigger(Spec):
     """What leads from some states to another."""
 
-    name: Line = spec_field("", "what it is called in explanations")
-    sources: States = Field((EVERY,), alias="from", description="states it leads out of; default: every other state")
-    to: Name = spec_field(..., "the state it leads to")
+    name: Line = spec_field("", "name of the trigger in explanations")
+    sources: States = Field(
+        (EVERY,), alias="from", description="states that the trigger leads out of; default: every other state"
+    )
+    to: Name = spec_field(..., "the state that the trigger leads to")
     when: Condition = spec_field(..., "the condition")
-    delay: TimeRange | None = spec_field(None, "time from the condition to the change; of a range each draws its own")
+    delay: TimeRange | None = spec_field(
+        None, "time from the condition to the change; with a range, each animal draws its own"
+    )
 
     model_config = {**Spec.model_config, "populate_by_name": True, "arbitrary_types_allowed": True}
 
@@ -116,10 +122,10 @@ class Program(Spec):
     name: Name = spec_field(..., "the file's name without .program.toml")
     title: Line = spec_field("", "the name for people")
     description: Text = spec_field("", "what the animals do")
-    source_note: Text = Field("", alias="source", description="the paper or person it is from")
-    start: Shares | None = spec_field(None, "the state animals begin in, or a table of weights; else the first")
+    source_note: Text = Field("", alias="source", description="the paper or person that the program is from")
+    start: Shares | None = spec_field(None, "initial state, or a table of states and weights; default: the first state")
     states: dict[str, State] = spec_field(..., "what animals do")
-    triggers: tuple[Trigger, ...] = spec_field((), "what leads from one state to another")
+    triggers: tuple[Trigger, ...] = spec_field((), "transitions from one state to another")
     _source: bytes | None = PrivateAttr(None)
 
     model_config = {**Spec.model_config, "populate_by_name": True}

@@ -63,49 +63,60 @@ class BodySpec(Spec):
 class WalkSpec(Spec):
     """What the legs allow."""
 
-    speed: float = spec_field(5.0, "the fastest it can run", "m/s", gt=0, le=100)
-    flee: float = spec_field(5.0, "how fast it runs in full fear", "m/s", gt=0, le=100)
-    acceleration: float = spec_field(4.0, "the most it speeds up, brakes or turns with", "m/s²", gt=0, le=200)
-    turn: float = spec_field(10.0, "the fastest it turns", "rad/s", gt=0, le=200)
+    speed: float = spec_field(5.0, "top speed on the ground", "m/s", gt=0, le=100)
+    flee: float = spec_field(5.0, "running speed at full fear", "m/s", gt=0, le=100)
+    acceleration: float = spec_field(
+        4.0, "largest acceleration for speeding up, braking and turning", "m/s²", gt=0, le=200
+    )
+    turn: float = spec_field(10.0, "fastest turn", "rad/s", gt=0, le=200)
 
 
 class FlySpec(Spec):
     """What the wings allow."""
 
-    speed: float = spec_field(20.0, "the fastest it can fly", "m/s", gt=0, le=200)
-    flee: float = spec_field(20.0, "how fast it flies in full fear", "m/s", gt=0, le=200)
-    slowest: float = spec_field(5.0, "slower than this it falls; it takes off and touches down at it", "m/s", ge=0)
-    acceleration: float = spec_field(10.0, "the most it speeds up, brakes, turns or climbs with", "m/s²", gt=0, le=500)
-    turn: float = spec_field(3.0, "the fastest it turns", "rad/s", gt=0, le=200)
-    climb: float = spec_field(2.0, "the fastest it rises", "m/s", gt=0, le=100)
-    sink: float = spec_field(3.0, "its top sink rate when it lands", "m/s", gt=0, le=100)
-    height: float = spec_field(30.0, "above the ground where it flies unless something says otherwise", "m", gt=0)
+    speed: float = spec_field(20.0, "top speed in the air", "m/s", gt=0, le=200)
+    flee: float = spec_field(20.0, "flying speed at full fear", "m/s", gt=0, le=200)
+    slowest: float = spec_field(5.0, "lowest flying speed; it takes off and touches down at this speed", "m/s", ge=0)
+    acceleration: float = spec_field(
+        10.0, "largest acceleration for speeding up, braking, turning and climbing", "m/s²", gt=0, le=500
+    )
+    turn: float = spec_field(3.0, "fastest turn", "rad/s", gt=0, le=200)
+    climb: float = spec_field(2.0, "fastest climb", "m/s", gt=0, le=100)
+    sink: float = spec_field(3.0, "fastest sink rate when landing", "m/s", gt=0, le=100)
+    height: float = spec_field(30.0, "usual flying height above the ground", "m", gt=0)
 
 
 class SwimSpec(Spec):
     """What fins or feet allow in water."""
 
-    speed: float = spec_field(2.0, "the fastest it can swim", "m/s", gt=0, le=100)
-    flee: float = spec_field(2.0, "how fast it swims in full fear", "m/s", gt=0, le=100)
-    acceleration: float = spec_field(3.0, "the most it speeds up, brakes or turns with", "m/s²", gt=0, le=200)
-    turn: float = spec_field(10.0, "the fastest it turns", "rad/s", gt=0, le=200)
+    speed: float = spec_field(2.0, "top speed in water", "m/s", gt=0, le=100)
+    flee: float = spec_field(2.0, "swimming speed at full fear", "m/s", gt=0, le=100)
+    acceleration: float = spec_field(
+        3.0, "largest acceleration for speeding up, braking and turning", "m/s²", gt=0, le=200
+    )
+    turn: float = spec_field(10.0, "fastest turn", "rad/s", gt=0, le=200)
 
 
 class EyesSpec(Spec):
     """How it notices those whom it fears, hunts or follows; what brushes perceive is in their ``[vision]``."""
 
-    field_of_view: float = spec_field(300.0, "full angle, centred ahead; all round once it is alarmed", "degrees", gt=0,
-                                      le=360)  # fmt: skip
-    height: float = spec_field(1.0, "of the eyes above the feet, in shares of the body length", "BL", ge=0, le=5)
+    field_of_view: float = spec_field(
+        300.0, "full angle, centred ahead; an alarmed animal sees all round", "degrees", gt=0, le=360
+    )
+    height: float = spec_field(1.0, "height of the eyes above the feet, in body lengths", "BL", ge=0, le=5)
 
 
 class SpreadSpec(Spec):
     """How individuals differ: standard deviations, drawn once for each animal and cut at two of them."""
 
-    size: float = spec_field(0.0, "of the body length, as a share of it", "1", ge=0, le=0.3)
-    speed: float = spec_field(0.0, "of the speed at which it likes to go, as a share of it", "1", ge=0, le=0.3)
+    size: float = spec_field(0.0, "standard deviation of the body length, as a share of it", "1", ge=0, le=0.3)
+    speed: float = spec_field(0.0, "standard deviation of the preferred speed, as a share of it", "1", ge=0, le=0.3)
     boldness: float = spec_field(
-        0.0, "of boldness; a bold one notices danger that is as much nearer", "1", ge=0, le=0.4
+        0.0,
+        "standard deviation of boldness; the distance at which danger is noticed is divided by boldness",
+        "1",
+        ge=0,
+        le=0.4,
     )
 
 
@@ -124,11 +135,11 @@ Weight = Annotated[float, Field(ge=0, le=1)]
 class Relation(Spec):
     """What one species makes of another: exactly one of kin, fear, hunt, follow, avoid, ignore."""
 
-    kin: Weight | None = spec_field(None, "aligns with it and stays near it, as with its own kind")
-    fear: Weight | None = spec_field(None, "flees from it; 1 with all it has")
-    hunt: Weight | None = spec_field(None, "goes for it where its brush hunts")
-    follow: Weight | None = spec_field(None, "goes after it where its brush follows")
-    avoid: Weight | None = spec_field(None, "gives way to it, and otherwise takes no notice")
+    kin: Weight | None = spec_field(None, "aligns with it and stays near it, as with its own species")
+    fear: Weight | None = spec_field(None, "flees from it; 1: with full effort")
+    hunt: Weight | None = spec_field(None, "attacks it if its brush hunts")
+    follow: Weight | None = spec_field(None, "follows it if its brush follows")
+    avoid: Weight | None = spec_field(None, "gives way to it, and otherwise ignores it")
     ignore: Weight | None = spec_field(None, "does not even give way to it")
     notice: Metres | None = spec_field(None, 'a distance such as "30 m": nearer than this it is noticed', "m")
     catch: Literal["none", "remove"] | None = spec_field(None, "what happens to prey that is caught")
@@ -175,7 +186,7 @@ class SpeciesSpec(Spec):
     gait: Gait = spec_field("quadruped", "how its body moves")
     media: tuple[Medium, ...] = spec_field(..., "what it can move in")
     tags: tuple[Annotated[str, Field(pattern=f"^{NAME.pattern}$")], ...] = spec_field(
-        (), "what brushes and relations may call it besides its name", max_length=16
+        (), "other names by which brushes and relations refer to it", max_length=16
     )
     body: BodySpec = spec_field(..., "the body")
     walk: WalkSpec = spec_field(WalkSpec(), "limits on the ground")
@@ -184,7 +195,7 @@ class SpeciesSpec(Spec):
     eyes: EyesSpec = spec_field(EyesSpec(), "how it notices others")
     spread: SpreadSpec = spec_field(SpreadSpec(), "how individuals differ")
     calm: float = spec_field(6.0, "how long alarm lasts after the danger was last seen", "s", ge=0, le=600)
-    relations: dict[str, Relation] = spec_field({}, "what it makes of others, by species, tag or *", max_length=200)
+    relations: dict[str, Relation] = spec_field({}, "relations to others, by species, tag or *", max_length=200)
     _source: bytes | None = PrivateAttr(None)
 
     @model_validator(mode="after")

@@ -1,16 +1,16 @@
-"""Boids: how long a tick takes beside hand-written C++, and a hundred flocks through fields of pillars.
+"""Benchmark boids: ticks compared with C++, and flocks that fly through fields of pillars.
 
     python benchmarks/boids.py speed [--quick]
     python benchmarks/boids.py pillars [--seeds 100] [--first 0] [--way point|direction]
     python benchmarks/boids.py plane [--animals 10000] [--taichi taichi_boids.py] [--python PYTHON] [--ceiling CPP]
 
-``speed``: flocks at random in a box, wrapped to the sides, with about 12 visible neighbours each; whole ticks of a
-level (all systems) and, round by round, the C++ program ``boids_ceiling.cpp`` when there is a compiler, which does the
-work of the flock alone, in float32.  On a shared machine read the CPU times: of all threads, least of the ticks.
+``speed``: whole ticks of a level (all systems) with random flocks in a box with periodic sides, about 12 visible
+neighbours each.  If there is a compiler, the C++ program ``boids_ceiling.cpp`` runs in alternation; it computes only
+the flock, in float32.  On a shared machine read the CPU times (all threads, least of the ticks).
 
-``pillars``: 60 starlings fly through 24 pillars at random, a new field for every seed.  For each flock: the least room
-between a bird and an obstacle in any tick, how many birds got through, how large its largest part was at worst, when
-it was one again: nine tenths of it in one piece by links of 4 m.
+``pillars``: 60 starlings fly through 24 random pillars, a new field for every seed.  For each flock it prints the
+least distance between a bird and an obstacle in any tick, the share of birds that got through, the smallest size of
+its largest part, and when the flock was whole again: nine tenths of it in one part, with links of 4 m.
 
 ``plane``: see `boids_plane`.
 """
@@ -45,14 +45,14 @@ from small_herd import boids, box, brush, meadow, obstacle, put_aloft, room_in_t
 HERE = Path(__file__).resolve().parent
 FLAGS = ("-O3", "-march=native", "-ffast-math", "-fopenmp", "-std=c++17")
 OWN, REACH, SEPARATION = 0.2, 5.0, 3.0  # m; the first is a body length
-LINK = 4.0  # m; birds nearer than this are of one part
+LINK = 4.0  # m; birds nearer than this belong to one part
 SOON = 30.0  # s
-WHOLE = 0.9  # a flock with a smaller share of its birds in one piece is torn
-IN_RANGE = 13.5  # others in the ball: 12 of them in the cone of 300 degrees
+WHOLE = 0.9  # a flock whose largest part has a smaller share is split
+IN_RANGE = 13.5  # others within range; 12 of them in the cone of 300 degrees
 
 
 def start(n):
-    """(side of the box, positions, velocities), m and m/s."""
+    """Return (side of the box, positions, velocities), m and m/s."""
     side = (n * 4 / 3 * np.pi * REACH**3 / IN_RANGE) ** (1 / 3)
     rng = np.random.default_rng(1)
     angle = rng.normal(0, 0.3, n)
@@ -61,7 +61,7 @@ def start(n):
 
 
 def flock_of(n):
-    """A world of n starlings."""
+    """Return a world of n starlings."""
     side, xyz, velocity = start(n)
     body = {"length": OWN, "radius": 0.04, "contact": "disc"}
     eyes = {"range": REACH / OWN, "field_of_view": 300.0, "occlusion": False}
@@ -73,7 +73,7 @@ def flock_of(n):
 
 
 def ours(simulation, ticks):
-    """(CPU ms, wall ms) of each tick."""
+    """Return (CPU ms, wall ms) of each tick."""
     times = []
     for _ in range(ticks):
         cpu, wall = time.process_time(), time.perf_counter()
@@ -83,7 +83,7 @@ def ours(simulation, ticks):
 
 
 def ceiling(program, n, threads, folder, ticks):
-    """What the C++ program prints."""
+    """Return the output of the C++ program."""
     side, xyz, velocity = start(n)
     path = Path(folder) / f"start-{n}.bin"
     head = np.int64(n).tobytes() + np.array([side, REACH, SEPARATION]).tobytes()
@@ -94,7 +94,7 @@ def ceiling(program, n, threads, folder, ticks):
 
 
 def speed(quick):
-    """The table of times."""
+    """Print the table of times."""
     sizes, rounds = ((1_000,), 1) if quick else ((1_000, 10_000, 100_000), 4)
     print(machine())
     print("           boids thr | CPU ms  wall ms  us/boid  seen | C++ CPU ms  wall ms  seen | ratio of CPU times")
@@ -110,7 +110,7 @@ def speed(quick):
 
 
 def row(n, threads, rounds, program, folder):
-    """One line of the table; flock and C++ in turn, so that other load falls on both."""
+    """Print one line of the table; flock and C++ alternate, so that other load affects both."""
     parallel.set_threads(threads)
     ticks = max(3, min(30, 100_000 // n))
     simulation = flock_of(n)
@@ -135,7 +135,7 @@ def row(n, threads, rounds, program, folder):
 
 
 def field_of_pillars(seed, way, birds=60, pillars=24):
-    """A flock before a field of pillars at random, round and square, sent to a point beyond it or just east."""
+    """Return a flock sent through random round and square pillars, to a point beyond them or just east."""
     rng = np.random.default_rng(seed)
     things = []
     for k in range(pillars):
@@ -150,26 +150,27 @@ def field_of_pillars(seed, way, birds=60, pillars=24):
 
 
 def pillars(seeds, first, way, ticks=1280):
-    """A line for every flock, and what they have in common."""
+    """Print a line for every flock, and a summary."""
     print(machine())
     flocks = []
     for seed in range(first, first + seeds):
         flocks.append(passage(seed, way, ticks))
         flock = flocks[-1]
-        again = f"again after {flock.joined - flock.torn:4.1f} s" if np.isfinite(flock.joined) else "not again"
+        again = f"rejoined after {flock.joined - flock.torn:4.1f} s" if np.isfinite(flock.joined) else "not rejoined"
         print(
-            f"seed {seed:4}: least room {flock.room:9.6f} m, through {flock.through:.2f}, largest {flock.part:.2f},"
-            f" {again if flock.part < WHOLE else 'whole'}, at the end {flock.last:.2f}, polarization {flock.order:.2f}",
+            f"seed {seed:4}: clearance {flock.room:9.6f} m, through {flock.through:.2f}, largest part {flock.part:.2f},"
+            f" {again if flock.part < WHOLE else 'not split'}, at the end {flock.last:.2f},"
+            f" polarization {flock.order:.2f}",
             flush=True,
         )
     room, touched, through, part, last, torn, joined, _ = np.array(flocks).T
     split = part < WHOLE
     again = split & np.isfinite(joined)
-    print(f"{seeds} flocks: {(room < 0).sum()} with a bird inside an obstacle, least room {room.min():.7f} m;")
-    print(f"  {touched.mean():.3f} of the birds came to touch one; {through.mean():.3f} got through;")
-    print(f"  {split.sum()} were torn, of these {again.sum()} were one again at the end")
+    print(f"{seeds} flocks: {(room < 0).sum()} with a bird inside an obstacle, least clearance {room.min():.7f} m;")
+    print(f"  {touched.mean():.3f} of the birds touched one; {through.mean():.3f} got through;")
+    print(f"  {split.sum()} were split, of these {again.sum()} were whole again at the end")
     soon = ~split | (joined - np.where(split, torn, 0.0) <= SOON)
-    print(f"  {soon.sum()} of {seeds} were whole, or one again within {SOON:g} s")
+    print(f"  {soon.sum()} of {seeds} stayed whole or were whole again within {SOON:g} s")
     if again.any():
         wait = joined[again] - torn[again]
         print(f"  (half of them within {np.median(wait):.1f} s, nine tenths within {np.quantile(wait, 0.9):.1f} s);")
@@ -177,20 +178,20 @@ def pillars(seeds, first, way, ticks=1280):
 
 
 class Passage(NamedTuple):
-    """What became of one flock on its way through the pillars."""
+    """The result of one flock that flies through the pillars."""
 
-    room: float  # m, the least between a bird and an obstacle in any tick; less than 0: inside
+    room: float  # m, the least distance between a bird and an obstacle in any tick; negative: inside
     touched: float  # share of the birds that touched an obstacle
     through: float  # share of the birds that got past the field
     part: float  # share in the largest part, at worst
     last: float  # share in the largest part at the end
-    torn: float  # s, when it was first torn; inf: never
-    joined: float  # s, since when it is one again; inf: not at the end
+    torn: float  # s, when it was first split; inf: never
+    joined: float  # s, since when it is whole again; inf: not at the end
     order: float  # polarization at the end
 
 
 def passage(seed, way, ticks):
-    """A `Passage`: a flock sent to a point beyond the field, or just on."""
+    """Return the `Passage` of a flock sent to a point beyond the field, or in a direction."""
     simulation = field_of_pillars(seed, way)
     room, parts = np.full(len(simulation.agents), np.inf), []
     for tick in range(ticks):
@@ -215,12 +216,12 @@ def main():
     study = what.add_parser("pillars")
     study.add_argument("--seeds", type=int, default=100)
     study.add_argument("--first", type=int, default=0)
-    study.add_argument("--way", choices=("point", "direction"), default="point", help="where the flock is sent")
+    study.add_argument("--way", choices=("point", "direction"), default="point", help="destination of the flock")
     flat = what.add_parser("plane")
     flat.add_argument("--animals", type=int, default=10_000)
-    flat.add_argument("--taichi", type=Path, help="program of the same flock in Taichi")
-    flat.add_argument("--python", default=sys.executable, help="a Python that has Taichi")
-    flat.add_argument("--ceiling", type=Path, help="source of the same flock in C++")
+    flat.add_argument("--taichi", type=Path, help="Taichi program of the same flock")
+    flat.add_argument("--python", default=sys.executable, help="Python interpreter with Taichi")
+    flat.add_argument("--ceiling", type=Path, help="C++ source of the same flock")
     flat.add_argument("--rounds", type=int, default=5)
     options = parser.parse_args()
     if options.what == "speed":

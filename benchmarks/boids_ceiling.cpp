@@ -1,5 +1,6 @@
-// Boids in three dimensions, close to the metal: what benchmarks/boids.py compares the model "boids" with.
-// Grid (cube = range) sorted anew each tick, float32 in arrays by component, candidates side by side, plain loops for the compiler to vectorise, OpenMP.
+// Reference for the speed of boids in 3D in optimised C++; benchmarks/boids.py compares the model "boids" with it.
+// Grid (cube = range) sorted in each tick, float32 arrays per component, contiguous candidates, plain loops that the
+// compiler vectorises, OpenMP.
 // The same work: neighbours in range and in a cone of 300 degrees; separation, matching, centring (inverse square, more
 // ahead than behind), level flight; prioritised allocation; speed limits, damping; the frame turned without roll and
 // banked; a box periodic in x and y.
@@ -21,7 +22,7 @@ static const float STRENGTH[] = {1, .8f, 1, .3f};
 static int N; static float L, R, SEP;
 struct State { vector<float> x, y, z, vx, vy, vz, ux, uy, uz; vector<int> id;
     void size(int n) { for (auto a : {&x, &y, &z, &vx, &vy, &vz, &ux, &uy, &uz}) a->resize(n + 16); id.resize(n + 16); } };
-static State A, B;                       // A: as the tick begins; B: sorted, with ghosts behind the border
+static State A, B;                       // A: at the start of the tick; B: sorted, with ghosts beyond the border
 static vector<int> start_, where_, ghost_;
 static double NB;
 
@@ -56,7 +57,7 @@ static void tick(bool count) {
     const float *bx = B.x.data(), *by = B.y.data(), *bz = B.z.data(), *bvx = B.vx.data(), *bvy = B.vy.data(), *bvz = B.vz.data();
 #pragma omp parallel reduction(+:nb)
     {
-        vector<float> lx, ly, lz, lu, lv, lw;                  // all in a cube and around it, side by side
+        vector<float> lx, ly, lz, lu, lv, lw;                  // all animals in a cube and around it, contiguous
 #pragma omp for schedule(dynamic, 16)
         for (int cube = 0; cube < C; cube++) {
             if (start_[cube] == start_[cube + 1]) continue;

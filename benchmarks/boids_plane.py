@@ -1,12 +1,14 @@
-"""Boids in a wrapped plane, 12 neighbours within 1 m: the shipped model beside Taichi and C++ in float32, one thread.
+"""Compare boids in a periodic plane, 12 neighbours within 1 m, with Taichi and C++ in float32 on one thread.
 
     python benchmarks/boids.py plane [--animals 10000] [--taichi taichi_boids.py] [--python PYTHON] [--ceiling CPP]
 
-A tick of ours: who is within 1 m, the steering of the model `boids` and a step, in float64.  Alignment (the mean
-velocity of neighbours) and cohesion (their mean offset) are the same as the others', and compared with a brute force
-first; separation is the model's own: inverse square, nothing at .5 m, where theirs is inverse distance, cut at .5 m.
-``--taichi`` and ``--ceiling`` name programs that print a line of JSON with ``min_user_cpu_per_tick``; ``--python`` has
-Taichi.  They run in turn with ours.
+A Flockbrush tick finds the neighbours within 1 m, steers by the model `boids` and takes a step, in float64.  Alignment
+(mean velocity of the neighbours) and cohesion (their mean offset) are the same as in the other programs and are first
+compared with brute force.  Separation differs: the model uses the inverse square, zero at .5 m; the others use the
+inverse distance, cut at .5 m.
+
+``--taichi`` and ``--ceiling`` name programs that print a line of JSON with ``min_user_cpu_per_tick``; ``--python`` is
+an interpreter with Taichi.  All programs run in alternation.
 """
 
 from __future__ import annotations
@@ -19,11 +21,11 @@ import time
 from pathlib import Path
 
 import numpy as np
-from flockbrush.behaviours.behaviour import Air, Scene
+from flockbrush.behaviours.behaviour import Air, FlockBySlot, Scene
 from flockbrush.behaviours.models import boids
 from flockbrush.engine import parallel
 from flockbrush.engine.scratch import Scratch
-from flockbrush.systems.space import sort_in_space, visible_in_space
+from flockbrush.systems.space import EyesInSpace, birds_of, sort_in_space, visible_in_space
 from numba import njit
 from perception import machine
 from scipy.spatial import cKDTree
@@ -31,11 +33,11 @@ from scipy.spatial import cKDTree
 REACH, DT, SLOWEST, FASTEST = 1.0, 1 / 60, 0.5, 1.5  # m, s, m/s
 OWN = 0.1  # m, a body length
 FLAGS = ("-O3", "-march=native", "-ffast-math", "-fopenmp", "-std=c++17")
-MOST = 1000.0  # body lengths/s²: so much that no urge is ever cut
+MOST = 1000.0  # body lengths/s²: large enough that no urge is ever cut
 
 
 def start(n, seed=12345):
-    """(side, places, velocities) as the others begin, m and m/s."""
+    """Return (side, positions, velocities) of the common start, m and m/s."""
     rng = np.random.default_rng(seed)
     side = ((n - 1) * np.pi * REACH**2 / 12) ** 0.5
     place = (rng.random((n, 2)) * side).astype("f4")
@@ -45,7 +47,7 @@ def start(n, seed=12345):
 
 
 class Flock:
-    """Places and velocities in float64, and what the model is told of them."""
+    """Positions and velocities in float64, and the model's input."""
 
     def __init__(self, n, separation=0.1):
         self.side, place, velocity = start(n)
@@ -53,10 +55,10 @@ class Flock:
         self.xyz[:, :2], self.velocity[:, :2] = place, velocity
         self.forward, self.rows, self.scratch = self.velocity.copy(), np.arange(n, dtype=np.int32), Scratch()
         ones, nothing, far = np.ones(n), np.zeros((n, 3)), np.full(n, np.inf)
-        self.seen = np.full(n, REACH), -ones, np.ones(n, np.uint8), np.zeros(n)
+        self.eyes = EyesInSpace(np.full(n, REACH), -ones, np.ones(n, np.uint8), np.zeros(n))
         self.air = Air(
-            *visible_in_space(self._sorted(), *self.seen, scratch=self.scratch), np.tile([0.0, 0, 1], (n, 1)), far,
-            self.forward, far, nothing, far, np.zeros(n, np.uint8), nothing, np.zeros(n + 1, np.int64), nothing[:0],
+            None, None, None, np.tile([0.0, 0, 1], (n, 1)), far, self.forward, far, nothing, far,
+            np.zeros(n, np.uint8), nothing, np.zeros(n + 1, np.int64), nothing[:0],
         )  # fmt: skip
         self.scene = Scene(*[None] * 22)._replace(dt=DT, length=OWN * ones, species=np.zeros(n, np.int64))
         self.params = boids.Params(
@@ -65,40 +67,42 @@ class Flock:
             height_strength=0.0, clearance=0.0, max_speed=FASTEST / OWN, max_acceleration=MOST / (FASTEST / OWN),
         )  # fmt: skip
 
-    def _sorted(self):
-        return sort_in_space(self.xyz, self.forward, self.rows, REACH, (self.side, self.side))
-
     def acceleration(self):
-        """(n, 3) m/s²."""
-        lists = visible_in_space(self._sorted(), *self.seen, scratch=self.scratch)
-        air = self.air._replace(first=lists.first, near=lists.near, offset=lists.offset)
-        scene = self.scene._replace(velocity=self.velocity, forward=self.forward, air=air)
-        return boids.steer(scene, self.rows, self.params).acceleration
+        """Return the rows (n,) in cell order and their accelerations (n, 3), m/s²."""
+        space = sort_in_space(self.xyz, self.forward, self.rows, REACH, (self.side, self.side))
+        found = visible_in_space(space, self.eyes, scratch=self.scratch)
+        bird = birds_of(found.cells, self.velocity, self.scene.species)
+        flock = FlockBySlot(found.cells.slot, found.begin, found.count, found.seen, bird)
+        scene = self.scene._replace(velocity=self.velocity, forward=self.forward, air=self.air._replace(by_slot=flock))
+        rows = found.cells.order
+        return rows, boids.steer(scene, rows, self.params).acceleration
 
     def tick(self):
-        """Live a tick."""
-        _move(self.xyz, self.velocity, self.forward, self.acceleration(), self.side)
+        """Simulate one tick."""
+        _move(self.xyz, self.velocity, self.forward, *self.acceleration(), self.side)
 
 
 @njit(error_model="numpy")
-def _move(xyz, velocity, forward, acceleration, side):
-    for i in range(len(xyz)):
-        u, v = velocity[i, 0] + DT * acceleration[i, 0], velocity[i, 1] + DT * acceleration[i, 1]
+def _move(xyz, velocity, forward, rows, acceleration, side):
+    for at in range(len(rows)):
+        i = rows[at]
+        u, v = velocity[i, 0] + DT * acceleration[at, 0], velocity[i, 1] + DT * acceleration[at, 1]
         speed = np.sqrt(u * u + v * v)
         forward[i, 0], forward[i, 1] = u / speed, v / speed
         goes = min(max(speed, SLOWEST), FASTEST)
         for k in range(2):
             velocity[i, k] = goes * forward[i, k]
-            xyz[i, k] = (xyz[i, k] + DT * velocity[i, k]) % side
+            place = xyz[i, k] + DT * velocity[i, k]
+            xyz[i, k] = place + side if place < 0.0 else place - side if place >= side else place
 
 
 def worst_difference(n):
-    """Largest difference of alignment and cohesion from a brute force, m/s²."""
+    """Return the largest difference of alignment and cohesion from brute force, m/s²."""
     flock = Flock(n, separation=0.0)
     place, velocity, wrong = flock.xyz[:, :2], flock.velocity[:, :2], 0.0
     near = cKDTree(place, boxsize=flock.side).query_ball_point(place, REACH)
-    for i, (others, found) in enumerate(zip(near, flock.acceleration(), strict=True)):
-        others = np.array([j for j in others if j != i], int)
+    for i, found in zip(*flock.acceleration(), strict=True):
+        others = np.array([j for j in near[i] if j != i], int)
         if len(others):
             offset = (place[others] - place[i] + flock.side / 2) % flock.side - flock.side / 2
             wanted = offset.mean(0) + velocity[others].mean(0) - velocity[i]
@@ -107,10 +111,10 @@ def worst_difference(n):
 
 
 def plane(n, taichi, python, ceiling, rounds):
-    """The times of all, in turn."""
+    """Print the times of all programs, measured in alternation."""
     parallel.set_threads(1)
     print(machine())
-    print(f"alignment and cohesion differ from a brute force by {worst_difference(n):.1e} m/s² at most")
+    print(f"alignment and cohesion differ from brute force by at most {worst_difference(n):.1e} m/s²")
     flock, least = Flock(n), {}
     for _ in range(10):
         flock.tick()
@@ -120,16 +124,17 @@ def plane(n, taichi, python, ceiling, rounds):
             for _ in range(60):
                 before = time.process_time()
                 flock.tick()
-                least["ours"] = min(least.get("ours", np.inf), time.process_time() - before)
+                least["Flockbrush"] = min(least.get("Flockbrush", np.inf), time.process_time() - before)
             for name, command in peers.items():
                 least[name] = min(least.get(name, np.inf), _peer(command))
     for name, seconds in least.items():
-        print(f"{name:8}{1e3 * seconds:8.2f} ms of CPU a tick; ours takes {least['ours'] / seconds:.2f} times as long")
+        ratio = least["Flockbrush"] / seconds
+        print(f"{name:10}{1e3 * seconds:8.2f} ms CPU per tick; Flockbrush takes {ratio:.2f} times as long")
     print(machine())
 
 
 def _peers(n, taichi, python, ceiling, folder):
-    """{name: command} of those that are there."""
+    """Return {name: command} of the available programs."""
     peers = {}
     if ceiling:
         side, place, velocity = start(n)
@@ -140,12 +145,12 @@ def _peers(n, taichi, python, ceiling, folder):
     if taichi and subprocess.run([python, "-c", "import taichi"], capture_output=True).returncode == 0:
         peers["Taichi"] = [python, str(taichi), str(n)]
     else:
-        print("Taichi is not compared: name its program with --taichi and a Python that has it with --python")
+        print("Taichi is not compared: give its program with --taichi and a Python that has it with --python")
     return peers
 
 
 def _peer(command):
-    """Least CPU seconds of a tick."""
+    """Return the least CPU seconds of a tick."""
     env = os.environ | {"THREADS": "1", "OMP_NUM_THREADS": "1", "TICKS": "30", "BLOCKS": "5", "BUDGET": "4"}
     out = subprocess.run(command, env=env, check=True, capture_output=True, text=True).stdout
     return json.loads(out.splitlines()[-1])["min_user_cpu_per_tick"]

@@ -1,11 +1,11 @@
-"""People through a bottleneck beside JuPedSim's: ``python benchmarks/bottleneck.py [--peer PYTHON] [--seeds 1:3]``.
+"""Compare people at a bottleneck with JuPedSim: ``python benchmarks/bottleneck.py [--peer PYTHON] [--seeds 1:3]``.
 
-A room of 12 m by 12 m with 150 people, one door of 0.8 to 4 m in a wall of 1 m, a place to go to behind it.  Flow is
-that of the middle of the crowd (from a fifth to four fifths of those who come through, over the time between them);
-density is that of the 2 m by 2 m before the door, its mean over the same time.  Ours is the brush `evacuate` of the
-level `city`, the species human.  JuPedSim's is its collision-free speed model as it comes, in a
-Python that has the package `jupedsim` (``--peer``; without one only ours is printed).  The last column is the specific
-flow by Weidmann's (1993) density and speed, ``d v(d)``, at the density that was found.
+A room of 12 m by 12 m has 150 people and one door, 0.8 to 4 m wide, in a wall of 1 m, with a goal behind it.  Flow is
+measured between the first fifth and the fourth fifth of the people who come through.  Density is the mean over the
+same time in the 2 m by 2 m in front of the door.  Flockbrush uses the brush `evacuate` of the level `city` and the
+species human; JuPedSim uses its collision-free speed model with default parameters.  ``--peer`` is a Python with the
+package `jupedsim`; without it only Flockbrush is measured.  The last column is the specific flow ``d v(d)`` from
+Weidmann's (1993) relation of speed and density, at the measured density.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 SIDE, WALL, PEOPLE, SECONDS = 12.0, 1.0, 150, 240.0  # m, m, persons, s
 WIDTHS = 0.8, 1.2, 1.6, 2.4, 3.2, 4.0  # m
 FREE, JAM, SLOPE = 1.34, 5.4, 1.913  # m/s, persons per m², of Weidmann's curve
-EVERY = 0.125  # s between looks
+EVERY = 0.125  # s between samples
 
 PEER = """
 import json, sys
@@ -53,7 +53,7 @@ print(json.dumps({"version": jps.__version__, "looks": looks}))
 
 
 def ours(width, seed, folder):
-    """What was seen at each look: [(ids, xy)], of a level that is drawn here."""
+    """Return [(ids, xy)] of each sample, in a level drawn here."""
     from flockbrush.behaviours.brush import shipped
     from flockbrush.components import Position
     from flockbrush.levels.build import build
@@ -88,7 +88,7 @@ def ours(width, seed, folder):
 
 
 def peers(python, width, seed):
-    """The same of JuPedSim, and its version."""
+    """Return the samples of JuPedSim, and its version."""
     given = json.dumps([width, PEOPLE, seed, SIDE, WALL, SECONDS, EVERY])
     done = subprocess.run([python, "-c", PEER, given], capture_output=True, text=True, check=False)
     if done.returncode:
@@ -99,7 +99,7 @@ def peers(python, width, seed):
 
 
 def flow_and_density(looks, width):
-    """(persons per second, persons per m² before the door, share that came through)."""
+    """Return (persons per second, persons per m² in front of the door, share that came through)."""
     inside, came, before = set(), [], []
     for k, (ids, xy) in enumerate(looks):
         now = set(ids[xy[:, 0] < SIDE + 0.5 * WALL].tolist())
@@ -118,19 +118,19 @@ def flow_and_density(looks, width):
 
 
 def weidmann(density):
-    """Persons per metre and second."""
+    """Return the flow in persons per metre and second."""
     return density * FREE * (1.0 - np.exp(-SLOPE * (1.0 / density - 1.0 / JAM)))
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--peer", help="a Python that has the package jupedsim")
+    parser.add_argument("--peer", help="Python interpreter with the package jupedsim")
     parser.add_argument("--seeds", default="1:3", help="first:last")
     told = parser.parse_args()
     first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])
     kinds = ["flockbrush", *(["JuPedSim"] if told.peer else [])]
     if not told.peer:
-        print("without --peer PYTHON (one with the package jupedsim) only flockbrush is measured")
+        print("only flockbrush is measured; --peer PYTHON (with the package jupedsim) adds JuPedSim")
     print(
         "| | door, m | flow, 1/s | flow, 1/(m s) | density, 1/m² | came through | Weidmann at this density, 1/(m s) |"
     )

@@ -1,21 +1,21 @@
-"""Whether each shipped herd brush does what its name says: a herd of every size and seed, and every change of brush.
+"""Measure whether each shipped herd brush does what its name says, and every change from one brush to another.
 
 Run from the repository's root::
 
     python benchmarks/brush_bands.py                 the whole study: about ten minutes on one core
     python benchmarks/brush_bands.py march lanes     some brushes
-    python benchmarks/brush_bands.py --switches      the changes of brush alone
-    python benchmarks/brush_bands.py --write         and store what was measured in behaviours/brushes/bands.json
+    python benchmarks/brush_bands.py --switches      only the changes of brush
+    python benchmarks/brush_bands.py --write         store the measurements in behaviours/brushes/bands.json
 
-``bands.json`` states for each brush its scene (how the herd starts, how long it goes and from when it is measured),
-the bands of its measures and the herd sizes for which they are promised.  This command measures; it never changes
-what is stated.  A measure is the mean over a run, taken every half second.
+``bands.json`` states for each brush its scene (start, duration and start of the measurement), the bands of its
+measures and the herd sizes for which they are promised.  This command never changes these.  A measure is the mean over
+a run, sampled every half second.
 
 Measures: ``polarization``, ``milling``, ``aspect`` (width over length), ``spacing`` (mean distance to the nearest
-neighbour, body lengths), ``together`` (share in the largest part, links of 4 body lengths), ``going`` (distance really
-made over the distance intended: low in a jam), ``middle`` (share of animals closer to the middle than .35 of the mean
-radius: .054 in a disc), ``in file`` (share whose nearest neighbour is within 30° of straight ahead or behind; .33 when
-directions are random).
+neighbour, body lengths), ``together`` (share in the largest part, links of 4 body lengths), ``going`` (actual over
+intended distance: low in a jam), ``middle`` (share of animals closer to the centre than .35 of the mean radius: .054
+in a disc), ``in file`` (share whose nearest neighbour is within 30° of straight ahead or behind; .33 when directions
+are random).
 """
 
 from __future__ import annotations
@@ -46,19 +46,19 @@ from flockbrush.systems.palette import Palette
 
 BANDS = Path(brushes.__file__).parent / "brushes" / "bands.json"
 RATE = 32  # ticks a second
-SEEDS = {50: 5, 200: 5, 800: 2}  # fresh ones: the searches used seeds below 1000
+SEEDS = {50: 5, 200: 5, 800: 2}  # new seeds: the searches used seeds below 1000
 FIRST_SEED = 1000
 MEASURES = ("polarization", "milling", "aspect", "spacing", "together", "going", "middle", "in file")
-MOST = 20.0  # degrees that a change of brush may add to an animal's largest turn in a tick
+MOST = 20.0  # degrees that a change of brush may add to the largest turn of an animal in a tick
 
 
 def stated():
-    """What `bands.json` says, by brush."""
+    """Return the contents of `bands.json`, by brush."""
     return json.loads(BANDS.read_text(encoding="utf-8"))
 
 
 def measures_of(simulation):
-    """The measures of one moment, by name; lengths in body lengths."""
+    """Return the measures of one moment, by name; lengths in body lengths."""
     agents = simulation.agents
     xy = agents[Position.xyz][:, :2] / agents[Body.length].mean()
     forward = agents[Heading.forward]
@@ -83,7 +83,7 @@ def watch(brush, scene, count, seed, seconds=None, since=None):
     ----------
     brush : Brush
     scene : dict
-        ``start``, ``density`` (per square body length), ``heading`` (radians, or None: each its own), ``seconds``,
+        ``start``, ``density`` (per square body length), ``heading`` (radians, or None: random), ``seconds``,
         ``since``.
     count, seed : int
     seconds, since : float, optional
@@ -102,12 +102,12 @@ def watch(brush, scene, count, seed, seconds=None, since=None):
 
 
 def outside(measured, bands):
-    """The names of the measures that are not in their band."""
+    """Return the names of the measures outside their band."""
     return [name for name, (low, high) in bands.items() if not low <= measured[name] <= high]
 
 
 def largest_turns(simulation, ticks):
-    """Degrees, (n,): the most that each animal turns in one of the next ticks."""
+    """Return the largest turn of each animal in one of the next ticks, (n,) degrees."""
     agents = simulation.agents
     most = np.zeros(len(agents))
     for _ in range(ticks):
@@ -118,10 +118,10 @@ def largest_turns(simulation, ticks):
 
 
 def switch(old, news, scene, count=150, seed=0, settle=6.0, before=1.0, after=2.0):
-    """Degrees, a list: by how much a change to each new brush makes an animal's largest turn in a tick grow, at worst.
+    """Return, for each new brush, how many degrees the change adds to the largest turn of an animal in a tick, at most.
 
-    The largest turn in ``after`` seconds from the change on, less that in the ``before`` seconds just before it.  One
-    herd settles under the old brush, and is put back to the moment of the change for each new one.
+    This is the largest turn in the ``after`` seconds after the change, less that in the ``before`` seconds before it.
+    One herd settles with the old brush and is restored to the moment of the change for each new one.
     """
     simulation = plane(old, count, scene["density"], scene["start"], seed, scene["heading"])
     indices = [simulation.world.resource(Palette).add(new) for new in news]
@@ -140,7 +140,7 @@ def switch(old, news, scene, count=150, seed=0, settle=6.0, before=1.0, after=2.
 
 
 def study(names, library, say):
-    """Measured ranges by brush and herd size, and the table as lines of Markdown."""
+    """Return measured ranges by brush and herd size, and the table as lines of Markdown."""
     plan, measured = stated(), {}
     lines = [
         "| brush | animals | " + " | ".join(MEASURES) + " | runs in band |",
@@ -167,7 +167,7 @@ def _range(low, high):
 
 
 def switches(names, library, count=150, seed=FIRST_SEED, **times):
-    """Degrees added to the largest turn in a tick, by old and new brush."""
+    """Return the degrees added to the largest turn in a tick, by old and new brush."""
     plan, matrix = stated(), {}
     for old in names:
         news = [new for new in names if new != old]
@@ -177,7 +177,7 @@ def switches(names, library, count=150, seed=FIRST_SEED, **times):
 
 
 def switch_table(matrix):
-    """Lines of Markdown: a row for the brush before, a column for the brush after."""
+    """Return lines of Markdown: a row for each old brush, a column for each new one."""
     names = list(matrix)
     lines = ["| from \\ to | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
     for old in names:
@@ -189,16 +189,16 @@ def switch_table(matrix):
 
 def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("brush", nargs="*", help="brushes to study; all unless told")
-    parser.add_argument("--switches", action="store_true", help="the changes of brush alone")
-    parser.add_argument("--no-switches", action="store_true", help="leave the changes of brush out")
-    parser.add_argument("--write", action="store_true", help="store what was measured in bands.json")
+    parser.add_argument("brush", nargs="*", help="brushes to study; default: all")
+    parser.add_argument("--switches", action="store_true", help="only the changes of brush")
+    parser.add_argument("--no-switches", action="store_true", help="without the changes of brush")
+    parser.add_argument("--write", action="store_true", help="store the measurements in bands.json")
     parser.add_argument("--json", action="store_true", help="print one object instead of tables")
     options = parser.parse_args(arguments)
     plan, library = stated(), shipped()
     names = options.brush or [name for name in plan if name != "switches"]
     if unknown := [name for name in names if name not in plan]:
-        parser.error(f"bands.json states nothing of {', '.join(unknown)}; it has {', '.join(plan)}")
+        parser.error(f"bands.json does not have {', '.join(unknown)}; it has {', '.join(plan)}")
 
     def say(line):
         if not options.json:
@@ -213,16 +213,14 @@ def main(arguments=None):
         matrix = switches(names, library)
         say("\n" + "\n".join(switch_table(matrix)))
         worst = max((d, old, new) for old, row in matrix.items() for new, d in row.items())
-        say(
-            f"\nlargest: {worst[0]:.1f}° more in a tick than before, from {worst[1]} to {worst[2]}; at most {MOST:.0f}°"
-        )
+        say(f"\nlargest increase per tick: {worst[0]:.1f}°, from {worst[1]} to {worst[2]}; limit {MOST:.0f}°")
     if options.json:
         print(json.dumps({"measured": measured, "switches": matrix}))
     return 0
 
 
 def store(plan, measured):
-    """Put what was measured beside what is stated."""
+    """Store the measurements in `bands.json`."""
     for name, sizes in measured.items():
         plan[name]["measured"] = sizes
     BANDS.write_text(json.dumps(plan, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

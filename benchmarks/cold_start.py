@@ -1,6 +1,6 @@
-"""Seconds of the first `flockbrush run` after installing, with nothing compiled: one process, all cores, and warm.
+"""Time the first `flockbrush run` after an installation, with nothing compiled: one core, all cores, and warm.
 
-Beside them the processor's time of all processes, and how many kernels were compiled: on a busy machine read these.
+CPU times of all processes and the number of compiled kernels are printed too; on a busy machine read these.
 
 Run with::
 
@@ -21,7 +21,7 @@ from flockbrush.cli.bench import machine
 
 
 def seconds(level, folder, threads):
-    """Wall and CPU seconds of a run of one tick, with kernels in a folder."""
+    """Return wall and CPU seconds of a run of one tick, with the kernel cache in a folder."""
     environment = os.environ | {"NUMBA_CACHE_DIR": folder, "FLOCKBRUSH_THREADS": str(threads)}
     begin, before = time.perf_counter(), os.times()
     command = [sys.executable, "-m", "flockbrush", "run", level, "--ticks", "1"]
@@ -42,7 +42,7 @@ def main():
             kernels = sum(1 for _ in Path(folder).rglob("*.nbc"))
             rows.append((threads, cold, seconds(level, folder, threads)[0], cpu, kernels))
     print(f"first run of {level}")
-    print(f"{'cores':>6} {'cold, s':>9} {'warm, s':>9} {'of one core':>12} {'CPU, s':>9} {'kernels':>8}")
+    print(f"{'cores':>6} {'cold, s':>9} {'warm, s':>9} {'/ one core':>12} {'CPU, s':>9} {'kernels':>8}")
     for threads, cold, warm, cpu, kernels in rows:
         print(f"{threads:>6} {cold:>9.1f} {warm:>9.1f} {cold / rows[0][1]:>12.2f} {cpu:>9.1f} {kernels:>8}")
     print(machine())

@@ -1,15 +1,15 @@
-"""How long a frame takes to draw, beside the same animals drawn by pygame blits and by OpenCV.
+"""Time drawing of frames, compared with the same animals drawn by pygame blits and by OpenCV.
 
 Run from the repository's root::
 
     python benchmarks/draw.py
 
-All drawers draw the same animals, capsules of 1.2 x 0.7 m at one per 4 square metres, on one thread at 1280 x 720.
+All programs draw the same animals, capsules of 1.2 x 0.7 m at one per 4 square metres, on one thread at 1280 x 720.
 ``animals`` is the rasteriser alone; ``frame`` adds the copy of the ground, legend and checks; ``trails`` adds trails.
-``look`` are beasts, and birds on the wing, 38 pixels long; ``none`` the same animals without legs and wings.
-Then what a window draws besides: mending the ground under a stroke, looking elsewhere, and every overlay, on a running
-level with so many animals; ``anew`` is what an overlay takes when camera or ground have changed.
-pygame blits sprites turned in advance (64 headings); OpenCV draws an anti-aliased line per animal.
+``look`` are four-legged animals and flying birds, 38 pixels long; ``none`` is the same without legs and wings.  Then
+the other work of a window is timed on a running level: redrawing the ground under a stroke, moving the camera, and
+every overlay; ``anew`` is the time of an overlay after the camera or the ground has changed.  pygame blits pre-rotated
+sprites (64 headings); OpenCV draws an anti-aliased line per animal.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ LENGTH, RADIUS = 1.2, 0.35  # m
 
 
 def scene(count, rng):
-    """A bare level that `count` animals fill, and the animals."""
+    """Return an empty level of a size for `count` animals, and the animals."""
     height = np.sqrt(count * AREA * SIZE[1] / SIZE[0])
     level = SimpleNamespace(name="bench", width=height * SIZE[0] / SIZE[1], height=height)
     turn = rng.uniform(0, 2 * np.pi, count)
@@ -49,7 +49,7 @@ def scene(count, rng):
 
 
 def median(draw, frames):
-    """Median and least milliseconds of `draw(k)` over frames; a few go before, to warm up."""
+    """Return median and least milliseconds of `draw(k)` over frames, after a few for warm-up."""
     for k in range(3):
         draw(k)
     spent = []
@@ -61,21 +61,23 @@ def median(draw, frames):
 
 
 def moved(herd, k):
-    """The herd k frames later, at walking speed."""
+    """Return the herd k frames later, at walking speed."""
     return herd._replace(xy=herd.xy + herd.forward * (0.04 * k))
 
 
 def ours(level, herd, frames):
-    """Our own times: the rasteriser, a frame, a frame with trails."""
+    """Return the times of Flockbrush: the rasteriser, a frame, a frame with trails."""
     painter = Painter(level, SIZE, trails=3.0)
     out = painter.ground.copy()
 
     def animals(k):
         from flockbrush.render.drawn_herd import checked
+        from flockbrush.render.sprites import looks_of
 
         ready = checked(moved(herd, k))
         stamps = painter._stamps_of(ready)
-        painter._animals(out, ready, stamps.looks(ready.brush, ready.leader, ready.predator), stamps)
+        look = looks_of(ready, len(stamps.brush_colours))
+        painter._animals(out, ready, look, stamps)
 
     return {
         "animals": median(animals, frames),
@@ -85,7 +87,7 @@ def ours(level, herd, frames):
 
 
 def blits(level, herd, frames):
-    """pygame: a sprite turned in advance for every animal."""
+    """Return the times of pygame: a pre-rotated sprite for every animal."""
     os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     import pygame
@@ -108,7 +110,7 @@ def blits(level, herd, frames):
 
 
 def lines(level, herd, frames):
-    """OpenCV: an anti-aliased line for every animal."""
+    """Return the times of OpenCV: an anti-aliased line for every animal."""
     import cv2
 
     cv2.setNumThreads(1)
@@ -128,7 +130,7 @@ def lines(level, herd, frames):
 
 
 def legs(look, clip, frames, count=338, long=38.0):
-    """{what: (median, least)} ms of a frame of animals so many pixels long, with legs or wings and without."""
+    """Return {name: (median, least)} ms of a frame of large animals, with and without legs or wings."""
     from flockbrush.render.animal_looks import CLIPS
     from flockbrush.render.mesh_bodies import LOOK_NAMES, Postures
 
@@ -149,12 +151,14 @@ def legs(look, clip, frames, count=338, long=38.0):
 
 
 def window(count, frames, name="gorge"):
-    """{what: (median, least)} in milliseconds of what a window draws besides the animals."""
+    """Return {name: (median, least)} milliseconds of the other work of a window."""
     from flockbrush.render import Scenery
-    from flockbrush.render.overlays import OVERLAYS, Overlays
+    from flockbrush.render.overlay_registry import OVERLAYS, load_overlays
+    from flockbrush.render.overlays import Overlays
     from flockbrush.runs.run import start
     from flockbrush.runs.snapshots import moment_of
 
+    load_overlays()
     simulation = start(name, agents=count)
     simulation.run(32)
     scenery, moment = Scenery(simulation), moment_of(simulation)
@@ -192,7 +196,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--counts", type=int, nargs="+", default=[1_000, 10_000, 50_000])
     parser.add_argument("--frames", type=int, default=31)
-    parser.add_argument("--window", type=int, default=2_000, help="animals of the level with overlays; 0: without")
+    parser.add_argument("--window", type=int, default=2_000, help="animals of the level with overlays; 0: skip them")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     rng, table = np.random.default_rng(1), {}

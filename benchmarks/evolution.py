@@ -1,10 +1,10 @@
-"""The evolution strategy of learning beside the package ``cmaes`` (pip install cmaes), which it could be swapped for.
+"""Compare the evolution strategy used in learning with the package ``cmaes`` (pip install cmaes).
 
     python benchmarks/evolution.py [--seeds 20]
 
-Prints how far above the optimum both end, as a median over the seeds: twelve numbers between 0 and 1, as learning has
-them, 60 generations of 8 and of 16 candidates.  ``edge`` has a third of its optimum on the border; ``noisy`` is
-measured with chance of .01 at each candidate and judged without.
+Prints the median over the seeds of the final distance above the optimum, for twelve numbers between 0 and 1 (as in
+learning) and 60 generations of 8 and of 16 candidates.  In ``edge`` a third of the optimum lies on the border.  In
+``noisy`` each candidate is measured with noise of .01; the result is evaluated without noise.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ COUNT, GENERATIONS, STEP, CHANCE = 12, 60, 0.15, 0.01
 
 
 def problem(kind, seed):
-    """(what candidates are told, what the end is judged by), each of (12,) numbers."""
+    """Return (objective of the search, objective of the final evaluation), functions of (12,) numbers."""
     optimum = np.random.default_rng(seed).uniform(0.3, 0.7, COUNT)
     turned = np.linalg.qr(np.random.default_rng(0).normal(size=(COUNT, COUNT)))[0] * np.logspace(-1, 1, COUNT)[:, None]
     chance = np.random.default_rng(seed + 1)
@@ -37,7 +37,7 @@ def problem(kind, seed):
 
 
 def ours(worth, size, seed):
-    """Where our strategy ends."""
+    """Return the final point of Flockbrush's strategy."""
     search = Evolution(np.full(COUNT, 0.5), STEP, size, (seed,))
     for _ in range(GENERATIONS):
         search.tell([worth(x) for x in search.ask()])
@@ -45,7 +45,7 @@ def ours(worth, size, seed):
 
 
 def theirs(worth, size, seed):
-    """Where the package's ends."""
+    """Return the final point of the package."""
     from cmaes import CMA
 
     bounds = np.tile([0.0, 1.0], (COUNT, 1))

@@ -1,6 +1,6 @@
-"""Size and time of every kind of export: ``python benchmarks/exports.py [LEVEL] [SECONDS] [ENDING]``.
+"""Measure size and time of every export format: ``python benchmarks/exports.py [LEVEL] [SECONDS] [ENDING]``.
 
-One run writes them all; the time is what each exporter took, without the simulation.
+One run writes all formats.  The time is that of the exporter, without the simulation.
 """
 
 import sys
@@ -16,12 +16,12 @@ MODES = {".usdc": ("usd_mode", ("instancer", "xforms", "skel")), ".glb": ("gltf_
 
 
 def main(level="sheep-pasture", seconds="30", only=""):
-    """Print a row for each kind, or for one."""
+    """Print a row for each format, or for one."""
     simulation, spent, writers = start(level), {}, []
     with tempfile.TemporaryDirectory() as folder:
         for ending, kind in exporters().items():
             if ending == ".usda" or only not in ("", ending):
-                continue  # .usda is .usdc in words
+                continue  # .usda is .usdc as text
             option, modes = MODES.get(ending, ("", ("",)))
             for mode in modes:
                 path = Path(folder) / f"run{mode}{ending}"

@@ -1,10 +1,11 @@
-"""How long it takes to look at a film of a herd, part by part.
+"""Time each step of measuring a film of a herd.
 
     python benchmarks/fields.py [--size 960x720] [--animals 200] [--frames 100] [--rounds 3]
 
-The film is made first: animals mill about under a camera that drifts, turns and zooms.  Milliseconds a frame, by clock
-and of processors, of the fastest round; parts that work at the same time add up to more than the whole.  The goal is
-100 ms a frame of 960 x 720 on two cores (Gong et al. 2025 tell 200 ms).  On a shared machine read that of processors.
+The benchmark first makes a film of milling animals under a camera that drifts, turns and zooms.  It prints wall and
+CPU milliseconds per frame of the fastest round.  Steps run in parallel, so they add up to more than the whole.  The
+goal is 100 ms per frame of 960 x 720 on two cores (Gong et al. 2025 report 200 ms).  On a shared machine read the CPU
+time.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from flockbrush.film import flow, masks, observe, sightings, stabilise  # noqa: 
 from tests.foreign_herds import herd  # noqa: E402
 from tests.herd_film import Camera, shoot  # noqa: E402
 
-PARTS = {  # name: where the work is done
+PARTS = {  # name: the functions that do the work
     "decode": [(clip, "_look_through")],
     "stabilise": [(stabilise._Follower, "step")],
     "colours, size": [(observe, "colours_of"), (observe, "_size")],
@@ -38,13 +39,13 @@ PARTS = {  # name: where the work is done
     "cells": [(cells.Collector, "add")],
     "animals": [(observe, "bodies_of"), (observe, "sightings_of")],
 }
-assert sightings  # its name in `observe` is what is timed
+assert sightings  # timed under its name in `observe`
 
 
 def main():
-    """Print a table of milliseconds a frame."""
+    """Print a table of milliseconds per frame."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", default="960x720", help="of the film, px")
+    parser.add_argument("--size", default="960x720", help="size of the film, px")
     parser.add_argument("--animals", type=int, default=200)
     parser.add_argument("--frames", type=int, default=100)
     parser.add_argument("--rounds", type=int, default=3)
@@ -58,7 +59,7 @@ def main():
         whole = min((_whole(path) for _ in range(args.rounds)), key=lambda row: row[0])
         parts = _parts(path)
     print(f"{size[0]} x {size[1]}, {args.animals} animals, {args.frames} frames; {_machine()}")
-    print(f"{'ms a frame':<16}{'wall':>8}{'processor':>12}")
+    print(f"{'ms per frame':<16}{'wall':>8}{'CPU':>12}")
     for name, (wall, processor) in {"all of it": whole, **parts}.items():
         print(f"{name:<16}{1e3 * wall / args.frames:>8.1f}{1e3 * processor / args.frames:>12.1f}")
 
@@ -68,14 +69,14 @@ def _machine():
 
 
 def _whole(path):
-    """(wall clock, processor time) of all of it, s."""
+    """Return (wall, CPU) seconds of the whole measurement."""
     wall, processor = time.perf_counter(), time.process_time()
     observe.observe(path)
     return time.perf_counter() - wall, time.process_time() - processor
 
 
 def _parts(path):
-    """{part: (wall clock, processor time of the threads of Python)}, s, of one more round."""
+    """Return {step: (wall, CPU of the Python threads)}, seconds of one more round."""
     spent = {name: [0.0, 0.0] for name in PARTS}
     lock, kept = threading.Lock(), []
     for name, places in PARTS.items():
@@ -91,7 +92,7 @@ def _parts(path):
 
 
 def _timed(work, spent, lock):
-    """The function, which adds its time to a sum."""
+    """Wrap a function so that its time is added to a sum."""
 
     def timed(*args, **kwargs):
         with _added(spent, lock):

@@ -1,17 +1,18 @@
-"""Formations that meet something: do they open, pass and form again?
+"""Test whether formations pass an obstacle or a predator and form again.
 
     python benchmarks/formation_scenes.py [--brush geese skein] [--scene pillars ridge falcon] [--seeds 9001:9020]
 
-Geese in line formation (`geese`) and geese that keep the V rules (`skein`) start at random places and form up; then a
-field of pillars stands in their way, or a ridge that is higher than they fly, or a falcon stoops through them.  The
-things are drawn for every seed.
+Geese in line formation (`geese`) and geese with V rules (`skein`) start at random positions and form up.  Then they
+meet a field of pillars, a ridge that is higher than they fly, or a falcon that stoops through them.  Each seed has its
+own pillars, ridge or falcon.
 
-A seed passes when the flock stood in formation before, nobody was ever inside a solid with any part of its body or
-under the ground, nobody ever flew, climbed or turned faster than its species, and all are one formation again, for two
-seconds or more, within 60 s: of when the last had passed the thing, or the falcon was 80 m away.
+A seed passes if the flock was in formation before; no part of a bird was ever inside a solid or below the ground; no
+bird ever flew, climbed or turned faster than its species can; and within 60 s all birds are one formation again for at
+least two seconds.  The 60 s start when the last bird has passed the obstacle, or when the falcon is 80 m away.
 
-One formation is, in line formation, one leader, no place taken twice and everybody within half a wingspan of its place;
-by V rules one lead, one group and a V, a J or an echelon (`flockbrush.runs.v_measures`) within a wingspan of height.
+In line formation, one formation means one leader, no place taken twice and every bird within half a wingspan of its
+place.  With V rules it means one lead, one group and a V, a J or an echelon (`flockbrush.runs.v_measures`), with
+heights within a wingspan.
 """
 
 from __future__ import annotations
@@ -38,24 +39,24 @@ from small_herd import box, brush, meadow, obstacle, put_aloft, room_in_the_air
 from flockbrush.runs.v_measures import v_indicators
 
 BIRDS, HEIGHT = 9, 40.0  # m above the ground
-FORMS = 16.0  # s that they have before they meet the thing
-WITHIN = 60.0  # s after it
-LOOK, STAYS = 0.25, 2.0  # s from one look at the shape to the next, and for which it must stay
-NEAR, STOOP = 25.0, 36.0  # m from a goose, where the falcon ends its stoop and goes straight on; m/s
-LIMIT = 200.0  # s, the longest that a passage takes
+FORMS = 16.0  # s to form up before the obstacle
+WITHIN = 60.0  # s after the obstacle
+LOOK, STAYS = 0.25, 2.0  # s between checks of the shape, and for which it must last
+NEAR, STOOP = 25.0, 36.0  # m from a goose at which the falcon stops aiming and flies straight on; m/s
+LIMIT = 200.0  # s, the longest passage
 MIDDLE = 600.0  # m north, of a map that is twice as wide
 SCENES = ("pillars", "ridge", "falcon")
 
 
 class Outcome(NamedTuple):
-    """What became of one flock."""
+    """The result of one flock."""
 
-    formed: float  # s until it first stood in formation
+    formed: float  # s until the first formation
     room: float  # m, the least between a body and a solid or the ground, in any tick
-    nearest: float  # m, how near a falcon came
-    apart: float  # s for which it was no formation since it first was, until the thing was over
-    again: float  # s after the thing until it was one formation again, to stay; inf: not in time
-    faults: tuple  # sentences
+    nearest: float  # m, least distance of the falcon
+    apart: float  # s without formation, from the first formation until the obstacle is passed
+    again: float  # s after the obstacle until the formation is back for good; inf: not in time
+    faults: tuple  # messages
 
     @property
     def passed(self):
@@ -63,10 +64,10 @@ class Outcome(NamedTuple):
 
 
 def flock_before(scene, kind, seed, birds=BIRDS, forms=FORMS):
-    """(simulation, where the thing is along the way): geese that fly east, scattered, and what they will meet."""
+    """Return (simulation, distance of the obstacle): scattered geese that fly east, and the obstacle."""
     rng = np.random.default_rng(seed)
     asset, falcon = shipped().get(kind), brush("stoop", "raptor", STOOP / 0.45, min_speed=10.0, max_speed=90.0)
-    way = asset.speed.mean * 0.8 * forms + 100.0  # m, to the thing
+    way = asset.speed.mean * 0.8 * forms + 100.0  # m, to the obstacle
     things = {"obstacles": pillars(rng, way)} if scene == "pillars" else {}
     if scene == "ridge":
         things["height_map"] = Raster(10.0, ridge(rng, way))
@@ -82,7 +83,7 @@ def flock_before(scene, kind, seed, birds=BIRDS, forms=FORMS):
 
 
 def pillars(rng, way, count=16):
-    """Round and square pillars in a field of 120 by 100 m, nowhere nearer than 8 m to one another."""
+    """Return round and square pillars in a field of 120 by 100 m, at least 8 m apart."""
     found = []
     while len(found) < count:
         x, y, r = way + 120 * rng.uniform(), MIDDLE + 100 * (rng.uniform() - 0.5), rng.uniform(0.8, 3.0)
@@ -96,7 +97,7 @@ def pillars(rng, way, count=16):
 
 
 def ridge(rng, way):
-    """(my, mx) m: a ridge across the way, 10 to 30 m higher than they fly."""
+    """Return the heights of a ridge across the course, 10 to 30 m higher than the flock flies, (my, mx) m."""
     y, x = (np.mgrid[:120, :400] + 0.5) * 10.0
     deep, wide = rng.uniform(60, 120), rng.uniform(120, 240)
     aside, top = rng.uniform(-100, 100), HEIGHT + rng.uniform(10, 30)
@@ -105,7 +106,7 @@ def ridge(rng, way):
 
 
 def one_formation(simulation, kind, mine):
-    """Whether all geese fly in one formation."""
+    """Return whether all geese fly in one formation."""
     if shipped().get(kind).model == "v_rules":
         seen = v_indicators(simulation)
         z = simulation.agents[Position.xyz][mine, 2]
@@ -137,7 +138,7 @@ def geese_of(simulation):
 
 
 def send_the_falcon(simulation, rng):
-    """It comes from anywhere around them, 90 m off and 40 m up, with the speed of a stoop."""
+    """Add a falcon in a random direction, 90 m away and 40 m up, at the speed of a stoop."""
     middle = simulation.agents[Position.xyz][geese_of(simulation)].mean(0)
     angle = rng.uniform(0, 2 * np.pi)
     away = np.array([90.0 * np.cos(angle), 90.0 * np.sin(angle), 40.0])
@@ -146,7 +147,7 @@ def send_the_falcon(simulation, rng):
 
 
 def stoop(simulation, mine):
-    """It makes for where the middle of them will be when it is there."""
+    """Send the falcon to where the centre of the flock will be when it arrives."""
     agents = simulation.agents
     hunter = np.setdiff1d(np.arange(len(agents)), mine)[0]
     away = agents[Position.xyz][mine].mean(0) - agents[Position.xyz][hunter]
@@ -157,7 +158,7 @@ def stoop(simulation, mine):
 
 
 def passage(scene, kind, seed, birds=BIRDS, forms=FORMS):
-    """The `Outcome` of one flock."""
+    """Return the `Outcome` of one flock."""
     simulation, way = flock_before(scene, kind, seed, birds, forms)
     formed = nearest = again = np.inf
     room, apart, last, since, faults = np.inf, 0.0, None, None, set()
@@ -193,7 +194,7 @@ def passage(scene, kind, seed, birds=BIRDS, forms=FORMS):
 
 
 def limits(simulation, mine, before, faults):
-    """Whether anybody was faster or turned faster than a goose can; the headings, for the next tick."""
+    """Add a message for every exceeded limit of a goose; return the headings for the next tick."""
     agents, goose = simulation.agents, shipped_species().get("goose").fly
     forward = agents[Heading.forward].copy()
     if not np.isfinite(agents[Position.xyz]).all():
@@ -210,14 +211,14 @@ def limits(simulation, mine, before, faults):
 
 
 def falcon_to(simulation, mine):
-    """m from the falcon to the nearest goose."""
+    """Return the distance from the falcon to the nearest goose, m."""
     hunter = np.setdiff1d(np.arange(len(simulation.agents)), mine)[0]
     xyz = simulation.agents[Position.xyz]
     return np.linalg.norm(xyz[mine] - xyz[hunter], axis=1).min()
 
 
 def over(scene, simulation, mine, way, nearest):
-    """Whether the thing is behind them: the field, the ridge, or a falcon that came near and is 80 m away again."""
+    """Return whether all have passed the pillars or the ridge, or the falcon came near and is 80 m away again."""
     if scene == "falcon":
         return nearest <= NEAR and falcon_to(simulation, mine) > 80.0
     beyond = way + (130.0 if scene == "pillars" else 480.0)
@@ -230,10 +231,10 @@ def main():
     parser.add_argument("--scene", nargs="+", default=SCENES, choices=SCENES)
     parser.add_argument("--seeds", default="9001:9020", help="first:last")
     told = parser.parse_args()
-    first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])  # one seed stands for itself
+    first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])  # a single seed is a range of one
     for kind in told.brush:
         for scene in told.scene:
-            print(f"{kind}, {scene}: formed after, least room, falcon as near as, not formed for, again after")
+            print(f"{kind}, {scene}: formed after, clearance, nearest falcon, out of formation for, formed again after")
             passed, waits = 0, []
             for seed in range(first, last + 1):
                 found = passage(scene, kind, seed)
@@ -246,7 +247,7 @@ def main():
                     flush=True,
                 )
             half = np.median(waits)
-            print(f"{passed} of {last - first + 1} seeds; half of them one again within {half:.1f} s\n", flush=True)
+            print(f"{passed} of {last - first + 1} seeds; median time to form again {half:.1f} s\n", flush=True)
 
 
 if __name__ == "__main__":

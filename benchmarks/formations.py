@@ -1,12 +1,12 @@
-"""Figures of line formations: how well shapes are known, how soon key shapes are solved, what flights keep to.
+"""Benchmark line formations: recognition of shapes, time of key shapes, and limits kept by flights.
 
     python benchmarks/formations.py
 
-With `--reach`, how many scattered flocks form up when nobody perceives anybody who is farther away than that:
+With `--reach`, count how many scattered flocks form up if birds do not perceive others farther away than that:
 
     python benchmarks/formations.py --reach 50 25 12.5 --seeds 9001:9008
 
-A flock passes when every bird keeps its place from 300 wingspans of flight on at the latest (`WITHIN`).
+A flock passes if every bird keeps its place after at most 300 wingspans of flight (`WITHIN`).
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from flockbrush.systems.initiation import initiate, scattered, target_of
 
 KINDS = "V", "U", "J", "line"
 SIZES = 9, 14, 16, 28, 41  # birds
-WITHIN, HOLD = 300.0, 60  # wingspans of flight to one's place; frames for which everybody must keep it
+WITHIN, HOLD = 300.0, 60  # wingspans of flight until all are in place; frames for which they must stay
 
 
 def known(frames=24):
-    """Extraction of frames with a tenth out of line."""
+    """Print the extraction of frames with a tenth of the birds off the line."""
     print("extraction: 10 % outliers, deviation .15 wingspans\n")
-    print("| shape | birds | frames | shape right | leader right | outliers found | false outliers a frame |")
+    print("| shape | birds | frames | shape right | leader right | outliers found | false outliers per frame |")
     print("|---|---|---|---|---|---|---|")
     total = np.zeros(3, int)
     for kind in KINDS:
@@ -58,7 +58,7 @@ def known(frames=24):
 
 
 def false_birds(frames=20):
-    """Extraction with birds that are none, anywhere in 24 by 22 wingspans, the heading given."""
+    """Print the extraction with false birds in 24 by 22 wingspans and a given heading."""
     print("extraction with false birds: deviation .1 wingspans\n")
     print("| shape | birds | false | frames | shape right | leader right |")
     print("|---|---|---|---|---|---|")
@@ -81,8 +81,8 @@ def false_birds(frames=20):
 
 
 def solved(keys=20):
-    """Time of key shapes and what flights keep to."""
-    print("key shapes and flights of 300 frames, 5 a second\n")
+    """Print the time of key shapes and the limits kept by flights."""
+    print("key shapes, and flights of 300 frames at 5 frames per second\n")
     print("| example | birds | key shape, ms | Levenberg-Marquardt, ms (solved) | outside ranges, % | by at most, % | "
           "fastest, b/s | leader in front, % |")  # fmt: skip
     print("|---|---|---|---|---|---|---|---|")
@@ -97,7 +97,7 @@ def solved(keys=20):
 
 
 def _both_solvers(flight, keys):
-    """Seconds of a key shape, of the paper's solver for the same shares, and how many that solved."""
+    """Return seconds per key shape, the same for the paper's solver, and how many shapes the latter solved."""
     ours = paper = fine = 0
     last, share, arrangement = flight.initial[0], flight.shares[0], flight.arrangements[0]
     flight.drawn(0, last, share, arrangement)  # compiled
@@ -115,7 +115,7 @@ def _both_solvers(flight, keys):
 
 
 def formed_up(kind: str, birds: int, seeds: range, reach: float, within: float = WITHIN) -> int:
-    """How many flocks are in place after ``within`` wingspans of flight; nobody perceives farther than ``reach``."""
+    """Return how many flocks are in place after ``within`` wingspans of flight; ``reach`` limits perception."""
     last = round(within / FormingRules().cruise)  # frame
     goal = target_of(*textbook(kind, birds))
     flown = [initiate(*scattered(birds, seed), goal, most=last + HOLD + 1, hold=HOLD, reach=reach) for seed in seeds]
@@ -123,7 +123,7 @@ def formed_up(kind: str, birds: int, seeds: range, reach: float, within: float =
 
 
 def initiation(reaches: list[float], seeds: range) -> None:
-    """Flocks in place within `WITHIN`, by reach and size, over the four shapes."""
+    """Print the number of flocks in place within `WITHIN`, by reach and size, over the four shapes."""
     of = len(KINDS) * len(seeds)
     print(f"in place within {WITHIN:.0f} wingspans, of {of} flocks in each cell (V, U, J, line)\n")
     print("| reach, wingspans | " + " | ".join(f"{n} birds" for n in SIZES) + " | all |")
@@ -137,11 +137,11 @@ def initiation(reaches: list[float], seeds: range) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--reach", type=float, nargs="+", help="wingspans; inf: of the whole flock")
+    parser.add_argument("--reach", type=float, nargs="+", help="perception range, wingspans; inf: unlimited")
     parser.add_argument("--seeds", default="9001:9008", help="first:last")
     told = parser.parse_args()
     if told.reach:
-        first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])  # one seed stands for itself
+        first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])  # a single seed is a range of one
         initiation(told.reach, range(first, last + 1))
         return
     known()

@@ -1,11 +1,12 @@
-// The work of a herd tick that has to be done, close to the metal: who sees whom, and the three forces of the herd model.
+// Reference for the speed of a herd tick in optimised C++: visibility and the three forces of the herd model.
 //
 //   neighbours of i: all j != i within R, in an open square of random positions;
 //   j is hidden when some nearer k has |angle_j - angle_k| < asin(B / d_ik);
 //   forces over the visible: sums of w d u (cohesion), -w d u (avoidance) and w v_j (alignment),
 //   w = exp(-d^2 / 2 R_f^2 - phi^2 / 2 Phi_f^2), each force with its own R_f and Phi_f.
 //
-// float32, AVX2, one kernel, animals sorted into cells.  A step sorts, looks, adds up, and writes back in the caller's order.
+// float32, AVX2, one kernel, animals sorted into cells.  A step sorts, tests visibility, adds up the forces and writes them
+// back in the caller's order.
 // Visible animals are found in rings outwards without angles: k hides j where u_j . u_k > sqrt(1 - B^2 / d_k^2).
 //
 //   g++ -O3 -march=native -ffast-math -fno-finite-math-only -fopenmp -std=c++17 herd_ceiling.cpp -o herd_ceiling
@@ -29,14 +30,14 @@ static const int W = 8;
 struct Herd {
     int n, nx, ny;
     float side, cell;
-    std::vector<float> x, y, u, v, sx, sy, su, sv, out;  // as given; by cell; six forces and two counts of each
+    std::vector<float> x, y, u, v, sx, sy, su, sv, out;  // input; sorted by cell; six forces and two counts of each
     std::vector<int> at, start, where;
 };
 
-static const int CAP = 4096 + 24;  // neighbours of one animal, at most; not at strides of a power of two
+static const int CAP = 4096 + 24;  // most neighbours of one animal; avoids strides of a power of two
 struct Scratch {
     float x[CAP], y[CAP], d2[CAP], shut[CAP];  // all in range: unit vectors, squared distances, minus the cosine of the cone
-    float jx[CAP], jy[CAP], jd2[CAP];  // those whom nobody hides so far
+    float jx[CAP], jy[CAP], jd2[CAP];  // animals not hidden so far
     float bx[CAP], by[CAP], bd2[CAP], bshut[CAP];  // bodies of one ring
     int slot[CAP], js[CAP], seen[CAP];
 };
@@ -76,7 +77,7 @@ static inline F exponential(F x) {  // x <= 0
 static inline F square_of_angle(F cross, F dot) {
     F sign = all(-0.f), y = _mm256_andnot_ps(sign, cross), x = _mm256_andnot_ps(sign, dot);
     F q = _mm256_div_ps(_mm256_min_ps(x, y), _mm256_max_ps(_mm256_max_ps(x, y), all(1e-30f))), z = _mm256_mul_ps(q, q);
-    F p = all(-.0117212f);  // Abramowitz & Stegun 4.4.49 carried on: good to 2e-6 rad
+    F p = all(-.0117212f);  // Abramowitz & Stegun 4.4.49 extended: error 2e-6 rad
     for (float c : {.05265332f, -.11643287f, .19354346f, -.33262347f, .99997726f}) p = _mm256_fmadd_ps(p, z, all(c));
     F a = _mm256_mul_ps(p, q);
     a = _mm256_blendv_ps(a, _mm256_sub_ps(all(1.57079633f), a), less(x, y));
@@ -127,7 +128,7 @@ static int gather(const Herd& h, int s, Scratch& w) {
     return n;
 }
 
-// who lies in the cone of a body; where `mine` says that some stand among the bodies, in that of a nearer one
+// animals in the cone of a body; where `mine` marks bodies, only in the cone of a nearer one
 static inline F covered(const Scratch& w, int bodies, F x, F y, F d2, int mine) {
     F a = all(-1), b = a;
     if (!mine) {
@@ -145,7 +146,7 @@ static inline F covered(const Scratch& w, int bodies, F x, F y, F d2, int mine) 
     return hidden;
 }
 
-// slots of the visible in w.seen, with their squares of distance and unit vectors side by side
+// slots of the visible animals in w.seen, with squared distances and unit vectors
 static int look(Scratch& w, int all_in_range, int rings, const float* edge2, float* vx, float* vy, float* vd2) {
     const float *jx = w.x, *jy = w.y, *jd2 = w.d2;
     const int* js = w.slot;
@@ -153,14 +154,14 @@ static int look(Scratch& w, int all_in_range, int rings, const float* edge2, flo
     for (int m = 0; m < rings; m++) {
         int bodies = 0, left = 0;
         F inner = all(m ? edge2[m - 1] : 0), outer = all(edge2[m]);
-        for (int k = 0; k < all_in_range; k += W) {  // who is hidden hides others all the same
+        for (int k = 0; k < all_in_range; k += W) {  // hidden animals still hide others
             F d2 = _mm256_loadu_ps(w.d2 + k);
             int own = bits(both(first(all_in_range - k), both(less(d2, outer), _mm256_cmp_ps(d2, inner, _CMP_GE_OQ))));
             pack(w.bx + bodies, _mm256_loadu_ps(w.x + k), own), pack(w.by + bodies, _mm256_loadu_ps(w.y + k), own);
             pack(w.bd2 + bodies, d2, own), pack(w.bshut + bodies, _mm256_loadu_ps(w.shut + k), own);
             bodies += __builtin_popcount(own);
         }
-        w.bx[bodies] = w.by[bodies] = 0, w.bshut[bodies] = -4;  // an even number
+        w.bx[bodies] = w.by[bodies] = 0, w.bshut[bodies] = -4;  // pads to an even number
         for (int k = 0; k < n; k += W) {
             F x = _mm256_loadu_ps(jx + k), y = _mm256_loadu_ps(jy + k), d2 = _mm256_loadu_ps(jd2 + k), there = first(n - k);
             F mine = both(there, less(d2, outer)), open = _mm256_andnot_ps(covered(w, bodies, x, y, d2, bits(mine)), there);
@@ -238,7 +239,7 @@ int main(int argc, char** argv) {
         float a = chance() * 6.2831853f;
         h.u[i] = std::cos(a), h.v[i] = std::sin(a);
     }
-    if (argc > 3) {  // one step, for a test: positions, headings and what came of them
+    if (argc > 3) {  // one step, for a test: positions, headings and results
         step(h, rings, edge2);
         FILE* file = fopen(argv[3], "wb");
         for (auto* column : {&h.x, &h.y, &h.u, &h.v}) fwrite(column->data(), 4, h.n, file);

@@ -1,20 +1,20 @@
-"""Learning from clips, measured.
+"""Benchmark learning from clips.
 
     python benchmarks/learning.py step [--animals 500 1000 1500] [--rounds 20]
     python benchmarks/learning.py truth [--quick] [--write]     known truths (learning_truth.py)
-    python benchmarks/learning.py halves [--clips ...] [--write]  held-out halves of clips (learning_halves.py)
-    python benchmarks/learning.py calibration [--count 60] [--write]  is the verdict right? (learning_calibration.py)
+    python benchmarks/learning.py halves [--clips ...] [--write]  predict the second half of clips (learning_halves.py)
+    python benchmarks/learning.py calibration [--count 60] [--write]  errors of the verdict (learning_calibration.py)
     python benchmarks/learning.py tracks --data DIR [--write]   tracks of real animals (learning_tracks.py)
-    python benchmarks/learning.py models [--seeds 3] [--write]  which model is it? (learning_models.py)
+    python benchmarks/learning.py models [--seeds 3] [--write]  identify the model (learning_models.py)
     python benchmarks/learning.py positions [--animals 200] [--starts 5] [--noise DEGREES BODYLENGTHS]
 
-``step``: one step of optimisation, that is who sees whom, the turns of all animals and their slopes, in milliseconds:
-by torch with the errors of the paper (eqs. 7 and 8), and by the kernel that fits turns.  Gong et al. (2025) tell 100,
-300 and 1,200 ms for 500, 1,000 and 1,500 animals in C++.  On a shared machine read the minimum.
+``step``: milliseconds of one optimisation step (visibility, the turns of all animals and their gradients), by torch
+with the errors of the paper (eqs. 7 and 8), and by the kernel that fits turns.  Gong et al. (2025) report 100, 300 and
+1,200 ms for 500, 1,000 and 1,500 animals in C++.  On a shared machine read the minimum.
 
-``positions``: how near the learned parameters come to a herd's own when all positions and turns are known (section
-7.1.1).  Five truths, random starts each; of the twelve numbers those count as identifiable whose Cramér-Rao deviation
-is below .1.  The sum of all twelve depends on the starts where a number is not identifiable: those keep the defaults.
+``positions``: error of the learned parameters when all positions and turns are known exactly (section 7.1.1), for five
+known herds and random starts.  A parameter counts as identifiable if its Cramér-Rao deviation is below .1.  The sum of
+all twelve errors depends on the starts, because parameters that are not identifiable keep their start or default.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ TRUTHS = {  # weight, radial, angular of avoidance, cohesion, alignment; speed a
     "swarm": ((0.68, 0.31, 0.80, 0.11, 1, 1, 0.001, 0.31, 0.98), 1.28, 0.13),
     "graze": ((0.90, 0.30, 1, 0.08, 1, 1, 0.015, 0.60, 1), 0.3, 0.06),
     "column": ((0.42, 0.16, 0.27, 0.44, 1, 0.29, 0.63, 0.72, 0.39), 3.5, 0.35),
-}  # searched with an independent simulator
-BODIES = {"filled mill": BodySpec(radius=0.25, contact="disc")}  # which capsules would jam
-OBSTACLE = 0.15, 0.5, 0.5  # of the truths; nothing stands in their way
+}  # found with an independent simulator
+BODIES = {"filled mill": BodySpec(radius=0.25, contact="disc")}  # capsules would jam
+OBSTACLE = 0.15, 0.5, 0.5  # of the known herds; there are no obstacles
 PAPER = {500: 100.0, 1000: 300.0, 1500: 1200.0}  # ms, section 7
 
 
@@ -54,7 +54,7 @@ PAPER = {500: 100.0, 1000: 300.0, 1500: 1200.0}  # ms, section 7
 
 
 def step(args):
-    """Rows of animals, neighbours, and milliseconds by each way."""
+    """Return a row per number of animals: neighbours, and milliseconds of each method."""
     import torch
 
     from flockbrush.learning.torch_herd import threads
@@ -98,7 +98,7 @@ def _step_of(count, rounds, density=0.7):
 
 
 def _herd(count, density):
-    """Animals on a jittered lattice, each its own way; and the fields of one frame of them."""
+    """Return positions and headings of animals on a jittered lattice, and the fields of one frame."""
     from flockbrush.film.observations import Fields
 
     rng = np.random.default_rng(count)
@@ -116,7 +116,7 @@ def _herd(count, density):
 
 
 def _least(work, rounds):
-    """Milliseconds of the fastest of some rounds."""
+    """Return the least milliseconds of several rounds; the 5th percentile of 50 or more."""
     work()
     times = []
     for _ in range(rounds):
@@ -126,16 +126,16 @@ def _least(work, rounds):
     return round(min(times), 2) if rounds < 50 else round(statistics.quantiles(times, n=20)[0], 2)
 
 
-# what positions tell ------------------------------------------------------------------------------------
+# parameters from positions ------------------------------------------------------------------------------------
 
 
 def positions(args):
-    """Rows of a truth: how many numbers are identifiable, and the errors."""
+    """Return a row per known herd and start: identifiable parameters and errors."""
     rows = [row for name in args.truths for row in _found(name, args)]
     _print(rows, f"{args.animals} animals, {args.seconds:g} s, noise {args.noise[0]:g} degrees, {args.noise[1]:g} BL")
     known = [row["identifiable, each"] for row in rows if row["identifiable"]]
-    print(f"mean error of the identifiable: {np.mean(known):.4f}, worst {np.max(known):.4f}")
-    print(f"sum of 12: {np.mean([row['sum of 12'] for row in rows]):.2f} (the paper from fields: .72)")
+    print(f"mean error of the identifiable parameters: {np.mean(known):.4f}, worst {np.max(known):.4f}")
+    print(f"sum of 12: {np.mean([row['sum of 12'] for row in rows]):.2f} (the paper, from fields: .72)")
     return rows
 
 
@@ -158,7 +158,7 @@ def _found(name, args):
 
 
 def _evidence(name, args):
-    """What a perfect observer sees of a truth, or one who errs; and its twelve numbers."""
+    """Return exact or noisy observations of a known herd, and its twelve parameters."""
     from flockbrush.learning.rollout import BODY, HerdStart, params_of, rollout
     from tests.foreign_herds import Truth
     from tests.herd_film import evidence_of_truth
@@ -201,24 +201,24 @@ def _print(rows, title):
 
 
 def main(argv=None):
-    """Run a part of the measurements."""
+    """Run one of the benchmarks."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", type=Path, help="write the rows here, too")
+    parser.add_argument("--json", type=Path, help="also write the rows to this file")
     parts = parser.add_subparsers(dest="part", required=True)
-    one = parts.add_parser("step", help="a step of optimisation, in milliseconds")
+    one = parts.add_parser("step", help="milliseconds of one optimisation step")
     one.add_argument("--animals", type=int, nargs="+", default=list(PAPER))
     one.add_argument("--rounds", type=int, default=20)
     one.add_argument("--threads", type=int, default=1)
     one.set_defaults(run=step)
-    two = parts.add_parser("positions", help="parameters from positions and turns, against the truth")
+    two = parts.add_parser("positions", help="parameters from exact positions and turns")
     two.add_argument("--truths", nargs="+", choices=list(TRUTHS), default=list(TRUTHS))
     two.add_argument("--animals", type=int, default=200)
     two.add_argument("--starts", type=int, default=5)
     two.add_argument("--seconds", type=float, default=2.0)
-    two.add_argument("--warm", type=float, default=4.0, help="seconds that a herd has gone before it is seen")
+    two.add_argument("--warm", type=float, default=4.0, help="seconds simulated before the observation starts")
     two.add_argument("--fps", type=float, default=32.0)
-    two.add_argument("--span", type=float, default=0.0, help="seconds over which turns are seen; a tick unless told")
-    two.add_argument("--noise", type=float, nargs=2, default=(0.0, 0.0), help="of headings and places")
+    two.add_argument("--span", type=float, default=0.0, help="seconds over which turns are taken; default: one tick")
+    two.add_argument("--noise", type=float, nargs=2, default=(0.0, 0.0), help="noise of headings and positions")
     two.set_defaults(run=positions)
     learning_truth.add(parts)
     learning_halves.add(parts)

@@ -1,15 +1,16 @@
-"""How often the verdict on a brush is wrong: known truths, and brushes that are known to be wrong.
+"""Measure how often the verdict on a brush is wrong, with true brushes and with wrong ones.
 
     python benchmarks/learning.py calibration [--count 60] [--first 0] [--write]
 
-A truth is a shipped brush whose numbers and speeds are changed at random, of 40 to 100 animals that have lived for some
-seconds.  What is seen of four seconds of it (positions and axes with noise, nobody named) is the clip.  Two brushes are
-judged by it: the truth itself, with other chance, and a wrong one: another shipped brush with the clip's speeds, or the
-truth with one of its ways changed.  A wrong brush counts if it is separable: over 20 seeds, in one measure of the
-battery at least, 95 of 100 pairs of a run of each are told apart by the same four seconds, or by 20 s alone.
+A true brush is a shipped brush with randomly changed parameters and speeds.  The clip is four seconds of a herd of 40
+to 100 animals with that brush, observed with noise (positions and body axes, no identities).  Two brushes are judged
+by the clip: the true one with another seed, and a wrong one, which is either another shipped brush with the clip's
+speeds or the true brush with one change.  A wrong brush counts only if it is separable from the true one: over 20
+seeds, at least one measure orders 95 of 100 pairs of runs the same way, over the four seconds or after 20 s on its
+own.
 
-False praise: a wrong brush "moves like the film".  False blame: a truth gets any other sentence, "cannot be told"
-included.
+Wrongly accepted: the verdict on a wrong brush is "moves like the film".  Wrongly rejected: a true brush gets any other
+verdict, including "cannot be told".
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ WARM, SECONDS, FPS = 10.0, 4.0, 25.0
 ANIMALS = 40, 70, 100
 SEPARATE, SEEDS = 0.95, 20
 RESULTS = Path(__file__).resolve().parent / "learning_calibration.json"
-CHANGES = {  # ways in which a truth is made wrong
+CHANGES = {  # of a true brush, which make a wrong one
     "hardly any alignment": {"alignment_weight": 0.1},
     "hardly any cohesion": {"cohesion_weight": 0.1},
     "hardly any avoidance": {"avoidance_weight": 0.1},
@@ -36,20 +37,20 @@ CHANGES = {  # ways in which a truth is made wrong
 
 
 def add(commands):
-    """The command's options."""
+    """Add the command's options."""
     parser = commands.add_parser("calibration", help="how often the verdict on a brush is wrong")
-    parser.add_argument("--count", type=int, default=60, help="truths, and as many wrong brushes")
-    parser.add_argument("--first", type=int, default=0, help="number of the first; others are other herds")
-    parser.add_argument("--rivals", type=int, default=4, help="shipped brushes that are tried beside each")
+    parser.add_argument("--count", type=int, default=60, help="number of true brushes, and of wrong ones")
+    parser.add_argument("--first", type=int, default=0, help="number of the first case; each case is another herd")
+    parser.add_argument("--rivals", type=int, default=4, help="shipped brushes compared with each brush")
     parser.add_argument("--write", action="store_true", help=f"store the results in {RESULTS.name}")
     parser.set_defaults(run=run)
 
 
 def run(options):
-    """The study; prints a line for each judgement, and the counts.
+    """Run the study; print a line for each judgement, and the counts.
 
-    With ``--write`` each case is kept as soon as it is done, under the recipe that judged it; the same command goes on
-    with those that are missing.  Cases of another recipe are done anew.
+    With ``--write`` each case is stored as soon as it is done, with the version of the recipe that judged it.  The same
+    command then continues with the missing cases.  Cases of another version of the recipe are computed again.
     """
     recipe = recipe_of(options.rivals)
     kept = json.loads(RESULTS.read_text()) if options.write and RESULTS.exists() else {}
@@ -69,7 +70,7 @@ def run(options):
 
 
 def recipe_of(rivals):
-    """What the judgements hang on: the code of battery, verdict and simulation, and the number of rivals."""
+    """Return what the judgements depend on: the code of battery, verdict and simulation, and the number of rivals."""
     from flockbrush.engine.fingerprint import build_of
 
     from flockbrush.runs.builds import RUNNING
@@ -78,7 +79,7 @@ def recipe_of(rivals):
 
 
 def truth_of(rng):
-    """A shipped brush, changed at random so far that it is another herd of the kind."""
+    """Return a shipped brush with random changes, enough to make another herd of the same kind."""
     from flockbrush.behaviours.brush import shipped
 
     brush = shipped().get(BASES[rng.integers(len(BASES))])
@@ -101,7 +102,7 @@ def _changed(brush, factors, speed=1.0, deviation=1.0, wander=None):
 
 
 def wrong_of(truth, rng):
-    """(name, a brush that is not the truth): another shipped one with its speeds, or the truth with one way changed."""
+    """Return (name, wrong brush): another shipped brush with the true speeds, or the true brush with one change."""
     from flockbrush.behaviours.brush import shipped
 
     if rng.random() < 0.5:
@@ -114,7 +115,7 @@ def wrong_of(truth, rng):
 
 
 def clip_of(truth, count, seed):
-    """Four seconds of a herd that has lived for a while, as they are seen."""
+    """Return noisy observations of four seconds of a herd, after a warm-up."""
     from flockbrush.components import Heading, Position, Speed
     from flockbrush.levels.build import plane
     from learning_truth import _as_blobs, evidence_of
@@ -133,7 +134,7 @@ def clip_of(truth, count, seed):
 
 
 def separable(battery, one, other):
-    """Whether 20 runs of each differ in a measure, over the clip's time or alone for 20 s."""
+    """Return whether 20 runs of each brush differ in a measure, over the clip's time or after 20 s on their own."""
     from flockbrush.learning.simulate import simulated
     from flockbrush.learning.verdict import alone, settled
 
@@ -159,7 +160,7 @@ def _apart(ones, others):
 
 
 def case(number, rivals):
-    """Two judgements: of a truth, and of a wrong brush that is separable from it."""
+    """Yield two judgements: of a true brush, and of a wrong brush that is separable from it."""
     from flockbrush.behaviours.brush import shipped
 
     from flockbrush.learning.battery import Battery
@@ -188,11 +189,11 @@ def case(number, rivals):
 
 
 def table(rows):
-    """Counts of what went wrong."""
+    """Return the counts of wrong verdicts as text."""
     truths, wrong = ([r for r in rows if (r["judged"] == "truth") == side] for side in (True, False))
     praised = [r["case"] for r in wrong if r["verdict"] == "like"]
     blamed = [r["case"] for r in truths if r["verdict"] != "like"]
     return (
-        f"false praise: {len(praised)} of {len(wrong)} wrong brushes {praised}\n"
-        f"false blame: {len(blamed)} of {len(truths)} truths {blamed}"
+        f"wrongly accepted: {len(praised)} of {len(wrong)} wrong brushes {praised}\n"
+        f"wrongly rejected: {len(blamed)} of {len(truths)} true brushes {blamed}"
     )

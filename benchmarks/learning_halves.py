@@ -1,14 +1,14 @@
-"""Held-out halves: learn from the first half of a clip, and foretell the second.
+"""Learn from the first half of a clip and predict the second.
 
     python benchmarks/learning.py halves [--clips band mill swarm ...] [--write]
 
-Clips: herds by models of the literature that are not ours (``tests/herd_film.py``), filmed by a camera that drifts,
-turns and zooms, and seen by ``observe``; and the real sheep where ``../shared/data`` is.  A herd with what was learned
-begins as the second half does.  Its polarization and milling (means over the half and five runs) are to be the clip's
-within two of the clip's own standard deviations or .05, whichever is larger; and its distance to the clip over all
-measures (``flockbrush.learning.scores``), a mean over as many runs for all, is set beside those of random parameters
-and of every shipped brush chosen blindly: as it is shipped, and, harder to beat, with the speeds and bodies that were
-learned from the clip, so that only the way of turning differs.
+The clips show herds of other models from the literature (``tests/herd_film.py``), filmed by a camera that drifts,
+turns and zooms and observed by ``observe``, and real sheep if ``../shared/data`` exists.  A herd with the learned
+brush starts like the second half.  Its polarization and milling (means over the half and five runs) must agree with
+the clip within two of the clip's own standard deviations or .05, whichever is larger.  Its distance to the clip over
+all measures (``flockbrush.learning.scores``, mean over as many runs for all) is compared with those of random
+parameters and of every shipped brush: as shipped and, harder to beat, with the speeds and bodies learned from the
+clip, so that only the turning differs.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from pathlib import Path
 
 import numpy as np
 
-CLIPS = "band", "mill", "swarm", "torus", "drifting mill", "topological", "school", "graze"  # all looked at by now
+CLIPS = "band", "mill", "swarm", "torus", "drifting mill", "topological", "school", "graze"  # all used in development
 SHEEP = Path(__file__).resolve().parents[2] / "shared" / "data" / "aerial_sheep" / "sheep_0043.mp4"
 RESULTS = Path(__file__).resolve().parent / "learning_halves.json"
 RUNS, RANDOM = 5, 7
 SEED = 11
 COUNTED = {
     "Within the limits": "within",
-    "Nearer to the clip than the median of random numbers": "better than random",
+    "Nearer to the clip than the median of random parameters": "better than random",
     "Nearer than the best of seven random ones": "better than all random",
     "Nearer than every brush as shipped": "better than all brushes as shipped",
     "Nearer than every brush with the clip's speeds": "better than all brushes",
@@ -35,26 +35,26 @@ COUNTED = {
 
 
 def add(commands):
-    """The command's options."""
-    parser = commands.add_parser("halves", help="learn from the first half of clips, and foretell the second")
+    """Add the command's options."""
+    parser = commands.add_parser("halves", help="learn from the first half of clips and predict the second")
     parser.add_argument("--clips", nargs="*", default=[*CLIPS, "sheep"], help="models of foreign_herds, or sheep")
     parser.add_argument("--animals", type=int, default=70)
     parser.add_argument("--seconds", type=float, default=6.0)
-    parser.add_argument("--budget", type=float, default=90.0, help="seconds of trials and evolution, as learn counts")
+    parser.add_argument("--budget", type=float, default=90.0, help="seconds of trials and evolution, counted in work")
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--seed", type=int, default=SEED, help="of the herds that are filmed")
+    parser.add_argument("--seed", type=int, default=SEED, help="seed of the filmed herds")
     parser.add_argument("--perfect", action="store_true", help="a perfect observer instead of a film")
     parser.add_argument("--write", action="store_true", help=f"store the results in {RESULTS.name}")
     parser.set_defaults(run=run)
 
 
 def run(options):
-    """The study; prints a line for each clip."""
+    """Run the study; print a line for each clip."""
     results = json.loads(RESULTS.read_text()) if options.write and RESULTS.exists() else {}
     rows = {}
     for name in options.clips:
         if name == "sheep" and not SHEEP.exists():
-            print("sheep: no ../shared/data here")
+            print("sheep: skipped, there is no ../shared/data")
             continue
         title = name if options.seed == SEED or name == "sheep" else f"{name}, seed {options.seed}"
         rows[title] = halves_of(name, options)
@@ -66,7 +66,7 @@ def run(options):
 
 
 def evidence_of_clip(name, options, folder):
-    """What is seen of a clip."""
+    """Return the observations of a clip."""
     from flockbrush.film.observe import observe
     from tests.foreign_herds import herd
     from tests.herd_film import Camera, evidence_of_truth, shoot
@@ -76,7 +76,7 @@ def evidence_of_clip(name, options, folder):
     truth = herd(name, options.animals, options.seconds, seed=options.seed)
     if options.perfect:
         return evidence_of_truth(truth)
-    # the camera goes along with who goes far, and sees the whole herd
+    # the camera follows the herd and sees all of it
     extent = float(np.ptp(truth.xy - truth.xy.mean(1, keepdims=True), axis=(0, 1)).max()) + 6.0
     body = float(np.clip(620.0 / extent, 11.0, 22.0))
     side = int(np.ceil(extent * body / 16) * 16)
@@ -85,7 +85,7 @@ def evidence_of_clip(name, options, folder):
 
 
 def halves_of(name, options):
-    """The figures of one clip."""
+    """Return the figures of one clip."""
     from flockbrush.behaviours.brush import shipped
 
     from flockbrush.film.observations import halves
@@ -123,20 +123,18 @@ def halves_of(name, options):
 
 
 def judged(clip, params, speed, body, vision, runs=RUNS):
-    """How near herds with these numbers come to a clip, begun as it begins."""
+    """Return the distance to a clip of herds with these parameters that start like the clip."""
     from flockbrush.behaviours.brush import VisionSpec
 
     from flockbrush.learning.herd_views import view_of_run
-    from flockbrush.learning.rollout import theta_of
     from flockbrush.learning.scores import ClipTarget, distance, measures_of, total
     from flockbrush.learning.trials import simulate
 
-    extras = {k: v for k, v in params.model_dump().items() if not k.endswith(("_weight", "_radial", "_angular"))}
     target = ClipTarget.of(clip)
     vision = VisionSpec() if vision is None else vision
     seen, parts = [], []
     for seed in range(runs):
-        went = simulate(clip, theta_of(params), extras, speed, body, vision, [77, seed])
+        went = simulate(clip, params, speed, body, vision, [77, seed])
         seen.append(measures_of(view_of_run(went, clip, target.single), target.every))
         parts.append(total(distance(went, clip, target)))
     out = {"distance": round(float(np.mean(parts)), 3), "within": True}
@@ -150,7 +148,7 @@ def judged(clip, params, speed, body, vision, runs=RUNS):
 
 
 def table(rows):
-    """Lines of Markdown."""
+    """Return the results as Markdown."""
     lines = [
         "| clip | polarization, clip / herd (limit) | milling | distance | random, median (best) "
         "| best brush as shipped | best brush with the clip's speeds |",

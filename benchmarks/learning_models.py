@@ -1,10 +1,10 @@
-"""Herds of known models, of which only tracks are given: which model are they said to move by?
+"""Identify the model of simulated herds from their tracks alone.
 
     python benchmarks/learning.py models [--seeds 3] [--animals 40] [--seconds 10] [--only TRUTH ...] [--write]
 
-Each truth is simulated with other chance for each seed, begun with headings at random; its places, to a thousandth of a
-body length, at 16 frames a second are all that is told.  A row of the table is a truth: how often it alone was named,
-how often it was among those not told apart, and how often another was named without it.
+Each known model is simulated once per seed, with random headings at the start.  The comparison gets only the
+positions, with noise of a thousandth of a body length, at 16 frames per second.  The table has a row for each true
+model: how often it alone was found, how often it tied with others for the best, and how often only others were found.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ NEAREST = {"range": 20.0, "sight": "topological", "neighbours": 6, "occlusion": 
 
 
 def truths() -> dict[str, tuple[str, object]]:
-    """{truth: (kind of model that it is, its brush)}; animals are one metre long."""
+    """Return {name: (kind of the true model, its brush)}; animals are one metre long."""
     from flockbrush.behaviours.brush import BodySpec, Brush, Provenance, SpeedSpec, VisionSpec, shipped
 
     march = shipped().get("march").params.model_dump() | {"wander": 0.3}
@@ -52,7 +52,7 @@ def truths() -> dict[str, tuple[str, object]]:
 
 
 def tracks_of(brush, count=40, seconds=10.0, seed=3):
-    """(T, N, 2) BL."""
+    """Return positions (T, N, 2), BL."""
     from flockbrush.components import Position
 
     import flockbrush
@@ -67,7 +67,7 @@ def tracks_of(brush, count=40, seconds=10.0, seed=3):
 
 
 def evidence_of(xy, noise=NOISE):
-    """What is known of tracks in body lengths."""
+    """Return the observations made of tracks in body lengths."""
     from flockbrush.film.track_evidence import evidence_of_tracks
     from flockbrush.film.track_files import Trajectories
 
@@ -77,8 +77,8 @@ def evidence_of(xy, noise=NOISE):
 
 
 def add(commands):
-    """The command's options."""
-    parser = commands.add_parser("models", help="which model herds of known models are said to move by")
+    """Add the command's options."""
+    parser = commands.add_parser("models", help="identify the model of simulated herds from tracks")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--animals", type=int, default=40)
     parser.add_argument("--seconds", type=float, default=10.0)
@@ -88,7 +88,7 @@ def add(commands):
 
 
 def run(args):
-    """A row for each truth and seed; prints the confusion table."""
+    """Return a row for each true model and seed; print the confusion table."""
     from flockbrush.learning.which_model import compare_models
 
     rows = []
@@ -111,9 +111,9 @@ def run(args):
 
 
 def table_of(rows) -> str:
-    """The confusion table in Markdown."""
+    """Return the confusion table as Markdown."""
     kinds = sorted({row["kind"] for row in rows})
-    lines = ["| truth | named alone | among those not told apart | wrong | likeliest |", "|---|---|---|---|---|"]
+    lines = ["| true model | found alone | tied for best | wrong | likeliest |", "|---|---|---|---|---|"]
     for truth in dict.fromkeys(row["truth"] for row in rows):
         mine = [row for row in rows if row["truth"] == truth]
         alone = sum(row["equal"] == [row["kind"]] for row in mine)

@@ -1,10 +1,10 @@
-"""Brushes learned from open tracks of real animals, half against half, and the page that tells how good they are.
+"""Learn brushes from open tracks of real animals, judge them by held-out frames, and write the page of the results.
 
     python benchmarks/learning.py tracks --data DIR [--only NAME ...] [--quick] [--brushes DIR] [--write]
 
-``DIR`` has the folders sheep_and_dog, zebrafish_100, pigeons_ff11 and pedestrians_eth as their authors publish them.
-Nothing of the data is kept: results are figures (learning_tracks.json) and, with --brushes, the learned brushes.
-Each data set that is done is written at once; a second call with --write goes on with those that are missing.
+``DIR`` has the folders sheep_and_dog, zebrafish_100, pigeons_ff11 and pedestrians_eth as published by their authors.
+None of the data is stored: results are figures (learning_tracks.json) and, with --brushes, the learned brushes.  With
+--write each data set is stored as soon as it is done, and a second call continues with the missing ones.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from pathlib import Path
 import numpy as np
 
 HERE = Path(__file__).resolve().parent
-NEWEST = {"response to neighbours", "scatter of turns"}  # measures that figures of an earlier version lack
+NEWEST = {"response to neighbours", "scatter of turns"}  # measures that figures of an earlier version do not have
 RESULTS, PAGE = HERE / "learning_tracks.json", HERE.parent / "docs" / "benchmark-tracks.md"
 
 
 @dataclass(frozen=True)
 class Data:
-    """One data set: how it is read, and what is assumed because its files do not say it."""
+    """One data set: how it is read, and the assumptions about what its files do not state."""
 
     name: str
     title: str
@@ -42,34 +42,34 @@ DATA = {
     for d in (
         Data("sheep-gps", "14 sheep driven by a dog: the longest drive of trials 2, 3 and 4", 1.2, "m", 10.0, None,
              "data GPL-3.0, Jadhav et al. 2024, Communications Biology 7, 1543",
-             "A sheep is taken to be 1.2 m long. The dog is not part of what is learned."),
+             "Assumed length of a sheep: 1.2 m. The brush does not include the dog."),
         Data("zebrafish", "100 zebrafish in a round tank, frames 0 to 149", 55.0, "px", 32.0, (0, 149),
              "data GPL-3.0, test data of trajectorytools",
-             "Frame rate 32/s and body length 55 px are taken from descriptions of such films, not from the file. The "
-             "wall of the tank is not part of what is learned."),
-        Data("pigeons", "10 pigeons by GPS in plan, 30 s of a free flight", 0.35, "m", 5.0, (0, 149),
+             "The frame rate of 32/s and the body length of 55 px come from descriptions of such films, not from the "
+             "file. The brush does not include the wall of the tank."),
+        Data("pigeons", "10 pigeons with GPS, horizontal positions, 30 s of a free flight", 0.35, "m", 5.0, (0, 149),
              "free with citation, Nagy et al. 2010, Nature 464, 890",
-             "A pigeon is taken to be .35 m long; heights are left out."),
-        Data("pedestrians", "People before a building, the 60 s with most of them", 0.45, "m", 2.5, None,
+             "Assumed length of a pigeon: .35 m. Heights are ignored."),
+        Data("pedestrians", "Pedestrians in front of a building, the 60 s with the most people", 0.45, "m", 2.5, None,
              "research use, Pellegrini et al. 2009 (ETH Walking Pedestrians)",
-             "A body is taken to be .45 m long. People come and go; walls are not part of what is learned."),
+             "Assumed body length: .45 m. People enter and leave the scene. The brush does not include walls."),
     )
 }  # fmt: skip
 
 
 def add(commands):
-    """The command's options."""
-    parser = commands.add_parser("tracks", help="brushes learned from open tracks of real animals")
+    """Add the command's options."""
+    parser = commands.add_parser("tracks", help="learn brushes from open tracks of real animals")
     parser.add_argument("--data", type=Path, required=True, help="folder with the data sets")
     parser.add_argument("--only", nargs="+", choices=sorted(DATA), default=sorted(DATA))
-    parser.add_argument("--quick", action="store_true", help="learn with little time")
+    parser.add_argument("--quick", action="store_true", help="learn in less time")
     parser.add_argument("--brushes", type=Path, help="folder for the learned brushes")
-    parser.add_argument("--write", action="store_true", help="keep the figures and write the page")
+    parser.add_argument("--write", action="store_true", help="store the figures and write the page")
     parser.set_defaults(run=run)
 
 
 def run(options):
-    """Learn from each data set; print a line each."""
+    """Learn from each data set; print a line for each."""
     done = json.loads(RESULTS.read_text()) if options.write and RESULTS.exists() else {}
     for name in options.only:
         if name in done and not options.brushes:
@@ -92,7 +92,7 @@ def run(options):
 
 
 def drives(folder):
-    """{(trial, drive): (frames, 16, 2) m} of sheep_and_dog: 14 sheep, the dog, the shepherd."""
+    """Return {(trial, drive): (frames, 16, 2) m} of sheep_and_dog: 14 sheep, the dog, the shepherd."""
     from scipy.io import loadmat
 
     found, read = {}, loadmat(folder / "sheep_and_dog" / "drives_dev.mat")
@@ -105,7 +105,7 @@ def drives(folder):
 
 
 def sheep(folder):
-    """The longest drive of each of three trials, without dog and shepherd."""
+    """Yield the longest drive of each of three trials, without dog and shepherd."""
     all_drives = drives(folder)
     for trial in (2, 3, 4):
         best = max((key for key in all_drives if key[0] == trial), key=lambda key: len(all_drives[key]))
@@ -113,12 +113,12 @@ def sheep(folder):
 
 
 def zebrafish(folder):
-    """All fish."""
+    """Yield the tracks of all fish."""
     yield "zebrafish.npy", np.load(folder / "zebrafish_100" / "test_trajectories.npy", allow_pickle=False)
 
 
 def pigeons(folder):
-    """East and north of all birds, at the times that all have."""
+    """Yield the east and north coordinates of all birds at their common times."""
     birds = []
     for path in sorted((folder / "pigeons_ff11").glob("ff11_?.txt")):
         rows = np.loadtxt(path, encoding="latin-1", comments="#", usecols=(0, 1, 2))
@@ -129,7 +129,7 @@ def pigeons(folder):
 
 
 def pedestrians(folder):
-    """The minute with most people."""
+    """Yield the minute with the most people."""
     rows = np.loadtxt(folder / "pedestrians_eth" / "ETH" / "seq_eth" / "obsmat.txt")
     frame, who = np.round(rows[:, 0] / 6).astype(int), rows[:, 1].astype(int)
     frame -= frame.min()
@@ -148,7 +148,7 @@ READ = {"sheep-gps": sheep, "zebrafish": zebrafish, "pigeons": pigeons, "pedestr
 
 
 def learned(data: Data, options):
-    """Figures of one data set."""
+    """Return the figures of one data set."""
     import flockbrush
 
     begun = time.perf_counter()
@@ -176,7 +176,7 @@ def learned(data: Data, options):
 
 
 def relation(folder):
-    """What the dog is to the sheep, from all drives."""
+    """Return the learned reaction of the sheep to the dog, from all drives."""
     from flockbrush.film.track_files import Trajectories
     from flockbrush.learning.relation import learn_relation
 
@@ -190,7 +190,7 @@ def relation(folder):
 
 
 def page(done):
-    """docs/benchmark-tracks.md."""
+    """Return the text of docs/benchmark-tracks.md."""
     return (
         "\n".join([*_head(), *_table(done), *(line for name in DATA if name in done for line in _of(name, done))])
         + "\n"
@@ -201,16 +201,21 @@ def _head():
     return [
         "# Brushes learned from tracks of real animals", "",
         _prose(
-            "Made by `python benchmarks/learning.py tracks --data DIR --write` on open data that are not part of "
-            "Flockbrush. Each brush is judged by frames, or recordings, that it was not learned from. Distance: the "
-            "root mean square of the limits by which measures are off, over the measures that the tracks tell; 1 is "
-            "the limit. *Constant velocity*: all animals keep their velocity."
+            "This page is written by `python benchmarks/learning.py tracks --data DIR --write`, from open data that "
+            "are not part of Flockbrush. Each brush is judged by frames or recordings that it was not learned from, "
+            "with the [measures of the report](learning.md#the-report)."
+        ), "",
+        _prose(
+            "The table shows the distance of a simulated herd from the tracks: the root mean square of the differences "
+            "of the measures, each divided by its limit; 1 is the limit. Measures that the tracks do not constrain "
+            "are left out. *Constant velocity* means that all animals keep their velocity, *standing still* that none "
+            "moves."
         ), "",
     ]  # fmt: skip
 
 
 def _prose(text):
-    """A paragraph in lines of a page's width."""
+    """Return a paragraph wrapped to the width of a page."""
     return textwrap.fill(text, 100, break_long_words=False, break_on_hyphens=False)
 
 
@@ -218,7 +223,7 @@ def _table(done):
     from flockbrush.learning.verdict import ONWARDS, RANDOM, STILL
 
     rows = [
-        "| data | learned | constant velocity | nobody moves | best shipped brush | verdict |",
+        "| data | learned | constant velocity | standing still | best shipped brush | verdict |",
         "|---|---|---|---|---|---|",
     ]
     for name in DATA:
@@ -240,13 +245,13 @@ def _n(value):
 def _of(name, done):
     data, one = DATA[name], done[name]
     yield from (f"## {name}", "", _prose(f"{data.title}; {data.licence}. {data.assumed}"), "")
-    yield from ("| measure | tracks | simulated | off by | limit | |", "|---|---|---|---|---|---|")
+    yield from ("| measure | tracks | simulated | difference | limit | |", "|---|---|---|---|---|---|")
     for row in one["measures"]:
-        met = ("met" if row["met"] else "missed") if row["told"] else "not told"
+        met = ("met" if row["met"] else "missed") if row["told"] else "not constrained"
         numbers = " | ".join(f"{row[key]:.3g}" for key in ("clip", "herd", "off", "limit"))
         yield f"| {row['name']} | {numbers} | {met} |"
     if NEWEST.isdisjoint(row["name"] for row in one["measures"]):
-        yield from ("", _prose(f"Not judged by {' and '.join(sorted(NEWEST))}."))
+        yield from ("", _prose(f"Not judged by {' or '.join(sorted(NEWEST))}."))
     yield from ("", "| parameter | value | confounded with |", "|---|---|---|")
     for row in one["parameters"]:
         if not row["name"].startswith("obstacle"):
@@ -255,5 +260,5 @@ def _of(name, done):
     yield ""
     if name == "sheep-gps" and "dog" in done:
         dog = done["dog"]
-        yield from (_prose(f"The dog, from all 19 drives ({dog['turns']} turns): {dog['sentence']}"), "")
+        yield from (_prose(f"Reaction to the dog, from all 19 drives ({dog['turns']} turns): {dog['sentence']}"), "")
     yield from (f"Learned in {one['seconds']:.0f} s{' with --quick' if one['quick'] else ''}.", "")

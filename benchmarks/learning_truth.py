@@ -1,22 +1,22 @@
-"""Known truths: can the herds of a brush be learned back from what is seen of them?
+"""Learn known herds again from observations of them, and compare the result with the original.
 
     python benchmarks/learning.py truth [--quick] [--write]
 
-Five truths of the measured map as shipped, with capsules as bodies: march, filled mill, swarm, column and stampede, of
-a hundred animals each (the mill of 150).  The map's mills with discs for bodies are no truths here: in this engine most
-herds of 100 and 150 lock (nearest neighbour at .50, two radii) within the 20 s that are to be foretold, in one future
-and not in another; nor is the hollow mill, which with 100 animals stays one in one of five futures.  The filled mill
-as shipped (searched with capsules) passes, begun at random: 11 of 12 with 150 animals, 10 with 100, 8 with 200.  What
-is seen of each in four seconds is learned from, without the shipped brushes as starts: from five seeds, each with its
-own random starts.
+The known herds use five shipped brushes with capsules as bodies: march, filled mill, swarm, column and stampede, with
+100 animals each (the mill 150).  Mills with discs as bodies are left out: most herds of 100 and 150 lock (nearest
+neighbour at .50, two radii) within the predicted 20 s in some runs and not in others.  The hollow mill is left out
+too: with 100 animals it stays a mill in one run of five.  The filled mill as shipped (found with capsules) passes from
+random starts in 11 of 12 runs with 150 animals, 10 with 100, and 8 with 200.  Learning sees four seconds of each herd
+and does not use the shipped brushes as starts; there are five seeds, each with its own random starts.
 
-* ``floor``: the truth's own parameters, begun as an observer saw the herd, with other chance.  Nothing can beat it.
-* ``blobs``: positions and body axes with noise, no identities, a 30 x 30 grid of fields: the whole recipe.
-* ``fields``: the grid alone: the whole recipe.
+* ``floor``: the true parameters with another seed, started as the herd was observed.  This is the best possible
+  result.
+* ``blobs``: positions and body axes with noise, no identities, and a 30 x 30 grid of fields; the whole recipe.
+* ``fields``: the grid alone; the whole recipe.
 
-Then a herd is begun as the clip's last frame is seen and runs on for 20 s, and so does the truth (eight times, with
-other chance): polarization and milling are to lie within .1, the distance to the nearest neighbour within 10 %, as
-means over the last 15 s.  What exact positions tell of the parameters: ``python benchmarks/learning.py positions``.
+A herd with the result then starts as the clip's last frame was observed and runs for 20 s.  So does the original, with
+eight seeds.  Polarization and milling must agree within .1 and the distance to the nearest neighbour within 10 %, as
+means over the last 15 s.  For parameters from exact positions see ``python benchmarks/learning.py positions``.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from pathlib import Path
 
 import numpy as np
 
-TRUTHS = {  # how they start, heading in rad (None: each its own), and after how many seconds they are as called
+TRUTHS = {  # start, heading in rad (None: random), and seconds until the pattern of the name has formed
     "march": ("scatter", 0.0, 10.0),
     "mill-filled": ("scatter", None, 12.0),
     "swarm": ("scatter", None, 10.0),
     "column": ("scatter", 0.0, 12.0),
     "stampede": ("scatter", 0.0, 8.0),
 }
-ANIMALS = {"mill-filled": 150}  # of fewer and of more, futures of the truth itself differ by more than is allowed
+ANIMALS = {"mill-filled": 150}  # with other numbers, runs of the original differ by more than is allowed
 SEEDS = 5
 FPS, SECONDS, FUTURES = 25.0, 4.0, 8
 FRESH, SINCE = 20.0, 5.0  # s
@@ -45,15 +45,15 @@ RESULTS = Path(__file__).resolve().parent / "learning_truth.json"
 
 
 def add(commands):
-    """The command's options."""
-    parser = commands.add_parser("truth", help="known truths learned back from what is seen of them")
-    parser.add_argument("--quick", action="store_true", help="two truths, one seed, fewer animals")
+    """Add the command's options."""
+    parser = commands.add_parser("truth", help="learn known herds again from observations")
+    parser.add_argument("--quick", action="store_true", help="two herds, one seed, fewer animals")
     parser.add_argument("--only", nargs="*", default=None, metavar="TRUTH", help=", ".join(TRUTHS))
     parser.add_argument("--ways", nargs="*", default=["floor", "blobs"], help="floor, blobs, fields")
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--animals", type=int, default=None, help="100 unless told, 150 in the mill")
-    parser.add_argument("--budget", type=float, default=90.0, help="seconds of trials and evolution, as learn counts")
+    parser.add_argument("--animals", type=int, default=None, help="default: 100, and 150 in the mill")
+    parser.add_argument("--budget", type=float, default=90.0, help="seconds of trials and evolution, counted in work")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--write", action="store_true", help=f"store the results in {RESULTS.name}")
     parser.set_defaults(run=run)
@@ -61,16 +61,16 @@ def add(commands):
 
 @dataclasses.dataclass
 class Case:
-    """A truth, what is seen of it, and how it goes on."""
+    """A known herd, the observations of it, and measures of its next 20 s."""
 
     brush: object
     blobs: object  # Evidence
     fields: object  # Evidence without sightings
-    future: dict  # measures of the truth in the next 20 s
+    future: dict  # measures of the original in the next 20 s
 
 
 def case_of(name, animals, seed=1):
-    """A herd that has lived for some seconds, filmed, and then lives on."""
+    """Return a herd, observed after a warm-up, and its continuation."""
     from flockbrush.behaviours.brush import shipped
     from flockbrush.components import Heading, Position, Speed
     from flockbrush.levels.build import plane
@@ -95,7 +95,7 @@ def case_of(name, animals, seed=1):
 
 
 def evidence_of(run, name, radius):
-    """What a perfect observer would know of a run."""
+    """Return exact observations of a run."""
     from tests.foreign_herds import Truth
     from tests.herd_film import evidence_of_truth
 
@@ -107,7 +107,7 @@ def evidence_of(run, name, radius):
 
 
 def _as_blobs(clip, rng):
-    """The clip with blobs for animals: places and axes with noise, followed by `sightings_of`, nobody named."""
+    """Return the clip with noisy positions and axes without identities, tracked by `sightings_of`."""
     from flockbrush.film.body_shapes import Outlines
     from flockbrush.film.sightings import sightings_of
     from flockbrush.film.speeds import speed_evidence
@@ -128,7 +128,7 @@ def _as_blobs(clip, rng):
 
 
 def measures_of_run(run):
-    """Polarization, milling and distance to the nearest neighbour, means from `SINCE` on."""
+    """Return polarization, milling and distance to the nearest neighbour, means from `SINCE` on."""
     from flockbrush.systems.measures import compute_milling, compute_nnd, compute_polarization
 
     rows = [run.of(t) for t in range(round(SINCE * FPS), len(run), 5)]
@@ -140,7 +140,7 @@ def measures_of_run(run):
 
 
 def fresh(case, clip, params, speed, body, vision, seed):
-    """Measures of a herd begun as the clip's last frame is seen."""
+    """Return measures of a herd that starts as the clip's last frame was observed."""
     from flockbrush.learning.initial_conditions import start_of
     from flockbrush.learning.rollout import rollout
 
@@ -149,7 +149,7 @@ def fresh(case, clip, params, speed, body, vision, seed):
 
 
 def judged(measured, truth):
-    """The figures with their distance to the truth's, and whether they are near enough."""
+    """Return the differences from the original, and whether they are within the limits."""
     off = {name: abs(measured[name] - truth[name]) for name in ("polarization", "milling")}
     off["nearest neighbour"] = abs(measured["nearest neighbour"] / truth["nearest neighbour"] - 1.0)
     kept = all(value <= 0.1 for value in off.values())
@@ -157,18 +157,18 @@ def judged(measured, truth):
 
 
 def floor(case, seed, options):
-    """The truth's own parameters."""
+    """Judge the true parameters."""
     b = case.brush
     return judged(fresh(case, case.blobs, b.params, b.speed, b.body, b.vision, 100 + seed), case.future)
 
 
 def blobs(case, seed, options):
-    """The whole recipe, from blobs."""
+    """Judge what the whole recipe learns from blobs."""
     return _recipe(case, case.blobs, seed, options)
 
 
 def fields(case, seed, options):
-    """The whole recipe, from fields alone."""
+    """Judge what the whole recipe learns from fields alone."""
     return _recipe(case, case.fields, seed, options)
 
 
@@ -195,7 +195,7 @@ WAYS = {"floor": floor, "blobs": blobs, "fields": fields}
 
 
 def run(options):
-    """The study; prints a line for each run, and the table."""
+    """Run the study; print a line for each run, and the table."""
     names = options.only or list(TRUTHS)
     if options.quick:
         names, options.seeds, options.animals = names[2:4], 1, 60
@@ -224,7 +224,7 @@ def _store(results):
 
 
 def table(results):
-    """Lines of Markdown."""
+    """Return the results as Markdown."""
     lines = ["| way | truth | runs near the truth | error, identifiable | sum of 12 |", "|---|---|---|---|---|"]
     for way, by_name in results.items():
         for name, by_seed in by_name.items():

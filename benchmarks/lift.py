@@ -1,8 +1,7 @@
-"""A flock lifted from one camera, measured against truth: ``python benchmarks/lift.py depth|pigeons|tracking``.
+"""Compare lifted flocks and tracks with the truth: ``python benchmarks/lift.py depth|pigeons|tracking``.
 
-The birds of ``depth`` and ``tracking`` are own boids before a virtual camera; those of ``pigeons`` carried GPS (Nagy
-et al. 2010 [1]_) and are filmed by a virtual camera, where ``../shared/data`` has them.  Every figure is printed from
-the run itself.
+``depth`` and ``tracking`` use simulated boids filmed by a virtual camera.  ``pigeons`` uses pigeons with GPS (Nagy et
+al.  2010 [1]_) filmed by a virtual camera; it is skipped if ``../shared/data`` does not have them.
 
 .. [1] Nagy, M., Akos, Z., Biro, D., Vicsek, T. (2010). Hierarchical group dynamics in pigeon flocks. Nature 464,
    890-893.
@@ -33,16 +32,16 @@ from flockbrush.lifting.lens import Camera
 from flockbrush.lifting.lift_solver import LiftError, lift
 from flockbrush.lifting.lift_thesis import lift_by_thesis
 
-FRAMES, FPS, WARM = 200, 32, 256  # frames, frames a second (every tick), ticks before the film begins
+FRAMES, FPS, WARM = 200, 32, 256  # frames, frames per second (every tick), ticks before the film starts
 TRACKED = (("crossing", 20), ("crossing", 80), ("tight", 20), ("starlings", 5), ("starlings", 20), ("starlings", 50))
 MARGIN = 1.05  # of the picture's half width and height
-PITCHES = (0, 20, 40, 60)  # degrees that the camera looks up, in turn
+PITCHES = (0, 20, 40, 60)  # degrees that the camera looks up, one after the other
 PIGEONS = Path(__file__).parents[2] / "shared" / "data" / "pigeons_ff11"
-ALOFT = (55, 258)  # s of that flight in which all ten fly
-CIRCLING = 100  # degrees in a film, from which a flock is said to circle
+ALOFT = (55, 258)  # s of that flight during which all ten fly
+CIRCLING = 100  # degrees turned in a film, above which a flock is circling
 
-# the brush starlings, and what makes it fly as the flocks of the bars: birds 2 to 3 m from each other that keep
-# changing pace, at a polarization of about .99; and looser ones.  (parameters, speed)
+# Changes of the brush starlings, (parameters, speed).  "tight" gives the flocks of the goals: birds 2 to 3 m apart that
+# keep changing speed, at a polarization of about .99.
 FLOCKS = {
     "tight": ({"separation": 14, "matching_time": 1.0, "height_strength": 0.0}, {"deviation": 12.0}),
     "loose": (
@@ -56,18 +55,18 @@ FLOCKS = {
     "starlings": ({}, {}),
 }
 
-# of ../shared/models/depth.md: tight flocks, a field of view of 60 degrees, noise up to 2 px, at least 12 cases
+# goals for tight flocks, a field of view of 60 degrees, noise up to 2 px, at least 12 cases
 BARS = {
     5: {"error": 0.07, "p90": 0.13, "ratio": 0.7, "correlation": 0.85, "order": 0.70, "direction": 16, "time": 0.2},
     10: {"error": 0.06, "p90": 0.10, "ratio": 0.5, "correlation": 0.90, "order": 0.65, "direction": 12, "time": 0.5},
     20: {"error": 0.05, "p90": 0.07, "ratio": 0.5, "correlation": 0.90, "order": 0.65, "direction": 8, "time": 1.0},
     50: {"error": 0.05, "p90": 0.07, "ratio": 0.45, "correlation": 0.90, "order": 0.65, "direction": 6, "time": 4.0},
 }
-HIGHER = ("correlation", "order")  # of these more is better
+HIGHER = ("correlation", "order")  # larger is better
 
 
 def flight(birds, seed, kind="starlings"):
-    """A flock of boids, (FRAMES, birds, 3) m, about its own middle."""
+    """Return a flight of boids about its centre, (FRAMES, birds, 3) m."""
     side = 2.0 * birds ** (1 / 3)
     square = np.array([(1000, 1000), (1000 + side, 1000), (1000 + side, 1000 + side), (1000, 1000 + side)])
     heading = 0.7 * seed
@@ -88,7 +87,7 @@ def flight(birds, seed, kind="starlings"):
 
 
 def turned(xyz, seed):
-    """The same flight from a side of its own, for a camera that looks up by one of `PITCHES`, (F, N, 3) m."""
+    """Return the flight rotated, for a camera that looks up by one of `PITCHES`, (F, N, 3) m."""
     yaw, pitch = 1.7 * seed, np.radians(PITCHES[seed % len(PITCHES)])
     about_z = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
     about_x = np.array([[1, 0, 0], [0, np.cos(pitch), np.sin(pitch)], [0, -np.sin(pitch), np.cos(pitch)]])
@@ -96,7 +95,7 @@ def turned(xyz, seed):
 
 
 def crossing(birds, seed):
-    """Birds that fly the same way, each as it likes, and cross in the picture: (xyz before the camera, camera)."""
+    """Return (xyz relative to the camera, camera) of birds with the same mean course that wander and cross."""
     chance = np.random.default_rng(100 + seed)
     camera = Camera(width=1280, height=720, horizontal_fov_deg=60, fps=30, mean_speed=5, near=1, far=1000)
     at = np.column_stack([chance.uniform(-12, -2, birds), chance.uniform(35, 60, birds), chance.uniform(-8, 8, birds)])
@@ -111,7 +110,7 @@ def crossing(birds, seed):
 
 
 def filmed(xyz, least=40.0, fov=60, fps=FPS):
-    """(xyz before the camera, camera): as near as the whole flight is in the picture, and at least so far, m."""
+    """Return (xyz relative to the camera, camera); the distance in m is the least that shows the whole flight."""
     speed = float(np.linalg.norm(np.diff(xyz, axis=0), axis=-1).mean() * fps)
     camera = Camera(width=1280, height=720, horizontal_fov_deg=fov, fps=fps, mean_speed=speed, near=1, far=10_000)
     half = 0.5 * np.array([camera.width, camera.height]) / camera.focal
@@ -120,13 +119,13 @@ def filmed(xyz, least=40.0, fov=60, fps=FPS):
 
 
 def seen(xyz, camera, noise, seed):
-    """The tracks of birds with so many pixels of noise."""
+    """Return the tracks of birds with noise in pixels."""
     px = camera.project(xyz)
     return Tracks(px + noise * np.random.default_rng(seed).normal(size=px.shape), np.arange(px.shape[1]))
 
 
 def in_part(tracks, what, seed):
-    """Tracks as a film has them: with gaps of up to half a second, or of birds that come late and leave early."""
+    """Return tracks with gaps of up to half a second, or with birds that enter late and leave early."""
     chance = np.random.default_rng(seed)
     px = tracks.px.copy()
     frames, birds = px.shape[:2]
@@ -134,7 +133,7 @@ def in_part(tracks, what, seed):
         if what == "gaps":
             for begin in chance.integers(1, frames - 20, 6):
                 px[begin : begin + chance.integers(2, 16), n] = np.nan
-        elif n:  # the first stays all the time
+        elif n:  # the first bird is always visible
             stays = chance.integers(frames // 4, frames)
             begin = chance.integers(0, frames - stays + 1)
             px[:begin, n] = px[begin + stays :, n] = np.nan
@@ -142,7 +141,7 @@ def in_part(tracks, what, seed):
 
 
 def compute_flock(xyz, fps=FPS):
-    """(polarization, distance to the nearest, degrees turned) of a flight."""
+    """Return (polarization, distance to the nearest neighbour, degrees turned) of a flight."""
     way = np.diff(xyz, axis=0)
     ahead = (way / np.linalg.norm(way, axis=-1, keepdims=True)).mean(1)
     gaps = np.linalg.norm(xyz[:, :, None] - xyz[:, None], axis=-1) + np.diag(np.full(xyz.shape[1], np.inf))
@@ -152,7 +151,7 @@ def compute_flock(xyz, fps=FPS):
 
 
 def compute_depth(truth, flight):
-    """How true depths are, after the one scale that no camera knows.
+    """Return the errors of depths, after fitting the one scale that a camera cannot know.
 
     Returns
     -------
@@ -179,7 +178,7 @@ def compute_depth(truth, flight):
 
 
 class Tally:
-    """What was measured over some flights."""
+    """Measurements over several flights."""
 
     def __init__(self):
         self.rows, self.seconds, self.failed = [], [], []
@@ -196,7 +195,7 @@ class Tally:
         self.rows.append(compute_depth(truth, found))
 
     def told(self):
-        """The measures of the table."""
+        """Return the measures of a table row."""
         every = {key: np.array([row[key] for row in self.rows]) for key in self.rows[0]}
         return {
             "constant": np.median(every["constant"]),
@@ -210,7 +209,7 @@ class Tally:
         }
 
     def line(self, bars=None):
-        """A row of the table, and with bars what is not reached."""
+        """Return a row of the table; with goals, also the missed ones."""
         told = self.told()
         text = (
             f"{told['constant']:.3f} | {told['error']:.3f} | {told['p90']:.3f} | {told['ratio']:.2f} "
@@ -218,11 +217,11 @@ class Tally:
         )
         if bars:
             missed = [
-                f"{key} {told[key]:.2f}, bar {bar:g}"
+                f"{key} {told[key]:.2f}, goal {bar:g}"
                 for key, bar in bars.items()
                 if (told[key] < bar if key in HIGHER else told[key] > bar)
             ]
-            text += f" {'not reached: ' + '; '.join(missed) if missed else 'all reached'} |"
+            text += f" {'missed: ' + '; '.join(missed) if missed else 'all reached'} |"
         return text + (f" {len(self.failed)} refused: {self.failed[0]}" if self.failed else "")
 
 
@@ -230,19 +229,19 @@ MEASURES = "constant | error | p90 | / constant | correlation | order | directio
 
 
 def depth(cases):
-    """The tables of depths."""
+    """Print the tables of depths."""
     flights = {n: [flight(n, seed, "tight") for seed in range(cases)] for n in BARS}
     print(f"tight flocks, {cases} of each size, {FRAMES} frames, field of view 60 degrees:\n")
     for n in BARS:
         print(f"* {n} birds: {_of([compute_flock(xyz) for xyz in flights[n]])}")
     _times(flights[5][0], flights[50][0])
     print()
-    print(f"| birds | noise, px | {MEASURES} bars |\n|{'---|' * 11}")
+    print(f"| birds | noise, px | {MEASURES} goals |\n|{'---|' * 11}")
     for birds in BARS:
         for noise in (0, 0.5, 1, 2):
             tally = _tally(flights[birds], noise)
             print(f"| {birds} | {noise:g} | {tally.line(BARS[birds])}", flush=True)
-    print(f"\nthe thesis' method\n\n| birds | noise, px | {MEASURES}\n|{'---|' * 10}")
+    print(f"\nLin's method\n\n| birds | noise, px | {MEASURES}\n|{'---|' * 10}")
     for birds in (5, 10):
         print(f"| {birds} | 0.5 | {_tally(flights[birds], 0.5, method=lift_by_thesis).line()}", flush=True)
     print(f"\n10 birds, 0.5 px, other lenses\n\n| field of view | {MEASURES}\n|{'---|' * 9}")
@@ -256,12 +255,12 @@ def depth(cases):
 
 
 def _coming_and_going(flights):
-    """The table of birds that are not seen all the time."""
-    print(f"\n10 birds, 0.5 px, not seen all the time\n\n| seen | {MEASURES}\n|{'---|' * 9}")
+    """Print the table of birds that are not always visible."""
+    print(f"\n10 birds, 0.5 px, not always visible\n\n| visible | {MEASURES}\n|{'---|' * 9}")
     for what, told in (
-        ("all the time", "all the time"),
-        ("gaps", "but for six gaps each of up to half a second"),
-        ("part", "for a quarter to all of the film, one all the time"),
+        ("all the time", "always"),
+        ("gaps", "with six gaps per bird of up to half a second"),
+        ("part", "for a quarter to all of the film, one bird always"),
     ):
         tally = Tally()
         for seed, xyz in enumerate(flights):
@@ -272,17 +271,17 @@ def _coming_and_going(flights):
 
 
 def _times(few, many):
-    """What lifting costs, with smoothing: the goals are 1 s for 5 birds (Lin's own), 10 s for 50."""
+    """Print the time of lifting with smoothing; the goals are 1 s for 5 birds (Lin's own) and 10 s for 50."""
     for birds, xyz, goal in ((5, few, 1), (50, many, 10)):
         truth, camera = filmed(turned(xyz, 0), 20.0)
         tally = Tally()
         tally.add(truth, seen(truth, camera, 0.5, 0), camera)
-        print(f"* {birds} birds x {FRAMES} frames: {tally.seconds[0]:.2f} s of processor time, goal {goal} s")
+        print(f"* {birds} birds x {FRAMES} frames: {tally.seconds[0]:.2f} s CPU time, goal {goal} s")
 
 
 def _of(flown):
     polarization, gap, turn = np.median(flown, axis=0)
-    return f"polarization {polarization:.3f}, {gap:.1f} m to the nearest, turning {turn:.0f}°"
+    return f"polarization {polarization:.3f}, {gap:.1f} m to the nearest neighbour, turns by {turn:.0f}°"
 
 
 def _tally(flights, noise, fov=60, method=lift):
@@ -297,9 +296,9 @@ def _tally(flights, noise, fov=60, method=lift):
 
 
 def pigeon_films(seconds=8.0, fps=25, folder=PIGEONS):
-    """Films of the ten pigeons one after the other: [(seconds from the start, (F, 10, 3) m)].
+    """Return consecutive films of the ten pigeons: [(seconds from the start, (F, 10, 3) m)].
 
-    Their places came five times a second, smoothed with a Gaussian of .4 s, and are joined by cubic splines.
+    The data have five positions per second, smoothed with a Gaussian of .4 s; cubic splines interpolate them.
     """
     birds = [np.loadtxt(path, encoding="latin-1", comments="#") for path in sorted(Path(folder).glob("ff11_?.txt"))]
     begin = max(bird[0, 0] for bird in birds)
@@ -311,7 +310,7 @@ def pigeon_films(seconds=8.0, fps=25, folder=PIGEONS):
 
 
 def compute_wind(xyz, fps):
-    """(deviation of the speed over ground, the wind that leaves it evenest in the air, deviation in the air), m/s."""
+    """Return m/s: deviation of the ground speed, the wind that makes the airspeed most even, its deviation."""
     velocity = np.diff(xyz.mean(1), axis=0)[:, :2] * fps
 
     def uneven(guess):
@@ -322,19 +321,19 @@ def compute_wind(xyz, fps):
 
 
 def pigeons(noise):
-    """The table of pigeons."""
+    """Print the table of pigeons."""
     if not PIGEONS.is_dir():
         print(f"skipped: there is no {PIGEONS}")
         return
-    print(f"ten pigeons by GPS before a virtual camera, field of view 60°, {noise:g} px\n")
+    print(f"ten pigeons with GPS, virtual camera, field of view 60°, {noise:g} px\n")
     ground, wind, air = np.median([compute_wind(xyz, 5) for _, xyz in pigeon_films(40.0, 5)], axis=0)
-    print(f"speed over ground ± {ground:.1f} m/s; with a wind of {wind:.1f} m/s, through the air ± {air:.1f} m/s\n")
+    print(f"ground speed ± {ground:.1f} m/s; airspeed with a wind of {wind:.1f} m/s: ± {air:.1f} m/s\n")
     print(f"| film | phase | films | polarization | {MEASURES}\n|{'---|' * 12}")
     for seconds, fps in ((4.0, 50), (8.0, 25), (40.0, 5)):
         films = [xyz for _, xyz in pigeon_films(seconds, fps)]
         turns = [compute_flock(xyz, fps) for xyz in films]
         for phase, chosen in (
-            ("flying on", [k for k, turn in enumerate(turns) if turn[2] < CIRCLING]),
+            ("straight", [k for k, turn in enumerate(turns) if turn[2] < CIRCLING]),
             ("circling", [k for k, turn in enumerate(turns) if turn[2] >= CIRCLING]),
         ):
             if not chosen:
@@ -349,8 +348,8 @@ def pigeons(noise):
 
 
 def tracking(cases):
-    """The table of tracking."""
-    print("| flock | birds | tracks | recall | precision | switches | IDF1 | ms a frame |")
+    """Print the table of tracking."""
+    print("| flock | birds | tracks | recall | precision | switches | IDF1 | ms per frame |")
     print("|---|---|---|---|---|---|---|---|")
     for flock, birds in TRACKED:
         for seed in range(cases):
@@ -374,7 +373,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("what", choices=["depth", "pigeons", "tracking"])
     parser.add_argument("--cases", type=int, default=12)
-    parser.add_argument("--noise", type=float, default=0.5, help="pixels, of the pigeons")
+    parser.add_argument("--noise", type=float, default=0.5, help="noise of the pigeons' tracks, pixels")
     options = parser.parse_args()
     if options.what == "depth":
         depth(options.cases)

@@ -1,10 +1,10 @@
-"""How old frames of the live link are when a client has them.
+"""Measure the age of live-link frames when a client has read them.
 
     python benchmarks/live_link.py [--agents 2000] [--seconds 60] [--clients 2] [--level meadow] [--json]
 
-``flockbrush serve`` runs in a process of its own, clients in others; the age of a frame is the time from the end of
-the newest tick in it to the moment at which the client has read and unpacked it.  One more client never reads, and one
-sends a command in every second.  Goal: 99 % of frames of 2,000 animals are younger than 100 ms.
+``flockbrush serve`` and the clients run in processes of their own.  The age of a frame is the time from the end of the
+newest tick in it until the client has read and unpacked it.  One client sends a command every second, and one more
+client never reads.  Goal: 99 % of the frames with 2,000 animals are younger than 100 ms.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ GOAL = 100.0  # ms
 
 
 def watch(address, seconds, steers, found):
-    """Read frames; their ages go into the queue."""
+    """Read frames and put their ages into the queue."""
     from websockets.sync.client import connect
 
     from flockbrush.output.live.frame import unpack

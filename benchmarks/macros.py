@@ -1,14 +1,16 @@
-"""What the slider "order" does to a herd: ``python benchmarks/macros.py [BRUSH ...] [--search]``.
+"""Measure the effect of the slider "order" on herds: ``python benchmarks/macros.py [BRUSH ...] [--search]``.
 
-Fresh herds on an endless plane, headings at random, with the slider at 0, 1/4, 1/2, 3/4 and 1, side by side in one
-world for each seed; a run's value is the mean over its last part.  A measure moves by its largest mean less its
-smallest, in standard deviations between seeds (pooled over the five places, and at least `LEAST` of the measure).
-The goal is that polarization moves three times as far as any other measure.
+Herds with random headings run on an endless plane with the slider at 0, 1/4, 1/2, 3/4 and 1, side by side in one world
+for each seed.  The value of a run is the mean over its last part.  A measure moves by the difference of its largest
+and smallest mean, in standard deviations between seeds (pooled over the five positions, and at least `LEAST` of the
+measure).  The goal is that polarization moves three times as far as any other measure.
 
-``--search`` looks for ranges of a brush with smaller herds and seeds of their own, takes them where they do better than
-the general rule (or leaves that where it does well) on others, measures the slider on fresh ones and writes it all to
-the table of the sliders.  ``--ranges alignment_weight=0:0.59 avoidance_weight=0.84:0.73`` tries these instead of a
-search, ``--general`` writes what the general rule does.
+``--search`` looks for ranges of a brush with smaller herds and separate seeds.  It compares them with the general rule
+on other seeds and takes the better one (it keeps the general rule if that does well), measures the slider on new seeds
+and writes the result to the table of the sliders.  ``--ranges alignment_weight=0:0.59 avoidance_weight=0.84:0.73``
+tries these ranges instead of a search; ``--general`` writes the result of the general rule.
+
+``--effects`` prints, for the other sliders of every brush, the measure that each is named after at both ends.
 """
 
 from __future__ import annotations
@@ -20,23 +22,27 @@ from dataclasses import replace
 
 import numpy as np
 from flockbrush.behaviours.brush import shipped
+from flockbrush.behaviours.sliders import Range
 from flockbrush.components import Heading, Position, Velocity
 from flockbrush.levels.build import herds_apart
 from flockbrush.systems.measures import herd_measures
 
 from flockbrush.learning.evolution import Evolution
 from flockbrush.studio.panels.knobs import knobs_of
-from flockbrush.studio.panels.macros import GOAL, MACROS, TABLE, Macro, Range, macros_of, ranges_by_brush
+from flockbrush.studio.panels.macros import GOAL, TABLE, Macro, macros_of, ranges_by_brush
 
 PLACES = (0.0, 0.25, 0.5, 0.75, 1.0)
 MEASURES = ("polarization", "milling", "nnd", "group_spread", "largest_part", "speed_mean")
 DENSITY, RATE = 0.6, 32
-FRESH, TRAINING, CHOICE = 9001, 1, 5001  # first seeds: of the table, of the search, of the choice after it
-SECONDS, SETTLED = 20, 12  # s of a run, and of those that are not measured
+FRESH, TRAINING, CHOICE = 9001, 1, 5001  # first seeds: of the table, of the search, of the choice
+SECONDS, SETTLED = 20, 12  # s of a run, and of its unmeasured start
 LEAST = 0.005  # of the largest value
-GENERATIONS, CANDIDATES, SMALL = 10, 8, 25  # of the search, and animals of its herds
-ENOUGH = 0.5  # polarization that a slider should move, at least
-COMPENSATED = {  # what may move along with the first number, and how far, as a share of what its bounds leave
+GENERATIONS, CANDIDATES, SMALL = 10, 8, 25  # of the search; animals of its herds
+ENOUGH = 0.5  # polarization that a slider should move at least
+EFFECTS = {  # the measure that a slider is named after, and whether it grows (1) or shrinks (-1) along it
+    "tightness": ("nnd", -1), "personal space": ("nnd", 1), "wander": ("turning", 1), "pace": ("speed_mean", 1),
+}  # fmt: skip
+COMPENSATED = {  # parameters that may move with the first one: {model: {name: share of the range it has left}}
     "herd": {
         "avoidance_weight": 0.6, "cohesion_weight": 0.6, "avoidance_radial": 0.5, "alignment_radial": 0.5,
         "wander": 0.5,
@@ -48,13 +54,16 @@ COMPENSATED = {  # what may move along with the first number, and how far, as a 
 
 
 def with_slider(name):
-    """Names of the shipped brushes whose model has this slider."""
+    """Return the names of the shipped brushes whose model has this slider."""
     library = shipped()
-    return [one for one in library.names() if name in MACROS.get(library.get(one).model, {}) or name in MACROS[""]]
+    return [one for one in library.names() if name in library.get(one).params.sliders]
 
 
-def runs_of(brushes, animals, seed, seconds=SECONDS, settled=SETTLED):
-    """(brushes, measures) means over the last part of one run, a herd of each brush, out of sight of the others."""
+def runs_of(brushes, animals, seed, seconds=SECONDS, settled=SETTLED, measures=MEASURES):
+    """Return means (brushes, measures) over the last part of a run, with separate herds of the brushes.
+
+    Besides the measures of herds there is ``turning``, the mean angle between headings one second apart, rad.
+    """
     named = [brush.model_copy(update={"name": f"place-{k}"}) for k, brush in enumerate(brushes)]
     fastest, farthest = max(b.speed.mean for b in named), max(b.vision.range for b in named)
     length, seen = named[0].body.length, []
@@ -63,40 +72,45 @@ def runs_of(brushes, animals, seed, seconds=SECONDS, settled=SETTLED):
     agents = simulation.agents
     simulation.run(settled * RATE)
     for _ in range(seconds - settled):
+        before = agents[Heading.forward].copy()
         simulation.run(RATE)
         columns = [agents[one] for one in (Position.xyz, Velocity.xyz, Heading.forward)]
         flies = bool(columns[0][:, 2].any())
         parts = [[column[k * animals : (k + 1) * animals] for column in columns] for k in range(len(named))]
-        told = [herd_measures(*part, length, flies=flies) for part in parts]
-        seen.append([[one[name] for name in MEASURES] for one in told])
+        turned = np.arccos(np.clip((before * columns[2]).sum(axis=1), -1.0, 1.0)).reshape(len(named), animals)
+        told = [
+            herd_measures(*part, length, flies=flies) | {"turning": angles.mean()}
+            for part, angles in zip(parts, turned, strict=True)
+        ]
+        seen.append([[one[name] for name in measures] for one in told])
     simulation.close()
     return np.mean(seen, axis=0)
 
 
 def course_of(brush, slider, animals, first, seeds):
-    """(places, seeds, measures) of a slider."""
+    """Return the measures of a slider, (positions, seeds, measures)."""
     turned = [slider.turned(brush, place) for place in PLACES]
     return np.stack([runs_of(turned, animals, first + seed) for seed in range(seeds)], axis=1)
 
 
 def deviations(values):
-    """(measures,) pooled between seeds, from (..., seeds, measures)."""
+    """Return deviations (measures,) pooled between seeds, from (..., seeds, measures)."""
     pooled = np.sqrt(values.var(axis=-2, ddof=1).reshape(-1, values.shape[-1]).mean(axis=0))
     return np.maximum(pooled, LEAST * np.abs(values).reshape(-1, values.shape[-1]).max(axis=0))
 
 
 def moved(values, deviation=None):
-    """(measures,) how far each moves, in deviations, from (places, seeds, measures)."""
+    """Return how far each measure moves, in deviations, (measures,), from (positions, seeds, measures)."""
     return np.ptp(values.mean(axis=1), axis=0) / (deviations(values) if deviation is None else deviation)
 
 
 def ratio(far):
-    """How much farther polarization moves than whatever else moves farthest."""
+    """Return how far polarization moves, divided by the largest movement of another measure."""
     return far[0] / max(far[1:].max(), 1e-9)
 
 
 class Ways:
-    """Ranges of a slider for one brush, as points of a cube: all of them lead through the brush as it is."""
+    """Ranges of a slider for one brush, as points of a cube; all of them contain the brush itself."""
 
     def __init__(self, brush, slider):
         self.brush, self.slider = brush, slider
@@ -107,9 +121,9 @@ class Ways:
         self.size = 2 + len(self.others)
 
     def at(self, point):
-        """The slider at a point; None where its first number hardly moves."""
+        """Return the slider at a point; None where its first parameter hardly moves."""
         own, knob = self.knob.value(self.brush), self.knob
-        low, high = np.clip((np.asarray(point[:2]) - 0.3) / 0.7, 0.0, 1.0)  # a corner of its own for the brush's value
+        low, high = np.clip((np.asarray(point[:2]) - 0.3) / 0.7, 0.0, 1.0)  # a corner keeps the brush's value
         low, high = own - low * (own - knob.low), own + high * (min(knob.high, 1.0) - own)
         if high - low < 0.02:
             return None
@@ -134,7 +148,7 @@ class Ways:
 
 
 def worth(values, deviation):
-    """What a slider is worth, from (places, seeds, measures); less is better."""
+    """Return the loss of a slider, from (positions, seeds, measures)."""
     course = values[:, :, 0].mean(axis=1)
     steady = np.minimum(np.diff(course), 0.0).sum()
     return -(
@@ -143,7 +157,7 @@ def worth(values, deviation):
 
 
 def search(brush, slider, seeds):
-    """The slider whose polarization moved farthest beside other measures, as far as the search came."""
+    """Return the best slider that the search found."""
     ways, places = Ways(brush, slider), (0.0, 0.5, 1.0)
     begin = np.full(ways.size, 0.5)
     begin[:2] = 1.0, 0.6
@@ -161,7 +175,7 @@ def search(brush, slider, seeds):
 
 
 def given(slider, texts):
-    """The slider with ranges told as ``name=low:high``; ValueError."""
+    """Return the slider with ranges given as ``name=low:high``; raises ValueError."""
     ranges = []
     for text in texts:
         name, _, ends = text.partition("=")
@@ -171,7 +185,7 @@ def given(slider, texts):
 
 
 def settle(brush, name, seeds, animals, texts=()):
-    """Search, choose on seeds of their own between what was found and the general rule; (slider, whether found)."""
+    """Search, then choose on other seeds between the result and the general rule: (slider, whether found)."""
     general = next(one for one in macros_of(brush, {}) if one.name == name)
     values = course_of(brush, general, animals, CHOICE, seeds)
     if ratio(moved(values)) >= 1.5 * GOAL and not texts:
@@ -185,7 +199,7 @@ def settle(brush, name, seeds, animals, texts=()):
 
 
 def keep(name, brush, slider, own, values, far):
-    """Write what was found and measured into the table of the sliders."""
+    """Write a slider and its measurements to the table of the sliders."""
     ranges_by_brush.cache_clear()  # another search may have written meanwhile
     table = ranges_by_brush()
     entry = {
@@ -203,23 +217,47 @@ def keep(name, brush, slider, own, values, far):
     ranges_by_brush.cache_clear()
 
 
+def effects(brushes, animals, seeds):
+    """Print what sliders do to the measures that they are named after."""
+    print("| brush | slider | measure | at 0 | at 1 | moves, deviations between seeds | as named |")
+    print("|---|---|---|---|---|---|---|")
+    for name in brushes:
+        brush = shipped().get(name)
+        for slider in macros_of(brush):
+            if slider.name not in EFFECTS:
+                continue
+            measure, sign = EFFECTS[slider.name]
+            ends = [slider.turned(brush, place) for place in (0.0, 1.0)]
+            values = np.stack(
+                [runs_of(ends, animals, FRESH + seed, measures=(measure,)) for seed in range(seeds)], axis=1
+            )
+            (low, high), by = values.mean(axis=(1, 2)), float(moved(values)[0])
+            named = "hardly acts" if by < 2.0 else "yes" if sign * (high - low) > 0 else "the other way"
+            print(f"| {name} | {slider.name} | {measure} | {low:.2f} | {high:.2f} | {by:.1f} | {named} |", flush=True)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("brushes", nargs="*", metavar="BRUSH", help="all that have the slider unless told")
+    parser.add_argument("brushes", nargs="*", metavar="BRUSH", help="default: all brushes that have the slider")
     parser.add_argument("--slider", default="order")
     parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--animals", type=int, default=50)
-    parser.add_argument("--search", action="store_true", help="find ranges and write the table of the sliders")
-    parser.add_argument("--general", action="store_true", help="write what the general rule does to the table")
-    parser.add_argument("--ranges", nargs="+", default=[], metavar="NAME=LOW:HIGH", help="try these, of one brush")
+    parser.add_argument("--search", action="store_true", help="find ranges and write the slider table")
+    parser.add_argument("--general", action="store_true", help="write the result of the general rule")
+    parser.add_argument("--effects", action="store_true", help="print the effects of the other sliders")
+    parser.add_argument(
+        "--ranges", nargs="+", default=[], metavar="NAME=LOW:HIGH", help="try these ranges, for one brush"
+    )
     told = parser.parse_args()
+    if told.effects:
+        return effects(told.brushes or shipped().names(), told.animals, told.seeds)
     if told.ranges and len(told.brushes) != 1:
-        parser.error("--ranges are those of one brush; name it")
+        parser.error("--ranges needs the name of one brush")
     known = with_slider(told.slider)
     if wrong := [name for name in told.brushes if name not in known]:
         parser.error(f"no slider {told.slider!r} has {', '.join(wrong)}; {', '.join(known) or 'no brush'} has it")
-    print(f"| brush | stands at | polarization at {', '.join(f'{place:g}' for place in PLACES)} | "
-          f"{' | '.join(MEASURES)} | polarization over the next |")  # fmt: skip
+    print(f"| brush | initial position | polarization at {', '.join(f'{place:g}' for place in PLACES)} | "
+          f"{' | '.join(MEASURES)} | polarization / next largest |")  # fmt: skip
     print("|---" * (len(MEASURES) + 4) + "|")
     for name in told.brushes or known:
         brush = shipped().get(name)

@@ -1,9 +1,10 @@
-"""Event sizes of merino sheep: ``python benchmarks/merino.py [--seeds 9001:9005] [--minutes 60]``.
+"""Measure packing events of merino sheep: ``python benchmarks/merino.py [--seeds 9001:9005] [--minutes 60]``.
 
-The level `merino` (100 sheep on 80 x 80 m, after Ginelli et al. 2015 [1]_) is looked at four times a second.  An event
-lasts from the first sheep that runs until nobody has run for five seconds; its size is how many sheep run in it.
-Beside it: the area of the herd's convex hull when it begins and its least until 30 s after its end, where the
-first runner was, how fast the hull grows and shrinks, and how far apart events of half of the herd are.
+The level `merino` (100 sheep on 80 x 80 m, after Ginelli et al. 2015 [1]_) is sampled four times per second.  An event
+starts with the first sheep that runs and ends when no sheep has run for five seconds.  Its size is the number of sheep
+that run in it.  Also printed: the area of the herd's convex hull at its start and its least area until 30 s after its
+end, the position of the first runner, how fast the hull grows and shrinks, and the time between events of half of the
+herd.
 
 .. [1] Ginelli, F. et al. (2015). Intermittent collective dynamics emerge from conflicting imperatives in sheep herds.
    PNAS 112, 12729-12734.
@@ -18,29 +19,29 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull
 
-RATE = 4  # looks a second
-QUIET, AFTER = 5 * RATE, 30 * RATE  # looks without a runner that end an event; looks after it in which the herd packs
+RATE = 4  # samples per second
+QUIET, AFTER = 5 * RATE, 30 * RATE  # samples: without a runner, to end an event; after it, while the herd packs
 SIZES = (1, 2, 4, 8, 16, 32, 64, 101)  # bins of sizes
 
 
 class PackingEvent(NamedTuple):
-    """A stretch of time in which sheep run."""
+    """A period in which sheep run."""
 
-    begin: int  # look
-    end: int  # first look after it
+    begin: int  # sample
+    end: int  # first sample after it
     size: int  # sheep that run in it
-    outside: float  # share of the herd that is nearer to its middle than the first runners
+    outside: float  # share of the herd that is nearer to its centre than the first runners
     before: float  # m² of the convex hull
     after: float
 
 
 def packing_events(runs: np.ndarray, xy: np.ndarray) -> list[PackingEvent]:
-    """The events of a trial.
+    """Return the events of a trial.
 
     Parameters
     ----------
-    runs : ndarray (looks, n) bool
-    xy : ndarray (looks, n, 2)
+    runs : ndarray (samples, n) bool
+    xy : ndarray (samples, n, 2)
         Positions, m.
     """
     found, looks = [], np.flatnonzero(runs.any(axis=1))
@@ -55,12 +56,12 @@ def packing_events(runs: np.ndarray, xy: np.ndarray) -> list[PackingEvent]:
 
 
 def hull_area(xy: np.ndarray) -> float:
-    """m² of the convex hull of (n, 2) places."""
+    """Return the area of the convex hull of (n, 2) positions, m²."""
     return float(ConvexHull(xy).volume)
 
 
 def trial(seed: int, minutes: float) -> tuple[np.ndarray, np.ndarray]:
-    """(runs, xy) of the level `merino`."""
+    """Return (runs, xy) of the level `merino`."""
     from flockbrush.components import Position, ProgramState
     from flockbrush.levels import reader
     from flockbrush.levels.build import build
@@ -85,7 +86,7 @@ def main() -> None:
     parser.add_argument("--seeds", default="9001:9005", help="first:last")
     parser.add_argument("--minutes", type=float, default=60.0, help="of each trial; the paper's lasted an hour")
     told = parser.parse_args()
-    first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])  # one seed stands for itself
+    first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])  # a single seed is a range of one
     events, growth, shrinkage, gaps = [], [], [], []
     print("seed  events  largest  of half the herd  hull m²: least, median, most")
     for seed in range(first, last + 1):
@@ -104,7 +105,7 @@ def main() -> None:
 
 
 def _tell(events, growth, shrinkage, gaps):
-    """The sizes of all trials together."""
+    """Print the sizes of all trials together."""
     print("\nsheep that run  events  hull after / before (median)  seconds (median)")
     for low, high in zip(SIZES, SIZES[1:], strict=False):
         some = [event for event in events if low <= event.size < high]
@@ -116,9 +117,9 @@ def _tell(events, growth, shrinkage, gaps):
         return
     outside = np.mean([event.outside for event in events])
     print(
-        f"\n{len(events)} events; who runs first is farther out than {100 * outside:.0f} % of the herd (50 by chance)"
+        f"\n{len(events)} events; the first to run is farther out than {100 * outside:.0f} % of the herd (50 by chance)"
     )
-    print(f"hull while nobody runs: {growth.mean():+.2f} m²/s")
+    print(f"hull while no sheep runs: {growth.mean():+.2f} m²/s")
     if shrinkage:
         print(f"hull in events of half of the herd: {-np.mean(shrinkage):+.0f} m²/s")
     if gaps:

@@ -1,26 +1,30 @@
-"""Are the shipped paths between brushes even?  ``python benchmarks/morphs.py [A--B ...] --seeds 64 --animals 100 400``.
+"""Measure how evenly herds change along the shipped paths between brushes.
 
-For each path and herd size, on fresh seeds, beside the straight line between the same brushes in as many steps: the
-largest change of polarization or milling in one step, the largest deviation between seeds, and whether both go one
-way within two standard errors (`flockbrush.studies.morph`).  Of a pair that no path is shipped for, the straight line
-alone, in eighths.
+    python benchmarks/morphs.py [A--B ...] --seeds 64 --animals 100 400
+
+For each path and herd size, on new seeds, it prints the largest change of polarization or milling in one step, the
+largest deviation between seeds, the largest reversal (`flockbrush.studies.morph` says what chance explains), and a
+verdict: "even"; or "bistable", with both branches at one step, for herds that are swept along the way and back; or
+"uneven".  The same is printed for the straight line between the brushes with as many steps.  Start and duration of the
+runs come from the path.  Pairs without a shipped path get only the straight line, in eighths, as the options say.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 import numpy as np
 from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.mixture import STEPS, can_mix, load_path, mixed
 
-from flockbrush.studies.morph import Trial, faults, measured
+from flockbrush.studies.morph import BEGINNINGS, MEASURES, Trial, faults, goes_back, measured, sweep, verdict
 
-FIRST = 9001  # seed; no path was searched with those from here to a million
+FIRST = 9001  # seed; the searches used no seeds from here to a million
 
 
 def shipped_paths():
-    """The paths beside the shipped brushes, by name."""
+    """Return the shipped paths by name."""
     found = {}
     for folder in shipped().folders:
         for file in sorted(folder.glob("*.path.toml")):
@@ -29,49 +33,79 @@ def shipped_paths():
     return found
 
 
-def judged(start, end, path, trial):
-    """What herds do at the steps of a path, if there is one, and of the straight line: a `Measured` by way."""
+WAYS = ("path", "straight line")
+
+
+def judged(start, end, path, trial, swept_herds, ways=WAYS):
+    """What herds do at the steps of a path, if there is one, and of the straight line: a `Measured` by way, and words.
+
+    The words say whether the way is even or bistable.
+    """
     shares = np.linspace(0.0, 1.0, len(path.along) if path else STEPS + 1)
-    ways = {"path": path, "straight line": None} if path else {"straight line": None}
-    return {
-        name: measured(lambda share, w=way: mixed(start, end, share, w), shares, trial, FIRST)
-        for name, way in ways.items()
-    }
+    found = {}
+    for name, way in zip(WAYS, (path, None), strict=True):
+        if name not in ways or (name == "path" and path is None):
+            continue
+
+        def at(share, w=way):
+            return mixed(start, end, share, w)
+
+        seen, words = measured(at, shares, trial, FIRST), "even"
+        if faults(seen):
+            swept = sweep(at, shares, replace(trial, seeds=swept_herds), FIRST)
+            words = verdict(swept, even=False) if swept.hysteresis else "uneven"
+        found[name] = seen, words
+    return found
 
 
 def brushes_of(pair):
-    """The two shipped brushes that ``A--B`` names, or a `ValueError`."""
+    """Return the two shipped brushes named by ``A--B``; raises ValueError."""
     names = pair.split("--")
     if len(names) != 2 or set(names) - set(shipped().names()):
-        raise ValueError(f"{pair!r} is no pair A--B of shipped brushes; there are {', '.join(shipped().names())}")
+        raise ValueError(f"{pair!r}: invalid pair A--B of shipped brushes; there are {', '.join(shipped().names())}")
     start, end = (shipped().get(name) for name in names)
     if not can_mix(start, end):
-        raise ValueError(f"{pair!r}: nothing is between brushes of unlike models or media")
+        raise ValueError(f"{pair!r}: brushes of different models or media cannot be mixed")
     return start, end
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("paths", nargs="*", metavar="A--B", help="all shipped paths unless told")
+    parser.add_argument("paths", nargs="*", metavar="A--B", help="default: all shipped paths")
     parser.add_argument("--seeds", type=int, default=64)
     parser.add_argument("--animals", type=int, nargs="+", default=[100, 400])
-    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--swept", type=int, default=16, help="herds that are swept along a way that is not even")
+    parser.add_argument("--seconds", type=float, default=20.0, help="of pairs without a path")
+    parser.add_argument("--begin", choices=BEGINNINGS, default="random", help="of pairs without a path")
+    parser.add_argument("--way", choices=WAYS, nargs="+", default=WAYS, help="both unless told")
+    parser.add_argument("--steps", action="store_true", help="print what herds do at every step, too")
     told = parser.parse_args()
     paths = shipped_paths()
     try:
         pairs = {name: brushes_of(name) for name in told.paths or paths}
     except ValueError as error:
         parser.error(str(error))
-    print(f"{told.seeds} seeds from {FIRST} on, {told.seconds:g} s")
-    print(f"{'path':<24} animals  way            largest step  largest deviation  goes back")
+    print(f"{told.seeds} seeds from {FIRST} on, {told.swept} herds swept where a way is not even")
+    print(f"{'pair':<22} animals  begin    s    way            largest step  largest deviation  goes back  verdict")
     for name, (start, end) in pairs.items():
+        path = paths.get(name)
+        begin, seconds = (path.begin, path.seconds) if path else (told.begin, told.seconds)
         for animals in told.animals:
-            trial = Trial(animals, told.seeds, seconds=told.seconds)
-            for way, found in judged(start, end, paths.get(name), trial).items():
-                back = "yes" if any("goes back" in fault for fault in faults(found)) else "no"
-                step = np.abs(np.diff(found.mean, axis=0)).max()
-                line = f"{name:<24} {animals:>7}  {way:<13} {step:>13.2f} {found.deviation.max():>18.2f}  {back}"
-                print(line, flush=True)
+            trial = Trial(animals, told.seeds, seconds=seconds, begin=begin)
+            for way, (seen, words) in judged(start, end, path, trial, told.swept, told.way).items():
+                back = goes_back(seen)[0].max()
+                step = np.abs(np.diff(seen.mean, axis=0)).max()
+                print(
+                    f"{name:<22} {animals:>7}  {begin:<7}  {seconds:<3g}  {way:<13} {step:>13.2f} "
+                    f"{seen.deviation.max():>18.2f}  {back:>9.2f}  {words}",
+                    flush=True,
+                )
+                for k in range(len(seen.mean) if told.steps else 0):
+                    cells = [
+                        f"{name} {mean:.2f} ± {deviation:.2f}"
+                        for name, mean, deviation in zip(MEASURES, seen.mean[k], seen.deviation[k], strict=True)
+                    ]
+                    print(f"    {k}/{len(seen.mean) - 1}  {'  '.join(cells)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
-"""Films that Flockbrush exports of its shipped levels, and what is seen in them again.
+"""Film the shipped levels, observe the films, and compare the observed herds with the simulated ones.
 
     python benchmarks/own_films.py [LEVEL ...] [--overlays]
 
-Each level is filmed from above for 1.6 s at 10 frames a second, as `run --export walk.mp4 --no-overlays` does, and the
-film is observed as `learn` does.  Each cell: as it was / as it is seen.  Counted as it was are the animals that walk.
+Each level is filmed from above for 1.6 s at 10 frames per second, as `run --export walk.mp4 --no-overlays` does, and
+the film is observed as `learn` does.  Each cell shows simulated / observed.  Only walking animals are counted in the
+simulation.
 """
 
 from __future__ import annotations
@@ -26,11 +27,10 @@ def main():
     """Print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("levels", nargs="*", metavar="LEVEL")
-    parser.add_argument("--overlays", action="store_true", help="with words, guides and trails")
+    parser.add_argument("--overlays", action="store_true", help="film with text, guides and trails")
     args = parser.parse_args()
-    print(
-        "| level | body, px | polarization | speed, m/s | animals | length, m | said |\n|---|---|---|---|---|---|---|"
-    )
+    print("| level | body, px | polarization | speed, m/s | animals | length, m | note |")
+    print("|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
         for level in args.levels or shipped_levels():
             print(_row(level, Path(folder) / f"{level}.mp4", args.overlays), flush=True)

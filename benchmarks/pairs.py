@@ -1,11 +1,11 @@
-"""The matrix of pairs: every shipped brush with every other thing, and what must hold whatever meets.
+"""The matrix of pairs: every shipped brush with every kind of event, and the invariants that must always hold.
 
     python benchmarks/pairs.py                       all pairs
-    python benchmarks/pairs.py --brush geese march   those of two brushes
-    python benchmarks/pairs.py --seconds 60          a sample that a seed chooses (--seed), as in the suite
+    python benchmarks/pairs.py --brush geese march   the pairs of two brushes
+    python benchmarks/pairs.py --seconds 60          a random sample (--seed), as in the test suite
 
-A pair is a small level of twelve animals of one brush, one thing that happens to them after two seconds, and ten
-seconds of life.  After every tick and at the end `Watch` and `judge` say what is wrong.
+A pair is a small level with twelve animals of one brush, run for ten seconds, and one event ("thing") after two
+seconds.  After every tick and at the end, violated invariants are reported (`Watch`).
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ try:
 except ModuleNotFoundError:  # imported by the suite
     from benchmarks.pairs_watch import Watch
 
-CELLS = 40  # of a side of the map
-SECONDS, AT = 10.0, 2.0  # of a pair, and when the thing happens
+CELLS = 40  # along a side of the map
+SECONDS, AT = 10.0, 2.0  # s of a pair; when the event happens
 HERD = 12
 PROGRAM = """
 schema = "flockbrush.program/1"
@@ -74,7 +74,7 @@ when = { any = [ { event = "go" }, { rate = "1 /s" } ] }
 
 @dataclass
 class Pair:
-    """One small world: its level, its animals' brush and species, and its size in metres."""
+    """One small world: its brush and event, the species of its animals and its size in metres."""
 
     brush: str
     thing: str
@@ -94,12 +94,12 @@ class Pair:
         return self.side / 2
 
     def wrong(self, message, times=0.0):
-        """Note a fault; how many times too much, at worst."""
+        """Record a fault and its largest factor above the limit."""
         self.worst[message] = max(self.worst.get(message, 0.0), times)
 
     @property
     def faults(self):
-        """Sentences."""
+        """Return the faults as messages."""
         return [f"{told} ({times:.2f} times)" if times else told for told, times in self.worst.items()]
 
 
@@ -113,7 +113,7 @@ def tiles():
 
 @cache
 def species_for(brush):
-    """The first species that a brush is made for and that can do it; else a sheep or a starling."""
+    """Return the first suitable species of a brush; else a sheep or a starling."""
     asset, library = shipped().get(brush), shipped_species()
     flies = asset.model in ("boids", "raptor", "line_formation", "v_rules") and brush != "boids-herd"
     named = [n for n in library.names() if n in asset.made_for]
@@ -123,11 +123,11 @@ def species_for(brush):
     for name in (*named, *tagged, *others):
         if library.get(name).can("fly") if flies else library.get(name).can("walk") or library.get(name).can("swim"):
             return name
-    raise LookupError(f"no species can do {brush}")
+    raise LookupError(f"no species can use {brush}")
 
 
 def brush_for(species):
-    """A shipped brush that is made for a species."""
+    """Return a shipped brush made for a species."""
     asset, library = shipped_species().get(species), shipped()
     mine = {species, *asset.tags}
     fits = [n for n in library.names() if not mine.isdisjoint(library.get(n).made_for) and asset.media != ["swim"]]
@@ -136,7 +136,7 @@ def brush_for(species):
 
 
 def draw_level(pair):
-    """Write the level of a pair; its path."""
+    """Write the level of a pair and return its path."""
     asset = shipped().get(pair.brush)
     pair.species = species_for(pair.brush)
     body = shipped_species().get(pair.species)
@@ -146,7 +146,7 @@ def draw_level(pair):
     sketch.ground("grass")
     if pair.thing in ("slope", "cliff", "mixed slope under birds"):
         draw_height(pair, sketch, body.body.length)
-    if "mixed" in pair.thing:  # there from the start, and moved by the thing
+    if "mixed" in pair.thing:  # there from the start, and moved by the event
         zone = half_zone(pair, 0.3 * pair.side)
         words = {"brush": zone.brush, "strength": zone.strength, "edge": zone.edge, "species": zone.species}
         pair.zone = sketch.draw("Zone", zone.points, zone.name, closed=True, **words)
@@ -164,7 +164,7 @@ def draw_level(pair):
 
 
 def draw_height(pair, sketch, length):
-    """A ramp of one in two from the middle to the east, or a step of 30 body lengths."""
+    """Draw a ramp of one in two from the centre to the east, or a step of 30 body lengths."""
     x = np.linspace(0.0, 1.0, 161)
     rise = np.clip(x - 0.6, 0.0, 1.0) if pair.thing != "cliff" else 0.4 * (x > 0.7)
     grey = np.round(rise / 0.4 * 250).astype(np.uint8)
@@ -177,7 +177,7 @@ def draw_height(pair, sketch, length):
 
 
 def things():
-    """{name: commands of a pair in its world}; those of None need more than commands."""
+    """Return {name: function of (pair, simulation) that gives the commands of the event}."""
     made = {}
     for other in shipped().names():
         made[f"paint {other}"] = lambda p, s, o=other: [
@@ -216,7 +216,7 @@ def things():
 
 
 def _meet(pair, species):
-    """One animal of another species, where the herd is; none that would not fit on the map."""
+    """Add one animal of another species to the herd, unless it is too large for the map."""
     brush, size = brush_for(species), shipped_species().get(species).body.length
     if size >= pair.side / 8:
         return []
@@ -228,21 +228,21 @@ def _meet(pair, species):
 
 
 def _lead(pair, simulation):
-    """The first animal leads, to a corner of the map."""
+    """Make the first animal a leader and send it to a corner of the map."""
     first = [int(simulation.agents.ids[0])]
     return [Appoint(first), Steer(first, 0.1 * pair.side, 0.9 * pair.side, "place")]
 
 
 @cache
 def partner(brush):
-    """Another brush of the same model, of the same species if there is one; the brush itself where there is none."""
+    """Return another brush of the same model, preferably of the same species; else the brush itself."""
     library, model = shipped(), shipped().get(brush).model
     others = [n for n in library.names() if n != brush and library.get(n).model == model]
     return min(others, key=lambda n: species_for(n) != species_for(brush), default=brush)
 
 
 def half_zone(pair, west):
-    """A zone of half weight with a soft edge, from there to the east, as a command."""
+    """Return the command for a zone of half weight with a soft edge, from `west` to the east."""
     east, south, north = west + 0.4 * pair.side, 0.2 * pair.side, 0.8 * pair.side
     points = [[west, south], [east, south], [east, north], [west, north]]
     edge = 0.1 * pair.side
@@ -250,14 +250,14 @@ def half_zone(pair, west):
 
 
 def _two_states(pair):
-    """The animals go to and fro between two brushes of one model."""
+    """Alternate the animals between two brushes of one model."""
     other = partner(pair.brush)
     program = PROGRAM % (pair.brush, other)
     return [UseBrush(other, shipped().get(other).source.decode()), UseProgram("pairs", program), GiveProgram("pairs")]
 
 
 def _birds_above(pair):
-    """Starlings over the herd; no other birds over a map that is too small for them."""
+    """Add starlings above the herd, unless the map is too small for them."""
     if pair.side < 40.0:
         return []
     where = 0.5 * pair.side
@@ -282,27 +282,27 @@ def _obstacle(pair, simulation, shape):
 
 
 def designed(world):
-    """All that a designer can change, and who is there."""
+    """Return everything that a designer can change, and the ids of the animals."""
     land, agents = world.resource(Landscape), world.agents
     land.settle(10**9)
     ground = land.state()
     head = 8 + int.from_bytes(ground[:8], "little")
     things = json.loads(ground[8:head])
-    del things["reach"]  # how far edges are sorted, which never shrinks
+    del things["reach"]  # the range of sorted edges, which never shrinks
     nursery, palette = world.resource(Nursery).state(), world.resource(Palette).state()
     own = agents[BrushBinding.home].tobytes(), agents[Destination.goal].tobytes()
     return [(things, ground[head:]), nursery, palette, agents.ids.tolist(), *own]
 
 
 def _without_leftovers(now, before):
-    """The palette keeps a forgotten brush at its end while an animal still blends out of it (`ForgetBrush`)."""
+    """Ignore forgotten brushes at the end of the palette, kept while an animal still blends out (`ForgetBrush`)."""
     kept = json.loads(before[2])
     palette = json.loads(now[2])[: len(kept)]
     return [*now[:2], json.dumps(palette).encode(), *now[3:]]
 
 
 def run_pair(brush, thing, seed, folder):
-    """The faults of one pair, as sentences."""
+    """Return the faults of one pair, as messages."""
     pair = Pair(brush, thing, seed, Path(folder))
     path = draw_level(pair)
     if thing in ("scrub", "branch"):
@@ -335,7 +335,7 @@ def run_pair(brush, thing, seed, folder):
 
 
 def _happen(pair, simulation):
-    """Do the thing, take it back, and do it again; ``undo`` is taken back in the middle of the change."""
+    """Perform, undo and redo the event; ``undo`` is undone in the middle of the change."""
     world = simulation.world
     commands, before = things()[pair.thing](pair, simulation), designed(world)
     if pair.thing == "snapshot":
@@ -346,20 +346,20 @@ def _happen(pair, simulation):
         simulation.run(4)
     redo = perform(world, undo)
     if _without_leftovers(designed(world), before) != before:
-        pair.wrong("undo does not give the state before")
+        pair.wrong("undo does not restore the previous state")
     if pair.thing != "undo":
         perform(world, redo)
 
 
 def _back_and_forth(pair, simulation):
-    """What was kept and put back goes on as it would have."""
+    """Check that a restored snapshot continues like the original."""
     data = snapshot(simulation.world)
     simulation.run(16)
     straight = state_hash(simulation.world)
     restore(simulation.world, data)
     simulation.run(16)
     if state_hash(simulation.world) != straight:
-        pair.wrong("a snapshot that is put back goes on in another way")
+        pair.wrong("a restored snapshot continues differently")
     restore(simulation.world, data)
 
 
@@ -374,20 +374,20 @@ def _replay(pair, recording):
 
 
 def _compare_table(pair, drawn):
-    """What is exported is what is drawn."""
+    """Check that the exported table has the simulated positions."""
     with open(pair.folder / "pair.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     last = max(float(row["time"]) for row in rows)
     table = {int(row["id"]): [float(row[k]) for k in "xyz"] for row in rows if float(row["time"]) == last}
     now, ids, xyz = drawn[-1]
     if abs(now - last) > 1e-9 or sorted(table) != ids.tolist():
-        pair.wrong("the table has not the last moment, or not the same animals")
+        pair.wrong("the table lacks the last moment or has other animals")
     elif np.abs(np.array([table[i] for i in ids.tolist()]) - xyz).max() > 1e-6:
-        pair.wrong("the table has other places than the drawing")
+        pair.wrong("the table has other positions than the simulation")
 
 
 def _with_timeline(pair, path):
-    """Scrubbed through, or branched: the past stays the past."""
+    """Check that scrubbing and branching do not change the past."""
     timeline = Timeline(Beginning(*open_level(path)), "pair")
     watch = Watch(timeline.simulation, pair.wrong)
     last, at, hashes = round(SECONDS * 32), round(AT * 32), {}
@@ -401,7 +401,7 @@ def _with_timeline(pair, path):
     for tick in (at + 8, 5, last - 3, at - 1):
         timeline.go_to(tick)
         if state_hash(timeline.simulation.world) != hashes[tick]:
-            pair.wrong(f"tick {tick} is not what it was")
+            pair.wrong(f"tick {tick} has changed")
     if pair.thing == "branch":
         timeline.go_to(at + 8)
         timeline.fork("other")
@@ -411,7 +411,7 @@ def _with_timeline(pair, path):
         timeline.switch("pair")
         timeline.go_to(last)
         if state_hash(timeline.simulation.world) != hashes[last]:
-            pair.wrong("a branch changes the run that it left")
+            pair.wrong("a branch changes the original run")
     timeline.close()
 
 
@@ -419,14 +419,14 @@ def _with_timeline(pair, path):
 
 
 def all_pairs(brushes=None):
-    """(brush, thing) of the whole matrix, in order."""
+    """Return (brush, thing) of the whole matrix, in order."""
     return [(b, t) for b in (brushes or shipped().names()) for t in things() if t != f"paint {b}"]
 
 
 def sample(pairs, seed, seconds, tell=lambda pair, faults: None):
-    """Run pairs in an order that the seed chooses until so many seconds are over; {(brush, thing): faults}.
+    """Run pairs in random order for some seconds; return {(brush, thing): faults}.
 
-    ``tell`` hears of each pair when it is done.
+    ``tell`` is called after each pair.
     """
     order, found, end = list(pairs), {}, time.monotonic() + seconds
     random.Random(seed).shuffle(order)
@@ -439,11 +439,11 @@ def sample(pairs, seed, seconds, tell=lambda pair, faults: None):
 
 
 def run_alone(brush, thing, seed):
-    """`run_pair` in a folder of its own; an error is a fault too."""
+    """Call `run_pair` in a temporary folder; exceptions are returned as faults."""
     folder = tempfile.mkdtemp(prefix="pair-")
     try:
         return run_pair(brush, thing, seed, folder)
-    except Exception as error:  # noqa: BLE001  whatever it is, the pair is at fault
+    except Exception as error:  # noqa: BLE001  any exception is a fault
         return [f"{type(error).__name__}: {error}"]
     finally:
         shutil.rmtree(folder)
@@ -451,10 +451,10 @@ def run_alone(brush, thing, seed):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--brush", nargs="*", help="brushes whose pairs are run; all unless told")
-    parser.add_argument("--thing", nargs="*", help="things, by how their names begin; all unless told")
+    parser.add_argument("--brush", nargs="*", help="run only pairs of these brushes")
+    parser.add_argument("--thing", nargs="*", help="run only events whose names start like this")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after so many")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after this time")
     told = parser.parse_args()
     pairs = [p for p in all_pairs(told.brush) if not told.thing or p[1].startswith(tuple(told.thing))]
 

@@ -1,4 +1,4 @@
-"""What must hold of every animal after every tick, whatever meets: limits, ground, obstacles, air."""
+"""Invariants of every animal after every tick: limits, ground, obstacles, air."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ from flockbrush.systems.palette import Palette
 from flockbrush.systems.spawning import inside_polygon
 
 ROUNDING = 1e-6
-PUSHED = 1.01  # times its top speed, at most, when bodies that stream together share out their room
-FALLING = 4.0  # m/s at which those who walk come down who were put above the ground
+PUSHED = 1.01  # largest factor above the top speed, when crowded bodies are pushed apart
+FALLING = 4.0  # m/s at which walking animals fall that were placed above the ground
 FALLS = 1e-6  # m above the ground
-HOVER = 32  # ticks: so long nobody who flies is slower than a quarter of its slowest flight
+HOVER = 32  # ticks for which a flying animal may be slower than a quarter of its slowest flight
 
 
 class Watch:
-    """Looks at a simulation after each tick; ``wrong`` hears each fault as a sentence."""
+    """Checks a simulation after each tick; calls ``wrong`` with a message for each fault."""
 
     def __init__(self, simulation, wrong):
         self.simulation, self.wrong = simulation, wrong
         self.forget()
 
     def forget(self):
-        """Somebody has come or gone, or the ground has changed: there is nothing to compare with."""
-        self.before, self.slow, self.above = None, {}, set()  # the last: who was above the ground
+        """Forget the previous tick, after animals or the ground have changed."""
+        self.before, self.slow, self.above = None, {}, set()  # above: ids of animals above the ground
 
     def look(self):
-        """Judge this tick."""
+        """Check this tick."""
         agents = self.simulation.agents
         xyz, velocity, forward = (agents[f] for f in (Position.xyz, Velocity.xyz, Heading.forward))
         if not (np.isfinite(xyz).all() and np.isfinite(velocity).all() and np.isfinite(forward).all()):
             self.wrong("not finite")
             return
         if len(xyz) and np.abs(np.linalg.norm(forward, axis=1) - 1.0).max() > ROUNDING:
-            self.wrong("a heading is no unit vector")
+            self.wrong("a heading is not a unit vector")
         world = self.simulation.world
         palette, fauna, land = world.resource(Palette), world.resource(SpeciesList), world.resource(Landscape)
         table, species, brush = fauna.table, agents[Species.index], agents[BrushBinding.brush]
@@ -59,7 +59,7 @@ class Watch:
         for b, s in zip(brush, species, strict=True):
             if not can_do(palette, table)[b, s]:
                 name = self.simulation.world.resource(SpeciesList).names[s]
-                self.wrong(f"a {name} moves by {palette.names[b]}, which it cannot do")
+                self.wrong(f"a {name} uses the brush {palette.names[b]}, which it cannot do")
                 return
 
     def _speeds(self, velocity, top, species, fauna, flies, ids):
@@ -92,20 +92,20 @@ class Watch:
 
     def _ground(self, agents, height, flies):
         if len(height) and height.min() < -1e-5:
-            self.wrong("somebody is under the ground")
+            self.wrong("an animal is under the ground")
         if self.before is None:
             return
         length, radius = agents[Body.length], agents[Body.radius]
         if (~flies & (height > radius + 0.3 * length + ROUNDING)).any():
-            self.wrong("somebody who walks stands in the air")
+            self.wrong("a walking animal is above the ground")
 
     def _obstacles(self, agents, land, xyz, ground, flies):
         for barrier in land.barriers:
             if barrier.solid and (inside_polygon(xyz[~flies, :2], barrier.polygon)).any():
-                self.wrong("somebody is in an obstacle")
+                self.wrong("a walking animal is in an obstacle")
         gaps = [surface_(land.sky, k, *at)[0] for k in range(len(land.sky.kind)) for at in xyz[flies]]
         if min(gaps, default=0.0) < -ROUNDING:
-            self.wrong("somebody who flies is in an obstacle")
+            self.wrong("a flying animal is in an obstacle")
 
     def _air(self, agents, velocity, height, slowest, flies):
         hovers = flies & (np.linalg.norm(velocity, axis=1) < 0.25 * slowest) & (agents[Transit.kind] == SETTLED)
@@ -114,5 +114,5 @@ class Watch:
         for entity in agents.ids[hovers].tolist():
             slow[entity] = self.slow.get(entity, 0) + 1
             if slow[entity] > HOVER:
-                self.wrong("somebody stands in the air")
+                self.wrong("a flying animal hovers")
         self.slow = slow

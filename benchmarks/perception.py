@@ -1,11 +1,11 @@
-"""How long it takes to find who sees whom: sorting into cells and line of sight, in microseconds per animal.
+"""Time visibility: sorting into cells and line of sight, in microseconds per animal.
 
     python benchmarks/perception.py [--quick] [--ceiling herd_ceiling.cpp]
 
-Discs of half a metre that see ten metres all round, at random on a square; then clumps of touching animals.  With
-``--ceiling`` the hand-written C++ kernel runs in turn with ours, round by round, so that other load falls on both.  It
-does more in one way (three forces over the visible) and less in two (float32 only; whoever stands in a body sees
-nothing on its far side, so the visible are fewer).  On a shared machine read the minimum.
+The scenes are random discs of half a metre in a square with a view range of ten metres all round, and clumps of
+touching animals.  With ``--ceiling`` a hand-written C++ kernel runs in alternation, so that other load affects both.
+The kernel also adds up three forces over the visible animals.  It uses only float32, and an animal inside a body sees
+nothing on the far side of it, so fewer animals are visible.  On a shared machine read the minimum.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ FLAGS = ("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-fopen
 
 
 class Scene(NamedTuple):
-    """A herd, and which ceiling it has."""
+    """A herd to measure."""
 
     name: str
     xyz: np.ndarray  # (n, 3) m
@@ -44,18 +44,18 @@ class Scene(NamedTuple):
     length: float  # m
     radius: float  # m
     view_range: float  # m
-    density: float | None  # per m^2, where the C++ kernel can do the same
+    density: float | None  # per m^2; None where the C++ kernel cannot do the same
 
 
 def scattered(n, density):
-    """Discs at random."""
+    """Return random discs."""
     rng = np.random.default_rng(1)
     xyz = np.c_[rng.uniform(0, (n / density) ** 0.5, (n, 2)), np.zeros(n)]
     return Scene(f"{density:g} per m2", xyz, _headings(rng.uniform(0, 2 * np.pi, n)), 1.0, 0.5, 10.0, density)
 
 
 def clump(n, stray=False):
-    """Capsules of 1.0 x .4 m, side by side and nose to tail, 2 per m^2; perhaps one animal stands kilometres away."""
+    """Return capsules of 1.0 x .4 m, side by side and nose to tail, 2 per m^2; a stray is kilometres away."""
     rng = np.random.default_rng(2)
     rows = int(np.ceil((n / 2.3) ** 0.5))
     place = np.stack(np.divmod(np.arange(n), rows), axis=-1)[:, ::-1] * (1.05, 0.46)
@@ -71,7 +71,7 @@ def _headings(angle):
 
 
 def ours(scene, budget):
-    """Times of sorting and of all, in s; and the mean number of visible neighbours."""
+    """Return seconds of sorting, seconds of the whole, and the mean number of visible neighbours."""
     n = len(scene.xyz)
     length, radius, view_range = np.full(n, scene.length), np.full(n, scene.radius), np.full(n, scene.view_range)
     sort, total, end = [], [], time.perf_counter() + budget
@@ -86,14 +86,14 @@ def ours(scene, budget):
 
 
 def build_ceiling(source, folder):
-    """The program of the C++ kernel."""
+    """Compile the C++ kernel and return its path."""
     program = Path(folder) / "herd_ceiling"
     subprocess.run(["g++", *FLAGS, str(source), "-o", str(program)], check=True)
     return program
 
 
 def ceiling(program, scene, threads, budget):
-    """Minimum and median of the C++ kernel in us per animal, and its mean number of visible neighbours."""
+    """Return minimum and median of the C++ kernel in us per animal, and its mean number of visible neighbours."""
     env = {**os.environ, "OMP_NUM_THREADS": str(threads), "GOMP_SPINCOUNT": "10000", "BUDGET": str(budget)}
     command = [str(program), str(len(scene.xyz)), str(scene.density), "simd"]
     line = json.loads(subprocess.run(command, env=env, check=True, capture_output=True, text=True).stdout)
@@ -101,7 +101,7 @@ def ceiling(program, scene, threads, budget):
 
 
 def machine():
-    """Processor, cores and load."""
+    """Return processor, cores and load as text."""
     model = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
     if info.exists():
@@ -113,7 +113,7 @@ def machine():
 
 
 def measure(scene, threads, program, rounds, budget):
-    """One line of the table."""
+    """Print one line of the table."""
     parallel.set_threads(threads)
     n = len(scene.xyz)
     sort, total, cpp = [], [], []
@@ -135,7 +135,7 @@ def measure(scene, threads, program, rounds, budget):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--ceiling", type=Path, metavar="CPP", help="source of the C++ kernel to compare with")
+    parser.add_argument("--ceiling", type=Path, metavar="CPP", help="source of the C++ kernel for comparison")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--quick", action="store_true", help="1,000 animals, one round")
     options = parser.parse_args()

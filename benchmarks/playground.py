@@ -1,20 +1,23 @@
-"""What a frame of the playground costs: simulation, drawing and interface apart, beside the least it could cost.
+"""Time a frame of the playground, split into simulation, drawing and interface, and compare it with a lower bound.
 
     python benchmarks/playground.py [--counts 2000 10000] [--frames 180] [--level meadow] [--space] [--cpu] [--json]
 
-The window is 1280 x 720 on SDL's dummy driver, with the panels and the overlays it opens with, driven at 60 frames a
-second, with a rest after frames that are quicker; a tick is due in every second frame or so (32 a second), and runs
-beside the drawing, as in the main loop: "simulation" is the wait for it.  In the same run, round by round:
+The window is 1280 x 720 on SDL's dummy driver, with the panels and overlays that are open by default.  It runs at 60
+frames per second and sleeps after faster frames.  Ticks (32 per second) run in parallel with the drawing, as in the
+main loop; "simulation" is the time spent waiting for them.  In the same run, round by round, two references are
+measured:
 
-* headless ticks: the same level with as many animals, nothing drawn;
-* bare blit: a picture of the window's size copied onto the screen and flipped, nothing else.
+* headless ticks: the same level and number of animals without drawing;
+* bare blit: a picture of the size of the window copied onto the screen, and a flip.
 
-Their sum is the floor of a program that ticks and draws in turn. ``--cpu`` counts the processor's time instead of the
-clock on the wall: what a frame costs on a machine that does other things as well. It is that of the thread that draws,
-and of all threads for headless ticks. Goals: 12 ms for
-2,000 animals and 30 ms for 10,000, in the mean over all frames, and 25 ms for 99 % of those of 10,000. ``--space``
-looks at the herd from the side, in three dimensions, as near as all of it fits in and going with it; take a level of
-birds, such as ``--level pillars --counts 1000 10000``.
+Their sum ("floor") is the lower bound for a program that ticks and draws one after the other.
+
+``--cpu`` measures CPU time instead of wall time, for busy machines: of the drawing thread, and of all threads for
+headless ticks.  ``--space`` shows the whole herd in the 3D view and follows it; use it with a level of birds, such as
+``--level pillars --counts 1000 10000``.
+
+Goals: a mean over all frames of 12 ms for 2,000 animals and 30 ms for 10,000, and 25 ms for 99 % of the frames with
+10,000.
 """
 
 from __future__ import annotations
@@ -41,7 +44,7 @@ FRAMES, TICKS = (SimpleNamespace(perf_counter=time.perf_counter) for _ in range(
 
 
 def silent(folder):
-    """No display, no sound, no settings of ours."""
+    """Use no display, no sound and default settings."""
     os.environ |= {"SDL_VIDEODRIVER": "dummy", "SDL_AUDIODRIVER": "dummy", "FLOCKBRUSH_CONFIG": folder}
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
 
@@ -65,7 +68,7 @@ class Playground:
             self.app.toggle_follow()
 
     def frames(self, count):
-        """(ms of each part, whether it shows a new tick) of so many frames."""
+        """Return (ms of each part, whether it shows a new tick) of each frame."""
         found = []
         for _ in range(count):
             begin, before = time.perf_counter(), self.session.moment
@@ -77,7 +80,7 @@ class Playground:
 
 
 class Headless:
-    """The same level, nothing drawn."""
+    """The same level without drawing."""
 
     def __init__(self, level, count):
         from flockbrush.runs.run import start
@@ -85,12 +88,12 @@ class Headless:
         self.simulation = start(level, agents=count)
 
     def ticks(self, count):
-        """Milliseconds of each of so many ticks."""
+        """Return the milliseconds of each tick."""
         return [timed(self.simulation.tick) for _ in range(count)]
 
 
 class Blit:
-    """A picture onto the screen."""
+    """A picture copied onto the screen."""
 
     def __init__(self):
         import pygame
@@ -100,28 +103,28 @@ class Blit:
         self.surface = pygame.image.frombuffer(self.picture, SIZE, "RGB")
 
     def show(self):
-        """One frame of nothing but the picture."""
+        """Show one frame with the picture alone."""
         self.screen.blit(self.surface, (0, 0))
         self.flip()
 
     def frames(self, count):
-        """Milliseconds of each of so many frames."""
+        """Return the milliseconds of each frame."""
         return [timed(self.show) for _ in range(count)]
 
 
 def _silent(text, kind="info"):
-    """No toasts: they would be drawn."""
+    """Ignore notifications, which would be drawn."""
 
 
 def timed(do):
-    """Milliseconds of one call."""
+    """Return the milliseconds of one call."""
     begin = TICKS.perf_counter()
     do()
     return 1000 * (TICKS.perf_counter() - begin)
 
 
 def measured(level, count, frames, space=False, rounds=6):
-    """The means of one number of animals, ms."""
+    """Return the means for one number of animals, ms."""
     with tempfile.TemporaryDirectory() as folder:
         playground, headless = Playground(level, count, folder, space), Headless(level, count)
         blit = Blit()
@@ -138,7 +141,7 @@ def measured(level, count, frames, space=False, rounds=6):
 
 
 def summed(frames, tick, blit):
-    """Means over all frames and over those that show a new one, with the floor of each."""
+    """Return means over all frames and over frames that show a new tick, with the floor of each."""
     with_tick = frames[:, 3] > 0
 
     def means(rows, ticks_a_frame):
@@ -161,11 +164,11 @@ def main():
     parser.add_argument("--counts", type=int, nargs="+", default=[2_000, 10_000])
     parser.add_argument("--frames", type=int, default=180)
     parser.add_argument("--level", default="meadow")
-    parser.add_argument("--space", action="store_true", help="the view in three dimensions")
-    parser.add_argument("--cpu", action="store_true", help="processor's time")
+    parser.add_argument("--space", action="store_true", help="the 3D view")
+    parser.add_argument("--cpu", action="store_true", help="CPU time")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    if options.cpu:  # of the thread that draws: what runs beside it is the tick's
+    if options.cpu:  # of the drawing thread; the other threads run the tick
         FRAMES.perf_counter, TICKS.perf_counter = time.thread_time, time.process_time
     with tempfile.TemporaryDirectory() as folder:
         silent(folder)
@@ -177,13 +180,13 @@ def main():
 
 
 def show(table, options):
-    """The table, with the goal beside the mean of all frames."""
+    """Print the table, with the goal beside the mean of all frames."""
     from flockbrush.engine.parallel import threads
 
     load = f"load {os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "load unknown"
-    level = options.level + " in space" * options.space
+    level = options.level + " in 3D" * options.space
     of = f"{level}, {threads()} threads, {options.frames} frames, {os.cpu_count()} cores, {load}"
-    print(f"{'ms of CPU' if options.cpu else 'ms'} per frame at {SIZE[0]} x {SIZE[1]}: {of}")
+    print(f"{'ms CPU' if options.cpu else 'ms'} per frame at {SIZE[0]} x {SIZE[1]}: {of}")
     names = [*PARTS, "together", "99 % below", "floor"]
     print(f"{'animals':>9}  {'':<12}" + "".join(f"{name:>12}" for name in names) + f"{'goal':>8}")
     for count, rows in table.items():
@@ -195,7 +198,7 @@ def show(table, options):
         print(
             f"{'':>9}  headless tick {peers['headless tick']:.2f}, bare blit {peers['bare blit']:.2f}, "
             f"{100 * peers['frames with a tick']:.0f} % of the frames show a new tick, "
-            f"{1000 / rows['all frames']['together']:.0f} frames a second"
+            f"{1000 / rows['all frames']['together']:.0f} frames per second"
         )
 
 

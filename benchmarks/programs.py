@@ -1,9 +1,9 @@
-"""What a program costs: 10,000 animals with six states and ten triggers, beside the same herd without.
+"""Time a behaviour program: 10,000 animals with six states and ten triggers, and the same herd without a program.
 
     python benchmarks/programs.py [--animals N] [--pairs K]
 
-CPU time of a tick (all threads), the median of interleaved pairs of half a second each.  The states give no brush,
-so both herds move by the same one.
+Prints the CPU time of a tick (all threads), the median of alternating pairs of half a second each.  The states set no
+brush, so both herds move by the same one.
 """
 
 import argparse
@@ -73,7 +73,7 @@ when = { acceleration_above = "20 m/s^2" }
 
 
 def herd(animals, program):
-    """A herd of grazing sheep, three wolves, and a pond."""
+    """Return a herd of grazing sheep, three wolves, and a pond."""
     side = math.sqrt(animals / 0.4) * 1.2
     size = side + 80.0
     square = np.array([(40, 40), (40 + side, 40), (40 + side, 40 + side), (40, 40 + side)])
@@ -105,10 +105,10 @@ def main():
     ratio = np.median(spent[:, 1] / spent[:, 0])
     low, high = np.percentile(spent[:, 1] / spent[:, 0], (10, 90))
     without, within = 1e3 * np.median(spent, axis=0)
-    print(f"{told.animals:,} animals: {without:.2f} ms a tick without a program, {within:.2f} ms with one")
+    print(f"{told.animals:,} animals: {without:.2f} ms per tick without a program, {within:.2f} ms with one")
     print(f"{ratio:.3f} times (10 to 90 % of {told.pairs} pairs: {low:.3f} to {high:.3f})")
     nanoseconds = scenes[1].schedule.nanoseconds
-    print(f"RunPrograms: {100 * nanoseconds['RunPrograms'] / sum(nanoseconds.values()):.1f} % of the time on the clock")
+    print(f"RunPrograms: {100 * nanoseconds['RunPrograms'] / sum(nanoseconds.values()):.1f} % of the wall time")
     print(scenes[1].states()["bench"])
 
 

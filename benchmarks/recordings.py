@@ -1,11 +1,11 @@
-"""Recordings: size on disk as announced and as it is, peak of memory, time to any moment.
+"""Benchmark recordings: announced and actual size on disk, peak memory, time to open a moment.
 
     python benchmarks/recordings.py                          # one hour of 300 animals, 60 s of 100,000
     python benchmarks/recordings.py --animals 1000 --seconds 20
 
-Each recording is made in a process of its own.  Memory is printed after a tenth of the ticks and at the end: it should
-not grow.  Moments are opened in a process of its own too, so that what the first one loads is told apart; `cpu` is the
-processor's time of all threads, for machines that do other things as well.
+Each recording is made in a process of its own.  Memory is printed after a tenth of the ticks and at the end; it should
+not grow.  Moments are opened in another process; the first one is reported separately, because it loads the program.
+`cpu` is the CPU time of all threads, for busy machines.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from pathlib import Path
 
 
 def record(path, level, animals, seconds):
-    """Record, and print what it took as JSON."""
+    """Record a run and print its cost as JSON."""
     from flockbrush.runs import run as running
 
     simulation = running.start(level, agents=animals)
@@ -40,7 +40,7 @@ def record(path, level, animals, seconds):
 
 
 def open_at(path, moments):
-    """Open a recording at random moments, and print the seconds as JSON."""
+    """Open a recording at random moments and print the seconds as JSON."""
     from flockbrush.engine.recording import open_recording
 
     from flockbrush.runs import run as running
@@ -61,7 +61,7 @@ def open_at(path, moments):
 
 
 def elsewhere(*words):
-    """What this script prints in a process of its own."""
+    """Run this script in another process and return its output."""
     done = subprocess.run([sys.executable, __file__, *map(str, words)], capture_output=True, text=True, check=True)
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -85,7 +85,7 @@ def main():
             path = Path(folder) / "a.flock"
             words = ["--level", options.level, "--animals", animals, "--seconds", seconds]
             print(f"{animals:,} animals, {seconds:g} s:", elsewhere("--make", path, *words), flush=True)
-            print("  any moment:", elsewhere("--open", path, "--moments", options.moments), flush=True)
+            print("  open a moment:", elsewhere("--open", path, "--moments", options.moments), flush=True)
 
 
 if __name__ == "__main__":

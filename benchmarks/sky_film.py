@@ -1,4 +1,4 @@
-"""Films of birds with truth: a flock in space before a virtual camera, drawn on a plain sky.  Test data, made here."""
+"""Test films of birds with known positions: a flock in space, seen by a virtual camera and drawn on a plain sky."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ SPAN = 0.6  # m, of a bird's wings
 
 
 def film(xyz, camera, seed=0, span=SPAN):
-    """Pictures (h, w) uint8 of dark birds that beat their wings before a sky of uneven light.
+    """Yield pictures (h, w) uint8 of dark birds that beat their wings in an unevenly lit sky.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def film(xyz, camera, seed=0, span=SPAN):
 
 
 def _bird(picture, at, angle, size, beat, fine=64):
-    """Body and wings as two ellipses; places in 64ths of a pixel."""
+    """Draw body and wings as two ellipses; positions in 64ths of a pixel."""
     body, half = max(1.2, 0.13 * size), 0.5 * size * (0.75 + 0.25 * beat)
 
     def ellipse(x, y, along, across, ink):
@@ -46,7 +46,7 @@ def _bird(picture, at, angle, size, beat, fine=64):
 
 
 def compute_tracking(truth, visible, tracks, gate=6.0):
-    """How good tracks are, by the CLEAR MOT measures and IDF1.
+    """Return the quality of tracks: CLEAR MOT measures and IDF1.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def compute_tracking(truth, visible, tracks, gate=6.0):
     visible : (F, N) bool ndarray
     tracks : Tracks
     gate : float
-        Pixels within which a track is at a bird.
+        Largest distance in pixels at which a track matches a bird.
 
     Returns
     -------
@@ -71,7 +71,7 @@ def compute_tracking(truth, visible, tracks, gate=6.0):
         birds, names = np.flatnonzero(visible[f]), np.flatnonzero(np.isfinite(found[f, :, 0]))
         gap = np.linalg.norm(truth[f, birds][:, None] - found[f, names][None], axis=-1)
         cost = np.where(gap <= gate, gap, 1e6)
-        for i, bird in enumerate(birds):  # who was matched before stays so
+        for i, bird in enumerate(birds):  # keep earlier matches
             cost[i, (names == last.get(bird, -1)) & (gap[i] <= gate)] -= 100
         matched = 0
         for i, j in zip(*linear_sum_assignment(cost), strict=True):

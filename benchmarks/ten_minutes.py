@@ -1,13 +1,12 @@
-"""Ten minutes of every shipped level: who is still there, who still moves, who is jammed.
+"""Run every shipped level for ten minutes and count the animals that are left, that move and that are jammed.
 
     python benchmarks/ten_minutes.py                        all levels, as a table
-    python benchmarks/ten_minutes.py elephants --stills DIR with pictures after 0, 120, 300 and 600 s
+    python benchmarks/ten_minutes.py elephants --stills DIR  pictures after 0, 120, 300 and 600 s
     python benchmarks/ten_minutes.py crowded --agents 500
 
-An animal *moves* when it was, within the last minute, ever further than five body lengths from where it was at the
-minute's beginning.  It is *jammed* when it did not and made less than half of the way that it tried to make in
-that minute: bodies, a wall or the border are in its way.  `gone` counts animals that left the world by a goal, an
-exit or a hunter.
+An animal *moves* if, in the last minute, it was ever more than five body lengths away from its position at the start
+of that minute.  It is *jammed* if it does not move and covered less than half of the distance that it tried to cover:
+bodies, a wall or the border block it.  `gone` counts animals removed by a goal, an exit or a hunter.
 """
 
 from __future__ import annotations
@@ -23,14 +22,14 @@ from flockbrush.systems.measures import compute_polarization
 from flockbrush.runs.run import shipped_levels, start
 
 SECONDS, STILLS = 600, (0, 120, 300, 600)
-MINUTE = 60  # samples, one a second
+MINUTE = 60  # samples, one per second
 FAR = 5.0  # body lengths
-HELD = 0.5  # of the way that it tried to make
+HELD = 0.5  # of the distance that it tried to cover
 
 
 @dataclass
 class Look:
-    """What is seen of a level at the end."""
+    """The result of a level at the end."""
 
     level: str
     alive: int
@@ -42,19 +41,19 @@ class Look:
 
 
 class Minute:
-    """Where everybody was in the last minute, how fast it was and tried to be, m and m/s, by id."""
+    """Positions, speeds and target speeds of all animals in the last minute, by id, m and m/s."""
 
     def __init__(self):
         self.samples, self.speeds = [], []
 
     def see(self, ids, xyz, speed, target):
-        """A second later."""
+        """Add the sample of one second."""
         self.samples = [*self.samples[-MINUTE:], dict(zip(ids.tolist(), xyz.tolist(), strict=True))]
         both = zip(speed.tolist(), target.tolist(), strict=True)
         self.speeds = [*self.speeds[-MINUTE:], dict(zip(ids.tolist(), both, strict=True))]
 
     def way(self, ids):
-        """(n,) m that each was away from its place at the beginning of the minute, at most."""
+        """Return the largest distance of each animal from its first position of the minute, (n,) m."""
         first = {}
         for sample in self.samples:
             for one, at in sample.items():
@@ -66,7 +65,7 @@ class Minute:
         return np.array([far[one] for one in ids.tolist()])
 
     def jammed(self, ids, length):
-        """(n,) bool."""
+        """Return whether each animal is jammed, (n,) bool."""
         sums = np.array(
             [np.sum([sample[one] for sample in self.speeds if one in sample], axis=0) for one in ids.tolist()]
         )
@@ -75,7 +74,7 @@ class Minute:
 
 
 def watched(name, seconds=SECONDS, agents=None, at_still=lambda simulation, second: None):
-    """A `Look` at a level after so many seconds; `at_still` is called at each second of `STILLS`."""
+    """Return a `Look` at a level after `seconds`; `at_still` is called at each second of `STILLS`."""
     simulation = start(name, agents=agents)
     minute, ticks, seen = Minute(), round(1 / simulation.clock.dt), set()
     for second in range(seconds + 1):
@@ -107,7 +106,7 @@ def main():
     parser.add_argument("levels", nargs="*")
     parser.add_argument("--seconds", type=int, default=SECONDS)
     parser.add_argument("--agents", type=int)
-    parser.add_argument("--stills", type=Path, metavar="DIR", help="put pictures there")
+    parser.add_argument("--stills", type=Path, metavar="DIR", help="folder for pictures")
     told = parser.parse_args()
     print("| level | animals | gone | on the map | moved | jammed | polarization |\n|---|---|---|---|---|---|---|")
     for name in told.levels or shipped_levels():

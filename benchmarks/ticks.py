@@ -1,17 +1,17 @@
-"""Whole ticks of herds beside the work in them that has to be done, in C++; a million animals; density and strays.
+"""Benchmark whole ticks: compared with C++, with a million animals, by density and strays, and against other commits.
 
     python benchmarks/ticks.py ticks [--sizes 1000 10000 100000] [--ceiling herd_ceiling.cpp]
     python benchmarks/ticks.py million [--animals 1000000]
     python benchmarks/ticks.py shape
     python benchmarks/ticks.py against DIR [--level crowded] [--pairs 20] [--ticks 16]
 
-``ticks``: the scene of ``flockbrush bench`` (one animal on 4 m² that sees 10 m far, exact occlusion), everything a
-level runs in a tick, and in turn the C++ kernel (who sees whom, and three forces; float32; AVX2, or what ``--ceiling``
-names).  ``million``: spawning, ticks and memory of a herd.  ``shape``: what perception costs at a density of 1 per m²
-over .25, and with a stray kilometres away over none.  ``against``: CPU time of a level's ticks over that in another
-checkout (``git worktree add DIR COMMIT``), in pairs that alternate, and the median of their ratios.
+``ticks``: all systems of a level in the scene of ``flockbrush bench`` (0.25 animals/m², 10 m view range, exact
+occlusion), alternating with a C++ kernel (visibility and three forces; float32; AVX2, or the source given by
+``--ceiling``).  ``million``: spawning, ticks and memory of a herd.  ``shape``: ratio of the cost of perception at 1
+per m² to .25 per m², and with to without a stray kilometres away.  ``against``: ratio of the CPU time of a level's
+ticks to that in another checkout (``git worktree add DIR COMMIT``), median over alternating pairs.
 
-On shared machines read CPU times of all threads, the least of all rounds, and their ratio.
+On shared machines read the CPU times of all threads, the least of all rounds, and their ratio.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ from flockbrush.cli.bench import WARM_UP, scene
 from flockbrush.runs.run import peak_memory
 
 HERE = Path(__file__).resolve().parent
-GOALS = {1_000: 1.2, 10_000: 9.0, 100_000: 95.0}  # ms a tick on two threads
+GOALS = {1_000: 1.2, 10_000: 9.0, 100_000: 95.0}  # ms per tick on two threads
 DENSITY = 0.25
 
 
 def tick_times(simulation, budget):
-    """(CPU s, wall s) of ticks, for so many seconds."""
+    """Return (CPU s, wall s) of ticks during `budget` seconds."""
     times, end = [], time.perf_counter() + budget
     while len(times) < 3 or time.perf_counter() < end:
         cpu, wall = time.process_time(), time.perf_counter()
@@ -52,16 +52,16 @@ def tick_times(simulation, budget):
 
 
 def ceiling(program, animals, threads, budget):
-    """What the C++ program prints."""
+    """Return the output of the C++ program."""
     env = {**os.environ, "OMP_NUM_THREADS": str(threads), "GOMP_SPINCOUNT": "10000", "BUDGET": str(budget)}
     command = [str(program), str(animals), str(DENSITY)]
     return json.loads(subprocess.run(command, env=env, check=True, capture_output=True, text=True).stdout)
 
 
 def ticks(sizes, source, rounds, budget):
-    """A row for each size and number of threads."""
+    """Print a row for each size and number of threads."""
     print(machine())
-    print(" animals thr | ms a tick least  median    goal | CPU us/animal | C++ us/animal  wall | ratio CPU  wall")
+    print(" animals thr | ms/tick   least  median    goal | CPU us/animal | C++ us/animal  wall | ratio CPU  wall")
     with tempfile.TemporaryDirectory() as folder:
         program = build_ceiling(source, folder)
         for animals in sizes:
@@ -90,7 +90,7 @@ def _row(animals, threads, times, theirs):
 
 
 def million(animals):
-    """Spawning, ticks and memory."""
+    """Print the cost of spawning, ticks and memory."""
     begin = time.perf_counter()
     simulation = scene(animals)
     spawned = time.perf_counter() - begin
@@ -100,12 +100,12 @@ def million(animals):
     print(machine())
     print(
         f"{animals} animals, {parallel.threads()} threads: spawned in {spawned:.1f} s; a tick takes {wall:.2f} s"
-        f" ({cpu:.2f} s of CPU) at least; peak memory {peak_memory():.0f} MiB"
+        f" ({cpu:.2f} s CPU) at least; peak memory {peak_memory():.0f} MiB"
     )
 
 
 def shape(rounds, budget):
-    """Perception: dense over thin, with a stray over without, in turn."""
+    """Print the cost of perception at two densities, and with and without a stray, measured in alternation."""
     print(machine())
     print(" animals | us/animal .25 per m2  1 per m2  ratio | clump  with a stray  ratio   (CPU, one thread, least)")
     set_threads(1)
@@ -121,7 +121,7 @@ def shape(rounds, budget):
 
 
 def _cpu_of(one, budget):
-    """CPU seconds of finding who sees whom, once."""
+    """Return the CPU seconds of one visibility computation."""
     before, (_, times, _) = time.process_time(), ours(one, budget)
     return (time.process_time() - before) / len(times)
 
@@ -137,9 +137,9 @@ for line in sys.stdin:
 
 
 def as_installed(tree, folder):
-    """Links to a checkout's rooms as an installation has them: the folder to import from, and what has `start`."""
+    """Link a checkout's packages in the installed layout; return the import folder and the module with `start`."""
     setuptools = tomllib.loads((tree / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
-    if "package-dir" not in setuptools:  # before the rooms were below flockbrush
+    if "package-dir" not in setuptools:  # before the packages were inside flockbrush
         return tree, "flockbrush.run"
     package = folder / "flockbrush"
     package.mkdir(parents=True)
@@ -153,11 +153,9 @@ def as_installed(tree, folder):
 
 
 def against(other, level, pairs, ticks):
-    """Ticks here and in another checkout, in turn."""
+    """Print the ratio of tick times here and in another checkout, measured in alternation."""
     if not (other / "pyproject.toml").is_file():
-        raise SystemExit(
-            f"{other}: is no checkout (it has no pyproject.toml); make one: git worktree add {other} COMMIT"
-        )
+        raise SystemExit(f"{other}: not a checkout (no pyproject.toml); create one: git worktree add {other} COMMIT")
     print(machine())
     with tempfile.TemporaryDirectory() as folder:
         sides = [_started(tree.resolve(), Path(folder, str(k)), level) for k, tree in enumerate((HERE.parent, other))]
@@ -171,13 +169,13 @@ def against(other, level, pairs, ticks):
             side.communicate()
     ratios = sorted(here / there for here, there in zip(*times, strict=True))
     here, there = (1e3 * statistics.median(some) for some in times)
-    print(f"{level}: {here:.2f} ms of CPU a tick here, {there:.2f} there (medians of {pairs} times {ticks} ticks)")
-    print(f"here over there, median of pairs: {statistics.median(ratios):.3f} ({ratios[0]:.3f} to {ratios[-1]:.3f})")
+    print(f"{level}: {here:.2f} ms CPU per tick here, {there:.2f} there (medians of {pairs} times {ticks} ticks)")
+    print(f"ratio here / there, median of pairs: {statistics.median(ratios):.3f} ({ratios[0]:.3f} to {ratios[-1]:.3f})")
     print(machine())
 
 
 def _started(tree, folder, level):
-    """A process that runs ticks of a level as it is in a checkout."""
+    """Start a process that runs ticks of a level with the code of a checkout."""
     found, module = as_installed(tree, folder)
     return subprocess.Popen(
         [sys.executable, "-c", TICKING, module, level], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
@@ -186,12 +184,12 @@ def _started(tree, folder, level):
 
 
 def _ticked(side, ticks):
-    """CPU seconds of so many ticks in another process."""
+    """Return the CPU seconds of `ticks` ticks in another process."""
     side.stdin.write(f"{ticks}\n")
     side.stdin.flush()
     told = side.stdout.readline()
     if not told:
-        raise SystemExit("a checkout could not run the level; what it said stands above")
+        raise SystemExit("a checkout could not run the level; see its output above")
     return float(told)
 
 
@@ -208,10 +206,10 @@ def main():
     pair.add_argument("other", type=Path, help="another checkout")
     pair.add_argument("--level", default="crowded")
     pair.add_argument("--pairs", type=int, default=20)
-    pair.add_argument("--ticks", type=int, default=16, help="of each side in a pair")
+    pair.add_argument("--ticks", type=int, default=16, help="ticks of each side in a pair")
     for one in (whole, form):
         one.add_argument("--rounds", type=int, default=5)
-        one.add_argument("--budget", type=float, default=0.5, help="seconds of a round")
+        one.add_argument("--budget", type=float, default=0.5, help="seconds per round")
     options = parser.parse_args()
     if options.what == "ticks":
         ticks(options.sizes, options.ceiling, options.rounds, options.budget)

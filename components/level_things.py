@@ -80,10 +80,12 @@ class Guide:
     id: int
     name: str
     points: np.ndarray  # (k, 2) m; a loop does not repeat its first point
-    strength: float = prop("number", 1.0, "more pulls harder against other guides and goals", low=0, high=100)
-    radius: float = prop("number", 10.0, "full strength this far to both sides", "m", low=0, high=FAR)
-    decay: float = prop("number", 10.0, "then falls to 1/e over this length", "m", low=0, high=FAR)
-    goal: str = prop("goal", "", "name of the goal it leads to")
+    strength: float = prop("number", 1.0, "weight of the guide against other guides and goals", low=0, high=100)
+    radius: float = prop("number", 10.0, "distance to both sides with full strength", "m", low=0, high=FAR)
+    decay: float = prop(
+        "number", 10.0, "distance beyond the radius at which the strength has fallen to 1/e", "m", low=0, high=FAR
+    )
+    goal: str = prop("goal", "", "name of the goal that the guide leads to")
     loop: bool = prop("bool", False, "the last point leads back to the first")
 
 
@@ -94,9 +96,9 @@ class Goal:
     id: int
     name: str
     xy: np.ndarray  # (2,) m
-    radius: float = prop("number", 5.0, "closer than this is there", "m", above=0, high=FAR)
+    radius: float = prop("number", 5.0, "an animal has arrived when it is nearer than this", "m", above=0, high=FAR)
     on_arrive: str = prop("enum", "stay", "what happens to animals that arrive", enum="OnArrive")
-    next: str = prop("goal", "", "name of the goal after this one")
+    next: str = prop("goal", "", "name of the next goal")
     polygon: np.ndarray | None = None  # (k, 2) m, the area if one was drawn instead of a point
     next_index: int = -1  # of `next` among the goals of a running world
 
@@ -117,12 +119,12 @@ class Obstacle:
     id: int  # of the object in the level file; 0: it is in none
     name: str
     polygon: np.ndarray  # (k, 2) m, counter-clockwise
-    solid: bool = prop("bool", True, "keeps bodies out")
-    blocks_view: bool = prop("bool", True, "hides animals behind it")
-    margin: float = prop("number", 0.0, "room kept free around it", "m", low=0, high=1000)
-    z_min: float = prop("number", 0.0, "where it begins above the ground", "m", low=-FAR, high=FAR)
-    z_max: float = prop("number", 1000.0, "where it ends above the ground", "m", low=-FAR, high=FAR)
-    shape: str = prop("enum", "box", "how it stands up from its outline", enum="ObstacleShape")
+    solid: bool = prop("bool", True, "whether bodies cannot enter it")
+    blocks_view: bool = prop("bool", True, "whether it hides the animals behind it")
+    margin: float = prop("number", 0.0, "free space kept around it", "m", low=0, high=1000)
+    z_min: float = prop("number", 0.0, "height of its bottom above the ground", "m", low=-FAR, high=FAR)
+    z_max: float = prop("number", 1000.0, "height of its top above the ground", "m", low=-FAR, high=FAR)
+    shape: str = prop("enum", "box", "solid shape that is made from its outline", enum="ObstacleShape")
     corners: np.ndarray | None = None  # (k, 3) m east, north, up of the middle of its foot: those of a hull
 
 
@@ -133,32 +135,52 @@ PAINT_BOUNDS = (
         "species",
         "text",
         "",
-        "species that its brush binds, names or tags separated by commas; empty: those it is made for",
+        "species that the brush acts on, as names or tags separated by commas; empty: those the brush is made for",
     ),
-    Property("medium", "enum", "brush", "where they must be; brush: where the brush moves", enum="Medium"),
-    Property("z_min", "number", -FAR, "it binds from so high above the ground", "m", low=-FAR, high=FAR),
-    Property("z_max", "number", FAR, "it binds up to so high above the ground", "m", low=-FAR, high=FAR),
+    Property(
+        "medium",
+        "enum",
+        "brush",
+        "medium in which the brush acts; brush: the medium in which the brush moves animals",
+        enum="Medium",
+    ),
+    Property(
+        "z_min", "number", -FAR, "lowest height above the ground at which the brush acts", "m", low=-FAR, high=FAR
+    ),
+    Property(
+        "z_max", "number", FAR, "greatest height above the ground at which the brush acts", "m", low=-FAR, high=FAR
+    ),
 )
-EDGE = Property("edge", "number", 0.0, "soft border: the weight grows to full over this length", "m", low=0, high=1000)
+EDGE = Property(
+    "edge",
+    "number",
+    0.0,
+    "width of the soft border, over which the weight grows to its full value",
+    "m",
+    low=0,
+    high=1000,
+)
 ZONE: tuple[Property, ...] = (
     Property("brush", "brush", "", BRUSH),
-    Property("max_speed", "number", 0.0, "top speed here; 0: no cap", "m/s", low=0, high=1000),
-    Property("factor", "number", 1.0, "multiplies speed", low=0.01, high=10),
-    Property("blend", "number", 0.5, "time to take the brush up", "s", low=0, high=3600),
-    Property("event", "text", "", "raised when an animal enters: programs listen for it"),
+    Property("max_speed", "number", 0.0, "speed cap; 0: no cap", "m/s", low=0, high=1000),
+    Property("factor", "number", 1.0, "speed factor", low=0.01, high=10),
+    Property("blend", "number", 0.5, "time over which animals blend into the brush", "s", low=0, high=3600),
+    Property("event", "text", "", "event raised for programs when an animal enters"),
     Property(
         "event_reach",
         "number",
         0.0,
-        "who hears it: 0 the animal that entered, -1 all, else all within this radius",
+        "which animals hear the event; 0: the one that entered; -1: all; otherwise all within this radius",
         "m",
         low=-1,
         high=FAR,
     ),
     *PAINT_BOUNDS,
-    Property("strength", "number", 1.0, "how far animals go from what they would do to its brush", low=0, high=1),
+    Property(
+        "strength", "number", 1.0, "weight of the brush against what the animals would do without it", low=0, high=1
+    ),
     EDGE,
-    Property("share", "bool", False, "strength is the share of animals that take its brush"),
+    Property("share", "bool", False, "whether strength is the share of animals that take the brush"),
 )
 
 
@@ -169,18 +191,28 @@ class Spawn:
     id: int
     name: str
     polygon: np.ndarray  # (k, 2) m
-    species: str = prop("text", "animal", "what they are, for statistics and export")
+    species: str = prop("text", "animal", "species of the animals")
     brush: str = prop("brush", "", BRUSH, required=True)
-    count: int = prop("int", 0, "how many; or give density", low=0, high=int(limits.ANIMALS))  # 0 with a rate: no end
+    count: int = prop(
+        "int", 0, "number of animals; or give density", low=0, high=int(limits.ANIMALS)
+    )  # 0 with a rate: no end
     heading: float | None = prop(  # rad, counter-clockwise from east; None: each its own
-        "heading", "random", "random, north-east, ..., or degrees from east", "deg", kept=None
+        "heading",
+        "random",
+        "initial heading: random, a compass point such as north-east, or degrees from east",
+        "deg",
+        kept=None,
     )
-    speed: float | None = prop("number", 0.0, "at the start; 0: the brush's", "m/s", kept=None, low=0, high=1000)
-    altitude: float = prop("number", 0.0, "above the ground", "m", low=0, high=FAR)
-    depth: float = prop("number", 0.0, "from the lowest to the highest of a flock", "m", low=0, high=FAR)
-    start: float = prop("number", 0.0, "when the first appear", "s", low=0, high=1e7)
-    rate: float = prop("number", 0.0, "how many a second; 0: all at once", "1/s", low=0, high=1e5)
-    formation: str = prop("enum", "scatter", "how they stand at first", enum="Formation")
-    body_length: float | None = prop("number", 0.0, "nose to tail; 0: the brush's", "m", kept=None, low=0, high=100)
-    program: str = prop("program", "", "a program, by name: states and triggers")
+    speed: float | None = prop("number", 0.0, "initial speed; 0: that of the brush", "m/s", kept=None, low=0, high=1000)
+    altitude: float = prop("number", 0.0, "height above the ground", "m", low=0, high=FAR)
+    depth: float = prop(
+        "number", 0.0, "vertical extent of a flock, from the lowest to the highest bird", "m", low=0, high=FAR
+    )
+    start: float = prop("number", 0.0, "time when the first animals appear", "s", low=0, high=1e7)
+    rate: float = prop("number", 0.0, "number of animals per second; 0: all at once", "1/s", low=0, high=1e5)
+    formation: str = prop("enum", "scatter", "initial arrangement", enum="Formation")
+    body_length: float | None = prop(
+        "number", 0.0, "length from nose to tail; 0: that of the brush", "m", kept=None, low=0, high=100
+    )
+    program: str = prop("program", "", "name of the program (states and triggers) that the animals follow")
     since: float = 0.0  # s, when it was drawn: its start counts from there

@@ -1,4 +1,4 @@
-"""Draw the picture of the window over a film: ``python -m docs.clip_pictures``.  No screen is needed."""
+"""Draw the picture of the film window: ``python -m docs.clip_pictures``.  No screen is needed."""
 
 import os
 import tempfile
@@ -7,7 +7,7 @@ from pathlib import Path
 
 os.environ["SDL_VIDEODRIVER"] = os.environ["SDL_AUDIODRIVER"] = "dummy"
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-os.environ["XDG_CONFIG_HOME"] = os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp()  # nobody's own settings
+os.environ["XDG_CONFIG_HOME"] = os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp()  # default settings
 
 import cv2
 import numpy as np
@@ -29,7 +29,7 @@ SIZE = (960, 600)
 
 
 def herd_film(path, frames=40):
-    """A shipped level as a drone might film it."""
+    """Film a shipped level from above, as a drone would."""
     simulation = start("sheep-pasture")
     painter = painter_of(simulation, (1280, 800))
     simulation.run(800)
@@ -43,7 +43,7 @@ def herd_film(path, frames=40):
 
 
 def bird_film(path, frames=60):
-    """Birds that cross before the sky."""
+    """Film birds that cross in the sky."""
     xyz, camera = crossing(20, 1)
     with Video(path, 30, (camera.width, camera.height)) as video:
         for picture in film(xyz[:frames], camera):
@@ -52,20 +52,20 @@ def bird_film(path, frames=60):
 
 
 class Stage:
-    """A window on a film, with hands."""
+    """A film window with simulated mouse input."""
 
     def __init__(self, film, mode, folder):
         self.window = ClipWindow(Book(film, folder), SIZE, "light", mode=mode)
 
     def wait(self):
-        """Until no work goes on."""
+        """Wait until all background work is done."""
         self.window.frame(1 / 30)
         while self.window.jobs:
             self.window.frame(1 / 30)
             time.sleep(0.02)
 
     def stroke(self, *places):
-        """The left button down along places of the film."""
+        """Drag with the left button along points of the film."""
         mode, at = self.window.mode, self.window.at
         mode.press(places[0], at(places[0]))
         for a, b in zip(places, places[1:], strict=False):
@@ -76,7 +76,7 @@ class Stage:
         mode.release(places[-1], at(places[-1]))
 
     def picture(self):
-        """What is on the screen, (h, w, 3) uint8; the window is closed."""
+        """Close the window and return its picture, (h, w, 3) uint8."""
         self.window.toasts.shown.clear()
         for _ in range(3):
             self.window.frame(1 / 30)

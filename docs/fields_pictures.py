@@ -1,4 +1,4 @@
-"""Draw the picture of what a film tells: ``python -m docs.fields_pictures``.  No screen is needed."""
+"""Draw the picture of the fields of a film: ``python -m docs.fields_pictures``.  No screen is needed."""
 
 import tempfile
 from pathlib import Path
@@ -16,7 +16,7 @@ FRAME = 12
 
 
 def main():
-    """A mill by D'Orsogna and others' model, under a camera that drifts, turns and zooms, as `fields` shows it."""
+    """Draw the `fields` preview of a mill (D'Orsogna et al.) under a camera that drifts, turns and zooms."""
     shown = {}
 
     def show(glance, watch, fields):

@@ -1,4 +1,4 @@
-"""Rewrite the parts of the documentation that come from the code: ``python docs/generate.py``.
+"""Rewrite the parts of the documentation that are generated from the code: ``python docs/generate.py``.
 
 The JSON schemas in ``docs/schemas`` and the tables of parameters in ``docs/models.md``.
 """
@@ -8,13 +8,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from flockbrush.behaviours.behaviour import Behaviour, behaviours
+from flockbrush.behaviours.behaviour import Behaviour, Parameters, behaviours
 
 DOCS = Path(__file__).parent
 
 
 def schema_texts() -> dict[Path, str]:
-    """The JSON schemas of our files."""
+    """Return the JSON schemas of Flockbrush's file formats."""
     from flockbrush.cli.json_schemas import SCHEMAS
 
     return {
@@ -24,7 +24,7 @@ def schema_texts() -> dict[Path, str]:
 
 
 def parameter_table(model: Behaviour) -> str:
-    """The parameters that a model adds to those of the model it builds on, as a Markdown table below a marker."""
+    """Return the parameters that a model adds to its base model, as a Markdown table below a marker."""
     inherited = {name for other in behaviours().values() if other.Params in model.Params.__mro__[1:]
                  for name in other.Params.model_fields}  # fmt: skip
     rows = [_marker(model), "| parameter | default | range | unit | meaning |", "|---|---|---|---|---|"]
@@ -51,7 +51,7 @@ def _range(field) -> str:
 
 
 def models_page(text: str) -> str:
-    """The page of models with the tables as they are now; a section for every model that has none."""
+    """Return the page of models with updated tables, and a new section for every model that has none."""
     shown = {model.Params for model in behaviours().values() if _marker(model) in text}
     for model in behaviours().values():
         if _marker(model) in text:
@@ -63,10 +63,35 @@ def models_page(text: str) -> str:
     return text.rstrip() + "\n"
 
 
+def slider_table() -> str:
+    """The sliders that each model declares, as a Markdown table below a marker."""
+    rows = ["<!-- sliders -->", "| model | slider | from one end to the other | moves |", "|---|---|---|---|"]
+    owners = {Parameters: "all"}
+    for model in behaviours().values():
+        owners.setdefault(model.Params, model.name)
+    for params, owner in owners.items():
+        inherited = [base.sliders for base in params.__mro__[1:] if hasattr(base, "sliders")]
+        for name, slider in params.sliders.items():
+            if slider not in [sliders.get(name) for sliders in inherited]:
+                moves = ", ".join(f"`{part.name}` {part.low:g} to {part.high:g}" for part in slider.ranges)
+                rows.append(f"| {owner} | {name} | {slider.ends[:1].lower() + slider.ends[1:]} | {moves} |")
+    return "\n".join(rows)
+
+
+def brushes_page(text: str) -> str:
+    """The page of brushes with the table of sliders as it is now."""
+    before, marker, after = text.partition("<!-- sliders -->")
+    return f"{before}{slider_table()}\n\n{after.partition(chr(10) * 2)[2]}" if marker else text
+
+
 def texts() -> dict[Path, str]:
-    """Every generated file with what it should say."""
+    """Return the text of every generated file."""
     page = DOCS / "models.md"
-    return schema_texts() | {page: models_page(page.read_text(encoding="utf-8"))}
+    brushes = DOCS / "brushes.md"
+    return schema_texts() | {
+        page: models_page(page.read_text(encoding="utf-8")),
+        brushes: brushes_page(brushes.read_text(encoding="utf-8")),
+    }
 
 
 if __name__ == "__main__":

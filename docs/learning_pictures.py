@@ -1,7 +1,7 @@
-"""Draw the picture of what is learned from a film: ``python -m docs.learning_pictures``.  It takes some minutes.
+"""Draw the picture of a learned brush: ``python -m docs.learning_pictures``.  It takes some minutes.
 
-A mill by a model that is not ours (D'Orsogna et al. 2006) is filmed by a camera that drifts and turns; the picture is
-the report's of frames that were not learned from.
+A mill of another model (D'Orsogna et al. 2006) is filmed by a camera that drifts and turns.  The picture is taken from
+the report and shows held-out frames.
 """
 
 import subprocess
@@ -21,7 +21,7 @@ MOMENTS = 2, 4
 
 
 def moments(folder):
-    """Film and simulation side by side, one moment above the other."""
+    """Return film and simulation side by side at two moments, stacked."""
     film = shoot(herd("mill", 90, 5.0, seed=4), folder / "mill.mp4", (720, 560), 12, Camera(), seed=4)
     command = [sys.executable, "-m", "flockbrush", "learn", str(film.path), "--out", str(folder / "mill.brush.toml")]
     subprocess.run([*command, "--report", str(folder / "report")], check=True)

@@ -1,4 +1,4 @@
-"""Draw the picture of the window of flights: ``python -m docs.lift_pictures``.  No screen is needed."""
+"""Draw the picture of the flight window: ``python -m docs.lift_pictures``.  No screen is needed."""
 
 import os
 import tempfile
@@ -6,7 +6,7 @@ from pathlib import Path
 
 os.environ["SDL_VIDEODRIVER"] = os.environ["SDL_AUDIODRIVER"] = "dummy"
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-os.environ["XDG_CONFIG_HOME"] = os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp()  # nobody's own settings
+os.environ["XDG_CONFIG_HOME"] = os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp()  # default settings
 import numpy as np
 import pygame
 
@@ -19,7 +19,7 @@ HERE = Path(__file__).parent
 
 
 def window(frame=120, bird=5):
-    """Twenty boids, lifted from their tracks, in the window."""
+    """Return a picture of the window with twenty boids lifted from their tracks."""
     truth, camera = filmed(turned(flight(20, 3, "tight"), 2), 20.0)
     camera = camera.model_copy(update={"near": 10.0, "far": 200.0})
     made = LiftWindow(Show.lifted(seen(truth, camera, 0.5, 0), camera, "starlings.csv", 0.8), (1280, 720), "light")

@@ -10,9 +10,9 @@ from flockbrush.runs.snapshots import moment_of
 
 HERE = Path(__file__).parent
 TRAIL = 2  # s
-LARGE = "sheep-pasture"  # has a picture of its own
-THEMED = "meadow"  # is drawn in all themes
-STILLS = {  # level: seconds that it has run, and from where one looks
+LARGE = "sheep-pasture"  # also drawn alone
+THEMED = "meadow"  # drawn in all themes
+STILLS = {  # level: simulated seconds, view
     LARGE: (26, "plan"),
     "meadow": (8, "plan"),
     "gorge": (22, "plan"),
@@ -33,7 +33,7 @@ STILLS = {  # level: seconds that it has run, and from where one looks
 
 
 def walked(name, size=None, theme="light"):
-    """A level after its seconds, with trails of the last few; (h, w, 3)."""
+    """Return a picture of a level after its seconds, with trails, (h, w, 3)."""
     seconds, view = STILLS[name]
     simulation = start(name)
     in_space = view == "space"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 os.environ["SDL_VIDEODRIVER"] = os.environ["SDL_AUDIODRIVER"] = "dummy"
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-os.environ["XDG_CONFIG_HOME"] = os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp()  # nobody's own settings
+os.environ["XDG_CONFIG_HOME"] = os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp()  # default settings
 
 import cv2
 import numpy as np
@@ -22,7 +22,7 @@ HERE = Path(__file__).parent
 
 
 class Stage:
-    """A window on a level, with hands."""
+    """A playground window with simulated mouse input."""
 
     def __init__(self, level, theme="light", size=(1280, 720), seconds=6.0):
         self.app = App(Session.open(level), size, theme)
@@ -32,12 +32,12 @@ class Stage:
         self.live(seconds)
 
     def live(self, seconds):
-        """Let time pass."""
+        """Run the window for some frames."""
         for _ in range(round(30 * seconds)):
             self.app.frame(1 / 30)
 
     def settle(self):
-        """Let ground, thumbnails and labels be drawn to the end, while the herd stands."""
+        """Wait with the herd paused until ground, thumbnails and labels are drawn."""
         self.app.session.pause()
         make_in_background((), self.app.thumbnails.SIDE, self.app.theme).wait()
         for _ in range(200):
@@ -52,7 +52,7 @@ class Stage:
         return tuple(round(v) for v in self.app.canvas.pixels(xy))
 
     def drag(self, *points, steps=8):
-        """The left button down along points, metres."""
+        """Drag with the left button along points, in metres."""
         self.post(pygame.MOUSEBUTTONDOWN, pos=self.at(points[0]), button=1)
         for a, b in zip(points, points[1:], strict=False):
             for k in range(1, steps + 1):
@@ -67,7 +67,7 @@ class Stage:
         self.app.column.show_titled(name.capitalize())
 
     def select(self, brush, near):
-        """Look closely at the animal of a brush that is nearest to a place."""
+        """Zoom in on the animal of a brush nearest to a point."""
         world = self.app.session.simulation.world
         names = self.app.world_palette().names
         mine = np.flatnonzero(world.agents[BrushBinding.brush] == names.index(brush))
@@ -75,7 +75,7 @@ class Stage:
         self.app.select(int(world.agents.ids[mine[np.argmin(gap)]]))
 
     def picture(self):
-        """What is on the screen, (h, w, 3) uint8; the window is closed."""
+        """Close the window and return its picture, (h, w, 3) uint8."""
         self.settle()
         shot = np.ascontiguousarray(pygame.surfarray.array3d(self.app.screen).swapaxes(0, 1))
         self.app.close()
@@ -83,7 +83,7 @@ class Stage:
 
 
 def painting():
-    """A stroke across the way of a herd, which goes round in it."""
+    """A brush stroke across the path of a herd, which mills inside it."""
     stage = Stage("meadow", seconds=7)
     level = stage.app.session.level
     stage.app.choose("brush", "mill-hollow")
@@ -96,7 +96,7 @@ def painting():
 
 
 def why():
-    """An animal that flees, and its reasons."""
+    """A fleeing animal and the explanation of its motion."""
     stage = Stage("predators-valley", seconds=9)
     level = stage.app.session.level
     stage.app.take_tool("select")
@@ -107,7 +107,7 @@ def why():
 
 
 def crowding():
-    """Where it is crowded, and the measures over time."""
+    """The density overlay and the measures over time."""
     stage = Stage("gorge", "dark", seconds=24)
     stage.app.overlays |= {"density"}
     stage.panel("charts")
@@ -115,7 +115,7 @@ def crowding():
 
 
 def ways():
-    """The field that leaders follow."""
+    """The navigation field that leaders follow."""
     stage = Stage("gorge", seconds=3)
     stage.app.overlays |= {"navigation", "leaders"}
     stage.app.take_tool("goal")
@@ -124,7 +124,7 @@ def ways():
 
 
 def regions():
-    """What is painted: brushes, limits."""
+    """Painted brushes and speed limits."""
     stage = Stage("river", seconds=6)
     stage.app.overlays |= {"regions", "caps"}
     stage.app.take_tool("cap")
@@ -133,7 +133,7 @@ def regions():
 
 
 def arrows():
-    """A new arrow, seen while it is drawn."""
+    """A guide while it is drawn."""
     stage = Stage("meadow", "dark", seconds=5)
     level = stage.app.session.level
     stage.app.take_tool("guide")
@@ -145,7 +145,7 @@ def arrows():
 
 
 def space(level, theme, seconds, closer=1.0, turn=0.0, over=0.0, overlays=()):
-    """A herd in space, from where one sees it well."""
+    """A herd in the 3D view, from a good angle."""
     stage = Stage(level, theme, seconds=seconds)
     stage.app.overlays |= set(overlays)
     if not stage.app.canvas.in_space:  # levels of birds open in space
@@ -156,26 +156,26 @@ def space(level, theme, seconds, closer=1.0, turn=0.0, over=0.0, overlays=()):
     canvas.look(canvas.camera.zoomed(closer))
     if not canvas.follows:
         canvas.follow()
-    stage.live(1)  # trails in space begin when one looks
+    stage.live(1)  # trails in the 3D view start when it opens
     stage.panel("view")
     return stage
 
 
 def starlings():
-    """A flock between pillars, one bird selected."""
-    stage = space("pillars", "light", 7)  # as the level opens: turned, a pillar may stand before the eye
+    """A flock between pillars with one bird selected."""
+    stage = space("pillars", "light", 7)  # the default view: in others a pillar may hide the flock
     stage.app.take_tool("select")
     stage.app.select(int(stage.app.session.simulation.agents.ids[40]))
     return stage.picture()
 
 
 def skein():
-    """A line of birds high above the ground, in the dark."""
+    """A skein of birds high above the ground in the dark theme."""
     return space("skein", "dark", 14, turn=50, over=10).picture()
 
 
 def elephants():
-    """Sparrows among a herd on the ground burst before a falcon, which tells why it turns."""
+    """A falcon that scatters sparrows above a herd on the ground, with the explanation of its turns."""
     stage = space("elephants", "light", 15.6, turn=-30, over=2)
     stage.select("falcon", (0.0, 0.0))
     app = stage.app
@@ -187,7 +187,7 @@ def elephants():
 
 
 def sheep():
-    """Sheep on their way, what one of them sees lying on the ground."""
+    """Walking sheep, with the view of one of them on the ground."""
     return space("sheep-pasture", "light", 12, closer=1.2, turn=30, over=6, overlays=("density",)).picture()
 
 
@@ -198,7 +198,7 @@ if __name__ == "__main__":
         ("the way to a goal", ways()),
         ("brushes and speed limits", regions()),
         ("a new arrow for leaders", arrows()),
-        ("painting", painting()),  # the last: by now the palette has all its pictures
+        ("painting", painting()),  # last, when the palette has all its thumbnails
     ]
     write_png(HERE / "playground.png", scenes[-1][1])
     small = [(name, cv2.resize(shot, (960, 540), interpolation=cv2.INTER_AREA)) for name, shot in scenes]

@@ -9,7 +9,7 @@ from flockbrush.runs.run import start
 from flockbrush.runs.snapshots import moment_of
 
 SIZE, FPS = (1280, 720), 32
-SCENES = {  # level: seconds that it has run when it is shown, and from where one looks: degrees, up, or the plan
+SCENES = {  # level: simulated seconds before the scene, then azimuth and elevation in degrees, or "plan"
     "meadow": (6, "plan"),
     "gorge": (16, "plan"),
     "merino": (20, 90, 18),
@@ -24,7 +24,7 @@ SCENES = {  # level: seconds that it has run when it is shown, and from where on
 
 
 def scene(name, seconds):
-    """Pictures (h, w, 3) of a level, `FPS` a second."""
+    """Yield pictures (h, w, 3) of a level, `FPS` per second."""
     before, *look = SCENES[name]
     space = look != ["plan"]
     simulation = start(name)

@@ -1,4 +1,4 @@
-"""Pages of the site that come from elsewhere: the README, the changelog, and references made from the code.
+"""Pages of the site that are not in docs/: the README, the changelog, and references generated from the code.
 
 `mkdocs build --strict` calls the functions whose names begin with ``on_``.
 """
@@ -16,14 +16,14 @@ from mkdocs.structure.files import File
 
 HOUSE = Path(__file__).parents[1]
 SOURCE = HOUSE / "build" / "site_source"
-ELSEWHERE = {  # pages that stand outside of docs/
+ELSEWHERE = {  # pages outside docs/
     "index.md": "README.md",
     "CHANGELOG.md": "CHANGELOG.md",
     "CONTRIBUTING.md": "CONTRIBUTING.md",
     "SECURITY.md": "SECURITY.md",
     "timings.md": "benchmarks/README.md",
 }
-PYTHON = {  # what the page of the Python interface shows
+PYTHON = {  # contents of the Python page
     "Running": ["flockbrush.runs.run.start", "flockbrush.levels.build.Simulation", "flockbrush.levels.build.plane"],
     "Recordings": [
         "flockbrush.runs.run.record",
@@ -55,7 +55,7 @@ PYTHON = {  # what the page of the Python interface shows
 
 
 def on_startup(command, dirty):
-    """Lay the package out as pip installs it: mkdocstrings reads files and knows no package-dir."""
+    """Copy the package in its installed layout, because mkdocstrings does not support package-dir."""
     shutil.rmtree(SOURCE, ignore_errors=True)
     ignore = shutil.ignore_patterns("__pycache__", "*.json", "*.png", "*.tmj", "*.toml", "*.ttf")
     with open(HOUSE / "pyproject.toml", "rb") as file:
@@ -65,21 +65,21 @@ def on_startup(command, dirty):
 
 
 def on_files(files, config):
-    """Add the pages that are made."""
+    """Add the generated pages."""
     for name, text in pages().items():
         files.append(File.generated(config, name, content=text))
     return files
 
 
 def on_page_markdown(markdown, page, config, files):
-    """Let links to files outside of docs/ lead to their pages."""
+    """Point links to files outside docs/ at their pages."""
     for name, origin in ELSEWHERE.items():
         markdown = markdown.replace(f"](../{origin})", f"]({name})")
     return markdown
 
 
 def pages() -> dict[str, str]:
-    """All pages that are made, by name."""
+    """Return all generated pages by name."""
     return {name: moved(HOUSE / origin) for name, origin in ELSEWHERE.items()} | {
         "reference/python.md": python_page(),
         "reference/commands.md": commands_page(),
@@ -90,7 +90,7 @@ def pages() -> dict[str, str]:
 
 
 def moved(path: Path) -> str:
-    """A page whose links started from its old place, for the top of the site; links to other files become text."""
+    """Return a page with its links adapted to the top of the site; links to other files become text."""
     here = path.parent.relative_to(HOUSE)
     homes = {origin: name for name, origin in ELSEWHERE.items()}
 
@@ -101,7 +101,7 @@ def moved(path: Path) -> str:
         place = re.sub(r"[^/]+/\.\./", "", str(PurePosixPath(here.as_posix()) / target))
         if place in homes:
             return f"{start}({homes[place]})"
-        if place.startswith("docs/") and (HOUSE / place).is_file():
+        if place.startswith("docs/") and (HOUSE / place.partition("#")[0]).is_file():
             return f"{start}({place.removeprefix('docs/')})"
         return start.lstrip("![").rstrip("]")
 
@@ -109,19 +109,19 @@ def moved(path: Path) -> str:
 
 
 def python_page() -> str:
-    """The Python interface, from docstrings."""
-    parts = ["# Python\n\n`import flockbrush` offers what most programs need; the rest is imported from its room."]
+    """Return the page of the Python interface, made from docstrings."""
+    parts = ["# Python\n\n`import flockbrush` offers what most programs need. Import everything else from its module."]
     for title, names in PYTHON.items():
         parts += [f"## {title}", *(f"::: {name}" for name in names)]
     return "\n\n".join(parts) + "\n"
 
 
 def commands_page() -> str:
-    """Every command of the command line with its arguments and options."""
+    """Return the page of commands with their arguments and options."""
     from flockbrush.cli.main import app
 
-    parts = ["# Commands\n\nEvery command has `--help`. Exit codes: 0 done, 1 something is wrong with what was given, "
-             "2 the command was called wrongly, 130 interrupted."]  # fmt: skip
+    parts = ["# Commands\n\nEvery command has `--help`. Exit codes: 0 success, 1 an error in the input, "
+             "2 wrong usage of the command, 130 interrupted."]  # fmt: skip
     _describe(typer.main.get_command(app), "flockbrush", parts)
     return "\n\n".join(parts) + "\n"
 
@@ -150,22 +150,22 @@ def _metavar(parameter) -> str:
 
 
 def level_classes_page() -> str:
-    """What may stand in a level, from the schema."""
+    """Return the page of level classes, from the schema."""
     from flockbrush.levels import schema
 
-    start = "# Level classes\n\nCustom classes and properties of the Tiled project; every property may be left out "
-    return f"{start}unless it is required.\n\n{schema.tables().replace('### ', '## ')}"
+    start = "# Level classes\n\nCustom classes and properties of the Tiled project. A property is optional unless it "
+    return f"{start}is marked as required.\n\n{schema.tables().replace('### ', '## ')}"
 
 
 def script_commands_page() -> str:
-    """Commands that a level's script, Python and recordings may give."""
+    """Return the page of commands for scripts, Python and recordings."""
     import flockbrush.systems.commands
-    import flockbrush.systems.edits  # noqa: F401  both register theirs
+    import flockbrush.systems.edits  # noqa: F401  both register commands
     from flockbrush.engine.commands import COMMANDS
 
     parts = [
-        "# Script commands\n\nAn object of class `Key` in the layer `script` gives a command at a time; Python submits "
-        "one with `simulation.submit(Command(...))`. The window gives the same ones."
+        "# Script commands\n\nAn object of class `Key` in the layer `script` gives a command at a set time. In Python, "
+        "`simulation.submit(Command(...))` does the same. The playground uses the same commands."
     ]
     for name, cls in sorted(COMMANDS.items()):
         if not cls.__module__.startswith("flockbrush."):
@@ -182,12 +182,12 @@ def _field_row(field) -> str:
 
 
 def measures_page() -> str:
-    """What `flockbrush measure`, sweeps and plots know."""
+    """Return the page of the measures of `flockbrush measure`, sweeps and plots."""
     from flockbrush.systems.measures import measures
 
     rows = [f"| `{m.name}` | {m.meaning} | {m.unit or '-'} | {_bounds(m)} |" for m in measures().values()]
     table = "| measure | meaning | unit | range |\n|---|---|---|---|\n" + "\n".join(rows)
-    return f"# Measures\n\nOf a herd at one moment; NaN where a measure has no meaning.\n\n{table}\n"
+    return f"# Measures\n\nMeasures of a herd at one moment. A measure is NaN where it is not defined.\n\n{table}\n"
 
 
 def _bounds(measure) -> str:

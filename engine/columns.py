@@ -126,14 +126,18 @@ def _no_field(component, name):
 
 
 class Table:
-    """The agents of one world: rows in order of entity id, one array per field."""
+    """The agents of one world: rows in order of entity id, one array per field.
+
+    Rows whose bits are all zero from birth are not written, so columns that nobody uses take no memory.
+    """
 
     def __init__(self, kinds, capacity=256):
         self.kinds = tuple(kinds)
         self.count = 0
+        self._fresh = 0  # the first row that nobody ever had: all zero in every column
         self._ids = np.zeros(capacity, np.int64)
         self.arrays = {
-            f: np.empty((capacity, *f.default.shape), f.default.dtype)
+            f: np.zeros((capacity, *f.default.shape), f.default.dtype)
             for kind in self.kinds
             for f in kind.fields.values()
         }
@@ -176,10 +180,12 @@ class Table:
             raise ValueError("new agents need ascending ids above those of all agents present")
         first, self.count = self.count, self.count + len(fresh)
         self._reserve(self.count)
-        rows = slice(first, self.count)
+        rows, used = slice(first, self.count), slice(first, min(self._fresh, self.count))
         self._ids[rows] = fresh
         for field, array in self.arrays.items():
-            array[rows] = field.default
+            here = rows if _has_bits(field.default) else used
+            array[here] = field.default
+        self._fresh = max(self._fresh, self.count)
         return rows
 
     def remove(self, entities):
@@ -215,6 +221,12 @@ class Table:
 
 def _longer(array, capacity):
     """The same rows with room for more."""
-    grown = np.empty((capacity, *array.shape[1:]), array.dtype)
-    grown[: len(array)] = array
+    grown = np.zeros((capacity, *array.shape[1:]), array.dtype)
+    if _has_bits(array):
+        grown[: len(array)] = array
     return grown
+
+
+def _has_bits(array):
+    """Whether a bit of it is set: -0.0 is more than memory holds at first."""
+    return bool(np.ascontiguousarray(array).reshape(-1).view(f"u{array.itemsize}").any())

@@ -6,8 +6,10 @@ is moved outwards by w, so corners stay sharp and a grown solid is never too sma
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-from flockbrush.engine.maths import kernel_function
+from flockbrush.engine.maths import inner_kernel, kernel_function
 from flockbrush.engine.solids import CYLINDER, POLYHEDRON, SPHERE
 from numba import njit
 
@@ -130,15 +132,24 @@ def ahead_(s, x, y, z, ux, uy, uz, reach, w):
     return who, hit
 
 
-@kernel_function
+class BodyFrame(NamedTuple):
+    """Where a body is and how it is held; all three as (x, y, z)."""
+
+    place: tuple[float, float, float]  # m
+    forward: tuple[float, float, float]  # unit vector, its heading
+    up: tuple[float, float, float]  # unit vector out of its back, at right angles to the heading
+
+
+@inner_kernel
 def _tangent(d, r):
     """How far beside a middle, d m away, the tangent to the circle about it passes; at right angles from within it."""
     return d * r / np.sqrt(max(d * d - r * r, 1e-4 * d * d))
 
 
-@kernel_function
-def _past_sphere(cx, cy, cz, r, fx, fy, fz, ux, uy, uz, beyond):
+@inner_kernel
+def _past_sphere(cx, cy, cz, r, pose, beyond):
     """A point ``beyond`` m past the silhouette of a ball at an offset, on the side to which the heading leans."""
+    (fx, fy, fz), (ux, uy, uz) = pose.forward, pose.up
     d = np.sqrt(cx * cx + cy * cy + cz * cz)
     bx, by, bz = cx / d, cy / d, cz / d
     along = fx * bx + fy * by + fz * bz
@@ -151,9 +162,10 @@ def _past_sphere(cx, cy, cz, r, fx, fy, fz, ux, uy, uz, beyond):
     return cx + out * ex / size, cy + out * ey / size, cz + out * ez / size
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _past_cylinder(s, k, cx, cy, cz, fx, fy, fz, beyond, lowest, odd):
+@inner_kernel
+def _past_cylinder(s, k, cx, cy, cz, forward, beyond, lowest, odd):
     """As `_past_sphere`: past one of its two sides, or over one of its ends; not below ``lowest`` m under the body."""
+    fx, fy, fz = forward
     ax, ay, az = s.axis[k, 0], s.axis[k, 1], s.axis[k, 2]
     r, half = s.radius[k], s.half[k]
     along = cx * ax + cy * ay + cz * az
@@ -195,9 +207,10 @@ def _past_cylinder(s, k, cx, cy, cz, fx, fy, fz, beyond, lowest, odd):
     return px, py, pz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _past_polyhedron(s, k, x, y, z, fx, fy, fz, ux, uy, uz, beyond, lowest):
+@inner_kernel
+def _past_polyhedron(s, k, pose, beyond, lowest):
     """As `_past_sphere`: past the silhouette edge nearest, in perspective, to where the heading points."""
+    (x, y, z), (fx, fy, fz), (ux, uy, uz) = pose
     rx, ry, rz = fy * uz - fz * uy, fz * ux - fx * uz, fx * uy - fy * ux  # to the right
     outward = 1.0 if entry_(s, k, x, y, z, fx, fy, fz, 0.0) < np.inf else -1.0  # it may point past the edge already
     best, px, py, pz = np.inf, 0.0, 0.0, 0.0
@@ -247,25 +260,25 @@ def _past_polyhedron(s, k, x, y, z, fx, fy, fz, ux, uy, uz, beyond, lowest):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def past_(s, k, x, y, z, fx, fy, fz, ux, uy, uz, beyond, lowest, odd):
-    """Unit vector to a point ``beyond`` m past the silhouette edge of a solid nearest to the heading.
+def past_(s, k, pose, beyond, lowest, odd):
+    """Unit vector to a point ``beyond`` m past the silhouette edge of a solid nearest to the heading of a `BodyFrame`.
 
-    (fx, fy, fz) is the heading, (ux, uy, uz) up in the body's own frame.  Points more than ``lowest`` m below the body
-    are under the ground.  Dead ahead of a cylinder, ``odd`` says on which side.  From where there is no such edge
-    (a plane, or inside) it leads along the nearest face.
+    Points more than ``lowest`` m below the body are under the ground.  Dead ahead of a cylinder, ``odd`` says on which
+    side.  From where there is no such edge (a plane, or inside) it leads along the nearest face.
     """
+    (x, y, z), (fx, fy, fz), (ux, uy, uz) = pose
     cx, cy, cz = s.centre[k, 0] - x, s.centre[k, 1] - y, s.centre[k, 2] - z
     gap, nx, ny, nz = surface_(s, k, x, y, z)
     found, px, py, pz = False, 0.0, 0.0, 0.0
     if gap > 0.0:
         if s.kind[k] == SPHERE:
             found = True
-            px, py, pz = _past_sphere(cx, cy, cz, s.radius[k], fx, fy, fz, ux, uy, uz, beyond)
+            px, py, pz = _past_sphere(cx, cy, cz, s.radius[k], pose, beyond)
         elif s.kind[k] == CYLINDER:
             found = True
-            px, py, pz = _past_cylinder(s, k, cx, cy, cz, fx, fy, fz, beyond, lowest, odd)
+            px, py, pz = _past_cylinder(s, k, cx, cy, cz, pose.forward, beyond, lowest, odd)
         else:
-            found, px, py, pz = _past_polyhedron(s, k, x, y, z, fx, fy, fz, ux, uy, uz, beyond, lowest)
+            found, px, py, pz = _past_polyhedron(s, k, pose, beyond, lowest)
     if not found:
         into = fx * nx + fy * ny + fz * nz
         px, py, pz = fx - into * nx, fy - into * ny, fz - into * nz

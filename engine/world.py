@@ -136,7 +136,8 @@ class World:
         if unknown:
             raise KeyError(f"{self.name} has no column {', '.join(unknown)}")
         rows = {field: field.checked_rows(value, (count,)) for field, value in values.items()}
-        entities = [next(self._counter) for _ in range(count)]
+        entities = list(range(self._counter.next, self._counter.next + count))
+        self._counter.next += count
         into = table.append(entities)
         for field, value in rows.items():
             table.arrays[field][into] = value

@@ -16,7 +16,7 @@ from flockbrush.behaviours.behaviour import Bodies, Kinds, frozen
 from flockbrush.behaviours.drive import TAKES_UP
 from flockbrush.components import Alarm, Body, BrushBinding, Position, Species, Thrust, Transit, Urge, Velocity, Wish
 from flockbrush.components.agent import BY_ACCELERATION, BY_VELOCITY
-from flockbrush.systems.fauna import AIR, FEAR, NO_LIMIT, PLANE, WATER, SpeciesList, kin_of, kinds_of
+from flockbrush.systems.fauna import FEAR, NO_LIMIT, SpeciesList, by_medium, kin_of, kinds_of
 from flockbrush.systems.foresight import Ahead
 from flockbrush.systems.ground_height import heights_of_ground
 from flockbrush.systems.landscape import Landscape
@@ -78,10 +78,8 @@ def bodies_of(world, speed):
     land, table = world.resource(Landscape), world.resource(SpeciesList).table
     n, species, length = len(agents), agents[Species.index], agents[Body.length]
     aloft = np.zeros(n, bool) if near.aloft is None else near.aloft & ~palette.grounded[agents[BrushBinding.brush]]
-    swims = table.media[species, WATER] & ~table.media[species, PLANE]
-    medium = np.where(aloft, AIR, np.where(swims, WATER, PLANE))
-    top, flee = table.speed[species, medium], table.flee[species, medium]
-    most, known = table.acceleration[species, medium], table.known[species]
+    top, flee, most = by_medium(table, species, aloft, table.speed, table.flee, table.acceleration)
+    known = table.known[species]
     usual = np.maximum(FASTER * speed, 4.0 * length)  # of those that nobody has described
     return frozen(Bodies(
         aloft=aloft,

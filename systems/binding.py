@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from flockbrush.behaviours.mixture import STEPS
 from flockbrush.components.agent import LANDING, SETTLED, TAKING_OFF
+from flockbrush.engine.maths import inner_kernel
 from flockbrush.engine.noise import uniform_
 from flockbrush.systems.fauna import AIR, PLANE, WATER
 from flockbrush.systems.terrain import NO_BRUSH, rasterise_polygon
@@ -60,7 +61,7 @@ class Sheets:
     _mixing_told: tuple = (None, None)
 
     def packed(self, palette, fauna):
-        """(rasters above, rasters below, allowed (sheets, b, s), medium, z_min, z_max), the painted sheet between."""
+        """`Covering` sheets."""
         about = _about(palette, fauna)
         if self._told[0] != about:
             self._told = about, _packed(self, palette, fauna)
@@ -72,6 +73,17 @@ class Sheets:
         if self._mixing_told[0] != about:
             self._mixing_told = about, _packed_mixing(self.mixing, palette, fauna)
         return self._mixing_told[1]
+
+
+class Covering(NamedTuple):
+    """Sheets that cover, for a kernel; k of them, with the painted one between the two stacks."""
+
+    above: np.ndarray  # (a, ny, nx) int32, from the top down
+    below: np.ndarray  # (c, ny, nx) int32
+    allowed: np.ndarray  # (k, b, s) uint8
+    medium: np.ndarray  # (k,) uint8
+    z_min: np.ndarray  # (k,) m
+    z_max: np.ndarray  # (k,) m
 
 
 class Mixing(NamedTuple):
@@ -108,7 +120,7 @@ def _packed(sheets, palette, fauna):
     shape = next((s.brush.shape for s in every if s.brush.size), (1, 1))
     stacks = [np.array([s.brush for s in some], np.int32).reshape(-1, *shape) for some in (sheets.above, sheets.below)]
     medium = np.array([s.medium for s in every], np.uint8)
-    return (*stacks, allowed, medium, np.array([s.z_min for s in every]), np.array([s.z_max for s in every]))
+    return Covering(*stacks, allowed, medium, np.array([s.z_min for s in every]), np.array([s.z_max for s in every]))
 
 
 def _allowed(sheet, palette, fauna):
@@ -218,24 +230,36 @@ def _lay_over(sheets, new):
         sheets.insert(0, new)
 
 
+class Bindable(NamedTuple):
+    """Animals that brushes may bind, (n,) each unless stated."""
+
+    ids: np.ndarray
+    species: np.ndarray  # int32
+    brush: np.ndarray  # int32, that moves it now
+    home: np.ndarray  # int32, where there is no paint
+    xyz: np.ndarray  # (n, 3) m
+    velocity: np.ndarray  # (n, 3) m/s
+    length: np.ndarray  # m
+    radius: np.ndarray  # m
+    height: np.ndarray  # m above the ground
+
+
 @njit(cache=True, nogil=True)
-def painted_for(
-    lo, hi, xyz, cell, above, painted, below, allowed, medium, z_min, z_max, air, species, brush, length, radius,
-    height, out,
-):  # fmt: skip
+def painted_for(lo, hi, animals, cell, sheets, painted, air, out):
     """Write the brush that paint gives to each of rows ``lo`` to ``hi``, -1 for none.
 
     Parameters
     ----------
-    above, painted, below : (a, ny, nx), (ny, nx), (c, ny, nx) int32
-        Sheets from the top down.
-    allowed, medium, z_min, z_max : (a + 1 + c, ...)
-        Whom each sheet binds, the painted one between the two stacks.
+    animals : Bindable
+    sheets : Covering
+    painted : (ny, nx) int32
+        The sheet between the two stacks.
     air : (b,) bool
         Whether a brush moves in the air.
-    height : (n,)
-        m above the ground.
     """
+    xyz, species, brush = animals.xyz, animals.species, animals.brush
+    length, radius, height = animals.length, animals.radius, animals.height
+    above, below, allowed, medium, z_min, z_max = sheets
     ny, nx = painted.shape
     first = above.shape[0]
     for i in range(lo, hi):
@@ -255,7 +279,7 @@ def painted_for(
                 break
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _is_in(medium, air, aloft, low):
     """Whether an animal is in the medium that a sheet asks for; ``air``: the brush moves there."""
     asked = medium
@@ -265,23 +289,26 @@ def _is_in(medium, air, aloft, low):
 
 
 @njit(cache=True, nogil=True)
-def mix_paint(lo, hi, xyz, cell, sheets, air, mixes, key, ids, species, brush, home, length, radius, height, out):
+def mix_paint(lo, hi, animals, cell, sheets, air, mixes, key, out):
     """Lay paint of part weight over what other paint has given to rows ``lo`` to ``hi``.
 
     The uppermost sheet that binds an animal mixes with what is below; those below it take a share of the animals.
 
     Parameters
     ----------
+    animals : Bindable
     sheets : Mixing
+    air : (b,) bool
+        Whether a brush moves in the air.
     mixes : (b, b) int32
         `Palette.mixes`.
     key : uint64
         Of the animals' own numbers: who belongs to a share, and who is the next step further on between two.
-    home : (n,) int32
-        The brush where there is no paint.
     out : (n,) int32
         In: what other paint gives, -1 for none; out: the brush, -1 still for none.
     """
+    xyz, ids, species, brush, home = animals.xyz, animals.ids, animals.species, animals.brush, animals.home
+    length, radius, height = animals.length, animals.radius, animals.height
     count, ny, nx = sheets.brush.shape
     for i in range(lo, hi):
         u = min(max(xyz[i, 0] / cell - 0.5, 0.0), nx - 1.0)
@@ -313,7 +340,7 @@ def mix_paint(lo, hi, xyz, cell, sheets, air, mixes, key, ids, species, brush, h
                 out[i] = b
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _bilinear(raster, u, v):
     """The value between the centres of cells; u, v count them."""
     west, south = int(u), int(v)
@@ -324,24 +351,32 @@ def _bilinear(raster, u, v):
     )
 
 
+class MediaChange(NamedTuple):
+    """How animals come from one medium to another, (n,) each; is written."""
+
+    wanted: np.ndarray  # int32, in: the brush that is wanted; out: the one to take up, the present one while it lands
+    transit: np.ndarray  # uint8, `SETTLED`, `LANDING` or `TAKING_OFF`
+    drawn: np.ndarray  # m/s, the speed process
+    driven: np.ndarray  # uint8, 1 until the speed is again what the brush says
+
+
 @njit(cache=True, nogil=True)
-def through_media(
-    lo, hi, wanted, brush, air, walks, flies, species, slowest, cruise, bound, least, length, radius, height, velocity,
-    transit, drawn, driven,
-):  # fmt: skip
+def through_media(lo, hi, animals, air, least, table, bound, crossing):
     """Turn the brushes that are wanted into those that can be taken up now; who must land or take off begins to.
 
     Parameters
     ----------
-    wanted : (n,) int32
-        In: the brush that is wanted; out: the one to take up, which is the present one while a bird lands.
-    walks, flies, slowest, cruise : (s,)
-        Whether a species does, its slowest flight, m/s, and the height at which it flies, m.
+    animals : Bindable
+    air, least : (b,)
+        Whether a brush moves in the air, and body lengths / s below which it lets nobody fly.
+    table : SpeciesTable
     bound : (n,)
         Whether it is bound for a place.
-    least : (b,)
-        Body lengths / s below which a brush lets nobody fly.
     """
+    brush, species, velocity = animals.brush, animals.species, animals.velocity
+    length, radius, height = animals.length, animals.radius, animals.height
+    media, slowest, cruise = table.media, table.slowest, table.height
+    wanted, transit, drawn, driven = crossing
     for i in range(lo, hi):
         now, then, kind = brush[i], wanted[i], species[i]
         speed = np.sqrt(velocity[i, 0] ** 2 + velocity[i, 1] ** 2)
@@ -351,11 +386,11 @@ def through_media(
                 transit[i] = SETTLED
             continue
         if air[then]:  # up
-            wanted[i] = then if flies[kind] else now
-            if flies[kind] and slowest[kind] > 0.0:
+            wanted[i] = then if media[kind, AIR] else now
+            if media[kind, AIR] and slowest[kind] > 0.0:
                 transit[i] = TAKING_OFF
             continue
-        if not walks[kind]:
+        if not (media[kind, PLANE] or media[kind, WATER]):
             wanted[i] = now
             continue
         slow = max(TOUCHDOWN * slowest[kind], 1.2 * least[now] * length[i])

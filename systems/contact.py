@@ -23,10 +23,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from flockbrush.engine.maths import sincos_
+from flockbrush.engine.maths import inner_kernel, sincos_
 from flockbrush.engine.parallel import over_rows
+from flockbrush.systems.contact_candidates import contacts_within
 from flockbrush.systems.grid import Cells
-from flockbrush.systems.ground_height import shorten_on_slopes
+from flockbrush.systems.ground_height import Heights, shorten_on_slopes
+from flockbrush.systems.sightline import step
 from numba import njit
 
 SLACK = 1e-9  # m, of room kept free against rounding
@@ -59,39 +61,43 @@ def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=No
         How far across the seam of a wrapped map ``cells`` has copies, metres: who is faster than they allow is slowed.
     top : ndarray (n,), optional
         Metres per second that nobody exceeds, not even when others push.
-    hills : Hills, optional
+    hills : Heights, optional
         The ground, where it is not level: there ``top`` is the speed along the ground, up or down.
 
     Returns
     -------
-    step : ndarray (n, 2)
-        Metres to go.
-    heading : ndarray (n, 2)
-        The new unit heading.
+    Poses
+        By row.
     """
-    n, m = len(forward), len(cells.row)
+    n = len(forward)
+    order, (step, heading) = move_by_slot(cells, wish, speed, max_turn, edges, dt, ghosts, top, hills)
+    if len(order) == n:  # everybody has a slot
+        return Poses(step[cells.slot], heading[cells.slot])
+    rows, steps, headings = cells.row[order], np.zeros((n, 2)), np.zeros((n, 2))
+    steps[rows], headings[rows] = step[order], heading[order]
+    return Poses(steps, headings)
+
+
+def move_by_slot(cells, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=None, hills=None):
+    """As `move`: slots of those who move, and `Poses`."""
+    m = len(cells.row)
     body, far = _bounds(cells)
-    speed = np.minimum(speed, max(ghosts - 2.0 * (body + far + SLACK), 0.0) / (4.0 * dt))
+    if ghosts < np.inf:
+        speed = np.minimum(speed, max(ghosts - 2.0 * (body + far + SLACK), 0.0) / (4.0 * dt))
     far += 2.0 * dt * float(speed.max(initial=0.0))
     reach = 2.0 * (body + far + SLACK)  # whoever is farther away cannot be met, for nobody goes farther than ``far``
     # all by slot, so that neighbours in turn are neighbours in memory
-    order = np.flatnonzero(~cells.ghost).astype(np.int32)
-    met = Contacts(*cells[:7], order, cells.slot[cells.row], *_contacts(cells, reach, order))
-    wished = Poses(np.zeros((m, 2)), np.zeros((m, 2)))
+    met = contacts_within(reach, cells)
+    order = met.order
+    wished, pushed = Poses(np.zeros((m, 2)), np.zeros((m, 2))), np.zeros((m, 2))
     over_rows(_turn, len(order), met, wish, speed, max_turn, edges, dt, wished)
     for _ in range(PUSHES):
-        pushed = np.zeros((m, 2))
         over_rows(_push, len(order), met, wished, far, pushed)
-        wished = Poses(pushed, wished.heading)
+        wished, pushed = Poses(pushed, wished.heading), wished.step
     within = None if top is None else Within(top[cells.row] * dt, cells, hills)
     if within is not None:
         within.shorten(order, wished.step)
-    step, heading = _agree(met, edges, wished, far, within)
-    if len(order) == n:  # everybody has a slot
-        return step[cells.slot], heading[cells.slot]
-    rows, steps, headings = cells.row[order], np.zeros((n, 2)), np.zeros((n, 2))
-    steps[rows], headings[rows] = step[order], heading[order]
-    return steps, headings
+    return order, _agree(met, edges, wished, far, within)
 
 
 def _bounds(cells):
@@ -102,35 +108,11 @@ def _bounds(cells):
     return body, min(SKIN * body, radius)
 
 
-class Contacts(NamedTuple):
-    """Whom everybody could meet in a tick, by slot."""
-
-    x: np.ndarray  # (slots,) m
-    y: np.ndarray
-    fx: np.ndarray  # heading
-    fy: np.ndarray
-    half: np.ndarray  # m, half the length of the axis
-    radius: np.ndarray  # m
-    row: np.ndarray  # (slots,) int32
-    order: np.ndarray  # (k,) int32: slots of those who move
-    itself: np.ndarray  # (slots,) int32: of a ghost the slot of the animal that it copies
-    near: np.ndarray  # (slots, width) int32: slots of those who could be met
-    count: np.ndarray  # type: ignore[assignment]  # (slots,) int32: how many they are
-
-
 class Poses(NamedTuple):
-    """Where everybody goes, by slot."""
+    """Where everybody goes, by slot or by row."""
 
-    step: np.ndarray  # (slots, 2) m
-    heading: np.ndarray  # (slots, 2), unit vectors
-
-
-class Hills(NamedTuple):
-    """Ground that is not level."""
-
-    relief: np.ndarray  # as from `flockbrush.systems.terrain.relief_of`
-    cell: float  # m
-    wrap: tuple[float, float]  # m, size of a periodic map, else zeros
+    step: np.ndarray  # (n, 2) m
+    heading: np.ndarray  # (n, 2), unit vectors
 
 
 class Within(NamedTuple):
@@ -138,18 +120,18 @@ class Within(NamedTuple):
 
     most: np.ndarray  # (slots,) m
     cells: Cells
-    hills: Hills | None
+    hills: Heights | None
 
     def shorten(self, order, step, slack=1.0):
         """(slots,) bool, whose steps (slots, 2) were too long; they are cut in place."""
-        most, over = slack * self.most, np.zeros(len(step), np.bool_)
-        size = np.sqrt((step[order] ** 2).sum(axis=1))  # copies across a seam have no step
-        long = size > most[order]
-        over[order] = long
-        step[order[long]] *= (most[order[long]] / size[long])[:, None]
+        most = slack * self.most
+        size = np.sqrt(step[:, 0] * step[:, 0] + step[:, 1] * step[:, 1])  # copies across a seam have no step
+        over = size > most
+        if over.any():
+            step[over] *= (most[over] / size[over])[:, None]
         if self.hills is not None:
             cut = np.zeros(len(step), np.bool_)
-            shorten_on_slopes(order, self.cells.x, self.cells.y, step, most, *self.hills, cut)
+            shorten_on_slopes(order, self.cells.x, self.cells.y, step, most, self.hills, cut)
             over |= cut
         return over
 
@@ -162,7 +144,7 @@ def _agree(met, edges, wished, far, within=None):
     Likewise who would be shoved faster than he can go; firm, he may stay as he is.
     """
     m = len(wished.step)
-    safe = Poses(np.empty((m, 2)), np.empty((m, 2)))
+    safe = Poses(np.zeros((m, 2)), np.empty((m, 2)))
     firm, fresh = np.zeros(m, np.uint8), np.ones(m, np.uint8)
     for again in range(ROUNDS + 1):
         if again == ROUNDS:
@@ -172,47 +154,15 @@ def _agree(met, edges, wished, far, within=None):
         over_rows(_keep_to_own_side, len(met.order), met, edges, wished, firm, fresh, stuck, far, safe)
         if within is not None:
             fast = within.shorten(met.order, safe.step.copy(), PUSHED)
-            stays = fast & (firm > 0)
-            safe.step[stays], safe.heading[stays] = 0.0, np.column_stack([met.fx, met.fy])[stays]
-            stuck[fast & ~stays] = 1
+            if fast.any():
+                stays = fast & (firm > 0)
+                safe.step[stays], safe.heading[stays] = 0.0, np.column_stack([met.fx, met.fy])[stays]
+                stuck[fast & ~stays] = 1
         if not stuck.any():
             break
         firm |= stuck
         fresh = stuck
     return safe
-
-
-def _contacts(cells, reach, order, width=16):
-    """Slots of the bodies that could be met in this tick, by slot."""
-    m = len(cells.row)
-    count = np.zeros(m, np.int32)
-    while True:
-        near = np.empty((m, width), np.int32)
-        over_rows(_find_contacts, len(order), cells, order, reach, near, count)
-        most = int(count.max()) if m else 0
-        if most <= width:
-            return near, count
-        width = 1 << most.bit_length()
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _find_contacts(lo, hi, cells, order, reach, near, count):
-    x, y, start, nx, ny, cell = cells.x, cells.y, cells.start, cells.nx, cells.ny, cells.cell
-    west, south, width, reach2 = cells.west, cells.south, near.shape[1], reach * reach
-    for o in range(lo, hi):
-        s = order[o]
-        xi, yi = x[s], y[s]
-        r0, r1 = max(0, int((yi - reach - south[s]) / cell)), min(ny - 1, int((yi + reach - south[s]) / cell))
-        c0, c1 = max(0, int((xi - reach - west[s]) / cell)), min(nx - 1, int((xi + reach - west[s]) / cell))
-        found = 0
-        for r in range(r0, r1 + 1):
-            for j in range(start[r * nx + c0], start[r * nx + c1 + 1]):
-                dx, dy = x[j] - xi, y[j] - yi
-                if dx * dx + dy * dy < reach2 and j != s:
-                    if found < width:
-                        near[s, found] = j
-                    found += 1
-        count[s] = found
 
 
 @njit(inline="always")
@@ -232,12 +182,13 @@ def _nearest(ax, ay, ux, uy, p, bx, by, vx, vy, q):
 
 
 @njit(inline="always")
-def towards_body_(ax, ay, ux, uy, p, bx, by, vx, vy, q, touch):
+def towards_body_(wx, wy, ux, uy, p, vx, vy, q, touch):
     """Offset of a body that may be touched, its size, and the share of a heading into it that is taken away.
 
-    Segments as for `_nearest`; their bodies touch at ``touch``.  A share of 0 or less: it is not near enough.
+    Segments as for `_nearest`, their centres apart by (wx, wy); their bodies touch at ``touch``.  A share of 0 or less:
+    it is not near enough.
     """
-    x, y = _nearest(ax, ay, ux, uy, p, bx, by, vx, vy, q)
+    x, y = _nearest(0.0, 0.0, ux, uy, p, wx, wy, vx, vy, q)
     far = np.sqrt(x * x + y * y)
     share = DEFLECT * (1.0 - (far - touch) / (SKIN * touch))
     return x, y, far, share if far > 1e-12 else 0.0
@@ -253,7 +204,7 @@ def _edge(ends, g):
     return 0.5 * (ends[g, 0] + ends[g, 2]), 0.5 * (ends[g, 1] + ends[g, 3]), ux, uy, 0.5 * size
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _edges_near(x, y, edges):
     """First and last entry of the list of edges near a point."""
     ex, ey = (x - edges.west) / edges.cell, (y - edges.south) / edges.cell
@@ -281,7 +232,8 @@ def _turn(lo, hi, met, wish, speed, max_turn, edges, dt, wished):
             far = (1.0 + SKIN) * touch + half[s] + half[t]
             if (x[t] - x[s]) ** 2 + (y[t] - y[s]) ** 2 >= far * far:
                 continue
-            ox, oy, d, room = towards_body_(x[s], y[s], fx[s], fy[s], half[s], x[t], y[t], fx[t], fy[t], half[t], touch)
+            wx, wy = x[t] - x[s], y[t] - y[s]
+            ox, oy, d, room = towards_body_(wx, wy, fx[s], fy[s], half[s], fx[t], fy[t], half[t], touch)
             if room > 0.0:
                 into = (gx * ox + gy * oy) / d
                 if into > 0.0:
@@ -362,15 +314,20 @@ def _push(lo, hi, met, wished, far, pushed):
         pushed[s, 0], pushed[s, 1] = px, py
 
 
+class Sides(NamedTuple):
+    """Half-planes that a body keeps to: all its steps d with d · n <= free."""
+
+    nx: np.ndarray  # (room,) unit vectors n
+    ny: np.ndarray
+    free: np.ndarray  # (room,) m
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _keep_to_own_side(lo, hi, met, edges, wished, firm, fresh, stuck, far, safe):
     """The nearest step to the wished one that stays on the animal's own side of everybody and everything."""
-    x, y, fx, fy = met.x, met.y, met.fx, met.fy
-    half, radius, near, count = met.half, met.radius, met.near, met.count
-    order, itself, step, heading = met.order, met.itself, wished.step, wished.heading
-    ends, item = edges.ends, edges.item
+    x, y, order, itself, near, count = met.x, met.y, met.order, met.itself, met.near, met.count
     room = 64
-    nx, ny, free = np.empty(room), np.empty(room), np.empty(room)
+    sides = Sides(np.empty(room), np.empty(room), np.empty(room))
     for o in range(lo, hi):
         s = order[o]
         anew = fresh[s]
@@ -381,68 +338,96 @@ def _keep_to_own_side(lo, hi, met, edges, wished, firm, fresh, stuck, far, safe)
         e0, e1 = _edges_near(x[s], y[s], edges)
         if count[s] + e1 - e0 > room:
             room = 2 * (count[s] + e1 - e0)
-            nx, ny, free = np.empty(room), np.empty(room), np.empty(room)
-        h = half[s]
-        n = 0
-        for k in range(count[s]):
-            t = near[s, k]
-            ox, oy = _nearest(x[s], y[s], fx[s], fy[s], h, x[t], y[t], fx[t], fy[t], half[t])
-            d = np.sqrt(ox * ox + oy * oy)
-            if d > 1e-12:
-                nx[n], ny[n] = ox / d, oy / d
-                gap = max(d - radius[s] - radius[t] - 2 * SLACK, 0.0)
-                j = itself[t]
-                both = 0.5 * ((step[s, 0] + step[j, 0]) * nx[n] + (step[s, 1] + step[j, 1]) * ny[n])
-                if firm[s] or firm[j]:
-                    both = min(max(both, -0.5 * gap), 0.5 * gap)
-                free[n] = 0.5 * gap + both
-                n += 1
-        for e in range(e0, e1):
-            cx, cy, ux, uy, p = _edge(ends, item[e])
-            ox, oy = _nearest(x[s], y[s], fx[s], fy[s], h, cx, cy, ux, uy, p)
-            d = np.sqrt(ox * ox + oy * oy)
-            if d > 1e-12:
-                nx[n], ny[n] = ox / d, oy / d
-                free[n] = max(d - radius[s] - SLACK, 0.0)
-                n += 1
-        gx, gy = heading[s, 0], heading[s, 1]
-        sx, sy = step[s, 0], step[s, 1]
-        done = False
-        for attempt in range(3):
-            if attempt == 1:  # half the turn
-                gx, gy = gx + fx[s], gy + fy[s]
-                size = np.sqrt(gx * gx + gy * gy)
-                if size < 1e-9:
-                    continue
+            sides = Sides(np.empty(room), np.empty(room), np.empty(room))
+        n = _sides_of_bodies(s, met, wished, firm, sides)
+        n = _sides_of_edges(s, met, edges, e0, e1, n, sides)
+        done, sx, sy, gx, gy = _step_within(s, met, wished, n, sides, far)
+        if not done and not firm[s]:
+            stuck[s] = 1
+        elif not done:
+            sx, sy = _shortened(sx, sy, n, sides, far)
+        safe.step[s, 0], safe.step[s, 1] = sx, sy
+        safe.heading[s, 0], safe.heading[s, 1] = gx, gy
+
+
+@step
+def _sides_of_bodies(s, met, wished, firm, sides):
+    """Write the sides that the body in slot s keeps to beside others; returns how many."""
+    x, y, fx, fy, half, radius = met.x, met.y, met.fx, met.fy, met.half, met.radius
+    near, itself, step = met.near, met.itself, wished.step
+    n = 0
+    for k in range(met.count[s]):
+        t = near[s, k]
+        ox, oy = _nearest(x[s], y[s], fx[s], fy[s], half[s], x[t], y[t], fx[t], fy[t], half[t])
+        d = np.sqrt(ox * ox + oy * oy)
+        if d > 1e-12:
+            nx, ny = ox / d, oy / d
+            gap = max(d - radius[s] - radius[t] - 2 * SLACK, 0.0)
+            j = itself[t]
+            both = 0.5 * ((step[s, 0] + step[j, 0]) * nx + (step[s, 1] + step[j, 1]) * ny)
+            if firm[s] or firm[j]:
+                both = min(max(both, -0.5 * gap), 0.5 * gap)
+            sides.nx[n], sides.ny[n], sides.free[n] = nx, ny, 0.5 * gap + both
+            n += 1
+    return n
+
+
+@step
+def _sides_of_edges(s, met, edges, first, last, n, sides):
+    """Write the sides that it keeps to of some edges, behind the n that there are; returns how many it keeps to."""
+    x, y, fx, fy, half, radius = met.x[s], met.y[s], met.fx[s], met.fy[s], met.half[s], met.radius[s]
+    for e in range(first, last):
+        cx, cy, ux, uy, p = _edge(edges.ends, edges.item[e])
+        ox, oy = _nearest(x, y, fx, fy, half, cx, cy, ux, uy, p)
+        d = np.sqrt(ox * ox + oy * oy)
+        if d > 1e-12:
+            sides.nx[n], sides.ny[n], sides.free[n] = ox / d, oy / d, max(d - radius - SLACK, 0.0)
+            n += 1
+    return n
+
+
+@step
+def _step_within(s, met, wished, n, sides, far):
+    """(whether it keeps to all n sides, its step, its heading): with the turn wished for, with half of it, or none."""
+    fx, fy, h, wx, wy = met.fx[s], met.fy[s], met.half[s], wished.step[s, 0], wished.step[s, 1]
+    nx, ny, free = sides
+    gx, gy = wished.heading[s, 0], wished.heading[s, 1]
+    sx, sy, done, attempt = wx, wy, False, 0
+    while not done and attempt < 3:  # no `break`: with two ways out references to arrays are counted for every animal
+        turns = True
+        if attempt == 1:
+            gx, gy = gx + fx, gy + fy
+            size = np.sqrt(gx * gx + gy * gy)
+            turns = size >= 1e-9
+            if turns:
                 gx, gy = gx / size, gy / size
-            elif attempt == 2:
-                gx, gy = fx[s], fy[s]
-            sx, sy = step[s, 0], step[s, 1]
-            for _ in range(SWEEPS):
-                done = True
+        elif attempt == 2:
+            gx, gy = fx, fy
+        attempt += 1
+        if turns:
+            sx, sy, sweep = wx, wy, 0
+            while not done and sweep < SWEEPS:
+                sweep, done = sweep + 1, True
                 for k in range(n):
-                    wider = h * (abs(gx * nx[k] + gy * ny[k]) - abs(fx[s] * nx[k] + fy[s] * ny[k]))
+                    wider = h * (abs(gx * nx[k] + gy * ny[k]) - abs(fx * nx[k] + fy * ny[k]))
                     over = sx * nx[k] + sy * ny[k] + wider - free[k]
                     if over > 0.0:
                         sx -= (over + 1e-12) * nx[k]
                         sy -= (over + 1e-12) * ny[k]
                         done = False
-                if done:
-                    break
             done = done and sx * sx + sy * sy <= far * far * (1.0 + 1e-12)
-            if done:
-                break
-        if not done and not firm[s]:
-            stuck[s] = 1
-        elif not done:
-            share = 1.0
-            for k in range(n):
-                along = sx * nx[k] + sy * ny[k]
-                if along > free[k]:
-                    share = min(share, free[k] / along)
-            size = np.sqrt(sx * sx + sy * sy)
-            if share * size > far:
-                share = far / size
-            sx, sy = share * sx, share * sy
-        safe.step[s, 0], safe.step[s, 1] = sx, sy
-        safe.heading[s, 0], safe.heading[s, 1] = gx, gy
+    return done, sx, sy, gx, gy
+
+
+@step
+def _shortened(sx, sy, n, sides, far):
+    """As much of a step as keeps to all n sides and is no longer than ``far``."""
+    share = 1.0
+    for k in range(n):
+        along = sx * sides.nx[k] + sy * sides.ny[k]
+        if along > sides.free[k]:
+            share = min(share, sides.free[k] / along)
+    size = np.sqrt(sx * sx + sy * sy)
+    if share * size > far:
+        share = far / size
+    return share * sx, share * sy

@@ -188,6 +188,18 @@ def kinds_of(species, danger):
     return (2 * species + danger).astype(np.int32)
 
 
+def by_medium(table: SpeciesTable, species, aloft, *columns):
+    """Columns of the table (s, 3), for each animal in the medium where it is, (n,) each.
+
+    ``aloft`` is (n,) bool, who is in the air, or None where nobody is.
+    """
+    ground = np.where(table.media[:, WATER] & ~table.media[:, PLANE], WATER, PLANE)
+    if aloft is None:
+        return [column[np.arange(len(ground)), ground][species] for column in columns]
+    medium = np.where(aloft, AIR, ground[species])
+    return [column[species, medium] for column in columns]
+
+
 def kin_of(table: SpeciesTable, species):
     """(n,) int32: the same number for animals that keep together; the species itself where nobody says otherwise."""
     if (table.kin == np.arange(len(table.kin))).all():

@@ -22,12 +22,16 @@ the air as well.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from flockbrush.behaviours.behaviour import Flight
+from flockbrush.components import Airborne, Body, Heading, Position, Velocity
 from flockbrush.components.agent import BY_ACCELERATION, BY_VELOCITY
-from flockbrush.engine.maths import atan2_, kernel_function, sincos_
+from flockbrush.engine.maths import atan2_, inner_kernel, kernel_function, sincos_
 from flockbrush.engine.solid_queries import out_of_, slide_
 from flockbrush.systems.ground_height import below, height_of_ground
+from flockbrush.systems.sightline import step
 from numba import njit
 
 GRAVITY = 9.81  # m/s^2
@@ -37,7 +41,45 @@ CLEAR = 1e-5  # m kept free between bodies and solids, more than rounding ever t
 ) = range(len(Flight._fields))  # fmt: skip
 
 
-@kernel_function
+class Flyers(NamedTuple):
+    """Bodies in the air, by row: those on the ground have rows too."""
+
+    xyz: np.ndarray  # (n, 3) m
+    velocity: np.ndarray  # (n, 3) m/s
+    forward: np.ndarray  # (n, 3) unit vectors
+    up: np.ndarray  # (n, 3) unit vectors out of the back
+    length: np.ndarray  # (n,) m
+    radius: np.ndarray  # (n,) m
+
+
+def flyers_of(agents):
+    """`Flyers` of the animals of a world."""
+    columns = Position.xyz, Velocity.xyz, Heading.forward, Airborne.up, Body.length, Body.radius
+    return Flyers(*(agents[column] for column in columns))
+
+
+class FlightLimits(NamedTuple):
+    """What bodies can do, (n,) each unless stated."""
+
+    flight: np.ndarray  # (b, 12), rows of `flockbrush.behaviours.behaviour.Flight` by brush
+    brush: np.ndarray
+    turn: np.ndarray  # rad/s
+    climb: np.ndarray  # m/s, the fastest that each rises
+    target: np.ndarray  # m/s, its own speed
+    cap: np.ndarray  # m/s
+
+
+class WantedFlight(NamedTuple):
+    """What models want of bodies in the air, by row."""
+
+    kind: np.ndarray  # (n,) `BY_HEADING`, `BY_ACCELERATION` or `BY_VELOCITY`
+    acceleration: np.ndarray  # (n, 3) m/s^2
+    velocity: np.ndarray  # (n, 3) m/s
+    direction: np.ndarray  # (n, 3) unit vectors
+    transit: np.ndarray  # (n,) 0 for those who neither land nor take off
+
+
+@step
 def _unit(x, y, z, ex, ey, ez):
     """(x, y, z) with length 1; the other vector where it has no direction."""
     size = np.sqrt(x * x + y * y + z * z)
@@ -46,7 +88,7 @@ def _unit(x, y, z, ex, ey, ez):
     return x / size, y / size, z / size
 
 
-@kernel_function
+@step
 def _cut(x, y, z, most):
     """(x, y, z), no longer than ``most``."""
     size = np.sqrt(x * x + y * y + z * z)
@@ -98,94 +140,43 @@ def limited_turn(fx, fy, fz, gx, gy, gz, limit):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fly(
-    lo, hi, order, dt, brush, flight, max_turn, climb, length, radius, target, cap, kind, wished, wished_velocity,
-    direction, transit, solids, relief_cell, relief, width, depth, xyz, velocity, forward, up,
-):  # fmt: skip
-    """One tick of flight for the rows of ``order[lo:hi]``: writes position, velocity, heading and up.
-
-    ``climb`` (n,) m/s is the fastest that each rises.
-    """
+def fly(lo, hi, order, dt, flyers, limits, wanted, solids, heights):
+    """One tick of flight for the rows of ``order[lo:hi]``: writes position, velocity, heading and up."""
+    xyz, velocity, forward, up, _, radius = flyers
+    flight, brush, turn, climb, _, cap = limits
+    relief, cell, (width, depth) = heights
     for o in range(lo, hi):
         i = order[o]
-        b = brush[i]
-        own = length[i]
+        held, limit, w = flight[brush[i], GROUNDED] != 0.0, turn[i] * dt, radius[i]
         fx, fy, fz = forward[i, 0], forward[i, 1], forward[i, 2]
         vx, vy, vz = velocity[i, 0], velocity[i, 1], velocity[i, 2]
-        speed = np.sqrt(vx * vx + vy * vy + vz * vz)
-        w = radius[i]
-        if flight[b, EXACT] and kind[i] == BY_VELOCITY:
-            nx, ny, nz = wished_velocity[i, 0], wished_velocity[i, 1], wished_velocity[i, 2]
-            nx, ny, nz = _cut(nx, ny, nz, cap[i])
-            gx, gy, gz = _unit(direction[i, 0], direction[i, 1], direction[i, 2], fx, fy, fz)
-            gx, gy, gz = limited_turn(fx, fy, fz, gx, gy, gz, max_turn[i] * dt)
-        else:
-            if kind[i] == BY_ACCELERATION:
-                ax, ay, az = wished[i, 0], wished[i, 1], wished[i, 2]
-                ax, ay, az = _cut(ax, ay, az, flight[b, MAX_ACCELERATION] * own)
-                drag = flight[b, DAMPING] * (target[i] - speed)
-                ax, ay, az = ax + drag * fx, ay + drag * fy, az + drag * fz
-            else:  # heads for the direction at its own speed
-                gx, gy, gz = limited_turn(
-                    fx, fy, fz, direction[i, 0], direction[i, 1], direction[i, 2], max_turn[i] * dt
-                )
-                ax, ay, az = (target[i] * gx - vx) / dt, (target[i] * gy - vy) / dt, (target[i] * gz - vz) / dt
-                ax, ay, az = _cut(ax, ay, az, flight[b, MAX_ACCELERATION] * own)
-            if flight[b, WEIGHT] > 0.0:
-                weight = GRAVITY * flight[b, WEIGHT]
-                lift = weight * flight[b, LIFT] * speed * speed / max(target[i] * target[i], 1e-12)
-                ax, ay = ax + lift * up[i, 0], ay + lift * up[i, 1]
-                az += lift * up[i, 2] - weight * (1.0 - flight[b, BUOYANCY])
-            nx, ny, nz = vx + dt * ax, vy + dt * ay, min(vz + dt * az, climb[i])
-            if flight[b, GROUNDED]:
-                nz = 0.0
-            gx, gy, gz = _unit(nx, ny, nz, fx, fy, fz)
-            if max_turn[i] * dt < np.pi:
-                hx, hy, hz = limited_turn(fx, fy, fz, gx, gy, gz, max_turn[i] * dt)
-                if hx != gx or hy != gy or hz != gz:
-                    gx, gy, gz = _unit(hx, hy, hz, fx, fy, fz)
-            if flight[b, GROUNDED]:
-                gx, gy, gz = _unit(gx, gy, 0.0, 1.0, 0.0, 0.0)
-            speed = np.sqrt(nx * nx + ny * ny + nz * nz)
-            least = flight[b, MIN_SPEED] * own if transit[i] == 0 else 0.0
-            speed = min(max(speed, least), flight[b, MAX_SPEED] * own, cap[i])
-            nx, ny, nz = speed * gx, speed * gy, speed * gz
-        nz = min(nz, climb[i])
-        # what the bird feels: the change of its velocity across its way, and what bears its weight
-        lx, ly, lz = (nx - vx) / dt, (ny - vy) / dt, (nz - vz) / dt
+        (nx, ny, nz), (gx, gy, gz) = _steered(i, dt, flyers, limits, wanted)
         ux, uy, uz = turned_without_roll(up[i, 0], up[i, 1], up[i, 2], fx, fy, fz, gx, gy, gz)
-        bank, share = flight[b, BANKING], min(dt / max(flight[b, ROLL_TIME], dt), 1.0)
-        if flight[b, GROUNDED]:
+        if held:
             ux, uy, uz = 0.0, 0.0, 1.0
-        else:
-            ux, uy, uz = rolled(ux, uy, uz, gx, gy, gz, bank * lx, bank * ly, bank * lz + GRAVITY, share)
+        else:  # the bird feels the change of its velocity across its way, and what bears its weight
+            bank, share = flight[brush[i], BANKING], min(dt / max(flight[brush[i], ROLL_TIME], dt), 1.0)
+            tx, ty, tz = bank * ((nx - vx) / dt), bank * ((ny - vy) / dt), bank * ((nz - vz) / dt) + GRAVITY
+            ux, uy, uz = rolled(ux, uy, uz, gx, gy, gz, tx, ty, tz, share)
         x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+        touched, px, py, pz = False, x + nx * dt, y + ny * dt, z + nz * dt
         if len(solids.kind):
-            free, px, py, pz = out_of_(solids, x, y, z, w + CLEAR)
+            _, px, py, pz = out_of_(solids, x, y, z, w + CLEAR)
             touched, px, py, pz = slide_(solids, px, py, pz, nx * dt, ny * dt, nz * dt, w + CLEAR)
             touched |= (px != x + nx * dt) | (py != y + ny * dt) | (pz != z + nz * dt)
-        else:
-            touched, px, py, pz = False, x + nx * dt, y + ny * dt, z + nz * dt
-        low = height_of_ground(relief, relief_cell, px, py) + w
-        if flight[b, GROUNDED]:
+        low = height_of_ground(relief, cell, px, py) + w
+        if held:
             touched |= pz != low - w
             pz = low - w
         elif pz < low:
             touched = True
-            limit = max(z + climb[i] * dt, height_of_ground(relief, relief_cell, x, y) + w)
-            px, py = below(relief, relief_cell, x, y, px - x, py - y, limit - w)
-            low = height_of_ground(relief, relief_cell, px, py) + w
-            pz = max(pz, low)
-            if len(solids.kind):  # lifted by the ground into something that hangs over it
-                free, qx, qy, qz = out_of_(solids, px, py, pz, w + CLEAR)
-                if qx != px or qy != py or qz < low:
-                    px, py, pz = x, y, max(z, height_of_ground(relief, relief_cell, x, y) + w)
+            px, py, pz = _over_the_ground(x, y, z, px, py, pz, climb[i] * dt, w, solids, heights)
         if touched:  # it is where it came to that counts
             nx, ny, nz = (px - x) / dt, (py - y) / dt, (pz - z) / dt
             nx, ny, nz = _cut(nx, ny, nz, cap[i])  # put out of what was set down on it, it is not thrown
-            if not flight[b, GROUNDED]:
+            if not held:
                 wx, wy, wz = _unit(nx, ny, nz, gx, gy, gz)
-                hx, hy, hz = limited_turn(fx, fy, fz, wx, wy, wz, max_turn[i] * dt)
+                hx, hy, hz = limited_turn(fx, fy, fz, wx, wy, wz, limit)
                 if hx != wx or hy != wy or hz != wz:
                     hx, hy, hz = _unit(hx, hy, hz, gx, gy, gz)
                 ux, uy, uz = turned_without_roll(ux, uy, uz, gx, gy, gz, hx, hy, hz)
@@ -196,3 +187,67 @@ def fly(
         velocity[i, 0], velocity[i, 1], velocity[i, 2] = nx, ny, nz
         forward[i, 0], forward[i, 1], forward[i, 2] = gx, gy, gz
         up[i, 0], up[i, 1], up[i, 2] = ux, uy, uz
+
+
+@step
+def _steered(i, dt, flyers, limits, wanted):
+    """((3,) m/s, (3,) unit vector): the velocity and the heading of a bird where it meets nothing."""
+    # all that is read comes first: where branches read an array, its references are counted for every bird
+    own, limit, target = flyers.length[i], limits.turn[i] * dt, limits.target[i]
+    climb, cap, rules, b = limits.climb[i], limits.cap[i], limits.flight, limits.brush[i]
+    damping, weight, lift, buoyancy = rules[b, DAMPING], rules[b, WEIGHT], rules[b, LIFT], rules[b, BUOYANCY]
+    least, fastest, most = rules[b, MIN_SPEED] * own, rules[b, MAX_SPEED] * own, rules[b, MAX_ACCELERATION] * own
+    held, exact, kind, settled = rules[b, GROUNDED], rules[b, EXACT], wanted.kind[i], wanted.transit[i] == 0
+    fx, fy, fz = flyers.forward[i, 0], flyers.forward[i, 1], flyers.forward[i, 2]
+    vx, vy, vz = flyers.velocity[i, 0], flyers.velocity[i, 1], flyers.velocity[i, 2]
+    ux, uy, uz = flyers.up[i, 0], flyers.up[i, 1], flyers.up[i, 2]
+    gx, gy, gz = wanted.direction[i, 0], wanted.direction[i, 1], wanted.direction[i, 2]
+    nx, ny, nz = wanted.velocity[i, 0], wanted.velocity[i, 1], wanted.velocity[i, 2]
+    ax, ay, az = wanted.acceleration[i, 0], wanted.acceleration[i, 1], wanted.acceleration[i, 2]
+    speed = np.sqrt(vx * vx + vy * vy + vz * vz)
+    if exact and kind == BY_VELOCITY:
+        nx, ny, nz = _cut(nx, ny, nz, cap)
+        gx, gy, gz = _unit(gx, gy, gz, fx, fy, fz)
+        gx, gy, gz = limited_turn(fx, fy, fz, gx, gy, gz, limit)
+    else:
+        if kind == BY_ACCELERATION:
+            ax, ay, az = _cut(ax, ay, az, most)
+            drag = damping * (target - speed)
+            ax, ay, az = ax + drag * fx, ay + drag * fy, az + drag * fz
+        else:  # heads for the direction at its own speed
+            gx, gy, gz = limited_turn(fx, fy, fz, gx, gy, gz, limit)
+            ax, ay, az = (target * gx - vx) / dt, (target * gy - vy) / dt, (target * gz - vz) / dt
+            ax, ay, az = _cut(ax, ay, az, most)
+        if weight > 0.0:
+            weight = GRAVITY * weight
+            lift = weight * lift * speed * speed / max(target * target, 1e-12)
+            ax, ay, az = ax + lift * ux, ay + lift * uy, az + (lift * uz - weight * (1.0 - buoyancy))
+        nx, ny, nz = vx + dt * ax, vy + dt * ay, min(vz + dt * az, climb)
+        if held:
+            nz = 0.0
+        gx, gy, gz = _unit(nx, ny, nz, fx, fy, fz)
+        if limit < np.pi:
+            hx, hy, hz = limited_turn(fx, fy, fz, gx, gy, gz, limit)
+            if hx != gx or hy != gy or hz != gz:
+                gx, gy, gz = _unit(hx, hy, hz, fx, fy, fz)
+        if held:
+            gx, gy, gz = _unit(gx, gy, 0.0, 1.0, 0.0, 0.0)
+        speed = np.sqrt(nx * nx + ny * ny + nz * nz)
+        speed = min(max(speed, least if settled else 0.0), fastest, cap)
+        nx, ny, nz = speed * gx, speed * gy, speed * gz
+    return (nx, ny, min(nz, climb)), (gx, gy, gz)
+
+
+@inner_kernel
+def _over_the_ground(x, y, z, px, py, pz, rise, w, solids, heights):
+    """Where a step from (x, y, z) into the ground at (px, py, pz) ends, for a body of radius w that may rise so far."""
+    relief, cell, _ = heights
+    here = height_of_ground(relief, cell, x, y) + w
+    px, py = below(relief, cell, x, y, px - x, py - y, max(z + rise, here) - w)
+    low = height_of_ground(relief, cell, px, py) + w
+    pz = max(pz, low)
+    if len(solids.kind):  # lifted by the ground into something that hangs over it
+        _, qx, qy, qz = out_of_(solids, px, py, pz, w + CLEAR)
+        if qx != px or qy != py or qz < low:
+            px, py, pz = x, y, max(z, here)
+    return px, py, pz

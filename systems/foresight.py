@@ -9,14 +9,16 @@ are long and as high as they are wide.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from flockbrush.components import Airborne, Body, BrushBinding, Heading, Migration, Position, Velocity
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
-from flockbrush.engine.solid_queries import ahead_, far_, past_, surface_
+from flockbrush.engine.solid_queries import BodyFrame, ahead_, far_, past_, surface_
 from flockbrush.engine.solids import Solids, no_solids, with_cylinders
+from flockbrush.systems.flight import flyers_of
 from flockbrush.systems.ground_height import height_of_ground
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
@@ -24,6 +26,16 @@ from flockbrush.systems.senses import Near
 from numba import njit
 
 ROOM = 0.5  # body lengths beside the body that count as in the way
+
+
+class Foreseen(NamedTuple):
+    """What lies ahead, (n,) each unless stated."""
+
+    hit: np.ndarray  # m along the heading to what is in the way; inf: nothing
+    aim: np.ndarray  # (n, 3) unit vectors, where to steer instead
+    gap: np.ndarray  # m to the nearest surface within foresight; inf: none
+    normal: np.ndarray  # (n, 3) unit vectors away from that surface
+    height: np.ndarray  # m above the ground
 
 
 @dataclass
@@ -51,20 +63,18 @@ class SeeAhead(System):
 
     def process(self, world):
         agents, land, palette = world.agents, world.resource(Landscape), world.resource(Palette)
-        near, ahead = world.resource(Near), world.resource(Ahead)
+        near, n = world.resource(Near), len(agents)
         if near.aloft is None:
             world.insert(Ahead())
             return
-        n = len(agents)
-        ahead.hit, ahead.gap, ahead.height = np.full(n, np.inf), np.full(n, np.inf), np.zeros(n)
-        ahead.aim, ahead.normal = agents[Heading.forward].copy(), np.zeros((n, 3))
-        order, ahead.solids = np.flatnonzero(near.aloft), in_the_way(agents, land.sky, near.aloft)
+        aim = agents[Heading.forward].copy()
+        foreseen = Foreseen(np.full(n, np.inf), aim, np.full(n, np.inf), np.zeros((n, 3)), np.zeros(n))
+        order, solids = np.flatnonzero(near.aloft), in_the_way(agents, land.sky, near.aloft)
+        foresight = palette.foresight[agents[BrushBinding.brush]]
         over_rows(
-            _look_ahead, len(order), order, agents.ids, agents[Position.xyz], agents[Velocity.xyz],
-            agents[Heading.forward], agents[Airborne.up], agents[Body.length], agents[Body.radius],
-            palette.foresight[agents[BrushBinding.brush]], ahead.solids,
-            land.relief_cell, land.relief, ahead.hit, ahead.aim, ahead.gap, ahead.normal, ahead.height,
-        )  # fmt: skip
+            _look_ahead, len(order), order, agents.ids, flyers_of(agents), foresight, solids, land.heights, foreseen
+        )
+        world.insert(Ahead(*foreseen, solids))
 
 
 class ShiftMigration(System):
@@ -94,14 +104,13 @@ def in_the_way(agents, sky, aloft):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _look_ahead(
-    lo, hi, order, ids, xyz, velocity, forward, up, length, radius, foresight, solids, relief_cell, relief,
-    hit, aim, gap, normal, height,
-):  # fmt: skip
+def _look_ahead(lo, hi, order, ids, flyers, foresight, solids, heights, foreseen):
+    xyz, velocity, forward, up, length, radius = flyers
+    hit, aim, gap, normal, height = foreseen
     for o in range(lo, hi):
         i = order[o]
         x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-        height[i] = z - height_of_ground(relief, relief_cell, x, y)
+        height[i] = z - height_of_ground(heights.relief, heights.cell, x, y)
         if foresight[i] <= 0.0 or len(solids.kind) == 0:
             continue
         speed = np.sqrt(velocity[i, 0] ** 2 + velocity[i, 1] ** 2 + velocity[i, 2] ** 2)
@@ -111,9 +120,8 @@ def _look_ahead(
         if who >= 0:
             hit[i] = distance
             beyond = radius[i] + (ROOM + 0.5) * length[i]
-            aim[i, 0], aim[i, 1], aim[i, 2] = past_(
-                solids, who, x, y, z, fx, fy, fz, up[i, 0], up[i, 1], up[i, 2], beyond, height[i], ids[i] & 1
-            )
+            pose = BodyFrame((x, y, z), (fx, fy, fz), (up[i, 0], up[i, 1], up[i, 2]))
+            aim[i, 0], aim[i, 1], aim[i, 2] = past_(solids, who, pose, beyond, height[i], ids[i] & 1)
         for k in range(len(solids.kind)):
             if not far_(solids, k, x, y, z, reach, 0.0):
                 near, nx, ny, nz = surface_(solids, k, x, y, z)

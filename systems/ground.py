@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from flockbrush.components import (
     BrushBinding,
@@ -23,13 +25,13 @@ from flockbrush.engine.clock import Clock
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
-from flockbrush.systems.binding import mix_paint, painted_for, through_media
-from flockbrush.systems.fauna import AIR, PLANE, WATER, SpeciesList
+from flockbrush.systems.binding import Bindable, MediaChange, mix_paint, painted_for, through_media
+from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.leaders import hold_back, steer_leaders
 from flockbrush.systems.navigation import follow
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.terrain import NO_BRUSH, underfoot
+from flockbrush.systems.terrain import NO_BRUSH, Footing, underfoot
 from numba import njit
 
 
@@ -58,69 +60,75 @@ class Underfoot(System):
         n = len(agents)
         painted, up = np.empty(n, np.int32), np.empty(n)
         xyz, slope = agents[Position.xyz], agents[Ground.slope]
-        over_rows(
-            underfoot, n, xyz, land.cell, land.surface, land.brush, land.relief_cell, land.relief,
-            agents[Ground.factor], agents[Ground.cap], painted, slope, up,
-        )  # fmt: skip
+        footing = Footing(agents[Ground.factor], agents[Ground.cap], painted, slope, up)
+        over_rows(underfoot, n, xyz, land.cell, land.surface, land.brush, land.heights, footing)
         nav = land.navigation
         over_rows(follow, n, xyz, agents[Destination.goal], nav.cell, nav.fields, agents[Ground.guidance])
         steer_leaders(agents)
         hold_back(agents, palette)
         b = BrushBinding
-        self._paint(world, xyz[:, 2] - up, painted)
+        animals = Bindable(
+            agents.ids, agents[Species.index], agents[b.brush], agents[b.home], xyz, agents[Velocity.xyz],
+            agents[Body.length], agents[Body.radius], xyz[:, 2] - up,
+        )  # fmt: skip
+        self._paint(world, animals, painted)
         state = agents[ProgramState.brush]
         painted[state >= 0] = NO_BRUSH  # a program's state stands above all paint
         wanted = np.where(state >= 0, state, np.where(painted >= 0, painted, agents[b.home])).astype(np.int32)
-        self._change_media(world, xyz[:, 2] - up, wanted)
-        over_rows(
-            _bind, n, xyz, land.cell, land.transition, painted, wanted,
-            agents[b.brush], agents[b.previous], agents[b.blend],
-            agents[Body.length], agents[Vision.range], agents[Vision.field_of_view],
-            palette.transition, palette.view_range, palette.field_of_view, world.resource(Clock).dt,
-        )  # fmt: skip
+        self._change_media(world, animals, wanted)
+        rules = TakingUp(palette.transition, palette.view_range, palette.field_of_view)
+        taken = Taken(*(agents[c] for c in (b.brush, b.previous, b.blend, Vision.range, Vision.field_of_view)))
+        dt = world.resource(Clock).dt
+        over_rows(_bind, n, animals, land.cell, land.transition, painted, wanted, rules, dt, taken)
 
     @staticmethod
-    def _change_media(world, height, wanted):
+    def _change_media(world, animals, wanted):
         """Who wants a brush of another medium lands or takes off first."""
         agents, palette = world.agents, world.resource(Palette)
-        table, air, brush = world.resource(SpeciesList).table, palette.flies_free, agents[BrushBinding.brush]
-        if not air.any() or not ((air[wanted] != air[brush]) | (agents[Transit.kind] > 0)).any():
+        air, transit = palette.flies_free, agents[Transit.kind]
+        if not air.any() or not ((air[wanted] != air[animals.brush]) | (transit > 0)).any():
             return
-        walks = table.media[:, PLANE] | table.media[:, WATER]
-        over_rows(
-            through_media, len(agents), wanted, brush, air, walks, table.media[:, AIR], agents[Species.index],
-            table.slowest, table.height, agents[Migration.kind] > 0, palette.least_speed,
-            agents[Body.length], agents[Body.radius], height, agents[Velocity.xyz],
-            agents[Transit.kind], agents[Speed.drawn], agents[Urge.driven],
-        )  # fmt: skip
+        table, bound = world.resource(SpeciesList).table, agents[Migration.kind] > 0
+        crossing = MediaChange(wanted, transit, agents[Speed.drawn], agents[Urge.driven])
+        over_rows(through_media, len(agents), animals, air, palette.least_speed, table, bound, crossing)
 
     @staticmethod
-    def _paint(world, height, painted):
+    def _paint(world, animals, painted):
         """What paint gives to each animal, by its species, medium and height."""
-        agents, land, palette = world.agents, world.resource(Landscape), world.resource(Palette)
-        above, below, *bounds = land.sheets.packed(palette, world.resource(SpeciesList))
+        land, palette, fauna = world.resource(Landscape), world.resource(Palette), world.resource(SpeciesList)
+        n, air = len(painted), palette.flies_free
         if len(palette):
-            over_rows(
-                painted_for, len(agents), agents[Position.xyz], land.cell, above, land.painted.brush, below, *bounds,
-                palette.flies_free, agents[Species.index], agents[BrushBinding.brush], agents[Body.length],
-                agents[Body.radius], height, painted,
-            )  # fmt: skip
+            sheets = land.sheets.packed(palette, fauna)
+            over_rows(painted_for, n, animals, land.cell, sheets, land.painted.brush, air, painted)
         if land.sheets.mixing:
-            over_rows(
-                mix_paint, len(agents), agents[Position.xyz], land.cell,
-                land.sheets.packed_mixing(palette, world.resource(SpeciesList)), palette.flies_free, palette.mixes,
-                world.resource(Noise).key("paint", 0), agents.ids, agents[Species.index],
-                agents[BrushBinding.brush], agents[BrushBinding.home], agents[Body.length], agents[Body.radius],
-                height, painted,
-            )  # fmt: skip
+            sheets, key = land.sheets.packed_mixing(palette, fauna), world.resource(Noise).key("paint", 0)
+            over_rows(mix_paint, n, animals, land.cell, sheets, air, palette.mixes, key, painted)
+
+
+class TakingUp(NamedTuple):
+    """What becomes of an animal under a brush, (b,) each."""
+
+    transition: np.ndarray  # s in which it is taken up
+    ranges: np.ndarray  # body lengths that one sees
+    angles: np.ndarray  # rad, full field of view
+
+
+class Taken(NamedTuple):
+    """Which brush each animal has, (n,) each; is written."""
+
+    brush: np.ndarray  # int32
+    previous: np.ndarray  # int32
+    blend: np.ndarray  # 0: still the previous brush, 1: the brush alone
+    view_range: np.ndarray  # m
+    view_angle: np.ndarray  # rad
 
 
 @njit(cache=True, nogil=True)
-def _bind(
-    lo, hi, xyz, cell, here, painted, wanted, brush, previous, blend, length, view_range, view_angle,
-    transition, ranges, angles, dt,
-):  # fmt: skip
+def _bind(lo, hi, animals, cell, here, painted, wanted, rules, dt, taken):
     """Take up the brush that is wanted; blend over its transition time, or the zone's where paint gives it."""
+    xyz, length = animals.xyz, animals.length
+    transition, ranges, angles = rules
+    brush, previous, blend, view_range, view_angle = taken
     ny, nx = here.shape
     for i in range(lo, hi):
         if wanted[i] != brush[i]:

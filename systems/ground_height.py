@@ -2,8 +2,18 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+
+
+class Heights(NamedTuple):
+    """The ground under those who move on it or above it."""
+
+    relief: np.ndarray  # (my, mx, 3), as from `flockbrush.systems.terrain.relief_of`
+    cell: float  # m
+    wrap: tuple[float, float]  # m, width and height of a periodic map, else zeros
 
 
 @njit(cache=True, nogil=True)
@@ -29,11 +39,9 @@ def heights_of_ground(relief, cell, xyz):
 
 
 @njit(cache=True, nogil=True)
-def share_within(relief, cell, wrap, x, y, dx, dy, most):
-    """How much of a step (dx, dy) along the ground is no longer than ``most`` in space, m; 1 where all of it is.
-
-    ``wrap`` is the size (width, height) of a periodic map, m, else zeros.
-    """
+def share_within(heights, x, y, dx, dy, most):
+    """How much of a step (dx, dy) along the ground is no longer than ``most`` in space, m; 1 where all of it is."""
+    relief, cell, wrap = heights
     below = height_of_ground(relief, cell, x, y)
     low, high = 0.0, 1.0
     for again in range(24):
@@ -52,10 +60,10 @@ def share_within(relief, cell, wrap, x, y, dx, dy, most):
 
 
 @njit(cache=True, nogil=True)
-def shorten_on_slopes(order, x, y, step, most, relief, cell, wrap, cut):
+def shorten_on_slopes(order, x, y, step, most, heights, cut):
     """Cut, in place, steps (m, 2) of ``order`` that lead up or down farther than ``most`` (m,) in space; note whose."""
     for s in order:
-        share = share_within(relief, cell, wrap, x[s], y[s], step[s, 0], step[s, 1], most[s])
+        share = share_within(heights, x[s], y[s], step[s, 0], step[s, 1], most[s])
         cut[s] = share < 1.0
         if cut[s]:
             step[s, 0], step[s, 1] = share * step[s, 0], share * step[s, 1]

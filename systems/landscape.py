@@ -12,7 +12,7 @@ from flockbrush.engine.raster import bilinear_
 from flockbrush.engine.solids import Solids
 from flockbrush.systems.binding import Sheets
 from flockbrush.systems.ground_edges import across_seam, outline_edges
-from flockbrush.systems.ground_height import heights_of_ground
+from flockbrush.systems.ground_height import Heights, heights_of_ground
 from flockbrush.systems.marks import BRUSHES_OWN, Above, MapMarks
 from flockbrush.systems.navigation import Navigation, navigation_of
 from flockbrush.systems.sky_solids import solids_in_the_air
@@ -162,6 +162,11 @@ class Landscape:
         if self._sky is None:
             self._sky = solids_in_the_air(self)
         return self._sky
+
+    @property
+    def heights(self):
+        """`Heights` of the ground, for kernels."""
+        return Heights(self.relief, self.relief_cell, self.wrap or (0.0, 0.0))
 
     def ground(self, xy):
         """Height of the ground at one place, m."""

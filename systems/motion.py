@@ -21,9 +21,9 @@ from flockbrush.components.agent import LANDING
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
-from flockbrush.systems.contact import Hills, move
-from flockbrush.systems.fauna import AIR, PLANE, WATER, SpeciesList
-from flockbrush.systems.flight import fly
+from flockbrush.systems.contact import move_by_slot
+from flockbrush.systems.fauna import SpeciesList, by_medium
+from flockbrush.systems.flight import FlightLimits, WantedFlight, fly, flyers_of
 from flockbrush.systems.foresight import in_the_way
 from flockbrush.systems.ground_height import height_of_ground
 from flockbrush.systems.landscape import Landscape
@@ -63,20 +63,16 @@ class Move(System):
 def _max_turn(agents, palette):
     """(n,) rad/s; while brushes blend, neither may turn faster than it allows."""
     binding, blend = agents[BrushBinding.brush], agents[BrushBinding.blend]
-    return np.where(
-        blend < 1.0,
-        np.minimum(palette.max_turn[binding], palette.max_turn[agents[BrushBinding.previous]]),
-        palette.max_turn[binding],
-    )
+    most, changing = palette.max_turn[binding], np.flatnonzero(blend < 1.0)
+    most[changing] = np.minimum(most[changing], palette.max_turn[agents[BrushBinding.previous][changing]])
+    return most
 
 
 def _limits(agents, palette, table, aloft):
     """((n,) m/s, (n,) rad/s) that each animal's species can do where it is."""
-    species = agents[Species.index]
-    medium = np.where(table.media[species, WATER] & ~table.media[species, PLANE], WATER, PLANE)
     if aloft is not None:
-        medium = np.where(aloft & ~palette.grounded[agents[BrushBinding.brush]], AIR, medium)
-    return table.speed[species, medium], table.turn[species, medium]
+        aloft = aloft & ~palette.grounded[agents[BrushBinding.brush]]
+    return by_medium(table, agents[Species.index], aloft, table.speed, table.turn)
 
 
 def _walk(world, rows, max_turn, top):
@@ -86,32 +82,27 @@ def _walk(world, rows, max_turn, top):
     reach = float(body[rows].max() + radius[rows].max() + 4.0 * dt * speed[rows].max())
     if near.aloft is not None:
         speed = np.where(near.aloft, 0.0, speed)
-    wrap = land.wrap or (0.0, 0.0)
-    hills = Hills(land.relief, land.relief_cell, wrap) if land.relief.size > 3 else None
-    step, heading = move(
-        near.cells, agents[Heading.forward], agents[Wish.direction], speed, max_turn, land.walls_within(reach), dt,
-        near.ghosts, top, hills,
-    )  # fmt: skip
-    aloft = np.zeros(len(agents), np.bool_) if near.aloft is None else near.aloft
-    over_rows(
-        _go, len(agents), aloft, step, heading, dt, land.relief_cell, land.relief, wrap[0], wrap[1],
-        agents[Position.xyz], agents[Velocity.xyz], agents[Heading.forward],
-    )  # fmt: skip
+    hills, cells, walls = land.heights if land.relief.size > 3 else None, near.cells, land.walls_within(reach)
+    order, going = move_by_slot(cells, agents[Wish.direction], speed, max_turn, walls, dt, near.ghosts, top, hills)
+    bodies = agents[Position.xyz], agents[Velocity.xyz], agents[Heading.forward]
+    over_rows(_go, len(order), order, cells.row, going, dt, land.heights, *bodies)
 
 
 def _fly(world, near, max_turn, top):
     agents, land, palette = world.agents, world.resource(Landscape), world.resource(Palette)
-    wrap, order = land.wrap or (0.0, 0.0), np.flatnonzero(near.aloft)
+    order, solids = np.flatnonzero(near.aloft), in_the_way(agents, land.sky, near.aloft)
     table, species = world.resource(SpeciesList).table, agents[Species.index]
     climb = np.where(table.known[species], table.climb[species], np.inf)  # who is not described has no limits
-    over_rows(
-        fly, len(order), order, world.resource(Clock).dt, agents[BrushBinding.brush], palette.flight, max_turn,
-        climb, agents[Body.length], agents[Body.radius], agents[Speed.target],
-        np.minimum(agents[Ground.cap], top), agents[Thrust.kind],
-        agents[Thrust.acceleration], agents[Thrust.velocity], agents[Wish.direction], agents[Transit.kind],
-        in_the_way(agents, land.sky, near.aloft), land.relief_cell, land.relief, wrap[0], wrap[1],
-        agents[Position.xyz], agents[Velocity.xyz], agents[Heading.forward], agents[Airborne.up],
+    limits = FlightLimits(
+        palette.flight, agents[BrushBinding.brush], max_turn, climb, agents[Speed.target],
+        np.minimum(agents[Ground.cap], top),
     )  # fmt: skip
+    wanted = WantedFlight(
+        agents[Thrust.kind], agents[Thrust.acceleration], agents[Thrust.velocity], agents[Wish.direction],
+        agents[Transit.kind],
+    )  # fmt: skip
+    dt, flyers = world.resource(Clock).dt, flyers_of(agents)
+    over_rows(fly, len(order), order, dt, flyers, limits, wanted, solids, land.heights)
     _level_at_landing(agents, order)
 
 
@@ -131,14 +122,16 @@ def _level_at_landing(agents, flyers):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _go(lo, hi, aloft, step, heading, dt, relief_cell, relief, width, height, xyz, velocity, forward):
+def _go(lo, hi, order, row, going, dt, heights, xyz, velocity, forward):
+    step, heading = going
+    relief, relief_cell, (width, height) = heights
     flat = relief.shape[0] == 1 and relief.shape[1] == 1
-    for i in range(lo, hi):
-        if aloft[i]:
-            continue
+    for o in range(lo, hi):
+        s = order[o]
+        i = row[s]
         below = 0.0 if flat else height_of_ground(relief, relief_cell, xyz[i, 0], xyz[i, 1])
-        velocity[i, 0], velocity[i, 1] = step[i, 0] / dt, step[i, 1] / dt
-        x, y = xyz[i, 0] + step[i, 0], xyz[i, 1] + step[i, 1]
+        velocity[i, 0], velocity[i, 1] = step[s, 0] / dt, step[s, 1] / dt
+        x, y = xyz[i, 0] + step[s, 0], xyz[i, 1] + step[s, 1]
         if width > 0.0:
             x, y = x - width * np.floor(x / width), y - height * np.floor(y / height)
         rise = 0.0 if flat else height_of_ground(relief, relief_cell, x, y) - below
@@ -148,4 +141,4 @@ def _go(lo, hi, aloft, step, heading, dt, relief_cell, relief, width, height, xy
         velocity[i, 2] = rise / dt
         xyz[i, 0], xyz[i, 1] = x, y
         xyz[i, 2] += rise
-        forward[i, 0], forward[i, 1], forward[i, 2] = heading[i, 0], heading[i, 1], 0.0
+        forward[i, 0], forward[i, 1], forward[i, 2] = heading[s, 0], heading[s, 1], 0.0

@@ -10,7 +10,7 @@ from flockbrush.engine.clock import Clock
 from flockbrush.engine.noise import Noise, normal_, uniform_
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
-from flockbrush.systems.fauna import AIR, PLANE, WATER, SpeciesList
+from flockbrush.systems.fauna import SpeciesList, by_medium
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import Near
 from flockbrush.systems.terrain import slope_factor_
@@ -32,7 +32,7 @@ class Pace(System):
 
     def process(self, world):
         agents, palette, clock = world.agents, world.resource(Palette), world.resource(Clock)
-        n = len(agents)
+        table, n = world.resource(SpeciesList).table, len(agents)
         aloft = palette.aloft(agents[BrushBinding.brush])
         free = np.zeros(n, np.bool_) if aloft is None else aloft & ~palette.grounded[agents[BrushBinding.brush]]
         cells, density = world.resource(Near).cells, np.zeros(n)
@@ -43,7 +43,7 @@ class Pace(System):
             free, agents.ids, agents[Body.length], agents[BrushBinding.brush], density,
             agents[Ground.factor], agents[Ground.cap], agents[Ground.slope], agents[Heading.forward],
             agents[Wish.pace], agents[Individual.pace],
-            *_limits(world.resource(SpeciesList).table, agents[Species.index], aloft),
+            *by_medium(table, agents[Species.index], aloft, table.speed, table.acceleration),
             agents[Urge.share], agents[Urge.speed],
         )  # fmt: skip
         rules = PaceRules(*(getattr(palette, name) for name in PaceRules._fields))
@@ -97,13 +97,6 @@ class PaceState(NamedTuple):
     drawn: np.ndarray  # m/s
     effort: np.ndarray
     target: np.ndarray  # m/s
-
-
-def _limits(table, species, aloft):
-    """(n,) m/s and m/s² that the species can do where each of them is."""
-    swims = table.media[species, WATER] & ~table.media[species, PLANE]
-    medium = np.where(swims, WATER, PLANE) if aloft is None else np.where(aloft, AIR, np.where(swims, WATER, PLANE))
-    return table.speed[species, medium], table.acceleration[species, medium]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -84,6 +84,43 @@ class CellPointers(NamedTuple):
     south: Any
 
 
+class ViewBounds(NamedTuple):
+    """How far and how wide animals see, by row."""
+
+    reach: Any  # (n,) m
+    cosine: Any  # (n,) of half the field of view; -1 sees all round
+
+
+class Sizes(NamedTuple):
+    """Of the bodies of a herd."""
+
+    width: float  # m, mean apparent width
+    widest: float  # m, the longest distance from a centre to the skin; 0 when all bodies are discs
+
+
+class Views(NamedTuple):
+    """Whom everybody sees.
+
+    What observers in slots lo to hi see goes to ``seen`` from ``lo * room`` on, as slots, side by side.
+    """
+
+    room: int
+    seen: Any  # (slots * room + LANES,) int32
+    begin: Any  # (slots,) where the list of each begins, or -1 where room was too small
+    count: Any  # type: ignore[assignment]  # (n,) how many, by row
+
+
+class Desk(NamedTuple):
+    """What an observer works with."""
+
+    near: RingNear
+    bodies: RingBodies
+    rims: Rims
+    rings: Any  # ring m has bodies rings[3 * m] to rings[3 * m + 2], from rings[3 * m + 1] on astride its outer edge
+    outers2: Any  # m^2, the outer edge of each ring
+    seen: Any  # int32 slots
+
+
 # --- the definition ---------------------------------------------------------------------------------------------------
 
 
@@ -224,11 +261,15 @@ def _add_bodies(at, inner2, outer2, far_from2, far_to2, n, dense, capsules, near
 
 
 @step
-def _look_through(i, a, plain, b, outer2, n, found, capsules, cells, near, bodies, seen):
-    """Strike out whom bodies hide: ``a`` to ``plain`` those beyond ``outer2``, a to b those within.
+def _look_through(i, ring, n, found, capsules, cells, desk):
+    """Strike out whom the bodies of a ring hide; who is within its edge and not hidden is seen.
 
-    Who is within and not hidden is seen, the others beyond stay in ``near``.  Returns how many stay and are seen.
+    Those astride the edge hide nobody beyond it.  The others beyond stay in ``near``; returns how many stay and are
+    seen.
     """
+    near, bodies, seen = desk.near, desk.bodies, desk.seen
+    a, plain, b = desk.rings[3 * ring], desk.rings[3 * ring + 1], desk.rings[3 * ring + 2]
+    outer2 = desk.outers2[ring]
     left = 0
     for k in range(0, n, LANES):
         x, y, d2, slot = load(near.x, k), load(near.y, k), load(near.d2, k), load(near.slot, k)
@@ -275,13 +316,13 @@ def _optical_depth(i, width, cells):
 
 
 @step
-def _add_rings(inner, outer, width, widest, n, at, plain, dense, near, bodies, rings, outers2):
+def _add_rings(inner, outer, width, widest, n, at, plain, dense, desk):
     """Sort the bodies of a look by ring, after those of the looks before; returns how many rings and bodies.
 
-    Ring m has bodies ``rings[3 * m]`` to ``rings[3 * m + 2]``; those from ``rings[3 * m + 1]`` on lie astride its outer
-    edge ``outers2[m]`` and are also the first of the next ring, which is wide enough to hold them.  Ring 0 is all the
-    looks before.
+    Those astride the outer edge of a ring are also the first of the next ring, which is wide enough to hold them.
+    Ring 0 is all the looks before.
     """
+    near, bodies, rings, outers2 = desk.near, desk.bodies, desk.rings, desk.outers2
     steps = min(int((outer - inner) / width + 0.25), RINGS)
     if widest > 0.0:
         steps = min(steps, int((outer - inner) / widest))
@@ -299,13 +340,14 @@ def _add_rings(inner, outer, width, widest, n, at, plain, dense, near, bodies, r
 
 
 @step
-def _covered_by(old, new, steps, n, i, cosine, cells, bodies, rings, rims):
+def _covered_by(old, new, steps, n, i, cosine, cells, desk):
     """How many rims are left uncovered when the bodies ``old`` to ``new`` come to those before.
 
     When it is 0, bodies cover the whole view: a gap would end at a rim.
     """
     if new == 0:
         return 1
+    bodies, rings, rims = desk.bodies, desk.rings, desk.rims
     n = uncovered(n, np.int64(0), old, new, bodies, rims)
     first = n
     n = left_rims(n, old, new, cells.fx[i], cells.fy[i], cosine, bodies, rims)
@@ -315,29 +357,26 @@ def _covered_by(old, new, steps, n, i, cosine, cells, bodies, rings, rims):
 
 
 @step
-def _view_by_looks(i, reach, cosine, depth, widest, cells, near, bodies, rims, rings, outers2, seen):
+def _view_by_looks(i, reach, cosine, depth, widest, cells, desk):
     """Slots of the visible, in ``seen``; returns how many."""
     dense = reach > DENSE * depth
     inner, inner2, outer = 0.0, -1.0, max(FIRST_LOOK * depth, widest) if dense else reach
     found = at = old = plain = np.int64(0)
-    gaps = rim_of_view(cells.fx[i], cells.fy[i], cosine, rims) if dense else 0
+    gaps = rim_of_view(cells.fx[i], cells.fy[i], cosine, desk.rims) if dense else 0
     while True:
         if outer > 0.8 * reach:
             outer = reach
-        n = _gather(i, inner2, outer * outer, cosine, dense, cells, near)
+        n = _gather(i, inner2, outer * outer, cosine, dense, cells, desk.near)
         if widest > 0.0:
-            cones_of_capsules(i, n, cells, near)
+            cones_of_capsules(i, n, cells, desk.near)
         else:
-            cones_of_discs(n, dense, near)
-        steps, at, plain = _add_rings(
-            inner, outer, RING * depth, widest, n, at, plain, dense, near, bodies, rings, outers2
-        )
-        for m in range(0 if rings[2] else 1, steps + 1):
-            a, p, b = rings[3 * m], rings[3 * m + 1], rings[3 * m + 2]
-            n, found = _look_through(i, a, p, b, outers2[m], n, found, widest > 0.0, cells, near, bodies, seen)
+            cones_of_discs(n, dense, desk.near)
+        steps, at, plain = _add_rings(inner, outer, RING * depth, widest, n, at, plain, dense, desk)
+        for m in range(0 if desk.rings[2] else 1, steps + 1):
+            n, found = _look_through(i, m, n, found, widest > 0.0, cells, desk)
         if outer == reach:
             return found
-        gaps = _covered_by(old, plain, steps, gaps, i, cosine, cells, bodies, rings, rims)
+        gaps = _covered_by(old, plain, steps, gaps, i, cosine, cells, desk)
         if gaps == 0:
             return found
         inner, inner2, outer, old = outer, outer * outer, max(NEXT_LOOK * outer, outer + widest), plain
@@ -358,17 +397,12 @@ def _all_in_view(i, reach, cosine, cells, near, seen):
 
 
 @kernel
-def look(lo, hi, cells, view_range, cos_half_view, edges, occlusion, width, widest, room, seen, begin, count_of):
-    """The visible of the observers in slots lo to hi.
-
-    They go to ``seen`` from ``lo * room`` on, as slots, side by side; observer i's from ``begin[i]`` on, or
-    ``begin[i] = -1`` where room was too small.  ``count_of``: how many, by row.  ``width``: mean apparent width of a
-    body, metres; ``widest``: the longest distance from a body's centre to its skin, 0 when all are discs.
-    """
+def look(lo, hi, cells, eyes, edges, occlusion, sizes, views):
+    """The visible of the observers in slots lo to hi, into ``views``."""
     f4, f8 = np.float32, np.float64
     n = len(cells.x) + LANES
     x, y = np.empty(n, f4), np.empty(n, f4)
-    own = n if widest > 0.0 else 0  # a disc's cone has no axis of its own, nor another far side
+    own = n if sizes.widest > 0.0 else 0  # a disc's cone has no axis of its own, nor another far side
     ax, ay, far2 = np.empty(own, f4), np.empty(own, f4), np.empty(own, f8)
     if own == 0:
         ax, ay = x, y
@@ -380,23 +414,14 @@ def look(lo, hi, cells, view_range, cos_half_view, edges, occlusion, width, wide
         np.empty(k, f4), np.empty(k, f4), shut, np.empty(k, f8), far2, np.empty(k, np.int32), np.empty(k, f4)
     )
     rims = Rims(np.empty(k, f4), np.empty(k, f4))
-    rings, outers2, mine = np.empty(3 * RINGS + 3, np.int64), np.empty(RINGS + 1, f8), np.empty(n, np.int32)
-    _look(
-        lo, hi, cells, view_range, cos_half_view, edges, occlusion, width, widest, room, seen, begin, count_of,
-        near, bodies, rims, rings, outers2, mine,
-    )  # fmt: skip
+    rings, outers2 = np.empty(3 * RINGS + 3, np.int64), np.empty(RINGS + 1, f8)
+    desk = Desk(near, bodies, rims, rings, outers2, np.empty(n, np.int32))
+    _look(lo, hi, cells, eyes, edges, occlusion, sizes, views, desk)
 
 
-@kernel
-def _look(
-    lo, hi, cells, view_range, cos_half_view, edges, occlusion, width, widest, room, seen, begin, count_of,
-    near, bodies, rims, rings, outers2, mine,
-):  # fmt: skip
-    herd = CellPointers(
-        pointer(cells.x), pointer(cells.y), pointer(cells.fx), pointer(cells.fy), pointer(cells.half),
-        pointer(cells.radius), pointer(cells.start), cells.nx, cells.ny, cells.cell,
-        pointer(cells.west), pointer(cells.south),
-    )  # fmt: skip
+@step
+def _pointers(desk):
+    near, bodies, rims, rings, outers2, seen = desk
     near = RingNear(
         pointer(near.x), pointer(near.y), pointer(near.d2), pointer(near.slot), pointer(near.axis_x),
         pointer(near.axis_y), pointer(near.shut), pointer(near.far2), pointer(near.sine),
@@ -406,25 +431,35 @@ def _look(
         pointer(bodies.far2), pointer(bodies.slot), pointer(bodies.sine),
     )  # fmt: skip
     rims = Rims(pointer(rims.x), pointer(rims.y))
-    rings, outers2, mine, out = pointer(rings), pointer(outers2), pointer(mine), pointer(seen)
-    at, end = lo * room, hi * room
+    return Desk(near, bodies, rims, pointer(rings), pointer(outers2), pointer(seen))
+
+
+@kernel
+def _look(lo, hi, cells, eyes, edges, occlusion, sizes, views, desk):
+    herd = CellPointers(
+        pointer(cells.x), pointer(cells.y), pointer(cells.fx), pointer(cells.fy), pointer(cells.half),
+        pointer(cells.radius), pointer(cells.start), cells.nx, cells.ny, cells.cell,
+        pointer(cells.west), pointer(cells.south),
+    )  # fmt: skip
+    desk, seen = _pointers(desk), pointer(views.seen)
+    at, end = lo * views.room, hi * views.room
     for i in range(lo, hi):
         if cells.ghost[i]:
             continue
         row = cells.row[i]
-        reach, cosine = view_range[row], cos_half_view[row]
+        reach, cosine = eyes.reach[row], eyes.cosine[row]
         if occlusion:
-            depth = _optical_depth(i, width, herd)
-            found = _view_by_looks(i, reach, cosine, depth, widest, herd, near, bodies, rims, rings, outers2, mine)
+            depth = _optical_depth(i, sizes.width, herd)
+            found = _view_by_looks(i, reach, cosine, depth, sizes.widest, herd, desk)
         else:
-            found = _all_in_view(i, reach, cosine, herd, near, mine)
+            found = _all_in_view(i, reach, cosine, herd, desk.near, desk.seen)
         if len(edges.ends):
-            found = _without_hidden_by_edges(i, found, herd, edges, mine)
-        count_of[row] = found
+            found = _without_hidden_by_edges(i, found, herd, edges, desk.seen)
+        views.count[row] = found
         if at + found > end - LANES:
-            begin[i] = -1
+            views.begin[i] = -1
             continue
-        begin[i] = at
+        views.begin[i] = at
         for k in range(0, found, LANES):
-            store(out, at + k, load(mine, k))
+            store(seen, at + k, load(desk.seen, k))
         at += found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from flockbrush.behaviours.behaviour import Air, BySlot, Scene, frozen
+from flockbrush.behaviours.behaviour import Air, BySlot, FlockBySlot, Scene, frozen
 from flockbrush.behaviours.models.line_formation import InFormation
 from flockbrush.components import (
     Airborne,
@@ -37,7 +37,10 @@ from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.noticing import Noticed
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import Near, ObstaclesInSight, Sight, SightByHiddenPoints, SightInSpace
+from flockbrush.systems.space import birds_of
 from numba import njit
+
+NOT_MADE = None, None, None  # lists that nobody asks for
 
 
 class NotFinite(ArithmeticError):
@@ -70,7 +73,8 @@ class AskModels(System):
         direction, pace = agents[Wish.direction], agents[Wish.pace]
         for index, rows in _by_brush(binding[scene.order], scene.order):
             wishes = self._ask(world, scene, palette, index, rows)
-            direction[rows], pace[rows] = wishes.direction, wishes.pace
+            wished = (np.ascontiguousarray(some, float) for some in (wishes.direction, wishes.pace))
+            over_rows(_put, len(rows), rows, *wished, direction, pace)
             if palette.flies[index]:
                 _take(agents, rows, wishes)
         changing = scene.order[blend[scene.order] < 1.0]
@@ -106,7 +110,7 @@ class AskModels(System):
                 f"model {palette.brushes[index].model!r} was asked for {len(rows)} animals: directions must be "
                 f"({len(rows)}, 3) and paces ({len(rows)},), got {shapes[0]} and {shapes[1]}"
             )
-        fine = np.isfinite(wishes.direction).all(1) & np.isfinite(wishes.pace)
+        said = [wishes.direction, wishes.pace]
         for name, vectors in (("accelerations", wishes.acceleration), ("velocities", wishes.velocity)):
             if vectors is None:
                 continue
@@ -115,8 +119,9 @@ class AskModels(System):
                     f"model {palette.brushes[index].model!r} was asked for {len(rows)} animals: {name} must be "
                     f"({len(rows)}, 3), got {np.shape(vectors)}"
                 )
-            fine &= np.isfinite(vectors).all(1)
-        if not fine.all():
+            said.append(vectors)
+        if not all(np.isfinite(some).all() for some in said):
+            fine = np.all([np.isfinite(some).reshape(len(rows), -1).all(1) for some in said], axis=0)
             entity = int(scene.ids[rows[np.argmin(fine)]])
             raise NotFinite(
                 f"model {palette.brushes[index].model!r} (brush {palette.brushes[index].name!r}) gave a wish that is "
@@ -142,7 +147,8 @@ def _take(agents, rows, wishes):
 
 def _by_brush(brush, rows):
     """(index, rows) of every brush present; ``brush[k]`` is the one of ``rows[k]``."""
-    return [(int(index), rows[brush == index]) for index in np.unique(brush)]
+    present = np.flatnonzero(np.bincount(brush)).tolist()
+    return [(index, rows[brush == index]) for index in present]
 
 
 def _all_by_slot(world):
@@ -166,13 +172,14 @@ def scene_of(world, lists=True):
     obstacles, sight = world.resource(ObstaclesInSight), world.resource(Sight)
     cells, species = sight.found.cells, kin(world)
     bodies = bodies_of(world, agents[Speed.drawn])
-    first, others, offset = sight.lists if lists or bodies is not None else (None, None, None)
+    lists = lists or bodies is not None
+    first, others, offset = sight.lists if lists else NOT_MADE
     xyz = agents[Position.xyz]
     order, air = cells.row[~cells.ghost], None
     near = world.resource(Near)
     if near.aloft is not None:
-        order = np.concatenate([order, np.flatnonzero(near.aloft).astype(np.int32)])  # their lists lie in order of row
-        air = frozen(Air(*_air_of(world, xyz, near)))
+        order = np.concatenate([order, near.space.order])
+        air = frozen(Air(*_air_of(world, xyz, near, lists), _flock_by_slot(world, species)))
     scene = Scene(
         clock.dt,
         clock.tick,
@@ -214,6 +221,14 @@ def _by_slot(found, species):
     ))  # fmt: skip
 
 
+def _flock_by_slot(world, species):
+    """What birds know of one another."""
+    found, velocity = world.resource(SightInSpace).found, world.agents[Velocity.xyz]
+    return frozen(FlockBySlot(
+        found.cells.slot, found.begin, found.count, found.seen, birds_of(found.cells, velocity, species)
+    ))  # fmt: skip
+
+
 def _noticed(world):
     lists = world.resource(Noticed).lists
     return None if lists is None else frozen(lists)
@@ -233,10 +248,9 @@ def _formation_of(agents, palette):
     return frozen(known)
 
 
-def _air_of(world, xyz, near):
-    """The columns of `Air`."""
-    agents, lists, ahead = world.agents, world.resource(SightInSpace).lists, world.resource(Ahead)
-    land = world.resource(Landscape)
+def _air_of(world, xyz, near, lists):
+    """The columns of `Air`, but for neighbours by slot."""
+    agents, land, ahead = world.agents, world.resource(Landscape), world.resource(Ahead)
     bound, target = agents[Migration.kind], agents[Migration.target]
     if (bound == POINT).any() or land.goals:
         target, bound = target.copy(), bound.copy()
@@ -250,14 +264,22 @@ def _air_of(world, xyz, near):
         target[points] -= xyz[points]
         target[points, :2] = _nearest_image(target[points, :2], land.wrap)
     return (
-        lists.first, lists.near, lists.offset, agents[Airborne.up], ahead.hit, ahead.aim, ahead.gap, ahead.normal,
-        ahead.height, bound, target, *dangers_of(world),
+        *(world.resource(SightInSpace).lists if lists else NOT_MADE), agents[Airborne.up], ahead.hit, ahead.aim,
+        ahead.gap, ahead.normal, ahead.height, bound, target, *dangers_of(world),
     )  # fmt: skip
 
 
 def _nearest_image(offset, wrap):
     """Offsets on a periodic map the short way, across the seam where that is shorter."""
     return offset if wrap is None else offset - wrap * np.floor(offset / wrap + 0.5)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _put(lo, hi, rows, wished, wanted, direction, pace):
+    for k in range(lo, hi):
+        i = rows[k]
+        direction[i, 0], direction[i, 1], direction[i, 2] = wished[k, 0], wished[k, 1], wished[k, 2]
+        pace[i] = wanted[k]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -10,6 +10,8 @@ Arrays are ``[iy, ix]``, row 0 in the south; cell ``(iy, ix)`` has its centre at
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from flockbrush.engine.maths import exp_
 from numba import njit
@@ -23,8 +25,18 @@ BEST_SLOPE = -0.05  # Tobler 1993: a gentle way down is the fastest
 # In a tick -----------------------------------------------------------------------------------------------------
 
 
+class Footing(NamedTuple):
+    """What is under each animal, (n,) each unless stated."""
+
+    factor: np.ndarray  # of speed
+    cap: np.ndarray  # m/s
+    brush: np.ndarray  # int32; -1 for unpainted ground
+    slope: np.ndarray  # (n, 2) rise per metre, east and north
+    height: np.ndarray  # m
+
+
 @njit(cache=True, nogil=True)
-def underfoot(lo, hi, xyz, cell, surface, brush, relief_cell, relief, out_factor, out_cap, out_brush, out_slope, out_z):
+def underfoot(lo, hi, xyz, cell, surface, brush, heights, footing):
     """Write rows ``lo`` to ``hi``: what is under each animal.
 
     Parameters
@@ -37,11 +49,13 @@ def underfoot(lo, hi, xyz, cell, surface, brush, relief_cell, relief, out_factor
         Speed factor and cap (m/s), see `compose_caps`.
     brush : (ny, nx) int32
         See `compose_brushes`.
-    relief_cell, relief : float, (my, mx, 3)
-        See `relief_of`; its cells may be of another size.
-    out_factor, out_cap, out_brush, out_slope, out_z : (n,), (n,), (n,) int32, (n, 2), (n,)
-        Results: speed factor; cap, m/s; brush, -1 for unpainted ground; rise per metre east and north; height, m.
+    heights : Heights
+        Its cells may be of another size.
+    footing : Footing
+        Is written.
     """
+    relief, relief_cell, _ = heights
+    out_factor, out_cap, out_brush, out_slope, out_z = footing
     ny, nx = brush.shape
     my, mx = relief.shape[0], relief.shape[1]
     for i in range(lo, hi):

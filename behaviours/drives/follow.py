@@ -12,8 +12,8 @@ FOLLOW = 3  # of the lists of noticed animals
 class Params(DriveParameters):
     """How close."""
 
-    distance: float = quantity(4.0, "body lengths", "nearer than this it is content", 0, 500)
-    hurry: float = quantity(20.0, "body lengths", "so much farther away it runs as fast as it can", 0.1, 1000)
+    distance: float = quantity(4.0, "body lengths", "the drive is inactive when nearer than this", 0, 500)
+    hurry: float = quantity(20.0, "body lengths", "distance beyond that at which it runs as fast as it can", 0.1, 1000)
 
 
 @drive("follow", Params, notices=("follow",))

@@ -22,11 +22,17 @@ HUNT, FOLLOW = 2, 3  # of the lists of noticed animals
 class Params(DriveParameters):
     """How close, and how fast."""
 
-    room: float = quantity(1.5, "m", "what a sheep takes up (r_a); the herd may be r_a N^(2/3) wide", 0.1, 100)
-    behind: float = quantity(8.0, "m", "so far behind a stray it goes, and behind the edge of the herd", 0.1, 200)
-    near: float = quantity(5.0, "m", "nearer than this to one of them it goes slowly", 0, 200)
-    delivered: float = quantity(12.0, "m", "a herd with its middle so near to the shepherd is left alone", 0, 1000)
-    pace: float = quantity(0.6, "1", "share of its fastest at which it goes round the herd", 0.01, 1)
+    room: float = quantity(
+        1.5,
+        "m",
+        "spacing of the gathered animals (r_a); one farther than r_a N^(2/3) from the herd's centre is a stray",
+        0.1,
+        100,
+    )
+    behind: float = quantity(8.0, "m", "distance kept behind a stray, and behind the edge of the herd", 0.1, 200)
+    near: float = quantity(5.0, "m", "nearer than this to one of the animals it moves slowly", 0, 200)
+    delivered: float = quantity(12.0, "m", "a herd whose centre is this near to the shepherd is left alone", 0, 1000)
+    pace: float = quantity(0.6, "1", "share of its fleeing speed at which it moves around the herd", 0.01, 1)
 
 
 @drive("gather", Params, notices=("hunt", "follow"))

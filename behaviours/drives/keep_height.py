@@ -14,8 +14,10 @@ from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards
 class Params(DriveParameters):
     """Which height."""
 
-    height: float = quantity(0.0, "m", "above the ground; 0: where its species flies", 0, 1e5)
-    slack: float = quantity(5.0, "m", "so far off it asks for half of the body; less when nearer", 0.1, 1e4)
+    height: float = quantity(0.0, "m", "height above the ground; 0: the usual height of the species", 0, 1e5)
+    slack: float = quantity(
+        5.0, "m", "height error at which it requests half of the control; less when nearer", 0.1, 1e4
+    )
 
 
 @drive("keep_height", Params)

@@ -25,13 +25,13 @@ CREEP = 0.3  # m/s that a bird sinks at least
 class LandParams(DriveParameters):
     """How steeply."""
 
-    steepness: float = quantity(1.0, "1", "times the speed at which its species sinks", 0.1, 1)
+    steepness: float = quantity(1.0, "1", "factor of the species' sink rate while landing", 0.1, 1)
 
 
 class TakeOffParams(DriveParameters):
     """How far beyond the slowest flight."""
 
-    margin: float = quantity(1.3, "1", "times the slowest flight, before it steers again", 1, 3)
+    margin: float = quantity(1.3, "1", "take-off speed, as a multiple of the slowest flying speed", 1, 3)
 
 
 @drive("land", LandParams, always=True)

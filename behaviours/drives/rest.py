@@ -13,7 +13,7 @@ from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards
 class Params(DriveParameters):
     """How deeply."""
 
-    depth: float = quantity(1.0, "1", "share of the body that rests; the brush has what is left", 0, 1)
+    depth: float = quantity(1.0, "1", "share of control used for resting; the brush has the rest", 0, 1)
 
 
 @drive("rest", Params)

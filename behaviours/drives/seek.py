@@ -19,13 +19,13 @@ class Params(DriveParameters):
 
     what: Literal["guide", "place"] = Field(
         "guide",
-        description="guide: along guides, to the goal, and where a flock is bound; place: to (x, y)",
+        description="guide: follow guides to the goal or to the flock's destination; place: go to (x, y)",
         json_schema_extra={"unit": "-"},
     )
-    x: float = quantity(0.0, "m", "of the place, east", -1e6, 1e6)
-    y: float = quantity(0.0, "m", "of the place, north", -1e6, 1e6)
-    near: float = quantity(3.0, "m", "nearer than this it is there", 0, 1e5)
-    pace: float = quantity(1.0, "1", "times the speed of its brush", 0, 10)
+    x: float = quantity(0.0, "m", "east coordinate of the place", -1e6, 1e6)
+    y: float = quantity(0.0, "m", "north coordinate of the place", -1e6, 1e6)
+    near: float = quantity(3.0, "m", "the place is reached when nearer than this", 0, 1e5)
+    pace: float = quantity(1.0, "1", "factor of the brush's speed", 0, 10)
 
 
 @drive("seek", Params)

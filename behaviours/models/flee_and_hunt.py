@@ -13,9 +13,12 @@ neighbour, and the vulnerable are the near ones with few others about them.
 
 from __future__ import annotations
 
+from typing import ClassVar, NamedTuple
+
 import numpy as np
-from flockbrush.behaviours.behaviour import behaviour, kinds_in, quantity
+from flockbrush.behaviours.behaviour import ByRow, behaviour, kinds_in, quantity
 from flockbrush.behaviours.models import herd
+from flockbrush.behaviours.sliders import DesignerSlider, moves
 from flockbrush.engine.parallel import over_rows
 from numba import njit
 
@@ -23,27 +26,53 @@ from numba import njit
 class FleeParams(herd.Params):
     """The herd's parameters, and fear."""
 
-    flight_distance: float = quantity(12.0, "body lengths", "a predator seen nearer than this is fled from", 0.5, 100)
-    fear_weight: float = quantity(3.0, "1", "larger turns away from predators sooner, against the herd", 0, 100)
-    panic_pace: float = quantity(3.0, "1", "how many times faster an animal runs with a predator upon it", 1, 20)
-    contagion: float = quantity(0.7, "1", "how much of the neighbours' haste an animal takes over", 0, 0.95)
+    flight_distance: float = quantity(
+        12.0, "body lengths", "an animal flees from a predator that it sees nearer than this", 0.5, 100
+    )
+    fear_weight: float = quantity(
+        3.0, "1", "weight of fear against the herd's forces; larger: turns away from predators faster", 0, 100
+    )
+    panic_pace: float = quantity(3.0, "1", "speed factor when a predator is very close", 1, 20)
+    contagion: float = quantity(0.7, "1", "share of the neighbours' haste that an animal adopts", 0, 0.95)
+
+    sliders: ClassVar = {
+        **herd.Params.sliders,
+        "nerve": DesignerSlider(
+            "Bold to fearful",
+            (moves("flight_distance", 2.0, 60.0, True), moves("panic_pace", 1.0, 6.0, True)),
+        ),
+    }
 
 
 class HuntParams(herd.Params):
     """The pack's parameters, and the chase."""
 
-    chase_distance: float = quantity(30.0, "body lengths", "prey seen nearer than this is followed", 0.5, 200)
-    charge_distance: float = quantity(8.0, "body lengths", "nearer than this the pack's rules are left", 0.5, 200)
-    chase_weight: float = quantity(0.6, "1", "larger heads for the prey sooner, against the pack's line", 0, 100)
-    chase_pace: float = quantity(1.5, "1", "how many times faster on the way to the prey", 0.1, 20)
-    charge_pace: float = quantity(2.5, "1", "how many times faster in the last rush", 0.1, 20)
+    chase_distance: float = quantity(
+        30.0, "body lengths", "a hunter follows prey that it sees nearer than this", 0.5, 200
+    )
+    charge_distance: float = quantity(
+        8.0, "body lengths", "nearer than this to the prey, a hunter ignores the pack", 0.5, 200
+    )
+    chase_weight: float = quantity(
+        0.6, "1", "weight of the prey against the pack's forces; larger: turns to the prey faster", 0, 100
+    )
+    chase_pace: float = quantity(1.5, "1", "speed factor during the approach", 0.1, 20)
+    charge_pace: float = quantity(2.5, "1", "speed factor during the final charge", 0.1, 20)
     crowd_penalty: float = quantity(
         1.0,
         "body lengths",
-        "each animal that the prey sees counts as this much distance: larger singles out strays",
+        "distance added for each animal that the prey sees; larger: hunters prefer isolated prey",
         0,
         100,
     )
+
+    sliders: ClassVar = {
+        **herd.Params.sliders,
+        "nerve": DesignerSlider(
+            "Attacks near prey only to chases all prey in sight",
+            (moves("chase_distance", 5.0, 120.0, True), moves("charge_distance", 2.0, 60.0, True)),
+        ),
+    }
 
 
 def explain_flight(scene, row, p):
@@ -95,15 +124,49 @@ def _in_view(scene, i):
     return scene.near[seen], scene.offset[seen]
 
 
+class Movers(NamedTuple):
+    """Who flees, hunts and is met, by row."""
+
+    length: np.ndarray  # (n,) m
+    forward: np.ndarray  # (n, 3)
+    velocity: np.ndarray  # (n, 3) m/s
+    speed: np.ndarray  # (n,) m/s
+    species: np.ndarray  # (n,)
+    kind: np.ndarray  # (n,)
+
+
+class Fright(NamedTuple):
+    """The parameters of those who flee."""
+
+    flight_distance: float
+    push: float  # rad, in a tick
+    panic_pace: float
+    contagion: float
+
+
+class Chase(NamedTuple):
+    """The parameters of those who hunt."""
+
+    distance: float
+    charge_distance: float
+    turn: float  # rad, in a tick
+    pace: float
+    charge_pace: float
+    crowd_penalty: float
+
+
+def _movers(s, kinds):
+    return Movers(s.length, s.forward, s.velocity, s.speed, s.species, kinds.kind)
+
+
 @behaviour("flee", FleeParams, explain=explain_flight, has=("flee",))
 def flee(scene, rows, p):
     """The herd's wish, turned away from every predator in view, and hurried."""
     wishes, kinds = herd.steer(scene, rows, p), kinds_in(scene)
-    over_rows(
-        _flee, len(rows), rows, scene.dt, scene.length, scene.velocity, scene.speed, scene.species, kinds.kind,
-        kinds.fears, scene.first, scene.near, scene.offset,
-        p.sensitivity, p.flight_distance, p.fear_weight, p.panic_pace, p.contagion, wishes.direction, wishes.pace,
-    )  # fmt: skip
+    fright = Fright(p.flight_distance, scene.dt * p.sensitivity * p.fear_weight, p.panic_pace, p.contagion)
+    seen = ByRow(scene.first, scene.near, scene.offset)
+    wished = wishes.direction, wishes.pace
+    over_rows(_flee, len(rows), rows, _movers(scene, kinds), kinds.fears, seen, fright, *wished)
     return wishes
 
 
@@ -111,19 +174,18 @@ def flee(scene, rows, p):
 def hunt(scene, rows, p):
     """The pack's wish until prey is seen; then towards the most vulnerable one."""
     wishes, kinds = herd.steer(scene, rows, p), kinds_in(scene)
-    over_rows(
-        _hunt, len(rows), rows, scene.dt, scene.length, scene.forward, scene.velocity, scene.speed, kinds.kind,
-        kinds.prey, scene.first, scene.near, scene.offset, p.sensitivity, p.chase_distance,
-        p.charge_distance, p.chase_weight, p.chase_pace, p.charge_pace, p.crowd_penalty, wishes.direction, wishes.pace,
-    )  # fmt: skip
+    turn = scene.dt * p.sensitivity * p.chase_weight
+    chase = Chase(p.chase_distance, p.charge_distance, turn, p.chase_pace, p.charge_pace, p.crowd_penalty)
+    seen = ByRow(scene.first, scene.near, scene.offset)
+    wished = wishes.direction, wishes.pace
+    over_rows(_hunt, len(rows), rows, _movers(scene, kinds), kinds.prey, seen, chase, *wished)
     return wishes
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _flee(
-    lo, hi, rows, dt, length, velocity, speed, species, kind, fears, first, near, offset,
-    sensitivity, flight_distance, fear_weight, panic_pace, contagion, direction, pace,
-):  # fmt: skip
+def _flee(lo, hi, rows, movers, fears, seen, fright, direction, pace):
+    length, _, velocity, speed, species, kind = movers
+    (first, near, offset), (flight_distance, push, panic_pace, contagion) = seen, fright
     for k in range(lo, hi):
         i = rows[k]
         flight = flight_distance * length[i]
@@ -147,14 +209,14 @@ def _flee(
         if kin:
             wanted = max(wanted, 1.0 + contagion * (haste / kin - 1.0))
         pace[k] *= wanted
-        _lean(direction, k, dt * sensitivity * fear_weight * ax, dt * sensitivity * fear_weight * ay)
+        _lean(direction, k, push * ax, push * ay)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _hunt(
-    lo, hi, rows, dt, length, forward, velocity, speed, kind, prey, first, near, offset,
-    sensitivity, chase_distance, charge_distance, chase_weight, chase_pace, charge_pace, crowd_penalty, direction, pace,
-):  # fmt: skip
+def _hunt(lo, hi, rows, movers, prey, seen, chase, direction, pace):
+    length, forward, velocity, speed, _, kind = movers
+    first, near, offset = seen
+    chase_distance, charge_distance, turn, chase_pace, charge_pace, crowd_penalty = chase
     for k in range(lo, hi):
         i = rows[k]
         unit = length[i]
@@ -185,7 +247,6 @@ def _hunt(
             direction[k, 0], direction[k, 1] = x, y
             pace[k] *= charge_pace
         else:
-            turn = dt * sensitivity * chase_weight
             _lean(direction, k, turn * x, turn * y)
             pace[k] *= chase_pace
 

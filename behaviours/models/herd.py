@@ -26,10 +26,20 @@ ignored.
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity, share_guided, who_is_guided
+from flockbrush.behaviours.behaviour import (
+    ByRow,
+    Guided,
+    Parameters,
+    Wishes,
+    behaviour,
+    quantity,
+    share_guided,
+    who_is_guided,
+)
+from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
 from flockbrush.engine.lane_maths import exponential, lane_function, square_of_angle
 from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, splat8, store, total
 from flockbrush.engine.maths import sincos_
@@ -45,54 +55,91 @@ class Params(Parameters):
     A radial range of 1 is four body lengths, an angular range of 1 is 180°; both are the sigmas of Gaussians.
     """
 
-    avoidance_weight: float = quantity(0.25, "1", "larger keeps more room between animals (W_FV)", 0, 1)
-    avoidance_radial: float = quantity(0.7, "4 body lengths", "how far avoidance reaches (R_FV)", 1e-3, 1)
-    avoidance_angular: float = quantity(1.0, "180°", "how far to the sides and back avoidance reaches (Φ_FV)", 1e-3, 1)
-    cohesion_weight: float = quantity(0.15, "1", "larger draws the herd closer together (W_FC)", 0, 1)
-    cohesion_radial: float = quantity(1.0, "4 body lengths", "how far cohesion reaches (R_FC)", 1e-3, 1)
-    cohesion_angular: float = quantity(0.5, "180°", "how far to the sides and back cohesion reaches (Φ_FC)", 1e-3, 1)
-    alignment_weight: float = quantity(0.15, "1", "larger turns sooner the way the neighbours face (W_FA)", 0, 1)
-    alignment_radial: float = quantity(1.0, "4 body lengths", "how far alignment reaches (R_FA)", 1e-3, 1)
-    alignment_angular: float = quantity(0.5, "180°", "how far to the sides and back alignment reaches (Φ_FA)", 1e-3, 1)
-    obstacle_weight: float = quantity(0.15, "1", "larger turns away from obstacles sooner (W_FO)", 0, 1)
-    obstacle_radial: float = quantity(1.0, "4 body lengths", "how far away obstacles count (R_FO)", 1e-3, 1)
-    obstacle_angular: float = quantity(0.5, "180°", "how far to the sides obstacles count (Φ_FO)", 1e-3, 1)
-    sensitivity: float = quantity(10.0, "1/s", "how fast animals answer to all forces together (Ω)", 0, 1000)
+    avoidance_weight: float = quantity(0.25, "1", "larger: animals keep farther apart (W_FV)", 0, 1)
+    avoidance_radial: float = quantity(0.7, "4 body lengths", "reach of avoidance in distance (R_FV)", 1e-3, 1)
+    avoidance_angular: float = quantity(
+        1.0, "180°", "reach of avoidance in bearing, from straight ahead (Φ_FV)", 1e-3, 1
+    )
+    cohesion_weight: float = quantity(0.15, "1", "larger: the herd is closer together (W_FC)", 0, 1)
+    cohesion_radial: float = quantity(1.0, "4 body lengths", "reach of cohesion in distance (R_FC)", 1e-3, 1)
+    cohesion_angular: float = quantity(0.5, "180°", "reach of cohesion in bearing, from straight ahead (Φ_FC)", 1e-3, 1)
+    alignment_weight: float = quantity(0.15, "1", "larger: animals turn faster to the neighbours' heading (W_FA)", 0, 1)
+    alignment_radial: float = quantity(1.0, "4 body lengths", "reach of alignment in distance (R_FA)", 1e-3, 1)
+    alignment_angular: float = quantity(
+        0.5, "180°", "reach of alignment in bearing, from straight ahead (Φ_FA)", 1e-3, 1
+    )
+    obstacle_weight: float = quantity(0.15, "1", "larger: animals turn away from obstacles faster (W_FO)", 0, 1)
+    obstacle_radial: float = quantity(1.0, "4 body lengths", "reach of obstacle avoidance in distance (R_FO)", 1e-3, 1)
+    obstacle_angular: float = quantity(
+        0.5, "180°", "reach of obstacle avoidance in bearing, from straight ahead (Φ_FO)", 1e-3, 1
+    )
+    sensitivity: float = quantity(
+        10.0, "1/s", "response to the sum of all forces; larger: animals turn faster (Ω)", 0, 1000
+    )
     neighbour_range: float = quantity(4.0, "body lengths", "neighbours farther away are ignored", 0.5, 20)
     leader_neighbours: int = Field(
         default=2,
         ge=-1,
         le=100,
-        description="an animal that sees at most this many others leads; -1: none leads",
+        description="an animal that sees at most this many others is a leader; -1: there are no leaders",
         json_schema_extra={"unit": "animals"},
     )
     leader_cone: float = quantity(
-        360.0, "degrees", "the angle, centred ahead, in which those others count; less lets the front row lead", 1, 360
+        360.0,
+        "degrees",
+        "angle, centred ahead, in which the others are counted; with a smaller angle the front row leads",
+        1,
+        360,
     )
-    leader_blend: float = quantity(0.0, "1", "how much a leader still listens to its neighbours", 0, 1)
-    guided: Guided = who_is_guided("front", "leaders by the parameters above, all, a share, or appointed ones")
+    leader_blend: float = quantity(
+        0.0, "1", "how strongly a leader also responds to its neighbours; 0: not at all", 0, 1
+    )
+    guided: Guided = who_is_guided(
+        "front", "the leaders as defined above (front), all, a share, or only appointed ones"
+    )
     guided_share: float = share_guided()
     unled: Literal["return", "keep"] = Field(
         default="return",
-        description="what a leader does where no guide reaches: return to the others, or keep its way (the paper)",
+        description="what a leader does where no guide reaches: return to the others, or keep its heading (the paper)",
         json_schema_extra={"unit": "-"},
     )
     max_turn: float = quantity(
         10.0,
         "rad/s",
-        "the fastest an animal turns; keeps a change of brush from jerking (the paper has no limit)",
+        "fastest turn; prevents jerks when the brush changes (the paper has no limit)",
         0.1,
         200,
     )
-    slope_aversion: float = quantity(2.0, "1/s", "larger turns sooner downhill on steep ground", 0, 100)
+    slope_aversion: float = quantity(2.0, "1/s", "larger: animals turn downhill faster on steep ground", 0, 100)
     wander: float = quantity(
         0.0,
         "rad/√s",
-        "random turning: headings drift by so much in a second (the paper has none); loosens jams",
+        "random turning: standard deviation of the heading after 1 s (0 in the paper); loosens jams",
         0,
         10,
         chance=True,
     )
+
+    sliders: ClassVar = {
+        "tightness": DesignerSlider(
+            "Spread out to close together",
+            (moves("cohesion_weight", 0.0, 1.0), moves("cohesion_radial", 0.5, 1.0)),
+        ),
+        "order": DesignerSlider(
+            "Random headings to common heading",
+            (moves("alignment_weight", 0.0, 1.0), moves("alignment_radial", 0.5, 1.0)),
+        ),
+        "personal space": DesignerSlider(
+            "Close contact to wide spacing",
+            (moves("avoidance_radial", 0.1, 1.0, True), moves("avoidance_weight", 0.02, 1.0, True)),
+        ),
+        "nerve": DesignerSlider(
+            "Slow to quick reactions",
+            (moves("sensitivity", 1.0, 100.0, True), moves("max_turn", 1.0, 30.0, True)),
+        ),
+        "wander": DesignerSlider("Straight paths to random turns", (moves("wander", 0.0, 3.0),)),
+        **SLIDERS,
+    }
 
 
 def explain(scene, row, p):
@@ -171,80 +218,85 @@ def scaled(reasons, by):
     return {name: by * vector for name, vector in reasons.items()}
 
 
+class HerdState(NamedTuple):
+    """Who turns and who is looked at, by row."""
+
+    forward: Any  # (n, 3) unit headings
+    length: Any  # (n,) m
+    species: Any  # (n,) int32, the same for those who keep together
+    leader: Any  # (n,)
+    memory: Any  # (n, 2) m, from the animal to where it last saw others
+    known: Any  # (n,) 1 where there is such a memory
+
+
+class Land(NamedTuple):
+    """What the land says to each animal, by row."""
+
+    first: Any  # (n + 1,) obstacles of row i are walls[first[i]:first[i + 1]]
+    walls: Any  # (k, 2) m, from the animal to the nearest point of an obstacle
+    guidance: Any  # (n, 2)
+    slope: Any  # (n, 2)
+
+
+class Forces(NamedTuple):
+    """The parameters of a herd in body lengths and radians."""
+
+    weight: Any  # (4,) of avoidance, cohesion, alignment and obstacles
+    radial: Any  # (4,) 1 / (2 sigma^2) in distance
+    angular: Any  # (4,) likewise in bearing
+    turn: float  # sensitivity, 1/s; in kernels that of a tick
+    downhill: float  # slope aversion, likewise
+    neighbour_range: float
+    leader_blend: float
+    unled_returns: bool
+
+
 @behaviour("herd", Params, explain=explain, by_slot=True)
 def steer(scene, rows, p):
     """Turn by social forces; leaders by the navigation field."""
-    direction, pace = np.zeros((len(rows), 3)), np.ones(len(rows))
-    seen = scene.by_slot
+    direction, pace, s = np.zeros((len(rows), 3)), np.ones(len(rows)), scene
+    herd = HerdState(s.forward, s.length, s.species, s.leader, s.memory, s.known)
+    land = Land(s.obstacle_first, s.obstacle_offset, s.guidance, s.slope)
+    kernel, seen = herd_kernel_by_slot, s.by_slot
     if seen is None:
-        kernel, seen = herd_kernel, (scene.first, scene.near, scene.offset)
-    else:
-        kernel = herd_kernel_by_slot
-    over_rows(kernel, len(rows), rows, *_columns(scene, seen), *kernel_params(p), direction)
+        kernel, seen = herd_kernel, ByRow(s.first, s.near, s.offset)
+    over_rows(kernel, len(rows), rows, s.dt, herd, seen, land, forces_of(p), direction)
     if p.wander > 0.0:
-        drift = p.wander * np.sqrt(scene.dt)
-        over_rows(wander_kernel, len(rows), rows, scene.ids, scene.key("wander"), drift, direction)
+        drift = p.wander * np.sqrt(s.dt)
+        over_rows(wander_kernel, len(rows), rows, s.ids, s.key("wander"), drift, direction)
     return Wishes(direction, pace)
 
 
-def _columns(s, seen):
-    """What the kernels read, in their order."""
-    return (
-        s.dt, s.forward, s.length, s.species, s.leader, *seen, s.obstacle_first, s.obstacle_offset,
-        s.guidance, s.slope, s.memory, s.known,
-    )  # fmt: skip
-
-
-def kernel_params(p):
-    """The parameters in the order of the kernels; ranges become body lengths and radians."""
+def forces_of(p):
+    """The parameters as the kernels want them."""
     names = "avoidance", "cohesion", "alignment", "obstacle"
     weight = np.array([getattr(p, f"{name}_weight") for name in names])
     radial = np.array([4.0 * getattr(p, f"{name}_radial") for name in names])
     angular = np.array([np.pi * getattr(p, f"{name}_angular") for name in names])
-    return (
-        weight, 0.5 / radial**2, 0.5 / angular**2, p.sensitivity, p.neighbour_range, p.leader_blend,
-        p.unled == "return", p.slope_aversion,
+    return Forces(
+        weight, 0.5 / radial**2, 0.5 / angular**2, p.sensitivity, p.slope_aversion, p.neighbour_range,
+        p.leader_blend, p.unled == "return",
     )  # fmt: skip
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def herd_kernel(
-    lo, hi, rows,
-    dt, forward, length, species, leader, first, near, offset, obstacle_first, obstacle_offset,
-    guidance, slope, memory, known,
-    weight, radial, angular, sensitivity, neighbour_range, leader_blend, unled_returns, slope_aversion,
-    direction,
-):  # fmt: skip
+def herd_kernel(lo, hi, rows, dt, herd, seen, land, forces, direction):
     """The next heading of each row asked (eqs. 2-5); neighbours by row."""
     most = np.int64(1)  # a plain 1 is a type of its own, for which numba would compile `_room` once more
     for k in range(lo, hi):
-        most = max(most, first[rows[k] + 1] - first[rows[k]])
-    heeded = np.empty((5, _room(lo, hi, rows, most, obstacle_first)))
-    _by_row(
-        lo, hi, rows, dt, forward, length, species, leader, first, near, offset, obstacle_first, obstacle_offset,
-        guidance, slope, memory, known, weight, radial, angular, sensitivity, neighbour_range, leader_blend,
-        unled_returns, slope_aversion, direction, heeded,
-    )  # fmt: skip
+        most = max(most, seen.first[rows[k] + 1] - seen.first[rows[k]])
+    heeded = np.empty((5, _room(lo, hi, rows, most, land.first)))
+    _by_row(lo, hi, rows, dt, herd, seen, land, forces, direction, heeded)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def herd_kernel_by_slot(
-    lo, hi, rows,
-    dt, forward, length, species, leader, slot, begin, count, seen, x, y, fx, fy, kind, obstacle_first,
-    obstacle_offset, guidance, slope, memory, known,
-    weight, radial, angular, sensitivity, neighbour_range, leader_blend, unled_returns, slope_aversion,
-    direction,
-):  # fmt: skip
+def herd_kernel_by_slot(lo, hi, rows, dt, herd, seen, land, forces, direction):
     """The same, with the same bits; neighbours by slot (`flockbrush.behaviours.behaviour.BySlot`)."""
     most = np.int64(1)  # a plain 1 is a type of its own, for which numba would compile `_room` once more
     for k in range(lo, hi):
-        most = max(most, count[rows[k]])
-    heeded = np.empty((5, _room(lo, hi, rows, most, obstacle_first)))
-    _by_slot(
-        lo, hi, rows, dt, forward, length, species, leader, slot, begin, count, seen, x, y, fx, fy, kind,
-        obstacle_first, obstacle_offset, guidance, slope, memory, known, weight, radial, angular, sensitivity,
-        neighbour_range, leader_blend, unled_returns, slope_aversion, direction, heeded,
-    )  # fmt: skip
+        most = max(most, seen.count[rows[k]])
+    heeded = np.empty((5, _room(lo, hi, rows, most, land.first)))
+    _by_slot(lo, hi, rows, dt, herd, seen, land, forces, direction, heeded)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
@@ -258,57 +310,55 @@ def _room(lo, hi, rows, most, obstacle_first):
     return (most + 3 * EIGHT) // EIGHT * EIGHT | EIGHT
 
 
+@lane_function
+def _pointers(dt, herd, land, forces):
+    """The same tuples by pointers: arrays would be counted at every call, which costs more than the work."""
+    herd = HerdState(
+        pointer(herd.forward), pointer(herd.length), pointer(herd.species), pointer(herd.leader), pointer(herd.memory),
+        pointer(herd.known),
+    )  # fmt: skip
+    land = Land(pointer(land.first), pointer(land.walls), pointer(land.guidance), pointer(land.slope))
+    f = forces
+    return herd, land, Forces(
+        pointer(f.weight), pointer(f.radial), pointer(f.angular), dt * f.turn, dt * f.downhill,
+        f.neighbour_range, f.leader_blend, f.unled_returns,
+    )  # fmt: skip
+
+
 @njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-def _by_row(
-    lo, hi, rows,
-    dt, forward, length, species, leader, first, near, offset, obstacle_first, obstacle_offset,
-    guidance, slope, memory, known,
-    weight, radial, angular, sensitivity, neighbour_range, leader_blend, unled_returns, slope_aversion,
-    direction, heeded,
-):  # fmt: skip
-    column, step, cut = pointer(heeded), heeded.shape[1], neighbour_range * neighbour_range
-    own = pointer(length), pointer(forward), pointer(leader), pointer(known)
-    land = pointer(guidance), pointer(slope), pointer(memory), pointer(obstacle_offset)
-    rule = pointer(weight), pointer(radial), pointer(angular), dt * sensitivity, dt * slope_aversion
+def _by_row(lo, hi, rows, dt, herd, seen, land, forces, direction, heeded):
+    column, step, cut = pointer(heeded), heeded.shape[1], forces.neighbour_range * forces.neighbour_range
+    own, near, rule = _pointers(dt, herd, land, forces)
     for k in range(lo, hi):
         i = rows[k]
-        per_length, n = 1.0 / length[i], np.int64(0)
-        for at in range(first[i], first[i + 1]):
-            j, dx, dy = near[at], offset[at, 0] * per_length, offset[at, 1] * per_length
-            kin = 1.0 if species[j] == species[i] else 0.0
-            n += _heed(n, dx, dy, forward[j, 0], forward[j, 1], kin, cut, column, step)
-        hx, hy = _heading(
-            i, n, obstacle_first[i], obstacle_first[i + 1], own, land, rule, leader_blend, unled_returns, column, step
+        per_length, n = 1.0 / herd.length[i], np.int64(0)
+        for at in range(seen.first[i], seen.first[i + 1]):
+            j, dx, dy = seen.near[at], seen.offset[at, 0] * per_length, seen.offset[at, 1] * per_length
+            kin = 1.0 if herd.species[j] == herd.species[i] else 0.0
+            n += _heed(n, dx, dy, herd.forward[j, 0], herd.forward[j, 1], kin, cut, column, step)
+        direction[k, 0], direction[k, 1] = _heading(
+            i, n, land.first[i], land.first[i + 1], own, near, rule, column, step
         )
-        direction[k, 0], direction[k, 1] = hx, hy
 
 
 @njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-def _by_slot(
-    lo, hi, rows,
-    dt, forward, length, species, leader, slot, begin, count, seen, x, y, fx, fy, kind, obstacle_first,
-    obstacle_offset, guidance, slope, memory, known,
-    weight, radial, angular, sensitivity, neighbour_range, leader_blend, unled_returns, slope_aversion,
-    direction, heeded,
-):  # fmt: skip
-    column, step, cut = pointer(heeded), heeded.shape[1], neighbour_range * neighbour_range
-    own = pointer(length), pointer(forward), pointer(leader), pointer(known)
-    land = pointer(guidance), pointer(slope), pointer(memory), pointer(obstacle_offset)
-    rule = pointer(weight), pointer(radial), pointer(angular), dt * sensitivity, dt * slope_aversion
-    herd = pointer(x), pointer(y), pointer(fx), pointer(fy), pointer(kind), pointer(seen)
+def _by_slot(lo, hi, rows, dt, herd, seen, land, forces, direction, heeded):
+    column, step, cut = pointer(heeded), heeded.shape[1], forces.neighbour_range * forces.neighbour_range
+    own, near, rule = _pointers(dt, herd, land, forces)
+    px, py, pu, pv = pointer(seen.x), pointer(seen.y), pointer(seen.fx), pointer(seen.fy)
+    pk, who = pointer(seen.species), pointer(seen.seen)
     for k in range(lo, hi):
         i = rows[k]
-        n, s, per_length = np.int64(0), slot[i], 1.0 / length[i]
-        if count[i] > 0:
-            px, py, pu, pv, pk, who = herd
-            for at in range(begin[s], begin[s] + count[i]):
+        n, s, per_length, kind = np.int64(0), seen.slot[i], 1.0 / herd.length[i], herd.species[i]
+        if seen.count[i] > 0:
+            x, y = px[s], py[s]
+            for at in range(seen.begin[s], seen.begin[s] + seen.count[i]):
                 j = who[at]
-                dx, dy = (px[j] - px[s]) * per_length, (py[j] - py[s]) * per_length
-                n += _heed(n, dx, dy, pu[j], pv[j], 1.0 if pk[j] == species[i] else 0.0, cut, column, step)
-        hx, hy = _heading(
-            i, n, obstacle_first[i], obstacle_first[i + 1], own, land, rule, leader_blend, unled_returns, column, step
+                dx, dy, kin = (px[j] - x) * per_length, (py[j] - y) * per_length, 1.0 if pk[j] == kind else 0.0
+                n += _heed(n, dx, dy, pu[j], pv[j], kin, cut, column, step)
+        direction[k, 0], direction[k, 1] = _heading(
+            i, n, land.first[i], land.first[i + 1], own, near, rule, column, step
         )
-        direction[k, 0], direction[k, 1] = hx, hy
 
 
 @lane_function
@@ -320,11 +370,11 @@ def _heed(n, x, y, u, v, kin, cut, column, step):
 
 
 @lane_function
-def _heading(i, n, wall, last_wall, own, land, rule, leader_blend, unled_returns, column, step):
+def _heading(i, n, wall, last_wall, herd, land, forces, column, step):
     """The next heading of an animal who heeds n others and these obstacles (eqs. 2 and 3)."""
-    length, forward, leader, known = own
-    guidance, slope, memory, walls = land
-    weight, radial, angular, turn, downhill = rule
+    forward, length, _, leader, memory, known = herd
+    _, walls, guidance, slope = land
+    weight, radial, angular, turn, downhill, _, leader_blend, unled_returns = forces
     fx, fy, per_length = forward[3 * i], forward[3 * i + 1], 1.0 / length[i]
     sx, sy = _social_forces(n, fx, fy, weight, radial, angular, column, step)
     if last_wall > wall:

@@ -18,13 +18,14 @@ take turns, inverted shapes (one tip leads, the other flies level with it), heig
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 from flockbrush.behaviours.behaviour import Flight, Parameters, Wishes, air_of, behaviour, frozen, quantity
 from flockbrush.behaviours.formation.formation_shapes import Curve, Formation, FrameShape
 from flockbrush.behaviours.formation.reaching import FormingRules, limited_speed_, limited_turn_, reach_, wrap_
 from flockbrush.behaviours.formation.steady_flight import Drawing, SteadyFlight
+from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
 from flockbrush.engine.maths import atan2_, sincos_
 from flockbrush.engine.parallel import over_rows
 from numba import njit
@@ -39,41 +40,63 @@ Shape = Literal["V", "U", "J", "line", "inverted V", "inverted U"]
 class Params(Parameters):
     """The shape, how alive it is, and how birds reach their places in it."""
 
-    wingspan: float = quantity(1.7, "body lengths", "wing tip to wing tip; all distances of the model", 0.1, 20)
-    shape: Shape = Field("V", description="what they fly as", json_schema_extra={"unit": "-"})
-    spacing: float = quantity(1.25, "wingspans", "to the side, from bird to bird", 0.9, 10)
-    slope: float = quantity(0.8, "1", "of V and line: how far back the next flies for each wingspan aside", 0.1, 5)
-    slope_right: float = quantity(
-        0.0, "1", "of a V: that of the right arm, where it is another than the left one's; 0: the same", 0, 5
+    wingspan: float = quantity(
+        1.7, "body lengths", "distance between the wingtips; unit of all distances of the model", 0.1, 20
     )
-    curvature: float = quantity(0.05, "1/wingspans", "of U and J: larger bends the arms back sooner", 0.001, 1)
+    shape: Shape = Field("V", description="shape of the formation", json_schema_extra={"unit": "-"})
+    spacing: float = quantity(1.25, "wingspans", "lateral distance from bird to bird", 0.9, 10)
+    slope: float = quantity(0.8, "1", "V and line: how far back the next bird flies per wingspan to the side", 0.1, 5)
+    slope_right: float = quantity(0.0, "1", "V: slope of the right arm, if it differs from the left; 0: the same", 0, 5)
+    curvature: float = quantity(
+        0.05, "1/wingspans", "U and J: curvature of the arms; larger: they bend back sooner", 0.001, 1
+    )
     left: float = quantity(
-        0.5, "1", "share of the birds on the left of the leader; V and U: .5, J: .2, line: 0 or 1", 0, 1
+        0.5, "1", "share of the birds on the left of the leader; V and U: 0.5, J: 0.2, line: 0 or 1", 0, 1
     )
-    deviation: float = quantity(
-        0.15, "wingspans", "how far birds are from the shape in the example; 0 makes it stiff", 0, 2
-    )
+    deviation: float = quantity(0.15, "wingspans", "deviation of birds from the shape in the example; 0: rigid", 0, 2)
     lateral: float = quantity(
-        0.0, "wingspans", "how unlike lateral distances are in the example, and so how they change; 0: constant", 0, 2
+        0.0,
+        "wingspans",
+        "standard deviation of lateral distances in the example, and so their variation in flight; 0: constant",
+        0,
+        2,
     )
     switching: float = quantity(
-        0.0, "1", "share of the example's frames, each a minute or more, in which one flies on the other side", 0, 1
+        0.0, "1", "share of the example's frames (each a minute or more) in which a bird flies on the other side", 0, 1
     )
-    drift: float = quantity(0.4, "wingspans/s", "the fastest through the formation, once it stands", 0.01, 5)
-    turns: float = quantity(0.0, "s", "how long one leads before the next does; 0 never changes", 0, 3600)
-    leader_turn: float = quantity(0.1, "rad/s", "how fast the leader turns, and the flock with it", 0.01, 2)
-    leader_climb: float = quantity(0.12, "1", "how steeply the leader climbs at most, share of the speed", 0, 1)
-    gain: float = quantity(0.06, "1/√wingspans", "K of eq. 5: larger catches up faster", 0, 0.5)
-    turning: float = quantity(0.2, "1", "α of eq. 6: larger turns sooner to the place", 0.01, 1)
-    slowest: float = quantity(0.6, "1", "share of its own speed below which no bird falls", 0.1, 1)
-    fastest: float = quantity(1.6, "1", "times its own speed, above which no bird goes", 1, 4)
-    separation_distance: float = quantity(10.0, "wingspans", "rivals for a place part when nearer than this", 0.5, 1000)
-    margin: float = quantity(1.1, "wingspans", "approaches nearer than this are parted in height", 0, 5)
-    foresight: float = quantity(2.0, "s", "how far ahead it looks for obstacles, in time of flight", 0, 60)
+    drift: float = quantity(0.4, "wingspans/s", "fastest movement of a bird within a settled formation", 0.01, 5)
+    turns: float = quantity(
+        0.0, "s", "how long a bird leads before the next takes over; 0: the leader never changes", 0, 3600
+    )
+    leader_turn: float = quantity(0.1, "rad/s", "fastest turn of the leader, and so of the flock", 0.01, 2)
+    leader_climb: float = quantity(0.12, "1", "steepest climb of the leader, as a share of its speed", 0, 1)
+    gain: float = quantity(0.06, "1/√wingspans", "K of eq. 5; larger: birds catch up faster", 0, 0.5)
+    turning: float = quantity(0.2, "1", "α of eq. 6; larger: birds turn to their place faster", 0.01, 1)
+    slowest: float = quantity(0.6, "1", "lowest speed, as a multiple of the bird's own speed", 0.1, 1)
+    fastest: float = quantity(1.6, "1", "highest speed, as a multiple of the bird's own speed", 1, 4)
+    separation_distance: float = quantity(
+        10.0, "wingspans", "birds that compete for a place separate when nearer than this", 0.5, 1000
+    )
+    margin: float = quantity(1.1, "wingspans", "birds that would pass nearer than this separate in height", 0, 5)
+    foresight: float = quantity(2.0, "s", "how far ahead a bird looks for obstacles, as time of flight", 0, 60)
     meets: Literal["join", "pass"] = Field(
-        "join", description="what two skeins that see each other do; those that fly different ways pass",
+        "join", description="what two formations that see each other do; they always pass if their headings differ",
         json_schema_extra={"unit": "-"},
     )  # fmt: skip
+
+    sliders: ClassVar = {
+        "tightness": DesignerSlider("Wide to narrow lateral spacing", (moves("spacing", 3.0, 0.95, True),)),
+        "order": DesignerSlider("Irregular to exact formation", (moves("deviation", 1.0, 0.0),)),
+        "sweep": DesignerSlider(
+            "Flat to deep formation", (moves("slope", 0.2, 3.0, True), moves("curvature", 0.01, 0.3, True))
+        ),
+        "nerve": DesignerSlider(
+            "Slow to quick changes of place",
+            (moves("drift", 0.05, 2.0, True), moves("gain", 0.01, 0.2, True), moves("turning", 0.05, 0.8, True)),
+        ),
+        "wander": DesignerSlider("Constant to changing lateral places", (moves("lateral", 0.0, 1.0),)),
+        **SLIDERS,
+    }
 
 
 def flight_of(p):
@@ -91,6 +114,14 @@ class InFormation(NamedTuple):
     climb: np.ndarray  # (n,) m/s
     wind: np.ndarray  # (n, 3) m/s that blows at the bird
     felt: np.ndarray  # (n, 3) m/s of its velocity that was wind
+
+
+class Wings(NamedTuple):
+    """What a brush says of wings, and of how leaders fly."""
+
+    span: float  # body lengths
+    leader_turn: float  # rad/s
+    leader_climb: float  # share of the speed
 
 
 def explain(scene, row, p):
@@ -132,12 +163,9 @@ def steer(scene, rows, p):
                 np.zeros((n, 3)),
             )
         )
-    over_rows(
-        _steer, k, rows, scene.dt, scene.xyz, scene.velocity, scene.forward, scene.speed, scene.length, *known,
-        air.bound, air.target, scene.guidance,
-        rules_of(p), p.wingspan, p.leader_turn, p.leader_climb, direction, velocity,
-    )  # fmt: skip
-    return Wishes(direction, np.ones(k), velocity=velocity)
+    wishes, wings = Wishes(direction, np.ones(k), velocity=velocity), Wings(p.wingspan, p.leader_turn, p.leader_climb)
+    over_rows(_steer, k, rows, scene.dt, scene.animals, known, air, rules_of(p), wings, wishes)
+    return wishes
 
 
 def rules_of(p) -> FormingRules:
@@ -154,10 +182,13 @@ def frame_of(wing, speed):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _steer(
-    lo, hi, rows, dt, xyz, velocity, forward, own, length, reference, place, offset, track, climb, wind, felt,
-    bound, target, guidance, rules, wingspan, leader_turn, leader_climb, direction, wish,
-):  # fmt: skip
+def _steer(lo, hi, rows, dt, birds, known, air, rules, wings, wishes):
+    """Write the direction and the velocity of each bird."""
+    xyz, velocity, forward, own, length = birds.xyz, birds.velocity, birds.forward, birds.speed, birds.length
+    guidance, bound, target = birds.guidance, air.bound, air.target
+    reference, place, offset, track, climb, wind, felt = known
+    wingspan, leader_turn, leader_climb = wings
+    direction, wish = wishes.direction, wishes.velocity
     for k in range(lo, hi):
         i = rows[k]
         fx, fy = forward[i, 0], forward[i, 1]

@@ -8,12 +8,12 @@ from flockbrush.behaviours.trigger import KIN, Condition, Names, Reference, cond
 
 @condition
 class AloneFor(Condition):
-    """The animal has seen nobody of its own species for some time."""
+    """The animal has seen no animal of its own species for some time."""
 
     remembers = True
 
-    alone_for: TimeRange = given(..., "how long; of a range each draws its own")
-    species: Names = given((KIN,), "which animals it misses: names, `kin`, `others` or `anyone`")
+    alone_for: TimeRange = given(..., "how long; with a range, each animal draws its own")
+    species: Names = given((KIN,), "species that must be absent: names, `kin`, `others` or `anyone`")
     within: Length | None = given(None, "animals farther away than this do not count")
 
     def holds(self, senses, rows):

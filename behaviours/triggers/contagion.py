@@ -11,11 +11,11 @@ from flockbrush.behaviours.trigger import KIN, Condition, Names, Reference, cond
 class ShareOfSeenIn(Condition):
     """At least a share of the visible neighbours is in a state."""
 
-    share_of_seen_in: Names = given(..., "states; PROGRAM/STATE is one of another program")
-    at_least: float = given(..., "which share of those seen", gt=0, le=1)
-    species: Names = given((KIN,), "of which species: names, `kin`, `others` or `anyone`")
-    within: Length | None = given(None, "only those nearer than this")
-    of: int = given(1, "at least so many must be seen", ge=1, le=10_000)
+    share_of_seen_in: Names = given(..., "states; PROGRAM/STATE names a state of another program")
+    at_least: float = given(..., "share of the visible animals", gt=0, le=1)
+    species: Names = given((KIN,), "species to count: names, `kin`, `others` or `anyone`")
+    within: Length | None = given(None, "animals farther away than this do not count")
+    of: int = given(1, "smallest number of visible animals", ge=1, le=10_000)
 
     def holds(self, senses, rows):
         flags = np.zeros(len(senses.ids), np.uint8)

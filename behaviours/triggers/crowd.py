@@ -18,11 +18,11 @@ class _Count(Condition):
 
 @condition
 class SeesMoreThan(_Count):
-    """The animal sees more neighbours than so many."""
+    """The animal sees more neighbours than this."""
 
-    sees_more_than: int = given(..., "how many", ge=0, le=10_000)
-    species: Names = given((ANYONE,), "of which species: names, `kin`, `others` or `anyone`")
-    within: Length | None = given(None, "only those nearer than this")
+    sees_more_than: int = given(..., "number of animals", ge=0, le=10_000)
+    species: Names = given((ANYONE,), "species to count: names, `kin`, `others` or `anyone`")
+    within: Length | None = given(None, "animals farther away than this do not count")
 
     def holds(self, senses, rows):
         return self.count(senses, rows) > self.sees_more_than
@@ -30,11 +30,11 @@ class SeesMoreThan(_Count):
 
 @condition
 class SeesFewerThan(_Count):
-    """The animal sees fewer neighbours than so many."""
+    """The animal sees fewer neighbours than this."""
 
-    sees_fewer_than: int = given(..., "how many", ge=1, le=10_000)
-    species: Names = given((ANYONE,), "of which species: names, `kin`, `others` or `anyone`")
-    within: Length | None = given(None, "only those nearer than this")
+    sees_fewer_than: int = given(..., "number of animals", ge=1, le=10_000)
+    species: Names = given((ANYONE,), "species to count: names, `kin`, `others` or `anyone`")
+    within: Length | None = given(None, "animals farther away than this do not count")
 
     def holds(self, senses, rows):
         return self.count(senses, rows) < self.sees_fewer_than

@@ -10,9 +10,9 @@ from numba import njit
 
 @condition
 class EventHeard(Condition):
-    """A named event is heard: from a script, Python, the mouse, a zone or another trigger."""
+    """The animal hears a named event from a script, Python, the mouse, a zone or another trigger."""
 
-    event: str = given(..., "the event's name")
+    event: str = given(..., "name of the event")
 
     def holds(self, senses, rows):
         heard = np.zeros(len(rows), bool)
@@ -44,10 +44,10 @@ def _hear(xyz, rows, x, y, reach, width, height, heard):
 
 @condition
 class DeathOf(Condition):
-    """Somebody was taken out of the world where the animal could see it: caught, arrived, removed."""
+    """An animal was removed from the world (caught, arrived, deleted) where this animal could see it."""
 
     death_of: Names = given(..., "species, `kin`, `others` or `anyone`")
-    within: Length | None = given(None, "only nearer than this")
+    within: Length | None = given(None, "largest distance")
 
     def holds(self, senses, rows):
         held = np.zeros(len(rows), bool)
@@ -66,10 +66,10 @@ class DeathOf(Condition):
 
 @condition
 class BirthOf(Condition):
-    """Somebody was born, or put into the world, where the animal sees it."""
+    """An animal was born or added to the world where this animal can see it."""
 
     birth_of: Names = given(..., "species, `kin`, `others` or `anyone`")
-    within: Length | None = given(None, "only nearer than this")
+    within: Length | None = given(None, "largest distance")
 
     def holds(self, senses, rows):
         if not senses.births.any():

@@ -8,7 +8,7 @@ from flockbrush.behaviours.trigger import Condition, condition, given
 
 @condition
 class All(Condition):
-    """All of these hold at once."""
+    """All of these conditions hold."""
 
     inner = "many"
     all: tuple[Condition, ...] = given(..., "conditions")
@@ -27,7 +27,7 @@ class All(Condition):
 
 @condition
 class Any(Condition):
-    """At least one of these holds."""
+    """At least one of these conditions holds."""
 
     inner = "many"
     any: tuple[Condition, ...] = given(..., "conditions")

@@ -31,9 +31,9 @@ class SpeedBelow(Condition):
 
 @condition
 class AccelerationAbove(Condition):
-    """The animal changed its velocity by more than this in the last tick, speeding up, slowing down or turning."""
+    """The acceleration in the last tick (speeding up, slowing down or turning) was larger than this."""
 
-    acceleration_above: Acceleration = given(..., "how strongly")
+    acceleration_above: Acceleration = given(..., "smallest acceleration")
 
     def holds(self, senses, rows):
         change = (senses.velocity[rows] - senses.before[rows]) / senses.dt
@@ -72,7 +72,9 @@ class HeightAbove(_Height):
     """The animal is higher than this."""
 
     height_above: Height = given(..., "how high")
-    over: Literal["ground", "sea"] = given("ground", "above the ground below it, or above height 0 of the level")
+    over: Literal["ground", "sea"] = given(
+        "ground", "ground: height above the ground below; sea: height above 0 of the level"
+    )
 
     def holds(self, senses, rows):
         return self.heights(senses, rows) > self.height_above.of(senses.length[rows])
@@ -83,7 +85,9 @@ class HeightBelow(_Height):
     """The animal is lower than this."""
 
     height_below: Height = given(..., "how high")
-    over: Literal["ground", "sea"] = given("ground", "above the ground below it, or above height 0 of the level")
+    over: Literal["ground", "sea"] = given(
+        "ground", "ground: height above the ground below; sea: height above 0 of the level"
+    )
 
     def holds(self, senses, rows):
         return self.heights(senses, rows) < self.height_below.of(senses.length[rows])

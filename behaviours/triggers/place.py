@@ -9,9 +9,9 @@ from flockbrush.behaviours.trigger import Condition, Reference, condition, given
 
 @condition
 class ReachesGoal(Condition):
-    """The animal stands in a goal."""
+    """The animal is in a goal."""
 
-    reaches_goal: str = given(..., "a goal of the level; `its own` is the one it is bound to")
+    reaches_goal: str = given(..., "a goal of the level; `its own` is the goal that the animal is heading for")
 
     def holds(self, senses, rows):
         return senses.at_goal("" if self.reaches_goal == "its own" else self.reaches_goal)[rows]
@@ -23,7 +23,7 @@ class ReachesGoal(Condition):
 
 @condition
 class DistanceTo(Condition):
-    """The animal is so far from the middle of a place, in plan."""
+    """The horizontal distance to the centre of a place is in a range."""
 
     distance_to: str = given(..., "a goal, a zone or an area of the level")
     below: Length | None = given(None, "nearer than this")

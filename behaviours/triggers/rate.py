@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from flockbrush.behaviours.amounts import Length, Rate
-from flockbrush.behaviours.trigger import KIN, OTHERS, Condition, Names, Reference, condition, given
+from flockbrush.behaviours.trigger import KIN, OTHERS, Asked, Condition, Names, Reference, condition, given
 from flockbrush.engine.maths import exp_, log_
 from flockbrush.engine.noise import uniform_
 from flockbrush.engine.parallel import over_rows
@@ -13,22 +13,26 @@ from numba import njit
 
 @condition
 class RandomRate(Condition):
-    """By chance, at a rate: the probability in a tick is 1 - exp(-rate dt).
+    """At random, at a rate: the probability in a tick is 1 - exp(-rate dt).
 
     With ``imitating`` it grows with the number m of visible neighbours in a state, with ``spread`` and ``packed`` with
     the mean distance l to the nearest ones:
     rate ((l / spread or packed / l) (1 + gain m))^power (Ginelli et al. 2015, eqs. 1 and 2).
     """
 
-    rate: Rate = given(..., "how often")
-    imitating: Names | None = given(None, "states of visible neighbours that make it likelier")
-    gain: float = given(1.0, "each of those neighbours adds so many times the rate", ge=0, le=10_000)
-    power: float = given(1.0, "exponent of the whole", ge=0.1, le=10)
-    spread: Length | None = given(None, "likelier when the nearest neighbours are farther away than this, on average")
-    packed: Length | None = given(None, "likelier when the nearest neighbours are nearer than this, on average")
-    nearest: int = given(0, "so many nearest neighbours count; 0: all that are seen", ge=0, le=100)
-    within: Length | None = given(None, "only neighbours nearer than this count")
-    species: Names = given((KIN,), "which neighbours count: species, `kin`, `others` or `anyone`")
+    rate: Rate = given(..., "the rate")
+    imitating: Names | None = given(None, "states of visible neighbours that increase the rate")
+    gain: float = given(1.0, "multiplies the rate by 1 + gain × the number of such neighbours", ge=0, le=10_000)
+    power: float = given(1.0, "exponent of the product of all these factors", ge=0.1, le=10)
+    spread: Length | None = given(
+        None, "multiplies the rate by the mean distance of the nearest neighbours, divided by this"
+    )
+    packed: Length | None = given(
+        None, "multiplies the rate by this, divided by the mean distance of the nearest neighbours"
+    )
+    nearest: int = given(0, "number of nearest neighbours that count; 0: all visible ones", ge=0, le=100)
+    within: Length | None = given(None, "neighbours farther away than this do not count")
+    species: Names = given((KIN,), "species that count: names, `kin`, `others` or `anyone`")
 
     def holds(self, senses, rows):
         many = len(senses.ids)
@@ -61,15 +65,16 @@ def neighbourhood(senses, rows, names, within, nearest, flags):
     reach = np.full(len(senses.ids), np.inf) if within is None else within.of(senses.length) + 0.0 * senses.length
     wanted = senses.flags(names)
     counts, distance = np.zeros(len(rows), np.int64), np.zeros(len(rows))
-    most = nearest or 1_000_000
+    most, asked = nearest or 1_000_000, Asked(wanted, senses.kin, KIN in names, OTHERS in names)
     for lists in senses.seen:
-        args = (*lists, wanted, flags, senses.kin, KIN in names, OTHERS in names, reach, most, counts, distance)
-        over_rows(_neighbourhood, len(rows), rows, *args)
+        over_rows(_neighbourhood, len(rows), rows, lists, asked, flags, reach, most, counts, distance)
     return counts, distance
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _neighbourhood(lo, hi, rows, first, near, offset, wanted, flags, kind, kin, others, reach, most, counts, distance):
+def _neighbourhood(lo, hi, rows, lists, asked, flags, reach, most, counts, distance):
+    first, near, offset = lists
+    wanted, kind, kin, others = asked
     longest = 1
     for k in range(lo, hi):
         longest = max(longest, first[rows[k] + 1] - first[rows[k]])

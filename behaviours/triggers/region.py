@@ -41,7 +41,7 @@ class Inside(Condition):
 
 @condition
 class Enters(_Region):
-    """The animal comes into a region in this tick. Who is born in it does not enter it."""
+    """The animal enters a region in this tick. An animal born in the region does not enter it."""
 
     enters: str = given(..., "a zone, an area or a goal of the level")
 
@@ -51,7 +51,7 @@ class Enters(_Region):
 
 @condition
 class Leaves(_Region):
-    """The animal goes out of a region in this tick."""
+    """The animal leaves a region in this tick."""
 
     leaves: str = given(..., "a zone, an area or a goal of the level")
 
@@ -61,10 +61,13 @@ class Leaves(_Region):
 
 @condition
 class SinceIn(_Region):
-    """The animal was last in a region so long ago: thirst. It counts from birth for who was never there."""
+    """At least this time has passed since the animal was last in a region, for example thirst.
+
+    The time counts from birth if the animal was never there.
+    """
 
     since_in: str = given(..., "a zone, an area or a goal of the level")
-    at_least: TimeRange = given(..., "how long ago; of a range each draws its own")
+    at_least: TimeRange = given(..., "how long ago; with a range, each animal draws its own")
 
     def holds(self, senses, rows):
         last = senses.last(self, rows)

@@ -8,10 +8,10 @@ from flockbrush.behaviours.trigger import Condition, Names, Reference, condition
 
 @condition
 class Sees(Condition):
-    """The animal sees at least one animal of a species. Behind a wall or another body nobody is seen."""
+    """The animal sees at least one animal of a species. Walls and other bodies hide animals."""
 
-    sees: Names = given(..., "species, `kin` (its own), `others` (any other) or `anyone`")
-    within: Length | None = given(None, "only those nearer than this")
+    sees: Names = given(..., "species, `kin` (its own kind), `others` (any other) or `anyone`")
+    within: Length | None = given(None, "animals farther away than this do not count")
 
     def holds(self, senses, rows):
         return count_seen(senses, rows, self.sees, self.within) > 0
@@ -22,9 +22,9 @@ class Sees(Condition):
 
 @condition
 class AnyoneWithin(Condition):
-    """Anybody at all is seen within a distance."""
+    """The animal sees any other animal within a distance."""
 
-    anyone_within: Length = given(..., "how near")
+    anyone_within: Length = given(..., "largest distance")
 
     def holds(self, senses, rows):
         return count_seen(senses, rows, within=self.anyone_within) > 0

@@ -9,10 +9,10 @@ from flockbrush.behaviours.trigger import Condition, Reference, condition, given
 
 @condition
 class LevelTime(Condition):
-    """The level has run for so long."""
+    """The time since the start of the level is in a range."""
 
-    level_time: Time = given(..., "from this time on")
-    until: Time | None = given(None, "and not later than this")
+    level_time: Time = given(..., "earliest time")
+    until: Time | None = given(None, "latest time")
 
     def holds(self, senses, rows):
         now = senses.tick * senses.dt
@@ -22,9 +22,9 @@ class LevelTime(Condition):
 
 @condition
 class TimeInState(Condition):
-    """The animal has been in its state for so long."""
+    """The animal has been in its state for at least this time."""
 
-    time_in_state: TimeRange = given(..., "how long; of a range each draws its own")
+    time_in_state: TimeRange = given(..., "how long; with a range, each animal draws its own")
 
     def holds(self, senses, rows):
         since = senses.since[rows]
@@ -34,12 +34,15 @@ class TimeInState(Condition):
 
 @condition
 class SinceState(Condition):
-    """The animal was last in a state so long ago: tiredness. It counts from birth for who never was."""
+    """At least this time has passed since the animal was last in a state, for example tiredness.
+
+    The time counts from birth if the animal was never in it.
+    """
 
     remembers = True
 
     since_state: str = given(..., "a state")
-    at_least: TimeRange = given(..., "how long ago; of a range each draws its own")
+    at_least: TimeRange = given(..., "how long ago; with a range, each animal draws its own")
 
     def holds(self, senses, rows):
         last = senses.last(self, rows)

@@ -31,54 +31,73 @@ def _choice(default, meaning):
 class VRuleSettings(Parameters):
     """Table 1 of the paper in wingspans, and every detail it leaves open with the choice that was settled on."""
 
-    angle: float = quantity(180.0, "degrees", "the angle ahead in which the nearest bird is sought (α)", 1, 180)
-    upwash_width: float = quantity(0.6, "wingspans", "lateral size of each region of upwash (l)", 0.01, 10)
-    upwash_length: float = quantity(1.0, "wingspans", "how far behind a bird its wake is felt (d)", 0.01, 20)
+    angle: float = quantity(180.0, "degrees", "angle ahead in which a bird looks for the nearest bird (α)", 1, 180)
+    upwash_width: float = quantity(0.6, "wingspans", "lateral width of each region of upwash (l)", 0.01, 10)
+    upwash_length: float = quantity(1.0, "wingspans", "length of the wake behind a bird (d)", 0.01, 20)
     lateral_room: float = quantity(
-        OVERLAP, "wingspans", "room between wing and wing where upwash is best; below 0 they overlap (λ)", -0.49, 2
+        OVERLAP, "wingspans", "gap between wingtips at which upwash is best; negative: the wings overlap (λ)", -0.49, 2
     )
     lateral_step: float = quantity(0.06, "wingspans", "lateral displacement in a time step (Δx)", 0.001, 1)
     forward_step: float = quantity(0.06, "wingspans", "longitudinal displacement in a time step (Δy)", 0.001, 1)
-    margin: float = quantity(0.18, "wingspans", "birds behind one another keep so far apart (ε)", 0, 5)
+    margin: float = quantity(0.18, "wingspans", "smallest distance along the flight direction between birds (ε)", 0, 5)
     update: Literal["in turn", "together"] = _choice(
         "in turn",
-        "whether each bird sees what those before it have done in the same step, or all choose at once and give way "
-        "in turn",
+        "in turn: each bird sees the moves of earlier birds in the same step; together: all choose at "
+        "once and give way in turn",
     )
     approach: Literal["axis", "box", "coin", "diagonal"] = _choice(
         "axis",
-        "rule 1 near along the way: sideways or forward by chance in proportion to the distances left, sideways "
-        "only, by a fair coin, or both at once",
+        "rule 1, when the next bird is near along the flight direction: sideways or forward at random "
+        "in proportion to the remaining distances, sideways only, by a fair coin, or both at once",
     )
-    gaps_between: Literal["ahead", "all"] = _choice("ahead", "whether only birds ahead bound gaps, or all birds")
+    gaps_between: Literal["ahead", "all"] = _choice(
+        "ahead", "whether gaps lie between birds ahead only, or between all birds"
+    )
     tips: Literal["ahead", "angle"] = _choice(
-        "ahead", "rule 2 goes to wingtips of all birds ahead, or (the paper) of those within the angle"
+        "ahead", "rule 2: whether wingtips of all birds ahead count, or (the paper) only of birds within the angle"
     )
     station: Literal["clear", "spaced"] = _choice(
-        "clear", "rule 3 asks for the best spacing and a clear view, or for the spacing alone (birds then stack)"
+        "clear",
+        "rule 3: whether a bird needs the best spacing and a clear view, or only the spacing (birds then stack)",
     )
     sight: Literal["whole", "tip", "free"] = _choice(
-        "whole", "rule 2: the whole place beside the wingtip must be in view, the wingtip alone, or nothing"
+        "whole", "rule 2: what must be in view: the whole place beside the wingtip, only the wingtip, or nothing"
     )
-    nearest: Literal["distance", "lateral"] = _choice("distance", "rule 2: how the nearest wingtip is measured")
+    nearest: Literal["distance", "lateral"] = _choice(
+        "distance", "rule 2: whether the nearest wingtip is chosen by distance or by lateral distance"
+    )
     shift: Literal["clipped", "fixed"] = _choice(
-        "clipped", "the last lateral step ends at the place sought, or is a whole step"
+        "clipped", "whether the last lateral step ends at the target place, or is a full step"
     )
-    blocked: Literal["coin", "stay"] = _choice("coin", "a blocked bird moves forward or back at random, or stays")
+    blocked: Literal["coin", "stay"] = _choice(
+        "coin", "whether a blocked bird moves forward or back at random, or stays"
+    )
     wake_begins: Literal["wake", "wingtip"] = _choice(
         "wake", "whether upwash begins at the edge of the downwash (½ w + λ), or at the wingtip"
     )
     layer: float = quantity(
-        0.0, "wingspans", "birds within this height of one another share air and view; 0: all fly at one height", 0, 20
+        0.0,
+        "wingspans",
+        "birds whose heights differ by at most this affect and hide one another; 0: all fly at one height",
+        0,
+        20,
     )
     perturbation: float = quantity(
-        0.0, "wingspans", "every bird is blown about by so much in a time step, each way (root mean square)", 0, 1
+        0.0, "wingspans", "random displacement of each bird in a time step, per axis (root mean square)", 0, 1
     )
     turn: float = quantity(
-        0.0, "rad", "a bird turns by at most so much in a time step to get sideways; 0 (the paper): it slides", 0, 3.2
+        0.0,
+        "rad",
+        "largest turn of a bird in a time step to move sideways; 0 (the paper): it slides without turning",
+        0,
+        3.2,
     )
     cruise: float = quantity(
-        0.25, "wingspans", "way flown in a time step; it matters only to birds that turn, and in the world frame", 0, 10
+        0.25,
+        "wingspans",
+        "distance flown in a time step; it matters only for birds that turn, and in the world frame",
+        0,
+        10,
     )
 
 

@@ -15,6 +15,12 @@ brush_app = typer.Typer(
 )
 
 
+class FirstHeadings(str, enum.Enum):
+    """How the herds of a path begin."""
+
+    RANDOM, ALIGNED, MILL = "random", "aligned", "mill"
+
+
 class StartLayout(str, enum.Enum):
     """Arrangement of a herd at the start."""
 
@@ -101,21 +107,22 @@ def brush_morph(
     wander: Annotated[
         float,
         typer.Option(
-            min=0,
-            max=10,
-            metavar="W",
-            help="Random turning added in the middle of the path, rad/√s; zero at both ends.",
+            min=0, max=10, metavar="W", help="Random turning added along the path, rad/√s; zero at both ends."
         ),
     ] = 0.0,
+    begin: Annotated[
+        FirstHeadings,
+        typer.Option(help="Start of the herds: random headings, a common heading, or a turning disc."),
+    ] = FirstHeadings.RANDOM,
 ):
     """Measure a path between two brushes along which behaviour changes evenly; compare it with the straight line.
 
-    A herd is swept from A to B and back, and the report says whether the pair is bistable. Paint with partial weight
+    Herds are swept from A to B and back, and the report says whether the pair is bistable. Paint with partial weight
     follows the path if its file is in a folder `brushes` beside the level. Takes about a minute with the defaults.
     """
     from flockbrush.cli.morph_commands import Trial, morph_brushes
 
-    morph_brushes(start, end, output, Trial(animals, seeds, steps, seconds), wander)
+    morph_brushes(start, end, output, Trial(animals, seeds, steps, seconds, begin.value), wander)
 
 
 @brush_app.command("preview")

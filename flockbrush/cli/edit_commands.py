@@ -13,7 +13,7 @@ from flockbrush.engine.files import refused
 from flockbrush.engine.recording import resume
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
-from flockbrush.runs.edit_file import FIRST, USES, EditFile, edits_of, ids_of, ids_text
+from flockbrush.runs.edit_file import FIRST, EditFile, edits_of, ids_of, ids_text, sentence_of
 from flockbrush.runs.run_edits import ALWAYS, IN_TIME, Edit, EditedMoments, Past
 from flockbrush.runs.selection import Selection, chosen
 from flockbrush.runs.snapshots import moment_of, words_of
@@ -61,8 +61,11 @@ def edit_recording(job: EditJob):
     kind = _kind(job)
     if kind is not None:
         edit = _edit(job, kind, run)
-        file.add(edit, job.layer)
-        said = f"{job.layer}: {_sentence(edit)}"
+        try:
+            file.add(edit, job.layer)
+        except ValueError as error:
+            raise refused(f"--{edit.kind}", str(error)) from None
+        said = f"{job.layer}: {sentence_of(edit)}"
     else:
         said = _managed(job, file)
     if said is not None:
@@ -133,7 +136,7 @@ def _edit(job, kind, run) -> Edit:
     except ValueError as error:
         raise refused(job.recording, str(error)) from None
     if not len(ids):
-        raise refused(job.recording, f"no animal at {time:g} s matches: {selection}")
+        raise refused(job.recording, f"no animal is selected at {time:g} s by {selection}")
     edit = Edit(kind, tuple(ids.tolist()), start, end, because=f"{selection} at {time:g} s")
     if kind == "move":
         middle = moment.xyz[np.isin(moment.ids, ids), :2].mean(axis=0)
@@ -198,7 +201,7 @@ def _managed(job, file: EditFile):
         edit = file.undo() if job.undo else file.redo()
         if edit is None:
             raise refused(file.path, f"there is nothing to {'undo' if job.undo else 'redo'}")
-        return f"{'undid' if job.undo else 'redid'}: {_sentence(edit)}"
+        return f"{'undid' if job.undo else 'redid'}: {sentence_of(edit)}"
     for name, word in ((job.on, "on"), (job.off, "off"), (job.remove_layer, "removed")):
         if name is None:
             continue
@@ -212,14 +215,6 @@ def _managed(job, file: EditFile):
             layer.on = word == "on"
         return f"layer {name}: {word}"
     return None
-
-
-def _sentence(edit):
-    told = [f"{name} {getattr(edit, name)}" for name in USES[edit.kind] if getattr(edit, name) != getattr(Edit, name)]
-    when = f" from {edit.start:g} s" if edit.start else ""
-    when += f" until {edit.end:g} s" if edit.end != ALWAYS else ""
-    animals = f"{len(edit.ids)} animals" if len(edit.ids) > 1 else f"animal {edit.ids[0]}"
-    return f"{edit.kind} {animals}{when}{': ' if told else ''}{', '.join(told)}"
 
 
 def _report(job, file):
@@ -243,7 +238,7 @@ def _show(file):
         print_line(f"{file.path}: no edits")
         return
     rows = (
-        (layer.name, "yes" if layer.on else "no", _sentence(edit), edit.because)
+        (layer.name, "yes" if layer.on else "no", sentence_of(edit), edit.because)
         for layer in file.layers for edit in layer.edits
     )  # fmt: skip
     show(table("layer", "on", "edit", "selected by", rows=rows, title=str(file.path)))
@@ -271,11 +266,7 @@ def applied(file: EditFile | None, run, simulation, stack, interrupts) -> Edited
         other = running.rebuild(run)
         resume(run, other.world)
         with stepping("edits of time", other, run.last_tick, interrupts) as stepped:
-            past.take(other)
-            while other.clock.tick < run.last_tick:
-                other.tick()
-                past.take(other)
-                stepped()
+            past.watch(other, run.last_tick, stepped)
     return EditedMoments(simulation, edits, past)
 
 

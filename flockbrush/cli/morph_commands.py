@@ -29,11 +29,11 @@ def morph_brushes(start, end, output, trial: Trial, wander=0.0):
         )
     file = Path(output) if output else Path(f"{first.name}--{last.name}{PATH_SUFFIX}")
     with held(file):
-        found = morph(first, last, trial, {"wander": wander} if wander else {}, say)
+        found = morph(first, last, trial, wander, say)
         text = table(found)
         told = (
             f"flockbrush brush morph {first.name} {last.name} --animals {trial.animals} --seeds {trial.seeds} "
-            f"--seconds {trial.seconds:g}{f' --wander {wander:g}' if wander else ''}\n{text}\n"
+            f"--seconds {trial.seconds:g} --begin {trial.begin}{f' --wander {wander:g}' if wander else ''}\n{text}\n"
         )
         path = found.path.model_copy(update={"measured": told})
         print_line(text)

@@ -6,14 +6,16 @@ back to front; nothing is kept from frame to frame.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from flockbrush.render.animal_figures import KINDS, LEADER, NO_WINGS, WINGSPAN
 from flockbrush.render.animal_looks import WIDE
-from flockbrush.render.facets import deep, draw_triangle, haze_at
+from flockbrush.render.facets import SpacePose, deep, draw_triangle, haze_at, lit, pixel, pixel_of
 from flockbrush.render.gaits import sizes
-from flockbrush.render.mesh_bodies import draw_mesh, mesh_inks
+from flockbrush.render.mesh_bodies import Postures, draw_mesh, mesh_inks
 from flockbrush.render.shapes import kernel
-from flockbrush.render.sprites import KINDS, LEADER, NO_WINGS, WINGSPAN
 
 SMALLEST = 6.0  # pixels; animals farther away are drawn as long as this, to be seen at all
 FINE = 13.0  # pixels; shorter bodies have fewer triangles
@@ -23,69 +25,89 @@ BELLY, BACK = 0.26, 0.62  # body lengths above its feet, of a beast
 BEATS = 0.62  # rad that a wing goes up and down at the shoulder
 
 
+class SpaceHerd(NamedTuple):
+    """The animals of one moment in space, a row each."""
+
+    xyz: np.ndarray  # (n, 3) m above the drawn ground; a beast's position is that of its feet
+    # forward, up: (n, 3); unit vectors
+    forward: np.ndarray
+    up: np.ndarray
+    walks: np.ndarray  # (n,) bool; beasts on the ground
+    # length, radius: (n,); m
+    length: np.ndarray
+    radius: np.ndarray
+    beat: np.ndarray  # (n,); how high wings are, -1 to 1, `NO_WINGS` for none
+    look: np.ndarray  # (n,) int64; row of the colours (k, 7, 3), as `look_colours` has them
+    postures: Postures  # of those that are drawn with the mesh of their look
+
+
+class SmallBody(NamedTuple):
+    """A body of few triangles, as the eye sees it."""
+
+    points: np.ndarray  # (20, 3); its corners, body lengths in its own axes
+    places: np.ndarray  # (20, 2); where they are in the picture, pixels
+    ink: np.ndarray  # (4, 3); colours of body, head, wings and wing tips (or legs)
+    # in its own axes, a unit vector to the sun, and body lengths to the eye
+    light: tuple[float, float, float]
+    eye: tuple[float, float, float]
+    lift: float  # how far its back points upwards, 1 for straight up
+    near: float  # 1 / m, as `draw_triangle` wants it
+    long: float  # pixels
+
+
 @kernel
-def draw_bodies(frame, depth, clip, cam, order, xyz, forward, up, length, radius, beat, walks, look, colours, clear,
-                haze, sun, smallest, big, postures, meshes):  # fmt: skip
-    """Draw animals in an order from far to near.
+def draw_bodies(buffer, cam, order, herd, meshes, colours, haze, sun, smallest):
+    """Draw the animals of a `SpaceHerd` in an order from far to near.
 
     Parameters
     ----------
-    xyz, forward, up : (n, 3)
-        Metres, and unit vectors; a beast's position is that of its feet.
-    length, radius, beat : (n,)
-        Metres; how high wings are, -1 to 1, `NO_WINGS` for none.
-    walks : (n,) bool
-        Beasts on the ground.
-    look : (n,) int64
-        Row of `colours` (k, 7, 3), as `Stamps` has them.
-    clear : float
-        How far one sees well, m; `haze` is the colour beyond.
+    colours : (k, 7, 3)
+        Of the looks.
+    haze : Haze
+    sun : (3,)
+        Unit vector to the light.
     smallest : float
         Pixels; no animal is drawn shorter.
-    big : (n,) bool
-        Who is drawn with the mesh of its look: `postures`, `meshes`.
     """
+    xyz, forward, up, walks, lengths, radius, beats, looks, (shown, clips, phase) = herd
+    clip = buffer.clip
     points, places = np.empty((20, 3)), np.empty((20, 2))
-    light, seen = np.empty(3), np.empty(3)
     ink, axes = np.empty((4, 3)), np.empty((3, 3))
     for i in order:
-        place = xyz[i]
+        place, length, look, beat = xyz[i], lengths[i], looks[i], beats[i]
         rx, ry, rz = deep(cam, place[0], place[1], place[2])
-        if rz < cam[15] + 1.2 * length[i]:
+        if rz < cam[15] + 1.2 * length:
             continue
         share = cam[12] / rz
-        long = max(length[i] * share, smallest)
+        long = max(length * share, smallest)
         x, y = cam[13] + rx * share, cam[14] - ry * share
         if x < clip[0] - 1.5 * long or x > clip[2] + 1.5 * long or y < clip[1] - 1.5 * long or y > clip[3] + 1.5 * long:
             continue
         _axes(axes, forward[i], up[i])
-        size, near, fog = long / share, share / cam[12] * 1.002, haze_at(rz, clear)
-        if big[i]:
-            mesh_inks(ink, colours[look[i]], look[i] % KINDS == LEADER)
-            _fade(ink, haze, fog)
-            posture = (postures.look[i], postures.clip[i], postures.phase[i])
-            wide = 2 * radius[i] / (WIDE * length[i])
-            draw_mesh(frame, depth, clip, cam, meshes, posture, place, axes, size, wide, ink, near, sun)
+        pose, size, near, fog = SpacePose(place, axes), long / share, share / cam[12] * 1.002, haze_at(rz, haze.clear)
+        if shown[i] >= 0:
+            mesh_inks(ink, colours[look], look % KINDS == LEADER)
+            _fade(ink, haze.ink, fog)
+            posture = (shown[i], clips[i], phase[i])
+            draw_mesh(buffer, cam, meshes, posture, pose, size, 2 * radius[i] / (WIDE * length), ink, near, sun)
             continue
-        for k in range(3):
-            light[k], seen[k] = 0.0, 0.0
-            for c in range(3):
-                light[k] += sun[c] * axes[k, c]
-                seen[k] += (cam[c] - place[c]) / size * axes[k, c]
-        _inks(ink, colours[look[i]], look[i] % KINDS, beat[i] > NO_WINGS)
-        _fade(ink, haze, fog)
-        thick = min(max(radius[i] / length[i], 0.06), 0.5)
-        count = _body(points, walks[i], beat[i], thick, long)
-        _project(places, points, count, cam, place, axes, size)
-        lift, far, winged = axes[2, 2], long < COARSE, beat[i] > NO_WINGS
-        if far and walks[i]:
-            _draw_far_beast(frame, depth, clip, places, light, seen, lift, ink, near, max(thick, 0.14), long)
-        elif far:
-            _draw_far_bird(frame, depth, clip, points, places, light, seen, lift, ink, near, long, winged)
-        elif walks[i]:
-            _draw_beast(frame, depth, clip, points, places, light, seen, lift, ink, near, long)
+        light = _in_axes(axes, sun[0], sun[1], sun[2])
+        eye = _in_axes(axes, (cam[0] - place[0]) / size, (cam[1] - place[1]) / size, (cam[2] - place[2]) / size)
+        winged = beat > NO_WINGS
+        _inks(ink, colours[look], look % KINDS, winged)
+        _fade(ink, haze.ink, fog)
+        thick = min(max(radius[i] / length, 0.06), 0.5)
+        _project(places, points, _corners(points, walks[i], beat, thick, long), cam, pose, size)
+        body = SmallBody(points, places, ink, light, eye, axes[2, 2], near, long)
+        if walks[i]:
+            if long < COARSE:
+                _draw_far_beast(buffer, body, max(thick, 0.14))
+            else:
+                _draw_beast(buffer, body)
+        elif long < COARSE:
+            _draw_far_bird(buffer, body, winged)
         else:
-            _draw_bird(frame, depth, clip, points, places, light, seen, lift, ink, near, long, winged)
+            _draw_bird(buffer, body, winged)
 
 
 @kernel
@@ -100,7 +122,17 @@ def _axes(axes, forward, up):
 
 
 @kernel
-def _body(points, walks, beat, thick, long):
+def _in_axes(axes, x, y, z):
+    """A vector by its parts ahead, to the left and up."""
+    return (
+        x * axes[0, 0] + y * axes[0, 1] + z * axes[0, 2],
+        x * axes[1, 0] + y * axes[1, 1] + z * axes[1, 2],
+        x * axes[2, 0] + y * axes[2, 1] + z * axes[2, 2],
+    )
+
+
+@kernel
+def _corners(points, walks, beat, thick, long):
     """Corners of a body, as many as one sees of one so long in pixels; how many."""
     if long < COARSE:
         return _far_body(points, walks, beat, long)
@@ -108,17 +140,11 @@ def _body(points, walks, beat, thick, long):
 
 
 @kernel
-def _project(places, points, count, cam, place, axes, size):
+def _project(places, points, count, cam, pose, size):
     """Where corners (body lengths) are in the picture, pixels."""
     for k in range(count):
-        px, py, pz = points[k, 0] * size, points[k, 1] * size, points[k, 2] * size
-        rx, ry, rz = deep(
-            cam,
-            place[0] + px * axes[0, 0] + py * axes[1, 0] + pz * axes[2, 0],
-            place[1] + px * axes[0, 1] + py * axes[1, 1] + pz * axes[2, 1],
-            place[2] + px * axes[0, 2] + py * axes[1, 2] + pz * axes[2, 2],
-        )
-        places[k, 0], places[k, 1] = cam[13] + cam[12] * rx / rz, cam[14] - cam[12] * ry / rz
+        x, y, _ = pixel_of(cam, pose, points[k, 0] * size, points[k, 1] * size, points[k, 2] * size)
+        places[k, 0], places[k, 1] = x, y
 
 
 @kernel
@@ -145,11 +171,11 @@ def _inks(ink, colours, kind, winged):
 
 
 @kernel
-def _fade(ink, haze, fog):
+def _fade(ink, beyond, fog):
     """Take colours into the haze."""
     for k in range(4):
         for c in range(3):
-            ink[k, c] += (haze[c] - ink[k, c]) * fog * 0.85
+            ink[k, c] += (beyond[c] - ink[k, c]) * fog * 0.85
 
 
 @kernel
@@ -159,23 +185,21 @@ def _put(points, k, x, y, z):
 
 
 @kernel
-def _facet(frame, depth, clip, points, places, light, seen, lift, a, b, c, ink, near, closed):
+def _facet(buffer, body, a, b, c, row, closed):
     """One triangle of a body; the outside of a closed one is where its corners go round to the left."""
+    points, places, light, eye = body.points, body.places, body.light, body.eye
     ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
     vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    toward = nx * (seen[0] - points[a, 0]) + ny * (seen[1] - points[a, 1]) + nz * (seen[2] - points[a, 2])
+    toward = nx * (eye[0] - points[a, 0]) + ny * (eye[1] - points[a, 1]) + nz * (eye[2] - points[a, 2])
     if toward < 0:
         if closed:
             return
         nx, ny, nz = -nx, -ny, -nz
     size = max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-12)
     facing = (nx * light[0] + ny * light[1] + nz * light[2]) / size
-    shine = 0.60 + 0.12 * nz / size * lift + (0.42 * facing if facing > 0 else 0.10 * facing)
-    draw_triangle(
-        frame, depth, clip, places[a, 0], places[a, 1], places[b, 0], places[b, 1], places[c, 0], places[c, 1], near,
-        min(ink[0] * shine, 255.0), min(ink[1] * shine, 255.0), min(ink[2] * shine, 255.0), 1.0,
-    )  # fmt: skip
+    shine = 0.60 + 0.12 * nz / size * body.lift + (0.42 * facing if facing > 0 else 0.10 * facing)
+    draw_triangle(buffer, pixel(places, a), pixel(places, b), pixel(places, c), body.near, lit(body.ink, row, shine))
 
 
 # far away ------------------------------------------------------------------------------
@@ -207,11 +231,12 @@ def _far_body(points, walks, beat, long):
 
 
 @kernel
-def _far_shine(light, seen, lift):
+def _far_shine(body):
     """How bright a long body is on the side that it turns to the eye."""
-    size = max(np.sqrt(seen[1] * seen[1] + seen[2] * seen[2]), 1e-9)
-    facing = (seen[1] * light[1] + seen[2] * light[2]) / size
-    return 0.60 + 0.12 * seen[2] / size * lift + (0.42 * facing if facing > 0 else 0.10 * facing)
+    eye, light = body.eye, body.light
+    size = max(np.sqrt(eye[1] * eye[1] + eye[2] * eye[2]), 1e-9)
+    facing = (eye[1] * light[1] + eye[2] * light[2]) / size
+    return 0.60 + 0.12 * eye[2] / size * body.lift + (0.42 * facing if facing > 0 else 0.10 * facing)
 
 
 @kernel
@@ -223,61 +248,44 @@ def _across(places, wide):
 
 
 @kernel
-def _spread(frame, depth, clip, ax, ay, bx, by, cx, cy, near, ink, shine):
-    """One triangle in a colour that is lit."""
-    red, green, blue = min(ink[0] * shine, 255.0), min(ink[1] * shine, 255.0), min(ink[2] * shine, 255.0)
-    draw_triangle(frame, depth, clip, ax, ay, bx, by, cx, cy, near, red, green, blue, 1.0)
-
-
-@kernel
-def _draw_far_bird(frame, depth, clip, points, places, light, seen, lift, ink, near, long, winged):
+def _draw_far_bird(buffer, body, winged):
     """The wing on the far side, both halves of the body, the wing on the near side."""
-    flat, far = np.bool_(False), 0 if seen[1] < 0 else 3
-    a, b, c = np.int64(3), np.int64(4), np.int64(5)
+    ink, flat, far = body.ink, np.bool_(False), 0 if body.eye[1] < 0 else 3
+    a, b, c, tip = np.int64(3), np.int64(4), np.int64(5), np.int64(3)
     if winged:
         for k in range(3):
             ink[3, k] += 0.3 * (ink[2, k] - ink[3, k])
-        _facet(frame, depth, clip, points, places, light, seen, lift, a + far, c + far, b + far, ink[3], near, flat)
-    px, py, _, _ = _across(places, 0.085 * long + 0.35)
-    x, y, shine = places[2, 0], places[2, 1], _far_shine(light, seen, lift)
+        _facet(buffer, body, a + far, c + far, b + far, tip, flat)
+    px, py, _, _ = _across(body.places, 0.085 * body.long + 0.35)
+    (x, y), shine = pixel(body.places, 2), _far_shine(body)
     for half in range(2):  # the end that is farther away comes first
-        end = 1 - half if seen[0] > 0 else half
-        _spread(
-            frame,
-            depth,
-            clip,
-            places[end, 0],
-            places[end, 1],
-            x + px,
-            y + py,
-            x - px,
-            y - py,
-            near,
-            ink[1 - end],
-            shine,
-        )
+        end = 1 - half if body.eye[0] > 0 else half
+        colour = lit(ink, 1 - end, shine)
+        draw_triangle(buffer, pixel(body.places, end), (x + px, y + py), (x - px, y - py), body.near, colour)
     if winged:
         far = 3 - far
-        _facet(frame, depth, clip, points, places, light, seen, lift, a + far, c + far, b + far, ink[3], near, flat)
+        _facet(buffer, body, a + far, c + far, b + far, tip, flat)
 
 
 @kernel
-def _draw_far_beast(frame, depth, clip, places, light, seen, lift, ink, near, thick, long):
+def _draw_far_beast(buffer, body, thick):
     """A trunk as a bar, `thick` body lengths to each side of its middle, and a head, the farther one first."""
-    away = max(np.sqrt(seen[0] ** 2 + seen[1] ** 2 + seen[2] ** 2), 1e-9)
+    places, eye, long, near = body.places, body.eye, body.long, body.near
+    away = max(np.sqrt(eye[0] ** 2 + eye[1] ** 2 + eye[2] ** 2), 1e-9)
     high = 0.5 * (BACK - BELLY)
-    px, py, ex, ey = _across(places, long * (high * abs(seen[1]) + thick * abs(seen[2])) / away)
-    more = long * high * abs(seen[0]) / away  # of its front or its back is seen
+    px, py, ex, ey = _across(places, long * (high * abs(eye[1]) + thick * abs(eye[2])) / away)
+    more = long * high * abs(eye[0]) / away  # of its front or its back is seen
     ax, ay = places[1, 0] - more * ex, places[1, 1] - more * ey
     bx, by = places[2, 0] + more * ex, places[2, 1] + more * ey
-    shine = _far_shine(light, seen, lift)
+    shine = _far_shine(body)
+    trunk, head = lit(body.ink, 0, shine), lit(body.ink, 1, shine)
     for part in range(2):
-        if part == (0 if seen[0] > 0 else 1):
-            _spread(frame, depth, clip, ax + px, ay + py, ax - px, ay - py, bx + px, by + py, near, ink[0], shine)
-            _spread(frame, depth, clip, ax - px, ay - py, bx + px, by + py, bx - px, by - py, near, ink[0], shine)
+        if part == (0 if eye[0] > 0 else 1):
+            draw_triangle(buffer, (ax + px, ay + py), (ax - px, ay - py), (bx + px, by + py), near, trunk)
+            draw_triangle(buffer, (ax - px, ay - py), (bx + px, by + py), (bx - px, by - py), near, trunk)
         else:
-            x, y, sx, sy = places[0, 0], places[0, 1], 0.6 * px, 0.6 * py
-            _spread(frame, depth, clip, bx + sx, by + sy, bx - sx, by - sy, x, y, near, ink[1], shine)
+            sx, sy = 0.6 * px, 0.6 * py
+            draw_triangle(buffer, (bx + sx, by + sy), (bx - sx, by - sy), pixel(places, 0), near, head)
 
 
 # birds ---------------------------------------------------------------------------------
@@ -311,36 +319,37 @@ def _bird(points, beat, long):
 
 
 @kernel
-def _draw_bird(frame, depth, clip, points, places, light, seen, lift, ink, near, long, winged):
+def _draw_bird(buffer, body, winged):
     """The wing on the far side, tail and trunk, then the wing on the near side."""
-    left_first = seen[1] < 0
+    left_first = body.eye[1] < 0
     bill, rump, tail = np.int64(0), np.int64(1), np.int64(10)  # numbers as such are types, to be compiled for each
+    skin, head, tip = np.int64(0), np.int64(1), np.int64(3)
     flat, trunk = np.bool_(False), np.bool_(True)
     if winged:
-        _wing(frame, depth, clip, points, places, light, seen, lift, ink, near, 12 if left_first else 16)
-    if seen[0] >= -0.4:
-        _facet(frame, depth, clip, points, places, light, seen, lift, rump, tail, tail + 1, ink[3], near, flat)
+        _wing(buffer, body, 12 if left_first else 16)
+    if body.eye[0] >= -0.4:
+        _facet(buffer, body, rump, tail, tail + 1, tip, flat)
     for k in range(4):
         m = (k + 1) % 4
-        _facet(frame, depth, clip, points, places, light, seen, lift, rump, 2 + k, 2 + m, ink[0], near, trunk)
-        if long < FINE:
-            _facet(frame, depth, clip, points, places, light, seen, lift, bill, 2 + m, 2 + k, ink[1], near, trunk)
+        _facet(buffer, body, rump, 2 + k, 2 + m, skin, trunk)
+        if body.long < FINE:
+            _facet(buffer, body, bill, 2 + m, 2 + k, head, trunk)
         else:
-            _facet(frame, depth, clip, points, places, light, seen, lift, 2 + k, 6 + m, 2 + m, ink[0], near, trunk)
-            _facet(frame, depth, clip, points, places, light, seen, lift, 2 + k, 6 + k, 6 + m, ink[0], near, trunk)
-            _facet(frame, depth, clip, points, places, light, seen, lift, bill, 6 + m, 6 + k, ink[1], near, trunk)
-    if seen[0] < -0.4:
-        _facet(frame, depth, clip, points, places, light, seen, lift, rump, tail, tail + 1, ink[3], near, flat)
+            _facet(buffer, body, 2 + k, 6 + m, 2 + m, skin, trunk)
+            _facet(buffer, body, 2 + k, 6 + k, 6 + m, skin, trunk)
+            _facet(buffer, body, bill, 6 + m, 6 + k, head, trunk)
+    if body.eye[0] < -0.4:
+        _facet(buffer, body, rump, tail, tail + 1, tip, flat)
     if winged:
-        _wing(frame, depth, clip, points, places, light, seen, lift, ink, near, 16 if left_first else 12)
+        _wing(buffer, body, 16 if left_first else 12)
 
 
 @kernel
-def _wing(frame, depth, clip, points, places, light, seen, lift, ink, near, k):
+def _wing(buffer, body, k):
     """One wing: an arm, and a darker hand."""
-    flat = np.bool_(False)
-    _facet(frame, depth, clip, points, places, light, seen, lift, k, k + 2, k + 1, ink[2], near, flat)
-    _facet(frame, depth, clip, points, places, light, seen, lift, k + 1, k + 2, k + 3, ink[3], near, flat)
+    flat, arm, hand = np.bool_(False), np.int64(2), np.int64(3)
+    _facet(buffer, body, k, k + 2, k + 1, arm, flat)
+    _facet(buffer, body, k + 1, k + 2, k + 3, hand, flat)
 
 
 # beasts --------------------------------------------------------------------------------
@@ -367,30 +376,16 @@ def _beast(points, thick, long):
 
 
 @kernel
-def _draw_beast(frame, depth, clip, points, places, light, seen, lift, ink, near, long):
+def _draw_beast(buffer, body):
     """Legs, then trunk and head, the farther one first."""
-    if long >= LEGS:
-        half = 0.035 * long
-        shine = 0.55
+    if body.long >= LEGS:
+        half, near, ink = 0.035 * body.long, body.near, lit(body.ink, 3, 0.55)
         for k in range(4):
-            x, y = places[16 + k, 0], places[16 + k, 1]
-            hip = _hip(places, k)
-            for part in range(2):
-                ax, bx = (x - half, x + half)[part], (x + half, x - half)[part]
-                ay = y if part == 0 else hip[1]
-                cx, cy = (hip[0] - half, hip[1]) if part == 0 else (x + half, y)
-                if part == 0:
-                    draw_triangle(frame, depth, clip, ax, ay, bx, ay, cx, cy, near, ink[3, 0] * shine,
-                                  ink[3, 1] * shine, ink[3, 2] * shine, 1.0)  # fmt: skip
-                else:
-                    draw_triangle(frame, depth, clip, hip[0] - half, hip[1], hip[0] + half, hip[1], cx, cy, near,
-                                  ink[3, 0] * shine, ink[3, 1] * shine, ink[3, 2] * shine, 1.0)  # fmt: skip
-    if seen[0] > 0.3:
-        _block(frame, depth, clip, points, places, light, seen, lift, 0, ink[0], near)
-        _block(frame, depth, clip, points, places, light, seen, lift, 8, ink[1], near)
-    else:
-        _block(frame, depth, clip, points, places, light, seen, lift, 8, ink[1], near)
-        _block(frame, depth, clip, points, places, light, seen, lift, 0, ink[0], near)
+            (x, y), (hx, hy) = pixel(body.places, 16 + k), _hip(body.places, k)
+            draw_triangle(buffer, (x - half, y), (x + half, y), (hx - half, hy), near, ink)
+            draw_triangle(buffer, (hx - half, hy), (hx + half, hy), (x + half, y), near, ink)
+    for k in range(2):
+        _block(buffer, body, k if body.eye[0] > 0.3 else 1 - k)
 
 
 @kernel
@@ -402,13 +397,13 @@ def _hip(places, k):
 
 
 @kernel
-def _block(frame, depth, clip, points, places, light, seen, lift, first, ink, near):
-    """A block of eight corners, see `_beast` for their order."""
-    trunk = np.bool_(True)
+def _block(buffer, body, part):
+    """The trunk (0) or the head (1), a block of eight corners; see `_beast` for their order."""
+    trunk, first = np.bool_(True), 8 * part
     for face in range(6):
         a, b, c, d = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (1, 3, 7, 5), (0, 4, 6, 2))[face]
-        _facet(frame, depth, clip, points, places, light, seen, lift, first + a, first + b, first + c, ink, near, trunk)
-        _facet(frame, depth, clip, points, places, light, seen, lift, first + a, first + c, first + d, ink, near, trunk)
+        _facet(buffer, body, first + a, first + b, first + c, part, trunk)
+        _facet(buffer, body, first + a, first + c, first + d, part, trunk)
 
 
 def standing(forward: np.ndarray) -> np.ndarray:

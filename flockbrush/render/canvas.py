@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flockbrush.render import text as texts
-from flockbrush.render.shapes import blend, cover_polygon, cover_segments
+from flockbrush.render.shapes import blend, cover_polygon, cover_segments, ink_of
 from flockbrush.render.style import Colour
 
 
@@ -34,8 +34,7 @@ class Canvas:
 
     def blend(self, mask, left, top, colour: Colour, alpha=1.0):
         """Lay a colour over the pixels that a mask covers, which lies inside the picture."""
-        red, green, blue = (float(part) for part in colour)
-        blend(self.image, mask, left, top, red, green, blue, float(alpha))
+        blend(self.image, mask, left, top, ink_of(colour), float(alpha))
 
     def cover(self, colour: Colour, mask, alpha=1.0):
         """Lay a colour over everything a mask of the picture's size covers, inside the clip."""

@@ -1,19 +1,27 @@
 """Kernels for pictures in perspective: the ground under a sky, flat faces, soft shadows, lines in space.
 
-Pixels are those of the rest of this folder.  A camera comes as the sixteen numbers of `OrbitCamera.numbers`, `depth`
-(h, w) float32 is 1 / m: what lies nearer is larger, and 0 is endlessly far.  Haze takes away colour with distance.
+Pixels are those of the rest of this folder.  A camera comes as the sixteen numbers of `OrbitCamera.numbers`.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from flockbrush.render.shapes import kernel, over, window
-from flockbrush.render.strokes import _thin
+from flockbrush.render.strokes import draw_thin, slanted
 
 NEARER = 1.002  # of the depth that hides: so much a thing may lie in what it stands on
 GROWN = 0.9  # pixels by which faces are larger all around, that no ground shows between two
 CORNERS = 8  # of a face that the near plane has cut, at most
+
+
+class Haze(NamedTuple):
+    """What takes away colour with distance."""
+
+    clear: float  # m; how far one sees well
+    ink: np.ndarray  # (3,); the colour beyond
 
 
 @kernel
@@ -25,6 +33,26 @@ def deep(cam, x, y, z):
         cam[6] * dx + cam[7] * dy + cam[8] * dz,
         cam[9] * dx + cam[10] * dy + cam[11] * dz,
     )
+
+
+class SpacePose(NamedTuple):
+    """Where a body is in space, and which way it is turned."""
+
+    place: np.ndarray  # (3,) m; of its origin
+    axes: np.ndarray  # (3, 3); unit vectors ahead, to the left and up
+
+
+@kernel
+def pixel_of(cam, pose, x, y, z):
+    """Column, row and depth (m) of a point of a body, m in its own axes."""
+    place, axes = pose
+    right, up, ahead = deep(
+        cam,
+        place[0] + x * axes[0, 0] + y * axes[1, 0] + z * axes[2, 0],
+        place[1] + x * axes[0, 1] + y * axes[1, 1] + z * axes[2, 1],
+        place[2] + x * axes[0, 2] + y * axes[1, 2] + z * axes[2, 2],
+    )
+    return cam[13] + cam[12] * right / ahead, cam[14] - cam[12] * up / ahead, ahead
 
 
 @kernel
@@ -57,10 +85,10 @@ def paint_sky(frame, clip, cam, floor, clear, inks):
 
 
 @kernel
-def hide_in_haze(line, haze, fog):
+def hide_in_haze(line, ink, fog):
     """Take colour away from one row (k, 3): `fog` of 256 is haze."""
     keep = np.uint16(256 - fog)
-    h0, h1, h2 = np.uint16(haze[0] * fog), np.uint16(haze[1] * fog), np.uint16(haze[2] * fog)
+    h0, h1, h2 = np.uint16(ink[0] * fog), np.uint16(ink[1] * fog), np.uint16(ink[2] * fog)
     for k in range(len(line)):
         line[k, 0] = np.uint8((np.uint16(line[k, 0]) * keep + h0) >> 8)
         line[k, 1] = np.uint8((np.uint16(line[k, 1]) * keep + h1) >> 8)
@@ -68,13 +96,13 @@ def hide_in_haze(line, haze, fog):
 
 
 @kernel
-def haze_ground(frame, clip, cam, floor, clear, haze):
+def haze_ground(frame, clip, cam, floor, haze):
     """Lay the haze over ground that is drawn without."""
     for row in range(clip[1], clip[3]):
         fall = cam[11] + (cam[14] - row - 0.5) / cam[12] * cam[8]
         if fall < -1e-6:
-            fog = int(256 * haze_at((cam[2] - floor) / -fall, clear) + 0.5)
-            hide_in_haze(frame[row, clip[0] : clip[2]], haze, fog)
+            fog = int(256 * haze_at((cam[2] - floor) / -fall, haze.clear) + 0.5)
+            hide_in_haze(frame[row, clip[0] : clip[2]], haze.ink, fog)
 
 
 @kernel
@@ -118,17 +146,15 @@ def _ground_line(frame, clip, cam, floor, ax, ay, bx, by, ink, alpha):
         share = (near - bw) / (aw - bw)
         bu, bv, bw = bu + (au - bu) * share, bv + (av - bv) * share, near
     focal, mx, my = cam[12], cam[13], cam[14]
-    _stroke(
-        frame, clip, mx + focal * au / aw, my - focal * av / aw, mx + focal * bu / bw, my - focal * bv / bw, alpha,
-        ink, ink, 0.0,
-    )  # fmt: skip
+    line = slanted(mx + focal * au / aw, my - focal * av / aw, mx + focal * bu / bw, my - focal * bv / bw)
+    _stroke(frame, clip, line, alpha, ink, ink, 0.0)
 
 
 # faces -------------------------------------------------------------------------------
 
 
 @kernel
-def draw_faces(frame, depth, clip, cam, faces, order, colours, alphas, clear, haze):
+def draw_faces(buffer, cam, faces, order, colours, alphas, haze):
     """Draw flat faces (m, 4, 3) m, a triangle with its last corner twice, in an order from far to near.
 
     `colours` (m, 3) are as lit, `alphas` (m,); faces that one sees through hide nothing.
@@ -140,7 +166,7 @@ def draw_faces(frame, depth, clip, cam, faces, order, colours, alphas, clear, ha
             solid[k] = deep(cam, faces[f, k, 0], faces[f, k, 1], faces[f, k, 2])
         count = _before_the_eye(solid, near, cut)
         if count > 2:
-            _face(frame, depth, clip, cam, cut[:count], colours[f], alphas[f], clear, haze)
+            _face(buffer, cam, cut[:count], colours[f], alphas[f], haze)
 
 
 @kernel
@@ -162,9 +188,10 @@ def _before_the_eye(corners, near, cut):
 
 
 @kernel
-def _face(frame, depth, clip, cam, corners, colour, alpha, clear, haze):
+def _face(buffer, cam, corners, colour, alpha, haze):
     """A convex face in the camera's axes, with soft edges, hidden by what lies nearer."""
-    count = len(corners)
+    frame, depth, clip = buffer
+    clear, beyond, count = haze.clear, haze.ink, len(corners)
     focal, mx, my = cam[12], cam[13], cam[14]
     px, py = np.empty(count), np.empty(count)
     left, right, top, bottom = 1e9, -1e9, 1e9, -1e9
@@ -222,8 +249,8 @@ def _face(frame, depth, clip, cam, corners, colour, alpha, clear, haze):
                 continue
             fog = fog_flat if same else haze_at(1.0 / here, clear)
             over(
-                frame, row, col, colour[0] + (haze[0] - colour[0]) * fog, colour[1] + (haze[1] - colour[1]) * fog,
-                colour[2] + (haze[2] - colour[2]) * fog, inside * alpha,
+                frame, row, col, colour[0] + (beyond[0] - colour[0]) * fog, colour[1] + (beyond[1] - colour[1]) * fog,
+                colour[2] + (beyond[2] - colour[2]) * fog, inside * alpha,
             )  # fmt: skip
             if alpha > 0.99 and inside > 0.5:
                 depth[row, col] = here
@@ -247,10 +274,26 @@ def _edges(px, py):
 
 
 @kernel
-def draw_triangle(frame, depth, clip, ax, ay, bx, by, cx, cy, near, red, green, blue, alpha):
-    """A triangle in pixels, half a pixel larger all around, hidden where `depth` is above `near` (1 / m)."""
-    twice = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    if twice < 0:
+def pixel(places, k):
+    """Column and row of a corner."""
+    return places[k, 0], places[k, 1]
+
+
+@kernel
+def lit(inks, row, shine):
+    """One of some colours (k, 3) in the light."""
+    return min(inks[row, 0] * shine, 255.0), min(inks[row, 1] * shine, 255.0), min(inks[row, 2] * shine, 255.0)
+
+
+@kernel
+def draw_triangle(buffer, a, b, c, near, ink):
+    """A triangle between pixels, half a pixel larger all around, hidden where the depth is above `near` (1 / m)."""
+    frame, depth, clip = buffer
+    ax, ay = a
+    bx, by = b
+    cx, cy = c
+    red, green, blue = ink
+    if (bx - ax) * (cy - ay) - (by - ay) * (cx - ax) < 0:
         bx, by, cx, cy = cx, cy, bx, by
     left, right = min(ax, bx, cx) - 0.5, max(ax, bx, cx) + 0.5
     top, bottom = min(ay, by, cy) - 0.5, max(ay, by, cy) + 0.5
@@ -262,7 +305,6 @@ def draw_triangle(frame, depth, clip, ax, ay, bx, by, cx, cy, near, red, green, 
     lw = 1.0 / max(np.sqrt(wx * wx + wy * wy), 1e-9)
     ux, uy, vx, vy, wx, wy = ux * lu, uy * lu, vx * lv, vy * lv, wx * lw, wy * lw
     iu, iv, iw = _over_slope(uy), _over_slope(vy), _over_slope(wy)
-    solid = alpha >= 1.0
     solid_red, solid_green, solid_blue = np.uint8(red + 0.5), np.uint8(green + 0.5), np.uint8(blue + 0.5)
     for row in range(r0, r1):
         y = row + 0.5
@@ -274,12 +316,12 @@ def draw_triangle(frame, depth, clip, ax, ay, bx, by, cx, cy, near, red, green, 
             x = col + 0.5
             if depth[row, col] > near:
                 continue
-            if solid and first < x < last:
+            if first < x < last:
                 frame[row, col, 0], frame[row, col, 1], frame[row, col, 2] = solid_red, solid_green, solid_blue
                 continue
             inside = min(min(u - uy * x, v - vy * x), w - wy * x)
             if inside > 0:
-                over(frame, row, col, red, green, blue, min(inside, 1.0) * alpha)
+                over(frame, row, col, red, green, blue, min(inside, 1.0))
 
 
 @kernel
@@ -302,11 +344,13 @@ def _cut(span, edge, inverse):
 
 
 @kernel
-def draw_spots(frame, depth, clip, cam, floor, xyz, forward, along, aside, red, green, blue, alpha):
+def draw_spots(buffer, cam, floor, xyz, forward, along, aside, ink, alpha):
     """Soft dark ellipses on the ground straight beneath points (n, 3), `along` and `aside` (n,) m from their middle.
 
     They lie along `forward` (n, 3); `alpha` (n,) is how dark they are in the middle.
     """
+    frame, depth, clip = buffer
+    red, green, blue = ink
     focal, mx, my = cam[12], cam[13], cam[14]
     for i in range(len(xyz)):
         rx, ry, rz = deep(cam, xyz[i, 0], xyz[i, 1], floor)
@@ -349,11 +393,12 @@ def draw_spots(frame, depth, clip, cam, floor, xyz, forward, along, aside, red, 
 
 
 @kernel
-def draw_ways(frame, depth, clip, cam, ways, first, last, colour, inks, strength, longest, clear, haze):
+def draw_ways(buffer, cam, ways, first, last, inks, strength, longest, haze):
     """Draw where each animal has been: `ways` (k, n, 3) m, a ring of moments from `first` to `last` going round.
 
-    `colour` (n,) rows of `inks` (k, 3); old parts are faint.  NaN and steps over `longest` m leave a gap.
+    `inks` (n, 3); old parts are faint.  NaN and steps over `longest` m leave a gap.
     """
+    frame, depth, clip = buffer
     focal, mx, my = cam[12], cam[13], cam[14]
     room = len(ways)
     count = (last - first) % room
@@ -378,30 +423,17 @@ def draw_ways(frame, depth, clip, cam, ways, first, last, colour, inks, strength
                 col, row = int((x + bx) / 2), int((y + by) / 2)
                 seen = clip[0] <= col < clip[2] and clip[1] <= row < clip[3] and depth[row, col] <= NEARER / rz
                 if seen:
-                    fog = haze_at(rz, clear)
+                    fog = haze_at(rz, haze.clear)
                     fresh = strength * (k / (count + 1.0)) * (1.0 - 0.7 * fog)
-                    ink = inks[colour[i]]
-                    _stroke(frame, clip, bx, by, x, y, fresh, ink, haze, fog)
+                    _stroke(frame, clip, slanted(bx, by, x, y), fresh, inks[i], haze.ink, fog)
             before, bx, by = True, x, y
 
 
 @kernel
-def _stroke(frame, clip, ax, ay, bx, by, alpha, ink, haze, fog):
-    """A line one pixel wide from a to b."""
-    dx, dy = bx - ax, by - ay
-    long = np.sqrt(dx * dx + dy * dy)
-    if not long > 0.0 or long > 1e4:
-        return
-    steep = abs(dy) > abs(dx)
-    if steep:
-        ax, ay, bx, by, dx, dy = ay, ax, by, bx, dy, dx
-    if bx < ax:
-        ax, ay, bx, by, dx, dy = bx, by, ax, ay, -dx, -dy
-    low, high = (clip[1], clip[3]) if steep else (clip[0], clip[2])
-    left, right = (clip[0], clip[2]) if steep else (clip[1], clip[3])
-    red, green, blue = (
-        np.int32(ink[0] + (haze[0] - ink[0]) * fog),
-        np.int32(ink[1] + (haze[1] - ink[1]) * fog),
-        np.int32(ink[2] + (haze[2] - ink[2]) * fog),
-    )
-    _thin(frame, low, high, left, right, steep, ax, ay, bx, dy / dx, abs(dx) / long, 256.0 * alpha, red, green, blue)
+def _stroke(frame, clip, line, alpha, ink, haze, fog):
+    """A line one pixel wide, `fog` of it in the colour of the haze."""
+    if line.long > 0.0 and not line.long > 1e4:
+        red = np.int32(ink[0] + (haze[0] - ink[0]) * fog)
+        green = np.int32(ink[1] + (haze[1] - ink[1]) * fog)
+        blue = np.int32(ink[2] + (haze[2] - ink[2]) * fog)
+        draw_thin(frame, clip, line, 256.0 * alpha, (red, green, blue))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flockbrush.render.canvas import Canvas
-from flockbrush.render.shapes import kernel
+from flockbrush.render.shapes import ink_of, kernel
 from flockbrush.render.strokes import draw_arrow, draw_lines, draw_plate
 from flockbrush.render.style import Theme, mix, rgb
 from flockbrush.render.text import words
@@ -92,8 +92,8 @@ def _arrow(canvas, at, way, clear, colour, theme, unit, thin=False):
     head, wide = (9 if thin else 12) * unit, (1.8 if thin else 3.2) * unit
     clip = np.array(canvas.clip, np.int64)
     ends = (*map(float, start), *map(float, tip))
-    draw_arrow(canvas.image, clip, *ends, wide, head, 1.4 * unit, *map(float, theme.paper), 0.75)
-    draw_arrow(canvas.image, clip, *ends, wide, head, 0.0, *map(float, colour), 1.0)
+    draw_arrow(canvas.image, clip, ends, wide, head, 1.4 * unit, ink_of(theme.paper), 0.75)
+    draw_arrow(canvas.image, clip, ends, wide, head, 0.0, ink_of(colour), 1.0)
 
 
 def place_names(names, at, tips, view, unit=1.0, clear=10.0):
@@ -167,7 +167,7 @@ def _name(canvas, name, box, tip, colour, theme, unit):
     near = np.clip(tip, box[:2], box[2:])
     if np.hypot(*(near - tip)) > 12 * unit:
         line = np.array([[*tip, *near]])
-        draw_lines(canvas.image, np.array(canvas.clip, np.int64), line, 1.0 * unit, *map(float, colour), 0.8)
+        draw_lines(canvas.image, np.array(canvas.clip, np.int64), line, 1.0 * unit, ink_of(colour), 0.8)
     clip, sides = np.array(canvas.clip, np.int64), (round(float(side)) for side in box)
     draw_plate(canvas.image, clip, *sides, np.array(theme.paper, float), 0.86, np.array(colour, float), 0.6)
     ink = mix(colour, theme.ink, 0.25)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Hashable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,13 @@ from flockbrush.render.view_camera import ViewCamera
 TEXTURE = 1536  # pixels of the longer side of a level's picture on the ground
 CLOSE = 1536  # pixels of a side of the picture of what one looks at, which is finer
 FINER = 1.4  # times finer it must be than the whole to be worth drawing
+
+
+class Underlay(NamedTuple):
+    """What is drawn on a picture of the ground, given that and its `Camera`; `news` changes when it draws otherwise."""
+
+    draw: Callable
+    news: Hashable
 
 
 class GroundTexture:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flockbrush.render.animal_figures import KINDS, LEADER, NO_WINGS, PLAIN, PREDATOR, figure
 from flockbrush.render.brush_marks import swatch
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_ground import brush_key
 from flockbrush.render.drawn_terrain import nice
-from flockbrush.render.sprites import KINDS, LEADER, NO_WINGS, PLAIN, PREDATOR, figure
+from flockbrush.render.shapes import Pose
 from flockbrush.render.style import Theme, rgb
 from flockbrush.render.text import shortened, width_of
 from flockbrush.render.view_camera import ViewCamera
@@ -166,7 +167,7 @@ class Hud:
         kind = look % 4
         if kind == PREDATOR:
             long *= 0.9
-        figure(frame, clip, float(x), float(y), 1.0, 0.0, long, thick, kind, False, colours[look], NO_WINGS)
+        figure(frame, clip, Pose(float(x), float(y), 1.0, 0.0), long, thick, kind, False, colours[look], NO_WINGS)
 
     def things(self, frame, present):
         """Second row of the legend: what is drawn on the ground; `present` are the names of kinds in `GLYPHS`."""

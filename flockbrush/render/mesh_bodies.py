@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flockbrush.render.animal_looks import CLIPS, DARK, LIGHT, LOOKS, WIDE, mesh_of, poses_of
-from flockbrush.render.facets import deep, draw_triangle
+from flockbrush.render.facets import draw_triangle, lit, pixel, pixel_of
 from flockbrush.render.shapes import kernel
 
 LOOK_NAMES = tuple(LOOKS)
@@ -121,16 +121,14 @@ def pose(body, meshes, posture, size, wide):
 
 
 @kernel
-def draw_mesh(frame, depth, clip, cam, meshes, posture, place, axes, size, wide, ink, near, sun):
+def draw_mesh(buffer, cam, meshes, posture, at, size, wide, ink, near, sun):
     """Draw one animal with its mesh, far triangles first.
 
     Parameters
     ----------
     posture : (look, clip, phase)
-    place : (3,)
-        Where the mesh has its origin, m.
-    axes : (3, 3)
-        Ahead, left and up, unit vectors.
+    at : SpacePose
+        Of the mesh's origin.
     size, wide : float
         Metres of a body length; by how much more its width is stretched.
     ink : (4, 3)
@@ -140,19 +138,14 @@ def draw_mesh(frame, depth, clip, cam, meshes, posture, place, axes, size, wide,
     sun : (3,)
         Unit vector to the light.
     """
-    look = posture[0]
-    body, seen = np.empty((MOST_POINTS, 3)), np.empty((MOST_POINTS, 3))
+    body, seen, axes = np.empty((MOST_POINTS, 3)), np.empty((MOST_POINTS, 3)), at.axes
     for k in range(pose(body, meshes, posture, size, wide)):
-        x = place[0] + body[k, 0] * axes[0, 0] + body[k, 1] * axes[1, 0] + body[k, 2] * axes[2, 0]
-        y = place[1] + body[k, 0] * axes[0, 1] + body[k, 1] * axes[1, 1] + body[k, 2] * axes[2, 1]
-        z = place[2] + body[k, 0] * axes[0, 2] + body[k, 1] * axes[1, 2] + body[k, 2] * axes[2, 2]
-        right, up, ahead = deep(cam, x, y, z)
-        seen[k, 0], seen[k, 1], seen[k, 2] = cam[13] + cam[12] * right / ahead, cam[14] - cam[12] * up / ahead, ahead
-    _draw_faces(frame, depth, clip, meshes, look, body, seen, axes @ sun, axes[:, 2].copy(), ink, near)
+        seen[k, 0], seen[k, 1], seen[k, 2] = pixel_of(cam, at, body[k, 0], body[k, 1], body[k, 2])
+    _draw_faces(buffer, meshes, posture[0], body, seen, axes @ sun, axes[:, 2].copy(), ink, near)
 
 
 @kernel
-def _draw_faces(frame, depth, clip, meshes, look, body, seen, light, lift, ink, near):
+def _draw_faces(buffer, meshes, look, body, seen, light, lift, ink, near):
     """The triangles that face the eye, in the light; `light` and `lift` are the sun and the zenith in body axes."""
     first, last = meshes.faces[look], meshes.faces[look + 1]
     far, shown, met = np.empty(last - first), np.empty(last - first, np.int64), 0
@@ -174,11 +167,8 @@ def _draw_faces(frame, depth, clip, meshes, look, body, seen, light, lift, ink, 
         facing = (nx * light[0] + ny * light[1] + nz * light[2]) / size
         upward = (nx * lift[0] + ny * lift[1] + nz * lift[2]) / size
         shine = 0.64 + 0.10 * upward + (0.40 * facing if facing > 0 else 0.10 * facing)
-        row = meshes.inks[t]
-        draw_triangle(
-            frame, depth, clip, seen[a, 0], seen[a, 1], seen[b, 0], seen[b, 1], seen[c, 0], seen[c, 1], near,
-            min(ink[row, 0] * shine, 255.0), min(ink[row, 1] * shine, 255.0), min(ink[row, 2] * shine, 255.0), 1.0,
-        )  # fmt: skip
+        colour = lit(ink, meshes.inks[t], shine)
+        draw_triangle(buffer, pixel(seen, a), pixel(seen, b), pixel(seen, c), near, colour)
 
 
 @kernel

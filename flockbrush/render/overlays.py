@@ -19,6 +19,7 @@ from flockbrush.render.drawn_terrain import nice
 from flockbrush.render.forces import draw_forces, reason_colour
 from flockbrush.render.overlay_layers import box_of, full_width, hearts, is_same, lattice, layer, strong
 from flockbrush.render.overlay_registry import EXPLAINED, OVERLAYS, OverlayView, load_overlays
+from flockbrush.render.shapes import Pose, ink_of
 from flockbrush.render.strokes import (
     RAYS,
     count_in_cells,
@@ -249,8 +250,8 @@ class Overlays:
         def draw(canvas):
             clip = np.array(canvas.clip, np.int64)
             for segments, alpha in lines:
-                draw_lines(canvas.image, clip, segments, 3.4 * self.unit, *map(float, self.theme.paper), 0.5 * alpha)
-                draw_lines(canvas.image, clip, segments, 1.7 * self.unit, *map(float, colour), alpha)
+                draw_lines(canvas.image, clip, segments, 3.4 * self.unit, ink_of(self.theme.paper), 0.5 * alpha)
+                draw_lines(canvas.image, clip, segments, 1.7 * self.unit, ink_of(colour), alpha)
 
         return draw
 
@@ -374,17 +375,17 @@ class Overlays:
         some = shown & (moment.ids % every == 0)
         count = links_of(lists.first, lists.near, lists.offset, at, some, camera.scale, segments)
         faint = (0.4 if row is None else 0.25) * min(1.0, np.sqrt(50_000 / max(many / every, 1.0)))
-        draw_lines(frame, self._clip(camera), segments[:count], 0.8 * self.unit, *map(float, self.theme.link), faint)
+        draw_lines(frame, self._clip(camera), segments[:count], 0.8 * self.unit, ink_of(self.theme.link), faint)
         if row is not None:
             mine = np.zeros(len(at), bool)
             mine[row] = True
             count = links_of(lists.first, lists.near, lists.offset, at, mine, camera.scale, segments)
             strong = segments[:count]
-            draw_lines(frame, self._clip(camera), strong, 3.6 * self.unit, *map(float, self.theme.paper), 0.55)
-            draw_lines(frame, self._clip(camera), strong, 1.7 * self.unit, *map(float, self.theme.link), 0.95)
+            draw_lines(frame, self._clip(camera), strong, 3.6 * self.unit, ink_of(self.theme.paper), 0.55)
+            draw_lines(frame, self._clip(camera), strong, 1.7 * self.unit, ink_of(self.theme.link), 0.95)
             ends = np.ascontiguousarray(strong[:, 2:])
             ring = np.full(count, max(3.5 * self.unit, 0.62 * float(moment.length[row]) * camera.scale))
-            draw_rings(frame, self._clip(camera), ends, ring, 1.2 * self.unit, *map(float, self.theme.link), 0.9)
+            draw_rings(frame, self._clip(camera), ends, ring, 1.2 * self.unit, ink_of(self.theme.link), 0.9)
 
     def _leaders(self, frame, camera, moment, at):
         """Lines to the reference birds, rings around leaders."""
@@ -395,11 +396,11 @@ class Overlays:
             near = np.abs(moment.xyz[linked] - moment.xyz[there[linked]])[:, :2] < np.array(self.scenery.land.wrap) / 2
             tail, tip = tail[near.all(axis=1)], tip[near.all(axis=1)]
         clip, u = self._clip(camera), self.unit
-        draw_lines(frame, clip, np.hstack([tail, tip]), 1.1 * u, *map(float, self.theme.link), 0.6)
+        draw_lines(frame, clip, np.hstack([tail, tip]), 1.1 * u, ink_of(self.theme.link), 0.6)
         leaders = at[moment.leader]
         radius = np.maximum(6.0 * u, 0.8 * moment.length[moment.leader] * camera.scale)
-        draw_rings(frame, clip, leaders, radius, 4.2 * u, *map(float, self.theme.outline), 0.75)
-        draw_rings(frame, clip, leaders, radius, 2.2 * u, *map(float, self.theme.leader), 1.0)
+        draw_rings(frame, clip, leaders, radius, 4.2 * u, ink_of(self.theme.outline), 0.75)
+        draw_rings(frame, clip, leaders, radius, 2.2 * u, ink_of(self.theme.leader), 1.0)
         self._note_leaders(frame, camera, moment)
 
     def _note_leaders(self, frame, camera, moment):
@@ -421,8 +422,8 @@ class Overlays:
             self._sight(frame, camera, shown, moment, row, told)
         ring = np.array([max(8.0 * self.unit, 0.95 * float(moment.length[row]) * camera.scale)])
         here, clip = np.array([[x, y]]), self._clip(camera)
-        draw_rings(frame, clip, here, ring, 4.4 * self.unit, *map(float, self.theme.paper), 0.8)
-        draw_rings(frame, clip, here, ring, 2.0 * self.unit, *map(float, self.theme.ink), 1.0)
+        draw_rings(frame, clip, here, ring, 4.4 * self.unit, ink_of(self.theme.paper), 0.8)
+        draw_rings(frame, clip, here, ring, 2.0 * self.unit, ink_of(self.theme.ink), 1.0)
         if told is not None and "forces" in shown:
             forward = moment.forward[row, :2] * (1, -1)
             draw_forces(frame, camera, (x, y), forward, told, self.theme, self.unit, float(ring[0]))
@@ -433,37 +434,38 @@ class Overlays:
         depth = self._depth(moment, row, reach) * scale if "occlusion" in shown else np.full(RAYS, np.inf)
         cosine = np.cos(min(told.field_of_view, 2 * np.pi) / 2) if told.field_of_view < 2 * np.pi - 1e-9 else -1.0
         x, y = (float(side) for side in camera.pixels(moment.xyz[row]))
-        fx, fy = float(moment.forward[row, 0]), -float(moment.forward[row, 1])
+        eye = Pose(x, y, float(moment.forward[row, 0]), -float(moment.forward[row, 1]))
         lit = 0.18 if "field_of_view" in shown else 0.0
-        self._lay_sight(frame, camera, (x, y, fx, fy, cosine, depth, reach * scale), lit)
-        self._wedge(frame, camera, (x, y), (fx, fy), told.field_of_view, reach * scale)
+        self._lay_sight(frame, camera, eye, (cosine, depth, reach * scale), lit)
+        self._wedge(frame, camera, eye, told.field_of_view, reach * scale)
 
-    def _lay_sight(self, frame, camera, view, lit):
+    def _lay_sight(self, frame, camera, eye, view, lit):
         """Lay what is seen and what is hidden over the frame; large views are worked out coarsely and smoothed."""
         import cv2
 
-        x, y, *_, far = view
+        x, y, far = eye.x, eye.y, view[-1]
         low = np.maximum(np.floor((x - far - 1, y - far - 1)), camera.view[:2]).astype(int)
         high = np.minimum(np.ceil((x + far + 1, y + far + 1)), camera.view[2:]).astype(int)
         if (high <= low).any():
             return
         step = float(np.clip(np.sqrt((high - low).prod()) // 200, 1, 3))
         size = np.ceil((high - low) / step).astype(int)
-        colours = np.array(self.theme.sight, float), np.array(self.theme.hidden, float)
-        mask = sight_mask(*size, step, x - low[0], y - low[1], *view[2:], *colours, lit, 0.45)
+        colours = ink_of(self.theme.sight), ink_of(self.theme.hidden)
+        eye = eye._replace(x=x - low[0], y=y - low[1])
+        mask = sight_mask(tuple(size.tolist()), step, eye, *view, *colours, lit, 0.45)
         if step > 1:
             mask = cv2.resize(mask, None, fx=step, fy=step, interpolation=cv2.INTER_LINEAR)
         lay_mask(frame, self._clip(camera), *low, mask)
 
-    def _wedge(self, frame, camera, at, forward, angle, reach):
+    def _wedge(self, frame, camera, eye, angle, reach):
         """The outline of the field of view."""
-        middle = np.arctan2(forward[1], forward[0])
+        at, middle = (eye.x, eye.y), np.arctan2(eye.fy, eye.fx)
         turn = np.linspace(middle - angle / 2, middle + angle / 2, int(np.clip(reach * angle / 6, 12, 200)))
         arc = np.array(at) + reach * np.stack([np.cos(turn), np.sin(turn)], axis=1)
         if angle < 2 * np.pi - 1e-9:
             arc = np.vstack([at, arc, at])
         segments = np.hstack([arc[:-1], arc[1:]])
-        draw_lines(frame, self._clip(camera), segments, 1.6 * self.unit, *map(float, self.theme.sight), 0.85)
+        draw_lines(frame, self._clip(camera), segments, 1.6 * self.unit, ink_of(self.theme.sight), 0.85)
 
     def _depth(self, moment, row, reach):
         """How far the animal sees in every direction, m."""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from flockbrush.render.animal_figures import KINDS, NO_WINGS, SHADOW
 from flockbrush.render.drawn_ground import brush_key
 from flockbrush.render.drawn_herd import EMPTY, DrawnHerd, checked
 from flockbrush.render.hud import Hud, Layout, things_of
 from flockbrush.render.mesh_bodies import FROM, large, meshes
-from flockbrush.render.sprites import KINDS, NO_WINGS, SHADOW, Stamps
+from flockbrush.render.shapes import FrameBuffer
+from flockbrush.render.sprites import Sprites, Stamps, looks_of
 from flockbrush.render.style import PALETTE, PLAN_SUN, Theme, rgb, theme_of, worn
 from flockbrush.render.tiles import Tiles
 from flockbrush.render.top_views import MOST_ABOVE, DrawnBodies, draw_plan, draw_shadows, from_above, top_views
@@ -41,11 +43,16 @@ class Painter:
     shadows : bool
     live : bool
         For a window: the ground is shown as far as it is drawn, and `refine` goes on with it; else it is always whole.
+
+    Attributes
+    ----------
     limbs : float
         Pixels of an animal's length or width from which it has legs and wings.
     dust : bool
         Draw dust behind runners and ripples behind swimmers, for herds with wakes.
     """
+
+    limbs, dust = FROM, True
 
     def __init__(
         self,
@@ -58,8 +65,6 @@ class Painter:
         labels=None,
         shadows=True,
         live=False,
-        limbs=FROM,
-        dust=True,
     ):
         self.level, self.size, self.theme = level, checked_size(size), theme_of(theme)
         self.brushes = {brush_key(name): rgb(colour) for name, colour in (brushes or {}).items()}
@@ -67,8 +72,7 @@ class Painter:
         self.layout = (
             Layout.of(self.size, 2 if self.things else 1) if words else Layout(self.size, _unit(self.size), 0, 0, 0)
         )
-        self.shadows, self.live, self.limbs = shadows, live, limbs
-        self.dust = dust
+        self.shadows, self.live = shadows, live
         self.hud = Hud(self.layout, self.theme)
         self.home = ViewCamera.fit(level.width, level.height, self.size, self.layout.view, self.layout.pad)
         self.camera = self.home  # where the ground lands in the picture; `look` changes it
@@ -186,10 +190,10 @@ class Painter:
         if under is not None:
             under(frame)
         stamps = self._stamps_of(herd)
-        look = stamps.looks(herd.brush, herd.leader, herd.predator)  # type: ignore[arg-type]  # `checked` fills them
+        look = looks_of(herd, len(stamps.brush_colours))
         self._trails_of(trails, frame, herd, look // KINDS, stamps, time)
         if self.dust:
-            wakes_on_plan(frame, self._no_depth(frame), self._clip, self.camera, self.theme, herd, time)
+            wakes_on_plan(self._buffer(frame), self.camera, self.theme, herd, time)
         self._animals(frame, herd, look, stamps)
         self._words(frame, herd, title, time, measures, legend, stamps)
         return frame
@@ -217,44 +221,42 @@ class Painter:
         big = large(herd, herd.length * self.camera.scale, True, self.limbs)
         if self.live and self._in_view(at[big], herd.length[big]).sum() > MOST_ABOVE:
             big = np.zeros_like(big)
+        standing = herd.z if self.shadows else np.ones(len(at))
+        animals = Sprites(at, forward, herd.length, herd.radius, look, standing, beats)
         flying = ((herd.z > 0) | winged) & self.shadows & ~big
         if flying.any():
-            shade = look // KINDS * KINDS + SHADOW
             flat_wings = np.where(winged & ~herd.predator, 0.0, NO_WINGS)
-            self._stamp(frame, flying, at + below, forward, herd, shade, np.ones(len(at)), flat_wings)
-        standing = herd.z if self.shadows else np.ones(len(at))
+            shade, aloft = look // KINDS * KINDS + SHADOW, np.ones(len(at))
+            self._stamp(frame, flying, animals._replace(at=at + below, look=shade, z=aloft, beats=flat_wings))
+        self._stamp(frame, ~big, animals)
         if not big.any():
-            self._stamp(frame, None, at, forward, herd, look, standing, beats)
             return
-        self._stamp(frame, ~big, at, forward, herd, look, standing, beats)
         lift = 0.10 * herd.length * self.camera.scale + 0.45
         below = np.where((herd.z > 0)[:, None] | winged[:, None], below, np.stack([0.8 * lift, lift], axis=1))
         shade = np.where(winged, 0.5, 1.0) * stamps.colours[look, 6, 0]
-        bodies = DrawnBodies(at, herd.xy, herd.forward, herd.length, herd.radius, look, below, shade, beats)
-        self._with_legs(frame, np.flatnonzero(big & self._in_view(at, herd.length)), bodies, herd.postures)
+        bodies = DrawnBodies(animals, herd.xy, below, shade, herd.postures)
+        self._with_legs(frame, np.flatnonzero(big & self._in_view(at, herd.length)), bodies)
 
-    def _stamp(self, frame, rows, at, forward, herd, look, standing, beats):
-        """Animals of these rows (None: of all) without legs."""
-        columns = (at, forward, herd.length, herd.radius, look, standing, beats)
-        if rows is not None:
-            columns = tuple(column[rows] for column in columns)
-        *columns, beats = (np.ascontiguousarray(column) for column in columns)
-        self._stamps.draw(frame, self._clip, *columns, self.camera.scale, beats)
+    def _stamp(self, frame, rows, animals):
+        """Animals of these rows (bool) without legs."""
+        if not rows.all():
+            animals = Sprites(*(column[rows] for column in animals))
+        self._stamps.draw(frame, self._clip, animals, self.camera.scale)
 
-    def _with_legs(self, frame, rows, bodies, postures):
+    def _with_legs(self, frame, rows, bodies):
         """Animals of these rows, which are large enough in the picture for legs and wings."""
-        clip, views, stamps = self._clip, top_views(), self._stamps
+        buffer, views, stamps = self._buffer(frame), top_views(), self._stamps
         if self.shadows:
-            draw_shadows(frame, clip, self.camera.scale, rows, bodies, postures, views, meshes(), stamps.colours)
+            draw_shadows(frame, buffer.clip, self.camera.scale, rows, bodies, views, meshes(), stamps.colours)
         draw_plan(
-            frame, self._no_depth(frame), clip, from_above(self.camera), rows, bodies, postures, views, meshes(),
-            stamps.colours, stamps.halos, PLAN_SUN,
-        )  # fmt: skip
+            buffer, from_above(self.camera), rows, bodies, views, meshes(), stamps.colours, stamps.halos, PLAN_SUN
+        )
 
-    def _no_depth(self, frame):
+    def _buffer(self, frame):
+        """The frame with nothing that hides animals."""
         if self._depth is None:
             self._depth = np.zeros(frame.shape[:2], np.float32)
-        return self._depth
+        return FrameBuffer(frame, self._depth, self._clip)
 
     def _in_view(self, at, length):
         reach = 2.0 * length[:, None] * self.camera.scale

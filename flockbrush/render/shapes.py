@@ -5,10 +5,35 @@ Everything here takes pixel coordinates (x right, y down, pixel centres at half 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 kernel = njit(nogil=True, cache=True, no_cfunc_wrapper=True, error_model="numpy")
+
+
+class FrameBuffer(NamedTuple):
+    """A picture that kernels draw on, with the depth of what it shows."""
+
+    frame: np.ndarray  # (h, w, 3) uint8
+    depth: np.ndarray  # (h, w) float32; 1 / m: what lies nearer is larger, and 0 is endlessly far
+    clip: np.ndarray  # (4,) int64; left, top, right and bottom of the part that is drawn on
+
+
+class Pose(NamedTuple):
+    """Where something is drawn, pixels, and its heading, a unit vector with y down; (0, 0) for none."""
+
+    x: float
+    y: float
+    fx: float
+    fy: float
+
+
+def ink_of(colour) -> tuple[float, float, float]:
+    """A colour as kernels take it: red, green and blue."""
+    red, green, blue = colour
+    return float(red), float(green), float(blue)
 
 
 @kernel
@@ -88,14 +113,14 @@ def cover_segments(segments, half_width, left, top, width, height):
 
 
 @kernel
-def blend(image, mask, left, top, red, green, blue, alpha):
+def blend(image, mask, left, top, ink, alpha):
     """Lay a colour over the image where the mask (h, w) float32 covers it; the mask must lie inside the image."""
     height, width = mask.shape
     for row in range(height):
         for col in range(width):
             cover = mask[row, col] * alpha
             if cover > 0:
-                over(image, top + row, left + col, red, green, blue, min(cover, 1.0))
+                over(image, top + row, left + col, ink[0], ink[1], ink[2], min(cover, 1.0))
 
 
 @kernel

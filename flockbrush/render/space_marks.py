@@ -8,6 +8,7 @@ import numpy as np
 
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.orbit import OrbitCamera
+from flockbrush.render.shapes import ink_of
 from flockbrush.render.strokes import draw_lines, draw_rings
 from flockbrush.render.style import Theme
 
@@ -30,8 +31,7 @@ class SpaceMarks(NamedTuple):
             return
         for width, ink, alpha in ((3.0, self.theme.paper, 0.6), (1.4, self.theme.ink, 0.9)):
             at = camera.pixels(ring)
-            colour = (float(c) for c in ink)
-            draw_lines(self.frame, self._clip, np.hstack([at[:-1], at[1:]]), width * self.unit, *colour, alpha)
+            draw_lines(self.frame, self._clip, np.hstack([at[:-1], at[1:]]), width * self.unit, ink_of(ink), alpha)
         if z - floor > 0.5 * long:
             canvas = Canvas(self.frame, self.view)
             ends = camera.pixels([[x, y, floor], [x, y, z]])
@@ -44,7 +44,7 @@ class SpaceMarks(NamedTuple):
             return
         radius = np.array([max(8.0 * self.unit, 0.95 * long * self.camera.focal / depth[0])])
         for width, ink, alpha in ((4.4, self.theme.paper, 0.8), (2.0, self.theme.ink, 1.0)):
-            draw_rings(self.frame, self._clip, at, radius, width * self.unit, *(float(c) for c in ink), alpha)
+            draw_rings(self.frame, self._clip, at, radius, width * self.unit, ink_of(ink), alpha)
 
     @property
     def _clip(self):

@@ -13,23 +13,23 @@ A herd is that of the plan, with heights and headings in space: `Herd.xy` and `H
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
-from flockbrush.render.body_meshes import SMALLEST, draw_bodies, standing
+from flockbrush.render.animal_figures import KINDS, NO_WINGS
+from flockbrush.render.body_meshes import SMALLEST, SpaceHerd, draw_bodies, standing
 from flockbrush.render.drawn_herd import EMPTY, DrawnHerd, checked, refuse_nan
 from flockbrush.render.drawn_terrain import nice
-from flockbrush.render.facets import draw_faces, draw_grid, draw_spots, draw_ways, haze_ground, paint_sky
+from flockbrush.render.facets import Haze, draw_faces, draw_grid, draw_spots, draw_ways, haze_ground, paint_sky
 from flockbrush.render.ground_texture import CLOSE, FINER, GroundTexture, close_view, identity_of, plan_of
 from flockbrush.render.hud import Hud, Layout
-from flockbrush.render.mesh_bodies import MOST, large, meshes
+from flockbrush.render.mesh_bodies import MOST, NO_LOOK, large, meshes
 from flockbrush.render.orbit import OrbitCamera, box_corners
 from flockbrush.render.painter import brush_rgb, brushes_in_sight
-from flockbrush.render.shapes import bilinear
+from flockbrush.render.shapes import FrameBuffer, bilinear, ink_of
 from flockbrush.render.solid_meshes import stood_up, together
 from flockbrush.render.space_marks import SpaceMarks
-from flockbrush.render.sprites import KINDS, NO_WINGS, look_colours
+from flockbrush.render.sprites import look_colours, looks_of
 from flockbrush.render.style import SUN, mix, theme_of, worn
 from flockbrush.render.view_camera import ViewCamera, checked_size
 from flockbrush.render.wakes import wakes_in_space
@@ -43,15 +43,6 @@ WALL = 1.6  # m, or body lengths if those are longer: what has been told no heig
 TRAILS = 1.5  # s; in space there is less room for them than on the plan
 GLIDE = 0.8  # s in which a camera that chases a herd has made up for most of what it is behind
 ELBOW = 1.5  # body lengths free around a herd that is looked at
-
-
-class SpaceHerd(NamedTuple):
-    """The animals of one moment in space, a row each."""
-
-    xyz: np.ndarray  # (n, 3) m above the drawn ground
-    forward: np.ndarray  # (n, 3)
-    up: np.ndarray  # (n, 3)
-    walks: np.ndarray  # (n,) bool
 
 
 class SpacePainter:
@@ -72,19 +63,26 @@ class SpacePainter:
         How long trails are, seconds; None or 0 for no trails.
     words : bool
         Leave room for title, clock and legend.
-    shadows, dust : bool
+    shadows : bool
     live : bool
         For a window: the ground is shown as far as it is drawn, and `refine` goes on with it.
     floor : float
         Height of the ground where there is no level, m.
+
+    Attributes
+    ----------
+    dust : bool
+        As of `Painter`.
     """
+
+    dust = True
 
     def __init__(
         self, level=None, size=(1280, 720), theme="light", brushes=None, trails=TRAILS, words=True, shadows=True,
-        live=False, floor=0.0, dust=True,
+        live=False, floor=0.0,
     ):  # fmt: skip
         self.level, self.size, self.theme = level, checked_size(size), theme_of(theme)
-        self.shadows, self.dust, self.live = shadows, dust, live
+        self.shadows, self.live = shadows, live
         self.floor = 0.0 if level is not None else float(floor)
         unit = float(np.clip(min(self.size[0] / 1280, self.size[1] / 720), 0.45, 6))
         self.layout = Layout.of(self.size) if words else Layout(self.size, unit, 0, 0, 0)
@@ -222,7 +220,7 @@ class SpacePainter:
 
     # a frame -----------------------------------------------------------------------------
 
-    def bodies_of(self, herd: DrawnHerd, told: DrawnHerd) -> SpaceHerd:
+    def bodies_of(self, herd, told: DrawnHerd) -> SpaceHerd:
         """Places and attitudes in space of a herd that is `checked`, as it was `told`; ValueError names a bad row."""
         count = len(herd.xy)
         height = np.asarray(herd.z, float)
@@ -246,11 +244,14 @@ class SpacePainter:
                 raise ValueError(f"up of {count} animals has shape ({count}, 3), got {given.shape}")
             refuse_nan(given, "back")
             up = np.where(walks[:, None], up, given)
-        return SpaceHerd(np.column_stack([herd.xy, above]), forward, up, walks)
+        look = looks_of(herd, len(brush_rgb(herd.brush_colours)))
+        beat = np.where(winged, herd.wings, NO_WINGS)
+        xyz = np.column_stack([herd.xy, above])
+        return SpaceHerd(xyz, forward, up, walks, herd.length, herd.radius, beat, look, herd.postures)
 
     def frame(
         self, herd: DrawnHerd = EMPTY, time=None, title=None, measures=None, legend=True, trails=True, out=None,
-        under=None, news=None, selected=None,
+        under=None, selected=None,
     ):  # fmt: skip
         """The animals of one moment.
 
@@ -264,8 +265,8 @@ class SpacePainter:
         legend, trails : bool
         out : (h, w, 3) uint8 array, optional
             Draw into this one, and return it.
-        under : callable, optional
-            Draws on a picture of the ground, given that and its `Camera`; `news` changes when it would draw otherwise.
+        under : Underlay, optional
+            Draws on the picture of the ground.
         selected : int, optional
             Of `Herd.ids`: who is marked.
 
@@ -282,27 +283,23 @@ class SpacePainter:
         bodies = self._bodies = self.bodies_of(herd, told)
         if self.plan is not None:
             self.plan._learn(herd)
-        frame, depth = self._backdrop(herd, out, under, news)
+        frame, depth = self._backdrop(herd, out, under)
         colours = self._looks(herd)
-        kind = np.where(np.asarray(herd.predator), 2, np.asarray(herd.leader, np.int64))
-        known = len(colours) // KINDS - 1
-        own = np.asarray(herd.brush)
-        brush = np.where((own >= 0) & (own < known), own + 1, 0)
-        clip, cam = np.array(self.view, np.int64), self.camera.numbers()
+        buffer, cam = FrameBuffer(frame, depth, np.array(self.view, np.int64)), self.camera.numbers()
         if self.shadows:
-            self._shadows(frame, depth, clip, cam, herd, bodies)
+            self._shadows(buffer, cam, bodies)
         if trails and self.trails is not None:
             self.trails.go(bodies.xyz, told.ids, time)
-            self._ways(frame, depth, clip, cam, herd, brush, colours)
+            self._ways(buffer, cam, bodies, colours)
         row = self._row(told, selected)
         if row is not None:
-            marks, long = self._marks(frame), float((herd.length * self._grown(herd, bodies))[row])
+            marks, long = self._marks(frame), float((bodies.length * self._grown(bodies))[row])
             marks.stand(bodies.xyz[row], long, self.floor)
         if self.dust:
-            wakes_in_space(frame, depth, clip, self.camera, self.floor, self.theme, herd, bodies.xyz, time)
-        self._animals(frame, depth, clip, cam, herd, bodies, brush * KINDS + kind, colours)
+            wakes_in_space(buffer, self.camera, self.floor, self.theme, herd, bodies.xyz, time)
+        self._animals(buffer, cam, bodies, colours)
         if row is not None:
-            marks.ring(self._middles(bodies)[row : row + 1], long)
+            marks.ring(middles(bodies)[row : row + 1], long)
         self._words(frame, herd, title, time, measures, legend, colours)
         return frame
 
@@ -314,8 +311,8 @@ class SpacePainter:
         bodies = self._bodies
         if bodies is None or not len(bodies.xyz):
             return None
-        at, depth = self.camera.project(self._middles(bodies))
-        half = 0.5 * np.maximum(self._lengths * self.camera.focal / np.maximum(depth, 1e-9), SMALLEST)
+        at, depth = self.camera.project(middles(bodies))
+        half = 0.5 * np.maximum(bodies.length * self.camera.focal / np.maximum(depth, 1e-9), SMALLEST)
         away = np.hypot(*(at - pixel).T)
         hit = (depth > 0) & (away <= half + reach)
         if not hit.any():
@@ -329,7 +326,7 @@ class SpacePainter:
 
     # its parts ---------------------------------------------------------------------------
 
-    def _backdrop(self, herd, out, under, news):
+    def _backdrop(self, herd, out, under):
         """A copy of everything that does not move, and its depths."""
         tall = max(WALL, float(np.median(herd.length)) if len(herd.xy) else 0.0)
         faces, lit = self.faces(tall)
@@ -337,7 +334,7 @@ class SpacePainter:
             for box in getattr(self.level, "changes", list)():
                 self.repaint(box)
         for painter, texture in self._pictures():
-            self._take(painter, texture, under, news)
+            self._take(painter, texture, under)
         key = (self.camera, self._ground.version, self._near.version, id(faces), self.bare, id(self.backdrop))
         if self._world[0] != key:
             self._world = (key, *self._paint_world(faces, lit))
@@ -351,15 +348,15 @@ class SpacePainter:
         np.copyto(out, image)
         return out, depth
 
-    def _take(self, painter, texture, under, news):
+    def _take(self, painter, texture, under):
         """Bring a picture of the ground up to date, with what lies upon it."""
         picture = painter.ground
-        news = None if under is None else news
+        news = None if under is None else under.news
         if not texture.stale and texture.source is picture and texture.news == news and texture.sizes:
             return
         if under is not None:
             laid = picture.copy()
-            under(laid, painter.camera)
+            under.draw(laid, painter.camera)
             texture.take(laid, painter.camera, self.level, news)
         else:
             texture.take(picture, painter.camera, self.level)
@@ -371,14 +368,14 @@ class SpacePainter:
         sky, zenith = sky_of(theme)
         land = mix(theme.ground, theme.paper, 0.45)
         clip, cam = np.array(self.view, np.int64), camera.numbers()
-        haze = np.array(sky, float)
+        haze = self._haze
         if self._ground.sizes:
             land = mix(land, theme.ground, 0.3)
             paint_sky(image, clip, cam, self.floor, 1e12, np.array([sky, zenith, land], float))
             for texture in (self._ground, self._near):
                 if texture.sizes:
                     texture.lay(image, self.view, camera)
-            haze_ground(image, clip, cam, self.floor, self.clear, haze)
+            haze_ground(image, clip, cam, self.floor, haze)
         else:
             paint_sky(image, clip, cam, self.floor, self.clear, np.array([sky, zenith, land], float))
         if not self.bare:
@@ -386,7 +383,7 @@ class SpacePainter:
             line = np.array(mix(theme.muted, theme.ground, 0.1), float)
             draw_grid(image, clip, cam, self.floor, x, y, self.spacing, GRID * self.spacing, line, 0.75)
         order = faces.seen(camera)
-        draw_faces(image, depth, clip, cam, faces.corners, order, lit, faces.alphas, self.clear, haze)
+        draw_faces(FrameBuffer(image, depth, clip), cam, faces.corners, order, lit, faces.alphas, haze)
         if not self.bare:
             self._marks(image).compass(self.spacing)
         if self.backdrop is not None:
@@ -398,6 +395,10 @@ class SpacePainter:
         """How far one sees well, m."""
         size = 0.0 if self.level is None else max(self.level.width, self.level.height)
         return SIGHT * max(self.camera.distance, 0.4 * size)
+
+    @property
+    def _haze(self):
+        return Haze(self.clear, np.array(sky_of(self.theme)[0], float))
 
     @property
     def spacing(self) -> float:
@@ -417,49 +418,41 @@ class SpacePainter:
             self._colours = (colours.tobytes(), look_colours(colours, self.theme))
         return self._colours[1]
 
-    def _shadows(self, frame, depth, clip, cam, herd, bodies):
+    def _shadows(self, buffer, cam, bodies):
         high = np.maximum(bodies.xyz[:, 2] - self.floor, 0.0)
-        grown = self._grown(herd, bodies)
-        long = herd.length * grown
+        grown = self._grown(bodies)
+        long = bodies.length * grown
         soft = high / (high + 12.0 * long)  # the higher, the larger and fainter
         along = long * (0.55 + 0.5 * soft)
-        spread = np.where(bodies.walks, np.maximum(herd.radius * grown, 0.18 * long), 0.42 * long)
+        spread = np.where(bodies.walks, np.maximum(bodies.radius * grown, 0.18 * long), 0.42 * long)
         aside = spread * (1.0 + 0.6 * soft)
-        alpha = 2.0 * self.theme.shadow_alpha * (1.0 - 0.72 * soft)
-        shade = (float(c) for c in self.theme.shadow)
-        draw_spots(
-            frame, depth, clip, cam, self.floor, bodies.xyz, bodies.forward, along, aside, *shade, np.minimum(alpha, 1)
-        )
+        alpha = np.minimum(2.0 * self.theme.shadow_alpha * (1.0 - 0.72 * soft), 1)
+        shade = ink_of(self.theme.shadow)
+        draw_spots(buffer, cam, self.floor, bodies.xyz, bodies.forward, along, aside, shade, alpha)
 
-    def _grown(self, herd, bodies):
+    def _grown(self, bodies):
         """How much larger than life each animal is drawn, (n,), to be seen at all."""
         depth = np.maximum((bodies.xyz - self.camera.eye) @ self.camera.axes[2], 1e-3)
-        return np.maximum(SMALLEST * self.layout.unit * depth / (self.camera.focal * herd.length), 1.0)
+        return np.maximum(SMALLEST * self.layout.unit * depth / (self.camera.focal * bodies.length), 1.0)
 
-    def _ways(self, frame, depth, clip, cam, herd, brush, colours):
-        ways = self.trails
+    def _ways(self, buffer, cam, bodies, colours):
+        ways, look = self.trails, bodies.look
         size = 1e9 if self.level is None else 0.4 * min(self.level.width, self.level.height)
-        inks = np.ascontiguousarray(colours[::KINDS, 0])
+        inks = colours[look // KINDS * KINDS, 0]
         longest = float(max(min(size, 1e9), 1.0))
-        strength = self.theme.trail * min(1.0, (MANY / max(len(brush), 1)) ** 0.35)
-        draw_ways(
-            frame, depth, clip, cam, ways.places, ways.first, ways.last, brush, inks, strength, longest,
-            self.clear, np.array(sky_of(self.theme)[0], float),
-        )  # fmt: skip
+        strength = self.theme.trail * min(1.0, (MANY / max(len(look), 1)) ** 0.35)
+        draw_ways(buffer, cam, ways.places, ways.first, ways.last, inks, strength, longest, self._haze)
 
-    def _animals(self, frame, depth, clip, cam, herd, bodies, look, colours):
-        self._lengths = herd.length
+    def _animals(self, buffer, cam, bodies, colours):
         far = (bodies.xyz - self.camera.eye) @ self.camera.axes[2]
-        beat = np.where(np.isfinite(herd.wings), herd.wings, NO_WINGS)
-        long = np.maximum(herd.length * self.camera.focal / np.maximum(far, 1e-3), SMALLEST * self.layout.unit)
-        big = large(herd, long, False) & (far > 0)
+        smallest = SMALLEST * self.layout.unit
+        long = np.maximum(bodies.length * self.camera.focal / np.maximum(far, 1e-3), smallest)
+        big = large(bodies, long, False) & (far > 0)
         if self.live and big.sum() > MOST:
             big = np.zeros_like(big)
-        draw_bodies(
-            frame, depth, clip, cam, np.argsort(-far, kind="stable"), bodies.xyz, bodies.forward, bodies.up,
-            herd.length, herd.radius, beat, bodies.walks, look, colours, self.clear,
-            np.array(sky_of(self.theme)[0], float), SUN, SMALLEST * self.layout.unit, big, herd.postures, meshes(),
-        )  # fmt: skip
+        postures = bodies.postures._replace(look=np.where(big, bodies.postures.look, NO_LOOK))
+        order, bodies = np.argsort(-far, kind="stable"), bodies._replace(postures=postures)
+        draw_bodies(buffer, cam, order, bodies, meshes(), colours, self._haze, SUN, smallest)
 
     # who is selected ------------------------------------------------------------------------
 
@@ -473,12 +466,6 @@ class SpacePainter:
         rows = np.flatnonzero(np.asarray(herd.ids) == selected)
         return int(rows[0]) if len(rows) else None
 
-    def _middles(self, bodies):
-        """The middle of each body (n, 3): beasts stand on their place."""
-        middles = bodies.xyz.copy()
-        middles[:, 2] += np.where(bodies.walks, 0.4 * self._lengths, 0.0)
-        return middles
-
     # words ------------------------------------------------------------------------------------
 
     def _words(self, frame, herd, title, time, measures, legend, colours):
@@ -491,3 +478,10 @@ class SpacePainter:
 def sky_of(theme):
     """(at the horizon, above) of a theme."""
     return mix(theme.paper, theme.water, 0.30), mix(theme.paper, theme.water, 0.95)
+
+
+def middles(bodies):
+    """The middle of each body (n, 3): beasts stand on their place."""
+    places = bodies.xyz.copy()
+    places[:, 2] += np.where(bodies.walks, 0.4 * bodies.length, 0.0)
+    return places

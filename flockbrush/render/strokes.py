@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from flockbrush.render.shapes import kernel, over, window
@@ -11,55 +13,83 @@ RAYS = 2048  # of the compass: as many directions as sight is looked into
 # lines and rings -------------------------------------------------------------------
 
 
+class SlantedLine(NamedTuple):
+    """A line that runs to the right and rises or falls less than it runs; of a steep one x and y are exchanged."""
+
+    ax: float
+    ay: float
+    bx: float
+    slope: float
+    cosine: float
+    long: float  # pixels
+    steep: bool
+
+
 @kernel
-def _tint(frame, row, col, red, green, blue, alpha):
+def slanted(ax, ay, bx, by):
+    """The line between two pixels."""
+    dx, dy = bx - ax, by - ay
+    long, steep = np.sqrt(dx * dx + dy * dy), abs(dy) > abs(dx)
+    if steep:
+        ax, ay, bx, by, dx, dy = ay, ax, by, bx, dy, dx
+    if bx < ax:
+        ax, ay, bx, dx, dy = bx, by, ax, -dx, -dy
+    return SlantedLine(ax, ay, bx, dy / dx, abs(dx) / long, long, steep)
+
+
+@kernel
+def _tint(frame, row, col, ink, alpha):
     """Lay a colour over one pixel; all whole numbers, alpha of 256."""
-    frame[row, col, 0] += np.uint8((red - np.int32(frame[row, col, 0])) * alpha >> 8)
-    frame[row, col, 1] += np.uint8((green - np.int32(frame[row, col, 1])) * alpha >> 8)
-    frame[row, col, 2] += np.uint8((blue - np.int32(frame[row, col, 2])) * alpha >> 8)
+    frame[row, col, 0] += np.uint8((ink[0] - np.int32(frame[row, col, 0])) * alpha >> 8)
+    frame[row, col, 1] += np.uint8((ink[1] - np.int32(frame[row, col, 1])) * alpha >> 8)
+    frame[row, col, 2] += np.uint8((ink[2] - np.int32(frame[row, col, 2])) * alpha >> 8)
 
 
 @kernel
-def draw_lines(frame, clip, segments, width, red, green, blue, alpha):
+def draw_lines(frame, clip, segments, width, ink, alpha):
     """Draw lines (m, 4) x0, y0, x1, y1 with soft edges; where they cross it gets darker. Widths below 1 are fainter."""
     thick = max(width, 1.0)
     strength = 256.0 * alpha * min(width, 1.0)
-    red, green, blue = np.int32(red), np.int32(green), np.int32(blue)
+    whole = np.int32(ink[0]), np.int32(ink[1]), np.int32(ink[2])
     for k in range(len(segments)):
-        ax, ay, bx, by = segments[k, 0], segments[k, 1], segments[k, 2], segments[k, 3]
-        dx, dy = bx - ax, by - ay
-        long = np.sqrt(dx * dx + dy * dy)
-        if not long > 0.0 or long > 1e5:
+        line = slanted(segments[k, 0], segments[k, 1], segments[k, 2], segments[k, 3])
+        if not line.long > 0.0 or line.long > 1e5:
             continue
-        steep = abs(dy) > abs(dx)
-        if steep:
-            ax, ay, bx, by = ay, ax, by, bx
-            dx, dy = dy, dx
-        if bx < ax:
-            ax, ay, bx, by = bx, by, ax, ay
-            dx, dy = -dx, -dy
-        slope, cosine = dy / dx, abs(dx) / long
-        low, high = (clip[1], clip[3]) if steep else (clip[0], clip[2])
-        left, right = (clip[0], clip[2]) if steep else (clip[1], clip[3])
-        half = (thick / 2 + 0.5) / cosine
         if thick == 1.0:
-            _thin(frame, low, high, left, right, steep, ax, ay, bx, slope, cosine, strength, red, green, blue)
-            continue
-        for col in range(max(int(np.floor(ax)), low), min(int(np.ceil(bx)), high)):
-            middle = ay + slope * (col + 0.5 - ax) - 0.5
-            end = strength * min(min(col + 1.0, bx) - max(float(col), ax), 1.0)
-            for row in range(max(int(np.ceil(middle - half)), left), min(int(np.floor(middle + half)) + 1, right)):
-                cover = np.int32(min(thick / 2 + 0.5 - abs(row - middle) * cosine, 1.0) * end)
-                if cover > 0:
-                    if steep:
-                        _tint(frame, col, row, red, green, blue, cover)
-                    else:
-                        _tint(frame, row, col, red, green, blue, cover)
+            draw_thin(frame, clip, line, strength, whole)
+        else:
+            _thick(frame, clip, line, thick, strength, whole)
 
 
 @kernel
-def _thin(frame, low, high, left, right, steep, ax, ay, bx, slope, cosine, strength, red, green, blue):
-    """A line one pixel wide: two pixels share its ink in every column."""
+def _bounds(clip, steep):
+    """Along a line and across it, where the clip begins and ends."""
+    return (clip[1], clip[3], clip[0], clip[2]) if steep else (clip[0], clip[2], clip[1], clip[3])
+
+
+@kernel
+def _thick(frame, clip, line, thick, strength, ink):
+    """A line more than a pixel wide."""
+    ax, ay, bx, slope, cosine, _, steep = line
+    low, high, left, right = _bounds(clip, steep)
+    half = (thick / 2 + 0.5) / cosine
+    for col in range(max(int(np.floor(ax)), low), min(int(np.ceil(bx)), high)):
+        middle = ay + slope * (col + 0.5 - ax) - 0.5
+        end = strength * min(min(col + 1.0, bx) - max(float(col), ax), 1.0)
+        for row in range(max(int(np.ceil(middle - half)), left), min(int(np.floor(middle + half)) + 1, right)):
+            cover = np.int32(min(thick / 2 + 0.5 - abs(row - middle) * cosine, 1.0) * end)
+            if cover > 0:
+                if steep:
+                    _tint(frame, col, row, ink, cover)
+                else:
+                    _tint(frame, row, col, ink, cover)
+
+
+@kernel
+def draw_thin(frame, clip, line, strength, ink):
+    """A line one pixel wide: two pixels share its ink in every column; all whole numbers, `strength` of 256."""
+    ax, ay, bx, slope, cosine, _, steep = line
+    low, high, left, right = _bounds(clip, steep)
     for col in range(max(int(np.floor(ax)), low), min(int(np.ceil(bx)), high)):
         middle = ay + slope * (col + 0.5 - ax) - 0.5
         row = int(np.floor(middle))
@@ -69,16 +99,17 @@ def _thin(frame, low, high, left, right, steep, ax, ay, bx, slope, cosine, stren
         end = strength * min(min(col + 1.0, bx) - max(float(col), ax), 1.0)
         near, far = np.int32((1.0 - part * cosine) * end), np.int32((1.0 - (1.0 - part) * cosine) * end)
         if steep:
-            _tint(frame, col, row, red, green, blue, near)
-            _tint(frame, col, row + 1, red, green, blue, far)
+            _tint(frame, col, row, ink, near)
+            _tint(frame, col, row + 1, ink, far)
         else:
-            _tint(frame, row, col, red, green, blue, near)
-            _tint(frame, row + 1, col, red, green, blue, far)
+            _tint(frame, row, col, ink, near)
+            _tint(frame, row + 1, col, ink, far)
 
 
 @kernel
-def draw_arrow(frame, clip, ax, ay, bx, by, width, head, grow, red, green, blue, alpha):
-    """Draw an arrow from a to its tip b: a stem `width` pixels wide, a head so long, all `grow` pixels fatter."""
+def draw_arrow(frame, clip, ends, width, head, grow, ink, alpha):
+    """Draw an arrow to a tip, `ends` (x, y, x, y): a stem `width` pixels wide, a head so long, `grow` pixels fatter."""
+    ax, ay, bx, by = ends
     dx, dy = bx - ax, by - ay
     long = max(np.sqrt(dx * dx + dy * dy), 1e-9)
     ux, uy = dx / long, dy / long
@@ -97,7 +128,7 @@ def draw_arrow(frame, clip, ax, ay, bx, by, width, head, grow, red, green, blue,
             point = min(along - (long - head), (long - along) * slant - aside * np.sqrt(1.0 - slant * slant))
             cover = min(max(max(inside, point) + grow + 0.5, 0.0), 1.0) * alpha
             if cover > 0:
-                over(frame, row, col, red, green, blue, cover)
+                over(frame, row, col, ink[0], ink[1], ink[2], cover)
 
 
 @kernel
@@ -112,7 +143,7 @@ def draw_plate(frame, clip, left, top, right, bottom, paper, alpha, edge, edge_a
 
 
 @kernel
-def draw_rings(frame, clip, at, radius, width, red, green, blue, alpha):
+def draw_rings(frame, clip, at, radius, width, ink, alpha):
     """Draw rings `width` pixels wide, of these radii (n,), around pixel positions (n, 2)."""
     for k in range(len(at)):
         x, y, far = at[k, 0], at[k, 1], radius[k] + width / 2 + 0.5
@@ -123,7 +154,7 @@ def draw_rings(frame, clip, at, radius, width, red, green, blue, alpha):
                 dx = col + 0.5 - x
                 cover = min(width / 2 + 0.5 - abs(np.sqrt(dx * dx + dy * dy) - radius[k]), 1.0)
                 if cover > 0:
-                    over(frame, row, col, red, green, blue, cover * alpha)
+                    over(frame, row, col, ink[0], ink[1], ink[2], cover * alpha)
 
 
 @kernel
@@ -246,19 +277,22 @@ def _through(ux, uy, cx, cy, fx, fy, half, radius):
 
 
 @kernel
-def sight_mask(width, height, step, x, y, fx, fy, cosine, depth, reach, seen, hidden, alpha_seen, alpha_hidden):
+def sight_mask(size, step, eye, cosine, depth, reach, seen, hidden, alpha_seen, alpha_hidden):
     """What is in the field of view, and what is in it but hidden: (height, width, 4) uint8 of opacity and ink.
 
     Parameters
     ----------
+    size : (width, height)
     step : float
         Pixels of the frame to one of the mask.
-    x, y, depth, reach : pixels of the frame, from the mask's corner
-    fx, fy : float
-        Heading, y down.
+    eye : Pose
+        From the mask's corner.
     cosine : float
         Of half the field of view.
+    depth, reach : pixels of the frame
     """
+    width, height = size
+    x, y, fx, fy = eye
     mask = np.zeros((height, width, 4), np.uint8)
     for row in range(height):
         dy = (row + 0.5) * step - y

@@ -13,10 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flockbrush.render.animal_figures import KINDS, PLAIN, figure
 from flockbrush.render.animal_looks import CLIPS, WIDE, poses_of
-from flockbrush.render.mesh_bodies import LOOK_NAMES, MOST_POINTS, draw_mesh, mesh_inks, pose
-from flockbrush.render.shapes import kernel, window
-from flockbrush.render.sprites import KINDS, PLAIN, figure
+from flockbrush.render.facets import SpacePose, lit
+from flockbrush.render.mesh_bodies import LOOK_NAMES, MOST_POINTS, Postures, draw_mesh, mesh_inks, pose
+from flockbrush.render.shapes import Pose, kernel, window
+from flockbrush.render.sprites import Sprites
 
 TEXELS = 160  # of a map for each body length
 LARGEST = 100.0  # pixels of a body length; larger animals would show the texels
@@ -46,6 +48,14 @@ class TopViews(NamedTuple):
     bounds: np.ndarray  # (maps, 4) float64; what there is of the body: behind, ahead, right and left end, body lengths
     shown: np.ndarray  # (maps, SHOWN) int64; triangles
     normals: np.ndarray  # (maps, SHOWN, 3) float64; unit vectors out of them
+
+
+class TopView(NamedTuple):
+    """One of the maps: of which look, its number, and its first texel."""
+
+    look: int
+    number: int
+    first: int
 
 
 @cache
@@ -85,7 +95,7 @@ def from_above(camera) -> np.ndarray:
 
 @kernel
 def _map_of(views, meshes, posture):
-    """(number, first texel) of the map that shows a posture best; it is made if it has not been yet."""
+    """The `TopView` that shows a posture best; it is made if it has not been yet."""
     look, clip, phase = posture
     count = views.phases[look, clip]
     k = int(np.floor((phase % 1.0) * count + 0.5)) % count
@@ -94,7 +104,7 @@ def _map_of(views, meshes, posture):
     if not views.ready[number]:
         _make(views, meshes, number, at, (look, clip, k / count))
         views.ready[number] = True
-    return number, at
+    return TopView(look, number, at)
 
 
 @kernel
@@ -174,9 +184,9 @@ def _surround(texels):
 
 
 @kernel
-def _light(table, views, meshes, number, ink, fx, fy, wide, sun):
+def _light(table, views, meshes, number, ink, at, wide, sun):
     """Packed colours (CLOSE + 1,) of the triangles of a map in the light, as `draw_mesh` has them."""
-    ahead, left = sun[0] * fx + sun[1] * fy, sun[1] * fx - sun[0] * fy
+    ahead, left = sun[0] * at.fx - sun[1] * at.fy, sun[1] * at.fx + sun[0] * at.fy
     for k in range(SHOWN):
         nx, ny, nz = views.normals[number, k]
         if nz <= 0:
@@ -185,9 +195,7 @@ def _light(table, views, meshes, number, ink, fx, fy, wide, sun):
         size = np.sqrt(nx * nx + ny * ny + nz * nz)
         facing = (nx * ahead + ny * left + nz * sun[2]) / size
         shine = 0.64 + 0.10 * nz / size + (0.40 * facing if facing > 0 else 0.10 * facing)
-        row = meshes.inks[views.shown[number, k]]
-        red, green, blue = min(ink[row, 0] * shine, 255.0), min(ink[row, 1] * shine, 255.0), ink[row, 2] * shine
-        table[k + 1] = _packed(red, green, min(blue, 255.0))
+        table[k + 1] = _packed(lit(ink, meshes.inks[views.shown[number, k]], shine))
 
 
 @kernel
@@ -200,14 +208,16 @@ def _between(first, slope, low, high, start, stop):
 
 
 @kernel
-def _lay(frame, clip, views, number, at, look, x, y, fx, fy, long, wide, table, alpha):
-    """Lay a map over the frame, its body `long` pixels, in the packed colours of a table, so many 256ths opaque."""
+def _lay(frame, clip, views, view, pose, long, wide, table, alpha):
+    """Lay a `TopView` over the frame, its body `long` pixels, in the packed colours of a table, `alpha` of 256."""
+    x, y, fx, fy = pose
+    look, number, at = view
     aside, ahead = views.places[look, 1], views.places[look, 2]
     right, behind = views.places[look, 3], views.places[look, 4]
     ends, share = views.bounds[number], TEXELS / long
     across = share / wide
     reach = np.hypot(max(-ends[0], ends[1]), wide * max(-ends[2], ends[3])) * long + 1.0
-    ux, uy, vx, vy = fx * share, -fy * share, -fy * across, -fx * across
+    ux, uy, vx, vy = fx * share, fy * share, fy * across, -fx * across
     # half a pixel around the body, and a pixel and a half within the map, so that no place is outside
     low_u = max(ends[0] * TEXELS - 0.5 * share, behind + 1.5 * share)
     high_u = min(ends[1] * TEXELS + 0.5 * share, behind + ahead - 1.5 * share)
@@ -252,86 +262,77 @@ def _blend(frame, row, col, found, alpha):
 
 
 @kernel
-def _packed(red, green, blue):
+def _packed(ink):
     """A colour and a 1, so that the sum of four says all four colours' sums and how many they are."""
+    red, green, blue = ink
     return np.int64(red + 0.5) | np.int64(green + 0.5) << 20 | np.int64(blue + 0.5) << 40 | np.int64(1) << 60
 
 
 class DrawnBodies(NamedTuple):
     """The animals of a plan that have legs and wings there, one row each."""
 
-    # at, xy, forward: (n, 2); pixels; metres; headings, y up
-    at: np.ndarray
-    xy: np.ndarray
-    forward: np.ndarray
-    # length, radius: (n,); metres
-    length: np.ndarray
-    radius: np.ndarray
-    # (n,) int64; row of `colours` (k, 7, 3), as `Stamps` has them; leaders and predators lie on a `figure` in that of
-    # `halos`
-    look: np.ndarray
+    # leaders and predators lie on a `figure` in the halos of `Stamps`
+    animals: Sprites
+    xy: np.ndarray  # (n, 2); m
     lift: np.ndarray  # (n, 2); pixels from the animal to its shadow
     shade: np.ndarray  # (n,); opacity of its shadow
-    beats: np.ndarray  # (n,); how high wings are, or NO_WINGS
+    postures: Postures
 
 
 @kernel
-def draw_shadows(frame, clip, scale, rows, bodies, postures, views, meshes, colours):
+def _posture(postures, i):
+    """(look, clip, phase) of an animal."""
+    return postures.look[i], postures.clip[i], postures.phase[i]
+
+
+@kernel
+def _size(animals, i, scale):
+    """How long (pixels) an animal is, and by how much more its width is stretched."""
+    return animals.length[i] * scale, 2 * animals.radius[i] / (WIDE * animals.length[i])
+
+
+@kernel
+def draw_shadows(frame, clip, scale, rows, bodies, views, meshes, colours):
     """Draw the shadows of the animals of these rows on flat ground."""
-    table = np.zeros(CLOSE + 1, np.int64)
+    table, animals = np.zeros(CLOSE + 1, np.int64), bodies.animals
     for i in rows:
-        fx, fy = _ahead(bodies.forward[i])
-        posture = (postures.look[i], postures.clip[i], postures.phase[i])
-        number, at = _map_of(views, meshes, posture)
-        shade = colours[bodies.look[i], 5]
-        table[1:CLOSE] = _packed(shade[0], shade[1], shade[2])
-        x, y = bodies.at[i, 0] + bodies.lift[i, 0], bodies.at[i, 1] + bodies.lift[i, 1]
-        long, wide = bodies.length[i] * scale, 2 * bodies.radius[i] / (WIDE * bodies.length[i])
-        _lay(
-            frame,
-            clip,
-            views,
-            number,
-            at,
-            posture[0],
-            x,
-            y,
-            fx,
-            fy,
-            long,
-            wide,
-            table,
-            int(256 * bodies.shade[i] + 0.5),
-        )
+        view = _map_of(views, meshes, _posture(bodies.postures, i))
+        shade = colours[animals.look[i], 5]
+        table[1:CLOSE] = _packed((shade[0], shade[1], shade[2]))
+        x, y = animals.at[i, 0] + bodies.lift[i, 0], animals.at[i, 1] + bodies.lift[i, 1]
+        long, wide = _size(animals, i, scale)
+        pose, alpha = _pose(x, y, animals.forward[i]), int(256 * bodies.shade[i] + 0.5)
+        _lay(frame, clip, views, view, pose, long, wide, table, alpha)
 
 
 @kernel
-def draw_plan(frame, depth, clip, cam, rows, bodies, postures, views, meshes, colours, halos, sun):
+def draw_plan(buffer, cam, rows, bodies, views, meshes, colours, halos, sun):
     """Draw the animals of these rows from straight above, in this order; `cam` is that of `from_above`."""
     axes, place, ink = np.zeros((3, 3)), np.zeros(3), np.empty((4, 3))
     axes[2, 2] = 1.0
-    table = np.zeros(CLOSE + 1, np.int64)
+    table, animals = np.zeros(CLOSE + 1, np.int64), bodies.animals
     scale = cam[12] / cam[2]
     for i in rows:
-        fx, fy = _ahead(bodies.forward[i])
-        look, length, x, y = bodies.look[i], bodies.length[i], bodies.at[i, 0], bodies.at[i, 1]
-        long, thick, wide = length * scale, bodies.radius[i] * scale, 2 * bodies.radius[i] / (WIDE * length)
+        at = _pose(animals.at[i, 0], animals.at[i, 1], animals.forward[i])
+        look, (long, wide) = animals.look[i], _size(animals, i, scale)
         if look % KINDS != PLAIN:
-            figure(frame, clip, x, y, fx, -fy, long, thick, look % KINDS, False, halos[look], bodies.beats[i])
-        posture = (postures.look[i], postures.clip[i], postures.phase[i])
+            thick = animals.radius[i] * scale
+            figure(buffer.frame, buffer.clip, at, long, thick, look % KINDS, False, halos[look], animals.beats[i])
+        posture = _posture(bodies.postures, i)
         mesh_inks(ink, colours[look], False)
         if long <= LARGEST:
-            number, at = _map_of(views, meshes, posture)
-            _light(table, views, meshes, number, ink, fx, fy, wide, sun)
-            _lay(frame, clip, views, number, at, posture[0], x, y, fx, fy, long, wide, table, 256)
+            view = _map_of(views, meshes, posture)
+            _light(table, views, meshes, view.number, ink, at, wide, sun)
+            _lay(buffer.frame, buffer.clip, views, view, at, long, wide, table, 256)
             continue
-        axes[0, 0], axes[0, 1], axes[1, 0], axes[1, 1] = fx, fy, -fy, fx
+        axes[0, 0], axes[0, 1], axes[1, 0], axes[1, 1] = at.fx, -at.fy, at.fy, at.fx
         place[0], place[1] = bodies.xy[i, 0], bodies.xy[i, 1]
-        draw_mesh(frame, depth, clip, cam, meshes, posture, place, axes, length, wide, ink, 1.0, sun)
+        draw_mesh(buffer, cam, meshes, posture, SpacePose(place, axes), animals.length[i], wide, ink, 1.0, sun)
 
 
 @kernel
-def _ahead(forward):
-    """A heading of length 1, east if it has none."""
+def _pose(x, y, forward):
+    """The pose of an animal whose heading need not have length 1; east if it has none."""
     size = np.hypot(forward[0], forward[1])
-    return (forward[0] / size, forward[1] / size) if size > 1e-9 else (1.0, 0.0)
+    fx, fy = (forward[0] / size, forward[1] / size) if size > 1e-9 else (1.0, 0.0)
+    return Pose(x, y, fx, fy)

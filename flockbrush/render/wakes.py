@@ -13,7 +13,7 @@ import numpy as np
 
 from flockbrush.render.facets import NEARER
 from flockbrush.render.gaits import RESTING, RUN, SWIM, sizes
-from flockbrush.render.shapes import kernel, over, window
+from flockbrush.render.shapes import ink_of, kernel, over, window
 from flockbrush.render.style import mix
 from flockbrush.systems.landscape import Landscape
 
@@ -44,6 +44,19 @@ class WakeMarks(NamedTuple):
     xy: np.ndarray
     radius: np.ndarray
     alpha: np.ndarray
+
+
+class MarksInView(NamedTuple):
+    """Puffs or rings as they are drawn, one row each."""
+
+    at: np.ndarray  # (m, 2); pixels
+    # wide, high: (m,); half axes, pixels
+    wide: np.ndarray
+    high: np.ndarray
+    near: np.ndarray  # (m,); 1 / m; what lies nearer hides a mark, if that is larger than 0
+    alpha: np.ndarray  # (m,)
+    # (m, 2); unit vectors in the picture: rings are strongest to both sides of it, so that together they are a wake
+    course: np.ndarray
 
 
 def wakes_of(simulation, moment, clip, flying) -> Wakes:
@@ -98,7 +111,7 @@ def wake_ink(theme, kind):
         if kind == DUST
         else mix(theme.water, (255, 255, 255), 0.75)
     )
-    return tuple(float(c) for c in colour)
+    return ink_of(colour)
 
 
 def scatter(ids, numbers, salt):
@@ -108,22 +121,12 @@ def scatter(ids, numbers, salt):
 
 
 @kernel
-def draw_marks(frame, depth, clip, at, wide, high, near, alpha, course, ring, red, green, blue):
-    """Draw soft discs, or both sides of rings.
-
-    Parameters
-    ----------
-    at : (m, 2)
-        Pixels.
-    wide, high : (m,)
-        Half axes, pixels.
-    near : (m,)
-        1 / m; what `depth` (h, w) says is nearer hides a mark, if that is larger than 0.
-    course : (m, 2)
-        Unit vectors in the picture: rings are strongest to both sides of it, so that together they are a wake.
-    """
-    for i in range(len(at)):
-        x, y, a, b = at[i, 0], at[i, 1], wide[i], high[i]
+def draw_marks(buffer, marks, ring, ink):
+    """Draw soft discs, or both sides of rings."""
+    frame, depth, clip = buffer
+    alpha, near, course = marks.alpha, marks.near, marks.course
+    for i in range(len(alpha)):
+        x, y, a, b = marks.at[i, 0], marks.at[i, 1], marks.wide[i], marks.high[i]
         if alpha[i] < 0.01 or a < 0.5 or b < 0.2:
             continue
         thin = THICK / min(a, 3.0 * b)
@@ -144,26 +147,24 @@ def draw_marks(frame, depth, clip, at, wide, high, near, alpha, course, ring, re
                     cover = (1.0 - abs(1.0 - far) / thin) * aside * aside
                 else:
                     cover = 1.0 - far
-                over(frame, row, col, red, green, blue, cover * alpha[i])
+                over(frame, row, col, ink[0], ink[1], ink[2], cover * alpha[i])
 
 
-def wakes_on_plan(frame, depth, clip, camera, theme, herd, time):
-    """Draw the wakes of a checked herd on the plan that a `ViewCamera` shows; `depth` (h, w) is all 0."""
+def wakes_on_plan(buffer, camera, theme, herd, time):
+    """Draw the wakes of a checked herd on the plan that a `ViewCamera` shows; the depth is all 0."""
     if herd.wakes is None or time is None:
         return
     at, reach = camera.pixels(herd.xy), 4.0 * herd.length[:, None] * camera.scale
-    seen = ((at + reach > clip[:2]) & (at - reach < clip[2:])).all(axis=1)
+    seen = ((at + reach > buffer.clip[:2]) & (at - reach < buffer.clip[2:])).all(axis=1)
     rows = np.flatnonzero(seen & (herd.length * camera.scale > FAINT))
     for kind in (DUST, RING):
         marks = marks_of(herd, rows, time, kind)
-        wide, near, ink = marks.radius * camera.scale, np.zeros(len(marks.row)), wake_ink(theme, kind)
-        course = herd.forward[marks.row] * (1.0, -1.0)
-        draw_marks(
-            frame, depth, clip, camera.pixels(marks.xy), wide, wide, near, marks.alpha, course, kind == RING, *ink
-        )
+        wide, course = marks.radius * camera.scale, herd.forward[marks.row] * (1.0, -1.0)
+        shown = MarksInView(camera.pixels(marks.xy), wide, wide, np.zeros(len(wide)), marks.alpha, course)
+        draw_marks(buffer, shown, kind == RING, wake_ink(theme, kind))
 
 
-def wakes_in_space(frame, depth, clip, camera, floor, theme, herd, xyz, time):
+def wakes_in_space(buffer, camera, floor, theme, herd, xyz, time):
     """Draw the wakes of a checked herd at places (n, 3): dust hangs over the ground, ripples lie on it."""
     if herd.wakes is None or time is None:
         return
@@ -176,5 +177,6 @@ def wakes_in_space(frame, depth, clip, camera, floor, theme, herd, xyz, time):
         seen = away > camera.numbers()[15]
         at, away, wide = at[seen], away[seen], (marks.radius * camera.focal / np.maximum(away, 1e-9))[seen]
         flat = 0.7 if kind == DUST else np.clip((camera.eye[2] - floor) / away, 0.05, 1.0)
-        course, ink = (herd.forward[marks.row] @ camera.axes[:2, :2].T)[seen] * (1.0, -1.0), wake_ink(theme, kind)
-        draw_marks(frame, depth, clip, at, wide, wide * flat, 1 / away, marks.alpha[seen], course, kind == RING, *ink)
+        course = (herd.forward[marks.row] @ camera.axes[:2, :2].T)[seen] * (1.0, -1.0)
+        shown = MarksInView(at, wide, wide * flat, 1 / away, marks.alpha[seen], course)
+        draw_marks(buffer, shown, kind == RING, wake_ink(theme, kind))

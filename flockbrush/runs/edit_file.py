@@ -38,6 +38,7 @@ USES = {
     "delete": (), "move": ("by", "turn", "about", "over"), "retime": ("speed",), "freeze": (), "delay": ("seconds",),
     "look": ("brush", "species", "size"),
 }  # fmt: skip
+HOW = ("about", "over")  # what alone changes nothing
 BOUNDS = {
     "start": (0.0, 1e6), "end": (0.0, 1e6), "turn": (-36000.0, 36000.0), "over": (0.0, 1e4), "speed": (0.01, 100.0),
     "seconds": (-1e6, 1e6), "size": (0.01, 100.0),
@@ -66,7 +67,24 @@ class EditFile:
         return next((layer for layer in self.layers if layer.name == name), None)
 
     def add(self, edit: Edit, name=FIRST):
-        """Add an edit to a layer, which is created if needed; undone edits cannot be redone afterwards."""
+        """Add an edit to a layer, which is created if needed; undone edits cannot be redone afterwards.
+
+        Raises
+        ------
+        ValueError
+            For numbers out of their bounds, which the file would be refused for, and where nothing would change.
+        """
+        for one, (low, high) in BOUNDS.items():
+            value = getattr(edit, one)
+            if not (low <= value <= high or value == getattr(Edit, one)):
+                raise ValueError(f"{one} must be from {low:g} to {high:g}, got {value:g}")
+        if edit.end <= edit.start:
+            raise ValueError(f"the end must be later than the start at {edit.start:g} s, got {edit.end:g} s")
+        if max(map(abs, edit.by)) > FARTHEST:
+            raise ValueError(f"nobody can be moved by more than {FARTHEST:g} m")
+        changes = [name for name in USES[edit.kind] if name not in HOW]
+        if changes and all(getattr(edit, name) == getattr(Edit, name) for name in changes):
+            raise ValueError(f"this changes nothing: give {' or '.join(changes)} another value")
         self._put(edit, name)
         self.undone = []
 
@@ -216,6 +234,15 @@ def _edit(toml, at, table, problems) -> Edit | None:
     if len(problems) == before and told.get("start", 0.0) >= told.get("end", ALWAYS):
         problems.append(toml.problem((*at, "end"), "must be later than the start"))
     return Edit(**told) if len(problems) == before else None
+
+
+def sentence_of(edit: Edit) -> str:
+    """An edit in words: "move 12 animals from 0.5 s: by (5.0, 0.0, 0.0)"."""
+    told = [f"{name} {getattr(edit, name)}" for name in USES[edit.kind] if getattr(edit, name) != getattr(Edit, name)]
+    when = f" from {edit.start:g} s" if edit.start else ""
+    when += f" until {edit.end:g} s" if edit.end != ALWAYS else ""
+    animals = f"{len(edit.ids)} animals" if len(edit.ids) > 1 else f"animal {edit.ids[0]}"
+    return f"{edit.kind} {animals}{when}{': ' if told else ''}{', '.join(told)}"
 
 
 def ids_of(text) -> tuple[int, ...]:

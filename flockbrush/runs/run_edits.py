@@ -117,15 +117,15 @@ class EditedMoments:
         changed = np.unique(np.concatenate([self._ids[k] for k in later]))
         plain = ~np.isin(moment.ids, changed)
         found = [(rows_of(moment, np.flatnonzero(plain)), [moment.time] * len(self.edits))]
-        alike: dict[tuple, list] = {}
-        for animal in changed.tolist():
-            key = tuple(k for k in later if animal in set(self.edits[k].ids))
-            alike.setdefault(key, []).append(animal)
-        for key, animals in alike.items():
+        belongs = np.array([np.isin(changed, self._ids[k]) for k in later])  # (edits of time, animals)
+        kinds, kind_of = np.unique(belongs, axis=1, return_inverse=True)
+        for number, kind in enumerate(kinds.T):
+            animals = changed[kind_of.ravel() == number]
+            own = {k for k, mine in zip(later, kind, strict=True) if mine}
             times, rate, time = [0.0] * len(self.edits), 1.0, moment.time
             for k in reversed(range(len(self.edits))):
                 times[k] = time
-                if k in key:
+                if k in own:
                     time, speed = self.edits[k].local(time)
                     rate *= speed
             source, stands = self.past.at(time)
@@ -213,6 +213,14 @@ class Past:
     def take(self, simulation):
         """Keep the animals as they are now."""
         self.keep(moment_of(simulation))
+
+    def watch(self, simulation, last_tick, stepped=lambda: None):
+        """Keep the animals at every tick of a run, which is simulated to its end; `stepped` is called after each."""
+        self.take(simulation)
+        while simulation.clock.tick < last_tick:
+            simulation.tick()
+            self.take(simulation)
+            stepped()
 
     def keep(self, moment: Moment):
         """Keep the animals of a moment."""

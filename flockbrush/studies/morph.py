@@ -1,10 +1,13 @@
 """Paths between two brushes along which the measured behaviour changes evenly.
 
-Fresh herds are measured along the straight line between the two brushes, and again half-way between points whose
-herds differ by too much, until they do not or the points are next to one another: what herds do, not what their
-numbers are, says where the steps of the path lie.  Herds of their own at the steps correct them, others say what the
-path is worth, beside the straight line.  At last one herd is swept along the path and back.  A pair is bistable when
-it differs on the way there and back and fresh herds do not agree: no path of steps makes it even.
+The way goes straight from the numbers of one brush to those of the other, but for parameters that differ more than
+tenfold, which go by ratio, and for random turning, which may be added between the ends: weak alignment against noise
+gives every degree of order, and without noise a herd only takes longer to become ordered.  Fresh herds are measured
+along the way, and again half-way between points whose herds differ by too much, until they do not or the points are
+next to one another: what herds do, not what their numbers are, says where the steps of the path lie.  Herds of their
+own at the steps correct them, others say what the path is worth, beside the straight line.  At last herds are swept
+along the path and back.  A pair whose path is not even is bistable when herds on the way there and those on the way
+back differ at the same step.
 """
 
 from __future__ import annotations
@@ -19,24 +22,28 @@ from scipy.optimize import isotonic_regression
 from flockbrush.behaviours.brush import Brush
 from flockbrush.behaviours.mixture import BrushPath, mixed
 from flockbrush.components import BrushBinding, Heading, Position
-from flockbrush.levels.build import herds_apart, plane
+from flockbrush.levels.build import herds_apart
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.measures import compute_milling, compute_polarization
 from flockbrush.systems.palette import Palette
 
 RATE = 32  # ticks a second
 DENSITY = 0.6  # animals per square body length at the start
+BEGINNINGS = {"random": ("scatter", None), "aligned": ("scatter", 0.0), "mill": ("mill", None)}  # formation, heading
+MEASURES = ("polarization", "milling")
 COARSE = 8  # steps of the way that are measured first
 MOST_POINTS = 48  # that are measured in all
 RESOLUTION = 1 / 4096  # of the way; what changes within it jumps
 ROUNDS = 2  # of herds at the steps themselves, after which the steps are laid anew
-SETTLED = 0.6  # of a run, which is left out
+SETTLED = 0.5  # of a run, which is left out
 FIRST_SWEEP, FIRST_FRESH, FIRST_CHECK = 100, 1_000_000, 2_000_000  # seeds
 MOST_STEP = MOST_DEVIATION = 0.15  # between two points, and between seeds
 FINE = 0.6 * MOST_STEP  # between two points that are measured in search of the path
 JUMP = 0.25  # there and back may differ by so much
-NOISE = 0.03  # standard error that few seeds cannot show
-KEEP_GOING = 0.15  # of the way along which nothing changes, in changes of behaviour
+TENFOLD = 10.0  # parameters that differ by more go by ratio
+RISE = 8.0  # added noise is there from the first eighth of the way to the last
+NOISE = 0.03  # no standard error is taken to be less: few seeds may not show it, and so little does not matter
+KEEP_GOING = 0.15  # of the way along which nothing changes, at least, in changes of behaviour
 
 
 class Measured(NamedTuple):
@@ -58,6 +65,7 @@ class Trial:
     seeds: int = 3
     steps: int = 8
     seconds: float = 20.0
+    begin: str = "random"  # of `BEGINNINGS`
 
     @property
     def dwell(self):
@@ -65,9 +73,29 @@ class Trial:
         return self.seconds / 5
 
 
+class Branches(NamedTuple):
+    """What herds do that are swept along a way, and on their way back, by point of the way."""
+
+    there: Measured
+    back: Measured
+
+    def widest(self):
+        """Where the two differ most: point, column, difference, and its standard error."""
+        apart = np.abs(self.there.mean - self.back.mean)[1:-1]
+        point, column = np.unravel_index(apart.argmax(), apart.shape)
+        spread = np.hypot(self.there.deviation, self.back.deviation)[point + 1, column]
+        return int(point) + 1, int(column), float(apart[point, column]), float(spread / math.sqrt(self.there.seeds))
+
+    @property
+    def hysteresis(self):
+        """Whether herds differ there and back, by more than two standard errors and `JUMP`."""
+        *_, apart, error = self.widest()
+        return apart > max(JUMP, 2.0 * error)
+
+
 @dataclass(frozen=True)
 class Morph:
-    """A path, what was measured on it and on the straight line, how far there and back are apart, and where it jumps.
+    """A path, what was measured on it and on the straight line, herds swept along it, and where it jumps.
 
     A jump is where it is along the straight line, and by how much polarization or milling change there.
     """
@@ -75,22 +103,17 @@ class Morph:
     path: BrushPath
     on_path: Measured
     straight: Measured
-    gap: float
+    swept: Branches
     jumps: tuple[tuple[float, float], ...] = ()
 
-    @property
-    def bistable(self):
-        """Whether herds do another thing on the way back, and fresh herds not always the same."""
-        return self.gap > JUMP and bool(self.on_path.deviation.max() >= MOST_DEVIATION)
 
-
-def morph(start: Brush, end: Brush, trial: Trial, detour: dict[str, float] | None = None, tell=lambda words: None):
+def morph(start: Brush, end: Brush, trial: Trial, wander: float = 0.0, tell=lambda words: None):
     """Find a path between two brushes of one model.
 
     Parameters
     ----------
-    detour : dict of str to float, optional
-        What parameters have more of half-way; nothing at the ends.
+    wander : float
+        Random turning added between the ends; nothing at them.
     tell : callable
         Is told what is being done.
 
@@ -98,10 +121,9 @@ def morph(start: Brush, end: Brush, trial: Trial, detour: dict[str, float] | Non
     -------
     Morph
     """
-    detour = detour or {}
 
     def at(along):
-        return brush_at(start, end, along, detour)
+        return brush_at(start, end, along, wander)
 
     tell("measuring new herds where the behaviour changes")
     seen = response(at, trial)
@@ -113,27 +135,34 @@ def morph(start: Brush, end: Brush, trial: Trial, detour: dict[str, float] | Non
     tell("measuring other herds on the path")
     on_path = measured(at, along, trial)
     tell("measuring the same herds on the straight line")
-    straight = measured(lambda share: brush_at(start, end, share, {}), steps, trial)
-    tell("sweeping from the first brush to the second and back")
-    there, back = sweep(at, along, trial, FIRST_SWEEP)
-    gap = float(np.abs(there - back)[1:-1].max())
-    bumps = {name: tuple(float(v) for v in _bump(along) * peak) for name, peak in detour.items()}
+    straight = measured(lambda share: mixed(start, end, share), steps, trial)
+    tell("sweeping there and back")
+    swept = sweep(at, along, trial, FIRST_SWEEP)
+    even = not faults(on_path)
     path = BrushPath(
-        start=start.name, end=end.name, along=tuple(map(float, along)), detour=bumps,
-        even=not faults(on_path),
+        start=start.name, end=end.name, along=tuple(map(float, along)), detour=detours(start, end, along, wander),
+        begin=trial.begin, seconds=trial.seconds, even=even, bistable=not even and swept.hysteresis,
     )  # fmt: skip
-    return Morph(path, on_path, straight, gap, seen.jumps())
+    return Morph(path, on_path, straight, swept, seen.jumps())
 
 
-def _bump(along):
-    """0 at both ends, 1 half-way."""
-    return 4.0 * np.asarray(along) * (1.0 - np.asarray(along))
+def detours(start, end, along, wander=0.0):
+    """What parameters have besides those of the straight line at some points of it, {name: numbers}."""
+    along, found = np.asarray(along, float), {}
+    for name in type(start.params).model_fields:
+        a, b = getattr(start.params, name), getattr(end.params, name)
+        if isinstance(a, float) and isinstance(b, float) and min(a, b) > 0.0 and max(a / b, b / a) > TENFOLD:
+            found[name] = a ** (1.0 - along) * b**along - (a + along * (b - a))
+    if wander:
+        found["wander"] = wander * np.minimum(1.0, RISE * along) * np.minimum(1.0, RISE * (1.0 - along))
+    inner = (along > 0.0) & (along < 1.0)  # rounding may leave something at the ends
+    return {name: tuple(map(float, np.where(inner, values, 0.0))) for name, values in found.items()}
 
 
-def brush_at(start, end, along, detour):
-    """The brush so far along the straight line, with a detour."""
-    bumps = {name: (0.0, float(_bump(along)) * peak, 0.0) for name, peak in detour.items()}
-    path = BrushPath(start=start.name, end=end.name, along=(0.0, along, 1.0), detour=bumps)
+def brush_at(start, end, along, wander=0.0):
+    """The brush so far along the way."""
+    points = (0.0, along, 1.0)
+    path = BrushPath(start=start.name, end=end.name, along=points, detour=detours(start, end, points, wander))
     return mixed(start, end, 0.5, path)
 
 
@@ -144,26 +173,36 @@ def measures_of(simulation, first=0, count=None):
     return compute_polarization(forward), compute_milling(agents[Position.xyz][rows, :2], forward)
 
 
-def sweep(at, points, trial, seed):
-    """One herd from the first point to the last and back: (2, points, 2) there and back, by point."""
+def sweep(at, points, trial, seed) -> Branches:
+    """Herds from the first point to the last and back, as many as seeds, side by side in one world."""
     order = [*range(len(points)), *reversed(range(len(points)))]
-    simulation = plane(at(points[0]), trial.animals, DENSITY, "scatter", seed)
+    simulation = _herds([at(point) for point in points], trial, seed, len(order) + 2, trial.seeds)
     world, found = simulation.world, []
     palette, agents = world.resource(Palette), simulation.agents
-    simulation.run(round(2 * trial.dwell * RATE))
     for k, point in enumerate(order):
         brush = at(points[point]).model_copy(update={"name": f"swept-{k % 2}"})
         agents[BrushBinding.home][:] = palette.add(brush)
         world.resource(Landscape).see_to(float(palette.view_range.max() * brush.body.length))
-        simulation.run(round(0.5 * trial.dwell * RATE))
+        simulation.run(round((2.5 if k == 0 else 0.5) * trial.dwell * RATE))
         moments = []
         for _ in range(max(1, round(trial.dwell))):
             simulation.run(RATE // 2)
-            moments.append(measures_of(simulation))
+            moments.append([measures_of(simulation, i * trial.animals, trial.animals) for i in range(trial.seeds)])
         found.append(np.mean(moments, axis=0))
     simulation.close()
     n = len(points)
-    return np.array([found[:n], found[n:][::-1]])
+    return Branches(*(_over_seeds(np.swapaxes(way, 0, 1)) for way in (found[:n], found[n:][::-1])))
+
+
+def _herds(brushes, trial, seed, dwells=0, copies=0):
+    """Herds that begin as the trial says, too far apart to meet: of each brush one, or so many of the first."""
+    length = brushes[0].body.length
+    fastest, farthest = max(b.speed.mean for b in brushes), max(b.vision.range for b in brushes)
+    seconds = trial.dwell * dwells if dwells else trial.seconds
+    reach = 2.0 * (fastest * seconds + math.sqrt(trial.animals / DENSITY)) + farthest
+    formation, heading = BEGINNINGS[trial.begin]
+    herds = [brushes[0].model_copy(update={"name": f"herd-{k}"}) for k in range(copies)] or brushes
+    return herds_apart(herds, trial.animals, DENSITY, formation, seed, heading, apart=reach * length)
 
 
 class Response:
@@ -209,10 +248,13 @@ class Response:
     def evenly(self, steps):
         """``steps + 1`` points between which the behaviour changes as much.
 
-        Where nothing changes the way still goes on, by a small share of its own length.
+        Where nothing changes the way still goes on, by a small share of its own length; by more, where all that changes
+        is little.
         """
         points, means = self.one_way()
-        change = np.abs(np.diff(means, axis=0)).sum(1) + KEEP_GOING * np.diff(points)
+        means[1:-1] = 0.25 * means[:-2] + 0.5 * means[1:-1] + 0.25 * means[2:]  # few seeds leave stairs
+        change = np.abs(np.diff(means, axis=0)).sum(1)
+        change += max(KEEP_GOING, 1.0 - change.sum()) * np.diff(points)
         gone = np.concatenate([[0.0], np.cumsum(change)])
         found = np.interp(np.linspace(0.0, gone[-1], steps + 1), gone, points)
         found[0], found[-1] = 0.0, 1.0
@@ -231,16 +273,16 @@ def response(at, trial) -> Response:
 def measured(at, points, trial, first_seed=FIRST_CHECK) -> Measured:
     """Fresh herds at every point; those of one seed side by side in one world."""
     brushes = [at(point).model_copy(update={"name": f"point-{k}"}) for k, point in enumerate(points)]
-    found = np.array([_run(brushes, trial, first_seed + k) for k in range(trial.seeds)])
-    return Measured(found.mean(0), found.std(0, ddof=min(1, trial.seeds - 1)), trial.seeds)
+    return _over_seeds(np.array([_run(brushes, trial, first_seed + k) for k in range(trial.seeds)]))
+
+
+def _over_seeds(found) -> Measured:
+    return Measured(found.mean(0), found.std(0, ddof=min(1, len(found) - 1)), len(found))
 
 
 def _run(brushes, trial, seed):
     """What a herd of each brush does, (brushes, 2)."""
-    length = brushes[0].body.length
-    fastest, farthest = max(b.speed.mean for b in brushes), max(b.vision.range for b in brushes)
-    reach = 2.0 * (fastest * trial.seconds + math.sqrt(trial.animals / DENSITY)) + farthest
-    simulation = herds_apart(brushes, trial.animals, DENSITY, "scatter", seed, apart=reach * length)
+    simulation = _herds(brushes, trial, seed)
     simulation.run(round(SETTLED * trial.seconds * RATE))
     moments = []
     for _ in range(max(1, round(2 * (1.0 - SETTLED) * trial.seconds))):
@@ -250,42 +292,58 @@ def _run(brushes, trial, seed):
     return np.mean(moments, axis=0)
 
 
+def goes_back(found: Measured) -> np.ndarray:
+    """By how much each measure goes back between any two points, and how much of that chance explains, (2, 2)."""
+    error = np.maximum(found.deviation / np.sqrt(found.seeds), NOISE)
+    sign = np.where(found.mean[-1] >= found.mean[0], 1.0, -1.0)
+    fallen = (found.mean * sign)[:, None] - (found.mean * sign)[None]  # [earlier, later, measure]
+    allowed = 2.0 * np.hypot(error[:, None], error[None])
+    later = np.triu(np.ones(fallen.shape[:2], bool))[..., None]
+    excess = np.where(later, fallen - allowed, -np.inf).reshape(-1, fallen.shape[2])
+    worst = excess.argmax(0), np.arange(fallen.shape[2])
+    return np.stack([v.reshape(-1, fallen.shape[2])[worst] for v in (fallen, allowed)])
+
+
 def faults(found: Measured) -> list[str]:
     """What keeps a way from being even, in words."""
     said = []
-    error = np.maximum(found.deviation / np.sqrt(found.seeds), NOISE)
-    for column, name in enumerate(("polarization", "milling")):
-        mean = found.mean[:, column]
-        rises = mean[-1] >= mean[0]
-        step = np.diff(mean) * (1.0 if rises else -1.0)
-        allowed = 2.0 * np.hypot(error[1:, column], error[:-1, column])
-        if (step < -allowed).any():
-            said.append(f"{name} reverses by {-step.min():.2f}")
-        if np.abs(step).max() > MOST_STEP:
-            said.append(f"{name} changes by {np.abs(step).max():.2f} in one step")
+    back, allowed = goes_back(found)
+    for column, name in enumerate(MEASURES):
+        step = np.abs(np.diff(found.mean[:, column])).max()
+        if back[column] > allowed[column]:
+            said.append(f"{name} goes back by {back[column]:.2f}")
+        if step > MOST_STEP:
+            said.append(f"{name} changes by {step:.2f} in one step")
         if found.deviation[:, column].max() >= MOST_DEVIATION:
             said.append(f"{name} deviates by {found.deviation[:, column].max():.2f} between seeds")
     return said
 
 
 def table(found: Morph) -> str:
-    """Both ways side by side, and what they are worth."""
+    """All ways side by side, and what they are worth."""
     steps = len(found.path.along) - 1
-    lines = ["step   path: along  polarization      milling   straight: along  polarization      milling"]
+    ways = {"path": found.on_path, "straight line": found.straight, "there": found.swept.there,
+            "back": found.swept.back}  # fmt: skip
+    lines = [" " * 16 + "".join(f"{name:<26}" for name in ways), "step   along   " + "polarization  milling     " * 4]
     for k, along in enumerate(found.path.along):
-        cells = [
-            f"{m.mean[k, c]:.2f} ± {m.deviation[k, c]:.2f}" for m in (found.on_path, found.straight) for c in (0, 1)
-        ]
-        lines.append(
-            f"{k:>2} / {steps}      {along:.3f}   {cells[0]}  {cells[1]}            "
-            f"{k / steps:.3f}   {cells[2]}  {cells[3]}"
-        )
-    for name, way in (("path", found.on_path), ("straight line", found.straight)):
-        said = faults(way)
+        cells = [f"{m.mean[k, c]:.2f} ± {m.deviation[k, c]:.2f}" for m in ways.values() for c in (0, 1)]
+        lines.append(f"{k:>2} / {steps:<2} {along:.4f}  {'   '.join(cells)}")
+    for name in ("path", "straight line"):
+        said = faults(ways[name])
         lines.append(f"{name}: {'; '.join(said) if said else 'even'}")
-    lines += [f"jumps by {size:.2f} at {where:.4f} of the straight line" for where, size in found.jumps]
-    back = "bistable: the behaviour differs between both directions of the sweep and between new herds"
-    if not found.bistable:
-        back = "slow: herds need longer to change than the sweep waits at each step" if found.gap > JUMP else "no jump"
-    lines.append(f"the two directions differ by {found.gap:.2f}: {back}")
-    return "\n".join(lines)
+    lines += [f"jumps by {size:.2f} at {where:.4f} of the way" for where, size in found.jumps]
+    return "\n".join([*lines, verdict(found.swept, found.path.even)])
+
+
+def verdict(swept: Branches, even: bool) -> str:
+    """What the way there and the way back say, in words."""
+    point, column, apart, error = swept.widest()
+    name, last = MEASURES[column], len(swept.there.mean) - 1
+    there, back = (m.mean[point, column] for m in swept)
+    said = f"at {point}/{last} {name} is {there:.2f} there and {back:.2f} back (standard error {error:.2f})"
+    if not swept.hysteresis:
+        return f"no hysteresis: {said}"
+    jumps = [np.abs(np.diff(m.mean[:, column])) for m in swept]
+    largest = [f"{jump.max():.2f} between {jump.argmax()}/{last} and {jump.argmax() + 1}/{last}" for jump in jumps]
+    kind = "hysteresis, though fresh herds change evenly" if even else "bistable"
+    return f"{kind}: {said}; largest step there {largest[0]}, back {largest[1]}"

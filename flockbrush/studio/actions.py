@@ -84,17 +84,32 @@ class Deeds:
 
     def undo(self):
         """Undo the last change."""
-        self.tool.cancel()
+        self.tool.interrupt()
         label = self.session.undo_label
         self.session.undo()
         self.notify(f"undone: {label}" if label else "there is nothing to undo")
 
     def redo(self):
         """Redo the change that was undone last."""
-        self.tool.cancel()
+        self.tool.interrupt()
         label = self.session.redo_label
         self.session.redo()
         self.notify(f"redone: {label}" if label else "there is nothing to redo")
+
+    def edit_recorded(self, kind, **values):
+        """Make an edit of the recorded animals that are selected; whether it was made."""
+        return self.guard_edits(lambda: self.session.edit(kind, **values))
+
+    def guard_edits(self, change, *arguments):
+        """Change the edits of a recording; whether it was done.  What stands against it becomes a message."""
+        try:
+            sentence = change(*arguments)
+        except (ValueError, ProblemsError) as error:
+            self.notify(str(error), "error")
+            return False
+        if sentence:
+            self.notify(sentence)
+        return True
 
     def delete(self):
         """Delete what is selected."""
@@ -367,7 +382,7 @@ class Deeds:
 
         menu = {"choices": list(known), "chosen": name, "choose": lambda other: self.ask_key(xy, key, other)}
         rows = [FormRow("when", "time, s", f"{when:g}", "time of the command after the start"), *rows_of(given)]
-        self._open_dialog(Form(self, f"Script key {called!r}", rows, give, **menu))
+        self.open_dialog(Form(self, f"Script key {called!r}", rows, give, **menu))
 
     def _open_form(self, title, command, label, kind="", **menu):
         """Open a form that submits the command with the typed values."""
@@ -380,17 +395,18 @@ class Deeds:
                 self.notify(str(error), "error")
                 return False
 
-        self._open_dialog(Form(self, title, rows_of(command, kind), give, **menu))
+        self.open_dialog(Form(self, title, rows_of(command, kind), give, **menu))
 
     def ask_text(self, title, question, default, on_ok):
         """Ask for a text and call a function with it."""
-        self._open_dialog(Dialog(self, title, question, [("OK", on_ok), ("Cancel", None)], default))
+        self.open_dialog(Dialog(self, title, question, [("OK", on_ok), ("Cancel", None)], default))
 
     def ask(self, title, question, answers):
         """Ask a question with some answers (text, function or None); the first is the default."""
-        self._open_dialog(Dialog(self, title, question, answers))
+        self.open_dialog(Dialog(self, title, question, answers))
 
-    def _open_dialog(self, dialog):
+    def open_dialog(self, dialog):
+        """Show a dialog in place of the one that is open."""
         self.let_go()
         if self.dialog is not None and self.dialog.alive():
             self.dialog.kill()

@@ -8,7 +8,7 @@ from flockbrush.behaviours.brush import shipped
 from flockbrush.render.style import palette as fallback_colours
 from flockbrush.render.style import worn
 from flockbrush.studio.hunters import hunters
-from flockbrush.studio.tools import TOOLS
+from flockbrush.studio.tools import offered
 from flockbrush.studio.tools import world_tools as lookup
 from flockbrush.studio.tools.tool import CHOICES
 from flockbrush.systems.landscape import Landscape
@@ -39,7 +39,7 @@ class Hand:
             "cap": 1.0,
             "surface": surfaces[1] if len(surfaces) > 1 else "",
         }
-        self.tools = {kind.name: kind(self) for kind in TOOLS}
+        self.tools = {kind.name: kind(self) for kind in offered(self.session)}
         self.tool = self.tools["brush"]
 
     def _first_brush(self, names):

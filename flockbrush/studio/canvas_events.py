@@ -5,9 +5,9 @@ from __future__ import annotations
 import pygame
 
 from flockbrush.studio.shortcuts import BY_KEY, key_of
-from flockbrush.studio.tools import TOOLS
+from flockbrush.studio.tools import OF_RECORDINGS, TOOLS
 
-TOOL_KEYS = {kind.key: kind.name for kind in TOOLS}
+TOOL_KEYS = {kind.key: kind.name for kind in TOOLS + OF_RECORDINGS}
 
 
 class CanvasEvents:
@@ -35,7 +35,7 @@ class CanvasEvents:
                 self._space, self._space_used = True, False
         elif self.tool.hear(pygame.key.name(event.key), True):
             pass
-        elif key in TOOL_KEYS:
+        elif TOOL_KEYS.get(key) in self.tools:
             self.take_tool(TOOL_KEYS[key])
         elif key in BY_KEY:
             BY_KEY[key].do(self)

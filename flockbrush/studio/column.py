@@ -6,18 +6,10 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton, UIPanel
 
+from flockbrush.studio.panels import offered
 from flockbrush.studio.theme import px
 
 TAB = 48  # pixels of a tab at scale 1
-
-
-def panel_classes():
-    """The classes of all panels, in the order of their tabs."""
-    try:
-        from flockbrush.studio.panels import PANELS
-    except ImportError:
-        return ()
-    return PANELS
 
 
 class Column:
@@ -26,7 +18,7 @@ class Column:
     def __init__(self, app, manager, rect: pygame.Rect):
         self.app, self.manager = app, manager
         self.back = UIPanel(rect, 1, manager, margins=NO_MARGINS)
-        self.classes = panel_classes()
+        self.classes = offered(app.session)
         tall, count = px(app.scale, 34), max(1, len(self.classes))
         rows = -(-count * px(app.scale, TAB) // max(rect.width, 1))  # of tabs, where their words are too wide for one
         across = -(-count // rows)

@@ -7,7 +7,7 @@ from pygame_gui.elements import UITextBox, UIWindow
 
 from flockbrush.studio.shortcuts import ACTIONS, shown
 from flockbrush.studio.theme import chrome, hexed, px
-from flockbrush.studio.tools import TOOLS
+from flockbrush.studio.tools import OF_RECORDINGS, TOOLS
 
 MOUSE = (
     ("Left button", "use the tool"),
@@ -24,6 +24,7 @@ MOUSE = (
 def sections():
     """[(heading, [(keys, what they do), ...]), ...] of everything there is."""
     tools = [(shown(tool.key), tool.title) for tool in TOOLS]
+    tools += [(shown(tool.key), f"{tool.title} (where one is open)") for tool in OF_RECORDINGS]
     groups: dict[str, list] = {}
     for action in ACTIONS:
         keys = "  or  ".join(shown(key) for key in action.keys)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pygame
 
+from flockbrush.render.animal_figures import KINDS, LEADER, NO_WINGS, PLAIN, PREDATOR, figure
 from flockbrush.render.brush_marks import swatch
 from flockbrush.render.drawn_ground import brush_key
 from flockbrush.render.drawn_terrain import nice
 from flockbrush.render.hud import PATCH
 from flockbrush.render.painter import brush_rgb, brushes_in_sight
-from flockbrush.render.sprites import KINDS, LEADER, NO_WINGS, PLAIN, PREDATOR, Stamps, figure
+from flockbrush.render.shapes import Pose
+from flockbrush.render.sprites import Stamps
 from flockbrush.render.style import worn
 from flockbrush.studio.theme import chrome, font, px
 
@@ -90,8 +92,8 @@ class Legend:
         look = (
             PREDATOR if kind == PREDATOR else (brush + 1) * KINDS + kind
         )  # the first look is of animals without a brush
-        long = 0.9 * width
-        figure(image, clip, width / 2, height / 2, 1.0, 0.0, long, 0.24 * long, kind, False, colours[look], NO_WINGS)
+        long, at = 0.9 * width, Pose(width / 2, height / 2, 1.0, 0.0)
+        figure(image, clip, at, long, 0.24 * long, kind, False, colours[look], NO_WINGS)
         return pygame.image.frombuffer(image.tobytes(), (width, height), "RGB")
 
     def draw(self, surface):

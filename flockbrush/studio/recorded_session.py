@@ -5,10 +5,14 @@ from __future__ import annotations
 from pathlib import Path, PurePosixPath
 
 from flockbrush.engine.files import write_bytes
+from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError, open_recording
+from flockbrush.levels.schema import PROJECT_FILE
 from flockbrush.runs import run as running
+from flockbrush.runs.run_edits import EXACT
 from flockbrush.studio.branches import Beginning, Branch
 from flockbrush.studio.gauges import sample_of
+from flockbrush.studio.recording_edits import edits_of_recording
 from flockbrush.studio.recovery import Shelter
 from flockbrush.studio.session import Session
 from flockbrush.studio.session_files import LevelFile, SessionNotice
@@ -16,15 +20,95 @@ from flockbrush.studio.timeline import KEYFRAME_BYTES, Timeline, WentWrong
 
 SUFFIX = ".flock"
 FOLDER = "recorded"  # in the folder of the session
+MAIN = "main"  # the branch that is the recording
 
 
 class RecordedSession(Session):
-    """A session whose level was unpacked into its own folder."""
+    """A session of a recording: its level was unpacked into its own folder, and what is shown of it are its edits.
+
+    Attributes
+    ----------
+    recorded : float
+        Seconds that the recording lasts: edits hold on its own branch up to there.
+    """
 
     unpacked: tuple[Path, ...] = ()
+    recorded = 0.0
+    _stops = False  # whether playing pauses at the end of the recording
+
+    def view(self):
+        """As `Session.view`, with the edits of the recording."""
+        moment = super().view()
+        return self.edits.shown(self.scene, moment) if self._edits_hold(moment.time) else moment
+
+    def _edits_hold(self, time):
+        """Whether edits of the recording are shown at a time of the branch that one is on."""
+        return self.edits is not None and self._timeline.current.name == MAIN and time <= self.recorded + EXACT
+
+    @property
+    def edition(self):
+        """As `Session.edition`."""
+        return self.edits.edition if self._edits_hold(self._after.time) else -1
+
+    def play(self):
+        """As `Session.play`; what is recorded is played to its end, where time stands still once."""
+        super().play()
+        self._stops = self._after.time < self.recorded - EXACT
+
+    def set_off(self, budget_s):
+        """As `Session.set_off`, but not over the end of the recording."""
+        if self.playing and self._stops and not self.ticking and self._timeline.current.name == MAIN:
+            left = round((self.recorded - self._after.time) / self.scene.clock.dt)
+            if left <= 0:
+                self._stops = False
+                self.pause()
+                self._say("info", "end of the recording: edits end here; play again to simulate beyond it")
+            self._owed = min(self._owed, max(left, 0))
+        super().set_off(budget_s)
+
+    def edit(self, kind, **values):
+        """Make an edit of the selected animals of the recording; its sentence.  ValueError, ProblemsError."""
+        if not self._edits_hold(self.clock.now):
+            raise ValueError(
+                f"only the recording can be edited: go to the branch {MAIN}, at most to {self.recorded:g} s"
+            )
+        return self.edits.add(kind, self.clock.now, **values)
+
+    def undo(self):
+        """As `Session.undo`; on the recording itself, the last edit of it."""
+        if super().undo_label is None and self._edits_hold(self.clock.now):
+            return self._edit_again(self.edits.undo)
+        return super().undo()
+
+    def redo(self):
+        """As `Session.redo`; on the recording itself, the last edit of it that was undone."""
+        if super().redo_label is None and self._edits_hold(self.clock.now):
+            return self._edit_again(self.edits.redo)
+        return super().redo()
+
+    def _edit_again(self, step):
+        try:
+            return step() is not None
+        except ProblemsError as error:
+            self._say("error", str(error))
+            return False
+
+    @property
+    def undo_label(self):
+        """As `Session.undo_label`; on the recording itself, of the last edit of it."""
+        hold = self._edits_hold(self._after.time)
+        return super().undo_label or (self.edits.undo_label if hold else None)
+
+    @property
+    def redo_label(self):
+        """As `Session.redo_label`; on the recording itself, of the last edit of it that was undone."""
+        hold = self._edits_hold(self._after.time)
+        return super().redo_label or (self.edits.redo_label if hold else None)
 
     def close(self, keep=False):
         """As `Session.close`; the files that were unpacked go, unless unsaved work needs them."""
+        if self.edits is not None:
+            self.edits.close()
         if not keep and not self.dirty:
             for file in self.unpacked:
                 file.unlink(missing_ok=True)
@@ -66,12 +150,10 @@ def open_recorded(path, state_folder=None) -> Session:
         level, library = running.embedded_level(run)
         shelter = Shelter(Path(path).with_suffix(".tmj"), state_folder)
         files = unpacked(run, shelter.folder / FOLDER)
-        branch = Branch.begun(
-            "main", Beginning(level, library, run.header["seed"], run.header.get("agents")), simulation
-        )
+        branch = Branch.begun(MAIN, Beginning(level, library, run.header["seed"], run.header.get("agents")), simulation)
         branch.header, branch.assets = run.header, run.assets
         branch.take_over(run, simulation.world, KEYFRAME_BYTES // 2)
-        timeline = Timeline.resumed({"main": branch}, "main", shelter.folder, sample_of, at=0)
+        timeline = Timeline.resumed({MAIN: branch}, MAIN, shelter.folder, sample_of, at=0)
     except WentWrong as error:
         if shelter is not None:
             shelter.close()
@@ -87,11 +169,15 @@ def open_recorded(path, state_folder=None) -> Session:
     session.lent, session.library, session.unpacked = True, library, files
     session._file = LevelFile(home, level.files[level.path.name])
     session._edit()
+    session.recorded = run.last_tick * run.header["dt"]
+    session.edits, why = edits_of_recording(path)
+    if why:
+        session._say("warning", why)
     return session
 
 
 def unpacked(run, folder) -> tuple[Path, ...]:
-    """Write the files that a recording embeds below a folder; their paths.
+    """Write the files that a recording embeds below a folder, which becomes a project of its own; their paths.
 
     Raises
     ------
@@ -106,10 +192,13 @@ def unpacked(run, folder) -> tuple[Path, ...]:
         to = folder.joinpath(*parts)
         to.parent.mkdir(parents=True, exist_ok=True)
         files.append(write_bytes(to, data))
+    if not (folder / PROJECT_FILE).exists():  # levels may use what lies above their own folder
+        files.append(write_bytes(folder / PROJECT_FILE, b"{}"))
     return tuple(files)
 
 
 def _told(run):
     seconds = run.last_tick * run.header["dt"]
     text = f"recording {Path(run.path).name}: {seconds:g} s. Drag in the time bar; a change starts a branch"
+    text = f"{text}. Press D to edit recorded animals for exports"
     return f"{text}. {run.notice}" if run.notice else text

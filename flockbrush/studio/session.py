@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time
 from pathlib import Path
+from typing import Any
 
 from flockbrush.engine.commands import CommandError
 from flockbrush.engine.files import output_problems
@@ -46,7 +47,12 @@ class Session(Going, Keeping):
     playing : bool
     lent : bool
         Whether the level's file is not the designer's: it comes with Flockbrush, or out of a recording.
+    edits : RecordingEdits or None
+        Of a recording: its edits after the run.
     """
+
+    edits: Any = None
+    edition = 0  # another number whenever edits show the same run in another way
 
     def __init__(self, path, timeline, shelter, notices):
         self.path, self._timeline, self._shelter = Path(path), timeline, shelter

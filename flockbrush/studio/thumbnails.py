@@ -157,7 +157,8 @@ def _picture(brush, side, theme, colour, window, limbs=False):
     winged = limbs and _in_the_air(brush)
     larger = max(LARGER, across / length / (LEAST_WINGED if winged else LEAST))
     level = SimpleNamespace(width=across, height=across, name="")
-    painter = Painter(level, (side, side), theme, words=False, limbs=LIMBS)
+    painter = Painter(level, (side, side), theme, words=False)
+    painter.limbs = LIMBS
     painter.look(ViewCamera.fit(across, across, (side, side)))
     painter.backdrop = np.empty((side, side, 3), np.uint8)
     painter.backdrop[:] = theme.ground

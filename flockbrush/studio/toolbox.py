@@ -9,7 +9,7 @@ from pygame_gui.elements import UICheckBox, UIDropDownMenu, UIPanel, UIScrolling
 from flockbrush.studio.brush_palette import PaletteButtons
 from flockbrush.studio.shortcuts import shown
 from flockbrush.studio.theme import px
-from flockbrush.studio.tools import TOOLS
+from flockbrush.studio.tools import offered
 from flockbrush.studio.widgets import NO_MARGINS, Slider, icon_button, words
 
 SWITCHED = (pygame_gui.UI_CHECK_BOX_CHECKED, pygame_gui.UI_CHECK_BOX_UNCHECKED)
@@ -40,11 +40,12 @@ class Toolbox:
         app, pad = self.app, self.pad
         step = (self.rect.width - 2 * pad) // ACROSS
         side = step - px(app.scale, 2)
-        for k, kind in enumerate(TOOLS):
+        kinds = offered(app.session)
+        for k, kind in enumerate(kinds):
             place = pygame.Rect(pad + k % ACROSS * step, pad + k // ACROSS * step, side, side)
             tip = f"<b>{kind.title}</b>   [{shown(kind.key)}]<br>{kind.tip}."
             self.tools[icon_button(app, place, kind.icon, tip, self.back, size=21)] = kind.name
-        return pad + -(-len(TOOLS) // ACROSS) * step + px(app.scale, 4)
+        return pad + -(-len(kinds) // ACROSS) * step + px(app.scale, 4)
 
     def show(self):
         """Show the options and the palette of the tool in hand."""

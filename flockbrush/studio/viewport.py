@@ -11,6 +11,7 @@ import pygame
 
 from flockbrush.output.pictures import herd_of
 from flockbrush.render import Painter, Scenery
+from flockbrush.render.ground_texture import Underlay
 from flockbrush.render.overlay_registry import EXPLAINED, OVERLAYS
 from flockbrush.render.overlays import Overlays
 from flockbrush.render.space_view import SpacePainter
@@ -52,6 +53,7 @@ class Viewport:
         self._overlays = self._moment = self._other = None
         self._flat: dict = {}
         self._followed: tuple | None = None
+        self._edition = 0  # of the session, in what is drawn
         self._following_fit = True  # until somebody pans or zooms, the whole map is shown at every size
 
     # the camera ------------------------------------------------------------------
@@ -207,6 +209,14 @@ class Viewport:
         row = self.painter.pick(np.subtract(self.pointer, self.rect.topleft), reach * self.app.scale)
         return None if row is None or row >= len(self.herd.ids) else int(self.herd.ids[row])
 
+    def middle_of(self, animals):
+        """The middle (x, y), m, of some animals as they are shown; ValueError where none of them is."""
+        rows = np.isin(self.herd.ids, animals)
+        if not rows.any():
+            raise ValueError("none of the selected animals is there at this moment")
+        x, y = self.herd.xy[rows, :2].mean(axis=0)
+        return round(float(x), 3), round(float(y), 3)
+
     # drawing -----------------------------------------------------------------------
 
     def look_ahead(self):
@@ -236,10 +246,10 @@ class Viewport:
         self.painter.dust = "dust" in app.overlays
         if self.in_space:
             lying = self._lying()
-            news = frozenset(lying), app.selected, round(moment.time / LAID)
+            under = Underlay(self._on_ground, (frozenset(lying), app.selected, round(moment.time / LAID)))
             self.painter.frame(
-                self.herd, moment.time, "", legend=False, trails=trails, out=self.frame, news=news,
-                under=self._on_ground if lying else None, selected=app.selected,
+                self.herd, moment.time, "", legend=False, trails=trails, out=self.frame,
+                under=under if lying else None, selected=app.selected,
             )  # fmt: skip
             in_space = {name for name, overlay in OVERLAYS.items() if overlay.in_space}
             self._overlays.over(self.frame, self.camera, app.overlays & in_space, moment)
@@ -252,6 +262,9 @@ class Viewport:
     def _now(self):
         """The moment to be shown; its animals are `herd`."""
         moment = self._moment = self.app.session.view()
+        if self._edition != self.app.session.edition:
+            self._edition = self.app.session.edition
+            self.painter.trails.clear()  # nobody went where they show
         self.herd = herd_of(self._simulation, moment)
         return moment
 

@@ -156,7 +156,7 @@ source = ""
         "f.brush.toml:17: speed.by_density[1][1]: must be at most 10, got 30.0",
         "f.brush.toml:18: body: radius must be at most half the length (0.5 m), got 0.7",
         "f.brush.toml:20: vison: unknown name; did you mean 'vision'?",
-        "f.brush.toml:22: provenance.by: is missing; it takes who or what tool made it",
+        "f.brush.toml:22: provenance.by: is missing; it takes the person or tool that made it",
         "f.brush.toml:23: provenance.kind: must be published, hand-set, searched or learned, got 'guess'",
         "f.brush.toml:24: provenance.date: must be a date such as 2026-11-21, got '2026'",
         "f.brush.toml:25: provenance.source: must not be empty",
@@ -192,7 +192,7 @@ source = ""
             "3: transition: whole numbers go up to 9223372036854775807",
         ),
         ("mean = 2", "mean = 2\nreversion = 0", "11: speed.reversion: must be above 0 and at most 100 (1/s), got 0"),
-        ("mean = 2", "men = 2", "9: speed.mean: is missing; it takes the speed they come back to; from 0 to 100 BL/s"),
+        ("mean = 2", "men = 2", "9: speed.mean: is missing; it takes the mean speed; from 0 to 100 BL/s"),
         ("mean = 2", "mean = 1e400", "10: speed.mean: must be a finite number, got inf"),
         ("mean = 2", "mean = 2\nby_density = [[1, 1], [1, 2]]", "9: speed: the densities of by_density must rise"),
         ("mean = 2", "mean = 2\nby_density = [[1, 1, 1]]", "11: speed.by_density[0]: must have at most 2 items, got 3"),
@@ -336,7 +336,7 @@ def test_long_notes_are_wrapped_and_not_changed(notes):
 def test_a_written_brush_explains_itself():
     written = brush_to_toml(read(GOOD))
     (at,) = re.findall("^cohesion_angular = .*$", written, re.MULTILINE)
-    assert "how far to the sides" in at and "from 0.001 to 1 times 180°" in at
+    assert "in bearing" in at and "from 0.001 to 1 times 180°" in at
     assert all(len(re.findall(f"^{name} = .*  # ", written, re.MULTILINE)) == 1 for name in HERD.model_fields)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flockbrush.engine.solid_queries import ahead_, blocks_, entry_, out_of_, past_, slide_, surface_
+from flockbrush.engine.solid_queries import BodyFrame, ahead_, blocks_, entry_, out_of_, past_, slide_, surface_
 from flockbrush.engine.solids import (
     convex_parts,
     cylinder,
@@ -167,7 +167,8 @@ def test_a_solid_hides_what_is_behind_it_and_not_what_is_before():
 
 
 def aim(solid, heading=(1, 0, 0), beyond=0.5, up=(0, 0, 1), lowest=100.0, at=(0, 0, 0), odd=0):
-    return np.array(past_(packed([solid]), 0, *map(float, at), *unit(heading), *map(float, up), beyond, lowest, odd))
+    pose = BodyFrame(tuple(map(float, at)), tuple(unit(heading)), tuple(map(float, up)))
+    return np.array(past_(packed([solid]), 0, pose, beyond, lowest, odd))
 
 
 @given(st.integers(0, 10_000))

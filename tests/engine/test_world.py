@@ -89,6 +89,27 @@ def test_births_after_deaths_keep_the_order_of_ids(world):
     assert world.agents[Position.xyz][4:].tolist() == [[0, 0, 0]] * 2
 
 
+def test_births_into_rows_of_the_dead_have_defaults_in_every_column(world):
+    ids = five(world)
+    for column in world.agents.arrays:
+        world.agents[column][:] = 1
+    for entity in ids[1:]:
+        world.delete_entity(entity)
+    world.flush()
+    world.create_agents(1000, {})
+    for column in world.agents.arrays:
+        assert (world.agents[column][0] == 1).all()
+        assert (world.agents[column][1:] == column.default).all()
+
+
+def test_rows_keep_their_bits_through_growth(world):
+    five(world)
+    world.agents[Velocity.xyz][:] = -0.0
+    world.create_agents(5000, {})
+    assert np.signbit(world.agents[Velocity.xyz][:5]).all()
+    assert not np.signbit(world.agents[Velocity.xyz][5:]).any()
+
+
 def test_the_dead_are_named_when_asked_for(world):
     ids = five(world)
     window = world.component_for_entity(ids[1], Position)

@@ -5,9 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from flockbrush.render.animal_figures import KINDS, NO_WINGS, figure
 from flockbrush.render.drawn_herd import DrawnHerd
 from flockbrush.render.painter import Painter
-from flockbrush.render.sprites import LARGEST, Stamps, figure
+from flockbrush.render.shapes import Pose
+from flockbrush.render.sprites import LARGEST, Sprites, Stamps
 from flockbrush.render.style import DARK, LIGHT, palette
 from flockbrush.render.trails import Trails
 from flockbrush.render.view_camera import ViewCamera
@@ -84,11 +86,10 @@ def test_a_turned_herd_makes_a_turned_picture(length):
     def drawn(xy, heading):
         frame = np.full((240, 240, 3), 128, np.uint8)
         one = np.ones(30)
-        look = stamps.looks(np.arange(30) % 2, np.arange(30) % 5 == 0, np.arange(30) % 7 == 0)
+        look = np.arange(30) % 2 * KINDS + KINDS + np.arange(30) % 3
         forward = np.stack([np.cos(heading), -np.sin(heading)], axis=1)
-        stamps.draw(
-            frame, np.array([0, 0, 240, 240]), camera.pixels(xy), forward, one * length, one / 3, look, one, 8.0
-        )
+        animals = Sprites(camera.pixels(xy), forward, one * length, one / 3, look, one, one * NO_WINGS)
+        stamps.draw(frame, np.array([0, 0, 240, 240]), animals, 8.0)
         return frame.astype(int)
 
     turned = drawn(np.stack([-xy[:, 1], xy[:, 0]], axis=1), heading + np.pi / 2)
@@ -99,13 +100,15 @@ def test_a_turned_herd_makes_a_turned_picture(length):
 @pytest.mark.parametrize("length", [3.0, 5.0, 11.0, LARGEST])
 def test_a_stamp_looks_like_the_figure_it_was_cut_from(kind, length):
     stamps = Stamps(palette(1), DARK)
-    look = stamps.looks(np.zeros(1, int), np.array([kind == "leader"]), np.array([kind == "predator"]))
+    look = np.array([KINDS + ("plain", "leader", "predator").index(kind)])
     clip = np.array([0, 0, 60, 60])
     stamped, drawn = np.full((2, 60, 60, 3), 90, np.uint8)
     at, forward, radius = np.array([[30.25, 29.5]]), np.array([[0.0, -1.0]]), length / 4
     one = np.ones(1)
-    stamps.draw(stamped, clip, at, forward, one * length, one * radius, look, one * 0, 1.0)
-    figure(drawn, clip, 30.25, 29.5, 0.0, -1.0, length, radius, int(look[0] % 4), True, stamps.colours[look[0]])
+    animals = Sprites(at, forward, one * length, one * radius, look, one * 0, one * NO_WINGS)
+    stamps.draw(stamped, clip, animals, 1.0)
+    pose, colours = Pose(30.25, 29.5, 0.0, -1.0), stamps.colours[look[0]]
+    figure(drawn, clip, pose, length, radius, int(look[0] % 4), True, colours, NO_WINGS)
     assert (stamped != 90).any()
     assert np.abs(stamped.astype(int) - drawn).max() <= 3
 

@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 from flockbrush.output.pictures import herd_of
+from flockbrush.render.animal_figures import KINDS
 from flockbrush.render.animal_looks import CLIPS
+from flockbrush.render.facets import SpacePose
 from flockbrush.render.gaits import Gaits
 from flockbrush.render.mesh_bodies import LOOK_NAMES, Postures, draw_mesh, mesh_inks, meshes
-from flockbrush.render.sprites import KINDS
 from flockbrush.render.style import PLAN_SUN
 from flockbrush.render.top_views import from_above
 from flockbrush.runs.run import start
@@ -49,10 +50,9 @@ def test_what_maps_show_from_above_is_what_triangles_show(look, turn):
     ink = np.empty((4, 3))
     mesh_inks(ink, p._stamps.colours[KINDS], False)
     row = tuple(int(column[0]) for column in told["postures"][:2])
-    draw_mesh(
-        triangles, np.zeros(triangles.shape[:2], np.float32), p._clip, from_above(p.camera), meshes(), (*row, 0.2),
-        np.array([*at, 0.0]), axes, length, 2 * radius / (0.4 * length), ink, 1.0, PLAN_SUN,
-    )  # fmt: skip
+    buffer, pose = p._buffer(triangles), SpacePose(np.array([*at, 0.0]), axes)
+    wide = 2 * radius / (0.4 * length)
+    draw_mesh(buffer, from_above(p.camera), meshes(), (*row, 0.2), pose, length, wide, ink, 1.0, PLAN_SUN)
     seen, due = (np.abs(image.astype(int) - p.ground).sum(2) > 30 for image in (maps, triangles))
     assert due.sum() > 400 and (seen ^ due).sum() < 0.2 * due.sum(), "half a pixel around thin legs"
     inside = cv2.erode((seen & due).astype(np.uint8), np.ones((5, 5))) > 0

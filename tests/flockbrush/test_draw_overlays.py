@@ -138,7 +138,8 @@ def test_names_of_arrows_never_lie_on_one_another(seed):
 
 def test_an_arrow_reaches_its_tip_and_goes_no_farther():
     frame = np.zeros((60, 120, 3), np.uint8)
-    draw_arrow(frame, np.array([0, 0, 120, 60]), 10.0, 30.0, 100.0, 30.0, 3.0, 12.0, 0.0, 255.0, 255.0, 255.0, 1.0)
+    white = (255.0, 255.0, 255.0)
+    draw_arrow(frame, np.array([0, 0, 120, 60]), (10.0, 30.0, 100.0, 30.0), 3.0, 12.0, 0.0, white, 1.0)
     rows, columns = np.nonzero(frame[..., 0] > 100)
     assert columns.min() in (8, 9, 10) and columns.max() in (97, 98, 99)
     assert abs(rows.mean() - 29.5) < 0.2
@@ -226,11 +227,11 @@ def test_links_join_those_that_see_each_other(look):
 
 def test_a_thousand_thin_lines_have_the_colour_asked():
     frame = np.full((50, 50, 3), 100, np.uint8)
-    draw_lines(frame, np.array([0, 0, 50, 50]), np.array([[5.0, 25.5, 45.0, 25.5]]), 1.0, 200.0, 0.0, 100.0, 1.0)
+    draw_lines(frame, np.array([0, 0, 50, 50]), np.array([[5.0, 25.5, 45.0, 25.5]]), 1.0, (200.0, 0.0, 100.0), 1.0)
     assert tuple(frame[25, 25]) == pytest.approx((200, 0, 100), abs=1)
     assert (frame[[22, 28]] == 100).all()
     for segment in ([25.0, 5.0, 30.0, 49.0], [-40.0, -9.0, 90.0, 70.0], [3.0, 3.0, 3.0, 3.0], [np.nan, 0, 1, 1]):
-        draw_lines(frame, np.array([0, 0, 50, 50]), np.array([segment]), 0.7, 0.0, 0.0, 0.0, 0.5)
+        draw_lines(frame, np.array([0, 0, 50, 50]), np.array([segment]), 0.7, (0.0, 0.0, 0.0), 0.5)
 
 
 def test_leaders_are_ringed(look):

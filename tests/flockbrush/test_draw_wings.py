@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from flockbrush.output.pictures import herd_of
+from flockbrush.render.animal_figures import KINDS, NO_WINGS, figure
 from flockbrush.render.gaits import sizes
-from flockbrush.render.sprites import NO_WINGS, Stamps, figure
+from flockbrush.render.shapes import Pose
+from flockbrush.render.sprites import Sprites, Stamps
 from flockbrush.render.style import DARK, palette
 from flockbrush.runs.run import start
 from flockbrush.runs.snapshots import moment_of
@@ -35,12 +37,14 @@ def test_wings_are_widest_in_the_middle_of_a_beat(length):
 @pytest.mark.parametrize("length", [5.0, 12.0, 24.0])
 def test_a_stamp_of_a_bird_looks_like_its_figure(leader, length):
     stamps = Stamps(palette(1), DARK)
-    look = stamps.looks(np.zeros(1, int), np.array([leader]), np.zeros(1, bool))
+    look = np.array([KINDS + leader])
     clip, one = np.array([0, 0, 90, 90]), np.ones(1)
     stamped, drawn = np.full((2, 90, 90, 3), 90, np.uint8)
     forward = np.array([[0.0, -1.0]])
-    stamps.draw(stamped, clip, np.array([[40.5, 44.0]]), forward, one * length, one, look, one, 1.0, one * 0.5)
-    figure(drawn, clip, 40.5, 44.0, 0.0, -1.0, length, 1.0, int(look[0] % 4), False, stamps.colours[look[0]], 0.5)
+    animals = Sprites(np.array([[40.5, 44.0]]), forward, one * length, one, look, one, one * 0.5)
+    stamps.draw(stamped, clip, animals, 1.0)
+    pose, colours = Pose(40.5, 44.0, 0.0, -1.0), stamps.colours[look[0]]
+    figure(drawn, clip, pose, length, 1.0, int(look[0] % 4), False, colours, 0.5)
     assert (stamped != 90).any()
     assert np.abs(stamped.astype(int) - drawn).max() <= 3
 

@@ -8,16 +8,20 @@ from flockbrush.behaviours.mixture import STEPS, load_path, mixed, path_between
 from benchmarks.morphs import brushes_of, judged, shipped_paths
 from flockbrush.studies import morph as morph_study
 from flockbrush.studies.morph import (
+    BEGINNINGS,
     MOST_STEP,
     RESOLUTION,
+    Branches,
     Measured,
     Response,
     Trial,
     brush_at,
+    detours,
     faults,
     measured,
     response,
     sweep,
+    verdict,
 )
 
 
@@ -82,6 +86,8 @@ def test_points_measured_twice_count_twice_and_what_goes_back_is_levelled():
         (ways(np.linspace(0.9, 0.1, 9)), []),
         (ways([0.1, 0.2, 0.9]), ["polarization changes by 0.70 in one step"]),
         (ways([0.1, 0.24, 0.1, 0.23, 0.3]), ["polarization goes back by 0.14"]),
+        (ways([0.1, 0.24, 0.18, 0.12, 0.2]), ["polarization goes back by 0.12"]),  # in two steps
+        (ways([0.1, 0.24, 0.18, 0.2]), []),  # within two standard errors of .03
         (
             ways([0.1, 0.1], deviation=0.3),
             ["polarization deviates by 0.30 between seeds", "milling deviates by 0.30 between seeds"],
@@ -92,11 +98,54 @@ def test_what_keeps_a_way_from_being_even_is_named(found, said):
     assert faults(found) == said
 
 
-def test_a_detour_is_nothing_at_the_ends_and_most_half_way():
+def test_added_noise_is_nothing_at_the_ends_and_whole_from_the_first_eighth_to_the_last():
     graze, march = shipped().get("graze"), shipped().get("march")
-    wander = [brush_at(graze, march, along, {"wander": 0.8}).params.wander for along in (0.0, 0.5, 1.0)]
-    assert wander == pytest.approx([graze.params.wander, 0.8 + 0.5 * (graze.params.wander + march.params.wander),
-                                    march.params.wander])  # fmt: skip
+    wander = [brush_at(graze, march, along, 0.8).params.wander for along in (0.0, 1 / 16, 1 / 8, 0.5, 7 / 8, 1.0)]
+    assert wander == pytest.approx([0.0, 0.4, 0.8, 0.8, 0.8, 0.0])  # both brushes have none
+
+
+def test_what_differs_more_than_tenfold_goes_by_ratio_and_the_rest_straight():
+    graze, march = shipped().get("graze"), shipped().get("march")  # alignment .015 and .499, cohesion .08 and .505
+    third, straight = brush_at(graze, march, 1 / 3).params, mixed(graze, march, 1 / 3).params
+    assert third.alignment_weight**3 == pytest.approx(0.015**2 * 0.499)
+    assert third.cohesion_weight == straight.cohesion_weight == pytest.approx(0.08 + 0.425 / 3)
+    for end, along in ((graze, 0.0), (march, 1.0)):
+        assert brush_at(graze, march, along, 2.0).params == end.params
+    assert set(detours(graze, march, [0.0, 0.5, 1.0])) == {"alignment_weight"}
+
+
+def test_herds_begin_as_the_trial_says():
+    swarm = shipped().get("swarm")
+    heedless = swarm.model_copy(update={"params": swarm.params.model_copy(update={"sensitivity": 0.0})})
+    found = {
+        begin: measured(lambda along: heedless, [0.0, 1.0], Trial(100, 1, seconds=0.1, begin=begin)).mean[0]
+        for begin in BEGINNINGS
+    }
+    assert found["aligned"][0] > 0.9 > 0.4 > max(found["random"][0], found["mill"][0])
+    assert found["mill"][1] > 0.9 > 0.4 > max(found["random"][1], found["aligned"][1])
+
+
+def branches(there, back, deviation=0.02):
+    return Branches(ways(there, deviation=deviation), ways(back, deviation=deviation))
+
+
+def test_branches_that_differ_at_one_step_are_hysteresis_and_are_named():
+    swept = branches([1.0, 0.99, 0.9, 0.1], [1.0, 0.7, 0.1, 0.1])
+    assert swept.hysteresis and swept.widest() == pytest.approx((2, 0, 0.8, 0.02 * np.sqrt(2 / 3)))
+    assert verdict(swept, False) == (
+        "bistable: at 2/3 polarization is 0.90 there and 0.10 back (standard error 0.02); "
+        "largest step there 0.80 between 2/3 and 3/3, back 0.60 between 1/3 and 2/3"
+    )
+    assert verdict(swept, True).startswith("hysteresis, though fresh herds change evenly: at 2/3")
+
+
+@pytest.mark.parametrize("swept", [
+    branches([1.0, 0.5, 0.1], [1.0, 0.4, 0.1]),  # too little apart
+    branches([1.0, 0.8, 0.1], [1.0, 0.4, 0.1], deviation=0.4),  # within two standard errors
+    branches([1.0, 0.4, 0.1], [0.2, 0.4, 0.9]),  # the ends are no steps of the way
+])  # fmt: skip
+def test_without_two_branches_there_is_no_hysteresis(swept):
+    assert not swept.hysteresis and verdict(swept, False).startswith("no hysteresis: at 1/2 polarization is")
 
 
 def test_herds_are_measured_and_swept_the_same_again():
@@ -104,24 +153,27 @@ def test_herds_are_measured_and_swept_the_same_again():
     trial = Trial(animals=20, seeds=2, seconds=3.0)
 
     def at(along):
-        return brush_at(swarm, march, along, {})
+        return brush_at(swarm, march, along)
 
     one, two = (measured(at, [0.0, 1.0], trial) for _ in "ab")
     np.testing.assert_array_equal(one.mean, two.mean)
     assert one.mean[1, 0] > one.mean[0, 0] + 0.2  # a march is more polarized than a swarm
-    there, back = sweep(at, [0.0, 1.0], Trial(animals=20, seconds=10.0), 1)
-    assert there.shape == back.shape == (2, 2) and there[1, 0] > there[0, 0]
+    there, back = sweep(at, [0.0, 1.0], Trial(animals=20, seeds=2, seconds=10.0), 1)
+    assert there.mean.shape == back.deviation.shape == (2, 2) and there.seeds == 2
+    assert there.mean[1, 0] > there.mean[0, 0]
 
 
 def test_the_command_writes_a_path_that_a_library_finds(cli, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    short = ("--animals", 6, "--seeds", 2, "--steps", 2, "--seconds", 1)
+    short = ("--animals", 6, "--seeds", 2, "--steps", 2, "--seconds", 1, "--begin", "aligned")
     done = cli("brush", "morph", "swarm", "march", *short)
     assert done.code == 0, done.err
-    assert "the two directions differ by" in done.out and "wrote swarm--march.path.toml" in done.out
+    assert "hysteresis" in done.out or "bistable" in done.out
+    assert "wrote swarm--march.path.toml" in done.out
     file = tmp_path / "swarm--march.path.toml"
     path = load_path(file.read_bytes(), file.name)
     assert path.start == "swarm" and len(path.along) == 3 and "brush morph swarm march" in path.measured
+    assert (path.begin, path.seconds) == ("aligned", 1.0) and not (path.even and path.bistable)
     library = BrushLibrary([tmp_path])
     there, back = path_between(library, "swarm", "march"), path_between(library, "march", "swarm")
     assert there == path and back.along[1] == pytest.approx(1.0 - path.along[1])
@@ -152,25 +204,29 @@ def test_shipped_paths_lead_from_brush_to_brush():
 
 def test_shipped_paths_are_judged_beside_the_straight_line():
     path = shipped_paths()["swarm--march"]
-    ways = judged(*brushes_of("swarm--march"), path, Trial(animals=6, seeds=2, seconds=1.0))
-    on_path, straight = ways["path"], ways["straight line"]
+    ways = judged(*brushes_of("swarm--march"), path, Trial(animals=6, seeds=2, seconds=1.0), 2)
+    on_path, straight = ways["path"][0], ways["straight line"][0]
     assert on_path.mean.shape == straight.mean.shape == (len(path.along), 2)
     ends = on_path.mean[[0, -1]], straight.mean[[0, -1]]
     np.testing.assert_allclose(*ends, atol=1e-9)  # the same brushes beside other herds
     assert not np.array_equal(on_path.mean[1:-1], straight.mean[1:-1])
+    alone = judged(*brushes_of("swarm--march"), path, Trial(animals=6, seeds=2, seconds=1.0), 2, ["path"])
+    assert list(alone) == ["path"] and np.array_equal(alone["path"][0].mean, on_path.mean)
+    for seen, words in ways.values():
+        assert words.split(":")[0] in (("uneven", "bistable") if faults(seen) else ("even",))
 
 
 def test_a_pair_without_a_path_is_judged_along_the_straight_line():
-    ways = judged(*brushes_of("lanes--front"), None, Trial(animals=6, seeds=1, seconds=1.0))
-    assert list(ways) == ["straight line"] and ways["straight line"].mean.shape == (STEPS + 1, 2)
+    ways = judged(*brushes_of("lanes--front"), None, Trial(animals=6, seeds=1, seconds=1.0), 2)
+    assert list(ways) == ["straight line"] and ways["straight line"][0].mean.shape == (STEPS + 1, 2)
 
 
 @pytest.mark.parametrize("pair", ["lanes", "lanes--unicorn"])
 def test_what_is_no_pair_is_said(pair):
-    with pytest.raises(ValueError, match=f"'{pair}' is no pair A--B of shipped brushes.*lanes"):
+    with pytest.raises(ValueError, match=f"'{pair}': invalid pair A--B of shipped brushes.*lanes"):
         brushes_of(pair)
 
 
 def test_brushes_of_unlike_models_are_no_pair():
-    with pytest.raises(ValueError, match="nothing is between"):
+    with pytest.raises(ValueError, match="cannot be mixed"):
         brushes_of("lanes--starlings")

@@ -3,12 +3,13 @@
 import pytest
 from flockbrush.behaviours.behaviour import behaviours
 from flockbrush.behaviours.brush import load_brush, shipped
+from flockbrush.behaviours.sliders import Range
 from small_pasture import pasture
 from small_window import SmallWindow
 
 from flockbrush.studio.panels.brush_panel import BrushPanel
 from flockbrush.studio.panels.knobs import SENTENCE
-from flockbrush.studio.panels.macros import GOAL, HARDLY, MACROS, SURE, Range, macros_of, ranges_by_brush
+from flockbrush.studio.panels.macros import GOAL, HARDLY, SURE, macros_of, ranges_by_brush
 from flockbrush.studio.panels.panel import palette_of
 from flockbrush.studio.panels.tuning import changes, turned, use
 
@@ -30,12 +31,13 @@ def test_every_shipped_brush_goes_from_end_to_end_of_every_slider(name):
             assert load_brush(made.source, f"{name}.brush.toml") == made
 
 
-def test_the_numbers_of_a_slider_are_those_of_its_model():
-    for model, sliders in MACROS.items():
-        for _, ranges in sliders.values():
-            for part in ranges:
-                fields = behaviours()[model].Params.model_fields if part.table == "params" else {"mean", "deviation"}
-                assert part.name in fields
+@pytest.mark.parametrize("model", behaviours().values(), ids=lambda model: model.name)
+def test_a_model_has_four_to_six_sliders_of_its_own_numbers(model):
+    assert 4 <= len(model.Params.sliders) <= 6
+    for _, ranges in model.Params.sliders.values():
+        for part in ranges:
+            fields = model.Params.model_fields if part.table == "params" else {"mean", "deviation"}
+            assert part.name in fields
 
 
 def test_more_order_aligns_more_and_leaves_the_rest_alone():
@@ -55,7 +57,7 @@ def test_a_brush_goes_by_its_own_ranges_and_others_by_the_general_rule():
     assert one.ranges == tuple(Range(*part) for part in own) and one.note == ""
     assert more.params.alignment_weight == 0.7 and more.params.avoidance_weight < MARCH.params.avoidance_weight
     other = next(one for one in macros_of(shipped().get("graze"), table) if one.name == "order")
-    assert other.ranges == MACROS["herd"]["order"][1]
+    assert other.ranges == MARCH.params.sliders["order"].ranges
 
 
 def test_what_was_measured_stands_below_a_slider_that_does_less_or_more():

@@ -103,3 +103,36 @@ def test_what_is_no_recording_is_refused_in_words(tmp_path):
         open_recorded(tmp_path / "bad.flock", tmp_path / "state")
     with pytest.raises(typer.BadParameter):
         refuse_wishes(StartOptions("walk.flock", seed=3))
+
+
+def test_a_recording_of_a_shipped_level_is_edited_and_saved_elsewhere(tmp_path):
+    made = tmp_path / "walk.flock"
+    ran = CliRunner().invoke(cli, ["run", "sheep-pasture", "--agents", "8", "--seconds", "0.5", "--record", str(made)])
+    assert ran.exit_code == 0, ran.output
+    session = open_recorded(made, tmp_path / "state")
+    assert [notice.kind for notice in session.notices()] == ["info"]
+    assert session.do("paint", [stroke("graze", 30, 40, 5)]) and session.undo_label == "paint"
+    (tmp_path / "mine").mkdir()
+    assert session.save(tmp_path / "mine" / "pasture.tmj")
+    session.close()
+    assert CliRunner().invoke(cli, ["level", "check", str(tmp_path / "mine" / "pasture.tmj")]).exit_code == 0
+
+
+def test_playing_pauses_at_the_end_of_the_recording_and_goes_on_when_asked(session):
+    def frames(count):
+        for _ in range(count):
+            session.advance(0.4, 10)
+
+    session.scrub(TICKS - 20)
+    session.play()
+    frames(6)
+    assert session.tick == TICKS and not session.playing
+    assert any("end of the recording" in notice.text for notice in session.notices())
+    session.play()
+    frames(6)
+    assert session.tick > TICKS and session.playing
+    session.scrub(20)
+    session.play()
+    session.do("paint", [stroke("swarm", 6, 8, 3)])
+    frames(12)
+    assert session.branch_name != "main" and session.tick > TICKS  # a branch has no recorded end

@@ -8,6 +8,7 @@ from flockbrush.components import Heading, Position
 from flockbrush.engine import parallel
 from flockbrush.engine.parallel import set_threads
 from flockbrush.systems.contact import move
+from flockbrush.systems.contact_candidates import contacts_within
 from flockbrush.systems.grid import sort_into_cells
 from flockbrush.systems.visibility import edges_by_cell, no_edges
 from hypothesis import given
@@ -46,6 +47,21 @@ def tick(c, wish):
 def apart(c):
     """The smallest room between any two bodies, m."""
     return gaps(c.xyz[:, :2], c.forward, c.half, c.radius).min()
+
+
+@pytest.mark.parametrize("wrap", [None, (9.0, 7.0)])
+@pytest.mark.parametrize("reach", [0.4, 1.0, 2.5])  # from 1 m on more bodies than fit into the first lists
+def test_whoever_is_within_reach_could_be_met(reach, wrap):
+    xy = np.random.default_rng(5).uniform((0, 0), (9, 7), (300, 2))
+    xyz, forward = np.column_stack([xy, np.zeros(300)]), np.tile([1.0, 0.0, 0.0], (300, 1))
+    cells = sort_into_cells(xyz, forward, np.full(300, 0.4), np.full(300, 0.2), 2.5, wrap)
+    met = contacts_within(reach, cells)
+    far = np.hypot(cells.x[:, None] - cells.x, cells.y[:, None] - cells.y)
+    np.fill_diagonal(far, np.inf)
+    assert len(met.order) == 300 and not cells.ghost[met.order].any()
+    assert (met.count[met.order] > 16).any() == (reach >= 1.0)
+    for s in met.order:
+        assert met.near[s, : met.count[s]].tolist() == np.flatnonzero(far[s] < reach).tolist()
 
 
 def scattered(n, side, seed, length=1.0, radius=0.2, heading=None):

@@ -47,10 +47,10 @@ def put_into(simulation, field, row, value):
         (lambda s: put_into(s, Velocity.xyz, 0, (100.0, 0.0, 0.0)), "sheep on the ground is faster"),
         (lambda s: put_into(s, Velocity.xyz, 3, (0.0, 100.0, 0.0)), "starling in the air is faster"),
         (lambda s: put_into(s, Heading.forward, 0, -s.agents[Heading.forward][0]), "turns faster"),
-        (lambda s: put_into(s, Position.xyz, 1, (10.0, 10.0, 5.0)), "stands in the air"),
+        (lambda s: put_into(s, Position.xyz, 1, (10.0, 10.0, 5.0)), "above the ground"),
         (lambda s: put_into(s, Position.xyz, 4, (25.0, 25.0, -1.0)), "under the ground"),
         (lambda s: put_into(s, Position.xyz, 0, (32.0, 7.0, 0.0)), "in an obstacle"),
-        (lambda s: put_into(s, Position.xyz, 4, (32.0, 7.0, 5.0)), "flies is in an obstacle"),
+        (lambda s: put_into(s, Position.xyz, 4, (32.0, 7.0, 5.0)), "flying animal is in an obstacle"),
         (lambda s: put_into(s, BrushBinding.brush, 0, s.world.resource(Palette).named("starlings")), "cannot do"),
     ],
 )
@@ -66,7 +66,7 @@ def test_the_judge_of_pairs_sees_a_bird_that_hovers():
     for _ in range(40):
         put_into(simulation, Velocity.xyz, 4, 0.0)
         watch.look()
-    assert set(faults) == {"somebody stands in the air"}
+    assert set(faults) == {"a flying animal hovers"}
 
 
 def test_the_matrix_has_every_brush_with_every_other():

@@ -4,8 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from flockbrush.systems.ground_height import Heights
 from flockbrush.systems.terrain import (
     NO_BRUSH,
+    Footing,
     compose_blocked,
     compose_brushes,
     compose_caps,
@@ -38,8 +40,9 @@ def under(xyz, cell=1.0, surface=None, brush=None, relief=None, relief_cell=1.0)
     surface = compose_caps((4, 8), cell) if surface is None else surface
     brush = np.full(surface.shape[:2], NO_BRUSH, np.int32) if brush is None else brush
     n = len(xyz)
-    out = np.empty(n), np.empty(n), np.empty(n, np.int32), np.empty((n, 2)), np.empty(n)
-    underfoot(0, n, xyz, cell, surface, brush, relief_cell, relief_of() if relief is None else relief, *out)
+    out = Footing(np.empty(n), np.empty(n), np.empty(n, np.int32), np.empty((n, 2)), np.empty(n))
+    heights = Heights(relief_of() if relief is None else relief, relief_cell, (0.0, 0.0))
+    underfoot(0, n, xyz, cell, surface, brush, heights, out)
     return out
 
 
@@ -84,9 +87,9 @@ def test_height_and_slope_do_not_jump():
 
 
 def test_only_the_rows_asked_are_written():
-    out = np.full(4, -7.0), np.full(4, -7.0), np.full(4, -7, np.int32), np.full((4, 2), -7.0), np.full(4, -7.0)
-    surface = compose_caps((4, 8), 1.0)
-    underfoot(1, 3, np.ones((4, 3)), 1.0, surface, np.zeros((4, 8), np.int32), 1.0, relief_of(), *out)
+    nothing = np.full(4, -7.0), np.full(4, -7.0), np.full(4, -7, np.int32), np.full((4, 2), -7.0), np.full(4, -7.0)
+    out, heights = Footing(*nothing), Heights(relief_of(), 1.0, (0.0, 0.0))
+    underfoot(1, 3, np.ones((4, 3)), 1.0, compose_caps((4, 8), 1.0), np.zeros((4, 8), np.int32), heights, out)
     np.testing.assert_array_equal(out[0], [-7, 1, 1, -7])
     np.testing.assert_array_equal(out[2], [-7, 0, 0, -7])
 

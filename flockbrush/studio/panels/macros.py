@@ -1,7 +1,7 @@
 """Simple sliders, each of which changes a few parameters of a brush together.
 
-A slider stands where its first number says; turning it moves the others as far along their own ranges.  The general
-ranges are set by eye; a model without an entry has the pace alone.  `TABLE` has ranges for single brushes, found by
+A slider stands where its first number says; turning it moves the others as far along their own ranges.  Models declare
+them (`Parameters.sliders`), with ranges set by eye.  `TABLE` has ranges for single brushes, found by
 ``python benchmarks/macros.py --search``, and what was measured of the slider there.
 """
 
@@ -13,9 +13,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from flockbrush.behaviours.brush import Brush
+from flockbrush.behaviours.sliders import Range
 from flockbrush.behaviours.validation import validated
 from flockbrush.studio.panels.knobs import NUMBER, SENTENCE, Knob
 
@@ -25,54 +26,6 @@ HARDLY, SURE = 0.2, 2.0  # of polarization, and deviations between seeds: a slid
 ALSO = {
     "milling": "milling", "nnd": "spacing", "group_spread": "spread", "largest_part": "splitting",
     "speed_mean": "speed",
-}  # fmt: skip
-
-
-class Range(NamedTuple):
-    """One number of a brush and the values between which a slider moves it."""
-
-    table: str  # "params" or "speed"
-    name: str
-    low: float
-    high: float
-    times: bool = False  # even steps multiply; otherwise they add
-
-
-MACROS: dict[str, dict[str, tuple[str, tuple[Range, ...]]]] = {
-    "": {
-        "pace": ("Slow and calm to fast", (
-            Range("speed", "mean", 0.1, 20.0, True), Range("speed", "deviation", 0.1, 20.0, True),
-        )),
-    },
-    "herd": {
-        "tightness": ("Spread out to close together", (
-            Range("params", "cohesion_weight", 0.0, 1.0), Range("params", "cohesion_radial", 0.5, 1.0),
-        )),
-        "order": ("Random headings to common heading", (
-            Range("params", "alignment_weight", 0.0, 1.0), Range("params", "alignment_radial", 0.5, 1.0),
-        )),
-        "personal space": ("Close contact to wide spacing", (
-            Range("params", "avoidance_radial", 0.1, 1.0, True), Range("params", "avoidance_weight", 0.02, 1.0, True),
-        )),
-        "nerve": ("Slow to quick reactions", (
-            Range("params", "sensitivity", 1.0, 100.0, True), Range("params", "max_turn", 1.0, 30.0, True),
-        )),
-        "wander": ("Straight paths to random turns", (Range("params", "wander", 0.0, 3.0),)),
-    },
-    "boids": {
-        "tightness": ("Loose to strongly attracted by neighbours", (
-            Range("params", "centring_strength", 0.0, 1.0),
-        )),
-        "order": ("Random headings to common heading", (
-            Range("params", "matching_strength", 0.0, 1.0), Range("params", "matching_time", 1.5, 0.05, True),
-        )),
-        "personal space": ("Wing to wing to wide spacing", (
-            Range("params", "separation", 0.5, 30.0, True),
-        )),
-        "nerve": ("Bold to fearful", (
-            Range("params", "flight_distance", 5.0, 500.0, True), Range("params", "panic_pace", 1.0, 4.0, True),
-        )),
-    },
 }  # fmt: skip
 
 
@@ -136,7 +89,7 @@ def macros_of(brush: Brush, measured: Mapping[str, Any] | None = None) -> list[M
     """The sliders of a brush; those in the table go by it."""
     table = ranges_by_brush() if measured is None else measured
     found = []
-    for name, (words, ranges) in {**MACROS.get(brush.model, {}), **MACROS[""]}.items():
+    for name, (words, ranges) in brush.params.sliders.items():
         entry = table.get(name, {}).get(brush.name, {})
         if "ranges" in entry:
             ranges = tuple(Range(*part) for part in entry["ranges"])

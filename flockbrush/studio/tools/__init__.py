@@ -1,6 +1,7 @@
 """The tools of the playground, in the order of their buttons.  A new one is a class in here, and its name below."""
 
 from flockbrush.studio.tools.animal_tools import AddAnimalsTool, Predator, RemoveAnimalsTool, Select
+from flockbrush.studio.tools.edit_recorded import EditRecorded
 from flockbrush.studio.tools.lead import Lead
 from flockbrush.studio.tools.mark_tools import KeyTool, LineTool, MeasuredAreaTool, ZoneTool
 from flockbrush.studio.tools.paint import Erase, Fill, PaintBrushTool, PaintCapTool, PaintSurface, Pick
@@ -14,4 +15,12 @@ TOOLS: tuple[type[Tool], ...] = (
     AddAnimalsTool, RemoveAnimalsTool, Predator, Select, Lead,
 )  # fmt: skip
 
-__all__ = ["TOOLS", "Tool"]
+OF_RECORDINGS: tuple[type[Tool], ...] = (EditRecorded,)  # offered where a recording is open
+
+
+def offered(session) -> tuple[type[Tool], ...]:
+    """The tools for what is open."""
+    return TOOLS if session.edits is None else TOOLS + OF_RECORDINGS
+
+
+__all__ = ["OF_RECORDINGS", "TOOLS", "Tool", "offered"]

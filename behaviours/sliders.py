@@ -1,0 +1,38 @@
+"""Sliders in a designer's words: a model says what each of them moves (`Parameters.sliders`).
+
+The ranges are set by eye; ranges of single brushes that were measured are in the table of the playground.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Range(NamedTuple):
+    """One number of a brush and the values between which a slider moves it."""
+
+    table: str  # "params" or "speed"
+    name: str
+    low: float
+    high: float
+    times: bool = False  # even steps multiply; otherwise they add
+
+
+class DesignerSlider(NamedTuple):
+    """What the two ends of a slider mean, and the numbers that it moves together; the first says where it stands."""
+
+    ends: str
+    ranges: tuple[Range, ...]
+
+
+def moves(name: str, low: float, high: float, times: bool = False) -> Range:
+    """The range of a parameter of the model."""
+    return Range("params", name, low, high, times)
+
+
+SLIDERS = {
+    "pace": DesignerSlider(
+        "Slow and calm to fast",
+        (Range("speed", "mean", 0.1, 20.0, True), Range("speed", "deviation", 0.1, 20.0, True)),
+    )
+}  # of every model
