@@ -99,9 +99,45 @@ class Scene(NamedTuple):
     air: Air | None = None  # what flyers perceive; None in a world without any
     formation: Any = None  # what birds in line formation know (`behaviours.models.line_formation.InFormation`)
     relations: Kinds | None = None  # who fears and hunts whom, by kind of animal
-    noticed: Any = None  # dangers, prey and leaders that animals notice (`flockbrush.systems.noticing.NoticedLists`)
+    noticed: NoticedLists | None = None  # dangers, prey and leaders that animals notice
     bodies: Bodies | None = None  # what drives know of bodies; None where no drive could act
     by_slot: BySlot | None = None  # the same neighbours for models that say so (`Behaviour.by_slot`)
+
+    @property
+    def animals(self) -> Animals:
+        """Its columns of the animals, for kernels."""
+        return Animals(*(getattr(self, name) for name in Animals._fields))
+
+
+class Animals(NamedTuple):
+    """The columns of a `Scene` that kernels of models and drives read, by row."""
+
+    ids: np.ndarray  # (n,)
+    species: np.ndarray  # (n,) the same number for those who keep together
+    xyz: np.ndarray  # (n, 3) m
+    velocity: np.ndarray  # (n, 3) m/s
+    forward: np.ndarray  # (n, 3) unit headings
+    speed: np.ndarray  # (n,) m/s, the speed process
+    length: np.ndarray  # (n,) m
+    guidance: np.ndarray  # (n, 2) navigation field, length at most 1
+
+
+class NoticedLists(NamedTuple):
+    """Whom everybody notices: those of row i are ``first[i]:first[i + 1]``."""
+
+    first: np.ndarray  # (n + 1,) int64
+    near: np.ndarray  # (m,) int32 rows
+    offset: np.ndarray  # (m, 3) m, from the observer, across the seam of a wrapped map where that is shorter
+    verb: np.ndarray  # (m,) uint8, `flockbrush.systems.fauna.FEAR`, `HUNT` or `FOLLOW`
+    weight: np.ndarray  # (m,) 0 to 1
+    notice: np.ndarray  # (m,) m, within which it is noticed
+
+
+def nobody_noticed(n) -> NoticedLists:
+    """The lists of n animals who notice nobody."""
+    none = np.zeros(0)
+    first, offset = np.zeros(n + 1, np.int64), none.reshape(0, 3)
+    return NoticedLists(first, none.astype(np.int32), offset, none.astype(np.uint8), none, none)
 
 
 class BySlot(NamedTuple):
@@ -127,6 +163,19 @@ class ByRow(NamedTuple):
     first: np.ndarray  # (n + 1,)
     near: np.ndarray  # (m,) rows
     offset: np.ndarray  # (m, 2) m, from the observer
+
+
+class FlockBySlot(NamedTuple):
+    """The same of those in the air: row i sees ``seen[begin[slot[i]]:][:count[i]]``, places in a table of birds.
+
+    A line of the table is what neighbours need to know of a bird, in one piece of memory.
+    """
+
+    slot: np.ndarray  # (n,) int32, the animal's own line; -1 for who is on the ground, and sees nobody here
+    begin: np.ndarray  # (lines,) int64
+    count: np.ndarray  # type: ignore[assignment]  # (n,) int64, by row
+    seen: np.ndarray  # int32; the last of each list are eight in full, filled up with the animal itself
+    bird: np.ndarray  # (lines, 8) place in m, velocity in m/s, kind, nothing
 
 
 class Kinds(NamedTuple):
@@ -175,8 +224,9 @@ def kinds_in(scene: Scene) -> Kinds:
 class Air(NamedTuple):
     """What animals in the air perceive, in three dimensions.  Rows of walkers see nobody here.
 
-    Visible others of row i are ``near[first[i]:first[i + 1]]``.  What lies ahead is what the heading would hit within
-    the model's `Flight.foresight`; ``aim`` is where to steer instead, past its nearest silhouette edge.
+    Visible others of row i are ``near[first[i]:first[i + 1]]``; left out where all models take them by slot.  What lies
+    ahead is what the heading would hit within the model's `Flight.foresight`; ``aim`` is where to steer instead, past
+    its nearest silhouette edge.
     """
 
     first: np.ndarray  # (n + 1,)
@@ -192,6 +242,7 @@ class Air(NamedTuple):
     target: np.ndarray  # (n, 3) the direction, or the offset to the point, m
     danger_first: np.ndarray  # (n + 1,) dangers that row i notices are danger_offset[first[i]:first[i + 1]]
     danger_offset: np.ndarray  # (k, 3) m, from the observer
+    by_slot: FlockBySlot | None = None  # the same neighbours for models that say so (`Behaviour.by_slot`)
 
 
 def air_of(scene: Scene) -> Air:
@@ -207,6 +258,31 @@ def air_of(scene: Scene) -> Air:
         *_all_dangers(scene),
     )  # fmt: skip
     return frozen(air)
+
+
+def flock_of(scene: Scene, air: Air) -> FlockBySlot:
+    """Visible others in the air by slot; made of the lists where there is nothing better."""
+    if air.by_slot is not None:
+        return air.by_slot
+    n, count = len(air.first) - 1, np.diff(air.first)
+    bird = np.zeros((n + len(air.near), 8))  # all observers are in the middle; then come those whom they see from there
+    bird[n:, :3], bird[n:, 3:6], bird[n:, 6] = air.offset, scene.velocity[air.near], scene.species[air.near]
+    slot, neighbours = np.arange(n, dtype=np.int32), np.arange(n, len(bird), dtype=np.int32)
+    begin = np.zeros(len(bird), np.int64)
+    seen, begin[:n] = filled_up(neighbours, count, slot)
+    return frozen(FlockBySlot(slot, begin, count, seen, bird))
+
+
+def filled_up(lists: np.ndarray, count: np.ndarray, other: np.ndarray):
+    """Lists that follow one another, (m,), each filled up to eight in full with what is ``other`` to it, (n,).
+
+    Returns them, with sixteen more numbers behind them, and where each of them begins.
+    """
+    full = -(-count // 8) * 8
+    begin, before = np.cumsum(full) - full, np.cumsum(count) - count
+    out = np.concatenate([np.repeat(other, full), np.zeros(16, other.dtype)])
+    out[np.arange(len(lists)) + np.repeat(begin - before, count)] = lists
+    return out, begin
 
 
 def _all_dangers(scene: Scene):
@@ -315,8 +391,9 @@ def behaviour(
     has : tuple of str
         Names of the drives (`flockbrush.behaviours.drive`) that the model does itself: act only where a brush asks.
     by_slot : bool
-        The model takes its neighbours from ``scene.by_slot`` where that is not None.  In a world in which all models
-        do, and no drive could act, ``scene.near``, ``first`` and ``offset`` are not made: they are None then.
+        The model takes its neighbours from ``scene.by_slot`` where that is not None, or from `flock_of`.  In a world in
+        which all models do, and no drive could act, ``near``, ``first`` and ``offset`` of the scene and of its air are
+        not made: they are None then.
     needs : tuple of str
         Names of the drives that act on top of the model under every brush that does not mention them.
 

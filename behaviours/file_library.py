@@ -40,9 +40,7 @@ def name_in(toml: TomlFile, suffix: str) -> tuple[str, list[Problem]]:
     if base.endswith(suffix) and NAME.fullmatch(name):
         return name, []
     kind = suffix.split(".")[1]
-    message = (
-        f"a {kind} file is called NAME{suffix}, with letters, digits, - and _ in NAME; this one is called {base!r}"
-    )
+    message = f"the name of a {kind} file must be NAME{suffix}, with letters, digits, - and _ in NAME; got {base!r}"
     return "unnamed", [Problem(toml.name, None, None, message)]
 
 

@@ -32,19 +32,21 @@ class BrushPath(Spec):
     start: Line = spec_field(..., "the brush at 0")
     end: Line = spec_field(..., "the brush at 1")
     along: tuple[Share, ...] = spec_field(
-        ..., "at even steps from 0 to 1: how far the numbers are along the straight line", min_length=2, max_length=65
+        ..., "position of the parameters on the straight line, at even steps from 0 to 1", min_length=2, max_length=65
     )
-    detour: dict[Line, tuple[Finite, ...]] = spec_field({}, "at the same steps: added to a parameter")
-    begin: Literal["random", "aligned", "mill"] = spec_field("random", "how the herds began that were measured")
-    seconds: Finite = spec_field(20.0, "how long they were, s", gt=0)
-    even: bool = spec_field(True, "whether it met its bounds when it was measured; false: it jumps")
-    bistable: bool = spec_field(False, "whether herds on the way there and back did other things at the same step")
+    detour: dict[Line, tuple[Finite, ...]] = spec_field({}, "offsets that are added to a parameter at the same steps")
+    begin: Literal["random", "aligned", "mill"] = spec_field("random", "start of the measured herds")
+    seconds: Finite = spec_field(20.0, "duration of the measured runs, s", gt=0)
+    even: bool = spec_field(True, "true if the measured behaviour changes evenly; false: it jumps")
+    bistable: bool = spec_field(
+        False, "true if herds behaved differently at the same step in both directions of a sweep"
+    )
     measured: Text = spec_field("", "command and table")
 
     @model_validator(mode="after")
     def _goes_on(self):
         if self.along[0] != 0.0 or self.along[-1] != 1.0 or any(b < a for a, b in itertools.pairwise(self.along)):
-            raise ValueError("'along' must go from 0 to 1 without going back")
+            raise ValueError("'along' must rise from 0 to 1")
         for name, values in self.detour.items():
             if len(values) != len(self.along) or values[0] or values[-1]:
                 raise ValueError(f"detour.{name} must have {len(self.along)} numbers, 0 at both ends")

@@ -150,9 +150,9 @@ class Relation(Spec):
         if len(told) != 1:
             raise ValueError(f"must be exactly one of {', '.join(VERBS)}, got {', '.join(told) or 'none'}")
         if self.catch is not None and self.hunt is None:
-            raise ValueError("catch goes with hunt alone")
+            raise ValueError("catch can only be used with hunt")
         if self.notice is not None and told[0] not in ("fear", "hunt", "follow"):
-            raise ValueError(f"notice goes with fear, hunt or follow, not with {told[0]}")
+            raise ValueError(f"notice can only be used with fear, hunt or follow, not with {told[0]}")
         if self.notice is None and told[0] in ("fear", "hunt", "follow"):
             raise ValueError(f'{told[0]} needs a distance: notice = "30 m"')
         return self

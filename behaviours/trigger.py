@@ -44,6 +44,15 @@ class SeenNeighbours(NamedTuple):
     offset: np.ndarray  # (m, 2 or 3) m
 
 
+class Asked(NamedTuple):
+    """Which neighbours a condition asks about."""
+
+    species: np.ndarray  # (n,) uint8, who is of a species that it names
+    kind: np.ndarray  # (n,) the same number for animals of one kind
+    kin: bool  # whether it asks about those of its own kind,
+    others: bool  # and about all others
+
+
 class Happening(NamedTuple):
     """A named event, or the death of an animal of a species, in the last tick."""
 
@@ -333,14 +342,16 @@ def count_seen(senses: Senses, rows, names=(ANYONE,), within=None, flags=None):
     ):
         return senses.count_far(rows, wanted, reach)
     flagged = senses.flags((ANYONE,)) if flags is None else flags
-    told = wanted, flagged, senses.kin, KIN in names, OTHERS in names
+    asked = Asked(wanted, senses.kin, KIN in names, OTHERS in names)
     for lists in senses.seen:
-        over_rows(_count_seen, len(rows), rows, *lists, *told, reach, count)
+        over_rows(_count_seen, len(rows), rows, lists, asked, flagged, reach, count)
     return count
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _count_seen(lo, hi, rows, first, near, offset, wanted, flagged, kind, kin, others, reach, count):
+def _count_seen(lo, hi, rows, lists, asked, flagged, reach, count):
+    first, near, offset = lists
+    wanted, kind, kin, others = asked
     for k in range(lo, hi):
         i = rows[k]
         r2 = reach[i] * reach[i]

@@ -21,11 +21,11 @@ import time
 from pathlib import Path
 
 import numpy as np
-from flockbrush.behaviours.behaviour import Air, Scene
+from flockbrush.behaviours.behaviour import Air, FlockBySlot, Scene
 from flockbrush.behaviours.models import boids
 from flockbrush.engine import parallel
 from flockbrush.engine.scratch import Scratch
-from flockbrush.systems.space import sort_in_space, visible_in_space
+from flockbrush.systems.space import EyesInSpace, birds_of, sort_in_space, visible_in_space
 from numba import njit
 from perception import machine
 from scipy.spatial import cKDTree
@@ -55,10 +55,10 @@ class Flock:
         self.xyz[:, :2], self.velocity[:, :2] = place, velocity
         self.forward, self.rows, self.scratch = self.velocity.copy(), np.arange(n, dtype=np.int32), Scratch()
         ones, nothing, far = np.ones(n), np.zeros((n, 3)), np.full(n, np.inf)
-        self.seen = np.full(n, REACH), -ones, np.ones(n, np.uint8), np.zeros(n)
+        self.eyes = EyesInSpace(np.full(n, REACH), -ones, np.ones(n, np.uint8), np.zeros(n))
         self.air = Air(
-            *visible_in_space(self._sorted(), *self.seen, scratch=self.scratch), np.tile([0.0, 0, 1], (n, 1)), far,
-            self.forward, far, nothing, far, np.zeros(n, np.uint8), nothing, np.zeros(n + 1, np.int64), nothing[:0],
+            None, None, None, np.tile([0.0, 0, 1], (n, 1)), far, self.forward, far, nothing, far,
+            np.zeros(n, np.uint8), nothing, np.zeros(n + 1, np.int64), nothing[:0],
         )  # fmt: skip
         self.scene = Scene(*[None] * 22)._replace(dt=DT, length=OWN * ones, species=np.zeros(n, np.int64))
         self.params = boids.Params(
@@ -67,31 +67,33 @@ class Flock:
             height_strength=0.0, clearance=0.0, max_speed=FASTEST / OWN, max_acceleration=MOST / (FASTEST / OWN),
         )  # fmt: skip
 
-    def _sorted(self):
-        return sort_in_space(self.xyz, self.forward, self.rows, REACH, (self.side, self.side))
-
     def acceleration(self):
-        """Return the accelerations (n, 3), m/s²."""
-        lists = visible_in_space(self._sorted(), *self.seen, scratch=self.scratch)
-        air = self.air._replace(first=lists.first, near=lists.near, offset=lists.offset)
-        scene = self.scene._replace(velocity=self.velocity, forward=self.forward, air=air)
-        return boids.steer(scene, self.rows, self.params).acceleration
+        """Return the rows (n,) in cell order and their accelerations (n, 3), m/s²."""
+        space = sort_in_space(self.xyz, self.forward, self.rows, REACH, (self.side, self.side))
+        found = visible_in_space(space, self.eyes, scratch=self.scratch)
+        bird = birds_of(found.cells, self.velocity, self.scene.species)
+        flock = FlockBySlot(found.cells.slot, found.begin, found.count, found.seen, bird)
+        scene = self.scene._replace(velocity=self.velocity, forward=self.forward, air=self.air._replace(by_slot=flock))
+        rows = found.cells.order
+        return rows, boids.steer(scene, rows, self.params).acceleration
 
     def tick(self):
         """Simulate one tick."""
-        _move(self.xyz, self.velocity, self.forward, self.acceleration(), self.side)
+        _move(self.xyz, self.velocity, self.forward, *self.acceleration(), self.side)
 
 
 @njit(error_model="numpy")
-def _move(xyz, velocity, forward, acceleration, side):
-    for i in range(len(xyz)):
-        u, v = velocity[i, 0] + DT * acceleration[i, 0], velocity[i, 1] + DT * acceleration[i, 1]
+def _move(xyz, velocity, forward, rows, acceleration, side):
+    for at in range(len(rows)):
+        i = rows[at]
+        u, v = velocity[i, 0] + DT * acceleration[at, 0], velocity[i, 1] + DT * acceleration[at, 1]
         speed = np.sqrt(u * u + v * v)
         forward[i, 0], forward[i, 1] = u / speed, v / speed
         goes = min(max(speed, SLOWEST), FASTEST)
         for k in range(2):
             velocity[i, k] = goes * forward[i, k]
-            xyz[i, k] = (xyz[i, k] + DT * velocity[i, k]) % side
+            place = xyz[i, k] + DT * velocity[i, k]
+            xyz[i, k] = place + side if place < 0.0 else place - side if place >= side else place
 
 
 def worst_difference(n):
@@ -99,8 +101,8 @@ def worst_difference(n):
     flock = Flock(n, separation=0.0)
     place, velocity, wrong = flock.xyz[:, :2], flock.velocity[:, :2], 0.0
     near = cKDTree(place, boxsize=flock.side).query_ball_point(place, REACH)
-    for i, (others, found) in enumerate(zip(near, flock.acceleration(), strict=True)):
-        others = np.array([j for j in others if j != i], int)
+    for i, found in zip(*flock.acceleration(), strict=True):
+        others = np.array([j for j in near[i] if j != i], int)
         if len(others):
             offset = (place[others] - place[i] + flock.side / 2) % flock.side - flock.side / 2
             wanted = offset.mean(0) + velocity[others].mean(0) - velocity[i]

@@ -127,16 +127,14 @@ def judged(clip, params, speed, body, vision, runs=RUNS):
     from flockbrush.behaviours.brush import VisionSpec
 
     from flockbrush.learning.herd_views import view_of_run
-    from flockbrush.learning.rollout import theta_of
     from flockbrush.learning.scores import ClipTarget, distance, measures_of, total
     from flockbrush.learning.trials import simulate
 
-    extras = {k: v for k, v in params.model_dump().items() if not k.endswith(("_weight", "_radial", "_angular"))}
     target = ClipTarget.of(clip)
     vision = VisionSpec() if vision is None else vision
     seen, parts = [], []
     for seed in range(runs):
-        went = simulate(clip, theta_of(params), extras, speed, body, vision, [77, seed])
+        went = simulate(clip, params, speed, body, vision, [77, seed])
         seen.append(measures_of(view_of_run(went, clip, target.single), target.every))
         parts.append(total(distance(went, clip, target)))
     out = {"distance": round(float(np.mean(parts)), 3), "within": True}

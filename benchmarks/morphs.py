@@ -18,7 +18,7 @@ import numpy as np
 from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.mixture import STEPS, can_mix, load_path, mixed
 
-from flockbrush.studies.morph import BEGINNINGS, Trial, faults, goes_back, measured, sweep, verdict
+from flockbrush.studies.morph import BEGINNINGS, MEASURES, Trial, faults, goes_back, measured, sweep, verdict
 
 FIRST = 9001  # seed; the searches used no seeds from here to a million
 
@@ -33,15 +33,18 @@ def shipped_paths():
     return found
 
 
-def judged(start, end, path, trial, swept_herds):
+WAYS = ("path", "straight line")
+
+
+def judged(start, end, path, trial, swept_herds, ways=WAYS):
     """What herds do at the steps of a path, if there is one, and of the straight line: a `Measured` by way, and words.
 
     The words say whether the way is even or bistable.
     """
     shares = np.linspace(0.0, 1.0, len(path.along) if path else STEPS + 1)
     found = {}
-    for name, way in {"path": path, "straight line": None}.items():
-        if name == "path" and path is None:
+    for name, way in zip(WAYS, (path, None), strict=True):
+        if name not in ways or (name == "path" and path is None):
             continue
 
         def at(share, w=way):
@@ -74,6 +77,8 @@ def main():
     parser.add_argument("--swept", type=int, default=16, help="herds that are swept along a way that is not even")
     parser.add_argument("--seconds", type=float, default=20.0, help="of pairs without a path")
     parser.add_argument("--begin", choices=BEGINNINGS, default="random", help="of pairs without a path")
+    parser.add_argument("--way", choices=WAYS, nargs="+", default=WAYS, help="both unless told")
+    parser.add_argument("--steps", action="store_true", help="print what herds do at every step, too")
     told = parser.parse_args()
     paths = shipped_paths()
     try:
@@ -87,7 +92,7 @@ def main():
         begin, seconds = (path.begin, path.seconds) if path else (told.begin, told.seconds)
         for animals in told.animals:
             trial = Trial(animals, told.seeds, seconds=seconds, begin=begin)
-            for way, (seen, words) in judged(start, end, path, trial, told.swept).items():
+            for way, (seen, words) in judged(start, end, path, trial, told.swept, told.way).items():
                 back = goes_back(seen)[0].max()
                 step = np.abs(np.diff(seen.mean, axis=0)).max()
                 print(
@@ -95,6 +100,12 @@ def main():
                     f"{seen.deviation.max():>18.2f}  {back:>9.2f}  {words}",
                     flush=True,
                 )
+                for k in range(len(seen.mean) if told.steps else 0):
+                    cells = [
+                        f"{name} {mean:.2f} ± {deviation:.2f}"
+                        for name, mean, deviation in zip(MEASURES, seen.mean[k], seen.deviation[k], strict=True)
+                    ]
+                    print(f"    {k}/{len(seen.mean) - 1}  {'  '.join(cells)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Test the scenes of the papers on many seeds: ``python benchmarks/scenes.py anthill|river|mills|lines [--seeds A:B]``.
+"""Test the scenes of the papers on many seeds: ``python benchmarks/scenes.py SCENE [--seeds A:B]``; the scenes are:
 
 * ``anthill`` (Gong et al. 2025, fig. 17): the share of ants that go at least half round the square in 120 s, and the
   mean rotation about it from 60 s on; a seed passes with .8 and .5.
@@ -6,6 +6,8 @@
   another mill and flock; the map grows with the flock.
 * ``mills``: the disc of the start of the river, on open water, hollow and filled, 50 to 800 ducks (or --brush,
   --animals).  There is a herd for each seed; all are side by side in one world with the first seed.
+* ``lifetimes``: such herds of 30 to 100 for 120 s: how long a mill lasts (from milling of .8 until it is below .5), and
+  how long it takes to form again.
 * ``lines``: the brushes front and lanes for 90 s on a plane with 50, 200 and 800 animals (or --brush, --animals); a
   seed passes if the means from 60 s on are in the bands of ``bands.json``.
 """
@@ -70,21 +72,52 @@ def river(seed, brush="mill-filled", ducks=None):
     return (found,), found >= 0.8
 
 
-def mills(brush, ducks, herds, seed):
-    """Return the milling of herds side by side, mean of the last 5 s of 90."""
+def mills(brush, ducks, herds, seed, first=86, last=90):
+    """Return the milling (seconds, herds) of herds side by side, at every second from the first to the last."""
     own = shipped().get(brush)
-    reach = 90.0 * own.speed.mean  # body lengths: herds meet only if they drift straight towards each other
+    reach = last * own.speed.mean  # body lengths: herds meet only if they drift straight towards each other
     brushes = [own.model_copy(update={"name": f"{brush}-{k}"}) for k in range(herds)]
     simulation = herds_apart(brushes, ducks, RIVER, "mill", seed, apart=reach * own.body.length)
-    simulation.run(85 * 32)
+    simulation.run((first - 1) * 32)
     milling = []
-    for _ in range(5):
+    for _ in range(first, last + 1):
         simulation.run(32)
         xy, forward = simulation.agents[Position.xyz], simulation.agents[Heading.forward]
         rows = [slice(k * ducks, (k + 1) * ducks) for k in range(herds)]
         milling.append([compute_milling(xy[r, :2], forward[r]) for r in rows])
     simulation.close()
-    return np.mean(milling, axis=0)
+    return np.array(milling)
+
+
+def stays(milling, gained=0.8, lost=0.5):
+    """Return the time in each of two states and the number of exits: (s, times) milling, (s, times) not milling.
+
+    A herd mills from the first second at which its milling is ``gained`` until it is below ``lost``.
+    """
+    seconds, left = [0, 0], [0, 0]
+    for herd in np.transpose(milling):
+        mills = herd[0] >= gained
+        for value in herd[1:]:
+            state = 0 if mills else 1
+            seconds[state] += 1
+            if value < lost if mills else value >= gained:
+                left[state] += 1
+                mills = not mills
+    return tuple(zip(seconds, left, strict=True))
+
+
+def lifetimes(brush, sizes, herds, seed):
+    """Print how long mills last, and how long herds are without one, by size."""
+    print(f"{brush} on open water, {herds} herds for 120 s, begun as a disc that turns; seeds from {seed} on")
+    print("animals  lost  mill lasts, s  formed again  after, s  share of time at .8 or more", flush=True)
+    for ducks in sizes:
+        milling = mills(brush, ducks, herds, seed, 11, 120)
+        (milled, lost), (without, formed) = stays(milling)
+        lasts = f"{milled / lost:.0f}" if lost else f"over {milled}"
+        after = f"{without / formed:.0f}" if formed else "-"
+        print(
+            f"{ducks:>7}  {lost:>4}  {lasts:>13}  {formed:>12}  {after:>8}  {np.mean(milling >= 0.8):.2f}", flush=True
+        )
 
 
 def lines(seed, brush, animals):
@@ -96,7 +129,7 @@ def lines(seed, brush, animals):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scene", choices=["anthill", "river", "mills", "lines"])
+    parser.add_argument("scene", choices=["anthill", "river", "mills", "lifetimes", "lines"])
     parser.add_argument("--seeds", default="9001:9020", help="first:last")
     parser.add_argument("--brush", help="river, mills: mill to use; lines: only this brush")
     parser.add_argument("--animals", type=int, help="number of animals; default: 160 (river), 50 to 800 (mills, lines)")
@@ -115,8 +148,11 @@ def main():
         sizes = [told.animals] if told.animals else (50, 200, 800)
         return judge_lines(first, last, brushes, sizes)
     for brush in [told.brush] if told.brush else ("mill-filled", "mill-hollow"):
+        if told.scene == "lifetimes":
+            lifetimes(brush, [told.animals] if told.animals else (30, 50, 70, 100), last - first + 1, first)
+            continue
         for ducks in [told.animals] if told.animals else (50, 100, 200, 400, 800):
-            found = mills(brush, ducks, last - first + 1, first)
+            found = mills(brush, ducks, last - first + 1, first).mean(0)
             judge(
                 f"{brush}, {ducks} ducks on open water",
                 "milling at 90 s",

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from flockbrush.behaviours.behaviour import Behaviour, behaviours
+from flockbrush.behaviours.behaviour import Behaviour, Parameters, behaviours
 
 DOCS = Path(__file__).parent
 
@@ -63,10 +63,35 @@ def models_page(text: str) -> str:
     return text.rstrip() + "\n"
 
 
+def slider_table() -> str:
+    """The sliders that each model declares, as a Markdown table below a marker."""
+    rows = ["<!-- sliders -->", "| model | slider | from one end to the other | moves |", "|---|---|---|---|"]
+    owners = {Parameters: "all"}
+    for model in behaviours().values():
+        owners.setdefault(model.Params, model.name)
+    for params, owner in owners.items():
+        inherited = [base.sliders for base in params.__mro__[1:] if hasattr(base, "sliders")]
+        for name, slider in params.sliders.items():
+            if slider not in [sliders.get(name) for sliders in inherited]:
+                moves = ", ".join(f"`{part.name}` {part.low:g} to {part.high:g}" for part in slider.ranges)
+                rows.append(f"| {owner} | {name} | {slider.ends[:1].lower() + slider.ends[1:]} | {moves} |")
+    return "\n".join(rows)
+
+
+def brushes_page(text: str) -> str:
+    """The page of brushes with the table of sliders as it is now."""
+    before, marker, after = text.partition("<!-- sliders -->")
+    return f"{before}{slider_table()}\n\n{after.partition(chr(10) * 2)[2]}" if marker else text
+
+
 def texts() -> dict[Path, str]:
     """Return the text of every generated file."""
     page = DOCS / "models.md"
-    return schema_texts() | {page: models_page(page.read_text(encoding="utf-8"))}
+    brushes = DOCS / "brushes.md"
+    return schema_texts() | {
+        page: models_page(page.read_text(encoding="utf-8")),
+        brushes: brushes_page(brushes.read_text(encoding="utf-8")),
+    }
 
 
 if __name__ == "__main__":

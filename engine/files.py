@@ -66,7 +66,7 @@ def output_problems(paths, inputs=()):
         if message is None and real in read:
             message = "is also an input file; choose another name"
         if message is None and real in seen:
-            message = "is given twice; each output needs its own file"
+            message = "would be written twice; each output needs its own name"
         seen[real] = path
         if message:
             problems.append(Problem(str(path), None, None, message))

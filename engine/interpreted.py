@@ -76,6 +76,11 @@ def load8(start, at):
     return start[at : at + EIGHT].copy()
 
 
+def load_rows(table, rows, at):
+    """The rows ``rows[at:at + 8]`` of a table of eight float64 columns, as its columns."""
+    return tuple(table.reshape(-1, EIGHT)[rows[at : at + EIGHT]].T.copy())
+
+
 def load_where(start, at, mask):
     """As `load` where the mask is set, and 0 elsewhere; reads nothing there."""
     return gather(start, at + np.arange(LANES), mask)
@@ -160,6 +165,11 @@ def total(a):
     while len(a) > 1:
         a = a[: len(a) // 2] + a[len(a) // 2 :]
     return a[0]
+
+
+def totals(vectors):
+    """The `total` of each of eight vectors of eight, as a vector."""
+    return np.array([total(vector) for vector in vectors])
 
 
 def times_power(a, shifted):

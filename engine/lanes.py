@@ -100,8 +100,9 @@ for _op, _sign in (
     _define(_op, I32, MASK, _compare(_sign, "icmp_signed"))
 _define(operator.add, I32, I32, lambda builder, a, b: builder.add(a, b))
 _define(operator.and_, I32, I32, lambda builder, a, b: builder.and_(a, b))
-_define(operator.and_, MASK, MASK, lambda builder, a, b: builder.and_(a, b))
-_define(operator.or_, MASK, MASK, lambda builder, a, b: builder.or_(a, b))
+for _mask in (MASK, MASKX8):
+    _define(operator.and_, _mask, _mask, lambda builder, a, b: builder.and_(a, b))
+    _define(operator.or_, _mask, _mask, lambda builder, a, b: builder.or_(a, b))
 
 
 @infer_global(operator.invert)
@@ -191,6 +192,36 @@ def _loading(vector, start):
         return value
 
     return vector(start, types.intp), build
+
+
+@intrinsic
+def load_rows(typingctx, table, rows, at):
+    """The rows ``rows[at:at + 8]`` of a table of eight float64 columns, as its columns."""
+
+    def build(context, builder, sig, args):
+        table, rows, at = args
+        number, lines = ir.IntType(64), []
+        for lane in range(EIGHT):
+            row = builder.sext(builder.load(builder.gep(rows, [builder.add(at, number(lane))])), number)
+            line = builder.load(_address(builder, table, builder.mul(row, number(EIGHT)), F64X8))
+            line.align = _bytes(F64X8)
+            lines.append(line)
+        return context.make_tuple(builder, sig.return_type, _columns(builder, lines))
+
+    return types.UniTuple(F64X8, EIGHT)(table, rows, types.intp), build
+
+
+def _columns(builder, lines):
+    """Eight vectors of eight across: halves, quarters and eighths of two are exchanged."""
+    for far in (4, 2, 1):
+        first = [k if not k & far else k - far + EIGHT for k in range(EIGHT)]
+        second = [k + far if not k & far else k + EIGHT for k in range(EIGHT)]
+        masks = [ir.Constant(ir.VectorType(ir.IntType(32), EIGHT), places) for places in (first, second)]
+        for k in range(EIGHT):
+            if not k & far:
+                pair = lines[k], lines[k + far]
+                lines[k], lines[k + far] = (builder.shuffle_vector(*pair, mask) for mask in masks)
+    return lines
 
 
 @intrinsic
@@ -381,6 +412,23 @@ def total(typingctx, a):
         return builder.extract_element(lanes, ir.Constant(ir.IntType(32), 0))
 
     return a.dtype(a), build
+
+
+@intrinsic
+def totals(typingctx, vectors):
+    """The `total` of each of eight vectors of eight, as a vector."""
+
+    def build(context, builder, sig, args):
+        lanes, width = cgutils.unpack_tuple(builder, args[0]), EIGHT
+        while width > 1:
+            width //= 2
+            first = [k + of for of in (0, EIGHT) for k in range(EIGHT) if not k & width]  # of halves, of both vectors
+            masks = [ir.Constant(ir.VectorType(ir.IntType(32), EIGHT), [k + w for k in first]) for w in (0, width)]
+            pairs = zip(lanes[::2], lanes[1::2], strict=True)
+            lanes = [builder.fadd(*(builder.shuffle_vector(a, b, mask) for mask in masks)) for a, b in pairs]
+        return lanes[0]
+
+    return F64X8(vectors), build
 
 
 @intrinsic

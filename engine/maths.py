@@ -22,6 +22,8 @@ save_one_at_a_time()
 
 # one line in a kernel's loop; a function for C callers would be compiled for nobody
 kernel_function = njit(cache=True, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)
+# too long for that, and called by kernels alone: what Python would call it through takes half the compiler's time
+inner_kernel = njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 LN2_HIGH = 0.6931471803691238  # 32 bits: its product with an exponent is exact
 LN2_LOW = 1.9082149292705877e-10

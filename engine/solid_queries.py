@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from flockbrush.engine.maths import kernel_function
+from flockbrush.engine.maths import inner_kernel, kernel_function
 from flockbrush.engine.solids import CYLINDER, POLYHEDRON, SPHERE
 from numba import njit
 
@@ -140,13 +140,13 @@ class BodyFrame(NamedTuple):
     up: tuple[float, float, float]  # unit vector out of its back, at right angles to the heading
 
 
-@kernel_function
+@inner_kernel
 def _tangent(d, r):
     """How far beside a middle, d m away, the tangent to the circle about it passes; at right angles from within it."""
     return d * r / np.sqrt(max(d * d - r * r, 1e-4 * d * d))
 
 
-@kernel_function
+@inner_kernel
 def _past_sphere(cx, cy, cz, r, pose, beyond):
     """A point ``beyond`` m past the silhouette of a ball at an offset, on the side to which the heading leans."""
     (fx, fy, fz), (ux, uy, uz) = pose.forward, pose.up
@@ -162,7 +162,7 @@ def _past_sphere(cx, cy, cz, r, pose, beyond):
     return cx + out * ex / size, cy + out * ey / size, cz + out * ez / size
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _past_cylinder(s, k, cx, cy, cz, forward, beyond, lowest, odd):
     """As `_past_sphere`: past one of its two sides, or over one of its ends; not below ``lowest`` m under the body."""
     fx, fy, fz = forward
@@ -207,7 +207,7 @@ def _past_cylinder(s, k, cx, cy, cz, forward, beyond, lowest, odd):
     return px, py, pz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _past_polyhedron(s, k, pose, beyond, lowest):
     """As `_past_sphere`: past the silhouette edge nearest, in perspective, to where the heading points."""
     (x, y, z), (fx, fy, fz), (ux, uy, uz) = pose

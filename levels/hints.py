@@ -74,7 +74,8 @@ def _mixing_hint(library, start, end):
         return f"brushes {start!r} and {end!r} have different models, so a share of the animals takes {end!r}"
     path = path_between(library, start, end)
     if path is not None and not path.even:
-        return f"the measured path from {start!r} to {end!r} is uneven: behaviour may jump (the table is in its file)"
+        kind = "bistable: herds keep their previous behaviour" if path.bistable else "uneven: behaviour may jump"
+        return f"the measured path from {start!r} to {end!r} is {kind} (the table is in its file)"
     if path is None:
         return (
             f"there is no measured path from {start!r} to {end!r}: parameters are mixed linearly, and behaviour may "

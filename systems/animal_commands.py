@@ -5,15 +5,17 @@ from __future__ import annotations
 import numpy as np
 from flockbrush.components import BrushBinding, Destination, Migration
 from flockbrush.components.agent import DIRECTION, NOWHERE, POINT
+from flockbrush.components.level_things import Spawn
 from flockbrush.engine import limits
 from flockbrush.engine.commands import command
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.binding import cannot
 from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.life import bear
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.population import SpeciesList, give_birth
-from flockbrush.systems.programs import Programs, born_into
+from flockbrush.systems.population import SpeciesList
+from flockbrush.systems.programs import Programs
 from flockbrush.systems.selection import (
     OfAnimals,
     able,
@@ -152,11 +154,9 @@ class AddAnimals:
     def apply(self, world):
         total = len(world.agents) + self.count
         need(total <= MOST, f"there may be at most {MOST} animals, and this would make {total}")
-        born = give_birth(
-            world, disc(self.x, self.y, self.radius), self.count, self.brush, self.species, self.heading,
-            stream=f"add {world.next_entity}",  # two strokes in one tick are two
-        )  # fmt: skip
-        born_into(world, born, self.program)
+        where, stream = disc(self.x, self.y, self.radius), f"add {world.next_entity}"  # two strokes in one tick are two
+        spawn = Spawn(0, "", where, self.species, self.brush, heading=self.heading, program=self.program)
+        bear(world, spawn, self.count, stream)
 
 
 @command

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from flockbrush.behaviours.mixture import STEPS
 from flockbrush.components.agent import LANDING, SETTLED, TAKING_OFF
+from flockbrush.engine.maths import inner_kernel
 from flockbrush.engine.noise import uniform_
 from flockbrush.systems.fauna import AIR, PLANE, WATER
 from flockbrush.systems.terrain import NO_BRUSH, rasterise_polygon
@@ -278,7 +279,7 @@ def painted_for(lo, hi, animals, cell, sheets, painted, air, out):
                 break
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _is_in(medium, air, aloft, low):
     """Whether an animal is in the medium that a sheet asks for; ``air``: the brush moves there."""
     asked = medium
@@ -339,7 +340,7 @@ def mix_paint(lo, hi, animals, cell, sheets, air, mixes, key, out):
                 out[i] = b
 
 
-@njit(cache=True, nogil=True)
+@inner_kernel
 def _bilinear(raster, u, v):
     """The value between the centres of cells; u, v count them."""
     west, south = int(u), int(v)

@@ -23,7 +23,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from flockbrush.engine.maths import sincos_
+from flockbrush.engine.maths import inner_kernel, sincos_
 from flockbrush.engine.parallel import over_rows
 from flockbrush.systems.contact_candidates import contacts_within
 from flockbrush.systems.grid import Cells
@@ -204,7 +204,7 @@ def _edge(ends, g):
     return 0.5 * (ends[g, 0] + ends[g, 2]), 0.5 * (ends[g, 1] + ends[g, 3]), ux, uy, 0.5 * size
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _edges_near(x, y, edges):
     """First and last entry of the list of edges near a point."""
     ex, ey = (x - edges.west) / edges.cell, (y - edges.south) / edges.cell

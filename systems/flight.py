@@ -28,10 +28,10 @@ import numpy as np
 from flockbrush.behaviours.behaviour import Flight
 from flockbrush.components import Airborne, Body, Heading, Position, Velocity
 from flockbrush.components.agent import BY_ACCELERATION, BY_VELOCITY
-from flockbrush.engine.maths import atan2_, kernel_function, sincos_
+from flockbrush.engine.maths import atan2_, inner_kernel, kernel_function, sincos_
 from flockbrush.engine.solid_queries import out_of_, slide_
 from flockbrush.systems.ground_height import below, height_of_ground
-from flockbrush.systems.sightline import kernel, step
+from flockbrush.systems.sightline import step
 from numba import njit
 
 GRAVITY = 9.81  # m/s^2
@@ -79,7 +79,7 @@ class WantedFlight(NamedTuple):
     transit: np.ndarray  # (n,) 0 for those who neither land nor take off
 
 
-@kernel_function
+@step
 def _unit(x, y, z, ex, ey, ez):
     """(x, y, z) with length 1; the other vector where it has no direction."""
     size = np.sqrt(x * x + y * y + z * z)
@@ -88,7 +88,7 @@ def _unit(x, y, z, ex, ey, ez):
     return x / size, y / size, z / size
 
 
-@kernel_function
+@step
 def _cut(x, y, z, most):
     """(x, y, z), no longer than ``most``."""
     size = np.sqrt(x * x + y * y + z * z)
@@ -238,7 +238,7 @@ def _steered(i, dt, flyers, limits, wanted):
     return (nx, ny, min(nz, climb)), (gx, gy, gz)
 
 
-@kernel
+@inner_kernel
 def _over_the_ground(x, y, z, px, py, pz, rise, w, solids, heights):
     """Where a step from (x, y, z) into the ground at (px, py, pz) ends, for a body of radius w that may rise so far."""
     relief, cell, _ = heights

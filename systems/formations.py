@@ -31,7 +31,7 @@ from flockbrush.engine.clock import Clock
 from flockbrush.engine.maths import atan2_, sincos_
 from flockbrush.engine.noise import Noise
 from flockbrush.systems.gusts import blow
-from flockbrush.systems.initiation import decide, fitting, target_of, usual
+from flockbrush.systems.initiation import Flying, Following, decide, fitting, target_of, usual
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import SightInSpace
@@ -116,9 +116,10 @@ def _keep(world, rows, met, p, sees, leads, variant):
     target = _target(p, n, clock.tick * clock.dt, world.resource(Noise).seed + variant * (n > 1))
     if n > 1:
         rules = fitting(rules, target)
-        now = np.full(n, -1), np.zeros(n, np.int64), np.full(n, -1)
-        decide(x, y, heading, leader, reference, arm, place, target.length, rules, sees, *now)
-        reference, arm, place = now
+        birds, now = Flying(x, y, heading), Following(reference, arm, place)
+        new = Following(np.full(n, -1), np.zeros(n, np.int64), np.full(n, -1))
+        decide(birds, leader, now, target.length, rules, sees, new)
+        reference, arm, place = new
     frame = frame_of(wing, agents[Speed.drawn][rows[leader]])
     agents[FormationPlace.climb][rows] = _climb(agents, np.r_[rows, met], leader, ahead, rules, wing, frame, wrap)[:n]
     _remember(agents, rows, leader, p.leader_turn, clock.dt, world.resource(Landscape))

@@ -40,6 +40,11 @@ class Cells(NamedTuple):
     density: float  # animals per m^2 where the animals are
     slot: np.ndarray  # (n,) int32: the slot of each row; -1 for one in no cell
 
+    @property
+    def axes(self):
+        """Where they are, by slot."""
+        return self.x, self.y
+
 
 def sort_into_cells(xyz, forward, length, radius, reach, wrap=None, rows=None):
     """Sort a herd into cells.

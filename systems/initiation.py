@@ -18,11 +18,12 @@ from typing import NamedTuple
 import numpy as np
 from flockbrush.behaviours.formation.reaching import FormingRules, home_, part_in_height, reach_, wrap_
 from flockbrush.engine.arrays import write_
-from flockbrush.engine.maths import atan2_, sincos_
+from flockbrush.engine.maths import atan2_, inner_kernel, sincos_
 from flockbrush.engine.noise import Noise
 from flockbrush.systems.hidden_points import _corners
 from numba import njit
 
+TOLERANCE = 0.5  # wingspans from its place at which a bird is in place
 FLIP = 10.0**0.5  # radius of the flipping sphere, in distances of the farthest bird
 
 
@@ -37,6 +38,22 @@ class Target(NamedTuple):
     dy: np.ndarray  # (2, most + 1) wingspans back; negative: ahead of the one before
 
 
+class Flying(NamedTuple):
+    """Where birds are and which way they fly, (n,) each."""
+
+    x: np.ndarray  # wingspans to the right of the track
+    y: np.ndarray  # wingspans along it
+    heading: np.ndarray  # rad, clockwise from the track
+
+
+class Following(NamedTuple):
+    """Whom birds follow, and where in the formation, (n,) each."""
+
+    reference: np.ndarray  # the bird that each follows; -1: none
+    side: np.ndarray  # -1 left, 1 right, 0 open
+    place: np.ndarray  # as which of its arm; 0 leads, -1 open
+
+
 def target_of(x, y) -> Target:
     """The target of a key shape: birds from left to right, the leader at the origin."""
     x, y = np.asarray(x, float), np.asarray(y, float)
@@ -49,9 +66,10 @@ def target_of(x, y) -> Target:
     return Target(np.array([len(arm) - 1 for arm in arms]), dx, dy)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _look(i, x, y, heading, rules, perceived, angle, seen):
+@inner_kernel
+def _look(i, birds, rules, perceived, angle, seen):
     """Mark whom bird i sees: perceived, within the visual volume, and not hidden.  ``angle`` becomes the bearings."""
+    x, y, heading = birds
     n = len(x)
     px, py = np.empty(n), np.empty(n)
     far = 0.0
@@ -73,7 +91,7 @@ def _look(i, x, y, heading, rules, perceived, angle, seen):
         seen[j] &= angle[j] <= rules.volume and perceived[i, j]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _follows(j, i, reference):
     """Whether bird j follows bird i, through however many others."""
     for _ in range(len(reference)):
@@ -85,12 +103,14 @@ def _follows(j, i, reference):
     return True  # a ring
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _nearest(i, x, y, reference, side, slot, seen, angle, rules, arm, beyond):
+@inner_kernel
+def _nearest(i, birds, now, seen, angle, rules, arm, beyond):
     """The nearest bird that i sees and may follow, first within the narrow volume; -1 for none.
 
     ``arm`` 0 takes any side, otherwise that side (and the leader); ``beyond`` asks for places behind that one.
     """
+    x, y, _ = birds
+    reference, side, slot = now
     best, chosen, wide_best, wide = np.inf, -1, np.inf, -1
     for j in range(len(x)):
         if not seen[j] or (rules.ahead_only and y[j] <= y[i]) or slot[j] < beyond:
@@ -108,10 +128,22 @@ def _nearest(i, x, y, reference, side, slot, seen, angle, rules, arm, beyond):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def decide(
-    x, y, heading, leader, reference, side, slot, count, rules, perceived, new_reference, new_side, new_slot,
-):  # fmt: skip
-    """Whom each bird follows next, on which side (-1 left, 1 right, 0 open) and as which of the arm (-1 open)."""
+def decide(birds, leader, now, count, rules, perceived, new):
+    """Write whom each bird follows next, on which side and as which of the arm.
+
+    Parameters
+    ----------
+    birds : Flying
+    leader : int
+    now, new : Following
+    count : (2,) int
+        Places on each arm.
+    rules : FormingRules
+    perceived : (n, n) bool
+    """
+    x = birds.x
+    reference, side, slot = now
+    new_reference, new_side, new_slot = new
     n = len(x)
     angle, seen = np.empty(n), np.empty(n, np.bool_)
     either, anywhere, behind = np.int64(0), np.int64(-1), np.int64(0)  # not three types of literals to compile for
@@ -127,9 +159,9 @@ def decide(
         if j >= 0 and not perceived[i, j]:  # lost
             j = -1
         if j < 0 or not rules.loyal:
-            _look(i, x, y, heading, rules, perceived, angle, seen)
+            _look(i, birds, rules, perceived, angle, seen)
             looked = True
-            j = _nearest(i, x, y, reference, side, slot, seen, angle, rules, either, anywhere)
+            j = _nearest(i, birds, now, seen, angle, rules, either, anywhere)
             if j != reference[i]:
                 s = 0
         if j < 0:
@@ -143,18 +175,18 @@ def decide(
         if rules.capacity and place > count[(s + 1) // 2]:
             s = -s
             if not looked:
-                _look(i, x, y, heading, rules, perceived, angle, seen)
+                _look(i, birds, rules, perceived, angle, seen)
                 looked = True
-            j = _nearest(i, x, y, reference, side, slot, seen, angle, rules, s, behind)
+            j = _nearest(i, birds, now, seen, angle, rules, s, behind)
             if j < 0 or slot[j] >= count[(s + 1) // 2]:
                 j = leader
             place = slot[j] + 1
         if rules.separation:
-            rival = _rival(i, j, s, leader, x, y, reference, side, rules)
+            rival = _rival(i, j, s, leader, birds, now, rules)
             if rival >= 0 and perceived[i, rival]:
                 if not looked:
-                    _look(i, x, y, heading, rules, perceived, angle, seen)
-                other = _nearest(i, x, y, reference, side, slot, seen, angle, rules, s, place) if place >= 0 else -1
+                    _look(i, birds, rules, perceived, angle, seen)
+                other = _nearest(i, birds, now, seen, angle, rules, s, place) if place >= 0 else -1
                 if other < 0 or slot[other] == 0:
                     other = rival
                 if not _follows(other, i, reference):
@@ -163,9 +195,11 @@ def decide(
         new_reference[i], new_side[i], new_slot[i] = j, s, place
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _rival(i, j, s, leader, x, y, reference, side, rules):
+@inner_kernel
+def _rival(i, j, s, leader, birds, now, rules):
     """The front-most of those who follow j on side s, are near and in front of i; -1 for none."""
+    x, y, _ = birds
+    reference, side, _ = now
     rival, front = -1, 0.0
     for b in range(len(x)):
         if b == i or reference[b] != j or (j == leader and side[b] != s):
@@ -178,9 +212,12 @@ def _rival(i, j, s, leader, x, y, reference, side, rules):
     return rival
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def move(x, y, z, heading, speed, leader, reference, side, slot, dx, dy, usual, rules, new_heading, new_speed, climb):
-    """Speed and heading of every bird in the next frame (eqs. 5 and 6), and how much it climbs."""
+@inner_kernel
+def move(birds, speed, leader, now, target, usual, rules, new_heading, new_speed):
+    """Speed and heading of every bird in the next frame (eqs. 5 and 6)."""
+    x, y, heading = birds
+    reference, side, slot = now
+    dx, dy = target.dx, target.dy
     for i in range(len(x)):
         j = reference[i]
         if j < 0:
@@ -195,18 +232,20 @@ def move(x, y, z, heading, speed, leader, reference, side, slot, dx, dy, usual, 
         sine, cosine = sincos_(heading[j])
         tx, ty = x[j] + speed[j] * sine + s * ox, y[j] + speed[j] * cosine - oy
         new_speed[i], new_heading[i] = reach_(x[i], y[i], heading[i], speed[i], tx, ty, speed[j], heading[j], rules)
-    if rules.apart:
-        part_in_height(x, y, z, heading, speed, rules, climb)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fly(x, y, heading, speed, leader, count, dx, dy, usual, rules, most, hold, tolerance, track, step, said, reach):
-    """Fly until everybody has kept its place for ``hold`` frames: (frames or -1, least distance, length of flock)."""
+def _fly(birds, leader, target, usual, rules, trial, track, said):
+    """Fly until everybody has kept its place: (frames or -1, least distance, length of flock)."""
+    x, y, heading = birds
+    count, dx, dy = target
+    most, hold, step, reach = trial
     n = len(x)
     z, climb = np.zeros(n), np.zeros(n)
     reference, side, slot = np.full(n, -1), np.zeros(n, np.int64), np.full(n, -1)
     slot[leader] = 0
-    reference2, side2, slot2 = reference.copy(), side.copy(), slot.copy()
+    now, new = Following(reference, side, slot), Following(reference.copy(), side.copy(), slot.copy())
+    speed = np.full(n, rules.cruise)
     heading2, speed2 = heading.copy(), speed.copy()
     place_x, place_y = np.zeros(dx.shape), np.zeros(dx.shape)
     for arm in range(2):
@@ -221,11 +260,13 @@ def _fly(x, y, heading, speed, leader, count, dx, dy, usual, rules, most, hold, 
             for i in range(n):
                 for j in range(n):
                     perceived[i, j] = (x[i] - x[j]) ** 2 + (y[i] - y[j]) ** 2 <= reach * reach
-        decide(x, y, heading, leader, reference, side, slot, count, rules, perceived, reference2, side2, slot2)
-        write_(reference, reference2)
-        write_(side, side2)
-        write_(slot, slot2)
-        move(x, y, z, heading, speed, leader, reference, side, slot, dx, dy, usual, rules, heading2, speed2, climb)
+        decide(birds, leader, now, count, rules, perceived, new)
+        write_(reference, new.reference)
+        write_(side, new.side)
+        write_(slot, new.place)
+        move(birds, speed, leader, now, target, usual, rules, heading2, speed2)
+        if rules.apart:
+            part_in_height(x, y, z, heading, speed, rules, climb)
         write_(heading, heading2)
         write_(speed, speed2)
         for i in range(n):
@@ -251,7 +292,7 @@ def _fly(x, y, heading, speed, leader, count, dx, dy, usual, rules, most, hold, 
                 continue
             taken[arm, k] = 1
             ex, ey = x[i] - x[leader] - place_x[arm, k], y[i] - y[leader] - place_y[arm, k]
-            right &= ex * ex + ey * ey + (z[i] - z[leader]) ** 2 <= tolerance * tolerance
+            right &= ex * ex + ey * ey + (z[i] - z[leader]) ** 2 <= TOLERANCE * TOLERANCE
         longest = max(longest, high - low)
         since = (frame if since < 0 else since) if right else -1
         if since >= 0 and frame - since >= hold:
@@ -268,10 +309,17 @@ class Initiation(NamedTuple):
     track: np.ndarray  # (k, n, 3) positions, every ``step`` frames
 
 
-def initiate(
-    x, y, heading, target, rules=None, speed=None, most=6000, hold=60, tolerance=0.5, step=0, reach=np.inf
-) -> Initiation:
-    """Let birds find into a formation.
+class FlightTrial(NamedTuple):
+    """How long an initiation is flown, and what is kept of it."""
+
+    most: int  # frames
+    hold: int  # frames for which everybody keeps its place in the end
+    step: int  # frames between positions that are kept; 0: none
+    reach: float  # wingspans: nobody perceives anybody farther away
+
+
+def initiate(x, y, heading, target, rules=None, most=6000, hold=60, step=0, reach=np.inf) -> Initiation:
+    """Let birds that cruise find into a formation.
 
     Parameters
     ----------
@@ -279,12 +327,10 @@ def initiate(
         Wingspans; +y is the track.  The front-most bird leads.
     heading : array_like (n,)
         Radians, clockwise from the track.
-    speed : array_like (n,), optional
-        Wingspans per frame; cruising unless told.
     most : int
         Frames at most.
-    hold, tolerance : int, float
-        Everybody is in place when nobody is farther than ``tolerance`` from its place for ``hold`` frames.
+    hold : int
+        Everybody is in place when nobody is farther than `TOLERANCE` from its place for so many frames.
     step : int
         Keep positions every so many frames; 0 keeps none.
     reach : float
@@ -295,13 +341,9 @@ def initiate(
     .. [1] Klotsman, M. & Tal, A. (2012). Animation of flocks flying in line formations. Artificial Life 18(1), 91-105.
     """
     rules = fitting(rules or FormingRules(), target)
-    x, y, heading = (np.array(a, float) for a in (x, y, heading))
-    speed = np.full(len(x), rules.cruise) if speed is None else np.array(speed, float)
-    track, said = np.zeros((most // step + 1 if step else 0, len(x), 3)), np.zeros(1, np.int64)
-    frames, least, longest = _fly(
-        x, y, heading, speed, int(np.argmax(y)), *target, usual(target), rules, most, hold, tolerance, track, step,
-        said, float(reach),
-    )  # fmt: skip
+    birds, trial = Flying(*(np.array(a, float) for a in (x, y, heading))), FlightTrial(most, hold, step, float(reach))
+    track, said = np.zeros((most // step + 1 if step else 0, len(birds.x), 3)), np.zeros(1, np.int64)
+    frames, least, longest = _fly(birds, int(np.argmax(birds.y)), target, usual(target), rules, trial, track, said)
     return Initiation(int(frames), float(least), float(longest), track[: said[0]])
 
 

@@ -157,9 +157,6 @@ def births_due(spawn, now):
 
 def bear(world, spawn, count, stream):
     """Births as one spawn of the level has them."""
-    born = give_birth(
-        world, spawn.polygon, count, spawn.brush, spawn.species, spawn.heading, spawn.speed, spawn.altitude,
-        spawn.formation, spawn.body_length, stream, spawn.depth,
-    )  # fmt: skip
+    born = give_birth(world, spawn, count, stream)
     born_into(world, born, spawn.program)
     return born

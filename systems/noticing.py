@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from flockbrush.behaviours.behaviour import NoticedLists, nobody_noticed
 from flockbrush.components import Alarm, Body, BrushBinding, Heading, Individual, Position, Species
 from flockbrush.engine.clock import Clock
-from flockbrush.engine.maths import exp_, sincos_
+from flockbrush.engine.maths import exp_, inner_kernel, sincos_
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.engine.solid_queries import blocks_
@@ -29,17 +30,6 @@ from numba import njit
 
 STEPS = 24  # places between two animals at which a hill is looked for
 FADED = 0.02  # of alarm: less is calm
-
-
-class NoticedLists(NamedTuple):
-    """Whom everybody notices: those of row i are ``first[i]:first[i + 1]``."""
-
-    first: np.ndarray  # (n + 1,) int64
-    near: np.ndarray  # (m,) int32 rows
-    offset: np.ndarray  # (m, 3) m, from the observer, across the seam of a wrapped map where that is shorter
-    verb: np.ndarray  # (m,) uint8, `flockbrush.systems.fauna.FEAR`, `HUNT` or `FOLLOW`
-    weight: np.ndarray  # (m,) 0 to 1
-    notice: np.ndarray  # (m,) m, within which it is noticed
 
 
 class Watchers(NamedTuple):
@@ -195,7 +185,7 @@ def _notice(lo, hi, watchers, kinds, hiding, first, near, offset, distance, coun
         count[i] = found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _crossed(edges, x, y, ox, oy):
     """Whether the way from (x, y) by an offset crosses an edge that blocks the view."""
     x0, x1, y0, y1 = min(x, x + ox), max(x, x + ox), min(y, y + oy), max(y, y + oy)
@@ -208,7 +198,7 @@ def _crossed(edges, x, y, ox, oy):
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _behind_a_hill(relief, cell, x, y, z, ox, oy, oz):
     """Whether the ground rises above the line from (x, y, z) by an offset."""
     for k in range(1, STEPS):
@@ -231,9 +221,7 @@ class BeAlarmed(System):
         table, dt = world.resource(SpeciesList).table, world.resource(Clock).dt
         keep = np.array([exp_(-dt / max(t, 1e-3)) for t in table.calm])[agents[Species.index]]
         if lists is None:
-            none = np.zeros(0)
-            lists = NoticedLists(np.zeros(len(agents) + 1, np.int64), none.astype(np.int32), none.reshape(0, 3),
-                                 none.astype(np.uint8), none, none)  # fmt: skip
+            lists = nobody_noticed(len(agents))
         over_rows(_be_alarmed, len(agents), lists, agents[Position.xyz], keep, level, agents[Alarm.place])
 
 

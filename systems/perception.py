@@ -24,9 +24,10 @@ References
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.behaviours.behaviour import filled_up
 from flockbrush.behaviours.brush_tables import SIGHTS
 from flockbrush.components import BrushBinding, Species
-from flockbrush.engine.lanes import LANES
+from flockbrush.engine.maths import inner_kernel
 from flockbrush.engine.parallel import over_rows
 from flockbrush.systems.fauna import SpeciesList, kin_of
 from flockbrush.systems.hidden_points import RADIUS_FACTOR, _corners
@@ -42,29 +43,20 @@ def chooses(world):
     return bool(world.resource(Palette).chooses or world.resource(SpeciesList).table.ignore.any())
 
 
-def chosen(world, lists):
-    """`Lists` of those whom everybody's brush takes into account, of those in view."""
-    keep = _kept(world, lists)
-    before = np.concatenate([[0], np.cumsum(keep)])
-    return Lists(before[lists.first], lists.near[keep], lists.offset[keep])
-
-
 def chosen_of_one_kind(lists, sight, neighbours):
-    """The same where all are of one kind and have one brush: its ``sight`` and ``neighbours``."""
+    """`Lists` of those in view who are taken into account where all are of one kind and have one brush."""
     if SIGHTS.index(sight) < HIDDEN_POINTS:
         return lists
     n, keep, kin = len(lists.first) - 1, np.ones(len(lists.near), np.bool_), np.zeros((1, 1), np.bool_)
     kind = np.zeros(n, np.int32)
-    over_rows(
-        _choose, n, lists.first, lists.near, lists.offset, kind, kind, kin, np.full(n, SIGHTS.index(sight)),
-        np.full(n, neighbours), keep,
-    )  # fmt: skip
+    sight = np.full(n, SIGHTS.index(sight))
+    over_rows(_choose, n, lists, kind, kind, kin, sight, np.full(n, neighbours), keep)
     before = np.concatenate([[0], np.cumsum(keep)])
     return Lists(before[lists.first], lists.near[keep], lists.offset[keep])
 
 
 def chosen_by_slot(world, found):
-    """The same of and as `Found`."""
+    """Those whom everybody's brush takes into account, of those in view; both as `Found`."""
     keep = _kept(world, lists_of(found))
     before = np.concatenate([[0], np.cumsum(keep)])
     first = np.concatenate([[0], np.cumsum(found.count)])
@@ -88,11 +80,10 @@ def _slots(found):
 
 
 def _found(cells, slots, count):
-    first = np.concatenate([[0], np.cumsum(count)])
     begin, rows = np.zeros(len(cells.x), np.int64), np.flatnonzero(cells.slot >= 0)
+    seen, first = filled_up(slots, count, cells.slot)
     begin[cells.slot[rows]] = first[rows]
-    room = np.zeros(LANES, np.int32)  # kernels read whole lanes
-    return Found(cells, np.concatenate([slots.astype(np.int32), room]), begin, count.astype(np.int64))
+    return Found(cells, seen, begin, count.astype(np.int64))
 
 
 def _kept(world, lists):
@@ -101,14 +92,15 @@ def _kept(world, lists):
     n, brush, species = len(agents), agents[BrushBinding.brush], agents[Species.index]
     keep = np.ones(len(lists.near), np.bool_)
     over_rows(
-        _choose, n, lists.first, lists.near, lists.offset, species, kin_of(table, species), table.ignore,
-        palette.sight[brush], palette.neighbours[brush], keep,
+        _choose, n, lists, species, kin_of(table, species), table.ignore, palette.sight[brush],
+        palette.neighbours[brush], keep,
     )  # fmt: skip
     return keep
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _choose(lo, hi, first, near, offset, species, kin, ignore, sight, neighbours, keep):
+def _choose(lo, hi, lists, species, kin, ignore, sight, neighbours, keep):
+    first, near, offset = lists
     for i in range(lo, hi):
         count = 0
         for at in range(first[i], first[i + 1]):
@@ -127,7 +119,7 @@ def _choose(lo, hi, first, near, offset, species, kin, ignore, sight, neighbours
             _shell(own, offset, sight[i] == VORONOI, keep)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _nearest(own, offset, most, keep):
     """Keep so many of the nearest; of equally far ones the first of the list."""
     for _ in range(min(most, len(own))):
@@ -141,7 +133,7 @@ def _nearest(own, offset, most, keep):
         keep[which] = True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _shell(own, offset, inverted, keep):
     """Keep the corners of the hull of the points, turned inside out: by inversion, or over a sphere about all.
 

@@ -30,28 +30,16 @@ from numba import njit
 MANY = 20_000  # newborns or more are numbered row by row where they stand; the columns of fewer fit into caches
 
 
-def give_birth(
-    world, polygon, count, brush, species, heading=None, speed=None, altitude=0.0, formation="scatter",
-    body_length=None, stream="birth", depth=0.0,
-):  # fmt: skip
-    """Put animals into the world, inside a polygon, touching nobody.
+def give_birth(world, spawn, count, stream="birth"):
+    """Put animals into the world as a spawn says, inside its polygon, touching nobody.
 
     Parameters
     ----------
-    polygon : ndarray (k, 2)
-        Metres.
-    brush : str
-        Name in the world's `Palette`.
-    heading : float, optional
-        Radians; None: each its own.
-    speed : float, optional
-        Metres per second at birth; None: drawn from the brush's own spread.
-    body_length : float, optional
-        Metres; None: the brush's.
+    spawn : Spawn
+        Where, which and how; its ``brush`` is one of the world's `Palette`.
+    count : int
     stream : str
         Name of the noise: two calls in one tick need two names.
-    depth : float
-        Metres: they are born at random between ``altitude`` and so much higher.
 
     Returns
     -------
@@ -64,33 +52,35 @@ def give_birth(
         Nothing has been born then.
     """
     land, palette, clock, noise = (world.resource(kind) for kind in (Landscape, Palette, Clock, Noise))
-    index = palette.named(brush)
+    index = palette.named(spawn.brush)
     asset = palette.brushes[index]
     fauna, number = world.resource(SpeciesList), np.arange(count)
-    known = fauna.library.find(species)
+    known = fauna.library.find(spawn.species)
     body = body_of(asset, known)
     size, pace, boldness = _individuals(known, noise, stream, clock.tick, number)
-    length = size * (body.length if body_length is None else body_length)
+    length = size * (body.length if spawn.body_length is None else spawn.body_length)
     radius = body.radius * length / body.length
     axis = np.zeros(count) if body.contact == "disc" else np.maximum(0.5 * length - radius, 0.0)
     reach = float((axis + radius).max(initial=0.0))
     ground = ground_for(land, 2 * reach, land.blocked)._replace(bounds=inset(land, reach))
     others = bodies_of(world.agents, land.wrap, float(length.max(initial=0.0)))
     key = noise.key(stream, clock.tick)
-    xy, forward = place(polygon, count, 2 * (axis + radius), radius, heading, formation, key, ground, others)
+    long, how = 2 * (axis + radius), (spawn.heading, spawn.formation)
+    xy, forward = place(spawn.polygon, count, long, radius, *how, key, ground, others)
     if count >= MANY:
         order = _row_by_row(xy)  # so that neighbours in the field are neighbours in memory
         each = xy, forward, length, radius, axis, pace, boldness
         xy, forward, length, radius, axis, pace, boldness = (column[order] for column in each)
     land.see_to(float(length.max(initial=0.0) * palette.view_range.max()))
     chance = noise.normal(stream + " speed", clock.tick, number)[:, 0]
-    drawn = np.full(count, float(speed)) if speed is not None else _speeds(asset, pace, chance) * length
-    xyz = np.column_stack([xy, _heights(land, xy) + altitude])
-    if depth > 0.0:
-        xyz[:, 2] += depth * noise.uniform(stream + " height", clock.tick, number)[:, 0]
+    drawn = _speeds(asset, pace, chance) * length if spawn.speed is None else np.full(count, float(spawn.speed))
+    xyz = np.column_stack([xy, _heights(land, xy) + spawn.altitude])
+    if spawn.depth > 0.0:
+        xyz[:, 2] += spawn.depth * noise.uniform(stream + " height", clock.tick, number)[:, 0]
     if palette.flies[index]:
         _clear_of_solids(xyz, float(radius.max(initial=0.0)), land.sky)
-    stands = palette.flies_free[index] and known is not None and known.fly.slowest > 0.0 and altitude == 0.0 == depth
+    low = spawn.altitude == 0.0 == spawn.depth
+    stands = palette.flies_free[index] and known is not None and known.fly.slowest > 0.0 and low
     forward = np.column_stack([forward, np.zeros(count)])
     return world.create_agents(
         count,
@@ -101,7 +91,7 @@ def give_birth(
             Body.length: length,
             Body.radius: radius,
             Body.axis: axis,
-            Species.index: fauna.index(species),
+            Species.index: fauna.index(spawn.species),
             Individual.pace: pace,
             Individual.boldness: boldness,
             Transit.kind: TAKING_OFF if stands else SETTLED,

@@ -17,8 +17,8 @@ from flockbrush.systems.grid import Cells, sort_into_cells
 from flockbrush.systems.hidden_points import visible_by_hpr
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.perception import chooses, chosen, chosen_by_slot, each_its_own
-from flockbrush.systems.space import Space, sort_in_space, visible_in_space
+from flockbrush.systems.perception import chooses, chosen_by_slot, each_its_own
+from flockbrush.systems.space import EyesInSpace, Space, sort_in_space, visible_in_space
 from flockbrush.systems.visibility import Found, Lists, lists_of, look_around
 from numba import njit
 
@@ -39,15 +39,13 @@ class Near:
 
 
 @dataclass
-class Sight:
-    """Visible neighbours of every animal: what any model can use."""
-
+class _Seen:
     found: Found | None = None
     _lists: Lists | None = field(default=None, repr=False)
 
     @property
     def lists(self) -> Lists | None:
-        """By row; made when somebody asks, for herds alone do without."""
+        """By row; made when somebody asks, for herds and flocks alone do without."""
         if self._lists is None and self.found is not None:
             self._lists = lists_of(self.found)
         return self._lists
@@ -62,15 +60,15 @@ class Sight:
 
 
 @dataclass
-class SightInSpace:
+class Sight(_Seen):
+    """Visible neighbours of every animal on the ground: what any model can use."""
+
+
+@dataclass
+class SightInSpace(_Seen):
     """Visible neighbours of those in the air, with offsets (m, 3); None when nobody is."""
 
-    lists: Lists | None = None
     scratch: Scratch = field(default_factory=Scratch)
-
-    def trace(self):
-        """Arrays by which replays are compared (`flockbrush.engine.trail`)."""
-        return self.lists or ()
 
 
 @dataclass
@@ -165,25 +163,17 @@ class SeeInSpace(System):
     def process(self, world):
         agents, palette, near = world.agents, world.resource(Palette), world.resource(Near)
         sight = world.resource(SightInSpace)
-        sight.lists = None
+        sight.show(None)
         if near.aloft is None:
             return
         cosine = np.empty(len(agents))
         over_rows(_cosine_of_half, len(agents), agents[Vision.field_of_view], cosine)
         through = palette.sees_through[agents[BrushBinding.brush]]
-        sight.lists = visible_in_space(
-            near.space,
-            agents[Vision.range],
-            cosine,
-            through,
-            agents[Body.radius],
-            world.resource(Landscape).opaque_solids,
-            self.width,
-            sight.scratch,
-        )
-        self.width = max(32, 16 + 3 * len(sight.lists.near) // max(2 * len(near.space.x), 1))
-        if chooses(world):
-            sight.lists = chosen(world, sight.lists)
+        eyes = EyesInSpace(agents[Vision.range], cosine, through, agents[Body.radius])
+        solids = world.resource(Landscape).opaque_solids
+        found = visible_in_space(near.space, eyes, solids, self.width, sight.scratch)
+        self.width = max(32, 16 + 3 * int(found.count.sum()) // max(2 * len(near.space.x), 1))
+        sight.show(chosen_by_slot(world, found) if chooses(world) else found)
 
 
 class SeeByHiddenPoints(System):

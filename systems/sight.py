@@ -84,7 +84,7 @@ class CellPointers(NamedTuple):
     south: Any
 
 
-class Eyes(NamedTuple):
+class ViewBounds(NamedTuple):
     """How far and how wide animals see, by row."""
 
     reach: Any  # (n,) m

@@ -15,14 +15,15 @@ from typing import NamedTuple
 
 import numpy as np
 from flockbrush.engine.arrays import order_
-from flockbrush.engine.lanes import LANES, load, pack, pointer
+from flockbrush.engine.lanes import EIGHT, LANES, lane_numbers, load, load_where, pack, pointer, splat, store
 from flockbrush.engine.lanes import count as count_lanes
+from flockbrush.engine.maths import inner_kernel
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.scratch import Scratch
 from flockbrush.engine.solid_queries import blocks_
 from flockbrush.engine.solids import no_solids
 from flockbrush.systems.sightline import kernel, step
-from flockbrush.systems.visibility import Lists, _crowded, by_row, nobody
+from flockbrush.systems.visibility import Found, _crowded
 from numba import njit
 
 CHUNK = 1024  # observers to a piece of work
@@ -47,11 +48,26 @@ class Space(NamedTuple):
     west: float  # m
     south: float  # m
     low: float  # m
+    slot: np.ndarray  # (n,) int32: the slot of each row; -1 for one on the ground
 
     @property
     def order(self):
         """Rows by place: neighbours in turn are neighbours in memory."""
         return self.row[~self.ghost]
+
+    @property
+    def axes(self):
+        """Where they are, by slot."""
+        return self.x, self.y, self.z
+
+
+class EyesInSpace(NamedTuple):
+    """How animals see in space, (n,) each, by row."""
+
+    range: np.ndarray  # m
+    cosine: np.ndarray  # of half the field of view; -1 sees all round
+    through: np.ndarray  # 1 for those who see through bodies and solids
+    radius: np.ndarray  # m, of the ball that hides others
 
 
 def sort_in_space(xyz, forward, rows, reach, wrap=None):
@@ -85,8 +101,8 @@ def sort_in_space(xyz, forward, rows, reach, wrap=None):
     start = np.zeros(nx * ny * nz + 1, np.int32)
     order = np.empty(len(rows), np.int32)
     _sort(place, *low, side, nx, ny, nz, start, order)
-    columns = _by_slot(order, place, rows, ghosts, forward)
-    return Space(*columns, start, nx, ny, nz, float(side), *map(float, low))
+    *columns, slot = _by_slot(order, place, rows, ghosts, forward)
+    return Space(*columns, start, nx, ny, nz, float(side), *map(float, low), slot)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -155,8 +171,8 @@ def _sort(place, west, south, low, side, nx, ny, nz, start, order):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _by_slot(order, place, rows, ghosts, forward):
-    """The columns of `Space` from x to ghost."""
-    m = len(order)
+    """The columns of `Space` from x to ghost, and the slots of all rows."""
+    m, slot = len(order), np.full(len(forward), -1, np.int32)
     x, y, z, fx, fy, fz = np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(m)
     row, ghost = np.empty(m, np.int32), np.empty(m, np.bool_)
     for s in range(m):
@@ -165,22 +181,37 @@ def _by_slot(order, place, rows, ghosts, forward):
         x[s], y[s], z[s] = place[i, 0], place[i, 1], place[i, 2]
         fx[s], fy[s], fz[s] = forward[r, 0], forward[r, 1], forward[r, 2]
         row[s], ghost[s] = r, ghosts[i]
-    return x, y, z, fx, fy, fz, row, ghost
+        if not ghosts[i]:
+            slot[r] = s
+    return x, y, z, fx, fy, fz, row, ghost, slot
 
 
-def visible_in_space(space, view_range, cos_half_view, through, radius, solids=None, width=32, scratch=None):
-    """Compressed lists of whom everybody in a `Space` sees.
+def birds_of(space, velocity, species):
+    """What neighbours need to know of those in a `Space`: the table of `behaviours.behaviour.FlockBySlot`."""
+    room = np.empty(8 * len(space.x) + 8)
+    at = -room.ctypes.data % 64 // 8
+    bird = room[at : at + 8 * len(space.x)].reshape(-1, 8)
+    over_rows(_write_birds, len(bird), *space.axes, space.row, velocity, species, bird)
+    return bird
+
+
+@kernel
+def _write_birds(lo, hi, x, y, z, row, velocity, species, bird):
+    for s in range(lo, hi):
+        r = row[s]
+        bird[s, 0], bird[s, 1], bird[s, 2] = x[s], y[s], z[s]
+        bird[s, 3], bird[s, 4], bird[s, 5] = velocity[r, 0], velocity[r, 1], velocity[r, 2]
+        bird[s, 6], bird[s, 7] = species[r], 0.0
+
+
+def visible_in_space(space, eyes, solids=None, width=32, scratch=None):
+    """Whom everybody in a `Space` sees.
 
     Parameters
     ----------
     space : Space
         With a reach of at least the largest range.
-    view_range, cos_half_view : ndarray (n,)
-        Metres, and the cosine of half the field of view, by row; -1 sees all round.
-    through : ndarray (n,)
-        1 for those who see through bodies and solids, by row.
-    radius : ndarray (n,)
-        Metres, of the ball that hides others, by row.
+    eyes : EyesInSpace
     solids : Solids, optional
         What blocks the view besides.
     width : int
@@ -190,156 +221,140 @@ def visible_in_space(space, view_range, cos_half_view, through, radius, solids=N
 
     Returns
     -------
-    Lists
-        Empty for rows that are not in the space; offsets are (m, 3).
+    Found
+        Nobody for rows that are not in the space.
     """
-    n, m = len(view_range), len(space.x)
-    if not m:
-        return nobody(n, 3)
+    n, m = len(eyes.range), len(space.x)
     solids = no_solids() if solids is None else solids
     scratch = Scratch() if scratch is None else scratch
-    begin, count = np.empty(m, np.int64), np.zeros(n, np.int64)
+    begin, count = np.zeros(m, np.int64), np.zeros(n, np.int64)
     while True:
         seen = scratch.take("seen", (m * width + LANES,), np.int32)
-        given = (space, view_range, cos_half_view, through, radius, solids, width, seen, begin, count)
-        over_rows(_look, m, *given, chunk=CHUNK)
+        over_rows(_look, m, space, eyes, solids, width, seen, begin, count, chunk=CHUNK)
         if not _crowded(begin, space.ghost):
-            break
+            return Found(space, seen, begin, count)
         width = 2 * max(width, -(-int(count.sum()) // m))
-    first = np.zeros(n + 1, np.int64)
-    np.cumsum(count, out=first[1:])
-    near, offset = scratch.take("near", (first[-1],), np.int32), scratch.take("offset", (first[-1], 3))
-    axes = space.x, space.y, space.z
-    over_rows(by_row, m, axes, space.row, space.ghost, seen, begin, first, near, offset, chunk=CHUNK)
-    return Lists(first, near, offset)
 
 
 @kernel
-def _look(lo, hi, space, view_range, cos_half_view, through, radius, solids, width, seen, begin, count):
+def _look(lo, hi, space, eyes, solids, width, seen, begin, count):
     """The visible of observers lo to hi, into ``seen`` from ``lo * width`` on; ``begin[i] = -1``: no room."""
-    room = 1024
-    x, y, z, slot = np.empty(room), np.empty(room), np.empty(room), np.empty(room, np.int32)
-    at, end = lo * width, hi * width
-    cube, n = -1, 0
+    mine, runs = np.empty(len(space.x) + 2 * LANES, np.int32), np.empty(18, np.int64)
+    _look_about(lo, hi, space, eyes, solids, width, seen, begin, count, mine, runs)
+
+
+@kernel
+def _look_about(lo, hi, space, eyes, solids, width, seen, begin, count, mine, runs):
+    axes = pointer(space.x), pointer(space.y), pointer(space.z)
+    heading = pointer(space.fx), pointer(space.fy), pointer(space.fz)
+    row, start, own, out = pointer(space.row), pointer(space.start), pointer(mine), pointer(seen)
+    reach, cosine, through = pointer(eyes.range), pointer(eyes.cosine), pointer(eyes.through)
+    at, end, around, among = lo * width, hi * width, pointer(runs), np.int64(0)
+    cube, last = _cube_of(lo, start, len(space.start)), np.int64(-1)
     for i in range(lo, hi):
+        while start[cube + 1] <= i:
+            cube += 1
         if space.ghost[i]:
             continue
-        row = space.row[i]
-        cx, cy, cz = _cube(space, space.x[i], space.y[i], space.z[i])
-        if (cz * space.ny + cy) * space.nx + cx != cube:  # observers of one cube follow one another
-            cube = (cz * space.ny + cy) * space.nx + cx
-            n = _population(space, cx, cy, cz)
-            if n + LANES > room:
-                room = 2 * (n + LANES)
-                x, y, z, slot = np.empty(room), np.empty(room), np.empty(room), np.empty(room, np.int32)
-            _gather(space, cx, cy, cz, x, y, z, slot)
-        if through[row] and at + n + LANES <= end:
-            visible = _in_view(
-                n, x, y, z, slot, seen, at, i, space.x[i], space.y[i], space.z[i], space.fx[i], space.fy[i],
-                space.fz[i], view_range[row] * view_range[row], cos_half_view[row],
-            )  # fmt: skip
+        if cube != last:  # observers of one cube follow one another
+            last, among = cube, _runs_around(cube, space.nx, space.ny, space.nz, start, around)
+        r = row[i]
+        if through[r]:
+            found = _in_view(i, among, around, axes, heading, reach[r] * reach[r], cosine[r], own)
         else:
-            visible = _in_view_by_one(
-                n, x, y, z, slot, seen, at, end, i, space, view_range[row], cos_half_view[row], not through[row],
-                radius, solids,
-            )  # fmt: skip
-        count[row] = visible
-        if at + visible > end:
+            found = _in_view(i, among, around, axes, heading, reach[r] * reach[r], -1.0, own)
+            found = _without_hidden(i, found, space, eyes, solids, mine)
+        count[r] = found
+        if at + found + LANES > end:
             begin[i] = -1
             continue
         begin[i] = at
-        at += visible
+        store(own, found, splat(np.int32(i)))
+        for k in range(0, found, LANES):
+            store(out, at + k, load(own, k))
+        at += (found + EIGHT - 1) & -EIGHT
 
 
 @step
-def _cube(space, x, y, z):
-    """The cube of a place."""
-    return (
-        min(int((x - space.west) / space.side), space.nx - 1),
-        min(int((y - space.south) / space.side), space.ny - 1),
-        min(int((z - space.low) / space.side), space.nz - 1),
-    )
+def _cube_of(slot, start, n):
+    """The cube that a slot is in: the last one that begins at or before it."""
+    a, b = np.int64(0), np.int64(n)
+    while b - a > 1:
+        middle = (a + b) // 2
+        if start[middle] <= slot:
+            a = middle
+        else:
+            b = middle
+    return a
 
 
-@kernel
-def _population(space, cx, cy, cz):
-    """How many live in a cube and those around it."""
-    n = 0
-    c0, c1 = max(cx - 1, 0), min(cx + 1, space.nx - 1)
-    for level in range(max(cz - 1, 0), min(cz + 1, space.nz - 1) + 1):
-        for r in range(max(cy - 1, 0), min(cy + 1, space.ny - 1) + 1):
-            first = (level * space.ny + r) * space.nx
-            n += space.start[first + c1 + 1] - space.start[first + c0]
+@step
+def _runs_around(cube, nx, ny, nz, start, runs):
+    """The slots of a cube and those around it, row k from ``runs[2 * k]`` to ``runs[2 * k + 1]``; how many rows."""
+    cx, cy, cz = cube % nx, cube // nx % ny, cube // (nx * ny)
+    c0, c1, n = max(cx - 1, 0), min(cx + 1, nx - 1), 0
+    for level in range(max(cz - 1, 0), min(cz + 1, nz - 1) + 1):
+        for r in range(max(cy - 1, 0), min(cy + 1, ny - 1) + 1):
+            first = (level * ny + r) * nx
+            runs[2 * n], runs[2 * n + 1] = start[first + c0], start[first + c1 + 1]
+            n += runs[2 * n] < runs[2 * n + 1]
     return n
 
 
-@kernel
-def _gather(space, cx, cy, cz, x, y, z, slot):
-    """All who live in a cube and those around it, side by side, and nobody after them."""
-    n = 0
-    c0, c1 = max(cx - 1, 0), min(cx + 1, space.nx - 1)
-    for level in range(max(cz - 1, 0), min(cz + 1, space.nz - 1) + 1):
-        for r in range(max(cy - 1, 0), min(cy + 1, space.ny - 1) + 1):
-            first = (level * space.ny + r) * space.nx
-            for j in range(space.start[first + c0], space.start[first + c1 + 1]):
-                x[n], y[n], z[n], slot[n] = space.x[j], space.y[j], space.z[j], j
-                n += 1
-    for k in range(n, n + LANES):
-        x[k], y[k], z[k], slot[k] = np.inf, 0.0, 0.0, -1
-
-
-@kernel
-def _in_view(n, x, y, z, slot, seen, at, i, xi, yi, zi, fx, fy, fz, reach2, cosine):
+@step
+def _in_view(i, among, runs, axes, heading, reach2, cosine, seen):
     """Slots of those in range and in the cone, sixteen at a time; returns how many."""
-    px, py, pz, ps, out = pointer(x), pointer(y), pointer(z), pointer(slot), pointer(seen)
-    cos2 = cosine * cosine
-    found = at
-    for k in range(0, n, LANES):
-        dx, dy, dz, who = load(px, k) - xi, load(py, k) - yi, load(pz, k) - zi, load(ps, k)
-        d2 = dx * dx + dy * dy + dz * dz
-        ok = (d2 <= reach2) & ((who < np.int32(i)) | (who > np.int32(i)))
-        if cosine > -1.0:
-            ahead = dx * fx + dy * fy + dz * fz
-            if cosine < 0.0:
-                ok = ok & ((ahead >= 0.0) | (ahead * ahead <= d2 * cos2))
-            else:
-                ok = ok & (ahead >= 0.0) & (ahead * ahead >= d2 * cos2)
-        pack(out, found, who, ok)
-        found += count_lanes(ok)
-    return found - at
+    x, y, z = axes
+    fx, fy, fz = heading
+    cos2, found = cosine * cosine, 0
+    for run in range(among):
+        a, b = runs[2 * run], runs[2 * run + 1]
+        for k in range(a, b, LANES):
+            there, who = lane_numbers() < np.int32(b - k), lane_numbers() + np.int32(k)
+            dx, dy, dz = load_where(x, k, there) - x[i], load_where(y, k, there) - y[i], load_where(z, k, there) - z[i]
+            d2 = dx * dx + dy * dy + dz * dz
+            ok = there & (d2 <= reach2) & (who != np.int32(i))
+            if cosine > -1.0:
+                ahead = dx * fx[i] + dy * fy[i] + dz * fz[i]
+                if cosine < 0.0:
+                    ok = ok & ((ahead >= 0.0) | (ahead * ahead <= d2 * cos2))
+                else:
+                    ok = ok & (ahead >= 0.0) & (ahead * ahead >= d2 * cos2)
+            pack(seen, found, who, ok)
+            found += count_lanes(ok)
+    return found
 
 
 @kernel
-def _in_view_by_one(n, x, y, z, slot, seen, at, end, i, space, reach, cosine, occlusion, radius, solids):
-    """As `_in_view`, one at a time: with occlusion, and where room may be short."""
+def _without_hidden(i, n, space, eyes, solids, who):
+    """Strike out who is outside the cone, or hidden by others in range or by solids; returns how many are left."""
     xi, yi, zi, fx, fy, fz = space.x[i], space.y[i], space.z[i], space.fx[i], space.fy[i], space.fz[i]
-    ox, oy, oz, d2, who = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n, np.int32)
-    found = 0
+    ox, oy, oz, d2, others = np.empty(n), np.empty(n), np.empty(n), np.empty(n), who[:n].copy()
     for k in range(n):
-        ox[found], oy[found], oz[found], who[found] = x[k] - xi, y[k] - yi, z[k] - zi, slot[k]
-        d2[found] = ox[found] * ox[found] + oy[found] * oy[found] + oz[found] * oz[found]
-        found += (d2[found] <= reach * reach) & (slot[k] != i)
-    nearest = order_(d2, found if occlusion else np.int64(0))  # who is near hides most
+        j = others[k]
+        ox[k], oy[k], oz[k] = space.x[j] - xi, space.y[j] - yi, space.z[j] - zi
+        d2[k] = ox[k] * ox[k] + oy[k] * oy[k] + oz[k] * oz[k]
+    nearest = order_(d2, n)  # who is near hides most
+    cosine = eyes.cosine[space.row[i]]
     visible, cos2 = 0, cosine * cosine
-    for k in range(found):
+    for k in range(n):
         ahead = ox[k] * fx + oy[k] * fy + oz[k] * fz
         inside = cosine <= -1.0
         if cosine < 0.0:
             inside |= (ahead >= 0.0) | (ahead * ahead <= d2[k] * cos2)
         else:
             inside |= (ahead >= 0.0) & (ahead * ahead >= d2[k] * cos2)
-        if inside and occlusion:
-            inside = not _hidden(k, nearest, who, ox, oy, oz, d2, space.row, radius) and not blocks_(
-                solids, xi, yi, zi, ox[k], oy[k], oz[k]
-            )
-        if inside:
-            if at + visible < end:
-                seen[at + visible] = who[k]
+        if (
+            inside
+            and not _hidden(k, nearest, others, ox, oy, oz, d2, space.row, eyes.radius)
+            and not blocks_(solids, xi, yi, zi, ox[k], oy[k], oz[k])
+        ):
+            who[visible] = others[k]
             visible += 1
     return visible
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _hidden(k, nearest, who, ox, oy, oz, d2, rows, radius):
     """Whether the ball of somebody nearer meets the segment to k."""
     if d2[k] <= 0.0:

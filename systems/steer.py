@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from flockbrush.behaviours.behaviour import Air, BySlot, Scene, frozen
+from flockbrush.behaviours.behaviour import Air, BySlot, FlockBySlot, Scene, frozen
 from flockbrush.behaviours.models.line_formation import InFormation
 from flockbrush.components import (
     Airborne,
@@ -37,7 +37,10 @@ from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.noticing import Noticed
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import Near, ObstaclesInSight, Sight, SightByHiddenPoints, SightInSpace
+from flockbrush.systems.space import birds_of
 from numba import njit
+
+NOT_MADE = None, None, None  # lists that nobody asks for
 
 
 class NotFinite(ArithmeticError):
@@ -169,13 +172,14 @@ def scene_of(world, lists=True):
     obstacles, sight = world.resource(ObstaclesInSight), world.resource(Sight)
     cells, species = sight.found.cells, kin(world)
     bodies = bodies_of(world, agents[Speed.drawn])
-    first, others, offset = sight.lists if lists or bodies is not None else (None, None, None)
+    lists = lists or bodies is not None
+    first, others, offset = sight.lists if lists else NOT_MADE
     xyz = agents[Position.xyz]
     order, air = cells.row[~cells.ghost], None
     near = world.resource(Near)
     if near.aloft is not None:
-        order = np.concatenate([order, np.flatnonzero(near.aloft).astype(np.int32)])  # their lists lie in order of row
-        air = frozen(Air(*_air_of(world, xyz, near)))
+        order = np.concatenate([order, near.space.order])
+        air = frozen(Air(*_air_of(world, xyz, near, lists), _flock_by_slot(world, species)))
     scene = Scene(
         clock.dt,
         clock.tick,
@@ -217,6 +221,14 @@ def _by_slot(found, species):
     ))  # fmt: skip
 
 
+def _flock_by_slot(world, species):
+    """What birds know of one another."""
+    found, velocity = world.resource(SightInSpace).found, world.agents[Velocity.xyz]
+    return frozen(FlockBySlot(
+        found.cells.slot, found.begin, found.count, found.seen, birds_of(found.cells, velocity, species)
+    ))  # fmt: skip
+
+
 def _noticed(world):
     lists = world.resource(Noticed).lists
     return None if lists is None else frozen(lists)
@@ -236,10 +248,9 @@ def _formation_of(agents, palette):
     return frozen(known)
 
 
-def _air_of(world, xyz, near):
-    """The columns of `Air`."""
-    agents, lists, ahead = world.agents, world.resource(SightInSpace).lists, world.resource(Ahead)
-    land = world.resource(Landscape)
+def _air_of(world, xyz, near, lists):
+    """The columns of `Air`, but for neighbours by slot."""
+    agents, land, ahead = world.agents, world.resource(Landscape), world.resource(Ahead)
     bound, target = agents[Migration.kind], agents[Migration.target]
     if (bound == POINT).any() or land.goals:
         target, bound = target.copy(), bound.copy()
@@ -253,8 +264,8 @@ def _air_of(world, xyz, near):
         target[points] -= xyz[points]
         target[points, :2] = _nearest_image(target[points, :2], land.wrap)
     return (
-        lists.first, lists.near, lists.offset, agents[Airborne.up], ahead.hit, ahead.aim, ahead.gap, ahead.normal,
-        ahead.height, bound, target, *dangers_of(world),
+        *(world.resource(SightInSpace).lists if lists else NOT_MADE), agents[Airborne.up], ahead.hit, ahead.aim,
+        ahead.gap, ahead.normal, ahead.height, bound, target, *dangers_of(world),
     )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from flockbrush.engine.lanes import LANES
 from flockbrush.engine.parallel import over_rows
-from flockbrush.systems.sight import Eyes, Sizes, Views, look
+from flockbrush.systems.sight import Sizes, ViewBounds, Views, look
 from numba import njit
 
 CHUNK = 2048  # observers to a piece of work
@@ -37,15 +37,10 @@ class Lists(NamedTuple):
         return self.near[self.first[row] : self.first[row + 1]]
 
 
-def nobody(n, dimensions):
-    """The lists of n animals who see nobody."""
-    return Lists(np.zeros(n + 1, np.int64), np.zeros(0, np.int32), np.zeros((0, dimensions)))
-
-
 class Found(NamedTuple):
     """Who is seen, as it was found: by slot, so that neighbours in turn are neighbours in memory."""
 
-    cells: Any  # the herd as it was
+    cells: Any  # the herd as it was: `Cells`, or a `Space`
     seen: np.ndarray  # int32 slots; those that row i sees are ``seen[begin[slot[i]]:][:count[i]]``
     begin: np.ndarray  # (slots,) int64
     count: np.ndarray  # type: ignore[assignment]  # (n,) int64, by row; 0 for who is in no cell
@@ -127,7 +122,7 @@ def look_around(cells, view_range, cos_half_view, edges=None, occlusion=True, wi
     """What `visible_neighbours` makes its lists of, with the same parameters."""
     n, m = len(view_range), len(cells.x)
     edges = no_edges() if edges is None else edges
-    eyes, sizes = Eyes(_plain(view_range), _plain(cos_half_view)), Sizes(*_widths(cells.half, cells.radius))
+    eyes, sizes = ViewBounds(_plain(view_range), _plain(cos_half_view)), Sizes(*_widths(cells.half, cells.radius))
     begin, count = np.empty(m, np.int64), np.zeros(n, np.int64)
     while True:
         views = Views(width, np.empty(m * width + LANES, np.int32), begin, count)
@@ -142,9 +137,8 @@ def lists_of(found: Found) -> Lists:
     cells, seen, begin, count = found
     first = np.zeros(len(count) + 1, np.int64)
     np.cumsum(count, out=first[1:])
-    near, offset = np.empty(first[-1], np.int32), np.empty((first[-1], 2))
-    axes = cells.x, cells.y
-    over_rows(by_row, len(cells.x), axes, cells.row, cells.ghost, seen, begin, first, near, offset, chunk=CHUNK)
+    near, offset = np.empty(first[-1], np.int32), np.empty((first[-1], len(cells.axes)))
+    over_rows(by_row, len(cells.x), cells.axes, cells.row, cells.ghost, seen, begin, first, near, offset, chunk=CHUNK)
     return Lists(first, near, offset)
 
 

@@ -226,6 +226,48 @@ def test_no_file_of_tests_benchmarks_and_pictures_is_too_long():
     assert len(lines) > 100 and {name: count for name, count in lines.items() if count > LONG} == {}, "split it"
 
 
+MOST = 10  # parameters of a function: pass a NamedTuple
+# functions that still take more; whoever shortens one takes its name away
+WAITING = {
+    "behaviours/models/boids.py": {"_steer", "_weigh", "_clear_of_obstacles"},
+    "behaviours/models/flee_and_hunt.py": {"_flee", "_hunt"},
+    "behaviours/models/herd.py": {"_by_slot", "_by_row", "_heading", "herd_kernel", "herd_kernel_by_slot"},
+    "behaviours/models/zones.py": {"_zones"},
+    "systems/decide.py": {"_roles", "_roles_by_slot"},
+    "systems/sight.py": {"_add_rings", "_look", "_look_through", "_view_by_looks", "look"},
+}
+
+
+def parameters(source):
+    """How many parameters each function of a source has, by name; the most of those with one name."""
+    found = {}
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            given = node.args
+            every = [*given.posonlyargs, *given.args, *given.kwonlyargs, given.vararg, given.kwarg]
+            found[node.name] = max(sum(one is not None for one in every), found.get(node.name, 0))
+    return found
+
+
+def with_too_many(counts):
+    """The functions with more parameters than may be, by file."""
+    found = {file: {name for name, count in by_name.items() if count > MOST} for file, by_name in counts.items()}
+    return {file: names for file, names in found.items() if names}
+
+
+@pytest.mark.parametrize("room", TOP)
+def test_no_function_has_too_many_parameters(room):
+    counts = {named(path): parameters(path.read_text(encoding="utf-8")) for path in files(room)}
+    assert len(counts) > 3
+    assert with_too_many(counts) == {file: names for file, names in WAITING.items() if file.startswith(f"{room}/")}
+
+
+def test_all_parameters_are_counted():
+    source = f"def f(a, /, b, *c, d, **e): 0\nclass X:\n    async def g(self): 0\ndef h({', '.join('abcdefghijk')}): 0"
+    assert parameters(source) == {"f": 5, "g": 1, "h": 11}
+    assert with_too_many({"x.py": parameters(source)}) == {"x.py": {"h"}}
+
+
 SHARED = {"Params"}  # every model names its parameters so; each is known by its model
 
 
@@ -252,6 +294,7 @@ COMPILERS = (
     "cache",
     "kernel",
     "kernel_function",
+    "inner_kernel",
     "lane_function",
     "dataclass",
 )  # others register what is below

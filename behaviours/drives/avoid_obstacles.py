@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from flockbrush.behaviours.behaviour import air_of, quantity
 from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards
-from flockbrush.engine.maths import sincos_
+from flockbrush.engine.maths import inner_kernel, sincos_
 from flockbrush.engine.solid_queries import BodyFrame, ahead_, past_
 from numba import njit
 
@@ -37,16 +37,10 @@ def avoid_obstacles(scene, rows, p):
     way, urgency, speed = np.zeros((n, 3)), np.zeros(n), np.sqrt((scene.velocity[rows] ** 2).sum(axis=1))
     goes = np.maximum(speed, scene.speed[rows])
     if len(bodies.walls):
-        _free_way(
-            rows, bodies.aloft, scene.xyz, scene.forward, scene.length, goes, bodies.walls, p.foresight, p.room, way,
-            urgency,
-        )  # fmt: skip
+        _free_way(rows, bodies.aloft, scene.animals, p.foresight * goes, bodies.walls, p.room, way, urgency)
     hit, aim = air.hit[rows], air.aim[rows]
     if len(bodies.solids.kind):
-        _past_solids(
-            rows, bodies.aloft, bodies.solids, scene.ids, scene.xyz, bodies.wished, scene.forward, air.up, scene.length,
-            bodies.radius, bodies.height, bodies.foresight, hit, aim,
-        )  # fmt: skip
+        _past_solids(rows, bodies, scene.animals, air.up, hit, aim)
     flies = bodies.aloft[rows] & np.isfinite(hit)
     reach = np.maximum(bodies.foresight[rows] * goes, 1e-6)
     soon = np.clip(1.0 - hit / reach, 0.0, 1.0)
@@ -57,12 +51,14 @@ def avoid_obstacles(scene, rows, p):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _free_way(rows, aloft, xyz, forward, length, goes, walls, foresight, room, way, urgency):
+def _free_way(rows, aloft, animals, ahead, walls, room, way, urgency):
+    """The nearest way that is free for as many metres as each looks ``ahead`` (k,), and how urgent it is."""
+    xyz, forward, length = animals.xyz, animals.forward, animals.length
     for k in range(len(rows)):
         i = rows[k]
         if aloft[i]:
             continue
-        reach = foresight * goes[k] + 2.0 * length[i]
+        reach = ahead[k] + 2.0 * length[i]
         beside = room * length[i] + 0.5 * length[i]
         x, y, fx, fy = xyz[i, 0], xyz[i, 1], forward[i, 0], forward[i, 1]
         straight = _room(walls, x, y, fx, fy, reach, beside)
@@ -84,7 +80,7 @@ def _free_way(rows, aloft, xyz, forward, length, goes, walls, foresight, room, w
         urgency[k] = min(0.3 + 0.7 * (1.0 - straight / reach), 1.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _room(walls, x, y, fx, fy, reach, beside):
     """Metres along a unit vector until an edge comes nearer than ``beside`` in front; ``reach`` when none does."""
     free = reach
@@ -105,11 +101,14 @@ def _room(walls, x, y, fx, fy, reach, beside):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _past_solids(rows, aloft, solids, ids, xyz, wished, forward, up, length, radius, height, foresight, hit, aim):
+def _past_solids(rows, bodies, animals, up, hit, aim):
     """Metres to what each would meet on the way that its model wishes, and where to steer instead, into hit and aim.
 
     It passes on the side that is nearest to its heading: wishes may change sides from tick to tick.
     """
+    ids, xyz, forward, length = animals.ids, animals.xyz, animals.forward, animals.length
+    aloft, wished, radius, height = bodies.aloft, bodies.wished, bodies.radius, bodies.height
+    solids, foresight = bodies.solids, bodies.foresight
     for k in range(len(rows)):
         i = rows[k]
         x, y, z, fx, fy, fz = xyz[i, 0], xyz[i, 1], xyz[i, 2], wished[i, 0], wished[i, 1], wished[i, 2]

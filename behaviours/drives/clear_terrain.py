@@ -9,13 +9,14 @@ from __future__ import annotations
 import numpy as np
 from flockbrush.behaviours.behaviour import quantity
 from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards
-from flockbrush.engine.maths import sincos_
+from flockbrush.engine.maths import inner_kernel, sincos_
 from flockbrush.engine.raster import bilinear_
 from numba import njit
 
 LOOKS = 12  # places along the way
 LANDING = 1
 SIDES, WIDEST = 9, np.pi  # ways to each side that are tried, and how far round, rad
+LEAST_CLIMB = 0.1  # m/s, that every species can do
 MARGIN = 0.9  # of its climb, that a way on which it turns may ask for
 
 
@@ -32,13 +33,10 @@ def clear_terrain(scene, rows, p):
     bodies = scene.bodies
     if bodies is None or bodies.relief.shape[0] * bodies.relief.shape[1] <= 1 or not bodies.aloft[rows].any():
         return None
-    velocity, most = scene.velocity[rows], np.maximum(bodies.climb[rows], 0.1)
+    velocity, most = scene.velocity[rows], np.maximum(bodies.climb[rows], LEAST_CLIMB)
     steering = bodies.aloft[rows] & (bodies.transit[rows] != LANDING)
     need, wanted = np.full(len(rows), -np.inf), np.empty((len(rows), 3))
-    _way_over(
-        rows, steering, scene.xyz, velocity, scene.forward, p.clearance * scene.length, np.maximum(bodies.slowest, 0.0),
-        most, bodies.relief, bodies.relief_cell, p.foresight, need, wanted,
-    )  # fmt: skip
+    _way_over(rows, steering, bodies, scene.animals, p.clearance, p.foresight, need, wanted)
     acts = steering & (need > np.maximum(velocity[:, 2], 0.2))
     if not acts.any():
         return None
@@ -47,25 +45,24 @@ def clear_terrain(scene, rows, p):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _way_over(
-    rows, steering, xyz, velocity, forward, clearance, slowest, most, relief, cell, foresight, need, wanted
-):  # fmt: skip
+def _way_over(rows, steering, bodies, animals, clearance, foresight, need, wanted):
     """m/s of climb that keeps each clear of the ground along its way, and the velocity that it should have."""
-    height = relief[:, :, 0]
+    xyz, velocity, forward, length = animals.xyz, animals.velocity, animals.forward, animals.length
+    height, cell, slowest, climb = bodies.relief[:, :, 0], bodies.relief_cell, bodies.slowest, bodies.climb
     for k in range(len(rows)):
         if not steering[k]:
             continue
         i = rows[k]
-        vx, vy = velocity[k, 0], velocity[k, 1]
+        vx, vy, most = velocity[i, 0], velocity[i, 1], max(climb[i], LEAST_CLIMB)
         size = np.sqrt(vx * vx + vy * vy)
         if size < 1e-6:
             vx, vy, size = forward[i, 0], forward[i, 1], 1.0
-        fx, fy, reach, low = vx / size, vy / size, foresight * size, xyz[i, 2] - clearance[i]
+        fx, fy, reach, low = vx / size, vy / size, foresight * size, xyz[i, 2] - clearance * length[i]
         steepness = _steepness(height, cell, xyz[i, 0], xyz[i, 1], fx, fy, low, reach)
         need[k] = steepness * size
-        slow = min(max(slowest[i], size * most[k] / max(need[k], 1e-9)), size)
+        slow = min(max(slowest[i], 0.0, size * most / max(need[k], 1e-9)), size)
         bx, by, best = fx, fy, steepness
-        if steepness * slow > most[k]:
+        if steepness * slow > most:
             for step in range(1, 2 * SIDES + 1):
                 side = 1.0 if step % 2 else -1.0
                 sine, cosine = sincos_(side * ((step + 1) // 2) * WIDEST / SIDES)
@@ -73,12 +70,12 @@ def _way_over(
                 other = _steepness(height, cell, xyz[i, 0], xyz[i, 1], gx, gy, low, reach)
                 if other < best:
                     bx, by, best = gx, gy, other
-                if best * slow <= MARGIN * most[k] and step % 2 == 0:
+                if best * slow <= MARGIN * most and step % 2 == 0:
                     break
-        wanted[k, 0], wanted[k, 1], wanted[k, 2] = slow * bx, slow * by, min(need[k], most[k])
+        wanted[k, 0], wanted[k, 1], wanted[k, 2] = slow * bx, slow * by, min(need[k], most)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner_kernel
 def _steepness(height, cell, x, y, fx, fy, z, reach):
     """Rise per metre of way that clears the ground along a unit vector, as far as ``reach`` m."""
     steepest = -np.inf

@@ -10,7 +10,7 @@ off to one side before a danger that is straight ahead.
 from __future__ import annotations
 
 import numpy as np
-from flockbrush.behaviours.behaviour import quantity
+from flockbrush.behaviours.behaviour import frozen, nobody_noticed, quantity
 from flockbrush.behaviours.drive import LOW, DriveParameters, Urges, drive, towards, within_wings
 from numba import njit
 
@@ -30,16 +30,10 @@ def flee(scene, rows, p):
     bodies, noticed = scene.bodies, scene.noticed
     if bodies is None or (noticed is None and not bodies.alarm.any()):
         return None
-    n = len(scene.ids)
-    none = np.zeros(n + 1, np.int64), np.zeros((0, 3)), np.zeros(0, np.uint8), np.zeros(0), np.zeros(0)
-    lists = none if noticed is None else (
-        noticed.first, noticed.offset, noticed.verb, noticed.weight, noticed.notice
-    )  # fmt: skip
+    if noticed is None:
+        noticed = frozen(nobody_noticed(len(scene.ids)))
     away, fear = np.zeros((len(rows), 3)), np.zeros(len(rows))
-    _flee(
-        rows, *lists, bodies.alarm, bodies.place, scene.xyz, scene.length, bodies.aloft, bodies.height,
-        scene.obstacle_first, scene.obstacle_offset, away, fear,
-    )  # fmt: skip
+    _flee(rows, noticed, bodies, scene.animals, scene.obstacle_first, scene.obstacle_offset, away, fear)
     if not fear.any():
         return None
     speed = p.pace * bodies.flee[rows] * (0.5 + 0.5 * fear)
@@ -51,10 +45,11 @@ def flee(scene, rows, p):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _flee(
-    rows, first, offset, verb, weight, notice, alarm, place, xyz, length, aloft, height, obstacle_first,
-    obstacle_offset, away, fear,
-):  # fmt: skip
+def _flee(rows, noticed, bodies, animals, obstacle_first, obstacle_offset, away, fear):
+    """The unit vector away from all that each fears, along walls, and how much it fears."""
+    first, _, offset, verb, weight, notice = noticed
+    aloft, height, alarm, place = bodies.aloft, bodies.height, bodies.alarm, bodies.place
+    xyz, length = animals.xyz, animals.length
     for k in range(len(rows)):
         i = rows[k]
         ax = ay = az = worst = 0.0

@@ -29,17 +29,17 @@ def hunt(scene, rows, p):
     if noticed is None or bodies is None:
         return None
     way, urgency = np.zeros((len(rows), 3)), np.zeros(len(rows))
-    _hunt(
-        rows, noticed.first, noticed.near, noticed.offset, noticed.verb, noticed.weight, scene.forward, scene.velocity,
-        scene.length, bodies.aloft, bodies.flee, p.charge, p.stalk, way, urgency,
-    )  # fmt: skip
+    _hunt(rows, noticed, bodies.aloft, bodies.flee, scene.animals, p.charge, p.stalk, way, urgency)
     if not urgency.any():
         return None
     return Urges(towards(scene.velocity[rows], way, bodies.acceleration[rows]), p.strength * urgency)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _hunt(rows, first, near, offset, verb, weight, forward, velocity, length, aloft, flee, charge, stalk, way, urgency):
+def _hunt(rows, noticed, aloft, flee, animals, charge, stalk, way, urgency):
+    """The velocity after the prey that each chooses, and its urgency."""
+    first, near, offset, verb, weight, _ = noticed
+    forward, velocity, length = animals.forward, animals.velocity, animals.length
     for k in range(len(rows)):
         i = rows[k]
         best, chosen, distance = np.inf, -1, 0.0

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from flockbrush.behaviours.behaviour import air_of, quantity
 from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards, within_wings
+from flockbrush.behaviours.trigger import SeenNeighbours
 from numba import njit
 
 
@@ -28,12 +29,15 @@ def keep_group(scene, rows, p):
     if bodies is None:
         return None
     air = air_of(scene)
-    way, urgency = np.zeros((len(rows), 3)), np.zeros(len(rows))
     rise = np.zeros((len(scene.near), 1))
-    _back(
-        rows, bodies.aloft, scene.first, scene.near, np.hstack([scene.offset, rise]), air.first, air.near, air.offset,
-        scene.species, scene.memory, scene.known, scene.length, p.distance, p.hurry, way, urgency,
-    )  # fmt: skip
+    on_ground = SeenNeighbours(scene.first, scene.near, np.hstack([scene.offset, rise]))
+    in_air = SeenNeighbours(air.first, air.near, air.offset)
+    x, y, z = _to_kin(rows, bodies.aloft, on_ground, in_air, scene.species, scene.memory, scene.known).T
+    far = np.sqrt(x * x + y * y + z * z)
+    beyond = (far / scene.length[rows] - p.distance) / p.hurry
+    strays = (beyond > 0.0) & (far > 0.0)
+    urgency = np.where(strays, np.minimum(beyond, 1.0), 0.0)
+    way = np.where(strays, np.stack([x, y, z]) / np.where(strays, far, 1.0), 0.0).T
     if not urgency.any():
         return None
     wanted = np.maximum(scene.speed[rows], urgency * bodies.flee[rows])[:, None] * way
@@ -44,10 +48,11 @@ def keep_group(scene, rows, p):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _back(
-    rows, aloft, first, near, offset, air_first, air_near, air_offset, species, memory, known, length, distance, hurry,
-    way, urgency,
-):  # fmt: skip
+def _to_kin(rows, aloft, on_ground, in_air, species, memory, known):
+    """(k, 3) m: from each to the middle of its kind that it sees, or to where it last saw others."""
+    first, near, offset = on_ground
+    air_first, air_near, air_offset = in_air
+    out = np.zeros((len(rows), 3))
     for k in range(len(rows)):
         i = rows[k]
         x = y = z = 0.0
@@ -57,16 +62,11 @@ def _back(
             j = air_near[at] if aloft[i] else near[at]
             if species[j] == species[i]:
                 kin += 1
-                for_x = air_offset[at] if aloft[i] else offset[at]
-                x, y, z = x + for_x[0], y + for_x[1], z + for_x[2]
+                away = air_offset[at] if aloft[i] else offset[at]
+                x, y, z = x + away[0], y + away[1], z + away[2]
         if kin:
             x, y, z = x / kin, y / kin, z / kin
         elif known[i]:
             x, y = memory[i, 0], memory[i, 1]
-        if not aloft[i]:
-            z = 0.0
-        far = np.sqrt(x * x + y * y + z * z)
-        beyond = (far / length[i] - distance) / hurry
-        if beyond > 0.0 and far > 0.0:
-            way[k, 0], way[k, 1], way[k, 2] = x / far, y / far, z / far
-            urgency[k] = min(beyond, 1.0)
+        out[k, 0], out[k, 1], out[k, 2] = x, y, z if aloft[i] else 0.0
+    return out

@@ -99,12 +99,12 @@ def _look(x, y, samples, seed):
     n = len(x)
     front = np.argsort(-y, kind="stable")
     if n < 3:
-        return front[0], None, "one bird alone" if n == 1 else "two birds are no formation"
+        return front[0], None, "one bird alone" if n == 1 else "two birds do not make a formation"
     if max(np.ptp(x), np.ptp(y)) < 1e-6:
         return front[0], None, "all birds are marked on one point"
     best = led(x, y, samples, seed)
     if best is None:
-        return front[0], None, "a cluster: no line, V or parabola goes through them and their leader"
+        return front[0], None, "a cluster: no line, V or parabola fits the birds and their leader"
     refusal = _refusal(x - x[best.leader], y - y[best.leader], best.seen, samples, seed)
     return (best.leader, None, refusal) if refusal else (best.leader, best.seen, "")
 
@@ -163,7 +163,7 @@ def _refusal(x, y, seen, samples, seed):
         return "it opens forward: an inverted V or U"
     if out > allowed(n):
         if n <= 4:
-            return f"{n} birds not in a line are too few to tell"
+            return f"{n} birds that are not in a line are too few to classify"
         return f"a cluster: {out} of {n} birds are off any curve"
     return ""
 

@@ -209,7 +209,7 @@ def _frame(raw) -> FrameShape:
     n = len(names)
     x, y = _numbers(raw["x"], "x", n), _numbers(raw["y"], "y", n)
     if any(right < left for left, right in zip(x, x[1:], strict=False)):
-        raise ValueError("x must not fall: birds stand from left to right")
+        raise ValueError("x must be ascending: birds are ordered from left to right")
     if raw["kind"] not in KINDS:
         raise ValueError(f"kind must be one of {', '.join(KINDS)}, got {str(raw['kind'])[:40]!r}")
     if not all(type(k) is int and 0 <= k < n for k in (leader, *_list(outliers, "outliers"))):

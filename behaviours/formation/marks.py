@@ -61,9 +61,7 @@ def read_marks(
     pixels = at["pixels"]
     if pixels and wingspan is None:
         if not spans:
-            message = (
-                "is in pixels, and nothing says how long a wingspan is; add a column wingspan_px or give --wingspan"
-            )
+            message = "is in pixels, but the wingspan is not known; add a column wingspan_px or give --wingspan"
             raise ProblemsError([Problem(name, 1, header[at["x"]], message)])
         wingspan = float(np.median(spans))
     if wingspan is not None and not (math.isfinite(wingspan) and wingspan > 0):
@@ -214,7 +212,7 @@ def guess_heading(points, name="marks"):
     best = min(_ways(points, np.arange(0, 360, COARSE)), default=None)
     rows = [row.cost for x, y in (points.T, points.T[::-1]) if (row := fit("line", x, y)) is not None]
     if best is None or min(rows, default=math.inf) <= best[0] + ROW:
-        message = "cannot be seen from a straight row or a cluster; give it (--heading left, or degrees)"
+        message = "cannot be estimated from a straight row or a cluster; give --heading left, or degrees"
         raise ProblemsError([Problem(name, None, "heading", message)])
     fine = best[1] + np.arange(FINE - COARSE, COARSE, FINE)
     return float(min(best, *_ways(points, fine))[1] % 360)

@@ -22,26 +22,45 @@ The paper gives no numbers; those here are ours.  Lengths are in body lengths.
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from flockbrush.behaviours.behaviour import Flight, Parameters, Wishes, air_of, behaviour, quantity
+from flockbrush.behaviours.behaviour import (
+    Flight,
+    FlockBySlot,
+    Parameters,
+    Wishes,
+    air_of,
+    behaviour,
+    flock_of,
+    quantity,
+)
+from flockbrush.behaviours.boid_urges import (
+    Around,
+    Bird,
+    Rule,
+    away_from_danger,
+    clear_of_obstacles,
+    to_height,
+    to_target,
+    turned,
+)
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
-from flockbrush.engine.arrays import write_
-from flockbrush.engine.maths import exp_, kernel_function, log_
+from flockbrush.engine.lane_maths import lane_function
+from flockbrush.engine.lanes import EIGHT, fused, load8, load_rows, pointer, root, splat8, store, total, totals, where
+from flockbrush.engine.maths import exp_, log_
 from flockbrush.engine.parallel import over_rows
 from numba import njit
 from pydantic import Field
 
 URGES = ("obstacle", "separation", "fear", "matching", "centring", "migration", "height")  # in order of priority
+OBSTACLE, SEPARATION, FEAR, MATCHING, CENTRING, MIGRATION, HEIGHT = range(len(URGES))
 REASONS = dict(  # what designers read: the names that the herd's forces have
     zip(URGES, ("obstacles", "avoidance", "fear", "alignment", "cohesion", "migration", "height"), strict=True)
 )
-SAFETY = 5.0  # times the acceleration that would just do, asked for to pass an obstacle.  By trial: 2 grazes corners
-STANDING = 0.05  # of the maximum speed: who is slower was stopped by something, and goes away from it
-BESIDE = 2.0  # body lengths: nearer than this to a surface it goes off it before it heeds others, whatever is ahead
-OFF = 2.0  # how firmly, right at the surface.  By trial: with 0 a third of a flock touch the pillars that they pass
 NEAREST = 0.3  # body lengths: nearer neighbours weigh no more
+SUMS = 12  # numbers that are kept of a bird and its neighbours
+BLOCK = 64  # birds whose neighbours are added up before their urges are weighed
 
 
 class Params(Parameters):
@@ -166,216 +185,225 @@ def _shares(ask, strength, average):
     return np.minimum(left / np.maximum(size, 1e-300), 1.0)
 
 
-@behaviour("boids", Params, flight=flight, explain=explain, has=("flee",))
+@behaviour("boids", Params, flight=flight, explain=explain, has=("flee",), by_slot=True)
 def steer(scene, rows, p):
     """The acceleration that the urges agree on."""
     return _wishes(scene, rows, p, np.zeros((0, len(URGES), 3)))
 
 
-def _wishes(scene, rows, p, asked):
-    """The same, and into `asked` (n, 7, 3), or (0, 7, 3), what each urge asks for."""
-    air, n = air_of(scene), len(rows)
-    direction, pace, acceleration = np.empty((n, 3)), np.ones(n), np.empty((n, 3))
-    strength = np.array([getattr(p, f"{urge}_strength") for urge in URGES])
-    over_rows(
-        _steer, n, rows, scene.dt, scene.velocity, scene.forward, scene.length, scene.species,
-        air.first, air.near, air.offset, air.hit, air.aim, air.gap, air.normal, air.height, air.bound, air.target,
-        air.danger_first, air.danger_offset, strength, p.arbitration == "average", p.avoid == "field",
-        p.neighbour_range, p.exponent, p.forward_weight, p.separation, p.matching_time, p.field_range,
-        p.flight_distance, p.panic_pace, p.height, p.clearance, p.foresight,
-        p.max_acceleration * p.max_speed, p.max_speed, p.grounded, direction, pace, acceleration, asked,
-    )  # fmt: skip
-    return Wishes(direction, pace, acceleration)
-
-
-@behaviour("raptor", Params, danger=True, flight=flight, explain=explain, has=("flee",))
+@behaviour("raptor", Params, danger=True, flight=flight, explain=explain, has=("flee",), by_slot=True)
 def stoop(scene, rows, p):
     """A boid that others flee from; the script sends it."""
     return steer(scene, rows, p)
 
 
-@kernel_function
-def _request(ask, x, y, z, strength):
-    """An urge's request, cut to 1, times its strength."""
-    size = np.sqrt(x * x + y * y + z * z)
+class _Birds(NamedTuple):
+    """The columns of birds themselves."""
+
+    velocity: Any
+    forward: Any
+    length: Any
+    species: Any
+
+
+class WishColumns(NamedTuple):
+    """What the kernel writes, by row of those asked."""
+
+    direction: Any
+    pace: Any
+    acceleration: Any
+    asked: Any  # by urge
+    tells: int  # 0: nobody wants to know what is asked
+
+
+class Given(NamedTuple):
+    """What has been handed out of the acceleration, and how much of it; in the average, the strengths of who asked."""
+
+    x: float
+    y: float
+    z: float
+    used: float
+
+
+def _wishes(scene, rows, p, asked):
+    """What `steer` says, and into `asked` (n, 7, 3), or (0, 7, 3), what each urge asks for."""
+    air, n = air_of(scene), len(rows)
+    wishes = Wishes(np.empty((n, 3)), np.ones(n), np.empty((n, 3)))
+    birds = _Birds(scene.velocity, scene.forward, scene.length, scene.species)
+    around = Around(*(getattr(air, name) for name in Around._fields))
+    wish = WishColumns(wishes.direction, wishes.pace, wishes.acceleration, asked, len(asked))
+    over_rows(_steer, n, rows, flock_of(scene, air), birds, around, rule_of(p, scene.dt), wish)
+    return wishes
+
+
+def rule_of(p, dt):
+    """The `Rule` of parameters, for ticks of dt seconds."""
+    most = p.max_acceleration * p.max_speed
+    return Rule(
+        dt=dt,
+        strength=tuple(getattr(p, f"{urge}_strength") for urge in URGES),
+        average=p.arbitration == "average",
+        field=p.avoid == "field",
+        grounded=p.grounded,
+        cut2=p.neighbour_range**2,
+        per_range=1.0 / p.neighbour_range,
+        exponent=p.exponent,
+        lean=0.5 * p.forward_weight,
+        apart2=p.separation**2,
+        soon=1.0 / (p.matching_time * most),
+        field_range=p.field_range,
+        flight_distance=p.flight_distance,
+        panic_pace=p.panic_pace,
+        height=p.height,
+        clearance=p.clearance,
+        most=most,
+        per_most=1.0 / most,
+        top=p.max_speed,
+        per_top=1.0 / p.max_speed,
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _steer(lo, hi, rows, flock, birds, around, rule, wish):
+    """What the birds of rows lo to hi wish."""
+    weights, sums = np.empty(len(flock.bird) + EIGHT), np.empty((BLOCK, SUMS))
+    _steer_rows(lo, hi, rows, flock, birds, around, rule, wish, weights, sums)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+def _steer_rows(lo, hi, rows, flock, birds, around, rule, wish, weights, sums):
+    flock = FlockBySlot(
+        pointer(flock.slot), pointer(flock.begin), pointer(flock.count), pointer(flock.seen), pointer(flock.bird)
+    )  # fmt: skip
+    birds = _Birds(pointer(birds.velocity), pointer(birds.forward), pointer(birds.length), pointer(birds.species))
+    around = Around(
+        pointer(around.hit), pointer(around.aim), pointer(around.gap), pointer(around.normal), pointer(around.height),
+        pointer(around.bound), pointer(around.target), pointer(around.danger_first), pointer(around.danger_offset),
+    )  # fmt: skip
+    wish = WishColumns(
+        pointer(wish.direction), pointer(wish.pace), pointer(wish.acceleration), pointer(wish.asked), wish.tells
+    )  # fmt: skip
+    row, weights, sums = pointer(rows), pointer(weights), pointer(sums)
+    for first in range(lo, hi, BLOCK):
+        last = min(first + BLOCK, hi)
+        for k in range(first, last):
+            _heed(row[k], flock, birds, rule, weights, sums, SUMS * (k - first))
+        for k in range(first, last):
+            _decide(k, row[k], birds, around, rule, sums, SUMS * (k - first), wish)
+
+
+@lane_function
+def _decide(k, i, birds, around, rule, sums, at, wish):
+    """Hand out the acceleration of one bird."""
+    one, given = _bird_of(i, birds, sums[at + 10], sums[at + 11]), Given(0.0, 0.0, 0.0, 0.0)
+    given = handed_out(given, OBSTACLE, clear_of_obstacles(i, one, around, rule), rule, wish, k)
+    given = handed_out(given, SEPARATION, (sums[at], sums[at + 1], sums[at + 2]), rule, wish, k)
+    away, wish.pace[k] = away_from_danger(i, one, around, rule)
+    given = handed_out(given, FEAR, away, rule, wish, k)
+    if sums[at + 9] > 0.0:
+        share = one.per / sums[at + 9]
+        mx, my, mz = sums[at + 3] * share - one.vx, sums[at + 4] * share - one.vy, sums[at + 5] * share - one.vz
+        given = handed_out(given, MATCHING, (mx * rule.soon, my * rule.soon, mz * rule.soon), rule, wish, k)
+        share *= rule.per_range
+        middle = sums[at + 6] * share, sums[at + 7] * share, sums[at + 8] * share
+        given = handed_out(given, CENTRING, middle, rule, wish, k)
+    given = handed_out(given, MIGRATION, to_target(i, one, around), rule, wish, k)
+    given = handed_out(given, HEIGHT, (0.0, 0.0, to_height(around.height[i], one, rule)), rule, wish, k)
+    most = rule.most * one.own
+    if rule.average:
+        most = most / given.used if given.used > 0.0 else 0.0
+    x, y, z = given.x * most, given.y * most, given.z * most
+    wish.acceleration[3 * k], wish.acceleration[3 * k + 1], wish.acceleration[3 * k + 2] = x, y, z
+    x, y, z = turned(one, x, y, z, rule.dt)
+    wish.direction[3 * k], wish.direction[3 * k + 1], wish.direction[3 * k + 2] = x, y, z
+
+
+@lane_function
+def _bird_of(i, birds, per, speed):
+    return Bird(
+        birds.length[i], per, birds.forward[3 * i], birds.forward[3 * i + 1], birds.forward[3 * i + 2],
+        per * birds.velocity[3 * i], per * birds.velocity[3 * i + 1], per * birds.velocity[3 * i + 2], speed,
+    )  # fmt: skip
+
+
+@lane_function
+def handed_out(given, urge, wanted, rule, wish, k):
+    """What has been given with what this urge gets of its request, which is cut to 1, times its strength.
+
+    By priority: until 1 is handed out.  In the average: all of it, and the strengths of those that ask are added up.
+    """
+    x, y, z = wanted
+    strength, size = rule.strength[urge], x * x + y * y + z * z
+    if size == 0.0:
+        return given
+    size = np.sqrt(size)
     share = strength / max(size, 1.0)
-    ask[0], ask[1], ask[2] = share * x, share * y, share * z
+    x, y, z, size = share * x, share * y, share * z, share * size
+    if rule.grounded:
+        z, size = 0.0, np.sqrt(x * x + y * y)
+    if wish.tells:
+        at = 3 * (len(rule.strength) * k + urge)
+        wish.asked[at], wish.asked[at + 1], wish.asked[at + 2] = x, y, z
+    if rule.average:
+        return Given(given.x + x, given.y + y, given.z + z, given.used + (strength if size > 0.0 else 0.0))
+    left = 1.0 - given.used
+    if size > left:
+        share = left / size
+        return Given(given.x + share * x, given.y + share * y, given.z + share * z, 1.0)
+    return Given(given.x + x, given.y + y, given.z + z, given.used + size)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def allocated(ask):
-    """Prioritised acceleration allocation: requests in order, the last one trimmed, until 1 is handed out."""
-    x = y = z = used = 0.0
-    for urge in range(len(ask)):
-        size = np.sqrt(ask[urge, 0] ** 2 + ask[urge, 1] ** 2 + ask[urge, 2] ** 2)
-        share = 1.0
-        if used + size > 1.0:
-            share = (1.0 - used) / size
-        x, y, z = x + share * ask[urge, 0], y + share * ask[urge, 1], z + share * ask[urge, 2]
-        used += size
-        if used >= 1.0:
-            break
-    return x, y, z
+@lane_function
+def _heed(i, flock, birds, rule, weights, sums, at):
+    """Sums over the neighbours of one bird for separation, matching and centring: eight at a time, without branches.
 
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def averaged(ask, strength):
-    """Weighted average of the requests of those urges that ask for anything."""
-    x = y = z = total = 0.0
-    for urge in range(len(ask)):
-        if ask[urge, 0] != 0.0 or ask[urge, 1] != 0.0 or ask[urge, 2] != 0.0:
-            x, y, z = x + ask[urge, 0], y + ask[urge, 1], z + ask[urge, 2]
-            total += strength[urge]
-    if total > 0.0:
-        return x / total, y / total, z / total
-    return 0.0, 0.0, 0.0
-
-
-@kernel_function
-def _weigh(a, b, i, per, fx, fy, fz, near, offset, species, cut2, apart2, exponent, ahead_counts, push, weight):
-    """How much neighbours a to b push i away, into ``push``, and weigh otherwise, into ``weight``; 0 out of range.
-
-    Without branches: who is within `separation` cannot be predicted, and a wrong guess costs more than the work.
+    Who is within `separation` cannot be predicted, and a wrong guess costs more than the work.  Behind the last
+    neighbour stands the bird itself, which is no distance away, and counts for nobody.
     """
-    nearest, n = 1.0 / (NEAREST * NEAREST), b - a
-    share = weight[n:]
-    for at in range(a, b):
-        x, y, z = offset[at, 0] * per, offset[at, 1] * per, offset[at, 2] * per
+    bird, seen, line = flock.bird, flock.seen, max(flock.slot[i], np.int32(0))
+    a, own, kind = flock.begin[line], birds.length[i], np.float64(birds.species[i])
+    b = a + flock.count[i]
+    own2, cut2, apart2 = own * own, rule.cut2 * (own * own), rule.apart2
+    ox, oy, oz = bird[8 * line], bird[8 * line + 1], bird[8 * line + 2]
+    fx, fy, fz = birds.forward[3 * i], birds.forward[3 * i + 1], birds.forward[3 * i + 2]
+    vx, vy, vz = birds.velocity[3 * i], birds.velocity[3 * i + 1], birds.velocity[3 * i + 2]
+    per = 1.0 / own
+    speed = per * np.sqrt(vx * vx + vy * vy + vz * vz)
+    lean = rule.lean * min(speed * rule.per_top, 1.0)
+    if rule.exponent != 0.0 and rule.exponent != 2.0:
+        _weigh(line, a, b, own2, rule.exponent, bird, seen, weights)
+    none, nearest = splat8(0.0), splat8(1.0 / (NEAREST * NEAREST))
+    sx = sy = sz = mx = my = mz = cx = cy = cz = all_ = none
+    for q in range(a, b, EIGHT):
+        x, y, z, u, v, w, kinds, _ = load_rows(bird, seen, q)
+        x, y, z = x - ox, y - oy, z - oz
         d2 = x * x + y * y + z * z
-        one = 1.0 / np.sqrt(d2)
-        w = one * one
-        w = w if w < nearest else nearest
         there = (d2 <= cut2) & (d2 > 0.0)
+        near = splat8(1.0) / root(where(there, d2, splat8(1.0)))
+        weight = near * near * own2
+        weight = where(weight < nearest, weight, nearest)
         # inverse square, nothing at `separation`
-        push[at - a] = (apart2 * w - 1.0) * one if there & (d2 < apart2) else 0.0
-        ahead = 1.0 + ahead_counts * 0.5 * (1.0 + (fx * x + fy * y + fz * z) * one)
-        share[at - a] = ahead if there & (species[near[at]] == species[i]) else 0.0
-        weight[at - a] = w
-    if exponent == 0.0:
-        weight[:n] = 1.0
-    elif exponent != 2.0:
-        for k in range(n):  # a loop of its own, which LLVM does many at a time
-            weight[k] = exp_(0.5 * exponent * log_(weight[k]))
-    for k in range(n):
-        weight[k] *= share[k]
+        push = weight * apart2 - 1.0
+        push = where(there & (push > 0.0), push * near, none)
+        sx, sy, sz = sx - push * x, sy - push * y, sz - push * z
+        if rule.exponent == 0.0:
+            weight = splat8(1.0)
+        elif rule.exponent != 2.0:
+            weight = load8(weights, q - a)
+        weight = ((x * fx + y * fy + z * fz) * near * lean + (1.0 + lean)) * weight
+        weight = where(there, where(kinds != kind, none, weight), none)
+        all_ = all_ + weight
+        mx, my, mz = fused(weight, u, mx), fused(weight, v, my), fused(weight, w, mz)
+        cx, cy, cz = fused(weight, x, cx), fused(weight, y, cy), fused(weight, z, cz)
+    store(sums, at, totals((sx, sy, sz, mx, my, mz, cx, cy)))
+    sums[at + 8], sums[at + 9], sums[at + 10], sums[at + 11] = total(cz), total(all_), per, speed
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _steer(
-    lo, hi, rows, dt, velocity, forward, length, species,
-    first, near, offset, hit, aim, gap, normal, height, bound, target, danger_first, danger_offset,
-    strength, average, field, neighbour_range, exponent, forward_weight, separation, matching_time, field_range,
-    flight_distance, panic_pace, wanted_height, clearance, foresight, most, top, grounded,
-    direction, pace, acceleration, asked,
-):  # fmt: skip
-    ask = np.zeros((len(strength), 3))
-    cut2, apart2 = neighbour_range * neighbour_range, separation * separation
-    room = 0
-    for k in range(lo, hi):
-        room = max(room, first[rows[k] + 1] - first[rows[k]])
-    push, weight = np.empty(room), np.empty(2 * room)
-    for k in range(lo, hi):
-        i = rows[k]
-        own = length[i]
-        per = 1.0 / own
-        fx, fy, fz = forward[i, 0], forward[i, 1], forward[i, 2]
-        vx, vy, vz = velocity[i, 0] * per, velocity[i, 1] * per, velocity[i, 2] * per  # body lengths / s
-        speed = np.sqrt(vx * vx + vy * vy + vz * vz)
-        ahead_counts = forward_weight * min(speed / top, 1.0)
-        a, b = first[i], first[i + 1]
-        _weigh(a, b, i, per, fx, fy, fz, near, offset, species, cut2, apart2, exponent, ahead_counts, push, weight)
-        sx = sy = sz = mx = my = mz = cx = cy = cz = total = 0.0
-        for at in range(a, b):  # in the order of the list: another order has other last bits
-            j, p, w = near[at], push[at - a], weight[at - a]
-            x, y, z = offset[at, 0] * per, offset[at, 1] * per, offset[at, 2] * per
-            sx, sy, sz, total = sx - p * x, sy - p * y, sz - p * z, total + w
-            mx, my, mz = mx + w * velocity[j, 0], my + w * velocity[j, 1], mz + w * velocity[j, 2]
-            cx, cy, cz = cx + w * x, cy + w * y, cz + w * z
-        _request(ask[1], sx, sy, sz, strength[1])
-        if total > 0.0:
-            share, soon = per / total, 1.0 / (matching_time * most)
-            _request(ask[3], (mx * share - vx) * soon, (my * share - vy) * soon, (mz * share - vz) * soon, strength[3])
-            share = 1.0 / (total * neighbour_range)
-            _request(ask[4], cx * share, cy * share, cz * share, strength[4])
-        else:
-            ask[3], ask[4] = 0.0, 0.0
-        x, y, z = _clear_of_obstacles(
-            field, fx, fy, fz, speed, top, most, hit[i] * per, aim[i], gap[i] * per, normal[i], field_range
-        )
-        # the ground: as a plane below that rises as fast as the bird sinks
-        low = height[i] * per - clearance
-        if low < 0.0 and not grounded:
-            z += min(-low / max(clearance, 1e-9), 1.0) + max(-vz, 0.0) / most
-        _request(ask[0], x, y, z, strength[0])
-        worst = 0.0
-        x = y = z = 0.0
-        for at in range(danger_first[i], danger_first[i + 1]):
-            dx, dy, dz = -danger_offset[at, 0] * per, -danger_offset[at, 1] * per, -danger_offset[at, 2] * per
-            d = np.sqrt(dx * dx + dy * dy + dz * dz)
-            if 0.0 < d < flight_distance:
-                fear = 1.0 - d / flight_distance
-                x, y, z = x + fear * dx / d, y + fear * dy / d, z + fear * dz / d
-                worst = max(worst, fear)
-        _request(ask[2], 2.0 * x, 2.0 * y, 2.0 * z, strength[2])
-        pace[k] = 1.0 + (panic_pace - 1.0) * worst
-        x, y, z = target[i, 0], target[i, 1], target[i, 2]
-        size = np.sqrt(x * x + y * y + z * z)
-        ask[5] = 0.0
-        if bound[i] > 0 and size > 1e-9:
-            # turned towards it, not hurried: where it lies behind, to the side that is nearer
-            x, y, z = x / size, y / size, z / size
-            along = fx * x + fy * y + fz * z
-            if along < -0.999:
-                x, y, z, along = x - fy, y + fx, z, 0.0
-            _request(ask[5], 2.0 * (x - along * fx), 2.0 * (y - along * fy), 2.0 * (z - along * fz), strength[5])
-        ask[6] = 0.0
-        if not grounded:
-            climb = 0.0
-            if wanted_height > 0.0:
-                climb = min(max((wanted_height - height[i]) * per / 10.0, -0.5), 0.5) * speed
-            ask[6, 2] = strength[6] * min(max((climb - vz) * 2.0 / most, -1.0), 1.0)
-        for urge in range(len(ask)):
-            if grounded:
-                ask[urge, 2] = 0.0
-            if len(asked):
-                write_(asked[k, urge], ask[urge])
-        x, y, z = averaged(ask, strength) if average else allocated(ask)
-        x, y, z = x * most * own, y * most * own, z * most * own
-        acceleration[k, 0], acceleration[k, 1], acceleration[k, 2] = x, y, z
-        x, y, z = fx * speed * own + dt * x, fy * speed * own + dt * y, fz * speed * own + dt * z
-        size = np.sqrt(x * x + y * y + z * z)
-        if (acceleration[k, 0] == 0.0 and acceleration[k, 1] == 0.0 and acceleration[k, 2] == 0.0) or size < 1e-9:
-            direction[k, 0], direction[k, 1], direction[k, 2] = fx, fy, fz
-        else:
-            direction[k, 0], direction[k, 1], direction[k, 2] = x / size, y / size, z / size
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _clear_of_obstacles(field, fx, fy, fz, speed, top, most, hit, aim, gap, normal, field_range):
-    """The request of obstacles; lengths in body lengths.
-
-    Steered past, it is the acceleration across the heading that reaches the aim by the time of the impact, and some
-    more, and keeps off what is within `BESIDE`: else the wishes of others press a bird that just passes an edge onto
-    what lies behind it.  Pushed by a field, it falls with the square of the share of its range.
-    """
-    if field:
-        if gap >= field_range:
-            return 0.0, 0.0, 0.0
-        push = (1.0 - max(gap, 0.0) / field_range) ** 2
-        return push * normal[0], push * normal[1], push * normal[2]
-    if speed < STANDING * top and gap < 1.0:  # in a nook both ways past are barred
-        return normal[0], normal[1], normal[2]
-    off = OFF * max(1.0 - gap / BESIDE, 0.0)
-    bx, by, bz = off * normal[0], off * normal[1], off * normal[2]
-    if not np.isfinite(hit):
-        return bx, by, bz
-    along = fx * aim[0] + fy * aim[1] + fz * aim[2]
-    x, y, z = aim[0] - along * fx, aim[1] - along * fy, aim[2] - along * fz
-    size = np.sqrt(x * x + y * y + z * z)
-    if size < 1e-9:
-        return bx, by, bz
-    distance = max(hit, 0.5)
-    aside = distance * size / max(along, 0.2)
-    ask = SAFETY * 2.0 * aside * speed * speed / (distance * distance * most)
-    ask = min(ask, 1.0) / size
-    return ask * x + bx, ask * y + by, ask * z + bz
+@lane_function
+def _weigh(line, a, b, own2, exponent, bird, seen, weights):
+    """How much neighbours weigh by distance alone, for any exponent."""
+    for k in range(b - a):
+        at = 8 * seen[a + k]
+        x, y, z = bird[at] - bird[8 * line], bird[at + 1] - bird[8 * line + 1], bird[at + 2] - bird[8 * line + 2]
+        d2 = (x * x + y * y + z * z) / own2
+        weights[k] = exp_(-0.5 * exponent * log_(max(d2, NEAREST * NEAREST)))

@@ -218,7 +218,7 @@ def scaled(reasons, by):
     return {name: by * vector for name, vector in reasons.items()}
 
 
-class Herd(NamedTuple):
+class HerdState(NamedTuple):
     """Who turns and who is looked at, by row."""
 
     forward: Any  # (n, 3) unit headings
@@ -255,7 +255,7 @@ class Forces(NamedTuple):
 def steer(scene, rows, p):
     """Turn by social forces; leaders by the navigation field."""
     direction, pace, s = np.zeros((len(rows), 3)), np.ones(len(rows)), scene
-    herd = Herd(s.forward, s.length, s.species, s.leader, s.memory, s.known)
+    herd = HerdState(s.forward, s.length, s.species, s.leader, s.memory, s.known)
     land = Land(s.obstacle_first, s.obstacle_offset, s.guidance, s.slope)
     kernel, seen = herd_kernel_by_slot, s.by_slot
     if seen is None:
@@ -313,7 +313,7 @@ def _room(lo, hi, rows, most, obstacle_first):
 @lane_function
 def _pointers(dt, herd, land, forces):
     """The same tuples by pointers: arrays would be counted at every call, which costs more than the work."""
-    herd = Herd(
+    herd = HerdState(
         pointer(herd.forward), pointer(herd.length), pointer(herd.species), pointer(herd.leader), pointer(herd.memory),
         pointer(herd.known),
     )  # fmt: skip

@@ -116,6 +116,14 @@ class InFormation(NamedTuple):
     felt: np.ndarray  # (n, 3) m/s of its velocity that was wind
 
 
+class Wings(NamedTuple):
+    """What a brush says of wings, and of how leaders fly."""
+
+    span: float  # body lengths
+    leader_turn: float  # rad/s
+    leader_climb: float  # share of the speed
+
+
 def explain(scene, row, p):
     """Why a bird in formation flies as it does: its velocity, its place, its height, the wind.
 
@@ -155,12 +163,9 @@ def steer(scene, rows, p):
                 np.zeros((n, 3)),
             )
         )
-    over_rows(
-        _steer, k, rows, scene.dt, scene.xyz, scene.velocity, scene.forward, scene.speed, scene.length, *known,
-        air.bound, air.target, scene.guidance,
-        rules_of(p), p.wingspan, p.leader_turn, p.leader_climb, direction, velocity,
-    )  # fmt: skip
-    return Wishes(direction, np.ones(k), velocity=velocity)
+    wishes, wings = Wishes(direction, np.ones(k), velocity=velocity), Wings(p.wingspan, p.leader_turn, p.leader_climb)
+    over_rows(_steer, k, rows, scene.dt, scene.animals, known, air, rules_of(p), wings, wishes)
+    return wishes
 
 
 def rules_of(p) -> FormingRules:
@@ -177,10 +182,13 @@ def frame_of(wing, speed):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _steer(
-    lo, hi, rows, dt, xyz, velocity, forward, own, length, reference, place, offset, track, climb, wind, felt,
-    bound, target, guidance, rules, wingspan, leader_turn, leader_climb, direction, wish,
-):  # fmt: skip
+def _steer(lo, hi, rows, dt, birds, known, air, rules, wings, wishes):
+    """Write the direction and the velocity of each bird."""
+    xyz, velocity, forward, own, length = birds.xyz, birds.velocity, birds.forward, birds.speed, birds.length
+    guidance, bound, target = birds.guidance, air.bound, air.target
+    reference, place, offset, track, climb, wind, felt = known
+    wingspan, leader_turn, leader_climb = wings
+    direction, wish = wishes.direction, wishes.velocity
     for k in range(lo, hi):
         i = rows[k]
         fx, fy = forward[i, 0], forward[i, 1]

@@ -20,10 +20,10 @@ from typing import ClassVar
 import numpy as np
 from flockbrush.behaviours.behaviour import Flight, Wishes, air_of, behaviour, quantity
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
-from flockbrush.behaviours.v_rules.flights import STREAM, shift
+from flockbrush.behaviours.v_rules.flights import STREAM, InFrame, shift
 from flockbrush.behaviours.v_rules.rules import VRuleSettings, kernel, law_of, sort_by
 from flockbrush.engine.arrays import write_
-from flockbrush.engine.maths import atan2_, sincos_
+from flockbrush.engine.maths import atan2_, inner_kernel, sincos_
 
 LEVELS, STEEPEST = 2.0, 0.12  # s in which a bird comes to another height, and at most what share of its speed
 
@@ -82,28 +82,11 @@ def steer(scene, rows, p):
         steps = scene.dt / p.time_step
         law = law_of(p, p.wingspan * float(scene.length[members].mean()), steps)
         law = law._replace(cruise=float(scene.speed[members].mean()) * scene.dt)
-        lists = air.first, air.near, air.offset
-        _ways(
-            members, *lists, scene.species, scene.forward, scene.guidance, air.bound, air.target, law.cotangent,
-            p.follow * scene.dt, law.turn > 0.0, way,
-        )  # fmt: skip
-        _shifts(
-            law,
-            members,
-            *lists,
-            scene.species,
-            scene.ids,
-            scene.key(STREAM),
-            scene.forward,
-            way,
-            scene.speed,
-            scene.dt,
-            velocity,
-        )
+        birds = scene.animals
+        _ways(members, air, birds, law.cotangent, p.follow * scene.dt, law.turn > 0.0, way)
+        _shifts(law, members, air, birds, scene.key(STREAM), way, scene.dt, velocity)
         if p.layer == 0.0:
-            _rises(
-                members, *lists, scene.species, way, scene.speed, air.bound, air.target, law.cotangent, velocity,
-            )  # fmt: skip
+            _rises(members, air, birds, way, law.cotangent, velocity)
     direction = way[rows] if p.turn == 0.0 else _facing(velocity[rows], scene.forward[rows])
     return Wishes(direction, np.ones(len(rows)), velocity=velocity[rows])
 
@@ -116,16 +99,17 @@ def _facing(velocity, forward):
 
 
 @kernel
-def _ways(members, first, near, offset, species, forward, guidance, bound, target, cotangent, limit, turning, way):
+def _ways(members, air, birds, cotangent, limit, turning, way):
     """The flock's way as each bird sees it, a level unit vector: a lead's from its guide, others' from those ahead."""
+    forward, guidance, bound, target = birds.forward, birds.guidance, air.bound, air.target
     sine_limit, cosine_limit = sincos_(limit)
     for i in members:
         fx, fy = _level(forward[i, 0], forward[i, 1], 1.0, 0.0)
         gx, gy = 0.0, 0.0
         if turning:
-            ax, ay = _of_the_foremost(i, first, near, offset, species, forward, fx, fy)
+            ax, ay = _of_the_foremost(i, air, birds, fx, fy)
         else:
-            ax, ay = _of_those_ahead(i, first, near, offset, species, forward, fx, fy, cotangent)
+            ax, ay = _of_those_ahead(i, air, birds, fx, fy, cotangent)
         if ax != 0.0 or ay != 0.0:
             gx, gy = _level(ax, ay, fx, fy)
             if turning:  # its own body does not face the flock's way
@@ -144,8 +128,10 @@ def _ways(members, first, near, offset, species, forward, guidance, bound, targe
 
 
 @kernel
-def _rises(members, first, near, offset, species, way, speed, bound, target, cotangent, velocity):
+def _rises(members, air, birds, way, cotangent, velocity):
     """In a plane all come to one height: a lead to its target's, others to the mean of those ahead."""
+    first, near, offset, bound, target = air.first, air.near, air.offset, air.bound, air.target
+    species, speed = birds.species, birds.speed
     for i in members:
         rise, count = 0.0, 0
         for at in range(first[i], first[i + 1]):
@@ -161,9 +147,10 @@ def _rises(members, first, near, offset, species, way, speed, bound, target, cot
         velocity[i, 2] += min(max(rise / LEVELS, -most), most)
 
 
-@kernel
-def _of_those_ahead(i, first, near, offset, species, forward, fx, fy, cotangent):
+@inner_kernel
+def _of_those_ahead(i, air, birds, fx, fy, cotangent):
     """Sum of the headings of one's kind within the angle; (0, 0): nobody, one leads."""
+    first, near, offset, species, forward = air.first, air.near, air.offset, birds.species, birds.forward
     ax = ay = 0.0
     for at in range(first[i], first[i + 1]):
         j = near[at]
@@ -175,9 +162,10 @@ def _of_those_ahead(i, first, near, offset, species, forward, fx, fy, cotangent)
     return ax, ay
 
 
-@kernel
-def _of_the_foremost(i, first, near, offset, species, forward, fx, fy):
+@inner_kernel
+def _of_the_foremost(i, air, birds, fx, fy):
     """The heading of the foremost of one's kind, who has no reason to turn; (0, 0): one is it oneself."""
+    first, near, offset, species, forward = air.first, air.near, air.offset, birds.species, birds.forward
     mx, my = fx, fy
     for at in range(first[i], first[i + 1]):
         j = near[at]
@@ -195,7 +183,7 @@ def _of_the_foremost(i, first, near, offset, species, forward, fx, fy):
     return ax, ay
 
 
-@kernel
+@inner_kernel
 def _level(x, y, instead_x, instead_y):
     size = np.sqrt(x * x + y * y)
     if size > 1e-12:
@@ -204,15 +192,17 @@ def _level(x, y, instead_x, instead_y):
 
 
 @kernel
-def _shifts(law, members, first, near, offset, species, ids, key, forward, way, speed, dt, velocity):
+def _shifts(law, members, air, birds, key, way, dt, velocity):
     """The velocity of each member: the flock's, and the step the rules ask for."""
+    first, near, offset = air.first, air.near, air.offset
+    ids, species, forward, speed = birds.ids, birds.species, birds.forward, birds.speed
     moved = np.zeros((len(ids), 3))
     most = 1
     for i in members:
         most = max(most, first[i + 1] - first[i] + 1)
     x, y, z = np.empty(most), np.empty(most), np.empty(most)  # where others are now, from the bird's own eye
     sx, sy, sz = np.empty(most), np.empty(most), np.empty(most)  # and as it sees them
-    by_x = np.empty(most, np.int64)
+    flock, seen, by_x = InFrame(x, y, z), InFrame(sx, sy, sz), np.empty(most, np.int64)
     me = np.int64(0)  # a plain 0 or 1 is a type of its own, for which numba would compile the rules once more
     for i in members:
         fx, fy = way[i, 0], way[i, 1]
@@ -240,7 +230,7 @@ def _shifts(law, members, first, near, offset, species, ids, key, forward, way, 
         sort_by(sx, by_x, kin)
         hx, hy = _level(forward[i, 0], forward[i, 1], fx, fy)
         angle = atan2_(hx * fy - hy * fx, hx * fx + hy * fy)
-        busy, angle, mx, my, mz = shift(law, me, kin, last, sx, sy, sz, x, y, z, by_x, key, ids[i], angle)
+        busy, angle, mx, my, mz = shift(law, me, kin, last, seen, flock, by_x, key, ids[i], angle)
         moved[i, 0], moved[i, 1], moved[i, 2] = mx * fy + my * fx, -mx * fx + my * fy, mz
         velocity[i, 0] = speed[i] * fx + moved[i, 0] / dt
         velocity[i, 1] = speed[i] * fy + moved[i, 1] / dt

@@ -24,7 +24,7 @@ Lengths are in body lengths of the animal itself.
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity, share_guided, who_is_guided
@@ -144,64 +144,97 @@ def steer(scene, rows, p):
     return Wishes(direction, np.ones(len(rows)))
 
 
+class _Animals(NamedTuple):
+    """The columns that the kernel reads."""
+
+    forward: np.ndarray
+    length: np.ndarray
+    species: np.ndarray
+    leader: np.ndarray
+    guidance: np.ndarray
+
+
+class _Lists(NamedTuple):
+    """Neighbours, or obstacles: those of row i are ``offset[first[i]:first[i + 1]]`` away."""
+
+    first: np.ndarray
+    near: np.ndarray | None
+    offset: np.ndarray
+
+
+class _Zones(NamedTuple):
+    """The parameters as the kernel wants them."""
+
+    repulsion: float  # outer edges
+    orientation: float
+    attraction: float
+    seen_from: float  # cosine
+    turn: float  # rad, at most
+    guidance_weight: float
+
+
 def _zones_of(s, rows, p, direction):
     """Write the next headings, chance and all."""
     edges = np.cumsum([p.repulsion, p.orientation, p.attraction])
     seen_from = sincos_(np.pi - 0.5 * np.radians(p.blind_angle))[1]
-    over_rows(
-        _zones, len(rows), rows, s.dt, s.forward, s.length, s.species, s.leader, s.first, s.near, s.offset,
-        s.obstacle_first, s.obstacle_offset, s.guidance, edges, seen_from, p.max_turn, p.guidance_weight, direction,
-    )  # fmt: skip
+    zones = _Zones(*map(float, edges), seen_from, p.max_turn * s.dt, p.guidance_weight)
+    animals = _Animals(s.forward, s.length, s.species, s.leader, s.guidance)
+    others, walls = _Lists(s.first, s.near, s.offset), _Lists(s.obstacle_first, None, s.obstacle_offset)
+    over_rows(_turn, len(rows), rows, animals, others, walls, zones, direction)
     if p.wander > 0.0:
         over_rows(wander_kernel, len(rows), rows, s.ids, s.key("wander"), p.wander * np.sqrt(s.dt), direction)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _zones(
-    lo, hi, rows, dt, forward, length, species, leader, first, near, offset, obstacle_first, obstacle_offset,
-    guidance, edges, seen_from, max_turn, guidance_weight, direction,
-):  # fmt: skip
+def _turn(lo, hi, rows, animals, others, walls, zones, direction):
     for k in range(lo, hi):
         i = rows[k]
-        per, fx, fy = 1.0 / length[i], forward[i, 0], forward[i, 1]
-        rx = ry = ox = oy = ax = ay = 0.0
-        repelled = False
-        for at in range(first[i], first[i + 1]):
-            x, y = per * offset[at, 0], per * offset[at, 1]
-            d = np.sqrt(x * x + y * y)
-            if d == 0.0 or d >= edges[2]:
-                continue
-            x, y = x / d, y / d
-            if d < edges[0]:  # eq. 1
-                rx, ry, repelled = rx - x, ry - y, True
-                continue
-            j = near[at]
-            if species[j] != species[i] or x * fx + y * fy < seen_from:
-                continue
-            if d < edges[1]:  # eq. 2
-                ox, oy = ox + forward[j, 0], oy + forward[j, 1]
-            else:  # eq. 3
-                ax, ay = ax + x, ay + y
-        for at in range(obstacle_first[i], obstacle_first[i + 1]):
-            x, y = per * obstacle_offset[at, 0], per * obstacle_offset[at, 1]
-            d = np.sqrt(x * x + y * y)
-            if 0.0 < d < edges[0]:
-                rx, ry, repelled = rx - x / d, ry - y / d, True
-        if not repelled:
-            ox, oy = _unit(ox, oy)
-            ax, ay = _unit(ax, ay)
-            rx, ry = ox + ax, oy + ay
-        if leader[i]:
-            gx, gy = guidance[i, 0], guidance[i, 1]
-            if _size(gx, gy) > 1e-6:
-                gx, gy = _unit(gx, gy)
-                rx, ry = _unit(rx, ry)
-                rx, ry = rx + guidance_weight * gx, ry + guidance_weight * gy
+        fx, fy = animals.forward[i, 0], animals.forward[i, 1]
+        x, y = _wished(i, animals, others, walls, zones)
+        gx, gy = animals.guidance[i, 0], animals.guidance[i, 1]
+        if animals.leader[i] and _size(gx, gy) > 1e-6:
+            gx, gy = _unit(gx, gy)
+            x, y = _unit(x, y)
+            x, y = x + zones.guidance_weight * gx, y + zones.guidance_weight * gy
         direction[k, 0], direction[k, 1] = fx, fy
-        if _size(rx, ry) > NOWHERE:
-            angle = atan2_(fx * ry - fy * rx, fx * rx + fy * ry)
-            sine, cosine = sincos_(min(max(angle, -max_turn * dt), max_turn * dt))
+        if _size(x, y) > NOWHERE:
+            angle = atan2_(fx * y - fy * x, fx * x + fy * y)
+            sine, cosine = sincos_(min(max(angle, -zones.turn), zones.turn))
             direction[k, 0], direction[k, 1] = cosine * fx - sine * fy, sine * fx + cosine * fy
+
+
+@kernel_function
+def _wished(i, animals, others, walls, zones):
+    """The direction that the zones of row i ask for."""
+    per, fx, fy = 1.0 / animals.length[i], animals.forward[i, 0], animals.forward[i, 1]
+    rx = ry = ox = oy = ax = ay = 0.0
+    repelled = False
+    for at in range(others.first[i], others.first[i + 1]):
+        x, y = per * others.offset[at, 0], per * others.offset[at, 1]
+        d = np.sqrt(x * x + y * y)
+        if d == 0.0 or d >= zones.attraction:
+            continue
+        x, y = x / d, y / d
+        if d < zones.repulsion:  # eq. 1
+            rx, ry, repelled = rx - x, ry - y, True
+            continue
+        j = others.near[at]
+        if animals.species[j] != animals.species[i] or x * fx + y * fy < zones.seen_from:
+            continue
+        if d < zones.orientation:  # eq. 2
+            ox, oy = ox + animals.forward[j, 0], oy + animals.forward[j, 1]
+        else:  # eq. 3
+            ax, ay = ax + x, ay + y
+    for at in range(walls.first[i], walls.first[i + 1]):
+        x, y = per * walls.offset[at, 0], per * walls.offset[at, 1]
+        d = np.sqrt(x * x + y * y)
+        if 0.0 < d < zones.repulsion:
+            rx, ry, repelled = rx - x / d, ry - y / d, True
+    if repelled:
+        return rx, ry
+    ox, oy = _unit(ox, oy)
+    ax, ay = _unit(ax, ay)
+    return ox + ax, oy + ay
 
 
 @kernel_function

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from flockbrush.behaviours.amounts import Length, Rate
-from flockbrush.behaviours.trigger import KIN, OTHERS, Condition, Names, Reference, condition, given
+from flockbrush.behaviours.trigger import KIN, OTHERS, Asked, Condition, Names, Reference, condition, given
 from flockbrush.engine.maths import exp_, log_
 from flockbrush.engine.noise import uniform_
 from flockbrush.engine.parallel import over_rows
@@ -65,15 +65,16 @@ def neighbourhood(senses, rows, names, within, nearest, flags):
     reach = np.full(len(senses.ids), np.inf) if within is None else within.of(senses.length) + 0.0 * senses.length
     wanted = senses.flags(names)
     counts, distance = np.zeros(len(rows), np.int64), np.zeros(len(rows))
-    most = nearest or 1_000_000
+    most, asked = nearest or 1_000_000, Asked(wanted, senses.kin, KIN in names, OTHERS in names)
     for lists in senses.seen:
-        args = (*lists, wanted, flags, senses.kin, KIN in names, OTHERS in names, reach, most, counts, distance)
-        over_rows(_neighbourhood, len(rows), rows, *args)
+        over_rows(_neighbourhood, len(rows), rows, lists, asked, flags, reach, most, counts, distance)
     return counts, distance
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _neighbourhood(lo, hi, rows, first, near, offset, wanted, flags, kind, kin, others, reach, most, counts, distance):
+def _neighbourhood(lo, hi, rows, lists, asked, flags, reach, most, counts, distance):
+    first, near, offset = lists
+    wanted, kind, kin, others = asked
     longest = 1
     for k in range(lo, hi):
         longest = max(longest, first[rows[k] + 1] - first[rows[k]])

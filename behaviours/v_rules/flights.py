@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from flockbrush.behaviours.v_rules.rules import VRuleSettings, barred, dodge, kernel, law_of, sort_by, turned, wish
 from flockbrush.engine.arrays import write_
+from flockbrush.engine.maths import inner_kernel
 from flockbrush.engine.noise import Noise, key_, normal_, uniform_
 from flockbrush.engine.parallel import over_rows
 
@@ -26,6 +27,14 @@ class Flights(NamedTuple):
     steps: np.ndarray  # (flocks,) until nobody moved any more; the number of steps flown where that never came
     settled: np.ndarray  # (flocks,) whether it came
     series: np.ndarray  # (flocks, moments, birds, 3) on the way, if asked for
+
+
+class InFrame(NamedTuple):
+    """Where the birds of a flock are in the frame that flies with it, (n,) each."""
+
+    x: np.ndarray  # to the right
+    y: np.ndarray  # along the way
+    z: np.ndarray  # up
 
 
 def starts(seeds, birds, rules: VRuleSettings = VRuleSettings(), side=SIDE, apart=True):  # noqa: B008  frozen
@@ -93,22 +102,24 @@ def fly(xyz, seeds, rules: VRuleSettings = VRuleSettings(), steps=2000, every=0,
     flocks, birds, _ = here.shape
     ids = np.arange(1, birds + 1) if ids is None else np.asarray(ids, np.int64)
     streams = np.array([Noise(int(seed)).stream(STREAM) for seed in seeds], np.uint64)
-    took = np.full(flocks, steps, np.int64)
-    settled = np.zeros(flocks, np.bool_)
     moments = steps // every + 1 if every else 0
-    series = np.zeros((flocks, moments, birds, 3))
+    flown = Flights(
+        here, np.full(flocks, steps, np.int64), np.zeros(flocks, np.bool_), np.zeros((flocks, moments, birds, 3))
+    )
     law = law_of(rules)
     on = law.cruise if frame == "world" else 0.0
-    over_rows(_fly, flocks, law, ids, streams, here, steps, every, on, took, settled, series)
-    return Flights(here, took, settled, series)
+    over_rows(_fly, flocks, law, ids, streams, steps, every, on, flown)
+    return flown
 
 
 @kernel
-def _fly(lo, hi, law, ids, streams, xyz, steps, every, on, took, settled, series):
+def _fly(lo, hi, law, ids, streams, steps, every, on, flown):
+    xyz, took, settled, series = flown
     n = xyz.shape[1]
     x, y, z = np.empty(n), np.empty(n), np.empty(n)
     angle, by_x = np.zeros(n), np.empty(n, np.int64)
     sx, sy, sz = (x, y, z) if law.in_turn else (np.empty(n), np.empty(n), np.empty(n))
+    at_present, seen = InFrame(x, y, z), InFrame(sx, sy, sz)
     for flock in range(lo, hi):
         for i in range(n):
             x[i], y[i], z[i], by_x[i], angle[i] = xyz[flock, i, 0], xyz[flock, i, 1], xyz[flock, i, 2], i, 0.0
@@ -121,7 +132,7 @@ def _fly(lo, hi, law, ids, streams, xyz, steps, every, on, took, settled, series
             if t == steps or (still and not every):
                 break
             if not still:
-                still = not one_step(law, n, ids, key_(streams[flock], t), x, y, z, sx, sy, sz, angle, by_x)
+                still = not one_step(law, n, ids, key_(streams[flock], t), at_present, seen, angle, by_x)
                 still &= law.perturbation == 0.0
                 if still:
                     took[flock], settled[flock] = t, True
@@ -129,17 +140,18 @@ def _fly(lo, hi, law, ids, streams, xyz, steps, every, on, took, settled, series
             xyz[flock, i, 0], xyz[flock, i, 1], xyz[flock, i, 2] = x[i], y[i] + took[flock] * on, z[i]
 
 
-@kernel
-def one_step(law, n, ids, key, x, y, z, sx, sy, sz, angle, by_x):
-    """One time step of a flock, in place.  Whether anybody moved or wanted to."""
+@inner_kernel
+def one_step(law, n, ids, key, flock, seen, angle, by_x):
+    """One time step of a flock, in place, by what each has ``seen``.  Whether anybody moved or wanted to."""
+    x, y, z = flock
     busy = False
     sort_by(x, by_x, n)
     if not law.in_turn:
-        write_(sx, x)
-        write_(sy, y)
-        write_(sz, z)
+        write_(seen.x, x)
+        write_(seen.y, y)
+        write_(seen.z, z)
     for i in range(n):
-        acts, angle[i], mx, my, mz = shift(law, i, n, n, sx, sy, sz, x, y, z, by_x, key, ids[i], angle[i])
+        acts, angle[i], mx, my, mz = shift(law, i, n, n, seen, flock, by_x, key, ids[i], angle[i])
         busy |= acts
         x[i], y[i], z[i] = x[i] + mx, y[i] + my, z[i] + mz
         if law.in_turn and mx != 0.0:
@@ -147,14 +159,15 @@ def one_step(law, n, ids, key, x, y, z, sx, sy, sz, angle, by_x):
     return busy
 
 
-@kernel
-def shift(law, i, kin, n, sx, sy, sz, x, y, z, by_x, key, entity, angle):
+@inner_kernel
+def shift(law, i, kin, n, seen, flock, by_x, key, entity, angle):
     """What one bird does in one step: (acts?, angle to the flock's way, displacement to the side, forward and up).
 
-    It keeps the rules with the first ``kin`` birds as it has seen them (``sx, sy, sz``), and clear of all n where they
-    are.
+    It keeps the rules with the first ``kin`` birds as it has ``seen`` them, and clear of all n of the ``flock`` where
+    they are.
     """
-    mx, my, mz = wish(law, i, kin, sx, sy, sz, by_x, uniform_(key, entity, 0))
+    x, y, z = flock
+    mx, my, mz = wish(law, i, kin, seen.x, seen.y, seen.z, by_x, uniform_(key, entity, 0))
     acts = mx != 0.0 or my != 0.0 or mz != 0.0
     if law.turn > 0.0:
         angle, mx, my = turned(law, angle, mx, my)

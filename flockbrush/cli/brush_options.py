@@ -15,7 +15,7 @@ brush_app = typer.Typer(
 )
 
 
-class Beginning(str, enum.Enum):
+class FirstHeadings(str, enum.Enum):
     """How the herds of a path begin."""
 
     RANDOM, ALIGNED, MILL = "random", "aligned", "mill"
@@ -111,9 +111,9 @@ def brush_morph(
         ),
     ] = 0.0,
     begin: Annotated[
-        Beginning,
+        FirstHeadings,
         typer.Option(help="Start of the herds: random headings, a common heading, or a turning disc."),
-    ] = Beginning.RANDOM,
+    ] = FirstHeadings.RANDOM,
 ):
     """Measure a path between two brushes along which behaviour changes evenly; compare it with the straight line.
 

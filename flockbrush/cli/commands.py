@@ -460,7 +460,8 @@ def check_brushes(files):
         try:
             if name.endswith(PATH_SUFFIX):
                 path = load_path(read_bytes(name), name)
-                print_line(f"{name}: ok: path from {path.start} to {path.end}{'' if path.even else ', uneven'}")
+                kind = "even" if path.even else "bistable" if path.bistable else "uneven"
+                print_line(f"{name}: ok: path from {path.start} to {path.end}, {kind}")
                 continue
             brush = find_brush(name)
         except ProblemsError as error:

@@ -136,7 +136,7 @@ def _edit(job, kind, run) -> Edit:
     except ValueError as error:
         raise refused(job.recording, str(error)) from None
     if not len(ids):
-        raise refused(job.recording, f"no animal at {time:g} s matches: {selection}")
+        raise refused(job.recording, f"no animal is selected at {time:g} s by {selection}")
     edit = Edit(kind, tuple(ids.tolist()), start, end, because=f"{selection} at {time:g} s")
     if kind == "move":
         middle = moment.xyz[np.isin(moment.ids, ids), :2].mean(axis=0)

@@ -6,6 +6,7 @@ Only what every command needs is imported here: ``flockbrush --help`` must not w
 from __future__ import annotations
 
 import enum
+import inspect
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -159,8 +160,9 @@ def play(
 ):
     """Open the playground: paint, tune and direct a running herd; with --clip, mark a clip.
 
-    LEVEL can also be a file of tracks, which is shown in 3D: a flight written by `lift` or `export`; tracks of birds
-    in pixels with --camera, which are lifted; otherwise animals on the ground.
+    LEVEL can also be a recording (.flock), which is replayed, branched and edited; or a file of tracks, which is
+    shown in 3D: a flight written by `lift` or `export`; tracks of birds in pixels with --camera, which are lifted;
+    otherwise animals on the ground.
     """
     if clip is not None:
         from flockbrush.studio.start_clip import mark_clip
@@ -416,6 +418,18 @@ def build_wheel(
     from flockbrush.engine.shipped_kernels import CPUS
 
     build(out, level or ["meadow"], cpu or list(CPUS))
+
+
+def _wrap_help_anew(commands):
+    """Take the line breaks of the source out of the paragraphs of help texts: the terminal's width breaks them."""
+    for command in commands.registered_commands:
+        text = command.help or inspect.getdoc(command.callback) or ""
+        command.help = "\n\n".join(" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
+    for group in commands.registered_groups:
+        _wrap_help_anew(group.typer_instance)
+
+
+_wrap_help_anew(app)
 
 
 # the way in ----------------------------------------------------------------------------------

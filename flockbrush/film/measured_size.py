@@ -94,6 +94,6 @@ def too_small(clip, size) -> list[str]:
     if length >= READABLE:
         return []
     return [
-        f"animals are about {length:.0f} pixels long in the clip: too small to be told apart well, {READABLE:g} are "
-        "needed; film from nearer (a film of our own: --size, larger)"
+        f"animals are about {length:.0f} pixels long in the clip: too small to separate single animals well, at least "
+        f"{READABLE:g} are needed; film from a shorter distance (an exported video: a larger --size)"
     ]

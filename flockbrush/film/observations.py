@@ -163,6 +163,9 @@ class Fields:
 _GRIDS = ("density", "speed_variance", "angular_variance", "seen", "speed")
 
 
+SIGHT_COLUMNS = "xy", "forward", "speed", "turn", "track", "neighbours_seen"  # of sightings
+
+
 @dataclass
 class Sightings:
     """Single animals: one row for each animal told apart in a frame, frame by frame."""
@@ -173,10 +176,14 @@ class Sightings:
     speed: np.ndarray  # (m,); BL/s; NaN unknown
     turn: np.ndarray  # (m,); rate of turning to the left, rad/s; NaN unknown
     track: np.ndarray  # (m,) int; the same number in several frames is the same animal; -1: followed by nobody
+    # (m,) share of its nearest neighbours that are seen; 1 where nobody is known to be missing
+    neighbours_seen: np.ndarray = field(default_factory=lambda: np.ones(0))
 
     def __post_init__(self):
         rows = len(self.xy)
-        shapes = {"xy": (rows, 2), "forward": (rows, 2), "speed": (rows,), "turn": (rows,), "track": (rows,)}
+        if not len(self.neighbours_seen):
+            self.neighbours_seen = np.ones(rows)
+        shapes = {name: (rows, 2) if name in ("xy", "forward") else (rows,) for name in SIGHT_COLUMNS}
         for name, shape in shapes.items():
             if np.shape(getattr(self, name)) != shape:
                 raise ValueError(f"{name} of the sightings has shape {np.shape(getattr(self, name))}, not {shape}")
@@ -206,7 +213,7 @@ class Sightings:
             raise ValueError("sightings are cut by a slice of frames without a step")
         end = max(begin, end)
         rows = slice(int(self.first[begin]), int(self.first[end]))
-        cut = {name: getattr(self, name)[rows] for name in ("xy", "forward", "speed", "turn", "track")}
+        cut = {name: getattr(self, name)[rows] for name in SIGHT_COLUMNS}
         return Sightings(self.first[begin : end + 1] - self.first[begin], **cut)
 
 
@@ -224,6 +231,7 @@ class Evidence:
     sightings: Sightings | None = None  # none where bodies do not separate
     speed: SpeedEvidence | None = None  # none of a single picture
     notes: list[str] = field(default_factory=list)  # what whoever uses this should know
+    doubt: str = ""  # why nothing can be judged by this, or nothing
     # (h, w, 3) uint8 or None; the ground and the herd as the stabilised frame shows it, BGR
     picture: np.ndarray | None = None
     # (2, 3) or None; from BL (x, y up) to pixels (x, y down) of `picture`: ``to_pixels[:, :2] @ xy + to_pixels[:, 2]``

@@ -42,6 +42,7 @@ FINE, LARGEST = 12.0, 2560  # px: pictures are made no smaller than bodies of th
 SMALL = 6.0  # px: shorter bodies are not told apart
 FEW = 5  # animals
 HARDLY = 0.6  # BL, the way in the clip below which most animals may be taken for ground
+LEAVES, STAYS = 1.0, 0.1  # BL, the way by which a body leaves its place; share that never does, above which it is said
 JUMP, STEADY = 0.5, 0.4  # overlap of the herd with that of the frame before, over the usual; and the least usual one
 AHEAD = 2  # pictures that a second thread prepares
 ROOMLESS = 0.98  # share of the picture that obstacles cannot cover
@@ -167,11 +168,14 @@ class Watch:
         sightings, noise = taken.sightings()
         smoothed = max(SMOOTHED, 2 * float(np.nan_to_num(noise.half)))
         speed = None if clip.still else speed_evidence(fields, sightings, self.size.area, smoothed)
+        way = math.inf if speed is None else speed.mean * float(clip.times[-1] - clip.times[0])
+        doubt = _doubt(way)
         return Evidence(
             name=clip.name, sha256=clip.sha256, fps=clip.fps, body_length_px=self.length,
             length_source="given" if self.given else "blobs", radius_bl=0.5 * self.size.width / self.size.length,
             fields=fields, sightings=sightings,
-            speed=speed, notes=self._notes(taken) + self._standing(speed), picture=first,
+            speed=speed, notes=self._notes(taken, way) + ([f"unreliable: {doubt}"] if doubt else []), doubt=doubt,
+            picture=first,
             to_pixels=self.grid.to_pixels, camera=self._camera(),
             region_colours=self.region_colours, place_noise=float(np.nan_to_num(noise.place)),
             heading_noise=float(np.nan_to_num(noise.heading)),
@@ -190,28 +194,17 @@ class Watch:
                 {"animals": usual, "pictures": example},
             )  # fmt: skip
 
-    def _notes(self, taken):
+    def _notes(self, taken, way):
         notes = list(self.notes)
         if taken.gap > 1:
             notes.append(f"motion was measured over {taken.gap} frames, because animals move little between two frames")
         usual = float(np.median(taken.collector.rows["count"]))
         if usual < FEW:
             notes.append(f"only about {usual:.0f} animals are visible: too few to learn the motion of a herd")
-        notes += taken.jumps()
+        notes += [*taken.jumps(), *(taken.staying() if way > LEAVES else [])]
         if not self.apart:
             notes.append("single animals could not be separated; only fields are available")
         return notes
-
-    def _standing(self, speed):
-        """A note where animals go so little that those who stand cannot be told from the ground."""
-        way = math.inf if speed is None else speed.mean * float(self.clip.times[-1] - self.clip.times[0])
-        if way >= HARDLY:
-            return []
-        return [
-            f"unreliable: animals move {way:.2g} body lengths in this clip. Animals that stand all the time are "
-            "taken for "
-            "ground, so counts, speeds and directions are of the few that move; use more frames, or --body-colour"
-        ]
 
     def _camera(self):
         """(n, 2, 3) from full pixels of the clip to the reference picture."""
@@ -234,6 +227,7 @@ class _Taken:
         self.moves: list[np.ndarray] = []
         self.masks: dict[str, np.ndarray] = {}
         self.overlaps: list[float] = []
+        self.stays: np.ndarray | None = None  # (h, w) uint8 on the first picture: what has looked like animals so far
 
     def _gap(self):
         """How many frames apart flow is measured, from some pairs of neighbours."""
@@ -263,6 +257,7 @@ class _Taken:
         """Take a picture; the glances at all frames that could be measured now."""
         if k > 0:
             self.overlaps.append(self._overlap(k, self.frames[k - 1][2][1], small[1]))
+        self.stays = self._stays(k, mask)
         self.frames[k] = (picture, mask, small, bodies)
         if k - self.gap >= 0:
             yield self._measure(k - self.gap, k)
@@ -274,6 +269,24 @@ class _Taken:
         way[:, 2] *= self.flow.scale
         before = cv2.warpAffine(before, way, self.flow.size, flags=cv2.INTER_NEAREST)
         return float(cv2.countNonZero(cv2.bitwise_and(before, now)) / max(1, cv2.countNonZero(now)))
+
+    def _stays(self, k, mask):
+        """What has looked like animals in every picture so far that shows it."""
+        if self.stays is None:
+            return mask.copy()
+        here = cv2.warpAffine(mask, self.maps[k], mask.shape[::-1], flags=cv2.INTER_NEAREST, borderValue=1)
+        return self.stays & here
+
+    def staying(self):
+        """A note where much of what looks like animals is there all the time."""
+        first = cv2.countNonZero(self.masks["what looks like animals"])
+        share = cv2.countNonZero(self.stays) / max(first, 1)
+        if share > STAYS and not self.clip.still:
+            yield (
+                f"{share:.0%} of what looks like animals never moves in this clip: either animals that stand, or "
+                "lines, stones and plants of their colour; watch flockbrush fields --preview, and give the colour of "
+                "the animals with --body-colour"
+            )
 
     def jumps(self):
         """Notes on where the whole herd is suddenly elsewhere: a cut over the same ground, or missing frames."""
@@ -338,6 +351,16 @@ class _Taken:
             return None, UNKNOWN
         moves = None if self.clip.still else self.moves
         return sightings_of(self.seen, self.clip.fps, self.watch.grid.to_bl, moves)
+
+
+def _doubt(way):
+    """A sentence where animals go so little, BL, that those who stand cannot be told from the ground, or none."""
+    if way >= HARDLY:
+        return ""
+    return (
+        f"animals move {way:.2g} body lengths in this clip. Animals that stand all the time are taken for ground, so "
+        "counts, speeds and directions are of the few that move; use more frames, or --body-colour"
+    )
 
 
 def ahead(work, items):
@@ -412,7 +435,7 @@ def _plain(pictures, steady, masks):
         return []
     return [
         "the ground has too little texture to measure the motion of the camera, which is assumed to stand still; if it "
-        "moves, name something that stands still, in two frames, with --landmark FRAME:x,y,w,h"
+        "moves, mark something that does not move, in two frames, with --landmark FRAME:x,y,w,h"
     ]
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from flockbrush.engine.files import refused
 from flockbrush.film.cell_statistics import cell_statistics
+from flockbrush.film.missing_animals import missing_places, neighbours_seen
 from flockbrush.film.observations import CannotObserve, Evidence, Fields, Sightings
 from flockbrush.film.speed_process import SMOOTHED
 from flockbrush.film.speeds import speed_evidence
@@ -64,7 +65,7 @@ def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30) -> E
             f"at least {FEWEST} are needed",
         )
     motion = _Motion.of(pieces, tracks.fps)
-    sightings, velocity = _sightings(pieces, motion)
+    sightings, velocity = _sightings(pieces, motion, _neighbours_seen(tracks, pieces, motion, length))
     fields = _fields(tracks, motion, sightings, velocity, grid)
     speed = speed_evidence(fields, sightings, math.nan, motion.window)
     notes = [*tracks.notes, *_notes(tracks, pieces, motion, length)]
@@ -184,7 +185,15 @@ def _headings(pieces, velocity, slow):
     return out, sure & there
 
 
-def _sightings(pieces, motion):
+def _neighbours_seen(tracks, pieces, motion, length):
+    """(T, P) share of the neighbours of each piece that are seen."""
+    here, there = np.isfinite(motion.xy[..., 0]), np.zeros(tracks.seen.shape, bool)
+    for k, animal in enumerate(pieces.animal):
+        there[:, animal] |= here[:, k]
+    return neighbours_seen(motion.xy, missing_places(tracks.xy / length, there, tracks.fps))
+
+
+def _sightings(pieces, motion, around):
     """(Sightings, (m, 2) velocities in the same order)."""
     there = np.isfinite(motion.xy[..., 0])
     angle = motion.angle[there]
@@ -193,7 +202,10 @@ def _sightings(pieces, motion):
     speed = np.maximum((velocity * forward).sum(1), 0.0)
     track = np.broadcast_to(np.arange(there.shape[1]), there.shape)[there]
     first = np.concatenate([[0], np.cumsum(there.sum(1))])
-    return Sightings(first, motion.xy[there], forward, speed, motion.turn[there], track.astype(np.int64)), velocity
+    seen = Sightings(
+        first, motion.xy[there], forward, speed, motion.turn[there], track.astype(np.int64), around[there]
+    )  # fmt: skip
+    return seen, velocity
 
 
 # fields ---------------------------------------------------------------------------------------------
@@ -247,8 +259,8 @@ def _notes(tracks, pieces, motion, length):
     missing = _missing(tracks, motion)
     if missing > 1 - WHOLE:
         yield (
-            f"animals are missing for {missing:.0%} of the time between their first and last frame: neighbours "
-            "then seem fewer and farther away"
+            f"animals are missing for {missing:.0%} of the time between their first and last frame: densities are too "
+            "low, and turns of animals with missing neighbours count less"
         )
     if tracks.heading is None:
         yield "headings are directions of motion; an animal slower than the noise keeps its last heading"

@@ -166,7 +166,7 @@ def _without_points(name, tracks):
         raise ProblemsError([Problem(name, None, None, message)])
     if short.any():
         who = ", ".join(map(str, tracks.ids[short][:10])) + (", ..." if short.sum() > 10 else "")
-        tracks.notes.append(f"left out, seen in fewer than three frames: bird{'s' if short.sum() > 1 else ''} {who}")
+        tracks.notes.append(f"left out, visible in fewer than three frames: bird{'s' if short.sum() > 1 else ''} {who}")
         kept = Tracks(tracks.px[:, ~short], tracks.ids[~short], tracks.first, tracks.notes)
         rows = np.flatnonzero(kept.seen.any(1))
         return Tracks(kept.px[rows[0] : rows[-1] + 1], kept.ids, kept.first + int(rows[0]), kept.notes)

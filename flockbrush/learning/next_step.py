@@ -19,6 +19,7 @@ from flockbrush.engine.parallel import over_rows
 from flockbrush.learning.turn_kernels import aside_of_
 from flockbrush.learning.turns import FREEDOM, SMALLEST, Turns
 from flockbrush.systems.contact import SKIN
+from flockbrush.systems.visibility import Lists
 
 CONSTANT = math.lgamma((FREEDOM + 1) / 2) - math.lgamma(FREEDOM / 2) - 0.5 * math.log(FREEDOM * math.pi)
 
@@ -82,8 +83,8 @@ class NextSteps:
             velocity[: self.k] = self.own_speed[:, None] * forward[: self.k]
             wish = model.steer(frozen(scene._replace(forward=forward, velocity=velocity)), rows, quiet).direction
             over_rows(
-                _turn_on, self.k, wish, scene.first, scene.near, scene.offset, forward, self.turns.half, solid, limit,
-                left, angle,
+                _turn_on, self.k, wish, Lists(scene.first, scene.near, scene.offset), forward, self.turns.half, solid,
+                limit, left, angle,
             )  # fmt: skip
         return angle - self.start
 
@@ -118,8 +119,9 @@ def mean_score(off, weight, spread=None) -> tuple[float, float]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _turn_on(lo, hi, wish, first, near, offset, forward, half, radius, limit, left, angle):
+def _turn_on(lo, hi, wish, lists, forward, half, radius, limit, left, angle):
     """One tick, or what is left of one: turned aside by those it touches, and no faster than it can."""
+    first, near, offset = lists
     touch = 2.0 * radius
     far_enough = ((1.0 + SKIN) * touch + 2.0 * half) ** 2
     for k in range(lo, hi):

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
+from flockbrush.behaviours.models.herd import Params
 from flockbrush.engine.maths import sincos_
 from flockbrush.systems.decide import LeaderRules, Members, RoleState, _roles
 from flockbrush.systems.grid import sort_into_cells
@@ -57,9 +58,8 @@ class Percept(NamedTuple):
 
 
 def perceive(
-    xy, forward, body=None, vision=None, *, walls=None, species=None, guide=None, time=0.0,
-    neighbour_range=4.0, leader_neighbours=2, leader_cone=360.0,
-) -> Percept:  # fmt: skip
+    xy, forward, body=None, vision=None, params=None, *, walls=None, species=None, guide=None, time=0.0
+) -> Percept:
     """What each animal of one frame perceives.
 
     Parameters
@@ -68,16 +68,16 @@ def perceive(
         Positions, BL, and unit headings.
     body, vision : BodySpec, VisionSpec, optional
         The body's radius counts as a share of its length.
+    params : Params, optional
+        Of the herd model: who leads.
     walls : Walls, optional
         `flockbrush.learning.rollout.Walls`: solid, and they block the view.
     species : (n,) int ndarray, optional
         Only the same kind is followed; all are one kind unless told.
     guide : Guide, optional
         `flockbrush.learning.rollout.ClipGuide`: what leaders follow, at ``time`` seconds.
-    neighbour_range, leader_neighbours, leader_cone
-        As in `flockbrush.behaviours.models.herd.Params`.
     """
-    body, vision = body or BodySpec(), vision or VisionSpec()
+    body, vision, params = body or BodySpec(), vision or VisionSpec(), params or Params()
     n, reach = len(xy), float(vision.range)
     xyz, facing = np.zeros((n, 3)), np.zeros((n, 3))
     xyz[:, :2], facing[:, :2] = xy, forward
@@ -88,7 +88,7 @@ def perceive(
     lists = visible_neighbours(cells, np.full(n, reach), np.full(n, _cosine(vision)), solid, hides)
     lists = chosen_of_one_kind(lists, vision.sight, vision.neighbours)
     kinds = np.zeros(n, np.int32) if species is None else np.asarray(species, np.int32)
-    leader, memory, known = _leaders(xyz, facing, kinds, lists, neighbour_range, leader_neighbours, leader_cone)
+    leader, memory, known = _leaders(xyz, facing, kinds, lists, params)
     guidance = np.zeros((n, 2)) if guide is None else guide.at(time, xyz[:, :2])
     first, near, offset = lists
     walls_first, walls_offset = _walls_in_sight(xyz, reach, solid, walls)
@@ -110,12 +110,14 @@ def _cosine(vision):
     return float(cosine[0])
 
 
-def _leaders(xyz, forward, species, lists, neighbour_range, leader_neighbours, leader_cone):
+def _leaders(xyz, forward, species, lists, params):
     """Who leads by the rule of a run (paper, section 5.1), and where each last saw others."""
     n = len(xyz)
-    half = -1.0 if leader_cone >= 360.0 else sincos_(np.radians(0.5 * leader_cone))[1]
+    half = -1.0 if params.leader_cone >= 360.0 else sincos_(np.radians(0.5 * params.leader_cone))[1]
     leader, memory, known = np.zeros(n, np.uint8), xyz[:, :2].copy(), np.zeros(n, np.uint8)
-    rules = LeaderRules(np.array([float(neighbour_range)]), np.array([leader_neighbours]), np.array([half]))
+    rules = LeaderRules(
+        np.array([float(params.neighbour_range)]), np.array([params.leader_neighbours]), np.array([half])
+    )
     members = Members(np.arange(n), xyz, np.ones(n), species, np.zeros(n, np.int32))
     _roles(0, n, forward, *lists, members, rules, RoleState(leader, memory, known))
     return leader, memory, known

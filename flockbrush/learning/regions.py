@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flockbrush.engine.files import refused
-from flockbrush.film.observations import Evidence, Sightings
+from flockbrush.film.observations import SIGHT_COLUMNS, Evidence, Sightings
 from flockbrush.film.speeds import speed_evidence
 
 MOST = 16  # colours of a mask; more are a photograph, or soft edges
@@ -90,5 +90,5 @@ def _within(sightings, fields, here):
     row, column, inside = fields.cells_of(sightings.xy)
     kept = inside & here[row, column]
     per_frame = np.bincount(sightings.frame[kept], minlength=len(sightings))
-    columns = {name: getattr(sightings, name)[kept] for name in ("xy", "forward", "speed", "turn", "track")}
+    columns = {name: getattr(sightings, name)[kept] for name in SIGHT_COLUMNS}
     return Sightings(np.concatenate([[0], np.cumsum(per_frame)]), **columns)

@@ -26,7 +26,7 @@ from flockbrush.film.observations import Evidence, Sightings
 from flockbrush.learning.battery import DEVIATIONS, MEASURES, BatteryRow, seen_run
 from flockbrush.learning.herd_views import told_apart
 from flockbrush.learning.rollout import Run, theta_of
-from flockbrush.learning.turns import predicted, residuals, turns_of
+from flockbrush.learning.turns import predicted, residuals, trust, turns_of
 
 RESPONSE, SCATTER = "response to neighbours", "scatter of turns"
 FORCES = 9  # of the numbers of theta: those of obstacles are not asked
@@ -43,7 +43,7 @@ class Answer(NamedTuple):
     pull: np.ndarray  # (9,) rad², their mean products with what is left over
     scatter: float  # rad
     forces: float  # rad, root mean square turn by neighbours
-    turns: int
+    turns: float  # how many; of turns that count less, how many others would tell as much
 
 
 def response(clip: Evidence, brush, runs: Sequence[Run]) -> list[BatteryRow]:
@@ -101,9 +101,9 @@ def _answer(clip, seen, brush):
     weight = share / share.sum()
     slope = foretold[1][:, :FORCES]
     weighed = slope * weight[:, None]
-    return Answer(
-        weighed.T @ slope, weighed.T @ off, scatter, float(np.sqrt(weight @ by_forces**2)), len(turns.rows)
-    )  # fmt: skip
+    trusted = trust(seen.neighbours_seen)
+    number = len(turns.rows) * trusted.mean() ** 2 / (trusted**2).mean()
+    return Answer(weighed.T @ slope, weighed.T @ off, scatter, float(np.sqrt(weight @ by_forces**2)), number)
 
 
 def _seen(run, clip):

@@ -18,13 +18,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
 
 from flockbrush.behaviours.behaviour import ByRow, Parameters
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
-from flockbrush.behaviours.models.herd import Herd, Land, Params, forces_of, herd_kernel, wander_kernel
+from flockbrush.behaviours.models.herd import HerdState, Land, Params, forces_of, herd_kernel, wander_kernel
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.noise import Noise
 from flockbrush.learning.world_rollout import between, needs_world, world_looks
@@ -218,11 +219,8 @@ class Walls:
     def of(cls, fields):
         """From the obstacles of `Fields`: each connected patch is one; None where there is none."""
         if fields.outline is not None:
-            return (
-                cls(fields.outline[:, :4].copy(), fields.outline[:, 4].astype(np.int32))
-                if len(fields.outline)
-                else None
-            )
+            ends, owner = fields.outline[:, :4].copy(), fields.outline[:, 4].astype(np.int32)
+            return cls(ends, owner) if len(ends) else None
         if not fields.obstacle.any():
             return None
         patches, many = ndimage.label(fields.obstacle)
@@ -251,6 +249,23 @@ class Walls:
         return xy
 
 
+class Surroundings(NamedTuple):
+    """What is around the animals of a clip: obstacles, what leaders follow, and the borders of its picture."""
+
+    walls: Walls | None = None
+    guide: ClipGuide | None = None
+    gates: Gates | None = None  # where a picture that sees a part of the herd ends
+
+    @classmethod
+    def of(cls, fields):
+        """From `Fields`; leaders walk the clip's way into a picture that sees a part of the herd."""
+        gates = Gates.of(fields)
+        return cls(Walls.of(fields), None if gates is None else ClipGuide.of(fields), gates)
+
+
+OPEN = Surroundings()
+
+
 class PlaneHerd:
     """Animals of one kind on a plane: columns and a tick.
 
@@ -263,20 +278,19 @@ class PlaneHerd:
         The body's radius counts as a share of its length.
     ids : (n,) int, optional
         Entities, for noise; 1 to n unless told, as in a fresh world.
+    around : Surroundings
+        Its gates are for `rollout`.
     """
 
-    def __init__(
-        self, start, params, speed, body=BODY, vision=VISION, *, seed=0, dt=DT, ids=None, walls=None,
-        guide=None,
-    ):  # fmt: skip
+    def __init__(self, start, params, speed, body=BODY, vision=VISION, *, seed=0, dt=DT, ids=None, around=OPEN):
         self.params, self.spec, self.dt, self.noise = params, speed, dt, Noise(seed)
         self.radius = body.radius / body.length
         self.axis = 0.0 if body.contact == "disc" else max(0.5 - self.radius, 0.0)
         self.range, self.occlusion = float(vision.range), vision.occlusion
         self.cosine = np.empty(1)
         _cosine_of_half(0, 1, np.radians([float(vision.field_of_view)]), self.cosine)
-        self.guide, self.tick_number, self.next_id = guide, 0, 1
-        self._walls(walls)
+        self.guide, self.tick_number, self.next_id = around.guide, 0, 1
+        self._walls(around.walls)
         self._tables()
         self.ids = np.zeros(0, np.int64)
         self._columns(0)
@@ -367,9 +381,7 @@ class PlaneHerd:
         _roles(0, n, self.forward, *lists, members, self.roles, RoleState(self.leader, self.memory, self.known))
         wish = self._wishes(cells.row, lists, walls_first, walls_offset, params)
         self._hurry(cells)
-        step, heading = move(
-            cells, self.forward, wish, self.target, self.max_turn, self.near_walls, self.dt, np.inf
-        )  # fmt: skip
+        step, heading = move(cells, self.forward, wish, self.target, self.max_turn, self.near_walls, self.dt, np.inf)
         self.velocity = step / self.dt
         self.xyz[:, :2] += step
         self.forward[:, :2] = heading
@@ -388,7 +400,7 @@ class PlaneHerd:
         guidance = self.zero if self.guide is None else self.guide.at(self.time, self.xyz[:, :2])
         direction, wish = np.zeros((n, 3)), np.empty((n, 3))
         memory = self.memory - self.xyz[:, :2]
-        herd = Herd(self.forward, self.length, self.none, self.leader, memory, self.known)
+        herd = HerdState(self.forward, self.length, self.none, self.leader, memory, self.known)
         land = Land(walls_first, walls_offset, guidance, self.zero)
         herd_kernel(0, n, rows, self.dt, herd, ByRow(*lists), land, self.forces, direction)
         if params.wander > 0.0:
@@ -415,10 +427,7 @@ class PlaneHerd:
             pause(0, n, walkers, self.pace_rules, was, walking, key("pause", self.tick_number), self.dt, state)
 
 
-def rollout(
-    start, params, speed, body=BODY, vision=VISION, *, seconds, fps=25.0, seed=0, dt=DT, ids=None,
-    walls=None, guide=None, gates=None,
-) -> Run:  # fmt: skip
+def rollout(start, params, speed, body=BODY, vision=VISION, *, seconds, fps=25.0, seed=0, dt=DT, around=OPEN) -> Run:
     """Run a herd and look at it frame by frame.
 
     Parameters
@@ -432,16 +441,13 @@ def rollout(
         Of the noise.
     dt : float
         Seconds to a tick.
-    guide : Guide, optional
-        What leaders follow.
-    gates : Gates, optional
-        Where a picture that sees a part of the herd ends.
+    around : Surroundings
     """
     if not isinstance(params, Parameters):
         params = params_of(params)
     if needs_world(params, vision):
-        return _run_of(world_looks(start, params, speed, body, vision, seconds, fps, seed, (walls, guide, gates)), fps)
-    herd = PlaneHerd(start, params, speed, body, vision, seed=seed, dt=dt, ids=ids, walls=walls, guide=guide)
+        return _run_of(world_looks(start, params, speed, body, vision, seconds, fps, seed, around), fps)
+    herd = PlaneHerd(start, params, speed, body, vision, seed=seed, dt=dt, around=around)
     frames = int(seconds * fps + 1e-6) + 1
     looks = [_look(herd)]
     for k in range(1, frames):
@@ -451,8 +457,8 @@ def rollout(
             herd.tick()
         share = 1.0 - (herd.tick_number - after)
         looks.append(_look(herd) if before is None or share > 1 - 1e-9 else between(before, _look(herd), share))
-        if gates is not None:
-            _pass_gates(herd, gates, k / fps)
+        if around.gates is not None:
+            _pass_gates(herd, around.gates, k / fps)
     return _run_of(looks, fps)
 
 

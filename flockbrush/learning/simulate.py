@@ -6,7 +6,7 @@ import numpy as np
 
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.initial_conditions import start_of
-from flockbrush.learning.rollout import ClipGuide, Gates, HerdStart, Run, Walls, rollout
+from flockbrush.learning.rollout import HerdStart, Run, Surroundings, rollout
 
 
 def simulated(evidence: Evidence, brush, seed=0, unsure=False) -> Run:
@@ -35,10 +35,9 @@ def simulated(evidence: Evidence, brush, seed=0, unsure=False) -> Run:
     start = shaken(start, evidence, seed) if unsure else start
     if not len(start):
         raise ValueError(f"no animal is visible in frame {fields.frames[0]} of {evidence.name}")
-    seconds, gates = (len(fields) - 1) / fields.fps, Gates.of(fields)
     return rollout(
-        start, brush.params, brush.speed, brush.body, brush.vision, seconds=seconds, fps=fields.fps, seed=seed,
-        walls=Walls.of(fields), gates=gates, guide=None if gates is None else ClipGuide.of(fields),
+        start, brush.params, brush.speed, brush.body, brush.vision, seconds=(len(fields) - 1) / fields.fps,
+        fps=fields.fps, seed=seed, around=Surroundings.of(fields),
     )  # fmt: skip
 
 

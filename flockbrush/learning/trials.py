@@ -17,7 +17,7 @@ from flockbrush.learning.confounding import correlation_of
 from flockbrush.learning.herd_views import told_apart
 from flockbrush.learning.initial_conditions import resized, start_of
 from flockbrush.learning.interaction import interaction_of
-from flockbrush.learning.rollout import DT, ClipGuide, Gates, Walls, params_of, rollout, theta_of
+from flockbrush.learning.rollout import DT, Surroundings, params_of, rollout, theta_of
 from flockbrush.learning.scores import LOOKS, ClipTarget, distance, order_off, total
 
 USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section 7.2 of the paper takes away, one by one
@@ -138,12 +138,12 @@ def _turns(given, extras, span):
 
 
 def _descend_on_fields(given, theta, extras, seed):
+    from flockbrush.learning.torch_descent import FollowedClip
     from flockbrush.learning.torch_descent import descend as descend_on_fields
 
-    found = descend_on_fields(
-        list(given.seen), theta, free=_free(given), seed=seed, steps=DESCENT, use=given.use, beta=given.beta,
-        speed=given.speed, body=given.body, vision=given.vision(extras), extras=extras, device=given.device,
-    )  # fmt: skip
+    how = given.use, given.beta, given.speed, given.body, given.vision(extras), extras, given.device
+    clips = [FollowedClip(clip, *how) for clip in given.seen]
+    found = descend_on_fields(clips, theta, free=_free(given), seed=seed, steps=DESCENT)
     return {"theta": found.theta.tolist(), "extras": extras, "loss": np.asarray(found.losses).tolist()}
 
 
@@ -196,7 +196,8 @@ def _from(clip, begin=0):
 def _compared(given, clip, target, theta, extras, seed, frame, seconds, lasting, dt):
     """The distance of one run from a clip, by measure."""
     looks = LOOKS if lasting else None
-    run = simulate(clip, theta, extras, given.speed, given.body, given.vision(extras), seed, frame, seconds, dt, looks)
+    vision = given.vision(extras)
+    run = simulate(clip, params_of(theta, extras), given.speed, given.body, vision, seed, frame, seconds, dt, looks)
     return _not_ignored(given, distance(run, clip, target, lasting))
 
 
@@ -240,29 +241,25 @@ def _strayed(parts):
     return total({name: min(value, LOST) for name, value in parts.items()})
 
 
-def simulate(clip: Evidence, theta, extras, speed, body, vision, seed=0, frame=0, seconds=None, dt=DT, looks=None):
+def simulate(clip: Evidence, params, speed, body, vision, seed=0, frame=0, seconds=None, dt=DT, looks=None):
     """A herd with these numbers, begun as a frame of the clip; as far as the clip goes unless told.
 
     Seen as often as the clip, or about ``looks`` times where nobody comes and goes between.
     """
     entropy = np.random.SeedSequence(seed).generate_state(2)
     seconds = (len(clip.fields) - 1 - frame) / clip.fps if seconds is None else seconds
-    walls, gates, guide = _around(clip)
-    fps = clip.fps if looks is None or gates is not None else looks / seconds
+    around = _around(clip)
+    fps = clip.fps if looks is None or around.gates is not None else looks / seconds
     start = start_of(clip, frame, int(entropy[0]), body)
-    return rollout(
-        start, params_of(theta, extras), speed, body, vision, seconds=seconds, fps=fps, seed=int(entropy[1]),
-        dt=dt, walls=walls, guide=guide, gates=gates,
-    )  # fmt: skip
+    seed = int(entropy[1])
+    return rollout(start, params, speed, body, vision, seconds=seconds, fps=fps, seed=seed, dt=dt, around=around)
 
 
 def _around(clip):
-    """What is around the animals of a clip: obstacles, the borders of the picture, and who leads through these."""
+    """What is around the animals of a clip."""
     key = "around", id(clip)
     if key not in _known:
-        gates = Gates.of(clip.fields)
-        guide = ClipGuide.of(clip.fields) if gates is not None else None  # leaders walk into a picture that sees a part
-        _known[key] = clip, (Walls.of(clip.fields), gates, guide)
+        _known[key] = clip, Surroundings.of(clip.fields)
     return _known[key][1]
 
 

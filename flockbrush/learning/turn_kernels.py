@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -17,7 +18,9 @@ JAMMED = 0.03  # BL of room between bodies below which one hinders the other in 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def room_kernel(forward, first, near, offset, half, radius, free):
+def room_kernel(percept, half, radius, free):
+    """The share of `JAMMED` that the nearest body leaves each animal, where it is less than `free` (n,) says."""
+    forward, first, near, offset = percept.forward, percept.first, percept.near, percept.offset
     for i in range(len(free)):
         for at in range(first[i], first[i + 1]):
             x, y = offset[at, 0], offset[at, 1]
@@ -45,128 +48,171 @@ def is_inside(evidence, frames, reach):
     return np.concatenate(out) if out else np.zeros(0, bool)
 
 
+class TurnLaw(NamedTuple):
+    """What says a turn besides theta."""
+
+    sensitivity: float  # Ω, 1/s
+    neighbour_range: float  # BL
+    limit: float  # rad a tick
+    drift: float  # rad, by which a turn wanders in a tick
+
+
+class Gaussians(NamedTuple):
+    """The forces' Gaussians, (4,) each: avoidance, cohesion, alignment, walls."""
+
+    weight: np.ndarray
+    # -(d² radial + b² angular) is the exponent at a distance d and bearing b
+    radial: np.ndarray
+    angular: np.ndarray
+    # of that exponent by the normalised ranges: d² by_radial and b² by_angular
+    by_radial: np.ndarray
+    by_angular: np.ndarray
+
+
+class ForceSums(NamedTuple):
+    """The sum of each force, then its derivatives by radial range, angular range and the heading, (4, 4) each."""
+
+    x: np.ndarray
+    y: np.ndarray
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def turn_kernel(
-    lo, hi, rows, ticks, forward, species, first, near, offset, walls_first, walls_offset, velocity, spin,
-    theta, dt, sensitivity, neighbour_range, limit, drift, half, radius,
-    turn, slope,
-):  # fmt: skip
-    """Some ticks of the herd model with the neighbours as they were seen, and the derivatives of the heading."""
-    gain = dt * sensitivity
-    weight, r, a = np.empty(4), np.empty(4), np.empty(4)
-    r_theta, a_theta = np.empty(4), np.empty(4)  # of -(d² r + b² a) by the normalised ranges: d² r_theta, b² a_theta
-    for f in range(4):
-        weight[f] = theta[3 * f]
-        far, aside = REACH * theta[3 * f + 1], np.pi * theta[3 * f + 2]
-        r[f], a[f] = 0.5 / far**2, 0.5 / aside**2
-        r_theta[f], a_theta[f] = REACH / far**3, np.pi / aside**3
-    # force, then its derivatives by radial range, angular range and the heading itself
-    sx, sy = np.empty((4, 4)), np.empty((4, 4))
-    d, dx, dy, by = np.empty(12), np.empty(12), np.empty(12), np.empty(4)
-    touch = 2.0 * radius
-    touch_far = ((1.0 + SKIN) * touch + 2.0 * half) ** 2
+def turn_kernel(lo, hi, turns, theta, law, turn, slope):
+    """Some ticks of the herd model with the neighbours as they were seen, and the derivatives of the heading.
+
+    Of `Turns`, with theta (12,): ``turn`` (k,) rad, ``slope`` (k, 12).
+    """
+    forces, sums = _gaussians(theta), ForceSums(np.empty((4, 4)), np.empty((4, 4)))
+    d, dx, dy = np.empty(12), np.empty(12), np.empty(12)
+    gain, forward = turns.dt * law.sensitivity, turns.percept.forward
     for k in range(lo, hi):
-        i = rows[k]
+        i = turns.rows[k]
         start = atan2_(forward[i, 1], forward[i, 0])
         angle = start
         d[:] = 0.0
-        left, s = ticks[k], 0
+        left, s = turns.ticks[k], 0
         while left > 1e-9:
             share = min(left, 1.0)  # a part of a tick turns by its part
-            time = s * dt
+            time = s * turns.dt
             fy, fx = sincos_(angle)
-            sx[:], sy[:] = 0.0, 0.0
-            for at in range(first[i], first[i + 1]):
-                j = near[at]
-                x, y = offset[at, 0], offset[at, 1]
-                if x * x + y * y > neighbour_range * neighbour_range:
-                    continue
-                x += time * (velocity[j, 0] - velocity[i, 0])
-                y += time * (velocity[j, 1] - velocity[i, 1])
-                d2 = x * x + y * y
-                b = atan2_(fx * y - fy * x, fx * x + fy * y)
-                gx, gy = forward[j, 0], forward[j, 1]
-                if spin[j] != 0.0 and time > 0.0:
-                    sine, cosine = sincos_(spin[j] * time)
-                    gx, gy = cosine * gx - sine * gy, sine * gx + cosine * gy
-                kin = species[i] == species[j]
-                for f in range(3):
-                    if f > 0 and not kin:
-                        continue
-                    w = exp_(-(d2 * r[f] + b * b * a[f]))  # eq. 4
-                    if f == 0:
-                        px, py = -w * x, -w * y
-                    elif f == 1:
-                        px, py = w * x, w * y
-                    else:
-                        px, py = w * gx, w * gy
-                    by_r, by_a, by_h = d2 * r_theta[f], b * b * a_theta[f], 2.0 * b * a[f]
-                    sx[f, 0] += px
-                    sy[f, 0] += py
-                    sx[f, 1] += px * by_r
-                    sy[f, 1] += py * by_r
-                    sx[f, 2] += px * by_a
-                    sy[f, 2] += py * by_a
-                    sx[f, 3] += px * by_h
-                    sy[f, 3] += py * by_h
-            for at in range(walls_first[i], walls_first[i + 1]):
-                x, y = walls_offset[at, 0] - time * velocity[i, 0], walls_offset[at, 1] - time * velocity[i, 1]
-                d2 = x * x + y * y
-                b = atan2_(fx * y - fy * x, fx * x + fy * y)
-                w = exp_(-(d2 * r[3] + b * b * a[3]))
-                for c in range(4):
-                    by = (
-                        1.0
-                        if c == 0
-                        else d2 * r_theta[3]
-                        if c == 1
-                        else b * b * a_theta[3]
-                        if c == 2
-                        else 2.0 * b * a[3]
-                    )
-                    sx[3, c] -= w * x * by
-                    sy[3, c] -= w * y * by
-            # eqs. 3 and 2
-            hx, hy, own_x, own_y = fx, fy, -fy, fx
-            for f in range(4):
-                hx += gain * weight[f] * sx[f, 0]
-                hy += gain * weight[f] * sy[f, 0]
-                own_x += gain * weight[f] * sx[f, 3]
-                own_y += gain * weight[f] * sy[f, 3]
-            for f in range(4):
-                for c in range(3):
-                    scale = gain if c == 0 else gain * weight[f]
-                    dx[3 * f + c] = scale * sx[f, c] + own_x * d[3 * f + c]
-                    dy[3 * f + c] = scale * sy[f, c] + own_y * d[3 * f + c]
-            # who is touched turns the heading aside, as in `flockbrush.systems.contact`
-            if radius > 0.0:
-                for at in range(first[i], first[i + 1]):
-                    j = near[at]
-                    x = offset[at, 0] + time * (velocity[j, 0] - velocity[i, 0])
-                    y = offset[at, 1] + time * (velocity[j, 1] - velocity[i, 1])
-                    if x * x + y * y >= touch_far:
-                        continue
-                    gx, gy = forward[j, 0], forward[j, 1]
-                    ox, oy, room = aside_of_(fx, fy, half, x, y, gx, gy, touch)
-                    into = hx * ox + hy * oy
-                    if into > 0.0:
-                        hx, hy = hx - room * into * ox, hy - room * into * oy
-                        for q in range(12):
-                            into = dx[q] * ox + dy[q] * oy
-                            dx[q] -= room * into * ox
-                            dy[q] -= room * into * oy
+            sums.x[:], sums.y[:] = 0.0, 0.0
+            _add_neighbours(sums, forces, turns, i, time, fx, fy, law.neighbour_range)
+            _add_walls(sums, forces, turns, i, time, fx, fy)
+            hx, hy = _next_heading(sums, forces, gain, fx, fy, d, dx, dy)
+            if turns.radius > 0.0:
+                hx, hy = _turned_aside(turns, i, time, fx, fy, hx, hy, dx, dy)
             size = hx * hx + hy * hy
             if size > 1e-24:
                 change = atan2_(fx * hy - fy * hx, fx * hx + fy * hy)
-                change, passed = _limited(change, limit, drift)
+                change, passed = _limited(change, law.limit, law.drift)
                 angle += share * change
                 for q in range(12):
                     d[q] += share * passed * ((hx * dy[q] - hy * dx[q]) / size - d[q])
             left -= share
             s += 1
         turn[k] = angle - start
-        for q in range(12):
-            slope[k, q] = d[q]
+        slope[k] = d
+
+
+@njit(inline="always")
+def _gaussians(theta):
+    weight, r, a, by_r, by_a = np.empty(4), np.empty(4), np.empty(4), np.empty(4), np.empty(4)
+    for f in range(4):
+        weight[f] = theta[3 * f]
+        far, aside = REACH * theta[3 * f + 1], np.pi * theta[3 * f + 2]
+        r[f], a[f] = 0.5 / far**2, 0.5 / aside**2
+        by_r[f], by_a[f] = REACH / far**3, np.pi / aside**3
+    return Gaussians(weight, r, a, by_r, by_a)
+
+
+@njit(inline="always")
+def _add(sums, forces, f, x, y, d2, b):
+    """Add a vector to the sum of a force, weighed by its Gaussian (eq. 4) at a squared distance and a bearing."""
+    w = exp_(-(d2 * forces.radial[f] + b * b * forces.angular[f]))
+    px, py = w * x, w * y
+    by_r, by_a, by_h = d2 * forces.by_radial[f], b * b * forces.by_angular[f], 2.0 * b * forces.angular[f]
+    sums.x[f, 0] += px
+    sums.y[f, 0] += py
+    sums.x[f, 1] += px * by_r
+    sums.y[f, 1] += py * by_r
+    sums.x[f, 2] += px * by_a
+    sums.y[f, 2] += py * by_a
+    sums.x[f, 3] += px * by_h
+    sums.y[f, 3] += py * by_h
+
+
+@njit(inline="always")
+def _add_neighbours(sums, forces, turns, i, time, fx, fy, reach):
+    """Avoidance of all neighbours, cohesion and alignment with those of its kind."""
+    percept, velocity, spin = turns.percept, turns.velocity, turns.spin
+    for at in range(percept.first[i], percept.first[i + 1]):
+        j = percept.near[at]
+        x, y = percept.offset[at, 0], percept.offset[at, 1]
+        if x * x + y * y > reach * reach:
+            continue
+        x += time * (velocity[j, 0] - velocity[i, 0])
+        y += time * (velocity[j, 1] - velocity[i, 1])
+        d2 = x * x + y * y
+        b = atan2_(fx * y - fy * x, fx * x + fy * y)
+        _add(sums, forces, 0, -x, -y, d2, b)
+        if percept.species[i] != percept.species[j]:
+            continue
+        _add(sums, forces, 1, x, y, d2, b)
+        gx, gy = percept.forward[j, 0], percept.forward[j, 1]
+        if spin[j] != 0.0 and time > 0.0:
+            sine, cosine = sincos_(spin[j] * time)
+            gx, gy = cosine * gx - sine * gy, sine * gx + cosine * gy
+        _add(sums, forces, 2, gx, gy, d2, b)
+
+
+@njit(inline="always")
+def _add_walls(sums, forces, turns, i, time, fx, fy):
+    """Avoidance of the nearest points of walls."""
+    percept, velocity = turns.percept, turns.velocity
+    for at in range(percept.walls_first[i], percept.walls_first[i + 1]):
+        x = percept.walls_offset[at, 0] - time * velocity[i, 0]
+        y = percept.walls_offset[at, 1] - time * velocity[i, 1]
+        _add(sums, forces, 3, -x, -y, x * x + y * y, atan2_(fx * y - fy * x, fx * x + fy * y))
+
+
+@njit(inline="always")
+def _next_heading(sums, forces, gain, fx, fy, d, dx, dy):
+    """Eqs. 3 and 2: the wished heading, and its derivatives into ``dx`` and ``dy``, those of the angle being ``d``."""
+    weight = forces.weight
+    hx, hy, own_x, own_y = fx, fy, -fy, fx
+    for f in range(4):
+        hx += gain * weight[f] * sums.x[f, 0]
+        hy += gain * weight[f] * sums.y[f, 0]
+        own_x += gain * weight[f] * sums.x[f, 3]
+        own_y += gain * weight[f] * sums.y[f, 3]
+    for f in range(4):
+        for c in range(3):
+            scale = gain if c == 0 else gain * weight[f]
+            dx[3 * f + c] = scale * sums.x[f, c] + own_x * d[3 * f + c]
+            dy[3 * f + c] = scale * sums.y[f, c] + own_y * d[3 * f + c]
+    return hx, hy
+
+
+@njit(inline="always")
+def _turned_aside(turns, i, time, fx, fy, hx, hy, dx, dy):
+    """The heading that bodies leave to whom they touch, as in `flockbrush.systems.contact`, with its derivatives."""
+    percept, velocity, half, touch = turns.percept, turns.velocity, turns.half, 2.0 * turns.radius
+    touch_far = ((1.0 + SKIN) * touch + 2.0 * half) ** 2
+    for at in range(percept.first[i], percept.first[i + 1]):
+        j = percept.near[at]
+        x = percept.offset[at, 0] + time * (velocity[j, 0] - velocity[i, 0])
+        y = percept.offset[at, 1] + time * (velocity[j, 1] - velocity[i, 1])
+        if x * x + y * y >= touch_far:
+            continue
+        ox, oy, room = aside_of_(fx, fy, half, x, y, percept.forward[j, 0], percept.forward[j, 1], touch)
+        into = hx * ox + hy * oy
+        if into > 0.0:
+            hx, hy = hx - room * into * ox, hy - room * into * oy
+            for q in range(12):
+                into = dx[q] * ox + dy[q] * oy
+                dx[q] -= room * into * ox
+                dy[q] -= room * into * oy
+    return hx, hy
 
 
 @njit(inline="always")

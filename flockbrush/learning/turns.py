@@ -25,12 +25,13 @@ from flockbrush.behaviours.models.herd import Params
 from flockbrush.engine.parallel import over_rows
 from flockbrush.learning.perceive import Percept, half_and_radius, perceive, together
 from flockbrush.learning.rollout import BODY, DT, LEAST, MOST, VISION, Walls, theta_of
-from flockbrush.learning.turn_kernels import is_inside, room_kernel, turn_kernel
+from flockbrush.learning.turn_kernels import TurnLaw, is_inside, room_kernel, turn_kernel
 
 FREEDOM = 4.0  # degrees of freedom of Student's t: the usual choice between robust and sharp
 SMALLEST = 1e-7  # rad, of the spread of differences: below it all agree
 SPAN = 0.1  # s over which a turn is observed where frames are closer.  By trial: see docs/learning.md
 STILL = 1e-6  # rad
+UNSEEN = 0.1  # share of neighbours missing at which a turn counts half.  By trial: tests/behaviours/learning
 PAIRS = 1_500_000  # visible neighbours that are looked at in a step, at most; of more frames every second or third
 
 
@@ -105,7 +106,8 @@ def turns_of(
     )
     velocity, spin = _motion(seen, chosen)
     half, radius = half_and_radius(body)
-    weight = _at_liberty(percept, rows, turn[rows], half, radius)
+    around = np.concatenate([seen.neighbours_seen[seen.of(t)] for t in chosen])[rows]
+    weight = _at_liberty(percept, rows, turn[rows], half, radius) * trust(around)
     return Turns(percept, velocity, spin, rows, seconds[rows] / dt, turn[rows], weight, half, radius, dt)
 
 
@@ -128,10 +130,12 @@ def _evenly(frames):
 
 def _look(seen, t, body, vision, walls, params):
     rows = seen.of(t)
-    return perceive(
-        seen.xy[rows], seen.forward[rows], body, vision, walls=walls, neighbour_range=params.neighbour_range,
-        leader_neighbours=params.leader_neighbours, leader_cone=params.leader_cone,
-    )  # fmt: skip
+    return perceive(seen.xy[rows], seen.forward[rows], body, vision, params, walls=walls)
+
+
+def trust(neighbours_seen):
+    """How much a turn counts by the share of the neighbours that are seen: those that are not make it vary more."""
+    return 1.0 / (1.0 + ((1.0 - neighbours_seen) / UNSEEN) ** 2)
 
 
 def _at_liberty(percept, rows, turn, half, radius, enough=40.0):
@@ -141,7 +145,7 @@ def _at_liberty(percept, rows, turn, half, radius, enough=40.0):
     """
     free = np.ones(percept.animals)
     if radius > 0.0:
-        room_kernel(percept.forward, percept.first, percept.near, percept.offset, half, radius, free)
+        room_kernel(percept, half, radius, free)
     weight = free[rows] if half > 0.0 else np.where(np.abs(turn) < STILL, free[rows], 1.0)
     return weight if weight.sum() > enough else np.maximum(weight, 0.1)
 
@@ -190,14 +194,11 @@ def predicted(turns: Turns, theta, params=None):
     ``params`` has what theta has not: Ω, range, wander and the limit of turning.
     """
     params = params or Params()
-    p, k = turns.percept, len(turns.rows)
+    k = len(turns.rows)
     turn, slope = np.empty(k), np.empty((k, 12))
-    over_rows(
-        turn_kernel, k, turns.rows, turns.ticks, p.forward, p.species, p.first, p.near, p.offset, p.walls_first,
-        p.walls_offset, turns.velocity, turns.spin, np.asarray(theta, float), turns.dt, params.sensitivity,
-        params.neighbour_range, params.max_turn * turns.dt, params.wander * turns.dt**0.5, turns.half, turns.radius,
-        turn, slope, chunk=512,
-    )  # fmt: skip
+    limit, drift = params.max_turn * turns.dt, params.wander * turns.dt**0.5
+    law = TurnLaw(params.sensitivity, params.neighbour_range, limit, drift)
+    over_rows(turn_kernel, k, turns, np.asarray(theta, float), law, turn, slope, chunk=512)
     return turn, slope
 
 

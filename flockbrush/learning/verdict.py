@@ -61,6 +61,7 @@ class Judgement:
     told: list[str]  # measures that the clip tells
     seconds: float = 0.0  # of the clip that judged
     count: float = 0.0  # animals in it
+    doubt: str = ""  # why that clip can judge nothing
 
     @property
     def missed(self) -> list[str]:
@@ -212,15 +213,17 @@ def judge(
         if say is not None:
             say(k + 1, len(others))
     seconds, count = len(clip.fields) / clip.fps, float(np.nanmedian(clip.fields.count))
-    return concluded(mine, tried, seconds, count)
+    return concluded(mine, tried, seconds, count, clip.doubt)
 
 
-def concluded(mine: Contender, rivals: list[Contender], seconds: float, count: float) -> Judgement:
-    """The judgement of what was compared, on so many seconds of so many animals."""
+def concluded(mine: Contender, rivals: list[Contender], seconds: float, count: float, doubt="") -> Judgement:
+    """The judgement of what was compared, on so many seconds of so many animals, unless there is a doubt."""
     told = [row.name for row in mine.rows if not row.met or any(r.missed([row.name]) for r in rivals)]
     rivals = sorted(rivals, key=lambda r: r.distance(told))
     kind, sentence = _said(mine, rivals, told, seconds, count)
-    return Judgement(kind, sentence, mine, rivals, told, seconds, count)
+    if doubt:
+        kind, sentence = "untold", f"How it moves cannot be told from this clip: {doubt}."
+    return Judgement(kind, sentence, mine, rivals, told, seconds, count, doubt)
 
 
 def combined(judgements: list[Judgement]) -> Judgement:
@@ -231,7 +234,8 @@ def combined(judgements: list[Judgement]) -> Judgement:
     names = [r.name for r in judgements[0].rivals]
     by_name = [{r.name: r for r in j.rivals} for j in judgements]
     rivals = [_mean_of([tried[name] for tried in by_name]) for name in names if all(name in tried for tried in by_name)]
-    return concluded(mine, rivals, sum(j.seconds for j in judgements), float(np.mean([j.count for j in judgements])))
+    seconds, count = sum(j.seconds for j in judgements), float(np.mean([j.count for j in judgements]))
+    return concluded(mine, rivals, seconds, count, next((j.doubt for j in judgements if j.doubt), ""))
 
 
 def _mean_of(contenders):

@@ -8,6 +8,7 @@ import numpy as np
 
 from flockbrush.components import Body
 from flockbrush.render import Painter, Scenery
+from flockbrush.render.canvas import smooth
 from flockbrush.render.orbit import OrbitCamera
 from flockbrush.render.solid_meshes import Faces, stood_up, together
 from flockbrush.render.style import SUN, mix, theme_of
@@ -77,18 +78,21 @@ class SceneMeshes:
         self.scenery = Scenery(simulation)
         self.width, self.height = float(self.level.width), float(self.level.height)
 
+    @property
+    def hilly(self):
+        """Whether the ground is not flat."""
+        return self.scenery.land.relief.shape[:2] != (1, 1)
+
     def heights(self, xy) -> np.ndarray:
         """Height of the ground (n,) under points (n, 2), m."""
         land = self.scenery.land
-        if land.relief.shape[:2] == (1, 1):
+        if not self.hilly:
             return np.zeros(len(xy))
         return heights_of_ground(land.relief, land.relief_cell, np.column_stack([xy, np.zeros(len(xy))]))
 
     def ground(self) -> GroundMesh:
         """The ground; two triangles where it is flat."""
-        cells = 1
-        if self.scenery.land.relief.shape[:2] != (1, 1):
-            cells = CELLS
+        cells = CELLS if self.hilly else 1
         longer = max(self.width, self.height)
         columns, rows = (max(2, round(cells * side / longer) + 1) for side in (self.width, self.height))
         x, y = np.meshgrid(np.linspace(0, self.width, columns), np.linspace(0, self.height, rows))
@@ -130,9 +134,9 @@ class SceneMeshes:
         return faces
 
     def guides(self) -> list[SceneLine]:
-        """The arrows that leaders follow."""
+        """The arrows that leaders follow, curved as the picture of the ground shows them."""
         return [
-            self._line(getattr(g, "name", "") or f"guide_{k}", g.points, g.loop)
+            self._line(getattr(g, "name", "") or f"guide_{k}", smooth(np.asarray(g.points)[:, :2], g.loop), g.loop)
             for k, g in enumerate(self.scenery.guides)
         ]
 
@@ -158,4 +162,16 @@ class SceneMeshes:
 
     def _line(self, name, points, closed):
         points = np.asarray(points, float)[:, :2]
+        if self.hilly:
+            points = divided(points, max(self.width, self.height) / CELLS, closed)
         return SceneLine(name, np.column_stack([points, self.heights(points)]), bool(closed))
+
+
+def divided(points, longest, closed=False) -> np.ndarray:
+    """A line through points (k, 2) with steps of at most so many metres."""
+    ends = np.roll(points, -1, axis=0) if closed else points[1:]
+    pieces = []
+    for begin, end in zip(points, ends, strict=False):
+        steps = max(1, int(np.ceil(np.hypot(*(end - begin)) / longest)))
+        pieces.append(begin + (end - begin) * (np.arange(steps) / steps)[:, None])
+    return np.vstack(pieces if closed else [*pieces, points[-1:]])

@@ -47,9 +47,9 @@ class SmallBody(NamedTuple):
     points: np.ndarray  # (20, 3); its corners, body lengths in its own axes
     places: np.ndarray  # (20, 2); where they are in the picture, pixels
     ink: np.ndarray  # (4, 3); colours of body, head, wings and wing tips (or legs)
-    # light, eye: (3,); in its own axes, a unit vector to the sun, and body lengths to the eye
-    light: np.ndarray
-    eye: np.ndarray
+    # in its own axes, a unit vector to the sun, and body lengths to the eye
+    light: tuple[float, float, float]
+    eye: tuple[float, float, float]
     lift: float  # how far its back points upwards, 1 for straight up
     near: float  # 1 / m, as `draw_triangle` wants it
     long: float  # pixels
@@ -69,12 +69,12 @@ def draw_bodies(buffer, cam, order, herd, meshes, colours, haze, sun, smallest):
     smallest : float
         Pixels; no animal is drawn shorter.
     """
-    clip, postures = buffer.clip, herd.postures
+    xyz, forward, up, walks, lengths, radius, beats, looks, (shown, clips, phase) = herd
+    clip = buffer.clip
     points, places = np.empty((20, 3)), np.empty((20, 2))
-    light, eye = np.empty(3), np.empty(3)
     ink, axes = np.empty((4, 3)), np.empty((3, 3))
     for i in order:
-        place, length, look, beat = herd.xyz[i], herd.length[i], herd.look[i], herd.beat[i]
+        place, length, look, beat = xyz[i], lengths[i], looks[i], beats[i]
         rx, ry, rz = deep(cam, place[0], place[1], place[2])
         if rz < cam[15] + 1.2 * length:
             continue
@@ -83,28 +83,23 @@ def draw_bodies(buffer, cam, order, herd, meshes, colours, haze, sun, smallest):
         x, y = cam[13] + rx * share, cam[14] - ry * share
         if x < clip[0] - 1.5 * long or x > clip[2] + 1.5 * long or y < clip[1] - 1.5 * long or y > clip[3] + 1.5 * long:
             continue
-        _axes(axes, herd.forward[i], herd.up[i])
+        _axes(axes, forward[i], up[i])
         pose, size, near, fog = SpacePose(place, axes), long / share, share / cam[12] * 1.002, haze_at(rz, haze.clear)
-        if postures.look[i] >= 0:
+        if shown[i] >= 0:
             mesh_inks(ink, colours[look], look % KINDS == LEADER)
             _fade(ink, haze.ink, fog)
-            posture = (postures.look[i], postures.clip[i], postures.phase[i])
-            draw_mesh(buffer, cam, meshes, posture, pose, size, 2 * herd.radius[i] / (WIDE * length), ink, near, sun)
+            posture = (shown[i], clips[i], phase[i])
+            draw_mesh(buffer, cam, meshes, posture, pose, size, 2 * radius[i] / (WIDE * length), ink, near, sun)
             continue
-        for k in range(3):
-            light[k], eye[k] = 0.0, 0.0
-            for c in range(3):
-                light[k] += sun[c] * axes[k, c]
-                eye[k] += (cam[c] - place[c]) / size * axes[k, c]
+        light = _in_axes(axes, sun[0], sun[1], sun[2])
+        eye = _in_axes(axes, (cam[0] - place[0]) / size, (cam[1] - place[1]) / size, (cam[2] - place[2]) / size)
         winged = beat > NO_WINGS
         _inks(ink, colours[look], look % KINDS, winged)
         _fade(ink, haze.ink, fog)
-        thick = min(max(herd.radius[i] / length, 0.06), 0.5)
-        for k in range(_corners(points, herd.walks[i], beat, thick, long)):
-            px, py, pz = points[k, 0] * size, points[k, 1] * size, points[k, 2] * size
-            places[k, 0], places[k, 1], _ = pixel_of(cam, pose, px, py, pz)
+        thick = min(max(radius[i] / length, 0.06), 0.5)
+        _project(places, points, _corners(points, walks[i], beat, thick, long), cam, pose, size)
         body = SmallBody(points, places, ink, light, eye, axes[2, 2], near, long)
-        if herd.walks[i]:
+        if walks[i]:
             if long < COARSE:
                 _draw_far_beast(buffer, body, max(thick, 0.14))
             else:
@@ -127,11 +122,29 @@ def _axes(axes, forward, up):
 
 
 @kernel
+def _in_axes(axes, x, y, z):
+    """A vector by its parts ahead, to the left and up."""
+    return (
+        x * axes[0, 0] + y * axes[0, 1] + z * axes[0, 2],
+        x * axes[1, 0] + y * axes[1, 1] + z * axes[1, 2],
+        x * axes[2, 0] + y * axes[2, 1] + z * axes[2, 2],
+    )
+
+
+@kernel
 def _corners(points, walks, beat, thick, long):
     """Corners of a body, as many as one sees of one so long in pixels; how many."""
     if long < COARSE:
         return _far_body(points, walks, beat, long)
     return _beast(points, thick, long) if walks else _bird(points, beat, long)
+
+
+@kernel
+def _project(places, points, count, cam, pose, size):
+    """Where corners (body lengths) are in the picture, pixels."""
+    for k in range(count):
+        x, y, _ = pixel_of(cam, pose, points[k, 0] * size, points[k, 1] * size, points[k, 2] * size)
+        places[k, 0], places[k, 1] = x, y
 
 
 @kernel
@@ -172,7 +185,7 @@ def _put(points, k, x, y, z):
 
 
 @kernel
-def _facet(buffer, body, a, b, c, ink, closed):
+def _facet(buffer, body, a, b, c, row, closed):
     """One triangle of a body; the outside of a closed one is where its corners go round to the left."""
     points, places, light, eye = body.points, body.places, body.light, body.eye
     ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
@@ -186,7 +199,7 @@ def _facet(buffer, body, a, b, c, ink, closed):
     size = max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-12)
     facing = (nx * light[0] + ny * light[1] + nz * light[2]) / size
     shine = 0.60 + 0.12 * nz / size * body.lift + (0.42 * facing if facing > 0 else 0.10 * facing)
-    draw_triangle(buffer, pixel(places, a), pixel(places, b), pixel(places, c), body.near, lit(ink, shine))
+    draw_triangle(buffer, pixel(places, a), pixel(places, b), pixel(places, c), body.near, lit(body.ink, row, shine))
 
 
 # far away ------------------------------------------------------------------------------
@@ -238,20 +251,20 @@ def _across(places, wide):
 def _draw_far_bird(buffer, body, winged):
     """The wing on the far side, both halves of the body, the wing on the near side."""
     ink, flat, far = body.ink, np.bool_(False), 0 if body.eye[1] < 0 else 3
-    a, b, c = np.int64(3), np.int64(4), np.int64(5)
+    a, b, c, tip = np.int64(3), np.int64(4), np.int64(5), np.int64(3)
     if winged:
         for k in range(3):
             ink[3, k] += 0.3 * (ink[2, k] - ink[3, k])
-        _facet(buffer, body, a + far, c + far, b + far, ink[3], flat)
+        _facet(buffer, body, a + far, c + far, b + far, tip, flat)
     px, py, _, _ = _across(body.places, 0.085 * body.long + 0.35)
     (x, y), shine = pixel(body.places, 2), _far_shine(body)
     for half in range(2):  # the end that is farther away comes first
         end = 1 - half if body.eye[0] > 0 else half
-        colour = lit(ink[1 - end], shine)
+        colour = lit(ink, 1 - end, shine)
         draw_triangle(buffer, pixel(body.places, end), (x + px, y + py), (x - px, y - py), body.near, colour)
     if winged:
         far = 3 - far
-        _facet(buffer, body, a + far, c + far, b + far, ink[3], flat)
+        _facet(buffer, body, a + far, c + far, b + far, tip, flat)
 
 
 @kernel
@@ -265,7 +278,7 @@ def _draw_far_beast(buffer, body, thick):
     ax, ay = places[1, 0] - more * ex, places[1, 1] - more * ey
     bx, by = places[2, 0] + more * ex, places[2, 1] + more * ey
     shine = _far_shine(body)
-    trunk, head = lit(body.ink[0], shine), lit(body.ink[1], shine)
+    trunk, head = lit(body.ink, 0, shine), lit(body.ink, 1, shine)
     for part in range(2):
         if part == (0 if eye[0] > 0 else 1):
             draw_triangle(buffer, (ax + px, ay + py), (ax - px, ay - py), (bx + px, by + py), near, trunk)
@@ -308,24 +321,25 @@ def _bird(points, beat, long):
 @kernel
 def _draw_bird(buffer, body, winged):
     """The wing on the far side, tail and trunk, then the wing on the near side."""
-    left_first, ink = body.eye[1] < 0, body.ink
+    left_first = body.eye[1] < 0
     bill, rump, tail = np.int64(0), np.int64(1), np.int64(10)  # numbers as such are types, to be compiled for each
+    skin, head, tip = np.int64(0), np.int64(1), np.int64(3)
     flat, trunk = np.bool_(False), np.bool_(True)
     if winged:
         _wing(buffer, body, 12 if left_first else 16)
     if body.eye[0] >= -0.4:
-        _facet(buffer, body, rump, tail, tail + 1, ink[3], flat)
+        _facet(buffer, body, rump, tail, tail + 1, tip, flat)
     for k in range(4):
         m = (k + 1) % 4
-        _facet(buffer, body, rump, 2 + k, 2 + m, ink[0], trunk)
+        _facet(buffer, body, rump, 2 + k, 2 + m, skin, trunk)
         if body.long < FINE:
-            _facet(buffer, body, bill, 2 + m, 2 + k, ink[1], trunk)
+            _facet(buffer, body, bill, 2 + m, 2 + k, head, trunk)
         else:
-            _facet(buffer, body, 2 + k, 6 + m, 2 + m, ink[0], trunk)
-            _facet(buffer, body, 2 + k, 6 + k, 6 + m, ink[0], trunk)
-            _facet(buffer, body, bill, 6 + m, 6 + k, ink[1], trunk)
+            _facet(buffer, body, 2 + k, 6 + m, 2 + m, skin, trunk)
+            _facet(buffer, body, 2 + k, 6 + k, 6 + m, skin, trunk)
+            _facet(buffer, body, bill, 6 + m, 6 + k, head, trunk)
     if body.eye[0] < -0.4:
-        _facet(buffer, body, rump, tail, tail + 1, ink[3], flat)
+        _facet(buffer, body, rump, tail, tail + 1, tip, flat)
     if winged:
         _wing(buffer, body, 16 if left_first else 12)
 
@@ -333,9 +347,9 @@ def _draw_bird(buffer, body, winged):
 @kernel
 def _wing(buffer, body, k):
     """One wing: an arm, and a darker hand."""
-    flat = np.bool_(False)
-    _facet(buffer, body, k, k + 2, k + 1, body.ink[2], flat)
-    _facet(buffer, body, k + 1, k + 2, k + 3, body.ink[3], flat)
+    flat, arm, hand = np.bool_(False), np.int64(2), np.int64(3)
+    _facet(buffer, body, k, k + 2, k + 1, arm, flat)
+    _facet(buffer, body, k + 1, k + 2, k + 3, hand, flat)
 
 
 # beasts --------------------------------------------------------------------------------
@@ -365,7 +379,7 @@ def _beast(points, thick, long):
 def _draw_beast(buffer, body):
     """Legs, then trunk and head, the farther one first."""
     if body.long >= LEGS:
-        half, near, ink = 0.035 * body.long, body.near, lit(body.ink[3], 0.55)
+        half, near, ink = 0.035 * body.long, body.near, lit(body.ink, 3, 0.55)
         for k in range(4):
             (x, y), (hx, hy) = pixel(body.places, 16 + k), _hip(body.places, k)
             draw_triangle(buffer, (x - half, y), (x + half, y), (hx - half, hy), near, ink)
@@ -385,11 +399,11 @@ def _hip(places, k):
 @kernel
 def _block(buffer, body, part):
     """The trunk (0) or the head (1), a block of eight corners; see `_beast` for their order."""
-    trunk, first, ink = np.bool_(True), 8 * part, body.ink[part]
+    trunk, first = np.bool_(True), 8 * part
     for face in range(6):
         a, b, c, d = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (1, 3, 7, 5), (0, 4, 6, 2))[face]
-        _facet(buffer, body, first + a, first + b, first + c, ink, trunk)
-        _facet(buffer, body, first + a, first + c, first + d, ink, trunk)
+        _facet(buffer, body, first + a, first + b, first + c, part, trunk)
+        _facet(buffer, body, first + a, first + c, first + d, part, trunk)
 
 
 def standing(forward: np.ndarray) -> np.ndarray:

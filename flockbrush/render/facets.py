@@ -280,9 +280,9 @@ def pixel(places, k):
 
 
 @kernel
-def lit(ink, shine):
-    """A colour (3,) in the light."""
-    return min(ink[0] * shine, 255.0), min(ink[1] * shine, 255.0), min(ink[2] * shine, 255.0)
+def lit(inks, row, shine):
+    """One of some colours (k, 3) in the light."""
+    return min(inks[row, 0] * shine, 255.0), min(inks[row, 1] * shine, 255.0), min(inks[row, 2] * shine, 255.0)
 
 
 @kernel

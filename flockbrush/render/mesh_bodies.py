@@ -167,7 +167,7 @@ def _draw_faces(buffer, meshes, look, body, seen, light, lift, ink, near):
         facing = (nx * light[0] + ny * light[1] + nz * light[2]) / size
         upward = (nx * lift[0] + ny * lift[1] + nz * lift[2]) / size
         shine = 0.64 + 0.10 * upward + (0.40 * facing if facing > 0 else 0.10 * facing)
-        colour = lit(ink[meshes.inks[t]], shine)
+        colour = lit(ink, meshes.inks[t], shine)
         draw_triangle(buffer, pixel(seen, a), pixel(seen, b), pixel(seen, c), near, colour)
 
 

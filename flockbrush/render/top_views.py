@@ -195,7 +195,7 @@ def _light(table, views, meshes, number, ink, at, wide, sun):
         size = np.sqrt(nx * nx + ny * ny + nz * nz)
         facing = (nx * ahead + ny * left + nz * sun[2]) / size
         shine = 0.64 + 0.10 * nz / size + (0.40 * facing if facing > 0 else 0.10 * facing)
-        table[k + 1] = _packed(lit(ink[meshes.inks[views.shown[number, k]]], shine))
+        table[k + 1] = _packed(lit(ink, meshes.inks[views.shown[number, k]], shine))
 
 
 @kernel

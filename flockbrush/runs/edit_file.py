@@ -38,6 +38,7 @@ USES = {
     "delete": (), "move": ("by", "turn", "about", "over"), "retime": ("speed",), "freeze": (), "delay": ("seconds",),
     "look": ("brush", "species", "size"),
 }  # fmt: skip
+HOW = ("about", "over")  # what alone changes nothing
 BOUNDS = {
     "start": (0.0, 1e6), "end": (0.0, 1e6), "turn": (-36000.0, 36000.0), "over": (0.0, 1e4), "speed": (0.01, 100.0),
     "seconds": (-1e6, 1e6), "size": (0.01, 100.0),
@@ -71,7 +72,7 @@ class EditFile:
         Raises
         ------
         ValueError
-            For numbers out of their bounds, which the file would be refused for.
+            For numbers out of their bounds, which the file would be refused for, and where nothing would change.
         """
         for one, (low, high) in BOUNDS.items():
             value = getattr(edit, one)
@@ -81,6 +82,9 @@ class EditFile:
             raise ValueError(f"the end must be later than the start at {edit.start:g} s, got {edit.end:g} s")
         if max(map(abs, edit.by)) > FARTHEST:
             raise ValueError(f"nobody can be moved by more than {FARTHEST:g} m")
+        changes = [name for name in USES[edit.kind] if name not in HOW]
+        if changes and all(getattr(edit, name) == getattr(Edit, name) for name in changes):
+            raise ValueError(f"this changes nothing: give {' or '.join(changes)} another value")
         self._put(edit, name)
         self.undone = []
 

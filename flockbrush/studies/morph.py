@@ -252,6 +252,7 @@ class Response:
         is little.
         """
         points, means = self.one_way()
+        means[1:-1] = 0.25 * means[:-2] + 0.5 * means[1:-1] + 0.25 * means[2:]  # few seeds leave stairs
         change = np.abs(np.diff(means, axis=0)).sum(1)
         change += max(KEEP_GOING, 1.0 - change.sum()) * np.diff(points)
         gone = np.concatenate([[0.0], np.cumsum(change)])

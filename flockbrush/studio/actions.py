@@ -84,14 +84,14 @@ class Deeds:
 
     def undo(self):
         """Undo the last change."""
-        self.tool.cancel()
+        self.tool.interrupt()
         label = self.session.undo_label
         self.session.undo()
         self.notify(f"undone: {label}" if label else "there is nothing to undo")
 
     def redo(self):
         """Redo the change that was undone last."""
-        self.tool.cancel()
+        self.tool.interrupt()
         label = self.session.redo_label
         self.session.redo()
         self.notify(f"redone: {label}" if label else "there is nothing to redo")

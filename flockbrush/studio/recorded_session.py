@@ -34,6 +34,7 @@ class RecordedSession(Session):
 
     unpacked: tuple[Path, ...] = ()
     recorded = 0.0
+    _stops = False  # whether playing pauses at the end of the recording
 
     def view(self):
         """As `Session.view`, with the edits of the recording."""
@@ -44,11 +45,32 @@ class RecordedSession(Session):
         """Whether edits of the recording are shown at a time of the branch that one is on."""
         return self.edits is not None and self._timeline.current.name == MAIN and time <= self.recorded + EXACT
 
+    @property
+    def edition(self):
+        """As `Session.edition`."""
+        return self.edits.edition if self._edits_hold(self._after.time) else -1
+
+    def play(self):
+        """As `Session.play`; what is recorded is played to its end, where time stands still once."""
+        super().play()
+        self._stops = self._after.time < self.recorded - EXACT
+
+    def set_off(self, budget_s):
+        """As `Session.set_off`, but not over the end of the recording."""
+        if self.playing and self._stops and not self.ticking and self._timeline.current.name == MAIN:
+            left = round((self.recorded - self._after.time) / self.scene.clock.dt)
+            if left <= 0:
+                self._stops = False
+                self.pause()
+                self._say("info", "end of the recording: edits end here; play again to simulate beyond it")
+            self._owed = min(self._owed, max(left, 0))
+        super().set_off(budget_s)
+
     def edit(self, kind, **values):
         """Make an edit of the selected animals of the recording; its sentence.  ValueError, ProblemsError."""
         if not self._edits_hold(self.clock.now):
             raise ValueError(
-                f"edits are of the recording: go back to its branch {MAIN} first, up to {self.recorded:g} s"
+                f"only the recording can be edited: go to the branch {MAIN}, at most to {self.recorded:g} s"
             )
         return self.edits.add(kind, self.clock.now, **values)
 

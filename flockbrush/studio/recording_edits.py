@@ -41,6 +41,8 @@ class RecordingEdits:
         Seconds from which and until which the next edit holds.
     layer : str
         Name of the layer that the next edit is put on.
+    edition : int
+        How many times what is shown was changed.
 
     Raises
     ------
@@ -52,7 +54,7 @@ class RecordingEdits:
         self.path = Path(path)
         self.file: EditFile = edits_of(path)
         self.selected = np.zeros(0, np.int64)
-        self.start, self.end, self.layer = 0.0, ALWAYS, FIRST
+        self.start, self.end, self.layer, self.edition = 0.0, ALWAYS, FIRST, 0
         self._view: EditedMoments | None = None
         self._pass: PassBeside | None = None
         self._prepare()
@@ -148,7 +150,7 @@ class RecordingEdits:
     def shown(self, simulation, moment):
         """A moment of the recording as the edits show it; those of time count once the pass for them is over."""
         if self._pass is not None and self._pass.news():
-            self._view = None
+            self._outdate()
         if self._view is None or self._view.simulation is not simulation:
             self._view = EditedMoments(simulation, self._ready(), self._pass and self._pass.past)
         return self._view.at(moment) if self._view.edits else moment
@@ -158,6 +160,10 @@ class RecordingEdits:
         """Share of the pass over the recording that edits of time wait for, 0 to 1; None where none is needed."""
         return None if self._pass is None or self._pass.done or self._pass.error else self._pass.share
 
+    def _outdate(self):
+        self._view = None
+        self.edition += 1
+
     def _ready(self):
         edits = self.file.edits()
         if self._pass is not None and self._pass.done:
@@ -166,7 +172,7 @@ class RecordingEdits:
 
     def _prepare(self):
         """Begin a pass over the recording where an edit of time needs animals that none has watched."""
-        self._view = None
+        self._outdate()
         ids = {animal for edit in self.file.edits() if edit.kind in IN_TIME for animal in edit.ids}
         if ids and (self._pass is None or not ids <= self._pass.ids):
             self.close()

@@ -52,6 +52,7 @@ class Session(Going, Keeping):
     """
 
     edits: Any = None
+    edition = 0  # another number whenever edits show the same run in another way
 
     def __init__(self, path, timeline, shelter, notices):
         self.path, self._timeline, self._shelter = Path(path), timeline, shelter

@@ -53,6 +53,7 @@ class Viewport:
         self._overlays = self._moment = self._other = None
         self._flat: dict = {}
         self._followed: tuple | None = None
+        self._edition = 0  # of the session, in what is drawn
         self._following_fit = True  # until somebody pans or zooms, the whole map is shown at every size
 
     # the camera ------------------------------------------------------------------
@@ -261,6 +262,9 @@ class Viewport:
     def _now(self):
         """The moment to be shown; its animals are `herd`."""
         moment = self._moment = self.app.session.view()
+        if self._edition != self.app.session.edition:
+            self._edition = self.app.session.edition
+            self.painter.trails.clear()  # nobody went where they show
         self.herd = herd_of(self._simulation, moment)
         return moment
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from flockbrush.behaviours.models.boids import Params, allocated, averaged
-from flockbrush.components import Heading, Position, Velocity
+from flockbrush.behaviours.models.boids import URGES, Given, Params, WishColumns, handed_out, rule_of
+from flockbrush.components import Body, Heading, Position, Velocity
 from flockbrush.engine import parallel
 from flockbrush.engine.parallel import set_threads
 from flockbrush.engine.raster import Raster
@@ -14,7 +14,8 @@ from flockbrush.systems.measures import compute_largest_part, compute_polarizati
 from flockbrush.systems.steer import scene_of
 from hypothesis import given
 from hypothesis import strategies as st
-from small_flock import only, wishes_of
+from numba import njit
+from small_flock import BOIDS, only, wishes_of
 from small_herd import (
     boids,
     box,
@@ -59,6 +60,8 @@ def transcription(scene, p, i):
             continue
         if d < p.separation:
             apart -= o / d * (p.separation**2 / max(d, 0.3) ** 2 - 1)
+        if scene.species[j] != scene.species[i]:
+            continue
         offsets.append(o)
         velocities.append(scene.velocity[j] / own)
         weights.append(max(d, 0.3) ** -p.exponent * (1 + lean * 0.5 * (1 + f @ o / d)))
@@ -83,6 +86,36 @@ def test_the_three_urges_are_the_formulas_of_the_page(seed, exponent, forward_we
         found = wishes_of(simulation, tick=False, **p)
         for i in range(12):
             assert found[i] == pytest.approx(0.7 * cut(transcription(scene, Params(**p), i)[number]), abs=1e-9)
+
+
+@pytest.mark.parametrize("sight", ["exact", "topological"])
+@pytest.mark.parametrize("exponent", [0.0, 1.5, 2.0])
+def test_a_crowd_of_two_kinds_on_a_wrapped_map_is_added_up_by_slot_and_by_row(sight, exponent):
+    """Dozens of others in view: by formula, and the same bits without lists by row."""
+    n, p = 120, {"exponent": exponent, "separation": 6.0}
+    eyes = {"range": 30.0, "field_of_view": 300.0, "occlusion": False, "sight": sight, "neighbours": 25}
+    simulation = meadow(
+        brush("boids", "boids", 45.0, {"length": 0.2, "radius": 0.04}, eyes, **p),
+        width=16.0, height=16.0, boundary="wrap",
+    )  # fmt: skip
+    rng = np.random.default_rng(7)
+    xyz, forward = rng.uniform(0, 16, (n, 3)) * (1, 1, 0.5) + (0, 0, 30), rng.normal(size=(n, 3))
+    put_aloft(simulation, xyz[: n // 2], forward[: n // 2], species="one")
+    put_aloft(simulation, xyz[n // 2 :], forward[n // 2 :], species="other")
+    simulation.tick()
+    whole, lean = scene_of(simulation.world), scene_of(simulation.world, lists=False)
+    rows = np.arange(n, dtype=np.int32)
+    seen = np.diff(whole.air.first)
+    assert lean.air.near is None and seen.max() > (25 if sight == "topological" else 40)
+    for number, urge in enumerate(("separation", "matching", "centring")):
+        params = Params(**only(urge, **p), matching_time=10.0)
+        found = BOIDS.steer(lean, rows, params).acceleration
+        by_row = BOIDS.steer(whole._replace(air=whole.air._replace(by_slot=None)), rows, params).acceleration
+        assert found.tobytes() == by_row.tobytes()
+        found /= simulation.agents[Body.length][:, None] * params.max_acceleration * params.max_speed
+        strength = getattr(params, f"{urge}_strength")
+        wanted = [strength * cut(transcription(whole, params, i)[number]) for i in range(n)]
+        assert found == pytest.approx(np.array(wanted), abs=1e-9)
 
 
 def test_a_bird_behind_is_not_seen_and_one_at_the_side_is():
@@ -121,24 +154,39 @@ def test_a_bird_behind_another_is_seen_only_without_occlusion():
 # arbitration ----------------------------------------------------------------------------------
 
 
-@given(st.lists(st.tuples(*[st.floats(-1, 1)] * 3), min_size=1, max_size=7))
-def test_allocation_hands_out_at_most_one_in_order(requests):
-    ask = np.array([np.array(r) / max(np.linalg.norm(r), 1.0) for r in requests])
-    given_ = np.zeros(3)
-    left = 1.0
+@njit
+def _hand_out(requests, rule, wish):
+    given = Given(0.0, 0.0, 0.0, 0.0)
+    for urge in range(len(requests)):
+        given = handed_out(given, urge, (requests[urge, 0], requests[urge, 1], requests[urge, 2]), rule, wish, 0)
+    return given
+
+
+def allotted(requests, **parameters):
+    """What urges of full strength get together of their requests, `Given`."""
+    rule = rule_of(Params(**{f"{urge}_strength": 1.0 for urge in URGES}, **parameters), 1 / 32)
+    nothing = np.zeros((1, 3))
+    return _hand_out(requests, rule, WishColumns(nothing, nothing[0], nothing, nothing[None], 0))
+
+
+@given(st.lists(st.tuples(*[st.floats(-2, 2)] * 3), min_size=1, max_size=7), st.booleans())
+def test_allocation_hands_out_at_most_one_in_order(requests, grounded):
+    ask = np.array([cut(np.array(r)) for r in requests]) * (1, 1, not grounded)
+    given_, left = np.zeros(3), 1.0
     for request in ask:  # the paper's words
         size = np.linalg.norm(request)
         given_ += request * (min(size, left) / size if size else 0.0)
         left = max(left - size, 0.0)
-    assert allocated(ask) == pytest.approx(given_, abs=1e-12)
-    assert np.linalg.norm(allocated(ask)) <= 1 + 1e-12
+    found = allotted(np.array(requests), grounded=grounded)
+    assert found[:3] == pytest.approx(given_, abs=1e-12)
+    assert np.linalg.norm(found[:3]) <= 1 + 1e-12 and found.used == pytest.approx(1.0 - left, abs=1e-12)
 
 
 def test_averaging_wavers_between_two_sides_and_allocation_does_not():
     """The indecision of the paper: an obstacle says left, the others say right."""
     ask = np.array([(0.0, 1.0, 0.0), (0.0, 0.0, 0.0), (0.0, -0.95, 0.0)])
-    assert averaged(ask, np.ones(3)) == pytest.approx((0, 0.025, 0))
-    assert allocated(ask) == pytest.approx((0, 1, 0))
+    assert allotted(ask, arbitration="average") == pytest.approx((0, 0.05, 0, 2.0))  # of two that ask
+    assert allotted(ask)[:3] == pytest.approx((0, 1, 0))
 
 
 def passes_the_pillar(arbitration):

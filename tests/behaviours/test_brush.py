@@ -215,7 +215,7 @@ def test_an_empty_file_is_no_brush():
 def test_a_file_of_another_name_is_no_brush():
     for file in ("meadow.toml", ".brush.toml", "my meadow.brush.toml", "..brush.toml"):
         (told,) = complaints(GOOD, file)
-        assert "a brush file is called NAME.brush.toml" in told
+        assert "the name of a brush file must be NAME.brush.toml" in told
 
 
 def test_a_model_without_strict_rules_still_gets_numbers_for_numbers():

@@ -148,7 +148,7 @@ def test_marks_in_pixels_become_wingspans_the_way_they_fly(tmp_path):
         ("", "is empty"),
         ("frame,bird,x_px,y_px\n", "no birds"),
         ("frame,bird,u,v\n0,a,1,2\n", "1: needs columns x_px and y_px"),
-        ("frame,bird,x_px,y_px\n0,a,1,2\n", "1: x_px: is in pixels, and nothing says how long a wingspan is"),
+        ("frame,bird,x_px,y_px\n0,a,1,2\n", "1: x_px: is in pixels, but the wingspan is not known"),
         ("frame,bird,x_b,y_b\n0,a,1,2\n0,b,nan,2\n", "3: x_b: must be a finite number, got nan"),
         ("frame,bird,x_b,y_b\n0,a,1,two\n", "2: y_b: must be a number, got 'two'"),
         ("frame,bird,x_b,y_b\n0,a,1,2\n0,a,3,4\n", "3: bird: bird 'a' of frame '0' is already in row 2"),
@@ -172,7 +172,7 @@ def test_the_way_a_v_flies_is_seen_from_its_arms():
         a = np.radians(turn - 90)
         points = np.c_[x, y] @ [(np.cos(a), np.sin(a)), (-np.sin(a), np.cos(a))]
         assert abs((guess_heading(points) - turn + 180) % 360 - 180) <= 10
-    with pytest.raises(ProblemsError, match="give it"):
+    with pytest.raises(ProblemsError, match="give --heading left"):
         guess_heading(np.c_[ROW, -ROW])
 
 

@@ -210,7 +210,7 @@ def test_odd_shapes_are_flown_or_refused_in_a_sentence(spacing, deviation, numbe
         ({"birds": "abcdefg"}, "birds must be 1 to 2,000 different names"),
         ({"birds": ["a"] * 7}, "birds must be 1 to 2,000 different names"),
         ({"x": [0, 1, 2, 3, 4, 5]}, "x must be 7 numbers"),
-        ({"x": [3, 2, 1, 0, -1, -2, -3]}, "birds stand from left to right"),
+        ({"x": [3, 2, 1, 0, -1, -2, -3]}, "birds are ordered from left to right"),
         ({"y": [0, 1, 2, 3, 4, 5, float("nan")]}, "y must be 7 numbers, at most 10000 away from 0"),
         ({"y": [0, 1, 2, 3, 4, 5, 1e300]}, "y must be 7 numbers, at most 10000 away from 0"),
         ({"leader": 7}, "leader and outliers are places from 0 to 6"),

@@ -156,7 +156,7 @@ def test_a_program_remembers_at_most_eight_things():
 
 
 def test_a_file_of_another_name_is_no_program():
-    assert "a program file is called NAME.program.toml" in problems(TWO, "small.toml")[0]
+    assert "the name of a program file must be NAME.program.toml" in problems(TWO, "small.toml")[0]
 
 
 @pytest.mark.parametrize("name", shipped_programs().names())

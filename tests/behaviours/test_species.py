@@ -51,8 +51,8 @@ def test_every_mistake_of_a_file_is_told_with_its_line():
     [
         ('{ fear = 1.0, hunt = 1.0, notice = "3 m" }', "exactly one of"),
         ("{ fear = 1.0 }", "needs a distance"),
-        ('{ avoid = 1.0, notice = "3 m" }', "notice goes with"),
-        ('{ fear = 1.0, notice = "3 m", catch = "remove" }', "catch goes with hunt"),
+        ('{ avoid = 1.0, notice = "3 m" }', "notice can only be used with"),
+        ('{ fear = 1.0, notice = "3 m", catch = "remove" }', "catch can only be used with hunt"),
     ],
 )
 def test_a_relation_that_says_too_much_or_too_little_is_refused(relation, message):

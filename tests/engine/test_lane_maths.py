@@ -31,6 +31,14 @@ def _sums(numbers, out):
     lanes.store(p, 0, lanes.times_power(lanes.load8(p, 0), lanes.splat8(ROUNDER - 3.0)))
 
 
+@njit
+def _rows_added(table, rows, at, out):
+    columns = lanes.load_rows(lanes.pointer(table), lanes.pointer(rows), at)
+    lanes.store(lanes.pointer(out), 0, columns[2])
+    lanes.store(lanes.pointer(out), 8, columns[7])
+    lanes.store(lanes.pointer(out), 16, lanes.totals(columns))
+
+
 def in_python(kernel):
     """A compiled kernel as Python runs it, its functions too."""
     below = {name: getattr(interpreted, name) for name in ("fused", "largest", "splat8", "times_power", "where")}
@@ -90,6 +98,22 @@ def test_lanes_are_added_up_in_halves():
         eight = eight[: len(eight) // 2] + eight[len(eight) // 2 :]
     assert out[1] == eight[0] == 4.0
     assert a[:2].tolist() == [1.25e15, 0.125]
+
+
+def test_rows_of_a_table_come_as_columns_and_are_added_up_as_one_is():
+    rng = np.random.default_rng(8)
+    table = rng.normal(size=(40, 8)) * 10.0 ** rng.integers(-9, 9, (40, 8))
+    rows = rng.integers(0, 40, 30).astype(np.int32)
+    for at in (0, 5, 22):
+        out, plain, one = np.zeros(24), np.zeros(24), np.zeros(2)
+        _rows_added(table, rows, at, out)
+        in_python(_rows_added)(table, rows, at, plain)
+        columns = table[rows[at : at + 8]].T
+        assert out.tobytes() == plain.tobytes()
+        assert out[:8].tolist() == columns[2].tolist() and out[8:16].tolist() == columns[7].tolist()
+        for column, sum_ in zip(columns, out[16:], strict=True):
+            _sums(np.r_[column, column], one)
+            assert sum_ == one[1]
 
 
 def test_a_pointer_into_every_second_number_is_refused():

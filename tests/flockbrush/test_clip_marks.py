@@ -206,7 +206,7 @@ def test_strokes_and_fills_paint_masks_that_files_bring_back(tmp_path):
     with pytest.raises(ProblemsError, match="must have the size of the clip"):
         layers.read_obstacles(tmp_path / "o.png", (81, 60))
     cv2.imwrite(str(tmp_path / "odd.png"), np.full((60, 80, 3), (0, 0, 255), np.uint8))
-    with pytest.raises(ProblemsError, match="255, 0, 0, which no region has"):
+    with pytest.raises(ProblemsError, match="255, 0, 0, which is not a region colour"):
         layers.read_regions(tmp_path / "odd.png", (80, 60))
 
 

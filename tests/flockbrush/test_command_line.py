@@ -78,7 +78,7 @@ def test_a_wrong_call_is_explained_with_code_2(cli, words):
         (["run", "meadow", "--ticks", "1", "--export", "herd.avi"], ".mp4, .nc, .parquet, .png"),
         (["run", "meadow", "--ticks", "1", "--export", "no/such/herd.csv"], "there is no folder 'no/such'"),
         (["run", "meadow", "--ticks", "1", "--record", "no/such/herd"], "there is no folder 'no/such'"),
-        (["run", "meadow", "--ticks", "1", "--export", "a.csv", "--export", "a.csv"], "given twice"),
+        (["run", "meadow", "--ticks", "1", "--export", "a.csv", "--export", "a.csv"], "written twice"),
         (["run", "meadow", "--ticks", "1", "--export", "a.mp4", "--fps", "33"], "at most 32"),
         (["run", "meadow", "--ticks", "1", "--export", "a.mp4", "--fps", "nan"], "at most 32"),
         (["replay", "nothing.flock"], "nothing.flock: there is no such file"),
@@ -164,3 +164,13 @@ def test_what_is_printed_into_a_pipe_has_no_colours():
 def test_json_on_stdout_is_all_there_is_on_stdout(cli, level):
     done = cli("run", level, "--ticks", "2", "--json")
     assert json.loads(done.out)["ticks"] == 2
+
+
+def test_paragraphs_of_a_help_are_broken_by_the_terminal_alone():
+    from typer.main import get_command
+
+    from flockbrush.cli.main import app
+
+    known = get_command(app).commands
+    assert "verified. Every" in known["edit"].help
+    assert [name for name, one in known.items() for part in one.help.split("\n\n") if "\n" in part] == []

@@ -256,3 +256,8 @@ def test_ffprobe_finds_a_clean_film_of_the_size_that_was_asked_for(cli, recordin
         0
     ]
     assert (told["codec_name"], told["pix_fmt"], told["width"]) == ("png", "rgba", 64)
+
+
+def test_a_sequence_without_its_dots_is_refused_with_the_right_name(cli, recording, tmp_path):
+    done = cli("export", recording, "--to", tmp_path / "shot####.png")
+    assert done.code == 1 and "NAME.####.png" in done.err and not list(tmp_path.glob("shot*"))

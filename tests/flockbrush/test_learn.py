@@ -186,7 +186,7 @@ def test_what_is_said_of_the_clip_and_what_is_left_out_is_told(cli, films, quick
         (("--frames", "9:3"), "--frames"),
         (("--frames", "all"), "0:99"),
         (("--landmark", "0:1,2,3"), "FRAME:x,y,w,h"),
-        (("--landmark", "0:1,2,3,4"), "twice"),
+        (("--landmark", "0:1,2,3,4"), "at least two landmarks"),
         (("--body-colour", "white"), "240,240,235"),
         (("--body-colour", "1,2,300"), "255"),
         (("--ablate", "oclusion"), "did you mean"),

@@ -54,7 +54,7 @@ def test_a_scheduler_that_dies_is_told_and_what_was_done_is_kept(tmp_path):
         with Workers(np.arange(5.0), path=tmp_path / "kept", cluster=crew) as far:
             far.map(digest_of, [{"number": 0}])
             begun[0].kill()
-            with pytest.raises(ProblemsError, match="is gone; finished work is kept; continue with --resume"):
+            with pytest.raises(ProblemsError, match="is not running any more; finished work is kept; continue"):
                 far.map(digest_of, [{"number": 1}])
         assert len(Workers(None, path=tmp_path / "kept").known) == 1
 
@@ -64,4 +64,4 @@ def test_what_a_cluster_cannot_do_is_refused(cli, tmp_path):
     asked = ["learn", tmp_path / "a.npy", "-o", tmp_path / "a.brush.toml", "--unit", "m", "--fps", 16]
     assert "not both" in cli(*asked, "--jobs", 2, "--cluster", "tcp://a:1").err
     assert "--cluster tls://" in cli(*asked, "--tls-ca", tmp_path / "a.npy").err
-    assert "the model zones is fitted here" in cli(*asked, "--model", "zones", "--cluster", "tcp://a:1").err
+    assert "the model zones is fitted locally" in cli(*asked, "--model", "zones", "--cluster", "tcp://a:1").err

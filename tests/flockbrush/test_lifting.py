@@ -137,7 +137,11 @@ def beside(f):
     ("tracks", "birds", "said"),
     [
         (of_birds(east), 1, "the depth of a single bird is undetermined"),
-        (of_birds(east, beside, lambda f: (5, 5) if f == 4 else None), 2, "left out, seen in fewer than three frames"),
+        (
+            of_birds(east, beside, lambda f: (5, 5) if f == 4 else None),
+            2,
+            "left out, visible in fewer than three frames",
+        ),
         (of_birds(east, lambda f: None if 4 < f < 9 else beside(f)), 2, ""),
         (of_birds(east, east), 2, ""),
         (of_birds(east, beside, east), 3, ""),

@@ -289,7 +289,7 @@ class TestClientsThatMisbehave:
             with pytest.raises(InvalidStatus) as caught, client(served):
                 pass
         assert caught.value.response.status_code == 503
-        assert caught.value.response.body == b"there are 1 clients already\n"
+        assert caught.value.response.body == b"the maximum of 1 clients is reached\n"
 
 
 def _asleep(served):

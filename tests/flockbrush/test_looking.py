@@ -129,7 +129,7 @@ def test_what_is_wrong_with_a_path_between_brushes_is_told_with_file_and_line(cl
     path.write_text((BRUSHES / path.name).read_text().replace("along = [0,", "along = [0.01,"))
     done = cli("brush", "check", path, tmp_path / "none.path.toml")
     assert done.code == 1
-    assert re.match(rf"{re.escape(str(path))}:\d+: .*'along' must go from 0 to 1", done.out)
+    assert re.match(rf"{re.escape(str(path))}:\d+: .*'along' must rise from 0 to 1", done.out)
     assert f"{tmp_path / 'none.path.toml'}: there is no such file" in done.out
 
 

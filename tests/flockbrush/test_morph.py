@@ -210,6 +210,8 @@ def test_shipped_paths_are_judged_beside_the_straight_line():
     ends = on_path.mean[[0, -1]], straight.mean[[0, -1]]
     np.testing.assert_allclose(*ends, atol=1e-9)  # the same brushes beside other herds
     assert not np.array_equal(on_path.mean[1:-1], straight.mean[1:-1])
+    alone = judged(*brushes_of("swarm--march"), path, Trial(animals=6, seeds=2, seconds=1.0), 2, ["path"])
+    assert list(alone) == ["path"] and np.array_equal(alone["path"][0].mean, on_path.mean)
     for seen, words in ways.values():
         assert words.split(":")[0] in (("uneven", "bistable") if faults(seen) else ("even",))
 

@@ -260,7 +260,7 @@ def test_undo_redo_and_layers(cli, run):
         (("--species", "wolf", "--delete"), "no species 'wolf'"),
         (("--ids", "1", "--look", "brush=none"), "no brush 'none'"),
         (("--ids", "1", "--look", "hat=red"), "brush=NAME"),
-        (("--ids", "1", "--delete", "--from", "9"), "ends after 1.25 s"),
+        (("--ids", "1", "--delete", "--from", "9"), "ends at 1.25 s"),
         (("--ids", "1", "--delay", "1", "--from", "0.5"), "whole run"),
         (("--ids", "1", "--freeze", "--from", "1", "--until", "0.5"), "later than --from"),
         (("--ids", "1", "--freeze", "--over", "1"), "can only be used with --move"),

@@ -2,6 +2,7 @@
 
 import sys
 
+import numpy as np
 import pytest
 
 from benchmarks import scenes
@@ -30,3 +31,19 @@ def test_a_brush_of_no_lines_is_refused(monkeypatch, capsys):
     with pytest.raises(SystemExit):
         judged(monkeypatch, "--brush", "mill-filled")
     assert "lines has only front and lanes" in capsys.readouterr().err
+
+
+def test_a_mill_lasts_from_where_it_is_whole_until_it_is_lost():
+    never, always = [0.1] * 6, [0.9] * 6
+    now_and_then = [0.9, 0.6, 0.4, 0.7, 0.8, 0.9]  # lost after 2 s, formed again after 2 s, then 1 s more
+    milling = np.array([never, always, now_and_then]).T
+    assert scenes.stays(milling) == ((5 + 2 + 1, 1), (5 + 2, 1))
+
+
+def test_lifetimes_are_measured_of_all_sizes_of_both_mills_unless_told(monkeypatch, capsys):
+    asked = []
+    monkeypatch.setattr(scenes, "mills", lambda *told: (asked.append(told), np.full((110, told[2]), 0.9))[1])
+    monkeypatch.setattr(sys, "argv", ["scenes.py", "lifetimes", "--seeds", "11:13", "--brush", "mill-hollow"])
+    scenes.main()
+    assert asked == [("mill-hollow", ducks, 3, 11, 11, 120) for ducks in (30, 50, 70, 100)]
+    assert "     30     0       over 327             0         -  1.00" in capsys.readouterr().out

@@ -51,7 +51,7 @@ def test_the_exit_code_tells_of_what_was_expected_and_did_not_come(cli, tmp_path
 def test_files_that_are_not_there_are_told(cli, tmp_path):
     assert "there is no such file" in cli("sweep", "nowhere.sweep.toml", "--out", tmp_path / "out").err
     assert (
-        "no shipped sweep of that name; did you mean 'v_rules'?" in cli("sweep", "v_rule", "--out", tmp_path / "o").err
+        "no shipped sweep of this name; did you mean 'v_rules'?" in cli("sweep", "v_rule", "--out", tmp_path / "o").err
     )
     (tmp_path / "file").touch()
     assert "--out must be a folder" in cli("sweep", sweep_file(tmp_path), "--out", tmp_path / "file").err

@@ -22,7 +22,7 @@ from flockbrush.learning.model_fit import kinds_of_models, learned_model
 from flockbrush.learning.next_step import NextSteps
 from flockbrush.learning.page import ReportPage
 from flockbrush.learning.perceive import perceive
-from flockbrush.learning.rollout import HerdStart, rollout, theta_of
+from flockbrush.learning.rollout import HerdStart, Surroundings, rollout, theta_of
 from flockbrush.learning.turns import predicted, thinned, turns_of
 from flockbrush.learning.which_model import ModelComparison, ModelRow, compare_models, problem_of
 from flockbrush.learning.world_rollout import world_looks
@@ -92,7 +92,7 @@ def test_a_herd_in_a_world_goes_as_one_without():
         np.testing.assert_allclose(xy, run.xy[run.of(t)], atol=1e-9)
         np.testing.assert_allclose(forward, run.forward[run.of(t)], atol=1e-9)
     with pytest.raises(ValueError, match="among walls"):
-        rollout(start, TRUTHS["zones"].params, *parts[2:], seconds=1.0, gates=object())
+        rollout(start, TRUTHS["zones"].params, *parts[2:], seconds=1.0, around=Surroundings(gates=object()))
 
 
 def test_positions_and_parameters_are_inverse():

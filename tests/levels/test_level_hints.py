@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from flockbrush.behaviours.brush import shipped
+from flockbrush.behaviours.mixture import BrushPath, path_to_toml
 from flockbrush.levels.hints import mixing_hints
 from flockbrush.levels.schema import BrushLayer, PaintBounds
 from small_level import herd, level, objects, polyline, problems, properties, read, thing, tiles, with_objects
@@ -138,10 +139,20 @@ class TestPaint:
         zone = thing(2, "Zone", 16, 16, 64, 64, "pond", brush="march", **values)
         assert read(with_objects("zones", zone)).zones[0].bounds.blend == blend
 
-    def test_a_measured_way_that_is_not_even_is_named_too(self):
+    @pytest.mark.parametrize(
+        ("worth", "said"),
+        [
+            ({"even": True}, None),
+            ({"even": False}, "'graze' to 'march' is uneven: behaviour may jump"),
+            ({"even": False, "bistable": True}, "'graze' to 'march' is bistable: herds keep their previous behaviour"),
+        ],
+    )
+    def test_a_measured_way_that_is_not_even_is_named_too(self, worth, said):
+        path = path_to_toml(BrushPath(start="graze", end="march", along=(0, 1), measured="table", **worth)).encode()
+        library = SimpleNamespace(get=shipped().get, path_between=lambda start, end: ("a path", path))
         pairs = [SimpleNamespace(brush="graze")]
         mixing = BrushLayer("brush", 0.5, ["march"], np.zeros((2, 2), int), PaintBounds(blend="mix"))
         told = []
         made = SimpleNamespace(brush_layers=[mixing], zones=[], spawns=pairs)
-        mixing_hints(made, {}, shipped(), SimpleNamespace(warn=told.append))
-        assert len(told) == 1 and "the measured path from 'graze' to 'march' is uneven: behaviour may jump" in told[0]
+        mixing_hints(made, {}, library, SimpleNamespace(warn=told.append))
+        assert len(told) == (said is not None) and all(said in words for words in told)

@@ -110,7 +110,7 @@ def test_typing_a_number_sets_it_and_nonsense_is_answered(window):
     row(window, "mean").entry.set_text("")
     window.type("900")
     assert running(window).speed.mean == 2.5
-    assert window.said == [("warning", "mean goes from 0 to 100; got 900")]
+    assert window.said == [("warning", "mean must be from 0 to 100; got 900")]
     assert row(window, "mean").entry.get_text() == "2.50"
 
 

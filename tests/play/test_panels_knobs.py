@@ -94,7 +94,7 @@ def test_a_whole_number_stays_whole():
     scale = Scale.of(knob("legs"), 4)
     assert {type(scale.value(k / 50)) for k in range(51)} == {int}
     assert knob("legs").read(" 6 ") == 6
-    with pytest.raises(ValueError, match="legs is a whole number"):
+    with pytest.raises(ValueError, match="legs must be a whole number"):
         knob("legs").read("2.5")
 
 

@@ -116,3 +116,23 @@ def test_a_recording_of_a_shipped_level_is_edited_and_saved_elsewhere(tmp_path):
     assert session.save(tmp_path / "mine" / "pasture.tmj")
     session.close()
     assert CliRunner().invoke(cli, ["level", "check", str(tmp_path / "mine" / "pasture.tmj")]).exit_code == 0
+
+
+def test_playing_pauses_at_the_end_of_the_recording_and_goes_on_when_asked(session):
+    def frames(count):
+        for _ in range(count):
+            session.advance(0.4, 10)
+
+    session.scrub(TICKS - 20)
+    session.play()
+    frames(6)
+    assert session.tick == TICKS and not session.playing
+    assert any("end of the recording" in notice.text for notice in session.notices())
+    session.play()
+    frames(6)
+    assert session.tick > TICKS and session.playing
+    session.scrub(20)
+    session.play()
+    session.do("paint", [stroke("swarm", 6, 8, 3)])
+    frames(12)
+    assert session.branch_name != "main" and session.tick > TICKS  # a branch has no recorded end

@@ -206,6 +206,26 @@ def test_forms_ask_for_numbers_and_refuse_what_is_none(window, exported):
     same_as_exported(window, exported, 20, TICKS)
 
 
+def test_a_form_that_changes_nothing_is_refused_and_tells_the_names(window, recording):
+    window.click(next(iter(shown(window).values())))
+    for words in ("Look ...", "Move ..."):
+        press(window, words)
+        if words == "Look ...":
+            assert "sheep" in window.dialog.entries["species"].tool_tip_text
+        window.key("return")
+        assert window.dialog.alive() and "changes nothing" in window.toasts.log.pop().text
+        window.key("escape")
+    assert edits_of(recording).edits() == []
+
+
+def test_undo_leaves_the_animals_selected(window):
+    animal, place = next(iter(shown(window).items()))
+    window.click(place)
+    window.key("delete")
+    window.key("ctrl+z")
+    assert window.session.edits.selected.tolist() == [animal]
+
+
 def test_all_of_a_species_turn_about_their_middle(window, exported):
     made = panel(window)
     made._select("species sheep")
@@ -249,7 +269,7 @@ def test_a_branch_shows_no_edits_and_takes_none(window):
     window.session.do("paint", [stroke("march", 6, 8, 3)])
     assert shown(window).keys() == everybody.keys()
     window.key("delete")
-    assert "go back to its branch main" in window.toasts.log.pop().text
+    assert "go to the branch main" in window.toasts.log.pop().text
     window.session.switch("main")
     go_to(window, 10)
     assert len(shown(window)) == len(everybody) - 1
@@ -273,3 +293,15 @@ def test_edits_of_another_recording_are_not_shown_and_the_session_opens(recordin
     assert session.edits is None
     assert any("another recording" in notice.text for notice in session.notices())
     session.close()
+
+
+def test_trails_of_ways_that_edits_took_away_are_not_drawn(window):
+    go_to(window, 8)
+    animal = next(iter(shown(window)))
+    for tick in range(9, 40):
+        go_to(window, tick)
+    before = np.count_nonzero(window.canvas.painter.trails.alpha)
+    window.session.edits.select([animal])
+    window.key("delete")
+    window.frames(1)
+    assert np.count_nonzero(window.canvas.painter.trails.alpha) < 0.3 * before

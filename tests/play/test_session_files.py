@@ -132,7 +132,7 @@ def test_undo_goes_on_where_the_herd_cannot_follow(session, monkeypatch):
     session.do("guide", [DrawGuide(session.editor.new_id(), "way", [[2, 2], [9, 2]])])
     monkeypatch.setattr(session.editor._done[-1], "back", [RemoveAnimals(6, 8, 1, "cow")])
     assert session.undo() and session.editor.text() == before
-    assert "taken back in the level; the herd cannot follow: there is no species 'cow'" in texts(session)[0]
+    assert "undone in the level, but not in the running herd: there is no species 'cow'" in texts(session)[0]
 
 
 def test_an_edit_the_file_cannot_take_changes_nothing(session):
@@ -418,7 +418,7 @@ def test_where_a_recording_begins_its_size_is_said(level, tmp_path, monkeypatch)
     (said,) = [text for text in texts(session) if "walk.flock" in text]
     session.step(round(60 / session.simulation.clock.dt))
     session.close()
-    megabytes = float(re.search(r"about (\S+) MB a minute", said)[1])
+    megabytes = float(re.search(r"about (\S+) MB per minute", said)[1])
     assert megabytes == pytest.approx((tmp_path / "walk.flock").stat().st_size / 1e6, rel=0.5)
     monkeypatch.setattr(shutil, "disk_usage", lambda folder: shutil._ntuple_diskusage(0, 0, round(5e6 * megabytes)))
     session = Session.open(level, record=tmp_path / "run.flock", state_folder=tmp_path / "state")

@@ -264,7 +264,7 @@ def mad_birds(simulation, n=60, seed=4, speed=20.0):
     put_aloft(simulation, xyz, rng.normal(size=(n, 3)), speed=speed)
 
     def wish(scene, rows):
-        return Wishes(scene.forward[rows].copy(), np.ones(len(rows)), rng.normal(0, 200, (len(rows), 3)))
+        return Wishes(scene.forward[rows].copy(), np.ones(len(rows)), rng.normal(0, 200, scene.xyz.shape)[rows])
 
     pilot(simulation, wish, max_speed=speed / LENGTH, min_speed=speed / LENGTH)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.formation.formation_shapes import textbook
 from flockbrush.behaviours.formation.reaching import FormingRules, home_, part_in_height, reach_
-from flockbrush.systems.initiation import decide, initiate, scattered, target_of
+from flockbrush.systems.initiation import Flying, Following, decide, initiate, scattered, target_of
 
 ALONE = FormingRules(
     hidden_points=True,
@@ -81,13 +81,12 @@ def test_two_on_a_course_for_one_another_part_in_height_and_come_back():
 def decided(x, y, reference, side, slot, rules=None, leader=0, heading=0.0, count=(4, 4), perceived=None):
     """One decision of a flock whose first bird leads."""
     n = len(x)
-    out = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64)
-    decide(
-        np.array(x, float), np.array(y, float), np.full(n, float(heading)), leader, np.array(reference), np.array(side),
-        np.array(slot), np.array(count), rules or FormingRules(),
-        np.ones((n, n), bool) if perceived is None else perceived, *out,
-    )  # fmt: skip
-    return [column.tolist() for column in out]
+    birds = Flying(np.array(x, float), np.array(y, float), np.full(n, float(heading)))
+    now = Following(np.array(reference), np.array(side), np.array(slot))
+    new = Following(np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64))
+    perceived = np.ones((n, n), bool) if perceived is None else perceived
+    decide(birds, leader, now, np.array(count), rules or FormingRules(), perceived, new)
+    return [column.tolist() for column in new]
 
 
 def test_the_nearest_visible_bird_ahead_becomes_the_reference():

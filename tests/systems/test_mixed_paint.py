@@ -53,8 +53,8 @@ def test_a_path_says_how_far_along_the_line_and_what_is_added():
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("along = [0, 0.5]", "'along' must go from 0 to 1"),
-        ("along = [0, 0.6, 0.5, 1]", "without going back"),
+        ("along = [0, 0.5]", "'along' must rise from 0 to 1"),
+        ("along = [0, 0.6, 0.5, 1]", "must rise from 0 to 1"),
         ("along = [0, 1]\n[detour]\nwander = [0, 1]", "detour.wander must have 2 numbers, 0 at both ends"),
     ],
 )

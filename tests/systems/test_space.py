@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from flockbrush.engine.solids import no_solids, packed, prism, sphere
-from flockbrush.systems.space import sort_in_space, visible_in_space
+from flockbrush.systems.space import EyesInSpace, sort_in_space, visible_in_space
+from flockbrush.systems.visibility import lists_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -44,6 +45,11 @@ def brute(xyz, forward, reach, cosine, through, radius, solids, wrap):
     return seen
 
 
+def all_round(n, reach, through, radius):
+    """The eyes of n animals who see all round."""
+    return EyesInSpace(np.full(n, reach), np.full(n, -1.0), np.full(n, through), np.full(n, radius))
+
+
 @settings(max_examples=60)
 @given(
     st.integers(0, 10_000), st.integers(1, 60), st.sampled_from([2.0, 6.0, 20.0]), st.booleans(), st.booleans(),
@@ -59,7 +65,8 @@ def test_everybody_sees_whom_brute_force_sees(seed, n, size, wrapped, through, c
     through = np.full(n, through, np.uint8)
     cosines = np.full(n, cosine)
     space = sort_in_space(xyz, forward, np.arange(n), float(reach.max()), wrap)
-    lists = visible_in_space(space, reach, cosines, through, radius, packed(balls) if wrap is None else None, width=4)
+    solids = packed(balls) if wrap is None else None
+    lists = lists_of(visible_in_space(space, EyesInSpace(reach, cosines, through, radius), solids, width=4))
     expected = brute(xyz, forward, reach, cosines, through, radius, balls if wrap is None else [], wrap)
     for i in range(n):
         mine = lists.of(i).tolist()
@@ -75,7 +82,7 @@ def test_only_some_rows_are_in_the_air():
     xyz = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (5, 5, 5)], float)
     forward = np.tile([1.0, 0, 0], (4, 1))
     space = sort_in_space(xyz, forward, [1, 2, 3], 2.0)
-    lists = visible_in_space(space, np.full(4, 2.0), np.full(4, -1.0), np.ones(4), np.full(4, 0.1))
+    lists = lists_of(visible_in_space(space, all_round(4, 2.0, 1.0, 0.1)))
     assert [lists.of(i).tolist() for i in range(4)] == [[], [2], [1], []]
 
 
@@ -84,9 +91,7 @@ def test_a_crowd_in_one_place_finds_room_in_the_lists():
     xyz = np.random.default_rng(1).uniform(0, 0.5, (n, 3))
     space = sort_in_space(xyz, np.tile([1.0, 0, 0], (n, 1)), np.arange(n), 2.0)
     for through in (0, 1):
-        lists = visible_in_space(
-            space, np.full(n, 2.0), np.full(n, -1.0), np.full(n, through), np.full(n, 1e-9), no_solids(), width=2
-        )
+        lists = lists_of(visible_in_space(space, all_round(n, 2.0, through, 1e-9), no_solids(), width=2))
         assert (np.diff(lists.first) == n - 1).all()
 
 
@@ -94,7 +99,7 @@ def test_strays_far_away_cost_no_map_of_empty_cubes():
     xyz = np.vstack([np.random.default_rng(2).uniform(0, 5, (50, 3)), [(1e6, -1e6, 1e5)]])
     space = sort_in_space(xyz, np.tile([1.0, 0, 0], (51, 1)), np.arange(51), 1.0)
     assert len(space.start) < 1 << 16
-    lists = visible_in_space(space, np.full(51, 1.0), np.full(51, -1.0), np.ones(51), np.full(51, 0.1))
+    lists = lists_of(visible_in_space(space, all_round(51, 1.0, 1.0, 0.1)))
     assert lists.first[51] == lists.first[50]
 
 
@@ -102,7 +107,7 @@ def test_a_wall_hides_those_behind_it():
     xyz = np.array([(0, 0, 5), (4, 0, 5), (4, 0, 45)], float)
     wall = packed([prism([(1, -9), (2, -9), (2, 9), (1, 9)], 0.0, 10.0)])
     space = sort_in_space(xyz, np.tile([1.0, 0, 0], (3, 1)), np.arange(3), 50.0)
-    lists = visible_in_space(space, np.full(3, 50.0), np.full(3, -1.0), np.zeros(3), np.full(3, 0.1), wall)
+    lists = lists_of(visible_in_space(space, all_round(3, 50.0, 0.0, 0.1), wall))
     assert lists.of(0).tolist() == [2]
 
 
@@ -115,5 +120,5 @@ def test_a_place_that_is_no_number_is_told():
 
 def test_an_empty_sky_is_fine():
     space = sort_in_space(np.zeros((0, 3)), np.zeros((0, 3)), [], 1.0)
-    lists = visible_in_space(space, np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0))
+    lists = lists_of(visible_in_space(space, all_round(0, 1.0, 0.0, 0.1)))
     assert lists.first.tolist() == [0]

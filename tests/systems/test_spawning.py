@@ -148,7 +148,7 @@ def test_nobody_is_born_in_the_water():
 @pytest.mark.parametrize("boundary", ["wall", "wrap", "despawn"])
 def test_births_at_the_edge_of_the_map_stay_on_it(boundary):
     simulation = meadow(WALK, boundary=boundary)
-    give_birth(simulation.world, box(-6, -6, 6, 6), 20, "walk", "animal")
+    give_birth(simulation.world, spawn(box(-6, -6, 6, 6), "walk", 20, None), 20)
     xy = xy_of(simulation)
     assert ((xy >= 0) & (xy <= 6)).all()
     simulation.run(2)
@@ -160,7 +160,7 @@ def test_nobody_is_born_into_those_across_the_seam():
     simulation = meadow(WALK, boundary="wrap")
     put(simulation, [(0.05, y) for y in np.arange(1.0, 40, 1.1)], 0.0)  # their tails are on the eastern side
     count = len(simulation.agents)
-    give_birth(simulation.world, box(37, 0, 40, 40), 40, "walk", "animal")
+    give_birth(simulation.world, spawn(box(37, 0, 40, 40), "walk", 40, None), 40)
     agents = simulation.agents
     forward = np.array([(1.0, 0.0)] * count + [(0, 0)] * 40)
     forward[count:] = simulation.agents.arrays[next(f for f in agents.arrays if repr(f) == "Heading.forward")][
@@ -173,7 +173,7 @@ def test_nobody_is_born_into_those_across_the_seam():
 
 def test_no_two_are_born_into_each_other_across_the_seam():
     simulation = meadow(WALK, boundary="wrap", width=9, height=9)
-    give_birth(simulation.world, box(0, 0, 9, 9), 70, "walk", "animal", 0.0)
+    give_birth(simulation.world, spawn(box(0, 0, 9, 9), "walk", 70, heading=0.0), 70)
     agents, xy = simulation.agents, xy_of(simulation)
     n, east = len(xy), np.tile([1.0, 0.0], (140, 1))
     half, radius = np.tile(agents[Body.axis], 2), np.tile(agents[Body.radius], 2)
@@ -188,7 +188,7 @@ def test_large_herds_are_numbered_where_they_stand_with_the_same_bodies(monkeypa
     for many in (1000, 300):
         monkeypatch.setattr(population, "MANY", many)
         simulation = meadow(WALK)
-        give_birth(simulation.world, box(0, 0, 40, 40), 300, "walk", "sheep")
+        give_birth(simulation.world, spawn(box(0, 0, 40, 40), "walk", 300, None, species="sheep"), 300)
         agents = simulation.agents
         columns = agents[Position.xyz], agents[Heading.forward], agents[Body.length], agents[Individual.pace]
         herds.append(np.column_stack(columns))
@@ -202,7 +202,7 @@ def test_large_herds_are_numbered_where_they_stand_with_the_same_bodies(monkeypa
 def test_nobody_is_born_into_those_who_are_there_already():
     simulation = meadow(WALK)
     put(simulation, [(10 + 1.5 * i, 10 + 1.5 * j) for i in range(8) for j in range(8)], 0.4, length=1.2)
-    give_birth(simulation.world, box(9, 9, 24, 24), 60, "walk", "animal", body_length=0.6)
+    give_birth(simulation.world, spawn(box(9, 9, 24, 24), "walk", 60, None, body_length=0.6), 60)
     assert len(simulation.agents) == 124
     assert gaps_of(simulation).min() > 0
     assert level().cell == 1.0
@@ -211,6 +211,6 @@ def test_nobody_is_born_into_those_who_are_there_already():
 def test_when_they_do_not_fit_nobody_is_born():
     simulation = meadow(WALK)
     with pytest.raises(NoRoom):
-        give_birth(simulation.world, box(9, 9, 11, 11), 60, "walk", "animal")
+        give_birth(simulation.world, spawn(box(9, 9, 11, 11), "walk", 60, None), 60)
     assert len(simulation.agents) == 0
     assert simulation.world.next_entity == 1

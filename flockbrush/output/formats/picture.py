@@ -12,6 +12,11 @@ class Png(Pictures):
 
     contents, opens_in = "picture of the last frame", "everything"
 
+    @classmethod
+    def problems(cls, path, options):
+        unmarked = ["a sequence of pictures is named NAME.####.png"] if "##" in path.name else []
+        return [*super().problems(path, options), *unmarked]
+
     def take(self, moment):
         self._frame = self.draw(moment)
         self.frames += 1

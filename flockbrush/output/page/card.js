@@ -78,12 +78,12 @@ class Card {
     if (this.box.hidden) return;
     const i = animals.row();
     this.title.textContent = `animal ${animals.selected}`;
-    if (i < 0) { this.body.replaceChildren(element("p", "not there at this time")); return; }
+    if (i < 0) { this.body.replaceChildren(element("p", "not present at this time")); return; }
     const rows = Object.keys(about.words).map((name) => [name, about.words[name][run.codes[name][i]] || "–"]);
     const compass = (450 - run.yaw[i] * 180 / Math.PI) % 360;
     rows.push(["role", run.leader[i] ? "leader" : "follower"], ["speed", `${run.pace[i].toFixed(2)} m/s`],
       ["course", `${((compass + 360) % 360).toFixed(0)}° from north`], ["height", `${(run.z[i] - animals.ground.height(run.x[i], run.y[i])).toFixed(2)} m above ground`],
-      ["place", `${run.x[i].toFixed(1)}, ${run.y[i].toFixed(1)} m`], ["gait", about.clips[run.clip[i]]], ["body", `${run.length[i].toFixed(2)} m`]);
+      ["position", `${run.x[i].toFixed(1)}, ${run.y[i].toFixed(1)} m`], ["gait", about.clips[run.clip[i]]], ["body length", `${run.length[i].toFixed(2)} m`]);
     if (Math.abs(run.roll[i]) > 0.01) {
       const roll = ((run.roll[i] + Math.PI) % (2 * Math.PI) + 2 * Math.PI) % (2 * Math.PI) - Math.PI;
       rows.push(["bank", `${Math.abs(roll * 180 / Math.PI).toFixed(0)}° ${roll > 0 ? "right" : "left"}`]);
@@ -96,8 +96,8 @@ function aboutRun(box, about, closed) {
   const heading = element("h2");
   heading.append(element("span", about.title), element("button", "×", { title: "Close", onclick: closed }));
   const rows = [["level", `${about.level}, ${about.width} × ${about.height} m, ${about.boundary}`], ["level SHA-256", about.level_sha256], ["seed", `${about.seed}`],
-    ["frames", `${about.times.length} at ${about.fps} a second; the simulation has ${Math.round(1 / about.dt)} ticks a second`],
+    ["frames", `${about.times.length} at ${about.fps} per second; the simulation has ${Math.round(1 / about.dt)} ticks per second`],
     ["state hash", `${about.state_hash} after the last frame`], ...Object.entries(about.source), ...Object.entries(about.versions)];
-  const note = element("p", "Positions are kept to 1/65535 of the herd's extent. Wheel: zoom; drag: orbit; right button: move; click: an animal; space: play; arrows: frame by frame.");
+  const note = element("p", "Positions are stored to 1/65535 of the extent of the herd. Wheel: zoom; drag: orbit; right button: move the view; click: select an animal; space: play; arrow keys: previous and next frame.");
   box.append(heading, pairs(rows.map(([name, value]) => [name, `${value}`])), note);
 }

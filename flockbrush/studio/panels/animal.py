@@ -247,10 +247,10 @@ def facts_of(session, row) -> list[tuple[str, str]]:
 def seen_by(world, row) -> int:
     """How many others the animal saw in the last tick."""
     flies = world.resource(Palette).flies[world.agents[BrushBinding.brush][row]]
-    lists = world.resource(SightInSpace if flies else Sight).lists
-    if lists is None or row + 1 >= len(lists.first):
+    found = world.resource(SightInSpace if flies else Sight).found
+    if found is None or row >= len(found.count):
         return 0
-    return int(lists.first[row + 1] - lists.first[row])
+    return int(found.count[row])
 
 
 def attitude(forward, up) -> str:

@@ -39,20 +39,26 @@ class Change:
 
 
 CHANGES = {
-    "delete": Change("Delete", "They are not there from the first to the second time (Delete)"),
-    "freeze": Change("Freeze", "They stand still, and go on from there"),
+    "delete": Change("Delete", "Hide the selected animals between the two times (key Delete)"),
+    "freeze": Change("Freeze", "Stop the selected animals between the two times; then they continue from there"),
     "move": Change(
-        "Move ...", "They are elsewhere, turned about their middle; the tool moves them by a drag, too",
+        "Move ...", "Shift and turn the selected animals; a drag on the view shifts them, too",
         ("x", "east, m", "0"), ("y", "north, m", "0"), ("z", "up, m", "0"),
-        ("turn", "turn, degrees", "0", "counter-clockwise, about their middle"),
-        ("over", "over, s", "0", "seconds in which the move comes and goes"),
+        ("turn", "turn, degrees", "0", "counter-clockwise, about their mean position"),
+        ("over", "over, s", "0", "duration of the transition at both ends"),
     ),
-    "retime": Change("Retime ...", "Their time goes slower or faster", ("speed", "times as fast", "0.5")),
-    "delay": Change("Delay ...", "All that they do comes later", ("seconds", "later by, s", "1", "below 0: earlier")),
+    "retime": Change(
+        "Retime ...", "Slow the selected animals down, or speed them up along their paths",
+        ("speed", "times as fast", "0.5"),
+    ),
+    "delay": Change(
+        "Delay ...", "Show the whole motion of the selected animals later or earlier",
+        ("seconds", "later by, s", "1", "negative: earlier"),
+    ),
     "look": Change(
-        "Look ...", "They have the colour of another brush, the body of another species, or another size",
-        ("brush", "brush", "", "empty: as it is"), ("species", "species", "", "empty: as it is"),
-        ("size", "times as large", "1"),
+        "Look ...", "Draw the selected animals in the colour of another brush, as another species or larger",
+        ("brush", "brush", ""), ("species", "species", ""),
+        ("size", "times as large", "1", "1: unchanged"),
     ),
 }  # fmt: skip
 
@@ -61,7 +67,7 @@ class EditsPanel(Panel):
     """Shows the layers of edits, and makes edits of the selected animals."""
 
     title = "Edits"
-    tip = "Changes of the recording after its run: exports apply them, the recording stays as it is"
+    tip = "Edits of the recording: exports apply them, the recording itself is not changed"
 
     def make(self):
         px, area = self.px, self.area
@@ -153,7 +159,15 @@ class EditsPanel(Panel):
                 return False
             return self.app.edit_recorded(kind, **values)
 
-        self.app.open_dialog(Form(self.app, change.title.rstrip(" ."), change.rows, give))
+        self.app.open_dialog(Form(self.app, change.title.rstrip(" ."), self._with_names(change.rows), give))
+
+    def _with_names(self, rows):
+        """The rows of a form; those that want a name tell which there are."""
+        words = words_of(self.app.session.simulation)
+        return [
+            row._replace(tip=f"{', '.join(words[row.name])}; empty: unchanged") if row.name in words else row
+            for row in rows
+        ]
 
     def _check_names(self, values):
         words = words_of(self.app.session.simulation)

@@ -12,10 +12,8 @@ class EditRecorded(Tool):
     """Selects animals of a recording; a drag moves them, Delete deletes them.  The recording stays as it is."""
 
     name, title, key, icon = "edit", "Edit the recording", "d", "edit"
-    tip = (
-        "Select recorded animals to move, delete, retime or restyle them; exports show it, the recording stays as it is"
-    )
-    hint = "Click an animal, or drag a box around several (Shift adds). Drag the selected ones to move them."
+    tip = "Select recorded animals to move, delete, retime or restyle them in exports; the recording is not changed"
+    hint = "Click an animal or drag a box (Shift adds). Drag selected animals to move them."
 
     def __init__(self, app):
         super().__init__(app)
@@ -56,10 +54,13 @@ class EditRecorded(Tool):
         if self.edits is None:
             return False
         going = self._from is not None or len(self.edits.selected) > 0
-        self._from = None
+        self.interrupt()
         self.edits.select([])
         self._show()
         return going
+
+    def interrupt(self):
+        self._from = None  # the selection stays: another edit of the same animals may follow
 
     def delete(self) -> bool:
         if self.edits is None or not len(self.edits.selected):

@@ -74,6 +74,10 @@ class Tool:
         """Drop what is half done; whether there was anything."""
         return False
 
+    def interrupt(self):
+        """Something else changes: drop what is half done."""
+        self.cancel()
+
     def finish(self):
         """End a shape that is being clicked together."""
 

@@ -14,7 +14,7 @@ from flockbrush.learning.evolution import Evolution
 from flockbrush.learning.initial_conditions import body_of, speed_of, start_of
 from flockbrush.learning.learned_parameters import Learned
 from flockbrush.learning.recipe import USE, _setting, learn
-from flockbrush.learning.rollout import HerdStart, rollout, theta_of
+from flockbrush.learning.rollout import HerdStart, params_of, rollout, theta_of
 from flockbrush.learning.search_space import Code
 from flockbrush.learning.trials import attempt, forget, keep, simulate
 from flockbrush.learning.workers import Workers, WorkStopped
@@ -117,7 +117,7 @@ def test_nothing_to_learn_from_is_said():
 def test_a_herd_begins_where_the_animals_are_seen(clip):
     start = start_of(clip, 0)
     assert np.array_equal(start.xy, clip.sightings.xy[clip.sightings.of(0)])
-    run = simulate(clip, np.full(12, 0.3), {}, speed_of([clip]), body_of([clip]), swarm_of_graze()[1].vision)
+    run = simulate(clip, params_of(np.full(12, 0.3)), speed_of([clip]), body_of([clip]), swarm_of_graze()[1].vision)
     assert len(run) == len(clip.fields)
 
 

@@ -17,6 +17,7 @@ from flockbrush.learning.rollout import (
     Gates,
     HerdStart,
     PlaneHerd,
+    Surroundings,
     Walls,
     params_of,
     rollout,
@@ -71,7 +72,7 @@ def test_an_obstacle_here_and_in_a_level_turns_animals_the_same_way():
     land.rebuild(navigation=False)
     ends = np.hstack([block, np.roll(block, -1, 0)])
     walls = Walls(ends, np.zeros(4, np.int32))
-    herd = PlaneHerd(begin, brush.params, brush.speed, brush.body, brush.vision, seed=3, walls=walls)
+    herd = PlaneHerd(begin, brush.params, brush.speed, brush.body, brush.vision, seed=3, around=Surroundings(walls))
     for _ in range(48):
         simulation.tick()
         herd.tick()
@@ -125,7 +126,7 @@ def test_who_leaves_the_picture_is_taken_out_and_others_come_in_on_the_side_wher
         np.column_stack([rng.uniform(2.5, 7.5, 12), np.linspace(4.0, 6.0, 12)]), np.tile([1.0, 0.0], (12, 1))
     )
     straight = params_of(np.full(12, 1e-3), ALONE)
-    run = rollout(begin, straight, SpeedSpec(mean=2.0), seconds=2.9, fps=10.0, gates=gates)
+    run = rollout(begin, straight, SpeedSpec(mean=2.0), seconds=2.9, fps=10.0, around=Surroundings(gates=gates))
     numbers = np.diff(run.first)
     assert 9 <= numbers[10:].mean() <= 13
     last = run.xy[run.of(len(run) - 1)]
@@ -143,7 +144,7 @@ def test_a_picture_that_holds_the_whole_herd_has_no_gates():
 def test_leaders_follow_the_motion_of_the_clip():
     lonely = HerdStart(np.array([[5.0, 5.0]]), np.array([[0.0, 1.0]]), np.array([1.0]))
     guide = ClipGuide.of(band(velocity=(0.0, -2.0)))
-    run = rollout(lonely, params_of(np.full(12, 0.5)), CALM, seconds=1.0, fps=10.0, guide=guide)
+    run = rollout(lonely, params_of(np.full(12, 0.5)), CALM, seconds=1.0, fps=10.0, around=Surroundings(guide=guide))
     assert run.forward[-1, 1] < -0.99
 
 

@@ -7,7 +7,7 @@ torch = pytest.importorskip("torch")
 
 from flockbrush.behaviours.behaviour import ByRow
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
-from flockbrush.behaviours.models.herd import Herd, Land, forces_of, herd_kernel
+from flockbrush.behaviours.models.herd import HerdState, Land, Params, forces_of, herd_kernel
 from torch_turns import contacts_of, turned
 
 from flockbrush.learning.perceive import Percept, perceive, together
@@ -15,6 +15,7 @@ from flockbrush.learning.rollout import ClipGuide, Walls, params_of
 from flockbrush.learning.torch_herd import forces, headings, sight_of, theta_tensor
 
 DT = 1 / 32
+LEADERLESS = Params(leader_neighbours=-1)
 SQUARE = Walls(np.array([(2, 2, 3, 2), (3, 2, 3, 3), (3, 3, 2, 3), (2, 3, 2, 2)], float), np.zeros(4, np.int32))
 
 
@@ -33,7 +34,7 @@ def by_kernel(percept: Percept, params):
     n = percept.animals
     rows = np.arange(n, dtype=np.int32)
     forward, direction = np.column_stack([percept.forward, np.zeros(n)]), np.zeros((n, 3))
-    herd = Herd(forward, np.ones(n), percept.species, percept.leader, percept.memory, percept.known)
+    herd = HerdState(forward, np.ones(n), percept.species, percept.leader, percept.memory, percept.known)
     seen = ByRow(percept.first, percept.near, percept.offset)
     land = Land(percept.walls_first, percept.walls_offset, percept.guidance, np.zeros((n, 2)))
     herd_kernel(0, n, rows, DT, herd, seen, land, forces_of(params), direction)
@@ -68,7 +69,7 @@ def test_leaders_are_led_in_torch_as_in_a_run(blend, unled):
 
 def test_gradients_are_finite_differences():
     xy, forward = some_herd(5, n=9, side=4.0)
-    sight = sight_of(perceive(xy, forward, walls=SQUARE, leader_neighbours=-1), device="cpu")
+    sight = sight_of(perceive(xy, forward, params=LEADERLESS, walls=SQUARE), device="cpu")
 
     def of(theta, sensitivity, facing):
         return headings(theta, sight, DT, sensitivity=sensitivity, forward=facing)
@@ -79,7 +80,7 @@ def test_gradients_are_finite_differences():
 
 def test_animals_in_one_place_have_a_gradient():
     """Both stand on the same spot: no bearing, no distance, and no NaN."""
-    percept = perceive(np.zeros((3, 2)), np.tile([1.0, 0.0], (3, 1)), leader_neighbours=-1)
+    percept = perceive(np.zeros((3, 2)), np.tile([1.0, 0.0], (3, 1)), params=LEADERLESS)
     percept = percept._replace(first=np.array([0, 1, 1, 1]), near=np.array([1], np.int32), offset=np.zeros((1, 2)))
     theta = theta_tensor(np.full(12, 0.5), requires_grad=True)
     headings(theta, sight_of(percept), DT).sum().backward()

@@ -5,6 +5,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from flockbrush.behaviours.models.herd import Params
 from torch_turns import contacts_of, heading_rollout
 
 from flockbrush.film.observations import Fields
@@ -89,7 +90,7 @@ def test_the_errors_have_slopes():
     """Gradients of both errors are finite differences."""
     xy = np.random.default_rng(0).uniform(0, 4, (12, 2))
     angle = np.random.default_rng(1).uniform(-np.pi, np.pi, 12)
-    percept = perceive(xy, np.column_stack([np.cos(angle), np.sin(angle)]), leader_neighbours=-1)
+    percept = perceive(xy, np.column_stack([np.cos(angle), np.sin(angle)]), params=Params(leader_neighbours=-1))
     sight, aim = sight_of(percept, device="cpu"), aims(fields(variance=900.0), 0, xy, 0.5)
 
     def both(theta):
@@ -103,7 +104,7 @@ def test_turns_over_some_ticks_are_those_of_the_other_kernel():
     rng = np.random.default_rng(2)
     angle = rng.uniform(-np.pi, np.pi, 30)
     percept = perceive(
-        rng.uniform(0, 6, (30, 2)), np.column_stack([np.cos(angle), np.sin(angle)]), leader_neighbours=-1
+        rng.uniform(0, 6, (30, 2)), np.column_stack([np.cos(angle), np.sin(angle)]), params=Params(leader_neighbours=-1)
     )
     theta, still = np.full(12, 0.4), np.zeros((30, 2))
     turns = Turns(percept, still, np.zeros(30), np.arange(30), np.full(30, 2.5), np.zeros(30), np.ones(30), 0.3, 0.0)

@@ -31,7 +31,9 @@ def some_turns(seed, ticks, n=40, side=7.0, walls=None, radius=0.0):
     angle = rng.uniform(-np.pi, np.pi, n)
     forward = np.column_stack([np.cos(angle), np.sin(angle)])
     species = rng.integers(0, 2, n)
-    percept = perceive(rng.uniform(0, side, (n, 2)), forward, walls=walls, species=species, leader_neighbours=-1)
+    percept = perceive(
+        rng.uniform(0, side, (n, 2)), forward, params=Params(leader_neighbours=-1), walls=walls, species=species
+    )
     velocity, spin = rng.normal(0, 1, (n, 2)), rng.normal(0, 1, n)
     rows = np.arange(n)
     return Turns(percept, velocity, spin, rows, np.full(n, ticks), np.zeros(n), np.ones(n), 0.3, radius)

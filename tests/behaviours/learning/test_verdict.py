@@ -1,5 +1,7 @@
 """What is said of a brush: the truth is praised, another herd is not, and of what a clip cannot tell nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from flockbrush.behaviours.brush import shipped
@@ -97,3 +99,12 @@ def test_brushes_of_several_parts_are_judged_together():
     both = combined(parts)
     assert both.kind == "like" and both.seconds == 6.0
     assert both.brush.rows[0].far == pytest.approx(0.85)
+
+
+def test_nothing_is_told_by_a_clip_whose_animals_are_taken_for_ground(clip):
+    doubted = replace(clip, doubt="animals move 0.1 body lengths in this clip")
+    told = judge(doubted, shipped().get(BRUSH), {}, runs=2)
+    assert told.kind == "untold" and told.sentence.endswith(
+        "from this clip: animals move 0.1 body lengths in this clip."
+    )
+    assert combined([told, replace(told, doubt="")]).kind == "untold"

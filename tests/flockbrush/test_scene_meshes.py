@@ -1,0 +1,36 @@
+"""Lines of a scene as exporters write them: on the drawn curve, and on the ground, hills included."""
+
+import numpy as np
+import pytest
+
+from flockbrush.output.scene_meshes import CELLS, SceneMeshes, divided
+from flockbrush.render.canvas import smooth
+from flockbrush.runs.run import start
+
+
+def test_guides_follow_the_curve_that_the_ground_shows():
+    simulation = start("meadow", agents=4)
+    for guide, line in zip(simulation.level.guides, SceneMeshes(simulation).guides(), strict=True):
+        assert line.points[:, :2] == pytest.approx(smooth(np.asarray(guide.points)[:, :2], guide.loop))
+
+
+def test_lines_follow_hills_between_their_corners():
+    place = SceneMeshes(start("ridge", agents=4))
+    cell = max(place.width, place.height) / CELLS + 1e-9
+    for line in [*place.guides(), *place.areas()]:
+        ends = np.roll(line.points, -1, axis=0) if line.closed else line.points[1:]
+        steps = ends - line.points[: len(ends)]
+        middles = 0.5 * (ends + line.points[: len(ends)])
+        assert np.hypot(steps[:, 0], steps[:, 1]).max() <= cell
+        assert np.abs(middles[:, 2] - place.heights(middles[:, :2])).max() < 0.5
+
+
+def test_a_divided_line_keeps_its_corners_and_its_length():
+    corners = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]])
+    for closed, length in ((False, 7.0), (True, 12.0)):
+        line = divided(corners, 0.7, closed)
+        around = np.vstack([line, line[:1]]) if closed else line
+        steps = np.hypot(*np.diff(around, axis=0).T)
+        assert steps.sum() == pytest.approx(length) and steps.max() <= 0.7
+        assert all((np.abs(line - corner).sum(axis=1) == 0).any() for corner in corners)
+    assert divided(corners[:1], 0.7).tolist() == [[0.0, 0.0]]
