@@ -39,7 +39,8 @@ def contacts_within(reach, cells, width=LANES) -> Contacts:
         over_rows(_find_contacts, len(order), cells, order, reach, near, count)
         most = int(count.max()) if m else 0
         if most <= width:
-            return Contacts(*cells[:7], order, itself, near, count)
+            herd = cells.x, cells.y, cells.fx, cells.fy, cells.half, cells.radius, cells.row
+            return Contacts(*herd, order, itself, near, count)
         width = 1 << most.bit_length()
 
 

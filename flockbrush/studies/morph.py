@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.optimize import isotonic_regression
@@ -65,7 +65,7 @@ class Trial:
     seeds: int = 3
     steps: int = 8
     seconds: float = 20.0
-    begin: str = "random"  # of `BEGINNINGS`
+    begin: Literal["random", "aligned", "mill"] = "random"
 
     @property
     def dwell(self):
