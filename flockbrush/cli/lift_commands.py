@@ -91,6 +91,7 @@ def _tell(out, flight, seconds, method, as_json):
         "nearest_m": low,
         "farthest_m": high,
         "noise_px": flight.noise,
+        "order": flight.order,
         "seconds": seconds,
         "notes": flight.notes,
         "file": str(out),
@@ -104,6 +105,7 @@ def _tell(out, flight, seconds, method, as_json):
         ("smallest distance, m", low),
         ("largest distance, m", high),
         ("noise of the tracks, pixels", flight.noise),
+        ("pairs expected in the right order", "-" if np.isnan(flight.order) else f"{flight.order:.0%}"),
         ("solve time, s", seconds),
     )
     show(table("what", "value", rows=rows, right=("value",)))

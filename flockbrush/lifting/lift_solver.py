@@ -27,11 +27,13 @@ from flockbrush.film.tracks import Tracks, smoothed
 from flockbrush.lifting.banded import add_squares, banded_product, solve_banded
 from flockbrush.lifting.lens import Camera
 from flockbrush.lifting.motion_prior import Manner, compute_manner
+from flockbrush.lifting.order_confidence import order_confidence
 
 EVENNESS = 10.0  # of speeding up over turning, for the whole flock.  By trial: 1 to 30 will do for boids and pigeons
 FLOCK = 8.0  # of alignment and cohesion over what the picture tells of them.  By trial: 4 to 16
 VOLUME = 2.0  # what a pixel sees grows with depth to this
 STEPS, SETTLED = 16, 2e-3  # of Newton's method at most; the largest relative change of a depth at which it ends
+TOSS = 0.6  # share of pairs expected in the right order, below which it is said
 EVEN = "all birds are placed at one distance, so that their mean speed is the one in the camera file"
 COARSE = 0.1  # the same, for a look while a slider is dragged
 WISHES = {"smoothness": 1e6, "flock": 1e6, "evenness": 1e6, "separation": 1.0, "separation_distance": 1e3}  # at most
@@ -79,6 +81,8 @@ class LiftedFlight:
     noise: float = float("nan")
     notes: list[str] = field(default_factory=list)  # what whoever uses this should know
     manner: Manner | None = None  # how its birds move about its middle, as read off the tracks
+    # share of the pairs of birds whose order in depth is expected to be right; NaN where that was not asked
+    order: float = float("nan")
 
 
 @dataclass
@@ -125,7 +129,25 @@ def lift_sight(sight: PreparedTracks, camera: Camera, wish: LiftWish | None = No
         list(sight.notes), sight.manner,
     )  # fmt: skip
     flight.notes += _out_of_bounds(flight, camera)
+    if every <= 1:
+        flight.order = _order(sight, camera, wish or LiftWish(), depth)
+        if flight.order < TOSS:
+            flight.notes.append(
+                f"which of two birds is nearer is uncertain: about {flight.order:.0%} of the pairs are expected to be "
+                "in the right order (chance: 50%), and the flock may be mirrored in depth"
+            )
     return flight
+
+
+def _order(sight, camera, wish, depth):
+    """As `order_confidence` of these depths, m."""
+    if not _is_flock(sight.there):
+        return float("nan")
+    system = _System(sight.rays, sight.there)
+    bands = system.steady(camera.fps, sight.manner, wish) + system.evenness(depth, camera.fps, wish)
+    own = depth * np.sqrt(system.volume.sum() / _cost(bands, depth[sight.there]))  # the scale that the cost has
+    bands[:, 0] += system.volume / own[sight.there] ** 2
+    return order_confidence(bands, own, system.number, sight.there)
 
 
 def prepared(tracks: Tracks, camera: Camera) -> PreparedTracks:

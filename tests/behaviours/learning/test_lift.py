@@ -461,3 +461,23 @@ def test_the_first_frames_of_the_thesis_method_are_mid_range_and_the_initial_spe
     step = np.linalg.norm(flight.xyz[1] - flight.xyz[0], axis=-1)
     seen = 40.0 * np.linalg.norm(np.diff(CAMERA.rays(smoothed(tracks).px[:2]), axis=0)[0], axis=-1)
     assert step == pytest.approx(np.maximum(9.0 / 30, seen), rel=0.05)
+
+
+def test_the_order_of_birds_that_show_their_depths_is_sure_and_that_of_birds_that_do_not_is_a_toss():
+    """Birds that fly past at one pace differ in the picture by their distance; those that fly straight away do not."""
+    chance, t = np.random.default_rng(3), np.arange(60)[:, None, None] / 30
+    places = chance.normal(0, 2.5, (6, 3))
+    past, away = places + [-9, 40, 0] + t * [9.0, 0.0, 1.5], 0.2 * places + [0, 150, 0] + t * [0.0, 9.0, 0.0]
+
+    def right(xyz, flight):
+        """Share of the pairs in the right order, in the middle of the film."""
+        deep, found = np.linalg.norm(xyz, axis=-1)[30], flight.depth[30]
+        i, j = np.triu_indices(len(deep), 1)
+        return (np.sign(deep[i] - deep[j]) == np.sign(found[i] - found[j])).mean()
+
+    sure, toss = lift(filmed(past, noise=0.5), CAMERA), lift(filmed(away, noise=1.0), CAMERA)
+    assert sure.order > 0.65 and right(past, sure) > 0.8 and not sure.notes
+    assert toss.order < 0.6 and right(away, toss) < 0.6
+    assert any(note.startswith("which of two birds is nearer is uncertain") for note in toss.notes)
+    alone = lift(filmed(past[:, :1]), CAMERA)
+    assert np.isnan(alone.order)
