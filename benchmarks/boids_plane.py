@@ -32,7 +32,8 @@ from scipy.spatial import cKDTree
 
 REACH, DT, SLOWEST, FASTEST = 1.0, 1 / 60, 0.5, 1.5  # m, s, m/s
 OWN = 0.1  # m, a body length
-FLAGS = ("-O3", "-march=native", "-ffast-math", "-fopenmp", "-std=c++17")
+PROCESSOR = os.environ.get("NUMBA_CPU_NAME", "native")  # C++ is compiled for the same processor as numba's code
+FLAGS = ("-O3", f"-march={PROCESSOR}", "-ffast-math", "-fopenmp", "-std=c++17")
 MOST = 1000.0  # body lengths/s²: large enough that no urge is ever cut
 
 

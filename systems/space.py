@@ -330,9 +330,9 @@ def _in_view(i, among, runs, axes, heading, reach2, cosine, seen):
 def _without_hidden(i, n, space, eyes, solids, who):
     """Strike out who is outside the cone, or hidden by others in range or by solids; returns how many are left."""
     xi, yi, zi, fx, fy, fz = space.x[i], space.y[i], space.z[i], space.fx[i], space.fy[i], space.fz[i]
-    ox, oy, oz, d2, others = np.empty(n), np.empty(n), np.empty(n), np.empty(n), who[:n].copy()
+    ox, oy, oz, d2, others = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n, np.int32)
     for k in range(n):
-        j = others[k]
+        others[k] = j = who[k]
         ox[k], oy[k], oz[k] = space.x[j] - xi, space.y[j] - yi, space.z[j] - zi
         d2[k] = ox[k] * ox[k] + oy[k] * oy[k] + oz[k] * oz[k]
     nearest = order_(d2, n)  # who is near hides most
