@@ -89,14 +89,14 @@ def halves_of(name, options):
     from flockbrush.behaviours.brush import shipped
 
     from flockbrush.film.observations import halves
-    from flockbrush.learning.recipe import learn
+    from flockbrush.learning.recipe import SearchSettings, learn
     from flockbrush.learning.rollout import params_of
 
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         first, second = halves(evidence_of_clip(name, options, folder))
     looked = time.perf_counter()
-    found = learn(first, seed=0, jobs=options.jobs, budget_s=options.budget)
+    found = learn(first, SearchSettings(budget_s=options.budget), jobs=options.jobs)
     learned = time.perf_counter()
     given = found.speed, found.body
     mine = judged(second, found.params, *given, found.vision)

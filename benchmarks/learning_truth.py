@@ -173,11 +173,11 @@ def fields(case, seed, options):
 
 
 def _recipe(case, clip, seed, options):
-    from flockbrush.learning.recipe import forces_of, learn
+    from flockbrush.learning.recipe import SearchSettings, forces_of, learn
     from flockbrush.learning.rollout import theta_of
 
     begun = time.perf_counter()
-    found = learn(clip, seed=seed, starts=5, jobs=options.jobs, budget_s=options.budget, brushes=False)
+    found = learn(clip, SearchSettings(seed, budget_s=options.budget, brushes=False), jobs=options.jobs)
     truth = theta_of(case.brush.params)
     error = np.abs(forces_of(found.theta, found.extras) - truth)
     result = judged(fresh(case, clip, found.params, found.speed, found.body, found.vision, 200 + seed), case.future)

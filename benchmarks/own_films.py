@@ -47,7 +47,8 @@ def _row(level, path, overlays):
         )
     pairs = zip(was, now, (".2f", ".2f", ".0f", ".2f"), strict=True)
     cells = " | ".join(f"{a:{form}} / {b:{form}}" for a, b, form in pairs)
-    said = "; ".join(note.split(":")[0] for note in told.notes if "too" in note or "only" in note)
+    warnings = "too ", "only", "unreliable", "never moves"
+    said = "; ".join(note.split(":")[0] for note in told.notes if any(word in note for word in warnings))
     return f"{begin} {cells} | {said} |"
 
 

@@ -240,11 +240,12 @@ def visible_in_space(space, eyes, solids=None, width=32, scratch=None):
 def _look(lo, hi, space, eyes, solids, width, seen, begin, count):
     """The visible of observers lo to hi, into ``seen`` from ``lo * width`` on; ``begin[i] = -1``: no room."""
     mine, runs = np.empty(len(space.x) + 2 * LANES, np.int32), np.empty(18, np.int64)
-    _look_about(lo, hi, space, eyes, solids, width, seen, begin, count, mine, runs)
+    _look_about(lo, hi, space, eyes, solids, width, seen, begin, count, (mine, runs))
 
 
 @kernel
-def _look_about(lo, hi, space, eyes, solids, width, seen, begin, count, mine, runs):
+def _look_about(lo, hi, space, eyes, solids, width, seen, begin, count, room):
+    mine, runs = room
     axes = pointer(space.x), pointer(space.y), pointer(space.z)
     heading = pointer(space.fx), pointer(space.fy), pointer(space.fz)
     row, start, own, out = pointer(space.row), pointer(space.start), pointer(mine), pointer(seen)

@@ -23,6 +23,8 @@ ORDER = (
     {"cli"},
 )
 ROOMS = tuple(sorted(set().union(*ORDER)))
+MOST = 10  # arguments of a function
+LINES = 80  # of a function
 LIVING = ("engine", "components", "behaviours", "systems")  # no windows, no learning
 CLOCKS = {"now", "today", "utcnow"}  # of datetime; the module time is not imported at all
 
@@ -205,6 +207,9 @@ def test_the_rules_find_those_who_break_them():
     ):
         assert chance_and_clocks(source) != [], source
     assert chance_and_clocks("from flockbrush.engine.clock import Clock\nclock.now\n") == []
+    assert list(lengthy("def f():\n" + 80 * "    pass\n")) == [(1, "f")]
+    assert list(lengthy("def f():\n" + 79 * "    pass\n")) == []
+    assert list(crowded("def f(a, b, c, d, e, *, f, g, h, i, j, k): pass")) == [(1, "f")]
     assert machine_dependent("@njit(fastmath=True)\ndef f(): pass") == [1]
     assert machine_dependent("@njit(fastmath={'nnan', 'reassoc'})\ndef f(): pass") == [1]
     assert machine_dependent("@njit(fastmath={'nnan'})\ndef f(): pass") == []
@@ -220,52 +225,38 @@ def test_no_file_is_too_long(room):
     assert lines and {name: count for name, count in lines.items() if count > LONG} == {}, "split it by subject"
 
 
+def crowded(source):
+    """(line, name) of every function of a source that takes more than `MOST` arguments."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            taken = node.args
+            if len(taken.posonlyargs) + len(taken.args) + len(taken.kwonlyargs) > MOST:
+                yield node.lineno, node.name
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_no_function_takes_too_many_arguments(room):
+    found = {named(path): list(crowded(path.read_text(encoding="utf-8"))) for path in files(room)}
+    assert {name: functions for name, functions in found.items() if functions} == {}, "pass a NamedTuple or a dataclass"
+
+
+def lengthy(source):
+    """(line, name) of every function of a source with more than `LINES` lines."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.end_lineno - node.lineno >= LINES:
+            yield node.lineno, node.name
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_no_function_is_too_long(room):
+    found = {named(path): list(lengthy(path.read_text(encoding="utf-8"))) for path in files(room)}
+    assert {name: functions for name, functions in found.items() if functions} == {}, "split it by step"
+
+
 def test_no_file_of_tests_benchmarks_and_pictures_is_too_long():
     paths = [path for folder in ("tests", "benchmarks", "docs") for path in (HOUSE / folder).rglob("*.py")]
     lines = {str(path.relative_to(HOUSE)): path.read_text(encoding="utf-8").count("\n") for path in paths}
     assert len(lines) > 100 and {name: count for name, count in lines.items() if count > LONG} == {}, "split it"
-
-
-MOST = 10  # parameters of a function: pass a NamedTuple
-# functions that still take more; whoever shortens one takes its name away
-WAITING = {
-    "behaviours/models/boids.py": {"_steer", "_weigh", "_clear_of_obstacles"},
-    "behaviours/models/flee_and_hunt.py": {"_flee", "_hunt"},
-    "behaviours/models/herd.py": {"_by_slot", "_by_row", "_heading", "herd_kernel", "herd_kernel_by_slot"},
-    "behaviours/models/zones.py": {"_zones"},
-    "systems/decide.py": {"_roles", "_roles_by_slot"},
-    "systems/sight.py": {"_add_rings", "_look", "_look_through", "_view_by_looks", "look"},
-}
-
-
-def parameters(source):
-    """How many parameters each function of a source has, by name; the most of those with one name."""
-    found = {}
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
-            given = node.args
-            every = [*given.posonlyargs, *given.args, *given.kwonlyargs, given.vararg, given.kwarg]
-            found[node.name] = max(sum(one is not None for one in every), found.get(node.name, 0))
-    return found
-
-
-def with_too_many(counts):
-    """The functions with more parameters than may be, by file."""
-    found = {file: {name for name, count in by_name.items() if count > MOST} for file, by_name in counts.items()}
-    return {file: names for file, names in found.items() if names}
-
-
-@pytest.mark.parametrize("room", TOP)
-def test_no_function_has_too_many_parameters(room):
-    counts = {named(path): parameters(path.read_text(encoding="utf-8")) for path in files(room)}
-    assert len(counts) > 3
-    assert with_too_many(counts) == {file: names for file, names in WAITING.items() if file.startswith(f"{room}/")}
-
-
-def test_all_parameters_are_counted():
-    source = f"def f(a, /, b, *c, d, **e): 0\nclass X:\n    async def g(self): 0\ndef h({', '.join('abcdefghijk')}): 0"
-    assert parameters(source) == {"f": 5, "g": 1, "h": 11}
-    assert with_too_many({"x.py": parameters(source)}) == {"x.py": {"h"}}
 
 
 SHARED = {"Params"}  # every model names its parameters so; each is known by its model

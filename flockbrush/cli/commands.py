@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import shutil
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import typer
 
 from flockbrush.cli.program_commands import submit_events
+from flockbrush.cli.run_options import RunRequest
 from flockbrush.cli.show_desync import show_desync
 from flockbrush.engine import limits
 from flockbrush.engine.parallel import set_threads, threads
@@ -25,50 +25,28 @@ from flockbrush.runs.desync import check_folder, write_report
 from flockbrush.runs.synctest import AGAIN, FIRST, OutOfSync, SyncTest
 from flockbrush.runs.terminal import Stopped, number, print_json, print_line, say, show, styled, table
 
-
-@dataclass
-class RunRequest:
-    """The options of a run."""
-
-    level: str
-    ticks: int | None = None
-    seconds: float | None = None
-    seed: int | None = None
-    agents: int | None = None
-    record: Path | None = None
-    exports: list[Path] = field(default_factory=list)
-    fps: float | None = None
-    threads: int | None = None
-    options: dict = field(default_factory=dict)
-    json: bool = False
-    events: list[str] = field(default_factory=list)
-    keyframes: int | None = None  # ticks between the snapshots of the recording
-    synctest: int | None = None  # ticks between the snapshots of a sync test
-    report: Path | None = None  # a folder for what a sync test finds
-    brush: str | None = None
-
-
 # run ---------------------------------------------------------------------------------
 
 
-def run_level(job: RunRequest):
-    """Run a level, write the requested files and print the report."""
+def run_level(job: RunRequest, options):
+    """Run a level, write the requested files with the options of the exporters, and print the report."""
+    exported = job.export or []
     path = running.find_level(job.level)
     if job.report is not None:
         check_folder(job.report)
-    check_exports(job.exports, [path], [job.record] if job.record else [], job.options)
+    check_exports(exported, [path], [job.record] if job.record else [], options)
     use_threads(job.threads)
     begin = job.level, job.seed, job.agents, job.brush
     with terminal.Interrupts() as interrupts, compiling_ahead(*begin):
         simulation = running.start(*begin)
         ticks = ticks_of(job, simulation.clock.dt)
-        submit_events(simulation, job.events)
-        watch, writing = running.Stopwatch(simulation), bool(job.record or job.exports)
+        submit_events(simulation, job.event or [])
+        watch, writing = running.Stopwatch(simulation), bool(job.record or exported)
         if job.record:
             tell_size(job.record, running.recording_size(simulation, ticks, job.keyframes))
         with (
             recorder_of(job.record, simulation, job.keyframes) as recorder,
-            Exports(job.exports, simulation, job.fps, **job.options) as exports,
+            Exports(exported, simulation, job.fps, **options) as exports,
         ):
             exports.take()
             with stepping(simulation.level.name, simulation, ticks, interrupts, writing) as stepped:
@@ -199,7 +177,7 @@ def _report(job, simulation, watch):
         "states": simulation.states(),
         "transitions": simulation.transitions(),
         "recording": str(job.record) if job.record else None,
-        "exports": [str(path) for path in job.exports],
+        "exports": [str(path) for path in job.export or []],
         "versions": running.versions(),
         "peak_memory_mib": running.peak_memory(),
     }
@@ -394,7 +372,7 @@ def list_brushes(json):
     if json:
         print_json([_in_short(brush) for brush in brushes])
         return
-    made = table("", "brush", "model", "speed, BL/s", "origin", "behaviour", right=("speed, BL/s",))
+    made = table("", "brush", "model", "speed, BL/s", "numbers", "what they do", right=("speed, BL/s",))
     for brush in brushes:
         swatch = styled("[{}]██[/]", brush.colour)
         first = (brush.title or brush.description).strip().split("\n")[0]
@@ -432,7 +410,7 @@ def show_brush(name, json):
             made.add_row(f"  {key}", _value(getattr(part, key)), unit, info.description or "")
     show(made)
     told = {key: value for key, value in brush.provenance.model_dump().items() if value not in (None, "", {})}
-    show(styled("[bold]provenance[/]"))
+    show(styled("[bold]where the numbers come from[/]"))
     figures = told.pop("report", {})
     for key, value in told.items():
         show(f"  {key}: {_value(value)}")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,45 +13,17 @@ from flockbrush.engine.files import refused
 from flockbrush.engine.recording import resume
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
-from flockbrush.runs.edit_file import FIRST, EditFile, edits_of, ids_of, ids_text, sentence_of
+from flockbrush.runs.edit_file import EditFile, edits_of, ids_of, ids_text, sentence_of
 from flockbrush.runs.run_edits import ALWAYS, IN_TIME, Edit, EditedMoments, Past
 from flockbrush.runs.selection import Selection, chosen
 from flockbrush.runs.snapshots import moment_of, words_of
 from flockbrush.runs.terminal import print_json, print_line, say, show, table
 from flockbrush.systems.landscape import Landscape
 
+if TYPE_CHECKING:
+    from flockbrush.cli.edit_options import EditJob
+
 LOOKS = ("brush", "species", "size")
-
-
-@dataclass
-class EditJob:
-    """The options of ``flockbrush edit``."""
-
-    recording: Path
-    layer: str = FIRST
-    ids: str | None = None
-    box: str | None = None
-    near: str | None = None
-    species: str | None = None
-    brush: str | None = None
-    state: str | None = None
-    time: float | None = None
-    delete: bool = False
-    move: str | None = None
-    turn: float | None = None
-    over: float | None = None
-    retime: float | None = None
-    freeze: bool = False
-    delay: float | None = None
-    look: list[str] = field(default_factory=list)
-    start: float | None = None
-    end: float | None = None
-    undo: bool = False
-    redo: bool = False
-    on: str | None = None
-    off: str | None = None
-    remove_layer: str | None = None
-    json: bool = False
 
 
 def edit_recording(job: EditJob):
@@ -170,7 +142,7 @@ def _values(job, kind, words):
     if kind != "look":
         return {}
     told = {}
-    for text in job.look:
+    for text in job.look or []:
         name, mark, value = text.partition("=")
         if name not in LOOKS or not mark:
             raise refused("--look", f"must be brush=NAME, species=NAME or size=FACTOR, got {text!r}")

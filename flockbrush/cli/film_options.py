@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import enum
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from flockbrush.cli.shared_options import Json
+from flockbrush.cli.shared_options import Json, grouped
 
 
 class LiftMethod(str, enum.Enum):
@@ -42,21 +43,44 @@ def track(
     return track_clip(clip, out, seed_points, correct, reach, json)
 
 
+@dataclass
+class LiftWeights:
+    """What a flight should be like, as `LiftWish` has it."""
+
+    smoothness: Annotated[float, typer.Option("--lambda-t", min=0, help="Weight λ_t of smooth paths.")] = 1.0
+    flock: Annotated[float, typer.Option("--lambda-f", min=0, help="Weight λ_f of alignment and cohesion.")] = 1.0
+    evenness: Annotated[float, typer.Option(min=0, help="Weight of a constant mean speed of the flock.")] = 1.0
+    separation: Annotated[
+        float, typer.Option(min=0, max=1, help="Weight of separation between birds; only for a better appearance.")
+    ] = 0.0
+    separation_distance: Annotated[
+        float, typer.Option(min=0, metavar="M", help="Distance below which separation acts, m.")
+    ] = 1.2
+
+
+@dataclass
+class FormationOptions:
+    """A formation brush that is made of a flight."""
+
+    brush: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Formation brush to write as well, from the birds of one frame.")
+    ] = None
+    frame: Annotated[
+        int | None, typer.Option(metavar="N", help="Frame number for --brush; default: the middle frame.")
+    ] = None
+    wingspan: Annotated[
+        float | None, typer.Option(metavar="M", help="Wingspan of the birds for --brush, m; default: estimated.")
+    ] = None
+
+
+@grouped
 def lift(
     tracks: Annotated[Path, typer.Argument(metavar="TRACKS", help="Table of tracks: frame, id, x, y in pixels.")],
     camera: Annotated[
         Path, typer.Option(metavar="FILE", help="TOML file of the camera: width, height, horizontal_fov_deg, fps, ...")
     ],
     out: Annotated[Path, typer.Option(metavar="FILE", help="Trajectory to write, CSV in metres.")],
-    lambda_t: Annotated[float, typer.Option(min=0, help="Weight λ_t of smooth paths.")] = 1.0,
-    lambda_f: Annotated[float, typer.Option(min=0, help="Weight λ_f of alignment and cohesion.")] = 1.0,
-    evenness: Annotated[float, typer.Option(min=0, help="Weight of a constant mean speed of the flock.")] = 1.0,
-    separation: Annotated[
-        float, typer.Option(min=0, max=1, help="Weight of separation between birds; only for a better appearance.")
-    ] = 0.0,
-    separation_distance: Annotated[
-        float, typer.Option(min=0, metavar="M", help="Distance below which separation acts, m.")
-    ] = 1.2,
+    weights: LiftWeights = LiftWeights(),  # noqa: B008  its fields become the options
     near: Annotated[
         float | None,
         typer.Option(metavar="M", help="Smallest distance from the camera, m; default: from the camera file."),
@@ -68,21 +92,11 @@ def lift(
     method: Annotated[
         LiftMethod, typer.Option(help="smooth: one global solve; cobyla: frame-by-frame descent of Lin's thesis.")
     ] = LiftMethod.smooth,
-    brush: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Formation brush to write as well, from the birds of one frame.")
-    ] = None,
-    frame: Annotated[
-        int | None, typer.Option(metavar="N", help="Frame number for --brush; default: the middle frame.")
-    ] = None,
-    wingspan: Annotated[
-        float | None, typer.Option(metavar="M", help="Wingspan of the birds for --brush, m; default: estimated.")
-    ] = None,
+    formation: FormationOptions = FormationOptions(),  # noqa: B008
     json: Json = False,
 ):
     """Lift a flock from one camera to 3D: convert tracks in pixels to a flight in metres."""
     from flockbrush.cli.lift_commands import lift_tracks
 
-    wishes = dict(smoothness=lambda_t, flock=lambda_f, evenness=evenness)
-    wishes |= dict(separation=separation, separation_distance=separation_distance)
-    made = (brush, frame, wingspan) if brush is not None else None
-    lift_tracks(tracks, camera, out, method.value, near, far, json, made, **wishes)
+    made = (formation.brush, formation.frame, formation.wingspan) if formation.brush is not None else None
+    lift_tracks(tracks, camera, out, method.value, near, far, json, made, **vars(weights))

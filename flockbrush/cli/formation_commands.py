@@ -102,15 +102,16 @@ def _summary(frame):
     }  # fmt: skip
 
 
-def fly(formation_path, birds, frames, fps, seed, left, exchange, method, epsilon, lateral, out, plot, json):
-    """Make a steady flight of a formation; write and print it."""
+def fly(formation_path, wanted, out, plot, json):
+    """A steady flight of a formation, with `FlightOptions`."""
+    fps = wanted.fps
     with claimed([path for path in (out, plot) if path], [formation_path]):
         formation = load_formation(formation_path)
-        birds = birds or len(formation.frames[0].birds)
+        birds = wanted.birds or len(formation.frames[0].birds)
         began = time.perf_counter()
-        drawing = Drawing(epsilon=epsilon, method=method, lateral=lateral)
-        flight = SteadyFlight(formation, birds, seed, left, drawing, exchange)
-        places = flight.frames(frames, fps)
+        drawing = Drawing(epsilon=wanted.epsilon, method=wanted.method.value, lateral=wanted.lateral)
+        flight = SteadyFlight(formation, birds, wanted.seed, wanted.left, drawing, wanted.exchange)
+        places = flight.frames(wanted.frames, fps)
         said = flight.report(places, fps) | {"seconds_to_make": time.perf_counter() - began}
         if out:
             text = io.StringIO()

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import enum
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from flockbrush.cli.shared_options import Json, LevelName, Seed, ThemeName, ThemeOption
+from flockbrush.cli.shared_options import Json, LevelName, Seed, ThemeName, ThemeOption, grouped
 
 formation_app = typer.Typer(help="Detect, extract and fly line formations of birds.", no_args_is_help=True)
 
@@ -159,27 +160,35 @@ class KeyShapes(str, enum.Enum):
     levenberg_marquardt = "levenberg-marquardt"
 
 
-@formation_app.command("fly")
-def formation_fly(
-    formation: Annotated[Path, typer.Argument(metavar="X.json", help="Formation file made by extract.")],
+@dataclass
+class FlightOptions:
+    """A flight of a formation, as a person asked for it."""
+
     birds: Annotated[
         int | None,
         typer.Option(min=2, max=500, metavar="N", help="Number of birds; default: the number of marked birds."),
-    ] = None,
-    frames: Annotated[int, typer.Option(min=1, max=10**6, metavar="F", help="Number of frames.")] = 250,
-    fps: Annotated[float, typer.Option(min=0.1, max=1000, metavar="F", help="Frames per second.")] = 25.0,
-    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, metavar="K", help="Random seed.")] = 0,
-    left: Annotated[int | None, typer.Option(min=0, metavar="K", help="Number of birds left of the leader.")] = None,
-    exchange: Annotated[bool, typer.Option("--exchange", help="Exchange the left and the right side.")] = False,
+    ] = None
+    frames: Annotated[int, typer.Option(min=1, max=10**6, metavar="F", help="Number of frames.")] = 250
+    fps: Annotated[float, typer.Option(min=0.1, max=1000, metavar="F", help="Frames per second.")] = 25.0
+    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, metavar="K", help="Random seed.")] = 0
+    left: Annotated[int | None, typer.Option(min=0, metavar="K", help="Number of birds left of the leader.")] = None
+    exchange: Annotated[bool, typer.Option("--exchange", help="Exchange the left and the right side.")] = False
     method: Annotated[
         KeyShapes, typer.Option(help="Solver: levenberg-marquardt (the paper's) or proximal (always finds a solution).")
-    ] = (KeyShapes.proximal),
+    ] = KeyShapes.proximal
     epsilon: Annotated[
         float, typer.Option(min=0, max=1, help="Largest deviation of the savings from the range in the example.")
-    ] = 0.1,
+    ] = 0.1
     lateral: Annotated[
         bool, typer.Option(help="Lateral distances vary as in the example; with --no-lateral they are constant.")
-    ] = True,
+    ] = True
+
+
+@formation_app.command("fly")
+@grouped
+def formation_fly(
+    formation: Annotated[Path, typer.Argument(metavar="X.json", help="Formation file made by extract.")],
+    flight: FlightOptions = FlightOptions(),  # noqa: B008  its fields become the options
     out: Annotated[Path | None, typer.Option("-o", "--out", metavar="CSV", help="Trajectory to write.")] = None,
     plot: Annotated[
         Path | None, typer.Option(metavar="PNG", help="Picture to write, with six frames of the flight.")
@@ -189,4 +198,4 @@ def formation_fly(
     """Fly a formation with any number of birds, and report whether spacing and savings stay within their ranges."""
     from flockbrush.cli.formation_commands import fly
 
-    fly(formation, birds, frames, fps, seed, left, exchange, method.value, epsilon, lateral, out, plot, json)
+    fly(formation, flight, out, plot, json)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flockbrush.cli.shared_options import WorkOptions, grouped
+from flockbrush.cli.shared_options import TrackOptions, WorkOptions, grouped, unit_of
 
 if TYPE_CHECKING:
     from flockbrush.film.open_clip import Looking
@@ -20,7 +20,19 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instea
 
 
 @dataclass
-class ClipOptions:
+class WrittenOptions:
+    """Options that can be written as a person would."""
+
+    def words(self) -> dict[str, object]:
+        """{option: value} of the options that differ from their defaults."""
+        asked = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}
+        return {
+            "--" + name.replace("_", "-"): value for name, (value, usual) in asked.items() if value not in (usual, [])
+        }
+
+
+@dataclass
+class ClipOptions(WrittenOptions):
     """Options of all commands that read a clip, as given on the command line."""
 
     frames: Annotated[
@@ -65,19 +77,12 @@ class ClipOptions:
     def read(self) -> Looking:
         """The parsed options; typer.BadParameter for an invalid value."""
         understood = frames_of(self.frames), landmarks_of(self.landmark), colour_of(self.body_colour)
-        from flockbrush.film.open_clip import Looking  # slow to import: only after the values are checked
+        from flockbrush.film.open_clip import Looking  # takes a second, which a mistake need not wait for
 
         return Looking(
             *understood, self.body_length_px, self.grid, self.obstacles, getattr(self, "regions", None),
             unit_of(self.unit), self.fps, self.body_length_m,
         )  # fmt: skip
-
-    def words(self) -> dict[str, object]:
-        """{option: value} of the options that differ from their defaults."""
-        asked = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}
-        return {
-            "--" + name.replace("_", "-"): value for name, (value, usual) in asked.items() if value not in (usual, [])
-        }
 
 
 @dataclass
@@ -88,6 +93,53 @@ class LookByRegion(ClipOptions):
         Path | None,
         typer.Option(metavar="PNG", help="Region mask for the first used frame; each colour is a region."),
     ] = None
+
+
+@dataclass
+class FitOptions(WrittenOptions):
+    """How a brush is fitted to a clip."""
+
+    share: Annotated[
+        float,
+        typer.Option(
+            min=0.1, max=1, metavar="S", help="Share of the frames to learn from; the rest is held out for the test."
+        ),
+    ] = 0.5
+    speed: Annotated[
+        float | None,
+        typer.Option(min=0, max=50, metavar="V", help="Speed of the animals in a photograph, body lengths/s."),
+    ] = None
+    beta: Annotated[
+        float, typer.Option(min=0, max=1, metavar="B", help="Weight in the loss: 1 density only, 0 motion only.")
+    ] = 0.5
+    seed: Annotated[int, typer.Option(min=0, max=2**31, metavar="K", help="Random seed.")] = 0
+    starts: Annotated[int, typer.Option(min=1, max=100, metavar="N", help="Number of random starts of the search.")] = 5
+    model: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="Model to fit: herd, zones, topological, boids or another ground model; auto compares them.",
+        ),
+    ] = "herd"
+    ablate: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PARTS",
+            help="Also learn without each of these parts, separated by commas: occlusion, angular, density, variance.",
+        ),
+    ] = None
+    licence: Annotated[
+        str | None, typer.Option(metavar="TEXT", help="Licence of the clip, stored in the provenance of the brush.")
+    ] = None
+    resume: Annotated[bool, typer.Option("--resume", help="Continue after an interruption.")] = False
+    quick: Annotated[bool, typer.Option("--quick", help="Fast, less exact search: two starts, fewer steps.")] = False
+    device: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="Device for learning from fields alone: cpu, cuda, cuda:0, or auto (the best available).",
+        ),
+    ] = "auto"
 
 
 def register(app: typer.Typer):
@@ -110,13 +162,6 @@ def frames_of(text: str | None) -> tuple[int, int] | None:
         raise typer.BadParameter(f"frames must be FIRST:LAST with FIRST <= LAST, such as 0:99; got {text!r}",
                                  param_hint="--frames")  # fmt: skip
     return int(found[1]), int(found[2])
-
-
-def unit_of(text: str | None) -> str | None:
-    """The unit of tracks; typer.BadParameter for anything but m, px and bl."""
-    if text not in (None, "m", "px", "bl"):
-        raise typer.BadParameter(f"must be m, px or bl, got {text!r}", param_hint="--unit")
-    return text
 
 
 def landmark_of(text: str) -> tuple[int, tuple[float, float, float, float]]:
@@ -194,50 +239,8 @@ def learn(
     out: Annotated[Path, typer.Option("-o", "--out", metavar="X.brush.toml", help="Brush file to write.")],
     report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for an HTML report with pictures.")] = None,
     look: LookByRegion = LookByRegion(),  # noqa: B008  its fields become the options
-    share: Annotated[
-        float,
-        typer.Option(
-            min=0.1, max=1, metavar="S", help="Share of the frames to learn from; the rest is held out for the test."
-        ),
-    ] = 0.5,
-    speed: Annotated[
-        float | None,
-        typer.Option(min=0, max=50, metavar="V", help="Speed of the animals in a photograph, body lengths/s."),
-    ] = None,
-    beta: Annotated[
-        float, typer.Option(min=0, max=1, metavar="B", help="Weight in the loss: 1 density only, 0 motion only.")
-    ] = 0.5,
-    seed: Annotated[int, typer.Option(min=0, max=2**31, metavar="K", help="Random seed.")] = 0,
-    starts: Annotated[
-        int, typer.Option(min=1, max=100, metavar="N", help="Number of random starts of the search.")
-    ] = 5,
-    model: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            help="Model to fit: herd, zones, topological, boids or another ground model; auto compares them.",
-        ),
-    ] = "herd",
+    fit: FitOptions = FitOptions(),  # noqa: B008
     work: WorkOptions = WorkOptions(),  # noqa: B008
-    ablate: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PARTS",
-            help="Also learn without each of these parts, separated by commas: occlusion, angular, density, variance.",
-        ),
-    ] = None,
-    licence: Annotated[
-        str | None, typer.Option(metavar="TEXT", help="Licence of the clip, stored in the provenance of the brush.")
-    ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Continue after an interruption.")] = False,
-    quick: Annotated[bool, typer.Option("--quick", help="Fast, less exact search: two starts, fewer steps.")] = False,
-    device: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            help="Device for learning from fields alone: cpu, cuda, cuda:0, or auto (the best available).",
-        ),
-    ] = "auto",
     json: Json = False,
 ):
     """Learn a brush from a clip of a herd, from tracks of its animals, or from one photograph.
@@ -245,24 +248,17 @@ def learn(
     The brush is learned from each half of the clip and tested on the other half, then fitted to all frames.
     Ctrl-C writes the best brush so far; --resume continues.
     """
-    how, without, (jobs, workers) = look.read(), parts_of(ablate), work.read()
-    if not re.fullmatch(r"auto|cpu|cuda(:\d+)?", device):
-        raise typer.BadParameter(f"must be auto, cpu, cuda or cuda:0, got {device!r}", param_hint="--device")
-    options = {
-        "--out": out, **look.words(), "--share": share if share != 0.5 else None, "--speed": speed,
-        "--beta": beta if beta != 0.5 else None, "--seed": seed, "--starts": starts if starts != 5 else None,
-        "--model": model if model != "herd" else None, "--ablate": ablate, "--licence": licence, "--quick": quick,
-        "--report": report,
-        "--device": device if device != "auto" else None,
-    }  # fmt: skip
+    how, without, (jobs, workers) = look.read(), parts_of(fit.ablate), work.read()
+    if not re.fullmatch(r"auto|cpu|cuda(:\d+)?", fit.device):
+        raise typer.BadParameter(f"it is auto, cpu, cuda or cuda:0; got {fit.device!r}", param_hint="--device")
+    options = {"--out": out, **look.words(), **fit.words(), "--seed": fit.seed, "--resume": None, "--report": report}
     from flockbrush.learning.learn import LearnOptions, learn_brushes
 
     learn_brushes(
         LearnOptions(
-            clips=clips, out=out, looking=how, beta=beta, seed=seed, starts=starts, model=model,
-            jobs=jobs, workers=workers, share=share, report=report, ablate=without, speed=speed,
-            length_m=look.body_length_m or 1.0, licence=licence, resume=resume, quick=quick, json=json, device=device,
-            command=command_line("learn", clips, options),
+            clips=clips, out=out, looking=how, jobs=jobs, workers=workers, report=report, json=json,
+            length_m=look.body_length_m or 1.0, command=command_line("learn", clips, options),
+            **vars(fit) | {"ablate": without},
         )
     )  # fmt: skip
 
@@ -297,36 +293,21 @@ def reenact(
 # relation ----------------------------------------------------------------------------------
 
 
+@grouped
 def relation(
     tracks: Annotated[list[Path], typer.Argument(metavar="TRACKS", help="Files of tracks of the herd and the danger.")],
     danger: Annotated[str, typer.Option(metavar="ID", help="Id of the animal that the others may fear.")],
     leave_out: Annotated[
         list[str] | None, typer.Option(metavar="ID", help="Id to ignore, such as a shepherd; may be repeated.")
     ] = None,
-    unit: Annotated[
-        str | None, typer.Option(metavar="m|px|bl", help="Unit of x and y in tracks, if their file does not name it.")
-    ] = None,
-    fps: Annotated[
-        float | None,
-        typer.Option(min=0.001, max=10_000, metavar="F", help="Frames per second of tracks without times."),
-    ] = None,
-    body_length_m: Annotated[
-        float | None,
-        typer.Option(min=0.001, max=50, metavar="M", help="Body length of an animal, nose to tail, m; default: 1."),
-    ] = None,
-    body_length_px: Annotated[
-        float | None,
-        typer.Option(min=0.01, max=2000, metavar="L", help="Body length of an animal, nose to tail, pixels."),
-    ] = None,
+    look: TrackOptions = TrackOptions(),  # noqa: B008  its fields become the options
     seed: Annotated[int, typer.Option(min=0, max=2**31, metavar="K", help="Random seed of the bootstrap.")] = 0,
     json: Json = False,
 ):
     """Measure from tracks at what distance and how strongly a herd reacts to one animal, such as a dog."""
-    from flockbrush.film.open_clip import Looking
     from flockbrush.learning.relation import relation_of_files
 
-    look = Looking(unit=unit_of(unit), fps=fps, body_length_m=body_length_m, body_length_px=body_length_px)
-    relation_of_files(tracks, danger, look, tuple(leave_out or ()), seed, json)
+    relation_of_files(tracks, danger, look.read(), tuple(leave_out or ()), seed, json)
 
 
 # fields ------------------------------------------------------------------------------------

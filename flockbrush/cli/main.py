@@ -22,25 +22,19 @@ from flockbrush.cli.film_options import lift, track
 from flockbrush.cli.formation_options import formation_app
 from flockbrush.cli.level_options import level_app
 from flockbrush.cli.program_options import program_app
+from flockbrush.cli.run_options import MarkOptions, PlayOptions, RunRequest, ServeOptions
 from flockbrush.cli.shared_options import (
-    Agents,
-    Events,
     Fps,
     Json,
-    LevelName,
     PaletteName,
     PaletteOption,
     RecordingPath,
     ReportFolder,
-    Seconds,
-    Seed,
     ThemeName,
     ThemeOption,
     Threads,
-    TrackFps,
-    TrackMetres,
-    TrackPixels,
-    TrackUnit,
+    TrackOptions,
+    grouped,
 )
 from flockbrush.cli.study_options import is_tracks, measure, sweep
 from flockbrush.engine.plain_text import plain
@@ -92,71 +86,22 @@ def demo(
     palette: PaletteOption = PaletteName.own,
 ):
     """Simulate a flock of sheep in a pasture with obstacles, write demo.mp4 and print measures."""
-    from flockbrush.cli.commands import RunRequest, run_level
+    from flockbrush.cli.commands import run_level
 
     if out.suffix.lower() != ".mp4":
         raise typer.BadParameter(
             f"the demo is a video: its name must end in .mp4, got {str(out)!r}", param_hint="--out"
         )
-    run_level(
-        RunRequest(
-            "sheep-pasture",
-            seconds=seconds,
-            record=record,
-            exports=[out],
-            threads=threads,
-            options={"theme": theme.value, "palette": palette.value},
-        )
-    )
+    wanted = RunRequest("sheep-pasture", seconds=seconds, record=record, export=[out], threads=threads)
+    run_level(wanted, {"theme": theme.value, "palette": palette.value})
 
 
 @app.command()
+@grouped
 def play(
-    level: LevelName = "meadow",
-    brush: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the brush selected at the start.")] = None,
-    seed: Seed = None,
-    agents: Agents = None,
-    record: Annotated[Path | None, typer.Option(metavar="FILE", help="Recording to write, for replay.")] = None,
-    theme: Annotated[
-        ThemeName | None, typer.Option(help="Colours of the window; default: those of the last session.")
-    ] = None,
-    palette: Annotated[
-        PaletteName | None, typer.Option(help="Colours of brushes; default: those of the last session.")
-    ] = None,
-    size: Annotated[str, typer.Option(metavar="WxH", help="Window size, pixels.")] = "1280x720",
-    text_size: Annotated[
-        float | None,
-        typer.Option(
-            "--text-size", min=50, max=300, metavar="PERCENT", help="Size of text and buttons, percent; 100 is normal."
-        ),
-    ] = None,
-    frames: Annotated[
-        int | None, typer.Option(min=0, metavar="N", help="Close the window after N drawn frames.")
-    ] = None,
-    clip: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="CLIP", help="Open a clip to mark instead of a level; 'sky' opens an empty sky to sketch a flock."
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the marks of --clip; default: the current folder.")
-    ] = None,
-    tracks: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Tracks of the birds in the clip, as written by `flockbrush track`."),
-    ] = None,
-    camera: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="TOML file of the camera that filmed the clip or the tracks.")
-    ] = None,
-    mode: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Mode to open the clip in: look, landmarks, paint, body, birds or sketch."),
-    ] = None,
-    unit: TrackUnit = None,
-    fps: TrackFps = None,
-    body_length_m: TrackMetres = None,
-    body_length_px: TrackPixels = None,
+    start: PlayOptions = PlayOptions(),  # noqa: B008  its fields become the options
+    film: MarkOptions = MarkOptions(),  # noqa: B008
+    tracks: TrackOptions = TrackOptions(),  # noqa: B008
 ):
     """Open the playground: paint, tune and direct a running herd; with --clip, mark a clip.
 
@@ -164,137 +109,48 @@ def play(
     shown in 3D: a flight written by `lift` or `export`; tracks of birds in pixels with --camera, which are lifted;
     otherwise animals on the ground.
     """
-    if clip is not None:
+    theme = None if start.theme is None else start.theme.value
+    if film.clip is not None:
         from flockbrush.studio.start_clip import mark_clip
 
-        return mark_clip(clip, out, tracks, camera, mode, None if theme is None else theme.value, size, frames)
-    if is_tracks(level):
-        from flockbrush.film.open_clip import Looking
+        return mark_clip(**vars(film), theme=theme, size=start.size, frames=start.frames)
+    if is_tracks(start.level):
         from flockbrush.studio.start_lift import show_flight
 
-        look = Looking(
-            unit=cli_learning.unit_of(unit), fps=fps, body_length_m=body_length_m, body_length_px=body_length_px
-        )
-        return show_flight(level, camera, None if theme is None else theme.value, size, frames, look)
+        return show_flight(start.level, film.camera, theme, start.size, start.frames, tracks.read())
     from flockbrush.studio.start import StartOptions, play_level
 
-    wishes = StartOptions(
-        level,
-        brush,
-        seed,
-        agents,
-        record,
-        None if theme is None else theme.value,
-        None if palette is None else palette.value,
-        size,
-        frames,
-        text_size,
-    )
-    return play_level(wishes)
+    palette = None if start.palette is None else start.palette.value
+    return play_level(StartOptions(**vars(start) | {"theme": theme, "palette": palette}))
 
 
 @app.command(cls=WithExports)
-def run(
-    context: typer.Context,
-    level: LevelName,
-    ticks: Annotated[int | None, typer.Option(min=0, metavar="N", help="Duration, ticks of 1/32 s.")] = None,
-    seconds: Seconds = None,
-    seed: Seed = None,
-    agents: Agents = None,
-    record: Annotated[Path | None, typer.Option(metavar="FILE", help="Recording to write, for replay.")] = None,
-    export: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="FILE", help="File to write (formats: flockbrush export --help); may be repeated."),
-    ] = None,
-    event: Events = None,
-    brush: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Brush of all spawned animals: a name or a .brush.toml file.")
-    ] = None,
-    fps: Fps = None,
-    threads: Threads = None,
-    keyframes: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            metavar="N",
-            help="Ticks between snapshots of the recording; default: 320, or fewer for many animals.",
-        ),
-    ] = None,
-    synctest: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            metavar="N",
-            help="Determinism test: simulate every tick twice, from a snapshot every N ticks, and compare.",
-        ),
-    ] = None,
-    report: ReportFolder = None,
-    json: Json = False,
-):
+@grouped
+def run(context: typer.Context, wanted: RunRequest):
     """Run a level without a window, for 30 simulated seconds by default."""
-    from flockbrush.cli.commands import RunRequest, run_level
+    from flockbrush.cli.commands import run_level
 
-    if ticks is not None and seconds is not None:
+    if wanted.ticks is not None and wanted.seconds is not None:
         raise typer.BadParameter("give --ticks or --seconds, not both", param_hint="--ticks")
-    if report is not None and synctest is None:
+    if wanted.report is not None and wanted.synctest is None:
         raise typer.BadParameter("can only be used with --synctest", param_hint="--report")
-    if keyframes is not None and record is None:
+    if wanted.keyframes is not None and wanted.record is None:
         raise typer.BadParameter("can only be used with --record", param_hint="--keyframes")
-    options = chosen(context, export)
-    if seconds is None and ticks is None:
-        seconds = RUN_SECONDS
-    run_level(
-        RunRequest(
-            level,
-            ticks,
-            seconds,
-            seed,
-            agents,
-            record,
-            export or [],
-            fps,
-            threads,
-            options,
-            json,
-            event or [],
-            brush=brush,
-            keyframes=keyframes,
-            synctest=synctest,
-            report=report,
-        )
-    )
+    if wanted.seconds is None and wanted.ticks is None:
+        wanted.seconds = RUN_SECONDS
+    run_level(wanted, chosen(context, wanted.export))
 
 
 @app.command()
-def serve(
-    level: LevelName,
-    port: Annotated[int, typer.Option(min=0, max=65535, metavar="N", help="Port to listen on; 0: any free port.")] = 0,
-    host: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Address to listen on; the default accepts only this machine.")
-    ] = ("127.0.0.1"),
-    frame_rate: Annotated[
-        float, typer.Option("--fps", min=1, max=60, metavar="F", help="Frames per second sent to each client.")
-    ] = 60.0,
-    record: Annotated[Path | None, typer.Option(metavar="FILE", help="Recording to write, for replay.")] = None,
-    seconds: Annotated[
-        float | None,
-        typer.Option(min=0, metavar="S", help="Stop after S simulated seconds; default: run until Ctrl-C."),
-    ] = None,
-    seed: Seed = None,
-    agents: Agents = None,
-    brush: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Brush of all spawned animals: a name or a .brush.toml file.")
-    ] = None,
-    threads: Threads = None,
-    json: Json = False,
-):
+@grouped
+def serve(service: ServeOptions):
     """Run a level live for other programs, which draw and control it over a WebSocket (live link).
 
     The address with its token is printed at the start. Anyone who has the address can control the herd. Ctrl-C stops.
     """
-    from flockbrush.cli.serve_commands import Service, serve_level
+    from flockbrush.cli.serve_commands import serve_level
 
-    serve_level(Service(level, host, port, frame_rate, record, seconds, seed, agents, brush, threads, json))
+    serve_level(service)
 
 
 @app.command()

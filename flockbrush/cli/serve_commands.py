@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import ipaddress
 import sys
-from dataclasses import dataclass
-from pathlib import Path
 
 import typer
 
 from flockbrush.cli.commands import recorder_of, use_threads
+from flockbrush.cli.run_options import ServeOptions
 from flockbrush.engine import limits
 from flockbrush.engine.files import output_problems
 from flockbrush.engine.problems import ProblemsError
@@ -20,24 +19,7 @@ from flockbrush.runs.compile_ahead import compiling_ahead
 from flockbrush.runs.terminal import print_json, print_line, say
 
 
-@dataclass
-class Service:
-    """The options of ``flockbrush serve``."""
-
-    level: str
-    host: str = "127.0.0.1"
-    port: int = 0
-    fps: float = 60.0
-    record: Path | None = None
-    seconds: float | None = None
-    seed: int | None = None
-    agents: int | None = None
-    brush: str | None = None
-    threads: int | None = None
-    json: bool = False
-
-
-def serve_level(service: Service):
+def serve_level(service: ServeOptions):
     """Run a level for clients until Ctrl-C, or for the given seconds."""
     if service.seconds is not None and not service.seconds <= limits.TICKS / 32:
         raise typer.BadParameter(f"must be a finite number of seconds, got {service.seconds}", param_hint="--seconds")
@@ -48,7 +30,7 @@ def serve_level(service: Service):
     world = service.level, service.seed, service.agents, service.brush
     with terminal.Interrupts() as interrupts, compiling_ahead(*world):
         simulation = running.start(*world)
-        serving = Serving(simulation, service.host, service.port, service.fps)
+        serving = Serving(simulation, service.host, service.port, service.frame_rate)
         serving.link.start()
         _announce(service, serving.link)
         with recorder_of(service.record, simulation) as recorder:

@@ -6,7 +6,7 @@ import enum
 import inspect
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_type_hints
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, get_type_hints
 import typer
 
 if TYPE_CHECKING:
+    from flockbrush.film.open_clip import Looking
     from flockbrush.runs.cluster import Tls
 
 
@@ -34,21 +35,6 @@ class PaletteName(str, enum.Enum):
 
 
 LevelName = Annotated[str, typer.Argument(metavar="LEVEL", help="Level: a .tmj file, or the name of a shipped level.")]
-TrackUnit = Annotated[
-    str | None,
-    typer.Option("--unit", metavar="m|px|bl", help="Unit of x and y in tracks, if their file does not name it."),
-]
-TrackFps = Annotated[
-    float | None,
-    typer.Option("--fps", min=0.001, max=10_000, metavar="F", help="Frames per second of tracks without times."),
-]
-TrackMetres = Annotated[
-    float | None, typer.Option(min=0.001, max=50, metavar="M", help="Body length of tracked animals, nose to tail, m.")
-]
-TrackPixels = Annotated[
-    float | None,
-    typer.Option(min=0.01, max=2000, metavar="L", help="Body length of tracked animals, nose to tail, pixels."),
-]
 RecordingPath = Annotated[Path, typer.Argument(metavar="RECORDING", help="Recording: a file made with --record.")]
 Events = Annotated[
     list[str] | None,
@@ -86,6 +72,42 @@ ThemeOption = Annotated[ThemeName, typer.Option(help="Colours of pictures and vi
 PaletteOption = Annotated[
     PaletteName, typer.Option(help="Colours of brushes: their own, or a palette for colour-blind viewers.")
 ]
+
+
+@dataclass(frozen=True)
+class TrackOptions:
+    """What a file of tracks may not say."""
+
+    unit: Annotated[
+        str | None, typer.Option(metavar="m|px|bl", help="Unit of x and y in tracks, if their file does not name it.")
+    ] = None
+    fps: Annotated[
+        float | None,
+        typer.Option(min=0.001, max=10_000, metavar="F", help="Frames per second of tracks without times."),
+    ] = None
+    body_length_m: Annotated[
+        float | None,
+        typer.Option(min=0.001, max=50, metavar="M", help="Body length of tracked animals, nose to tail, m."),
+    ] = None
+    body_length_px: Annotated[
+        float | None,
+        typer.Option(min=0.01, max=2000, metavar="L", help="Body length of tracked animals, nose to tail, pixels."),
+    ] = None
+
+    def read(self) -> Looking:
+        """The same with the unit understood; typer.BadParameter where it cannot be."""
+        from flockbrush.film.open_clip import Looking
+
+        return Looking(
+            unit=unit_of(self.unit), fps=self.fps, body_length_m=self.body_length_m, body_length_px=self.body_length_px
+        )
+
+
+def unit_of(text: str | None) -> str | None:
+    """The unit of tracks; typer.BadParameter for anything but m, px and bl."""
+    if text not in (None, "m", "px", "bl"):
+        raise typer.BadParameter(f"must be m, px or bl, got {text!r}", param_hint="--unit")
+    return text
 
 
 @dataclass(frozen=True)
@@ -127,12 +149,17 @@ def _cores():
     return os.cpu_count() or 1
 
 
+def _default(field):
+    """What an option is when it is not given; nothing where it must be."""
+    return inspect.Parameter.empty if field.default is MISSING else field.default
+
+
 def grouped(command: Callable) -> Callable:
     """The command with each dataclass parameter replaced by options, one for each of its fields."""
     own = inspect.signature(command, eval_str=True)
     options = {
         name: [
-            inspect.Parameter(f.name, inspect.Parameter.KEYWORD_ONLY, default=f.default, annotation=hints[f.name])
+            inspect.Parameter(f.name, inspect.Parameter.KEYWORD_ONLY, default=_default(f), annotation=hints[f.name])
             for hints in [get_type_hints(p.annotation, include_extras=True)]
             for f in fields(p.annotation)
         ]

@@ -7,17 +7,13 @@ from typing import Annotated
 
 import typer
 
-from flockbrush.cli import learning_commands as cli_learning
 from flockbrush.cli.shared_options import (
     Json,
     RecordingPath,
     ThemeName,
     ThemeOption,
     Threads,
-    TrackFps,
-    TrackMetres,
-    TrackPixels,
-    TrackUnit,
+    TrackOptions,
     WorkOptions,
     grouped,
 )
@@ -30,6 +26,7 @@ def is_tracks(path):
     return Path(path).suffix.lower() in ENDINGS
 
 
+@grouped
 def measure(
     recording: RecordingPath,
     plot: Annotated[
@@ -39,21 +36,14 @@ def measure(
         float, typer.Option(min=0.03125, max=3600, metavar="S", help="Time between two samples, s.")
     ] = 1.0,
     threads: Threads = None,
-    unit: TrackUnit = None,
-    fps: TrackFps = None,
-    body_length_m: TrackMetres = None,
-    body_length_px: TrackPixels = None,
+    tracks: TrackOptions = TrackOptions(),  # noqa: B008  its fields become the options
     json: Json = False,
 ):
     """Measure a recording or tracks: order, milling, speed, spread, and crossings of counting lines."""
     if is_tracks(recording):
         from flockbrush.cli.measure_tracks import measure_tracks
-        from flockbrush.film.open_clip import Looking
 
-        look = Looking(
-            unit=cli_learning.unit_of(unit), fps=fps, body_length_m=body_length_m, body_length_px=body_length_px
-        )
-        return measure_tracks(recording, look, plot, every, json)
+        return measure_tracks(recording, tracks.read(), plot, every, json)
     from flockbrush.cli.measure import measure_recording
 
     measure_recording(recording, plot, every, threads, json)

@@ -65,7 +65,7 @@ class Glance:
 
 def observe(
     path, *, frames=None, landmarks=(), body_colour="auto", body_length_px=None, grid=30, obstacles=None, regions=None,
-    animals=True, say: Say = silent, show: Callable[[Glance, Watch, dict], None] | None = None,
+    say: Say = silent, show: Callable[[Glance, Watch, dict], None] | None = None,
 ) -> Evidence:  # fmt: skip
     """What a clip tells of its herd.
 
@@ -84,8 +84,6 @@ def observe(
         Cells across the longer side of the picture.
     obstacles, regions : path, optional
         Painted over the first frame: white where nobody can go; a colour for each region, black for none.
-    animals : bool
-        Whether to tell single animals apart, besides the fields.
     say : callable
         (what is done, how many are done, of how many).
     show : callable, optional
@@ -99,7 +97,7 @@ def observe(
         When a mask cannot be read.
     """
     watch = Watch.of(path, frames, landmarks, body_colour, body_length_px, grid, obstacles, regions, say)
-    return watch.evidence(animals, say, show)
+    return watch.evidence(say, show)
 
 
 @dataclass
@@ -150,9 +148,9 @@ class Watch:
             kinds, apart, clip.notes + steady.notes + said,
         )  # fmt: skip
 
-    def evidence(self, animals=True, say: Say = silent, show=None) -> Evidence:
+    def evidence(self, say: Say = silent, show=None) -> Evidence:
         """Measure every frame."""
-        clip, taken = self.clip, _Taken(self, animals and self.apart and self.size.length >= SMALL)
+        clip, taken = self.clip, _Taken(self, self.apart and self.size.length >= SMALL)
         first = None
         for (k, picture), made in ahead(taken.prepared, clip.read()):
             first = picture if first is None else first

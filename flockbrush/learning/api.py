@@ -72,8 +72,7 @@ class LearnedBrush:
 def learn(
     tracks: Tracks | Sequence[Tracks], *, unit: str | None = None, fps: float | None = None,
     body_length: float | None = None, frames: tuple[int, int] | None = None, name: str = "learned",
-    seed: int = 0, starts: int = 5, quick: bool = False, jobs: int = 1, report: str | os.PathLike | None = None,
-    licence: str | None = None, beside: bool | None = None, model: str = "herd", cluster: str | None = None,
+    report: str | os.PathLike | None = None, cluster: str | None = None, **options: Any,
 ) -> LearnedBrush:  # fmt: skip
     """Learn a brush from tracks of animals, or from films.
 
@@ -92,26 +91,29 @@ def learn(
         First and last frame to use, both included.
     name : str
         Of the brush.
-    seed : int
-        Of all chance: the same tracks, options and versions give the same brush.
-    starts : int
-        Random starts of the search.
-    quick : bool
-        A first impression.
-    jobs : int
-        Processes.
     report : path, optional
         Folder for the report with charts.
-    licence : str, optional
-        Of the data, kept in the brush.
-    beside : bool, optional
-        Judge it beside the shipped brushes, too; unless told, where it is not quick.
-    model : str
-        "herd", "zones", "topological", "boids" or the name of another model on the ground; "auto" fits those with a
-        likelihood, compares them on blocks held out (``result.models``) and learns the best, the herd where it is not
-        told from it.
     cluster : str, optional
         Address of the scheduler of a Dask cluster, whose workers do what ``jobs`` processes would: ``tcp://host:8786``.
+    **options
+        Those of `LearnOptions`:
+
+        seed : int, 0
+            Of all chance: the same tracks, options and versions give the same brush.
+        starts : int, 5
+            Random starts of the search.
+        quick : bool, False
+            A first impression.
+        jobs : int, 1
+            Processes.
+        licence : str, optional
+            Of the data, kept in the brush.
+        beside : bool, optional
+            Judge it beside the shipped brushes, too; unless told, where it is not quick.
+        model : str, "herd"
+            "herd", "zones", "topological", "boids" or the name of another model on the ground; "auto" fits those with
+            a likelihood, compares them on blocks held out (``result.models``) and learns the best, the herd where it
+            is not told from it.
 
     Raises
     ------
@@ -139,10 +141,9 @@ def learn(
     with tempfile.TemporaryDirectory(prefix="flockbrush-learn-") as folder:
         wishes = LearnOptions(
             clips=[_file(one, k, Path(folder)) for k, one in enumerate(given)],
-            out=Path(folder) / f"{name}.brush.toml", looking=looking, seed=seed, starts=starts, jobs=jobs,
-            report=None if report is None else Path(report), licence=licence, quick=quick, beside=beside, model=model,
-            workers=None if cluster is None else (cluster, Tls()),
-            length_m=body_length if unit == "m" and body_length else 1.0, command="flockbrush.learn(...)", silent=True,
+            out=Path(folder) / f"{name}.brush.toml", looking=looking, report=None if report is None else Path(report),
+            workers=None if cluster is None else (cluster, Tls()), command="flockbrush.learn(...)", silent=True,
+            length_m=body_length if unit == "m" and body_length else 1.0, **options,
         )  # fmt: skip
         found = learn_brushes(wishes)[0]
     return result_of(found)

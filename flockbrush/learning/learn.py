@@ -29,7 +29,7 @@ from flockbrush.learning.model_choice import AUTO, check_kind, kind_of
 from flockbrush.learning.model_fit import learned_model
 from flockbrush.learning.other_starts import with_other_starts
 from flockbrush.learning.photo import SPEED, standing
-from flockbrush.learning.recipe import USE, learn
+from flockbrush.learning.recipe import USE, SearchSettings, learn
 from flockbrush.learning.regions import Region, regions_of
 from flockbrush.learning.report import as_json, write_overview, write_partial, write_report
 from flockbrush.learning.report_folder import folder_problems, make_folder
@@ -378,21 +378,14 @@ def _learned(
         def told(done, total, loss, text):
             bar(1000 * done / max(total, 1), f"{name}: {text}, loss {number(loss)}")
 
+        starts = min(wishes.starts, QUICK_STARTS) if wishes.quick else wishes.starts
+        settings = SearchSettings(
+            wishes.seed, starts, use, wishes.beta, budget, begins=begins, device=wishes.device,
+        )  # fmt: skip
         return learn(
-            clips,
-            seed=wishes.seed,
-            starts=min(wishes.starts, QUICK_STARTS) if wishes.quick else wishes.starts,
-            jobs=wishes.jobs,
-            cluster=wishes.crew,
-            use=use,
-            beta=wishes.beta,
-            budget_s=budget,
-            device=wishes.device,
-            say=told,
-            stop=lambda: interrupts.asked > 0,
+            clips, settings, jobs=wishes.jobs, cluster=wishes.crew, say=told, stop=lambda: interrupts.asked > 0,
             resume=None if fresh else state,
-            **({} if begins is None else {"begins": begins}),
-        )
+        )  # fmt: skip
 
 
 def _brush(herd, learned, clips, wishes, figures={}, notes=()) -> Brush:  # noqa: B006  read only

@@ -19,6 +19,7 @@ from flockbrush.systems.perception import chosen_of_one_kind
 from flockbrush.systems.senses import _cosine_of_half, _nearest_points
 from flockbrush.systems.visibility import edges_by_cell, no_edges, visible_neighbours
 
+NO_OWNER = np.zeros(0, np.int32)  # of edges, where there are no walls
 BODILESS = "metric", "hidden_points"  # sights in which bodies hide nobody
 
 
@@ -85,13 +86,14 @@ def perceive(
     solid = no_edges() if walls is None else edges_by_cell(walls.ends, reach)
     cells = sort_into_cells(xyz, facing, np.full(n, 2 * (half + radius)), np.full(n, radius), reach)
     hides = vision.occlusion and vision.sight not in BODILESS
-    lists = visible_neighbours(cells, np.full(n, reach), np.full(n, _cosine(vision)), solid, hides)
+    lists = visible_neighbours(cells, np.full(n, reach), np.full(n, cosine_of(vision)), solid, hides)
     lists = chosen_of_one_kind(lists, vision.sight, vision.neighbours)
     kinds = np.zeros(n, np.int32) if species is None else np.asarray(species, np.int32)
     leader, memory, known = _leaders(xyz, facing, kinds, lists, params)
     guidance = np.zeros((n, 2)) if guide is None else guide.at(time, xyz[:, :2])
     first, near, offset = lists
-    walls_first, walls_offset = _walls_in_sight(xyz, reach, solid, walls)
+    owner = NO_OWNER if walls is None else walls.owner
+    walls_first, walls_offset = walls_in_sight(xyz, np.full(n, reach), solid, owner)
     return Percept(
         facing[:, :2].copy(), kinds, leader, first, near, offset, walls_first, walls_offset, guidance,
         memory - xyz[:, :2], known,
@@ -104,7 +106,8 @@ def half_and_radius(body):
     return 0.0 if body.contact == "disc" else max(0.5 - radius, 0.0), radius
 
 
-def _cosine(vision):
+def cosine_of(vision) -> float:
+    """Of half the field of view, as a run has it."""
     cosine = np.empty(1)
     _cosine_of_half(0, 1, np.radians([float(vision.field_of_view)]), cosine)
     return float(cosine[0])
@@ -113,23 +116,27 @@ def _cosine(vision):
 def _leaders(xyz, forward, species, lists, params):
     """Who leads by the rule of a run (paper, section 5.1), and where each last saw others."""
     n = len(xyz)
-    half = -1.0 if params.leader_cone >= 360.0 else sincos_(np.radians(0.5 * params.leader_cone))[1]
     leader, memory, known = np.zeros(n, np.uint8), xyz[:, :2].copy(), np.zeros(n, np.uint8)
-    rules = LeaderRules(
-        np.array([float(params.neighbour_range)]), np.array([params.leader_neighbours]), np.array([half])
-    )
     members = Members(np.arange(n), xyz, np.ones(n), species, np.zeros(n, np.int32))
-    _roles(0, n, forward, *lists, members, rules, RoleState(leader, memory, known))
+    _roles(0, n, forward, *lists, members, leader_rule(params), RoleState(leader, memory, known))
     return leader, memory, known
 
 
-def _walls_in_sight(xyz, reach, solid, walls):
+def leader_rule(params):
+    """The `LeaderRules` of animals of one brush."""
+    half = -1.0 if params.leader_cone >= 360.0 else sincos_(np.radians(0.5 * params.leader_cone))[1]
+    rule = float(params.neighbour_range), params.leader_neighbours, half
+    return LeaderRules(*(np.array([value]) for value in rule))
+
+
+def walls_in_sight(xyz, reach, solid, owner):
+    """The nearest point of each wall within sight, as lists: first (n + 1,) and offset (k, 2); `reach` is (n,)."""
     n = len(xyz)
-    if walls is None or not len(walls.ends):
+    if not len(owner):
         return np.zeros(n + 1, np.int64), np.zeros((0, 2))
-    most, count = int(walls.owner.max()) + 1, np.zeros(n, np.int64)
+    most, count = int(owner.max()) + 1, np.zeros(n, np.int64)
     found = np.empty((n, most, 2))
-    _nearest_points(0, n, xyz, np.full(n, reach), solid, walls.owner, found, count)
+    _nearest_points(0, n, xyz, reach, solid, owner, found, count)
     return np.concatenate([[0], np.cumsum(count)]), found[np.arange(most) < count[:, None]]
 
 

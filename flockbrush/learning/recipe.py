@@ -29,7 +29,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from flockbrush.behaviours.brush import BodySpec, SpeedSpec
 from flockbrush.engine.fingerprint import build_of
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.evolution import Evolution
@@ -49,6 +48,7 @@ from flockbrush.learning.trials import (
     STAY,
     TOO_MANY,
     USE,
+    SearchSettings,
     Setting,
     attempt,
     certainty,
@@ -80,45 +80,26 @@ SURE = 0.1  # of what lies between 0 and 1: a number that is told is known bette
 
 
 def learn(
-    evidences: Evidence | Sequence[Evidence], *, seed: int = 0, starts: int = 5, jobs: int = 1,
-    use: frozenset[str] = USE, beta: float = 0.5, budget_s: float = 90.0,
-    say: Callable[[int, int, float, str], None] | None = None, stop: Callable[[], bool] | None = None, resume=None,
-    speed: SpeedSpec | None = None, body: BodySpec | None = None, brushes: bool = True, begins=None,
-    device: str = "auto", cluster: Cluster | None = None,
+    evidences: Evidence | Sequence[Evidence], settings: SearchSettings = SearchSettings(), *, jobs: int = 1,  # noqa: B008  frozen
+    cluster: Cluster | None = None, say: Callable[[int, int, float, str], None] | None = None,
+    stop: Callable[[], bool] | None = None, resume=None,
 ) -> Learned:  # fmt: skip
     """Learn the herd of a clip, or of several of one kind.
 
     Parameters
     ----------
     evidences : Evidence or list of Evidence
-    seed : int
-        Of all chance.
-    starts : int
-        Random ones; the shipped brushes are tried besides.
+    settings : SearchSettings
     jobs : int
         Processes.
-    use : set of {"occlusion", "angular", "density", "variance"}
-        What of the model and of the clip is made use of (section 7.2 of [1]_).
-    beta : float
-        How much density counts against velocity in the descent on fields (eq. 11).
-    budget_s : float
-        Trials and evolution, in seconds of one usual core; counted in work, so that the clock changes nothing.
+    cluster : Cluster, optional
+        Its workers do what ``jobs`` processes would; the result is the same.
     say : callable, optional
         ``say(done, total, loss, text)``; loss is NaN while there is none.
     stop : callable, optional
         Asked now and then; when it says True the best so far is returned, as after Ctrl-C.
     resume : path, optional
         Where work is kept; a second call with the same evidence and settings goes on from there.
-    speed, body : SpeedSpec, BodySpec, optional
-        Instead of what the clip says.
-    brushes : bool
-        Begin with the shipped brushes, too.
-    begins : list of (str, (12,) ndarray, dict), optional
-        Names, numbers and other parameters to begin with, instead of random ones and the shipped brushes.
-    device : str
-        Of descents on fields alone, which need torch: "cpu", "cuda", or "auto" for a graphics card where there is one.
-    cluster : Cluster, optional
-        Its workers do what ``jobs`` processes would; the result is the same.
 
     Raises
     ------
@@ -128,14 +109,12 @@ def learn(
     clips = tuple([evidences] if isinstance(evidences, Evidence) else evidences)
     if not clips:
         raise ValueError("there are no clips to learn from")
-    if unknown := set(use) - USE:
+    if unknown := set(settings.use) - USE:
         raise ValueError(f"use names {', '.join(sorted(unknown))}; it may have {', '.join(sorted(USE))}")
-    given = dataclasses.replace(_setting(clips, frozenset(use), beta, speed, body), device=device)
-    search = _Search(given, seed, starts, budget_s, say or _silent, brushes)
-    if begins is not None:
-        search.begins = [(name, np.array(theta, float), dict(extras)) for name, theta, extras in begins]
+    given = _setting(clips, settings)
+    search = _Search(given, settings, say or _silent)
     forget()
-    with Workers(given, jobs, _signature(clips, given, seed), resume, stop, cluster) as workers:
+    with Workers(given, jobs, _signature(clips, given, settings.seed), resume, stop, cluster) as workers:
         try:
             search.run(workers)
         except (KeyboardInterrupt, WorkStopped):
@@ -147,13 +126,13 @@ def _silent(done, total, loss, text):
     """Nobody is told."""
 
 
-def _setting(clips, use, beta, speed, body):
+def _setting(clips, settings):
     cut = [len(c.fields) - round(HELD * len(c.fields)) if len(c.fields) >= FEWEST else 0 for c in clips]
     seen = tuple(c.part(slice(0, k)) if k else c for c, k in zip(clips, cut, strict=True))
     held = tuple(c.part(slice(k, None)) if k else c for c, k in zip(clips, cut, strict=True))
-    speed = speed_of(list(clips)) if speed is None else speed
-    body = body_of(list(clips)) if body is None else body
-    return Setting(clips, seen, held, speed, body, use, float(beta))
+    speed = speed_of(list(clips)) if settings.speed is None else settings.speed
+    body = body_of(list(clips)) if settings.body is None else settings.body
+    return Setting(clips, seen, held, speed, body, frozenset(settings.use), float(settings.beta), settings.device)
 
 
 def _version():
@@ -176,13 +155,16 @@ def _signature(clips, given, seed):
 class _Search:
     """The search of one call: what was tried, and what is best."""
 
-    def __init__(self, given, seed, starts, budget_s, say, brushes=True):
-        self.given, self.seed, self.say = given, seed, say
+    def __init__(self, given, settings, say):
+        self.given, self.seed, self.say = given, settings.seed, say
         self.attempts: list[Attempt] = []
         self.deviation: dict[int, np.ndarray] = {}
         self.correlation: dict[int, np.ndarray] = {}
-        self.budget = budget_s * RATE
-        self.begins = begins(seed, starts, "angular" in given.use, brushes)
+        self.budget = settings.budget_s * RATE
+        if settings.begins is None:
+            self.begins = begins(settings.seed, settings.starts, "angular" in given.use, settings.brushes)
+        else:
+            self.begins = [(name, np.array(theta, float), dict(extras)) for name, theta, extras in settings.begins]
         self.final: list[int] = []  # attempts that were judged to the end, the best first
         # what fits leave over: noise of sighting is in it, so it is an upper bound
         self.most_wander = EXTRAS["wander"][1]

@@ -26,15 +26,14 @@ from scipy import ndimage
 from flockbrush.behaviours.behaviour import ByRow, Parameters
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
 from flockbrush.behaviours.models.herd import HerdState, Land, Params, forces_of, herd_kernel, wander_kernel
-from flockbrush.engine.maths import sincos_
 from flockbrush.engine.noise import Noise
+from flockbrush.learning.perceive import NO_OWNER, cosine_of, half_and_radius, leader_rule, walls_in_sight
 from flockbrush.learning.world_rollout import between, needs_world, world_looks
 from flockbrush.systems.contact import move
-from flockbrush.systems.decide import LeaderRules, Members, RoleState, _roles
+from flockbrush.systems.decide import Members, RoleState, _roles
 from flockbrush.systems.grid import sort_into_cells
 from flockbrush.systems.ground_edges import outline_edges
 from flockbrush.systems.pace import PaceRules, PaceState, Walkers, _pace, company, crowding, pause
-from flockbrush.systems.senses import _cosine_of_half, _nearest_points
 from flockbrush.systems.visibility import edges_by_cell, no_edges, visible_neighbours
 
 DT = 1 / 32  # s, the tick of a level
@@ -284,11 +283,9 @@ class PlaneHerd:
 
     def __init__(self, start, params, speed, body=BODY, vision=VISION, *, seed=0, dt=DT, ids=None, around=OPEN):
         self.params, self.spec, self.dt, self.noise = params, speed, dt, Noise(seed)
-        self.radius = body.radius / body.length
-        self.axis = 0.0 if body.contact == "disc" else max(0.5 - self.radius, 0.0)
+        self.axis, self.radius = half_and_radius(body)
         self.range, self.occlusion = float(vision.range), vision.occlusion
-        self.cosine = np.empty(1)
-        _cosine_of_half(0, 1, np.radians([float(vision.field_of_view)]), self.cosine)
+        self.cosine = cosine_of(vision)
         self.guide, self.tick_number, self.next_id = around.guide, 0, 1
         self._walls(around.walls)
         self._tables()
@@ -298,7 +295,7 @@ class PlaneHerd:
 
     def _walls(self, walls):
         ends = np.zeros((0, 4)) if walls is None else walls.ends
-        self.owner = np.zeros(0, np.int32) if walls is None else walls.owner
+        self.owner = NO_OWNER if walls is None else walls.owner
         self.solid = no_edges() if walls is None else edges_by_cell(ends, self.range)
         quick = self.spec.mean + 6 * self.spec.deviation
         touch = 2.0 * (self.axis + 2 * self.radius + 4.0 * self.dt * quick)
@@ -308,9 +305,7 @@ class PlaneHerd:
         p, spec = self.params, self.spec
         self.forces = forces_of(p)
         self.table = np.array(spec.by_density or [(0.0, 1.0)], float)
-        half = -1.0 if p.leader_cone >= 360.0 else sincos_(np.radians(0.5 * p.leader_cone))[1]
-        rule = np.array([p.neighbour_range]), np.array([p.leader_neighbours]), np.array([half])
-        self.roles = LeaderRules(*rule)
+        self.roles = leader_rule(p)
         mean, deviation, reversion = np.array([spec.mean]), np.array([spec.deviation]), np.array([spec.reversion])
         stops, starts, imitation = np.array([spec.stops]), np.array([spec.starts]), np.array([spec.imitation])
         first = np.array([0, len(self.table)])
@@ -326,7 +321,7 @@ class PlaneHerd:
         self.size, self.thick = np.full(n, 2 * (self.axis + self.radius)), np.full(n, self.radius)
         self.length, self.none, self.zero = np.ones(n), np.zeros(n, np.int32), np.zeros((n, 2))
         self.max_turn, self.views = np.full(n, self.params.max_turn), np.full(n, self.range)
-        self.cosines, self.cap = np.full(n, self.cosine[0]), np.full(n, np.inf)
+        self.cosines, self.cap = np.full(n, self.cosine), np.full(n, np.inf)
         # all alike, of a body that can do anything, and driven by nothing
         self.undriven = self.length, self.cap, self.cap, np.zeros(n), np.zeros(n), np.zeros(n, np.uint8)
 
@@ -376,7 +371,7 @@ class PlaneHerd:
             return
         cells = sort_into_cells(self.xyz, self.forward, self.size, self.thick, self.range)
         lists = visible_neighbours(cells, self.views, self.cosines, self.solid, self.occlusion)
-        walls_first, walls_offset = self._walls_in_sight(n)
+        walls_first, walls_offset = walls_in_sight(self.xyz, self.views, self.solid, self.owner)
         members = Members(self.ids, self.xyz, self.length, self.none, self.none)
         _roles(0, n, self.forward, *lists, members, self.roles, RoleState(self.leader, self.memory, self.known))
         wish = self._wishes(cells.row, lists, walls_first, walls_offset, params)
@@ -386,14 +381,6 @@ class PlaneHerd:
         self.xyz[:, :2] += step
         self.forward[:, :2] = heading
         self.tick_number += 1
-
-    def _walls_in_sight(self, n):
-        if not len(self.solid.ends):
-            return np.zeros(n + 1, np.int64), self.zero[:0]
-        most, count = int(self.owner.max()) + 1, np.zeros(n, np.int64)
-        found = np.empty((n, most, 2))
-        _nearest_points(0, n, self.xyz, self.views, self.solid, self.owner, found, count)
-        return np.concatenate([[0], np.cumsum(count)]), found[np.arange(most) < count[:, None]]
 
     def _wishes(self, rows, lists, walls_first, walls_offset, params):
         n = len(rows)

@@ -7,6 +7,7 @@ kept (`flockbrush.learning.workers`).
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -36,6 +37,44 @@ LOST = 4.0  # deviations from what it was, from which on a herd is just another 
 TOO_MANY = 1000  # animals: larger herds are not tried
 SIGHTS = 4.0, 8.0  # BL
 UNKNOWN = 9.0  # stands for a correlation that is not known, in JSON
+
+
+@dataclasses.dataclass(frozen=True)
+class SearchSettings:
+    """What is searched, and how long.
+
+    Attributes
+    ----------
+    seed : int
+        Of all chance.
+    starts : int
+        Random ones; the shipped brushes are tried besides.
+    use : set of {"occlusion", "angular", "density", "variance"}
+        What of the model and of the clip is made use of (section 7.2 of the paper).
+    beta : float
+        How much density counts against velocity in the descent on fields (eq. 11).
+    budget_s : float
+        Trials and evolution, in seconds of one usual core; counted in work, so that the clock changes nothing.
+    speed, body : SpeedSpec, BodySpec, optional
+        Instead of what the clip says.
+    brushes : bool
+        Begin with the shipped brushes, too.
+    begins : list of (str, (12,) ndarray, dict), optional
+        Names, numbers and other parameters to begin with, instead of random ones and the shipped brushes.
+    device : str
+        Of descents on fields alone, which need torch: "cpu", "cuda", or "auto" for a graphics card where there is one.
+    """
+
+    seed: int = 0
+    starts: int = 5
+    use: frozenset[str] = USE
+    beta: float = 0.5
+    budget_s: float = 90.0
+    speed: SpeedSpec | None = None
+    body: BodySpec | None = None
+    brushes: bool = True
+    begins: Sequence[tuple] | None = None
+    device: str = "auto"
 
 
 @dataclasses.dataclass(frozen=True)

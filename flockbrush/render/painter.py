@@ -186,7 +186,7 @@ class Painter:
         herd = checked(herd)
         herd = herd._replace(brush_colours=worn(herd.brush_colours, self.theme))
         self._learn(herd)
-        frame = self._copy(self.ground, out)
+        frame = copied(self.ground, out)
         if under is not None:
             under(frame)
         stamps = self._stamps_of(herd)
@@ -197,16 +197,6 @@ class Painter:
         self._animals(frame, herd, look, stamps)
         self._words(frame, herd, title, time, measures, legend, stamps)
         return frame
-
-    def _copy(self, ground, out):
-        if out is None:
-            return ground.copy()
-        if out.shape != ground.shape or out.dtype != np.uint8 or not out.flags.c_contiguous:
-            raise ValueError(
-                f"out must be a contiguous uint8 array of shape {ground.shape}, got {out.dtype} {out.shape}"
-            )
-        np.copyto(out, ground)
-        return out
 
     @property
     def _clip(self):
@@ -308,6 +298,16 @@ class Painter:
             known = shipped_colours()
             for name in unknown:
                 self.brushes[name] = known.get(name, rgb(PALETTE[len(self.brushes) % len(PALETTE)]))
+
+
+def copied(picture: np.ndarray, out: np.ndarray | None) -> np.ndarray:
+    """A copy of a picture, in ``out`` if that is given; ValueError where it does not fit there."""
+    if out is None:
+        return picture.copy()
+    if out.shape != picture.shape or out.dtype != np.uint8 or not out.flags.c_contiguous:
+        raise ValueError(f"out must be a contiguous uint8 array of shape {picture.shape}, got {out.dtype} {out.shape}")
+    np.copyto(out, picture)
+    return out
 
 
 def _unit(size):

@@ -25,7 +25,7 @@ from flockbrush.render.ground_texture import CLOSE, FINER, GroundTexture, close_
 from flockbrush.render.hud import Hud, Layout
 from flockbrush.render.mesh_bodies import MOST, NO_LOOK, large, meshes
 from flockbrush.render.orbit import OrbitCamera, box_corners
-from flockbrush.render.painter import brush_rgb, brushes_in_sight
+from flockbrush.render.painter import brush_rgb, brushes_in_sight, copied
 from flockbrush.render.shapes import FrameBuffer, bilinear, ink_of
 from flockbrush.render.solid_meshes import stood_up, together
 from flockbrush.render.space_marks import SpaceMarks
@@ -339,14 +339,7 @@ class SpacePainter:
         if self._world[0] != key:
             self._world = (key, *self._paint_world(faces, lit))
         _, image, depth = self._world
-        if out is None:
-            return image.copy(), depth
-        if out.shape != image.shape or out.dtype != np.uint8 or not out.flags.c_contiguous:
-            raise ValueError(
-                f"out must be a contiguous uint8 array of shape {image.shape}, got {out.dtype} {out.shape}"
-            )
-        np.copyto(out, image)
-        return out, depth
+        return copied(image, out), depth
 
     def _take(self, painter, texture, under):
         """Bring a picture of the ground up to date, with what lies upon it."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from flockbrush.render.blocks import LANES, lay16, pack
 from flockbrush.render.shapes import kernel
+from flockbrush.render.strokes import lay_over
 from flockbrush.render.view_camera import ViewCamera
 
 LONGEST = 48.0  # pixels; a longer step is a jump (round the edge of the level, or by hand) and leaves no line
@@ -70,15 +71,7 @@ def show(frame, alpha, ink, inked):
                 continue
             left, right = across * PATCH_BYTES, min((across + 1) * PATCH_BYTES, pitch)
             for row in range(down * PATCH, min((down + 1) * PATCH, height)):
-                _show(frame[row, left:right], alpha[row, left:right], ink[row, left:right])
-
-
-@kernel
-def _show(frame, alpha, ink):
-    """Lay one row of trails over one of the frame."""
-    for k in range(len(frame)):
-        through = np.uint16(frame[k]) * np.uint16(255 - alpha[k])
-        frame[k] = np.uint8(((through + np.uint16(255)) >> 8) + ink[k])
+                lay_over(frame[row, left:right], alpha[row, left:right], ink[row, left:right])
 
 
 @kernel

@@ -85,16 +85,19 @@ class Deeds:
     def undo(self):
         """Undo the last change."""
         self.tool.interrupt()
-        label = self.session.undo_label
-        self.session.undo()
-        self.notify(f"undone: {label}" if label else "there is nothing to undo")
+        self._told(self.session.undo_label, self.session.undo(), "undo")
 
     def redo(self):
         """Redo the change that was undone last."""
         self.tool.interrupt()
-        label = self.session.redo_label
-        self.session.redo()
-        self.notify(f"redone: {label}" if label else "there is nothing to redo")
+        self._told(self.session.redo_label, self.session.redo(), "redo")
+
+    def _told(self, label, done, step):
+        """Say what was undone or redone; what stands against it the session says itself."""
+        if done:
+            self.notify(f"{step[:-2]}done: {label}")
+        elif not label:
+            self.notify(f"there is nothing to {step}")
 
     def edit_recorded(self, kind, **values):
         """Make an edit of the recorded animals that are selected; whether it was made."""

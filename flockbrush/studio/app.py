@@ -222,6 +222,8 @@ class App(Hand, Deeds, CanvasEvents):
         self.canvas.look_ahead()
 
     def _look_at_disk(self):
+        if self.session.edits is not None:
+            self.guard_edits(self.session.edits.follow)
         changed = self.session.changed_on_disk()
         version = changed and (changed, _written(self.session.path))
         if self.dialog is None:

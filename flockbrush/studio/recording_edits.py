@@ -6,7 +6,6 @@ The edits lie in the file beside the recording that ``flockbrush edit`` writes a
 
 from __future__ import annotations
 
-import copy
 import threading
 from pathlib import Path
 
@@ -53,6 +52,7 @@ class RecordingEdits:
     def __init__(self, path):
         self.path = Path(path)
         self.file: EditFile = edits_of(path)
+        self._written = _written(self.file.path)
         self.selected = np.zeros(0, np.int64)
         self.start, self.end, self.layer, self.edition = 0.0, ALWAYS, FIRST, 0
         self._view: EditedMoments | None = None
@@ -133,13 +133,21 @@ class RecordingEdits:
         file = self._on_disk()
         change(file)
         file.save()
-        self.file = file
+        self.file, self._written = file, _written(file.path)
         self._prepare()
+
+    def follow(self):
+        """Show what another program wrote to the file meanwhile; ProblemsError, once, where that cannot be read."""
+        written = _written(self.file.path)
+        if written != self._written:
+            self._written = written
+            self.file = self._on_disk()
+            self._prepare()
 
     def _on_disk(self) -> EditFile:
         path = self.file.path
         if not path.exists():
-            return copy.deepcopy(self.file)
+            return EditFile(path, self.file.sha256, self.file.recording)
         found = parse_edits(read_bytes(path), path)
         if found.sha256 != self.file.sha256:
             raise refused(path, "has the edits of another recording now: rename or remove this file")
@@ -174,7 +182,7 @@ class RecordingEdits:
         """Begin a pass over the recording where an edit of time needs animals that none has watched."""
         self._outdate()
         ids = {animal for edit in self.file.edits() if edit.kind in IN_TIME for animal in edit.ids}
-        if ids and (self._pass is None or not ids <= self._pass.ids):
+        if ids and (self._pass is None or self._pass.error is not None or not ids <= self._pass.ids):
             self.close()
             self._pass = PassBeside(self.path, ids)
 
@@ -214,7 +222,7 @@ class PassBeside:
             return False
         self._told = True
         if self.error is not None:
-            raise self.error
+            raise refused(self._path, f"edits of time are not shown: {self.error}")
         return True
 
     def _go(self):
@@ -251,6 +259,15 @@ class PassBeside:
         self._thread.join()
         if self.past is not None:
             self.past.close()
+
+
+def _written(path):
+    """What tells one version of a file from another; None where there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 def edits_of_recording(path):

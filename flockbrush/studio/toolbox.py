@@ -10,7 +10,7 @@ from flockbrush.studio.brush_palette import PaletteButtons
 from flockbrush.studio.shortcuts import shown
 from flockbrush.studio.theme import px
 from flockbrush.studio.tools import offered
-from flockbrush.studio.widgets import NO_MARGINS, Slider, icon_button, words
+from flockbrush.studio.widgets import NO_MARGINS, Slider, SliderScale, icon_button, words
 
 SWITCHED = (pygame_gui.UI_CHECK_BOX_CHECKED, pygame_gui.UI_CHECK_BOX_UNCHECKED)
 ACROSS = 5  # tools side by side
@@ -113,18 +113,17 @@ class Toolbox:
     def _slider(self, name, row):
         app = self.app
         if name == "size":
-            low, high = app.sizes()
             return Slider(
-                app, row, "Size", app.size, low, high, metres, app.set_size, self.lower, True,
+                app, row, "Size", app.size, SliderScale(*app.sizes(), metres, True), app.set_size, self.lower,
                 "Radius of the round tools, m (keys [ and ], or Ctrl and the mouse wheel)",
             )  # fmt: skip
         if name == "softness":
             return Slider(
-                app, row, "Softness", app.softness, 0.0, 1.0, percent, app.set_softness, self.lower, False,
+                app, row, "Softness", app.softness, SliderScale(0.0, 1.0, percent), app.set_softness, self.lower,
                 "How much the stroke fades towards its edge",
             )  # fmt: skip
         return Slider(
-            app, row, "Animals", app.options["count"], 1, 500, whole, app.set_count, self.lower, True,
+            app, row, "Animals", app.options["count"], SliderScale(1, 500, whole, True), app.set_count, self.lower,
             "Number of animals added at once",
         )  # fmt: skip
 

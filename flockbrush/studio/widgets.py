@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from itertools import zip_longest
+from typing import NamedTuple
 
 import pygame
 from pygame_gui.elements import UIButton, UIHorizontalSlider, UILabel, UIScrollingContainer
@@ -107,57 +110,57 @@ def words(app, rect, text, container, object_id=None) -> Words:
     return label
 
 
+class SliderScale(NamedTuple):
+    """What a slider can be set to, and how that is written."""
+
+    low: float
+    high: float
+    show: Callable[[float], str]
+    power: bool = False  # whether equal steps multiply: for sizes
+
+    def way(self, value):
+        """How far along it a value is, 0 to 1000."""
+        value = min(max(value, self.low), self.high)
+        if self.power:
+            return round(1000 * math.log(value / self.low) / math.log(self.high / self.low))
+        return round(1000 * (value - self.low) / (self.high - self.low))
+
+    def value(self, way):
+        """The value so far along it."""
+        share = way / 1000
+        return self.low * (self.high / self.low) ** share if self.power else self.low + (self.high - self.low) * share
+
+
 class Slider:
-    """A name, a value with its unit, and a slider; the value is a power of the way along it.
+    """A name, a value with its unit, and a slider."""
 
-    Parameters
-    ----------
-    low, high : float
-    show : callable
-        From a value to what is written.
-    power : bool
-        Whether equal steps multiply: for sizes.
-    """
-
-    def __init__(self, app, rect, name, value, low, high, show, changed, container, power=False, tip=None):
-        self.low, self.high, self.show, self.changed, self.power = low, high, show, changed, power
+    def __init__(self, app, rect, name, value, scale, changed, container, tip=None):
+        self.scale, self.changed = scale, changed
         half = rect.height // 2
         self.name = words(app, pygame.Rect(rect.x, rect.y, rect.width // 2, half), name, container, "@muted")
         right = pygame.Rect(rect.x + rect.width // 2, rect.y, rect.width - rect.width // 2, half)
-        self.value = words(app, right, show(value), container, "@value")
+        self.value = words(app, right, scale.show(value), container, "@value")
         track = pygame.Rect(rect.x, rect.y + half, rect.width, px(app.scale, 16))
         self.slider = UIHorizontalSlider(
-            track, self._way(value), (0, 1000), app.manager, container, object_id="@slider", click_increment=20
+            track, scale.way(value), (0, 1000), app.manager, container, object_id="@slider", click_increment=20
         )
         if tip:
             self.name.set_tooltip(tip)
         self._set = None
 
-    def _way(self, value):
-        value = min(max(value, self.low), self.high)
-        if self.power:
-            import math
-
-            return round(1000 * math.log(value / self.low) / math.log(self.high / self.low))
-        return round(1000 * (value - self.low) / (self.high - self.low))
-
-    def _value(self, way):
-        share = way / 1000
-        return self.low * (self.high / self.low) ** share if self.power else self.low + (self.high - self.low) * share
-
     def set(self, value):
         """Show a value that was changed elsewhere."""
-        text = self.show(value)
+        text = self.scale.show(value)
         if text != self._set:
             self._set = text
             self.value.say(text)
-            if abs(self.slider.get_current_value() - self._way(value)) > 1:
-                self.slider.set_current_value(self._way(value))
+            if abs(self.slider.get_current_value() - self.scale.way(value)) > 1:
+                self.slider.set_current_value(self.scale.way(value))
                 self.slider.has_moved_recently = False
 
     def moved(self, event):
         """Take the value of an event of this slider."""
-        value = self._value(event.value)
-        self._set = self.show(value)
+        value = self.scale.value(event.value)
+        self._set = self.scale.show(value)
         self.value.say(self._set)
         self.changed(value)

@@ -10,6 +10,7 @@ from flockbrush.behaviours.brush import VisionSpec, shipped
 
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.learned_parameters import Attempt, Learned
+from flockbrush.learning.recipe import SearchSettings
 from flockbrush.learning.rollout import theta_of
 from tests.foreign_herds import herd
 from tests.herd_film import Camera, evidence_of_truth, shoot
@@ -55,15 +56,18 @@ def _regions(fields, mask, scale, tall):
     return np.select([(mask[row, column] == colour).all(-1) for colour in colours], range(1, len(colours) + 1), 0)
 
 
-def learn(evidences, *, seed=0, starts=5, say=None, stop=None, resume=None, **rest):
+SETTINGS = SearchSettings()
+
+
+def learn(evidences, settings=SETTINGS, *, say=None, stop=None, resume=None, **rest):
     """The numbers of march, in no time."""
     theta = theta_of(shipped().get("march").params)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(settings.seed)
     attempts = [
         Attempt(
             f"random {k}", k, rng.random(12), np.clip(theta + 0.1 * k, 0, 1), {}, np.linspace(1, 0.1 + k, 9), 0.5 + k
         )
-        for k in range(starts)
+        for k in range(settings.starts)
     ]
     if say is not None:
         say(1, 2, 0.5, "descent")

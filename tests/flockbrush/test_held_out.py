@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flockbrush.film.open_clip import Looking, look_at, looked_apart
-from flockbrush.learning.recipe import learn
+from flockbrush.learning.recipe import SearchSettings, learn
 from tests import herd_film
 from tests.foreign_herds import herd
 from tests.herd_film import Camera, Look, shoot
@@ -44,7 +44,7 @@ def test_held_out_frames_change_nothing_of_the_brush_that_they_judge(parts):
         assert np.array_equal(getattr(one.fields, name), getattr(other.fields, name), equal_nan=True), name
     for name in ("xy", "forward", "speed", "turn", "track"):
         assert np.array_equal(getattr(one.sightings, name), getattr(other.sightings, name), equal_nan=True), name
-    brushes = [learn(clip, seed=1, starts=1, budget_s=0.05, brushes=False) for clip in (one, other)]
+    brushes = [learn(clip, SearchSettings(seed=1, starts=1, budget_s=0.05, brushes=False)) for clip in (one, other)]
     first, second = ((b.theta.tolist(), b.extras, b.speed, b.body, b.vision) for b in brushes)
     assert first == second
 

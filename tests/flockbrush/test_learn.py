@@ -113,9 +113,9 @@ def test_a_mask_with_two_colours_makes_two_brushes(cli, films, quick, tmp_path):
 def test_ctrl_c_keeps_the_best_so_far_and_how_to_go_on(cli, films, quick, tmp_path, monkeypatch):
     import flockbrush.learning.learn as learning
 
-    def stopped(clips, *, stop, **rest):
+    def stopped(clips, settings, *, stop, **rest):
         os.kill(os.getpid(), 2)
-        return filmed.learn(clips, stop=stop, **rest)
+        return filmed.learn(clips, settings, stop=stop, **rest)
 
     monkeypatch.setattr(learning, "learn", stopped)
     out = tmp_path / "lambs.brush.toml"
@@ -148,9 +148,9 @@ def test_a_brush_that_another_program_is_learning_is_left_to_it(cli, films, quic
     out, report = tmp_path / "lambs.brush.toml", tmp_path / "report"
     meanwhile = []
 
-    def watched(clips, **rest):
+    def watched(clips, settings, **rest):
         meanwhile.append((holder(out), holder(report)))
-        return filmed.learn(clips, **rest)
+        return filmed.learn(clips, settings, **rest)
 
     monkeypatch.setattr(learning, "learn", watched)
     for path in (out, report):

@@ -71,7 +71,7 @@ def test_only_listed_formats_are_opened(tmp_path, clip):
 def test_pictures_of_other_formats_are_refused_by_name(tmp_path, ending):
     path = tmp_path / f"a.{ending}"
     assert cv2.imwrite(str(path), PICTURE)
-    with pytest.raises(ProblemsError, match=r"is not a readable picture \(PNG, JPEG, WebP and BMP are\)"):
+    with pytest.raises(ProblemsError, match=r"is not a readable picture \(formats: PNG, JPEG, WebP and BMP\)"):
         read_picture(path)
 
 

@@ -291,7 +291,7 @@ def test_edits_of_another_recording_are_not_shown_and_the_session_opens(recordin
     beside(recording).write_text(text.replace(number, number[::-1]))
     session = open_recorded(recording, tmp_path / "state")
     assert session.edits is None
-    assert any("another recording" in notice.text for notice in session.notices())
+    assert any("belong to another recording" in notice.text for notice in session.notices())
     session.close()
 
 
@@ -305,3 +305,53 @@ def test_trails_of_ways_that_edits_took_away_are_not_drawn(window):
     window.key("delete")
     window.frames(1)
     assert np.count_nonzero(window.canvas.painter.trails.alpha) < 0.3 * before
+
+
+def test_edits_made_elsewhere_are_shown_and_gone_with_their_file(window, recording):
+    everybody = shown(window)
+    ran = CliRunner().invoke(cli, ["edit", str(recording), "--ids", "2", "--delete", "--layer", "theirs"])
+    assert ran.exit_code == 0, ran.output
+    window._disk = 0
+    window.frames(2)
+    assert shown(window).keys() == everybody.keys() - {2}
+    beside(recording).write_text("no toml = [")
+    for _ in range(2):
+        window._disk = 0
+        window.frames(1)
+    assert [str(beside(recording)) in told.text for told in window.toasts.log if told.kind == "error"] == [True]
+    window.toasts.log.clear()
+    beside(recording).unlink()
+    window._disk = 0
+    window.frames(2)
+    assert shown(window).keys() == everybody.keys()
+
+
+def test_an_undo_that_could_not_be_written_is_not_said_to_be_done(window, recording):
+    window.click(next(iter(shown(window).values())))
+    window.key("delete")
+    beside(recording).write_text("no toml = [")
+    window.key("ctrl+z")
+    window.frames(1)
+    texts = [told.text for told in window.toasts.log]
+    assert not any("undone" in text for text in texts) and str(beside(recording)) in texts[-1]
+    window.toasts.log.clear()
+
+
+def test_a_pass_that_failed_is_said_and_tried_again_with_the_next_edit(window, recording):
+    def wait():
+        while window.session.edits.waiting is not None:
+            window.frames(1)
+        window.frames(1)
+
+    animal, place = next(iter(shown(window).items()))
+    window.click(place)
+    recording.rename(recording.with_suffix(".away"))
+    press(window, "Freeze")
+    wait()
+    told = window.toasts.log.pop().text
+    assert "edits of time are not shown" in told and "bug" not in told
+    recording.with_suffix(".away").rename(recording)
+    window.edit_recorded("look", size=2.0)
+    wait()
+    go_to(window, 50)
+    assert shown(window)[animal] == pytest.approx(place, abs=1e-9)

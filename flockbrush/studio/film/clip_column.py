@@ -8,7 +8,7 @@ from pygame_gui.elements import UIButton, UIPanel, UITextBox
 from flockbrush.studio.help import escaped
 from flockbrush.studio.theme import chrome, font, px
 from flockbrush.studio.toasts import wrapped
-from flockbrush.studio.widgets import NO_MARGINS, PictureButton, Slider, words
+from flockbrush.studio.widgets import NO_MARGINS, PictureButton, Slider, SliderScale, words
 
 
 class ClipColumn:
@@ -99,7 +99,8 @@ class ClipColumn:
 
     def slider(self, name, value, low, high, show, changed, power=False, tip=None):
         """A slider with its name and value."""
-        made = Slider(self.app, self._row(38), name, value, low, high, show, changed, self.back, power=power, tip=tip)
+        scale = SliderScale(low, high, show, power)
+        made = Slider(self.app, self._row(38), name, value, scale, changed, self.back, tip)
         self.sliders.append(made)
         return made
 

@@ -57,6 +57,6 @@ def test_a_herd_without_interaction_is_not_learned_though_its_trials_are_the_bes
     nobody[0:9:3] = 1e-3
     begins = [("nobody", nobody, {"wander": 0.3, **EXTRAS}), ("random 1", theta_of(brush.params), EXTRAS)]
     monkeypatch.setattr(recipe, "attempt", judged)
-    found = recipe.learn(clip, seed=1, budget_s=0.5, begins=begins)
+    found = recipe.learn(clip, recipe.SearchSettings(seed=1, budget_s=0.5, begins=begins))
     assert max(found.theta[0:9:3]) * found.extras.get("sensitivity", 10.0) > 1.0
     assert any("hardly react to neighbours" in note for note in found.notes)

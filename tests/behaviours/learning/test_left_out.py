@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flockbrush.learning import trials
-from flockbrush.learning.recipe import _setting
+from flockbrush.learning.recipe import SearchSettings, _setting
 from flockbrush.learning.trials import USE, attempt, descend
 from tests.foreign_herds import herd
 from tests.herd_film import evidence_of_truth
@@ -25,7 +25,7 @@ def seen(request, clip):
     shown = clip if request.param == "told apart" else replace(clip, sightings=None)
 
     def tried(*parts):
-        return attempt(_setting((shown,), USE - set(parts), 0.5, None, None), THETA, EXTRAS, [1], False)
+        return attempt(_setting((shown,), SearchSettings(use=USE - set(parts))), THETA, EXTRAS, [1], False)
 
     return shown, tried
 
@@ -43,13 +43,15 @@ def test_descents_on_fields_leave_it_out(clip, part, monkeypatch):
     monkeypatch.setattr(trials, "DESCENT", 3)
     fields = replace(clip, sightings=None)
     losses = [
-        descend(_setting((fields,), use, 0.5, None, None), THETA, EXTRAS, 5)["loss"] for use in (USE, USE - {part})
+        descend(_setting((fields,), SearchSettings(use=use)), THETA, EXTRAS, 5)["loss"] for use in (USE, USE - {part})
     ]
     assert len(losses[0]) and not np.allclose(*losses)
 
 
 @pytest.mark.parametrize("part", ["angular", "occlusion"])
 def test_descents_on_turns_leave_out_how_animals_see(clip, part):
-    whole, without = (descend(_setting((clip,), use, 0.5, None, None), THETA, EXTRAS, 5) for use in (USE, USE - {part}))
+    whole, without = (
+        descend(_setting((clip,), SearchSettings(use=use)), THETA, EXTRAS, 5) for use in (USE, USE - {part})
+    )
     assert whole["loss"][-1] != without["loss"][-1]
     assert (np.array(without["theta"])[2::3] == THETA[2::3]).all() == (part == "angular")

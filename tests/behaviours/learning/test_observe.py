@@ -183,7 +183,7 @@ def test_a_colour_and_a_length_that_a_person_gives_are_taken(band, seen):
 def test_light_dark_and_dun_animals_are_found(tmp_path, look):
     truth = herd("swarm", count=30, seconds=0.6, fps=25, seed=5)
     film = shoot(truth, tmp_path / "film.mp4", SIZE, 18.0, STILL, look=look, seed=6)
-    count = observe(film.path, animals=False).fields.count
+    count = observe(film.path).fields.count
     assert np.median(count) == pytest.approx(film.inside(7).sum(), rel=0.25)
 
 
@@ -205,7 +205,7 @@ def test_obstacles_and_regions_fall_on_the_cells_they_were_painted_over(still, t
     parts[:100], parts[100:200] = (0, 0, 255), (0, 255, 0)  # blue, green, red: red above, green in the middle
     cv2.imwrite(str(tmp_path / "wall.png"), wall)
     cv2.imwrite(str(tmp_path / "parts.png"), parts)
-    seen = observe(still.path, grid=12, obstacles=tmp_path / "wall.png", regions=tmp_path / "parts.png", animals=False)
+    seen = observe(still.path, grid=12, obstacles=tmp_path / "wall.png", regions=tmp_path / "parts.png")
     fields = seen.fields
     assert fields.shape == (9, 12)
     assert fields.obstacle[:, 10:].all() and not fields.obstacle[:, :10].any()

@@ -13,7 +13,7 @@ from flockbrush.learning import workers
 from flockbrush.learning.evolution import Evolution
 from flockbrush.learning.initial_conditions import body_of, speed_of, start_of
 from flockbrush.learning.learned_parameters import Learned
-from flockbrush.learning.recipe import USE, _setting, learn
+from flockbrush.learning.recipe import USE, SearchSettings, _setting, learn
 from flockbrush.learning.rollout import HerdStart, params_of, rollout, theta_of
 from flockbrush.learning.search_space import Code
 from flockbrush.learning.trials import attempt, forget, keep, simulate
@@ -21,7 +21,7 @@ from flockbrush.learning.workers import Workers, WorkStopped
 from tests.foreign_herds import Truth, herd
 from tests.herd_film import evidence_of_truth
 
-FEW = {"budget_s": 0.5, "starts": 2, "brushes": False}
+FEW = SearchSettings(seed=1, budget_s=0.5, starts=2, brushes=False)
 
 
 def swarm_of_graze(animals=24, seconds=1.5, fps=20.0):
@@ -44,7 +44,7 @@ def clip():
 
 @pytest.fixture(scope="module")
 def found(clip):
-    return learn(clip, seed=1, **FEW)
+    return learn(clip, FEW)
 
 
 def test_what_is_learned_is_a_brush_and_what_is_known_of_it(found):
@@ -64,7 +64,7 @@ def test_a_part_that_is_left_out_leaves_the_loss_of_trials(clip, part):
     brush = swarm_of_graze()[1]
     losses = []
     for use in (USE, USE - {part}):
-        given = _setting((clip,), use, 0.5, None, None)
+        given = _setting((clip,), SearchSettings(use=use))
         losses.append(attempt(given, theta_of(brush.params), {"wander": 0.3}, [1], False))
         forget()
     assert losses[0]["score"] != losses[1]["score"]
@@ -88,10 +88,10 @@ def test_the_same_seed_learns_the_same_and_work_that_was_kept_is_not_done_again(
         asked.append(1)
         return len(asked) > 6
 
-    part = learn(clip, seed=1, resume=kept, stop=stop, **FEW)
+    part = learn(clip, FEW, resume=kept, stop=stop)
     assert part.interrupted and len(part.starts) >= 1
     told = []
-    again = learn(clip, seed=1, resume=kept, say=lambda *a: told.append(a), **FEW)
+    again = learn(clip, FEW, resume=kept, say=lambda *a: told.append(a))
     assert np.array_equal(again.theta, found.theta) and again.extras == found.extras
     assert not again.interrupted and told[-1][0] == told[-1][1]
 
@@ -99,11 +99,11 @@ def test_the_same_seed_learns_the_same_and_work_that_was_kept_is_not_done_again(
 def test_work_of_another_version_is_not_gone_on_with(clip, tmp_path, monkeypatch):
     """Its trials were judged in another way, and a choice among both would be none."""
     kept = tmp_path / "work.json"
-    assert learn(clip, seed=1, resume=kept, stop=lambda: kept.exists(), **FEW).interrupted
+    assert learn(clip, FEW, resume=kept, stop=lambda: kept.exists()).interrupted
     before = kept.read_bytes()
     monkeypatch.setattr("flockbrush.learning.recipe._version", lambda: b"another")
     with pytest.raises(ProblemsError, match="another version"):
-        learn(clip, seed=1, resume=kept, **FEW)
+        learn(clip, FEW, resume=kept)
     assert kept.read_bytes() == before
 
 
@@ -111,7 +111,7 @@ def test_nothing_to_learn_from_is_said():
     with pytest.raises(ValueError, match="no clip"):
         learn([])
     with pytest.raises(ValueError, match="it may have angular"):
-        learn(swarm_of_graze(8, 0.5)[0], use=frozenset({"colour"}))
+        learn(swarm_of_graze(8, 0.5)[0], SearchSettings(use=frozenset({"colour"})))
 
 
 def test_a_herd_begins_where_the_animals_are_seen(clip):
@@ -150,7 +150,7 @@ def test_evolution_walks_to_the_best_place():
 
 def test_who_does_not_stay_what_the_clip_is_strays():
     clip, truth = swarm_of_graze(40, 3.0)
-    given = _setting((clip,), USE, 0.5, truth.speed, truth.body)
+    given = _setting((clip,), SearchSettings(speed=truth.speed, body=truth.body))
     sight = {"neighbour_range": truth.params.neighbour_range}
     theirs = keep(given, theta_of(truth.params).tolist(), sight, 1)
     aligned = keep(given, [0.5, 0.3, 1.0, 1e-3, 0.1, 0.1, 1.0, 1.0, 1.0, 1e-3, 0.1, 0.1], sight, 1)
@@ -162,7 +162,7 @@ def test_herds_from_a_photograph_are_asked_whether_they_stay_as_dense(clip):
     nobody_moves = np.full_like(clip.fields.velocity, np.nan)
     still = dataclasses.replace(clip.fields, velocity=nobody_moves, speed=nobody_moves[..., 0])
     truth, photo = swarm_of_graze()[1], dataclasses.replace(clip, fields=still, sightings=None)
-    given = _setting((photo,), USE, 0.5, truth.speed, truth.body)
+    given = _setting((photo,), SearchSettings(speed=truth.speed, body=truth.body))
     found = keep(given, theta_of(truth.params).tolist(), {}, 1)
     assert np.isfinite(found["score"]) and set(found["figures"]) == {"as many"}
 
@@ -194,7 +194,7 @@ def test_a_program_that_is_killed_has_kept_what_was_done_before(tmp_path, monkey
 
 @pytest.mark.slow
 def test_two_processes_learn_what_one_does(clip, found):
-    other = learn(clip, seed=1, jobs=2, **FEW)
+    other = learn(clip, FEW, jobs=2)
     assert np.array_equal(other.theta, found.theta)
 
 

@@ -57,7 +57,7 @@ def test_under_a_camera_that_turns_stones_are_no_animals_and_those_who_rest_are(
 def test_of_plain_ground_it_is_told_that_the_camera_is_unknown_and_landmarks_are_named(tmp_path, texture, told):
     look = replace(LOOKS["sheep"], texture=texture)
     film = shoot(herd("band", 30, 0.4, 25, seed=3), tmp_path / "plain.mp4", (400, 400), 16.0, STILL, look, seed=5)
-    seen = observe(film.path, animals=False)
+    seen = observe(film.path)
     assert any("--landmark" in note for note in seen.notes) == told
 
 
