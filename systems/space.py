@@ -244,7 +244,7 @@ def _look(lo, hi, space, eyes, solids, width, seen, begin, count):
     _look_about(lo, hi, space, eyes, solids, width, seen, begin, count, mine, runs)
 
 
-@kernel
+@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def _look_about(lo, hi, space, eyes, solids, width, seen, begin, count, mine, runs):
     axes = pointer(space.x), pointer(space.y), pointer(space.z)
     heading = pointer(space.fx), pointer(space.fy), pointer(space.fz)
@@ -326,7 +326,7 @@ def _in_view(i, among, runs, axes, heading, reach2, cosine, seen):
     return found
 
 
-@kernel
+@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def _without_hidden(i, n, space, eyes, solids, who):
     """Strike out who is outside the cone, or hidden by others in range or by solids; returns how many are left."""
     xi, yi, zi, fx, fy, fz = space.x[i], space.y[i], space.z[i], space.fx[i], space.fy[i], space.fz[i]
@@ -355,7 +355,7 @@ def _without_hidden(i, n, space, eyes, solids, who):
     return visible
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def _hidden(k, nearest, who, ox, oy, oz, d2, rows, radius):
     """Whether the ball of somebody nearer meets the segment to k."""
     if d2[k] <= 0.0:
