@@ -243,7 +243,7 @@ def _look(lo, hi, space, eyes, solids, width, seen, begin, count):
     _look_about(lo, hi, space, eyes, solids, width, seen, begin, count, (mine, runs))
 
 
-@kernel
+@inner_kernel
 def _look_about(lo, hi, space, eyes, solids, width, seen, begin, count, room):
     mine, runs = room
     axes = pointer(space.x), pointer(space.y), pointer(space.z)
@@ -326,7 +326,7 @@ def _in_view(i, among, runs, axes, heading, reach2, cosine, seen):
     return found
 
 
-@kernel
+@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def _without_hidden(i, n, space, eyes, solids, who):
     """Strike out who is outside the cone, or hidden by others in range or by solids; returns how many are left."""
     xi, yi, zi, fx, fy, fz = space.x[i], space.y[i], space.z[i], space.fx[i], space.fy[i], space.fz[i]
