@@ -122,7 +122,7 @@ def tell_size(path, size):
 
 
 def _mb(size):
-    return f"{size / 1e6:,.0f} MB"
+    return f"{size / 1e6:,.0f} MB" if size >= 1e7 else f"{size / 1e6:.2g} MB"
 
 
 @contextmanager

@@ -252,9 +252,9 @@ def _notes(tracks, pieces, motion, length):
     )
     gapped = len(np.unique(pieces.animal[np.flatnonzero(np.bincount(pieces.animal)[pieces.animal] > 1)]))
     if pieces.gaps or gapped:
+        who = "1 animal was" if gapped == 1 else f"{gapped} animals were"
         yield (
-            f"{pieces.gaps} gaps were filled; {gapped} animals were missing for more than {GAP:g} s and count as new "
-            "animals afterwards"
+            f"{pieces.gaps} gaps were filled; {who} missing for more than {GAP:g} s and count as new animals afterwards"
         )
     missing = _missing(tracks, motion)
     if missing > 1 - WHOLE:

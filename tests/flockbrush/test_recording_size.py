@@ -88,6 +88,9 @@ def test_a_large_recording_is_announced(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr("shutil.disk_usage", lambda path: type("Usage", (), {"free": 5 * 10**7}))
     commands.tell_size(tmp_path / "a.flock", 10**8)
     assert "will need about 100 MB, but the disk has only 50 MB free\n" in capsys.readouterr().err
+    monkeypatch.setattr("shutil.disk_usage", lambda path: type("Usage", (), {"free": 3 * 10**5}))
+    commands.tell_size(tmp_path / "a.flock", 12 * 10**5)
+    assert "will need about 1.2 MB, but the disk has only 0.3 MB free\n" in capsys.readouterr().err
 
 
 def test_a_snapshot_packed_in_parts_is_the_snapshot(tmp_path, herd):

@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,8 @@ from processes import other_process
 
 from flockbrush.render.canvas import smooth
 from flockbrush.runs.run import rebuild, start
-from flockbrush.runs.snapshots import Moment
+from flockbrush.runs.run_edits import rows_of
+from flockbrush.runs.snapshots import Moment, words_of
 
 pytest.importorskip("pxr.Usd")
 
@@ -248,6 +250,35 @@ def test_who_is_not_born_yet_or_dead_has_no_size_even_where_visibility_is_ignore
     assert np.allclose([size(4, frame) for frame in (0, 10.5, 19, 20, 30.5, 39)], [0, 0, 0, 1, 1, 1], atol=1e-3)
     prim = UsdGeom.Imageable(stage.GetPrimAtPath("/World/Herd/animal_1"))
     assert [prim.ComputeVisibility(frame) for frame in (0, 30)] == ["inherited", "invisible"]
+
+
+@pytest.mark.parametrize("mode", ["xforms", "skel"])
+def test_an_animal_that_changes_its_look_or_is_away_for_a_while_is_shown_so(tmp_path, lived, mode):
+    from pxr import Usd, UsdGeom, UsdShade
+
+    names = words_of(lived)["brush"]
+    brush = {frame: int(2 <= frame <= 6) for frame in range(10)}
+    length = {frame: 2.0 if frame >= 7 else 1.0 for frame in range(10)}
+    moments = []
+    for frame, moment in enumerate(turning(frames=10)):
+        kinds, lengths = moment.brush.copy(), moment.length.copy()
+        kinds[0], lengths[0] = brush[frame], length[frame]
+        rows = np.arange(3 <= frame <= 5, len(moment))  # animal 1 is away from 3 to 5
+        moments.append(rows_of(replace(moment, brush=kinds, length=lengths), rows))
+    stage = written(tmp_path, lived, "looks.usda", moments, usd_mode=mode)
+    bodies = [prim for prim in stage.GetPrimAtPath("/World/Herd/animal_1").GetChildren() if "Look" in prim.GetName()]
+    assert len(bodies) == 2
+    for frame in range(10):
+        shown = {}
+        for body in bodies:
+            size = UsdGeom.Xformable(body).ComputeLocalToWorldTransform(frame).TransformDir((1, 0, 0)).GetLength()
+            visible = UsdGeom.Imageable(body).ComputeVisibility(frame) == UsdGeom.Tokens.inherited
+            assert visible == (size > 1e-3)
+            if visible:
+                skin = next(p for p in Usd.PrimRange(body, Usd.TraverseInstanceProxies()) if p.GetTypeName() == "Mesh")
+                shown[UsdShade.MaterialBindingAPI(skin).ComputeBoundMaterial()[0].GetPath().name] = round(size, 4)
+        there = not 3 <= frame <= 5
+        assert shown == ({f"brush_{names[brush[frame]]}": length[frame]} if there else {}), frame
 
 
 def test_flyers_bank(tmp_path, lived):

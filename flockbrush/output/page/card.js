@@ -49,7 +49,7 @@ class Legend {
     for (const [code, count] of [...counts].sort((a, b) => a[0] - b[0])) {
       const danger = name === "brush" && about.predators[code];
       const ground = name === "brush" ? about.brush_grounds[code] : null;
-      this.line(`#${animals.colourOf(name, code).getHexString()}`, about.words[name][code] || "–", count, danger, ground);
+      this.line(`#${animals.colourOf(name, code).getHexString()}`, about.words[name][code] || "none", count, danger, ground);
     }
     if (leaders) this.line(getComputedStyle(document.documentElement).getPropertyValue("--leader"), "leaders", leaders, true);
   }
@@ -79,7 +79,7 @@ class Card {
     const i = animals.row();
     this.title.textContent = `animal ${animals.selected}`;
     if (i < 0) { this.body.replaceChildren(element("p", "not present at this time")); return; }
-    const rows = Object.keys(about.words).map((name) => [name, about.words[name][run.codes[name][i]] || "–"]);
+    const rows = Object.keys(about.words).map((name) => [name, about.words[name][run.codes[name][i]] || "none"]);
     const compass = (450 - run.yaw[i] * 180 / Math.PI) % 360;
     rows.push(["role", run.leader[i] ? "leader" : "follower"], ["speed", `${run.pace[i].toFixed(2)} m/s`],
       ["course", `${((compass + 360) % 360).toFixed(0)}° from north`], ["height", `${(run.z[i] - animals.ground.height(run.x[i], run.y[i])).toFixed(2)} m above ground`],

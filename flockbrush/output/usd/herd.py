@@ -84,8 +84,44 @@ def told(moment, phase):
     return found | {name: ("int", np.asarray(values, np.int32)) for name, values in codes.items()}
 
 
+class Shown:
+    """A prim that is there or not, at a size: an animal, or the body of one of its looks.
+
+    Where it is not there it is invisible and has almost no size.
+    """
+
+    def __init__(self, prim):
+        self._scale = prim.AddScaleOp(UsdGeom.XformOp.PrecisionFloat).GetAttr()
+        self._visibility = prim.CreateVisibilityAttr()
+        self._size = None
+
+    def show(self, frame, size):
+        """From this frame on it is there at a size (3,), at once: values are interpolated between samples."""
+        size = Gf.Vec3f(*size)
+        if size == self._size:
+            return
+        if frame > 0:
+            if not self._visibility.HasAuthoredValue():
+                self._visibility.Set(UsdGeom.Tokens.invisible, 0)
+            self._scale.Set(self._size or Gf.Vec3f(NOTHING), frame - 1)
+        if self._size is None:
+            self._visibility.Set(UsdGeom.Tokens.inherited, frame)
+        self._scale.Set(size, frame)
+        self._size = size
+
+    def hide(self, frame):
+        """From this frame on it is not there."""
+        self._scale.Set(self._size, frame - 1)
+        self._scale.Set(Gf.Vec3f(NOTHING), frame)
+        self._visibility.Set(UsdGeom.Tokens.invisible, frame)
+        self._size = None
+
+
 class Xforms:
-    """Each animal as a prim of its own, without a gait; before its birth and after its death it has no size."""
+    """Each animal as a prim of its own, without a gait; before its birth and after its death it has no size.
+
+    It has a body for each species and brush that it has had, of which one is shown.
+    """
 
     def __init__(self, stage, bodies, simulation):
         self._stage, self._bodies, self._turns = stage, bodies, AttitudeTurns(simulation)
@@ -97,17 +133,18 @@ class Xforms:
         """Set every animal of a frame; the bytes that takes."""
         ids, here = moment.ids.tolist(), set(moment.ids.tolist())
         for gone in sorted(self._here - here):
-            self._vanish(self._animals[gone], frame)
+            self._animals[gone]["shown"].hide(frame)
+        self._names = self._bodies.names()
         at, scales, turns = moment.xyz.tolist(), self._bodies.scales(moment).tolist(), self._turns.of(moment).tolist()
         carried = told(moment, phase)
         for row, animal in enumerate(ids):
             if animal not in self._animals:
-                self._animals[animal] = self._born(frame, animal, moment, row)
+                self._animals[animal] = self._born(animal)
             attributes = self._animals[animal]
             attributes["translate"].Set(Gf.Vec3d(*at[row]), frame)
             attributes["orient"].Set(Gf.Quatf(*turns[row]), frame)
-            if animal not in self._here:
-                attributes["scale"].Set(Gf.Vec3f(*scales[row]), frame)
+            attributes["shown"].show(frame, scales[row])
+            self._dress(attributes, frame, moment, row)
             for name, (kind, values) in carried.items():
                 value = values[row].item()
                 if name not in attributes:
@@ -123,50 +160,54 @@ class Xforms:
     def pose(self, attributes, frame, row, moment, clip, phase):
         """Set the limbs of one animal: here they do not move."""
 
+    def _dress(self, attributes, frame, moment, row):
+        """Show the body of the species and brush that an animal has now."""
+        species, bodies = int(moment.species[row]), attributes["bodies"]
+        plain = self._names[0][species] in self._bodies.given  # the same with every brush
+        key = species, 0 if plain else int(moment.brush[row])
+        if key == attributes["worn"]:
+            return
+        if key not in bodies:
+            path = f"{attributes['path']}/Look{f'_{len(bodies)}' if bodies else ''}"
+            self.body(path, moment, row)
+            bodies[key] = path, Shown(UsdGeom.Xform.Get(self._stage, path))
+        if attributes["worn"] is not None:
+            bodies[attributes["worn"]][1].hide(frame)
+        attributes["body"], shown = bodies[key]
+        shown.show(frame, (1.0, 1.0, 1.0))
+        attributes["worn"] = key
+
     def body(self, path, moment, row):
         """Define what an animal looks like: a standing body, shared by all that look alike."""
-        looks = self._bodies.names()[1]
+        looks = self._names[1]
         clip = 0 if moment.xyz[row, 2] < moment.length[row] or looks[moment.species[row]] != "bird" else 4
         key = (int(moment.species[row]), int(moment.brush[row]), clip, 0)
         shared = f"/Prototypes/body_{'_'.join(map(str, key))}"
         if not self._stage.GetPrimAtPath(shared):
             self._stage.CreateClassPrim("/Prototypes")
             self._bodies.define(shared, key)
-        inner = UsdGeom.Xform.Define(self._stage, f"{path}/Look").GetPrim()
+        inner = UsdGeom.Xform.Define(self._stage, path).GetPrim()
         inner.GetReferences().AddInternalReference(shared)
         inner.SetInstanceable(True)
 
-    def _born(self, frame, animal, moment, row):
+    def _born(self, animal):
         """The attributes of a new prim."""
         path = f"{HERD}/animal_{animal}"
         prim = self.root(path)
-        found = {
+        return {
             "translate": prim.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).GetAttr(),
             "orient": prim.AddOrientOp(UsdGeom.XformOp.PrecisionFloat).GetAttr(),
-            "scale": prim.AddScaleOp(UsdGeom.XformOp.PrecisionFloat).GetAttr(),
-            "visibility": prim.CreateVisibilityAttr(),
+            "shown": Shown(prim),
             "primvars": UsdGeom.PrimvarsAPI(prim),
             "last": {},
             "path": path,
+            "bodies": {},
+            "worn": None,
         }
-        if frame > 0:
-            self._vanish(found, 0)
-            found["scale"].Set(Gf.Vec3f(NOTHING), frame - 1)  # scales are interpolated: it is small until it is born
-        found["visibility"].Set(UsdGeom.Tokens.inherited, frame)
-        self.body(path, moment, row)
-        return found
 
     def root(self, path):
         """The prim of a new animal."""
         return UsdGeom.Xform.Define(self._stage, path)
-
-    def _vanish(self, attributes, frame):
-        """An animal is not there any more, or not yet."""
-        scale = attributes["scale"]
-        if frame > 0 and (last := scale.Get(frame - 1)) is not None:
-            scale.Set(last, frame - 1)
-        scale.Set(Gf.Vec3f(NOTHING), frame)
-        attributes["visibility"].Set(UsdGeom.Tokens.invisible, frame)
 
     def finish(self):
         """Nothing is left to do."""

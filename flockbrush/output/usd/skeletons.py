@@ -31,24 +31,24 @@ class Skeletons(Xforms):
         return UsdSkel.Root.Define(self._stage, path)
 
     def body(self, path, moment, row):
-        species, looks, brushes = self._bodies.names()
+        species, looks, brushes = self._names
         kind, brush = int(moment.species[row]), int(moment.brush[row])
         if species[kind] in self._bodies.given:
             super().body(path, moment, row)
             return
         rig = self._rig(looks[kind])
-        inner = UsdGeom.Xform.Define(self._stage, f"{path}/Look").GetPrim()
+        inner = UsdGeom.Xform.Define(self._stage, path).GetPrim()
         inner.GetReferences().AddInternalReference(rig)
-        animation = UsdSkel.Animation.Define(self._stage, f"{path}/Gait")
+        animation = UsdSkel.Animation.Define(self._stage, _gait_of(path))
         animation.CreateJointsAttr(_joints(mesh_of(looks[kind])))
-        skeleton = self._stage.OverridePrim(f"{path}/Look/Skeleton")
+        skeleton = self._stage.OverridePrim(f"{path}/Skeleton")
         UsdSkel.BindingAPI.Apply(skeleton).CreateAnimationSourceRel().SetTargets([animation.GetPath()])
-        skin = self._stage.OverridePrim(f"{path}/Look/Body")
+        skin = self._stage.OverridePrim(f"{path}/Body")
         self._bodies.bind(skin, brushes[brush] if brush < len(brushes) else "", brush)
 
     def pose(self, attributes, frame, row, moment, clip, phase):
-        look = self._bodies.names()[1][moment.species[row]]
-        animation = UsdSkel.Animation(self._stage.GetPrimAtPath(f"{attributes['path']}/Gait"))
+        look = self._names[1][moment.species[row]]
+        animation = UsdSkel.Animation(self._stage.GetPrimAtPath(_gait_of(attributes["body"])))
         if not animation:
             return
         places, turns, scales = _samples(look, CLIPS[clip[row]], round(float(phase[row]) * STEPS) % STEPS)
@@ -79,6 +79,12 @@ class Skeletons(Xforms):
         binding.CreateJointWeightsPrimvar(False, 1).Set(Vt.FloatArray(len(mesh.points), 1.0))
         binding.CreateGeomBindTransformAttr(Gf.Matrix4d(1))
         return path
+
+
+def _gait_of(path):
+    """Path of the animation of a body, beside it."""
+    animal, _, name = path.rpartition("/")
+    return f"{animal}/{name.replace('Look', 'Gait')}"
 
 
 @cache
