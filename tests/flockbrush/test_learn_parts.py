@@ -15,6 +15,7 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.systems.measures import compute_nnd
 
 from flockbrush.cli.learning_commands import command_line
+from flockbrush.film.observations import SIGHT_COLUMNS
 from flockbrush.learning.axis_variance import RANDOM, variance_told
 from flockbrush.learning.comparison import compared
 from flockbrush.learning.group_size_test import with_other_numbers
@@ -100,7 +101,7 @@ def test_a_learned_brush_says_where_it_is_from_and_what_the_clip_does_not_tell(m
     assert told.licence == "public domain"
     assert told.report == {"loss": 0.5}
     assert "flockbrush" in told.versions and "torch" in told.versions
-    assert "does not tell (other values describe it as well): weight of obstacle, reach of obstacle" in told.notes
+    assert "Not identifiable from the clip (other values fit equally well): weight of obstacle, reach" in told.notes
     assert "in one direction" in brush.description
     assert brush.body.length == 1.2 and brush.body.radius <= 0.6
 
@@ -296,7 +297,7 @@ def test_how_animals_lie_is_told_by_those_whose_axes_are_seen():
     lying = photo(np.zeros(100))
     all_of_them = lying.sightings
     few = np.flatnonzero(all_of_them.xy[:, 0] < np.median(all_of_them.xy[:, 0]))
-    of_few = {name: getattr(all_of_them, name)[few] for name in ("xy", "forward", "speed", "turn", "track")}
+    of_few = {name: getattr(all_of_them, name)[few] for name in SIGHT_COLUMNS}
     some = replace(all_of_them, first=np.array([0, len(few)]), **of_few)
     seen = standing(replace(lying, sightings=some)).fields
     assert np.nanmax(seen.angular_variance) == RANDOM and variance_told(seen) < 1
@@ -325,7 +326,7 @@ def test_a_mask_that_is_none_is_told_why(tmp_path):
     noise = np.random.default_rng(0).integers(0, 255, (30, 30, 3), dtype=np.uint8)
     cv2.imwrite(str(tmp_path / "photo.png"), noise)
     for name, words in (
-        ("text.png", "no picture"),
+        ("text.png", "not a readable picture"),
         ("photo.png", "colours"),
         ("none.png", "no such file"),
     ):
