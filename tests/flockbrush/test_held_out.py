@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flockbrush.film.observations import SIGHT_COLUMNS
 from flockbrush.film.open_clip import Looking, look_at, looked_apart
 from flockbrush.learning.recipe import SearchSettings, learn
 from tests import herd_film
@@ -42,7 +43,7 @@ def test_held_out_frames_change_nothing_of_the_brush_that_they_judge(parts):
     assert not np.array_equal(held.fields.density, replaced.fields.density)
     for name in ("density", "velocity", "speed", "angular_variance", "seen", "count"):
         assert np.array_equal(getattr(one.fields, name), getattr(other.fields, name), equal_nan=True), name
-    for name in ("xy", "forward", "speed", "turn", "track"):
+    for name in SIGHT_COLUMNS:
         assert np.array_equal(getattr(one.sightings, name), getattr(other.sightings, name), equal_nan=True), name
     brushes = [learn(clip, SearchSettings(seed=1, starts=1, budget_s=0.05, brushes=False)) for clip in (one, other)]
     first, second = ((b.theta.tolist(), b.extras, b.speed, b.body, b.vision) for b in brushes)

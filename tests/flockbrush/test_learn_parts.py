@@ -15,6 +15,7 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.systems.measures import compute_nnd
 
 from flockbrush.cli.learning_commands import command_line
+from flockbrush.film.observations import SIGHT_COLUMNS
 from flockbrush.learning.axis_variance import RANDOM, variance_told
 from flockbrush.learning.comparison import compared
 from flockbrush.learning.group_size_test import with_other_numbers
@@ -299,7 +300,7 @@ def test_how_animals_lie_is_told_by_those_whose_axes_are_seen():
     lying = photo(np.zeros(100))
     all_of_them = lying.sightings
     few = np.flatnonzero(all_of_them.xy[:, 0] < np.median(all_of_them.xy[:, 0]))
-    of_few = {name: getattr(all_of_them, name)[few] for name in ("xy", "forward", "speed", "turn", "track")}
+    of_few = {name: getattr(all_of_them, name)[few] for name in SIGHT_COLUMNS}
     some = replace(all_of_them, first=np.array([0, len(few)]), **of_few)
     seen = standing(replace(lying, sightings=some)).fields
     assert np.nanmax(seen.angular_variance) == RANDOM and variance_told(seen) < 1

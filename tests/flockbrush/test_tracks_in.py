@@ -7,6 +7,7 @@ import pytest
 from flockbrush.engine.problems import ProblemsError
 
 from flockbrush.cli.main import called
+from flockbrush.film.observations import SIGHT_COLUMNS
 from flockbrush.film.open_clip import Looking, drawn_tracks, look_at, looked_apart
 from flockbrush.film.track_files import read_trajectories
 
@@ -246,7 +247,7 @@ def test_held_out_frames_of_tracks_change_nothing_of_what_is_learned_from(circli
     parts = [looked_apart(path, HOW, look_at(path, HOW), 0.5)[0] for path in (circling, tmp_path / "other.npy")]
     (one, held), (other, replaced) = parts
     assert not np.array_equal(held.sightings.xy, replaced.sightings.xy)
-    for name in ("xy", "forward", "speed", "turn", "track"):
+    for name in SIGHT_COLUMNS:
         assert np.array_equal(getattr(one.sightings, name), getattr(other.sightings, name), equal_nan=True), name
 
 
