@@ -24,7 +24,6 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from flockbrush.behaviours.behaviour import Parameters
 from flockbrush.behaviours.brush_tables import Provenance, SpeedSpec, VisionSpec
 from flockbrush.behaviours.brush_writer import brush_to_toml
 from flockbrush.behaviours.file_library import NAME, FileLibrary, check_schema, name_in, read_source
@@ -58,7 +57,7 @@ class Brush(Spec):
 
     Parameters
     ----------
-    params : Parameters
+    params : BaseModel
         The ``Params`` of the model.  In Python ``parameters={...}`` may be given instead.
 
     Examples
@@ -75,7 +74,7 @@ class Brush(Spec):
         "#808080", "colour of the painted ground, #rrggbb", examples=["#c9a24b"]
     )
     transition: float = spec_field(0.5, "time in which an animal blends into this brush", "s", ge=0, le=60)
-    params: SerializeAsAny[Parameters] = spec_field(..., "the parameters of the model")
+    params: SerializeAsAny[BaseModel] = spec_field(..., "the parameters of the model")
     speed: SpeedSpec = spec_field(..., "how fast")
     made_for: tuple[Annotated[str, Field(pattern=f"^{NAME.pattern}$")], ...] = spec_field(
         (),

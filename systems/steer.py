@@ -165,18 +165,19 @@ def _all_by_slot(world):
 def scene_of(world, lists=True):
     """What models see now: read-only views of the columns.
 
-    Without ``lists`` those of neighbours by row are left out, unless drives may ask for them.
+    Without ``lists`` those of neighbours by row are left out, unless drives or birds on the ground may ask for them.
     """
     agents, clock = world.agents, world.resource(Clock)
     noise, palette = world.resource(Noise), world.resource(Palette)
     obstacles, sight = world.resource(ObstaclesInSight), world.resource(Sight)
     cells, species = sight.found.cells, kin(world)
     bodies = bodies_of(world, agents[Speed.drawn])
-    lists = lists or bodies is not None
+    near = world.resource(Near)
+    landed = near.aloft is None and palette.flies.any()  # who has just touched down flies by the lists of walkers
+    lists = lists or landed or bodies is not None
     first, others, offset = sight.lists if lists else NOT_MADE
     xyz = agents[Position.xyz]
     order, air = cells.row[~cells.ghost], None
-    near = world.resource(Near)
     if near.aloft is not None:
         order = np.concatenate([order, near.space.order])
         air = frozen(Air(*_air_of(world, xyz, near, lists), _flock_by_slot(world, species)))

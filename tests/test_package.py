@@ -116,7 +116,7 @@ def test_its_page_on_a_package_index_has_no_relative_links(built):
     (name,) = [name for name in archive.namelist() if name.endswith(".dist-info/METADATA")]
     metadata = archive.read(name).decode()
     assert "License-Expression: Apache-2.0" in metadata and "Author: Flockbrush contributors" in metadata
-    assert "## Two commands" in metadata and re.findall(r"\]\((?!https://)[^)]*\)", metadata) == []
+    assert "## Install" in metadata and re.findall(r"\]\((?!https://)[^)]*\)", metadata) == []
 
 
 def test_the_sdist_is_complete(built):

@@ -252,7 +252,7 @@ def test_undo_redo_and_layers(cli, run):
     [
         (("--delete",), "no animals are selected"),
         (("--ids", "1"), "no edit for the selected animals"),
-        (("--ids", "900", "--delete"), "no animal at"),
+        (("--ids", "900", "--delete"), "no animal is selected at 0 s by ids"),
         (("--ids", "x", "--delete"), "1-40, 52"),
         (("--ids", "1", "--delete", "--freeze"), "one edit at a time"),
         (("--ids", "1", "--move", "a,b"), "2 or 3 numbers"),

@@ -44,7 +44,7 @@ def test_a_herd_is_told_to_be_what_it_is_or_not_told_apart(name):
     assert all(row.behind >= 0 for row in found.rows) and not found.rows[0].told_apart
     assert found.chosen.name == ("herd" if "herd" in found.equal else found.rows[0].name)
     if name == "zones":
-        assert found.equal == ["zones"] and "by zones (all animals" in found.sentence
+        assert found.equal == ["zones"] and "is zones (all animals" in found.sentence
         assert found.rows[0].params.repulsion == pytest.approx(1.0, abs=0.1)
 
 

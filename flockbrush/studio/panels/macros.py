@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from flockbrush.behaviours.brush import Brush
-from flockbrush.behaviours.sliders import Range
+from flockbrush.behaviours.sliders import SLIDERS, Range
 from flockbrush.behaviours.validation import validated
 from flockbrush.studio.panels.knobs import NUMBER, SENTENCE, Knob
 
@@ -89,7 +89,7 @@ def macros_of(brush: Brush, measured: Mapping[str, Any] | None = None) -> list[M
     """The sliders of a brush; those in the table go by it."""
     table = ranges_by_brush() if measured is None else measured
     found = []
-    for name, (words, ranges) in brush.params.sliders.items():
+    for name, (words, ranges) in getattr(brush.params, "sliders", SLIDERS).items():
         entry = table.get(name, {}).get(brush.name, {})
         if "ranges" in entry:
             ranges = tuple(Range(*part) for part in entry["ranges"])
