@@ -14,6 +14,7 @@ from flockbrush.render.strokes import draw_thin, slanted
 
 NEARER = 1.002  # of the depth that hides: so much a thing may lie in what it stands on
 GROWN = 0.9  # pixels by which faces are larger all around, that no ground shows between two
+SLIM = 6  # pixels; in rows of triangles no wider it costs less to look at each pixel than for where they begin
 CORNERS = 8  # of a face that the near plane has cut, at most
 
 
@@ -304,6 +305,16 @@ def draw_triangle(buffer, a, b, c, near, ink):
     lv = 1.0 / max(np.sqrt(vx * vx + vy * vy), 1e-9)
     lw = 1.0 / max(np.sqrt(wx * wx + wy * wy), 1e-9)
     ux, uy, vx, vy, wx, wy = ux * lu, uy * lu, vx * lv, vy * lv, wx * lw, wy * lw
+    if c1 - c0 <= SLIM:
+        for row in range(r0, r1):
+            y = row + 0.5
+            u, v, w = ux * (y - ay) + uy * ax + 1.0, vx * (y - by) + vy * bx + 1.0, wx * (y - cy) + wy * cx + 1.0
+            for col in range(c0, c1):
+                x = col + 0.5
+                inside = min(min(u - uy * x, v - vy * x), w - wy * x)
+                if inside > 0 and depth[row, col] <= near:
+                    over(frame, row, col, red, green, blue, min(inside, 1.0))
+        return
     iu, iv, iw = _over_slope(uy), _over_slope(vy), _over_slope(wy)
     solid_red, solid_green, solid_blue = np.uint8(red + 0.5), np.uint8(green + 0.5), np.uint8(blue + 0.5)
     for row in range(r0, r1):
