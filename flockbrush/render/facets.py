@@ -148,7 +148,8 @@ def _ground_line(frame, clip, cam, floor, ax, ay, bx, by, ink, alpha):
         bu, bv, bw = bu + (au - bu) * share, bv + (av - bv) * share, near
     focal, mx, my = cam[12], cam[13], cam[14]
     line = slanted(mx + focal * au / aw, my - focal * av / aw, mx + focal * bu / bw, my - focal * bv / bw)
-    _stroke(frame, clip, line, alpha, ink, ink, 0.0)
+    whole = (ink[0], ink[1], ink[2])
+    _stroke(frame, clip, line, alpha, whole, whole, 0.0)
 
 
 # faces -------------------------------------------------------------------------------
@@ -413,30 +414,30 @@ def draw_ways(buffer, cam, ways, first, last, inks, strength, longest, haze):
     focal, mx, my = cam[12], cam[13], cam[14]
     room = len(ways)
     count = (last - first) % room
-    near = cam[15]
+    near, beyond = cam[15], (haze.ink[0], haze.ink[1], haze.ink[2])
     for i in range(ways.shape[1]):
         before = False
-        bx, by = 0.0, 0.0
+        bx, by, wx, wy, wz = 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(count + 1):
-            at = (first + k) % room
-            rx, ry, rz = deep(cam, ways[at, i, 0], ways[at, i, 1], ways[at, i, 2])
+            at = first + k
+            if at >= room:
+                at -= room
+            ox, oy, oz, wx, wy, wz = wx, wy, wz, ways[at, i, 0], ways[at, i, 1], ways[at, i, 2]
+            rx, ry, rz = deep(cam, wx, wy, wz)
             if not (rz > near):
                 before = False
                 continue
             x, y = mx + focal * rx / rz, my - focal * ry / rz
-            was = (at - 1) % room
-            gap = 0.0
-            for c in range(3):
-                gap += (ways[at, i, c] - ways[was, i, c]) ** 2
-            if before and k < count and (x - bx) ** 2 + (y - by) ** 2 < 9.0 and gap <= longest * longest:
+            whole = (wx - ox) ** 2 + (wy - oy) ** 2 + (wz - oz) ** 2 <= longest * longest
+            if before and k < count and (x - bx) ** 2 + (y - by) ** 2 < 9.0 and whole:
                 continue  # pixels: too short a step to be drawn alone
-            if before and gap <= longest * longest:
+            if before and whole:
                 col, row = int((x + bx) / 2), int((y + by) / 2)
                 seen = clip[0] <= col < clip[2] and clip[1] <= row < clip[3] and depth[row, col] <= NEARER / rz
                 if seen:
-                    fog = haze_at(rz, haze.clear)
+                    fog, ink = haze_at(rz, haze.clear), (inks[i, 0], inks[i, 1], inks[i, 2])
                     fresh = strength * (k / (count + 1.0)) * (1.0 - 0.7 * fog)
-                    _stroke(frame, clip, slanted(bx, by, x, y), fresh, inks[i], haze.ink, fog)
+                    _stroke(frame, clip, slanted(bx, by, x, y), fresh, ink, beyond, fog)
             before, bx, by = True, x, y
 
 
