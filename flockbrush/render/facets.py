@@ -213,27 +213,26 @@ def _face(buffer, cam, corners, colour, alpha, haze):
     c0, c1, r0, r1 = window(
         clip, (left + right) / 2, (top + bottom) / 2, (right - left) / 2 + 1, (bottom - top) / 2 + 1
     )
-    fog_flat = haze_at(corners[:, 2].mean(), clear)
+    red, green, blue = _hazed(colour, beyond, haze_at(corners[:, 2].mean(), clear))
     deepest, nearest = 1.0 / corners[:, 2].max(), 1.0 / corners[:, 2].min()
     same = nearest - deepest < 0.05 * nearest
+    i0 -= ix * mx + iy * my
     for row in range(r0, r1):
         y = row + 0.5
         low, high, inner_low, inner_high = float(c0), float(c1), float(c0), float(c1)
         for k in range(count):
-            ex, ey, long, slope = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
-            if long < 1e-9:
-                continue
-            # inside is ex * (y - py) - ey * (x - px) > 0, here by so many pixels more
-            base = (ex * (y - py[k]) + ey * px[k]) / long + GROWN
-            if abs(slope) < 1e-9:
+            slope, over_slope = edges[k, 1], edges[k, 3]
+            # inside is more than 0, here by so many pixels more
+            base = edges[k, 0] * y + edges[k, 2]
+            if over_slope == 0.0:  # level
                 if base <= 0:
                     high = low
                 if base < 1:
                     inner_high = inner_low - 1
-            elif slope > 0:
-                low, inner_low = max(low, -base / slope), max(inner_low, (1 - base) / slope)
+            elif slope < 0:
+                low, inner_low = max(low, base * over_slope), max(inner_low, (base - 1) * over_slope)
             else:
-                high, inner_high = min(high, -base / slope), min(inner_high, (1 - base) / slope)
+                high, inner_high = min(high, base * over_slope), min(inner_high, (base - 1) * over_slope)
         for col in range(max(int(low - 0.5), c0), min(int(high + 0.5), c1)):
             x = col + 0.5
             if x <= low or x >= high:
@@ -241,26 +240,34 @@ def _face(buffer, cam, corners, colour, alpha, haze):
             inside = 1.0
             if x < inner_low or x > inner_high:
                 for k in range(count):
-                    if edges[k, 2] > 1e-9:
-                        away = edges[k, 0] * (y - py[k]) - edges[k, 1] * (x - px[k])
-                        inside = min(inside, away / edges[k, 2] + GROWN)
+                    inside = min(inside, edges[k, 0] * y + edges[k, 2] - edges[k, 1] * x)
                 if inside <= 0:
                     continue
-            here = min(max(i0 + ix * (x - mx) + iy * (y - my), deepest), nearest)
-            if here < depth[row, col] / NEARER:
+            here = min(max(i0 + ix * x + iy * y, deepest), nearest)
+            if here * NEARER < depth[row, col]:
                 continue
-            fog = fog_flat if same else haze_at(1.0 / here, clear)
-            over(
-                frame, row, col, colour[0] + (beyond[0] - colour[0]) * fog, colour[1] + (beyond[1] - colour[1]) * fog,
-                colour[2] + (beyond[2] - colour[2]) * fog, inside * alpha,
-            )  # fmt: skip
+            if not same:
+                red, green, blue = _hazed(colour, beyond, haze_at(1.0 / here, clear))
+            over(frame, row, col, red, green, blue, inside * alpha)
             if alpha > 0.99 and inside > 0.5:
                 depth[row, col] = here
 
 
 @kernel
+def _hazed(colour, beyond, fog):
+    """A colour of which `fog` has become that of the haze."""
+    return (
+        colour[0] + (beyond[0] - colour[0]) * fog, colour[1] + (beyond[1] - colour[1]) * fog,
+        colour[2] + (beyond[2] - colour[2]) * fog,
+    )  # fmt: skip
+
+
+@kernel
 def _edges(px, py):
-    """Edges (k, 4) of a convex polygon, so turned that it lies on their left: x, y, length, and -y over length."""
+    """Edges (k, 4) of a convex polygon: a pixel (x, y) lies ``y a - x b + c`` pixels inside, with `GROWN`; and 1 / b.
+
+    1 / b is 0 for a level edge, and an edge without length has all pixels far inside.
+    """
     count, turn = len(px), 0.0
     edges = np.empty((count, 4))
     for k in range(count):
@@ -271,7 +278,11 @@ def _edges(px, py):
         m = (k + 1) % count
         ex, ey = (px[m] - px[k]) * sign, (py[m] - py[k]) * sign
         long = np.sqrt(ex * ex + ey * ey)
-        edges[k] = ex, ey, long, -ey / long if long > 0 else 0.0
+        if long < 1e-9:
+            edges[k] = 0.0, 0.0, 1e9, 0.0
+            continue
+        ex, ey = ex / long, ey / long
+        edges[k] = ex, ey, ey * px[k] - ex * py[k] + GROWN, 1.0 / ey if abs(ey) > 1e-9 else 0.0
     return edges
 
 
