@@ -12,8 +12,8 @@ import numpy as np
 
 from flockbrush.render.animal_figures import KINDS, LEADER, NO_WINGS, WINGSPAN
 from flockbrush.render.animal_looks import WIDE
-from flockbrush.render.far_bodies import BACK, BEATS, BELLY, FarBody, draw_far_beast, draw_far_bird, step_of
 from flockbrush.render.facets import SpacePose, deep, draw_triangle, haze_at, lit, pixel, pixel_of
+from flockbrush.render.far_bodies import BACK, BEATS, BELLY, FarBody, draw_far_beast, draw_far_bird, step_of
 from flockbrush.render.gaits import sizes
 from flockbrush.render.mesh_bodies import Postures, draw_mesh, mesh_inks
 from flockbrush.render.shapes import kernel
