@@ -13,6 +13,7 @@ import numpy as np
 from flockbrush.render.animal_figures import KINDS, LEADER, NO_WINGS, WINGSPAN
 from flockbrush.render.animal_looks import WIDE
 from flockbrush.render.facets import SpacePose, deep, draw_triangle, haze_at, lit, pixel, pixel_of
+from flockbrush.render.far_bodies import BACK, BEATS, BELLY, FarBody, draw_far_beast, draw_far_bird, step_of
 from flockbrush.render.gaits import sizes
 from flockbrush.render.mesh_bodies import Postures, draw_mesh, mesh_inks
 from flockbrush.render.shapes import kernel
@@ -21,8 +22,6 @@ SMALLEST = 6.0  # pixels; animals farther away are drawn as long as this, to be 
 FINE = 13.0  # pixels; shorter bodies have fewer triangles
 COARSE = 10.0  # pixels; bodies shorter than this are two or three triangles, and one for each wing
 LEGS = 16.0  # pixels; shorter beasts have no legs
-BELLY, BACK = 0.26, 0.62  # body lengths above its feet, of a beast
-BEATS = 0.62  # rad that a wing goes up and down at the shoulder
 
 
 class SpaceHerd(NamedTuple):
@@ -74,8 +73,8 @@ def draw_bodies(buffer, cam, order, herd, meshes, colours, haze, sun, smallest):
     points, places = np.empty((20, 3)), np.empty((20, 2))
     ink, axes = np.empty((4, 3)), np.empty((3, 3))
     for i in order:
-        place, length, look, beat = xyz[i], lengths[i], looks[i], beats[i]
-        rx, ry, rz = deep(cam, place[0], place[1], place[2])
+        (px, py, pz), length, look, beat = (xyz[i, 0], xyz[i, 1], xyz[i, 2]), lengths[i], looks[i], beats[i]
+        rx, ry, rz = deep(cam, px, py, pz)
         if rz < cam[15] + 1.2 * length:
             continue
         share = cam[12] / rz
@@ -83,38 +82,47 @@ def draw_bodies(buffer, cam, order, herd, meshes, colours, haze, sun, smallest):
         x, y = cam[13] + rx * share, cam[14] - ry * share
         if x < clip[0] - 1.5 * long or x > clip[2] + 1.5 * long or y < clip[1] - 1.5 * long or y > clip[3] + 1.5 * long:
             continue
-        _axes(axes, forward[i], up[i])
-        pose, size, near, fog = SpacePose(place, axes), long / share, share / cam[12] * 1.002, haze_at(rz, haze.clear)
+        _axes(axes, forward, up, i)
+        size, near, fog = long / share, share / cam[12] * 1.002, haze_at(rz, haze.clear)
         if shown[i] >= 0:
             mesh_inks(ink, colours[look], look % KINDS == LEADER)
             _fade(ink, haze.ink, fog)
             posture = (shown[i], clips[i], phase[i])
-            draw_mesh(buffer, cam, meshes, posture, pose, size, 2 * radius[i] / (WIDE * length), ink, near, sun)
+            wide = 2 * radius[i] / (WIDE * length)
+            draw_mesh(buffer, cam, meshes, posture, SpacePose(xyz[i], axes), size, wide, ink, near, sun)
             continue
         light = _in_axes(axes, sun[0], sun[1], sun[2])
-        eye = _in_axes(axes, (cam[0] - place[0]) / size, (cam[1] - place[1]) / size, (cam[2] - place[2]) / size)
+        eye = _in_axes(axes, (cam[0] - px) / size, (cam[1] - py) / size, (cam[2] - pz) / size)
         winged = beat > NO_WINGS
-        _inks(ink, colours[look], look % KINDS, winged)
+        _inks(ink, colours, look, winged)
         _fade(ink, haze.ink, fog)
         thick = min(max(radius[i] / length, 0.06), 0.5)
-        _project(places, points, _corners(points, walks[i], beat, thick, long), cam, pose, size)
+        if long < COARSE:
+            seen, scale = (rx, ry, rz), long / rz
+            steps = (
+                step_of(cam, axes, 0, seen, scale), step_of(cam, axes, 1, seen, scale),
+                step_of(cam, axes, 2, seen, scale),
+            )  # fmt: skip
+            far = FarBody(x, y, steps, light, eye, axes[2, 2], near, long)
+            if walks[i]:
+                draw_far_beast(buffer, far, ink, max(thick, 0.14))
+            else:
+                draw_far_bird(buffer, far, ink, beat)
+            continue
+        count = _beast(points, thick, long) if walks[i] else _bird(points, beat, long)
+        _project(places, points, count, cam, SpacePose(xyz[i], axes), size)
         body = SmallBody(points, places, ink, light, eye, axes[2, 2], near, long)
         if walks[i]:
-            if long < COARSE:
-                _draw_far_beast(buffer, body, max(thick, 0.14))
-            else:
-                _draw_beast(buffer, body)
-        elif long < COARSE:
-            _draw_far_bird(buffer, body, winged)
+            _draw_beast(buffer, body)
         else:
             _draw_bird(buffer, body, winged)
 
 
 @kernel
-def _axes(axes, forward, up):
-    """Unit vectors (3, 3) ahead, to the left and out of the back of an animal."""
-    fx, fy, fz = _unit(forward[0], forward[1], forward[2], 1.0, 0.0, 0.0)
-    ux, uy, uz = up[0], up[1], up[2]
+def _axes(axes, forward, up, i):
+    """Unit vectors (3, 3) ahead, to the left and out of the back of the animal in row `i`."""
+    fx, fy, fz = _unit(forward[i, 0], forward[i, 1], forward[i, 2], 1.0, 0.0, 0.0)
+    ux, uy, uz = up[i, 0], up[i, 1], up[i, 2]
     lx, ly, lz = _unit(uy * fz - uz * fy, uz * fx - ux * fz, ux * fy - uy * fx, -fy, fx, 0.0)
     _put(axes, 0, fx, fy, fz)
     _put(axes, 1, lx, ly, lz)
@@ -129,14 +137,6 @@ def _in_axes(axes, x, y, z):
         x * axes[1, 0] + y * axes[1, 1] + z * axes[1, 2],
         x * axes[2, 0] + y * axes[2, 1] + z * axes[2, 2],
     )
-
-
-@kernel
-def _corners(points, walks, beat, thick, long):
-    """Corners of a body, as many as one sees of one so long in pixels; how many."""
-    if long < COARSE:
-        return _far_body(points, walks, beat, long)
-    return _beast(points, thick, long) if walks else _bird(points, beat, long)
 
 
 @kernel
@@ -157,17 +157,16 @@ def _unit(x, y, z, ox, oy, oz):
 
 
 @kernel
-def _inks(ink, colours, kind, winged):
+def _inks(ink, colours, look, winged):
     """Colours of body, head, wings and wing tips (or legs)."""
-    body, head, edge, mark = colours[0], colours[1], colours[2], colours[3]
+    leads, share = look % KINDS == LEADER, 0.75 if winged else 0.9
     for c in range(3):
-        skin = mark[c] if kind == LEADER else body[c]
-        ink[0, c] = body[c]
-        ink[1, c] = mark[c] if kind == LEADER and not winged else head[c]
+        body, mark = colours[look, 0, c], colours[look, 3, c]
+        skin = mark if leads else body
+        ink[0, c] = body if winged else skin
+        ink[1, c] = mark if leads and not winged else colours[look, 1, c]
         ink[2, c] = skin
-        ink[3, c] = skin + (edge[c] - skin) * (0.75 if winged else 0.9)
-        if kind == LEADER and not winged:
-            ink[0, c] = mark[c]
+        ink[3, c] = skin + (colours[look, 2, c] - skin) * share
 
 
 @kernel
@@ -200,92 +199,6 @@ def _facet(buffer, body, a, b, c, row, closed):
     facing = (nx * light[0] + ny * light[1] + nz * light[2]) / size
     shine = 0.60 + 0.12 * nz / size * body.lift + (0.42 * facing if facing > 0 else 0.10 * facing)
     draw_triangle(buffer, pixel(places, a), pixel(places, b), pixel(places, c), body.near, lit(body.ink, row, shine))
-
-
-# far away ------------------------------------------------------------------------------
-
-
-@kernel
-def _far_body(points, walks, beat, long):
-    """Corners of a body that is a few pixels long: both ends, its middle, and wings of three corners; how many."""
-    if walks:
-        middle = 0.5 * (BELLY + BACK)
-        _put(points, 0, 0.56, 0.0, middle + 0.08)
-        _put(points, 1, -0.46, 0.0, middle)
-        _put(points, 2, 0.28, 0.0, middle)
-        return 3
-    _put(points, 0, 0.46, 0.0, 0.01)
-    _put(points, 1, -0.52, 0.0, 0.02)
-    _put(points, 2, 0.08, 0.0, 0.0)
-    if not beat > NO_WINGS:
-        return 3
-    arm, hand, root = BEATS * beat, BEATS * beat * 1.25 - 0.10, 0.7 * (0.085 + 0.35 / long)
-    wrist, rest = 0.20 * WINGSPAN, 0.30 * WINGSPAN
-    out, high = wrist * np.cos(arm) + rest * np.cos(hand), wrist * np.sin(arm) + rest * np.sin(hand)
-    for side in range(2):
-        s, k = (1.0, -1.0)[side], 3 + 3 * side
-        _put(points, k, 0.21, s * root, 0.02)
-        _put(points, k + 1, -0.15, s * root, 0.02)
-        _put(points, k + 2, -0.05, s * (root + out), 0.02 + high)
-    return 9
-
-
-@kernel
-def _far_shine(body):
-    """How bright a long body is on the side that it turns to the eye."""
-    eye, light = body.eye, body.light
-    size = max(np.sqrt(eye[1] * eye[1] + eye[2] * eye[2]), 1e-9)
-    facing = (eye[1] * light[1] + eye[2] * light[2]) / size
-    return 0.60 + 0.12 * eye[2] / size * body.lift + (0.42 * facing if facing > 0 else 0.10 * facing)
-
-
-@kernel
-def _across(places, wide):
-    """A step of so many pixels across the line from the tail to the bill, and one of a pixel along it."""
-    dx, dy = places[0, 0] - places[1, 0], places[0, 1] - places[1, 1]
-    far = max(np.sqrt(dx * dx + dy * dy), 1e-9)
-    return -dy / far * wide, dx / far * wide, dx / far, dy / far
-
-
-@kernel
-def _draw_far_bird(buffer, body, winged):
-    """The wing on the far side, both halves of the body, the wing on the near side."""
-    ink, flat, far = body.ink, np.bool_(False), 0 if body.eye[1] < 0 else 3
-    a, b, c, tip = np.int64(3), np.int64(4), np.int64(5), np.int64(3)
-    if winged:
-        for k in range(3):
-            ink[3, k] += 0.3 * (ink[2, k] - ink[3, k])
-        _facet(buffer, body, a + far, c + far, b + far, tip, flat)
-    px, py, _, _ = _across(body.places, 0.085 * body.long + 0.35)
-    (x, y), shine = pixel(body.places, 2), _far_shine(body)
-    for half in range(2):  # the end that is farther away comes first
-        end = 1 - half if body.eye[0] > 0 else half
-        colour = lit(ink, 1 - end, shine)
-        draw_triangle(buffer, pixel(body.places, end), (x + px, y + py), (x - px, y - py), body.near, colour)
-    if winged:
-        far = 3 - far
-        _facet(buffer, body, a + far, c + far, b + far, tip, flat)
-
-
-@kernel
-def _draw_far_beast(buffer, body, thick):
-    """A trunk as a bar, `thick` body lengths to each side of its middle, and a head, the farther one first."""
-    places, eye, long, near = body.places, body.eye, body.long, body.near
-    away = max(np.sqrt(eye[0] ** 2 + eye[1] ** 2 + eye[2] ** 2), 1e-9)
-    high = 0.5 * (BACK - BELLY)
-    px, py, ex, ey = _across(places, long * (high * abs(eye[1]) + thick * abs(eye[2])) / away)
-    more = long * high * abs(eye[0]) / away  # of its front or its back is seen
-    ax, ay = places[1, 0] - more * ex, places[1, 1] - more * ey
-    bx, by = places[2, 0] + more * ex, places[2, 1] + more * ey
-    shine = _far_shine(body)
-    trunk, head = lit(body.ink, 0, shine), lit(body.ink, 1, shine)
-    for part in range(2):
-        if part == (0 if eye[0] > 0 else 1):
-            draw_triangle(buffer, (ax + px, ay + py), (ax - px, ay - py), (bx + px, by + py), near, trunk)
-            draw_triangle(buffer, (ax - px, ay - py), (bx + px, by + py), (bx - px, by - py), near, trunk)
-        else:
-            sx, sy = 0.6 * px, 0.6 * py
-            draw_triangle(buffer, (bx + sx, by + sy), (bx - sx, by - sy), pixel(places, 0), near, head)
 
 
 # birds ---------------------------------------------------------------------------------

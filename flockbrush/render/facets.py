@@ -14,6 +14,7 @@ from flockbrush.render.strokes import draw_thin, slanted
 
 NEARER = 1.002  # of the depth that hides: so much a thing may lie in what it stands on
 GROWN = 0.9  # pixels by which faces are larger all around, that no ground shows between two
+SLIM = 6  # pixels; in rows of triangles no wider it costs less to look at each pixel than for where they begin
 CORNERS = 8  # of a face that the near plane has cut, at most
 
 
@@ -147,7 +148,8 @@ def _ground_line(frame, clip, cam, floor, ax, ay, bx, by, ink, alpha):
         bu, bv, bw = bu + (au - bu) * share, bv + (av - bv) * share, near
     focal, mx, my = cam[12], cam[13], cam[14]
     line = slanted(mx + focal * au / aw, my - focal * av / aw, mx + focal * bu / bw, my - focal * bv / bw)
-    _stroke(frame, clip, line, alpha, ink, ink, 0.0)
+    whole = (ink[0], ink[1], ink[2])
+    _stroke(frame, clip, line, alpha, whole, whole, 0.0)
 
 
 # faces -------------------------------------------------------------------------------
@@ -211,27 +213,26 @@ def _face(buffer, cam, corners, colour, alpha, haze):
     c0, c1, r0, r1 = window(
         clip, (left + right) / 2, (top + bottom) / 2, (right - left) / 2 + 1, (bottom - top) / 2 + 1
     )
-    fog_flat = haze_at(corners[:, 2].mean(), clear)
+    red, green, blue = _hazed(colour, beyond, haze_at(corners[:, 2].mean(), clear))
     deepest, nearest = 1.0 / corners[:, 2].max(), 1.0 / corners[:, 2].min()
     same = nearest - deepest < 0.05 * nearest
+    i0 -= ix * mx + iy * my
     for row in range(r0, r1):
         y = row + 0.5
         low, high, inner_low, inner_high = float(c0), float(c1), float(c0), float(c1)
         for k in range(count):
-            ex, ey, long, slope = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
-            if long < 1e-9:
-                continue
-            # inside is ex * (y - py) - ey * (x - px) > 0, here by so many pixels more
-            base = (ex * (y - py[k]) + ey * px[k]) / long + GROWN
-            if abs(slope) < 1e-9:
+            slope, over_slope = edges[k, 1], edges[k, 3]
+            # inside is more than 0, here by so many pixels more
+            base = edges[k, 0] * y + edges[k, 2]
+            if over_slope == 0.0:  # level
                 if base <= 0:
                     high = low
                 if base < 1:
                     inner_high = inner_low - 1
-            elif slope > 0:
-                low, inner_low = max(low, -base / slope), max(inner_low, (1 - base) / slope)
+            elif slope < 0:
+                low, inner_low = max(low, base * over_slope), max(inner_low, (base - 1) * over_slope)
             else:
-                high, inner_high = min(high, -base / slope), min(inner_high, (1 - base) / slope)
+                high, inner_high = min(high, base * over_slope), min(inner_high, (base - 1) * over_slope)
         for col in range(max(int(low - 0.5), c0), min(int(high + 0.5), c1)):
             x = col + 0.5
             if x <= low or x >= high:
@@ -239,26 +240,34 @@ def _face(buffer, cam, corners, colour, alpha, haze):
             inside = 1.0
             if x < inner_low or x > inner_high:
                 for k in range(count):
-                    if edges[k, 2] > 1e-9:
-                        away = edges[k, 0] * (y - py[k]) - edges[k, 1] * (x - px[k])
-                        inside = min(inside, away / edges[k, 2] + GROWN)
+                    inside = min(inside, edges[k, 0] * y + edges[k, 2] - edges[k, 1] * x)
                 if inside <= 0:
                     continue
-            here = min(max(i0 + ix * (x - mx) + iy * (y - my), deepest), nearest)
-            if here < depth[row, col] / NEARER:
+            here = min(max(i0 + ix * x + iy * y, deepest), nearest)
+            if here * NEARER < depth[row, col]:
                 continue
-            fog = fog_flat if same else haze_at(1.0 / here, clear)
-            over(
-                frame, row, col, colour[0] + (beyond[0] - colour[0]) * fog, colour[1] + (beyond[1] - colour[1]) * fog,
-                colour[2] + (beyond[2] - colour[2]) * fog, inside * alpha,
-            )  # fmt: skip
+            if not same:
+                red, green, blue = _hazed(colour, beyond, haze_at(1.0 / here, clear))
+            over(frame, row, col, red, green, blue, inside * alpha)
             if alpha > 0.99 and inside > 0.5:
                 depth[row, col] = here
 
 
 @kernel
+def _hazed(colour, beyond, fog):
+    """A colour of which `fog` has become that of the haze."""
+    return (
+        colour[0] + (beyond[0] - colour[0]) * fog, colour[1] + (beyond[1] - colour[1]) * fog,
+        colour[2] + (beyond[2] - colour[2]) * fog,
+    )  # fmt: skip
+
+
+@kernel
 def _edges(px, py):
-    """Edges (k, 4) of a convex polygon, so turned that it lies on their left: x, y, length, and -y over length."""
+    """Edges (k, 4) of a convex polygon: a pixel (x, y) lies ``y a - x b + c`` pixels inside, with `GROWN`; and 1 / b.
+
+    1 / b is 0 for a level edge, and an edge without length has all pixels far inside.
+    """
     count, turn = len(px), 0.0
     edges = np.empty((count, 4))
     for k in range(count):
@@ -269,7 +278,11 @@ def _edges(px, py):
         m = (k + 1) % count
         ex, ey = (px[m] - px[k]) * sign, (py[m] - py[k]) * sign
         long = np.sqrt(ex * ex + ey * ey)
-        edges[k] = ex, ey, long, -ey / long if long > 0 else 0.0
+        if long < 1e-9:
+            edges[k] = 0.0, 0.0, 1e9, 0.0
+            continue
+        ex, ey = ex / long, ey / long
+        edges[k] = ex, ey, ey * px[k] - ex * py[k] + GROWN, 1.0 / ey if abs(ey) > 1e-9 else 0.0
     return edges
 
 
@@ -304,6 +317,16 @@ def draw_triangle(buffer, a, b, c, near, ink):
     lv = 1.0 / max(np.sqrt(vx * vx + vy * vy), 1e-9)
     lw = 1.0 / max(np.sqrt(wx * wx + wy * wy), 1e-9)
     ux, uy, vx, vy, wx, wy = ux * lu, uy * lu, vx * lv, vy * lv, wx * lw, wy * lw
+    if c1 - c0 <= SLIM:
+        for row in range(r0, r1):
+            y = row + 0.5
+            u, v, w = ux * (y - ay) + uy * ax + 1.0, vx * (y - by) + vy * bx + 1.0, wx * (y - cy) + wy * cx + 1.0
+            for col in range(c0, c1):
+                x = col + 0.5
+                inside = min(min(u - uy * x, v - vy * x), w - wy * x)
+                if inside > 0 and depth[row, col] <= near:
+                    over(frame, row, col, red, green, blue, min(inside, 1.0))
+        return
     iu, iv, iw = _over_slope(uy), _over_slope(vy), _over_slope(wy)
     solid_red, solid_green, solid_blue = np.uint8(red + 0.5), np.uint8(green + 0.5), np.uint8(blue + 0.5)
     for row in range(r0, r1):
@@ -402,30 +425,30 @@ def draw_ways(buffer, cam, ways, first, last, inks, strength, longest, haze):
     focal, mx, my = cam[12], cam[13], cam[14]
     room = len(ways)
     count = (last - first) % room
-    near = cam[15]
+    near, beyond = cam[15], (haze.ink[0], haze.ink[1], haze.ink[2])
     for i in range(ways.shape[1]):
         before = False
-        bx, by = 0.0, 0.0
+        bx, by, wx, wy, wz = 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(count + 1):
-            at = (first + k) % room
-            rx, ry, rz = deep(cam, ways[at, i, 0], ways[at, i, 1], ways[at, i, 2])
+            at = first + k
+            if at >= room:
+                at -= room
+            ox, oy, oz, wx, wy, wz = wx, wy, wz, ways[at, i, 0], ways[at, i, 1], ways[at, i, 2]
+            rx, ry, rz = deep(cam, wx, wy, wz)
             if not (rz > near):
                 before = False
                 continue
             x, y = mx + focal * rx / rz, my - focal * ry / rz
-            was = (at - 1) % room
-            gap = 0.0
-            for c in range(3):
-                gap += (ways[at, i, c] - ways[was, i, c]) ** 2
-            if before and k < count and (x - bx) ** 2 + (y - by) ** 2 < 9.0 and gap <= longest * longest:
+            whole = (wx - ox) ** 2 + (wy - oy) ** 2 + (wz - oz) ** 2 <= longest * longest
+            if before and k < count and (x - bx) ** 2 + (y - by) ** 2 < 9.0 and whole:
                 continue  # pixels: too short a step to be drawn alone
-            if before and gap <= longest * longest:
+            if before and whole:
                 col, row = int((x + bx) / 2), int((y + by) / 2)
                 seen = clip[0] <= col < clip[2] and clip[1] <= row < clip[3] and depth[row, col] <= NEARER / rz
                 if seen:
-                    fog = haze_at(rz, haze.clear)
+                    fog, ink = haze_at(rz, haze.clear), (inks[i, 0], inks[i, 1], inks[i, 2])
                     fresh = strength * (k / (count + 1.0)) * (1.0 - 0.7 * fog)
-                    _stroke(frame, clip, slanted(bx, by, x, y), fresh, inks[i], haze.ink, fog)
+                    _stroke(frame, clip, slanted(bx, by, x, y), fresh, ink, beyond, fog)
             before, bx, by = True, x, y
 
 

@@ -39,6 +39,7 @@ def ink_of(colour) -> tuple[float, float, float]:
 @kernel
 def over(frame, y, x, red, green, blue, alpha):
     """Lay a colour over one pixel."""
+    y, x = np.uintp(y), np.uintp(x)  # unsigned: no index needs a test for being negative
     old = float(frame[y, x, 0])
     frame[y, x, 0] = np.uint8(old + (red - old) * alpha + 0.5)
     old = float(frame[y, x, 1])

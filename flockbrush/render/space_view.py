@@ -444,8 +444,8 @@ class SpacePainter:
         if self.live and big.sum() > MOST:
             big = np.zeros_like(big)
         postures = bodies.postures._replace(look=np.where(big, bodies.postures.look, NO_LOOK))
-        order, bodies = np.argsort(-far, kind="stable"), bodies._replace(postures=postures)
-        draw_bodies(buffer, cam, order, bodies, meshes(), colours, self._haze, SUN, smallest)
+        bodies = bodies._replace(postures=postures)
+        draw_bodies(buffer, cam, far_first(far), bodies, meshes(), colours, self._haze, SUN, smallest)
 
     # who is selected ------------------------------------------------------------------------
 
@@ -471,6 +471,12 @@ class SpacePainter:
 def sky_of(theme):
     """(at the horizon, above) of a theme."""
     return mix(theme.paper, theme.water, 0.30), mix(theme.paper, theme.water, 0.95)
+
+
+def far_first(far):
+    """Rows by depth (n,), the farthest first, those as deep in their order."""
+    order = np.argsort(-far)  # faster than the stable one, and the same where no two are as deep
+    return np.argsort(-far, kind="stable") if (np.diff(far[order]) == 0).any() else order
 
 
 def middles(bodies):

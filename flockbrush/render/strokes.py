@@ -40,6 +40,7 @@ def slanted(ax, ay, bx, by):
 @kernel
 def _tint(frame, row, col, ink, alpha):
     """Lay a colour over one pixel; all whole numbers, alpha of 256."""
+    row, col = np.uintp(row), np.uintp(col)  # unsigned: no index needs a test for being negative
     frame[row, col, 0] += np.uint8((ink[0] - np.int32(frame[row, col, 0])) * alpha >> 8)
     frame[row, col, 1] += np.uint8((ink[1] - np.int32(frame[row, col, 1])) * alpha >> 8)
     frame[row, col, 2] += np.uint8((ink[2] - np.int32(frame[row, col, 2])) * alpha >> 8)

@@ -170,7 +170,7 @@ def wakes_in_space(buffer, camera, floor, theme, herd, xyz, time):
         return
     far = (xyz - camera.eye) @ camera.axes[2]
     rows = np.flatnonzero((far > 0) & (herd.length * camera.focal > FAINT * far))
-    for kind in (DUST, RING):
+    for kind in (DUST, RING) if len(rows) else ():
         marks = marks_of(herd, rows, time, kind)
         high = floor + (0.3 if kind == DUST else 0.0) * marks.radius
         at, away = camera.project(np.column_stack([marks.xy, high]))

@@ -141,7 +141,9 @@ class Viewport:
         sides = np.array([level.width, level.height])
         low, high = np.zeros(2), sides
         if self.herd is not None and len(self.herd.xy):
-            low, high = np.minimum(low, self.herd.xy.min(axis=0)), np.maximum(high, self.herd.xy.max(axis=0))
+            east, north = self.herd.xy.T  # each on its own: several times faster than along the rows
+            low = np.minimum(low, (east.min(), north.min()))
+            high = np.maximum(high, (east.max(), north.max()))
         x, y = np.clip(camera.target[:2], low - 0.5 * sides, high + 0.5 * sides)
         far = min(camera.distance, FARAWAY * max(float((high - low).max()), 1.0))
         return replace(camera, distance=far).at(x, y)
