@@ -1,7 +1,7 @@
 """Animals as little bodies in space: birds with wings that beat and bank, beasts on four legs.
 
 A body is a handful of triangles in its own axes (ahead, left, up; one body length is 1), lit by the sun and drawn from
-back to front; nothing is kept from frame to frame.
+back to front; nothing is kept from frame to frame.  `far_bodies` draws those of a few pixels.
 """
 
 from __future__ import annotations

@@ -10,9 +10,11 @@ import pytest
 from flockbrush.output.pictures import herd_of
 from flockbrush.render import DrawnHerd, Painter, Scenery
 from flockbrush.render.body_meshes import COARSE, attitude_of, standing
+from flockbrush.render.facets import SpacePose, deep, pixel_of
+from flockbrush.render.far_bodies import step_of
 from flockbrush.render.orbit import OrbitCamera
 from flockbrush.render.solid_meshes import block, hull, stood_up
-from flockbrush.render.space_view import SpacePainter, sky_of
+from flockbrush.render.space_view import SpacePainter, far_first, sky_of
 from flockbrush.render.ways import Ways
 from flockbrush.runs.run import start
 from flockbrush.runs.snapshots import moment_of
@@ -371,6 +373,27 @@ def test_beasts_on_the_ground_stand_on_it_with_legs():
 def test_far_animals_are_still_seen():
     _, ink = drawn(camera(elevation=20.0, distance=3000.0), birds((0, 0, 5.0)))
     assert 8 < ink.sum() < 120
+
+
+def test_corners_of_a_small_body_are_where_perspective_has_them():
+    """All over the picture, in all attitudes, with a body of `COARSE` pixels, as far away as it is then."""
+    rng, look, worst = np.random.default_rng(5), camera(elevation=20.0, distance=30.0, size=(1280, 720)), 0.0
+    cam, (right, up, ahead) = look.numbers(), look.axes
+    for _ in range(300):
+        axes, depth = np.linalg.qr(rng.normal(size=(3, 3)))[0], rng.uniform(20, 200)
+        x, y = rng.uniform((0, 0), look.size)
+        place = look.eye + depth * (ahead + (x - cam[13]) / cam[12] * right - (y - cam[14]) / cam[12] * up)
+        steps = np.array([step_of(cam, axes, np.int64(row), deep(cam, *place), COARSE / depth) for row in range(3)])
+        corner = rng.uniform(-1, 1, 3) * (0.6, 1.0, 0.7)  # body lengths
+        exact = pixel_of(cam, SpacePose(place, axes), *(corner * COARSE * depth / cam[12]))[:2]
+        worst = max(worst, np.hypot(*((x, y) + corner @ steps - exact)))
+    assert worst < 0.12  # pixels
+
+
+def test_the_farthest_are_drawn_first_and_those_as_far_in_their_order():
+    far = np.random.default_rng(2).integers(0, 40, 300).astype(float)
+    for depths in (far, far + np.random.default_rng(3).uniform(0, 0.5, 300)):
+        assert far_first(depths).tolist() == sorted(range(300), key=lambda row: -depths[row])
 
 
 @pytest.mark.parametrize("wings", [0.0, np.nan])
