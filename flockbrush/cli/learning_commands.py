@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flockbrush.cli.shared_options import TrackOptions, WorkOptions, grouped, unit_of
+from flockbrush.cli.shared_options import TrackFps, TrackOptions, TrackUnit, WorkOptions, grouped, unit_of
 
 if TYPE_CHECKING:
     from flockbrush.film.open_clip import Looking
@@ -62,13 +62,8 @@ class ClipOptions(WrittenOptions):
         typer.Option(metavar="PNG", help="Obstacle mask for the first used frame; white: animals cannot go there."),
     ] = None
 
-    unit: Annotated[
-        str | None, typer.Option(metavar="m|px|bl", help="Unit of x and y in tracks, if their file does not name it.")
-    ] = None
-    fps: Annotated[
-        float | None,
-        typer.Option(min=0.001, max=10_000, metavar="F", help="Frames per second of tracks without times."),
-    ] = None
+    unit: TrackUnit = None
+    fps: TrackFps = None
     body_length_m: Annotated[
         float | None,
         typer.Option(min=0.001, max=50, metavar="M", help="Body length of an animal, nose to tail, m; default: 1."),

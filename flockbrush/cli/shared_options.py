@@ -72,19 +72,20 @@ ThemeOption = Annotated[ThemeName, typer.Option(help="Colours of pictures and vi
 PaletteOption = Annotated[
     PaletteName, typer.Option(help="Colours of brushes: their own, or a palette for colour-blind viewers.")
 ]
+TrackUnit = Annotated[
+    str | None, typer.Option(metavar="m|px|bl", help="Unit of x and y in tracks, if their file does not name it.")
+]
+TrackFps = Annotated[
+    float | None, typer.Option(min=0.001, max=10_000, metavar="F", help="Frames per second of tracks without times.")
+]
 
 
 @dataclass(frozen=True)
 class TrackOptions:
     """What a file of tracks may not say."""
 
-    unit: Annotated[
-        str | None, typer.Option(metavar="m|px|bl", help="Unit of x and y in tracks, if their file does not name it.")
-    ] = None
-    fps: Annotated[
-        float | None,
-        typer.Option(min=0.001, max=10_000, metavar="F", help="Frames per second of tracks without times."),
-    ] = None
+    unit: TrackUnit = None
+    fps: TrackFps = None
     body_length_m: Annotated[
         float | None,
         typer.Option(min=0.001, max=50, metavar="M", help="Body length of tracked animals, nose to tail, m."),
