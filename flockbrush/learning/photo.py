@@ -32,7 +32,7 @@ def standing(photo: Evidence, speed: float = SPEED, seconds: float = SECONDS) ->
     photo : Evidence
         Of one frame.
     speed : float
-        How fast the animals go, body lengths a second: the picture does not tell.
+        Speed of the animals, body lengths a second: the picture does not show it.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def standing(photo: Evidence, speed: float = SPEED, seconds: float = SECONDS) ->
         photo,
         fps=FPS,
         fields=long,
-        sightings=None,  # heads are not told: what is made of headings would compare the toss of a coin
+        sightings=None,  # heads are unknown: measures of headings would be random
         speed=SpeedEvidence(mean=speed, deviation=SPREAD * speed),
         camera=camera,
         notes=notes,
