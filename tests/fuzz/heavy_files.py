@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).parent
-for folder in (HERE.parents[1], HERE, HERE.parent, HERE.parent / "flockbrush"):
+for folder in (HERE.parents[1], HERE, HERE.parent, HERE.parent / "flockbrush", HERE.parent / "levels"):
     if str(folder) not in sys.path:
         sys.path.append(str(folder))
 
