@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from clip_film import film, song
 
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import STILL, shoot
 from flockbrush.cli.field_commands import _says
-from tests.foreign_herds import herd
-from tests.herd_film import STILL, shoot
 
 SIZE = (160, 120)
 
