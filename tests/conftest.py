@@ -32,6 +32,16 @@ SMOKE = {  # pytest -m smoke: files, and how the names of the tests begin; "" me
 }
 
 
+@pytest.fixture
+def hasty_learning(monkeypatch):
+    """`flockbrush learn` searches for a second, and tries no other numbers of animals and no other starts."""
+    from flockbrush.learning import learn
+
+    monkeypatch.setattr(learn, "QUICK_BUDGET", 1.0)
+    monkeypatch.setattr(learn, "with_other_numbers", lambda *_: [])
+    monkeypatch.setattr(learn, "with_other_starts", lambda *_: [])
+
+
 def _is_smoke(item):
     wanted = SMOKE.get(item.path.name)
     return wanted is not None and item.name.startswith(wanted)

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from flockbrush.behaviours.behaviour import ByRow, Parameters
+from flockbrush.behaviours.behaviour import ByRow, Parameters, frozen, read_only
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
 from flockbrush.behaviours.models.herd import HerdState, Land, Params, forces_of, herd_kernel, wander_kernel
 from flockbrush.engine.noise import Noise
@@ -387,12 +387,12 @@ class PlaneHerd:
         guidance = self.zero if self.guide is None else self.guide.at(self.time, self.xyz[:, :2])
         direction, wish = np.zeros((n, 3)), np.empty((n, 3))
         memory = self.memory - self.xyz[:, :2]
-        herd = HerdState(self.forward, self.length, self.none, self.leader, memory, self.known)
-        land = Land(walls_first, walls_offset, guidance, self.zero)
-        herd_kernel(0, n, rows, self.dt, herd, ByRow(*lists), land, self.forces, direction)
+        herd = frozen(HerdState(self.forward, self.length, self.none, self.leader, memory, self.known))
+        land = frozen(Land(walls_first, walls_offset, guidance, self.zero))
+        herd_kernel(0, n, rows, self.dt, herd, frozen(ByRow(*lists)), land, self.forces, direction)
         if params.wander > 0.0:
             key = self.noise.key("wander", self.tick_number)
-            wander_kernel(0, n, rows, self.ids, key, params.wander * np.sqrt(self.dt), direction)
+            wander_kernel(0, n, rows, read_only(self.ids), key, params.wander * np.sqrt(self.dt), direction)
         wish[rows] = direction
         return wish
 
