@@ -14,13 +14,10 @@ import numpy as np
 import pytest
 from browser import Browser, chromium
 from flockbrush.components import Heading, Position
-from flockbrush.engine.recording import open_recording, resume
-from processes import other_process
 from scene_in_browser import open_scene
 from test_usd import turning
 
 from flockbrush.output.formats.gltf_scene import GltfScene
-from flockbrush.runs.run import rebuild
 from flockbrush.runs.snapshots import moment_of, words_of
 
 ROOT = Path(__file__).parents[2]
@@ -105,23 +102,12 @@ def y_up(xyz):
 
 
 @pytest.fixture(scope="module")
-def scenes(shared, recording):
+def scenes(shared, recording, command):
     """{mode: path} of the recording as glTF, at 16 frames a second."""
     paths = {mode: shared / f"pen-{mode}.glb" for mode in MODES}
     for mode, path in paths.items():
-        done = other_process("export", recording, "--to", path, "--gltf-mode", mode)
-        assert done.returncode == 0, done.stderr
+        command("export", recording, "--to", path, "--gltf-mode", mode)
     return paths
-
-
-@pytest.fixture(scope="module")
-def lived(recording):
-    """The simulation at the last moment of those exports (tick 40, 1.25 s)."""
-    run = open_recording(recording)
-    simulation = rebuild(run)
-    resume(run, simulation.world)
-    simulation.run(40)
-    return simulation
 
 
 def test_every_animal_is_a_node_where_it_was_and_looks_where_it_looked(scenes, lived):

@@ -9,7 +9,6 @@ import pytest
 from browser import Browser, chromium
 from flockbrush.components import Heading, Position
 from flockbrush.engine.recording import open_recording, resume, state_hash
-from processes import other_process
 
 from flockbrush.runs.run import rebuild, start
 
@@ -21,10 +20,9 @@ LIMIT = 15e6  # bytes for 300 animals and 30 s
 
 
 @pytest.fixture(scope="module")
-def page(shared, recording):
+def page(shared, recording, command):
     path = shared / "pen.html"
-    done = other_process("export", recording, "--to", path)
-    assert done.returncode == 0, done.stderr
+    command("export", recording, "--to", path)
     return path
 
 
