@@ -34,9 +34,12 @@ SMOKE = {  # pytest -m smoke: files, and how the names of the tests begin; "" me
 
 @pytest.fixture
 def hasty_learning(monkeypatch):
-    """`flockbrush learn` searches for a second, and tries no other numbers of animals and no other starts."""
-    from flockbrush.learning import learn
+    """`flockbrush learn` searches from four starts for a second, in one process, and tests the brush in one way."""
+    from flockbrush.learning import learn, recipe
 
+    workers, begins = recipe.Workers, recipe.begins
+    monkeypatch.setattr(recipe, "begins", lambda *how: begins(*how)[::5][:4])
+    monkeypatch.setattr(recipe, "Workers", lambda given, jobs, *rest: workers(given, 1, *rest))
     monkeypatch.setattr(learn, "QUICK_BUDGET", 1.0)
     monkeypatch.setattr(learn, "with_other_numbers", lambda *_: [])
     monkeypatch.setattr(learn, "with_other_starts", lambda *_: [])
