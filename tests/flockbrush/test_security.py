@@ -112,28 +112,23 @@ def tls(files):
 
 
 def test_a_sweep_runs_on_an_encrypted_cluster_and_nobody_else_gets_in(certificates, tmp_path):
+    """The certificates are named by options, or by the settings of Dask."""
     ours, theirs = certificates
-    file = sweep_file(tmp_path, FLOCKS.replace("count = 6", "count = 2"))
+    file, prefix = sweep_file(tmp_path, FLOCKS.replace("count = 6", "count = 1")), "DASK_DISTRIBUTED__COMM__TLS__"
+    settings = {"CA_FILE": ours[0], "CLIENT__CERT": ours[1], "CLIENT__KEY": ours[2]}
+    settings = {f"{prefix}{name}": path for name, path in settings.items()}
     with dask_cluster(1, tls=ours) as (address, _):
         assert address.startswith("tls://")
-        done = other_process("sweep", file, "--out", tmp_path / "out", "--cluster", address, *tls(ours))
-        assert done.returncode == 0, done.stderr
-        assert (tmp_path / "out" / JOURNAL).is_file()
+        for words, variables in ((tls(ours), {}), ([], settings)):
+            out = tmp_path / f"out{len(words)}"
+            done = other_process("sweep", file, "--out", out, "--cluster", address, *words, **variables)
+            assert done.returncode == 0, done.stderr
+            assert (out / JOURNAL).is_file()
         for files, hint in (([], " without --tls-ca, --tls-cert and --tls-key"), (tls(theirs), "")):
             refused = other_process("sweep", file, "--out", tmp_path / "no", "--cluster", address, *files)
             assert refused.returncode == 1
             assert f"{address}: no Dask scheduler answers at this address{hint}: " in refused.stderr
             assert "Traceback" not in refused.stderr and "Exception ignored" not in refused.stderr
-
-
-def test_dask_settings_are_enough(certificates, tmp_path):
-    ours, _ = certificates
-    file, prefix = sweep_file(tmp_path, FLOCKS.replace("count = 6", "count = 2")), "DASK_DISTRIBUTED__COMM__TLS__"
-    told = {"CA_FILE": ours[0], "CLIENT__CERT": ours[1], "CLIENT__KEY": ours[2]}
-    with dask_cluster(1, tls=ours) as (address, _):
-        settings = {f"{prefix}{name}": path for name, path in told.items()}
-        done = other_process("sweep", file, "--out", tmp_path / "out", "--cluster", address, **settings)
-    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize(
