@@ -172,7 +172,7 @@ def test_pictures_may_be_of_space_from_where_one_wishes(cli, recording, tmp_path
     assert north.shape == east.shape == (720, 1280, 3) and (north != east).any()
 
 
-@pytest.mark.parametrize("name", ["a.csv", "a.parquet", "a.png", "a.mp4"])
+@pytest.mark.parametrize("name", ["a.csv", "a.parquet", "a.png", "a.mp4", "a.glb", "a.html"])
 def test_the_same_recording_gives_the_same_bytes(cli, recording, tmp_path, name):
     (tmp_path / "again").mkdir()
     for folder in (tmp_path, tmp_path / "again"):

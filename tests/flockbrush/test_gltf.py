@@ -238,12 +238,6 @@ def test_too_many_animals_for_nodes_are_sent_to_the_crowd(cli, recording, tmp_pa
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_same_recording_gives_the_same_bytes(cli, recording, tmp_path):
-    for name in ("a.glb", "b.glb"):
-        assert cli("export", recording, "--to", tmp_path / name, "--fps", 4).code == 0
-    assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()
-
-
 # other people's tools ------------------------------------------------------------------
 
 

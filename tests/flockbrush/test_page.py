@@ -59,14 +59,6 @@ def test_a_page_loads_nothing_from_elsewhere(page):
     assert "MIT License" in text or "The MIT License" in text
 
 
-@pytest.mark.parametrize("kind", ["html"])
-def test_the_same_recording_gives_the_same_page(cli, recording, tmp_path, kind):
-    (tmp_path / "again").mkdir()
-    for folder in (tmp_path, tmp_path / "again"):
-        assert cli("export", recording, "--to", folder / f"a.{kind}", "--fps", 4).code == 0
-    assert (tmp_path / f"a.{kind}").read_bytes() == (tmp_path / "again" / f"a.{kind}").read_bytes()
-
-
 class TestInABrowser:
     pytestmark = tools
 

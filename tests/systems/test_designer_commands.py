@@ -5,6 +5,7 @@ import typing
 
 import numpy as np
 import pytest
+from edited_scene import land_of
 from flockbrush.components import Body, BrushBinding, Destination, Heading, Position, Species, Vision
 from flockbrush.engine.commands import COMMANDS, CommandError, Commands, from_record, to_json
 from flockbrush.engine.problems import ProblemsError
@@ -23,7 +24,6 @@ from flockbrush.systems.commands import (
     SetParameter,
     SwitchBrush,
 )
-from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.life import inside_polygon
 from flockbrush.systems.palette import Palette
 from hypothesis import given
@@ -50,10 +50,6 @@ def do(simulation, *commands):
         simulation.submit(command)
     simulation.tick()
     return simulation
-
-
-def land_of(simulation):
-    return simulation.world.resource(Landscape)
 
 
 # what they do -----------------------------------------------------------------------------
