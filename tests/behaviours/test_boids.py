@@ -13,17 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 from small_flock import BOIDS, only, wishes_of
-from small_herd import (
-    boids,
-    box,
-    brush,
-    meadow,
-    obstacle,
-    put,
-    put_aloft,
-    room_in_the_air,
-    spawn,
-)
+from small_herd import boids, box, brush, meadow, obstacle, put, put_aloft, room_in_the_air, spawn
 
 
 def flock(n=150, side=8.0, seed=1, heading=None, things=None, **parameters):

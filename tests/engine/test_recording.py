@@ -13,14 +13,7 @@ from flockbrush.components.agent import Position
 from flockbrush.engine import recording as module
 from flockbrush.engine import recording_format
 from flockbrush.engine.clock import Clock
-from flockbrush.engine.recording import (
-    Recorder,
-    Recording,
-    RecordingError,
-    first_difference,
-    open_recording,
-    resume,
-)
+from flockbrush.engine.recording import Recorder, Recording, RecordingError, first_difference, open_recording, resume
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from small_meadow import Whistle, meadow, submit

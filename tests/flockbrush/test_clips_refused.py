@@ -59,12 +59,7 @@ REFUSED = [
         "inside the picture of 240 x 180",
         False,
     ),
-    (
-        "plain.mp4",
-        ("--landmark", "0:10,10,40,40", "--landmark", "9:90,50,40,40"),
-        "has no corners to track",
-        True,
-    ),
+    ("plain.mp4", ("--landmark", "0:10,10,40,40", "--landmark", "9:90,50,40,40"), "has no corners to track", True),
     ("folder.mp4", (), "is a folder, not a clip", False),
     ("missing.mp4", (), "there is no such file", False),
 ]

@@ -91,9 +91,7 @@ class Cameras(_Toml):
 
     @cached_property
     def sound(self):
-        return [
-            b"width = 1280\nheight = 720\nhorizontal_fov_deg = 60\nfps = 30\nmean_speed = 9\nnear = 5\nfar = 200\n",
-        ]
+        return [b"width = 1280\nheight = 720\nhorizontal_fov_deg = 60\nfps = 30\nmean_speed = 9\nnear = 5\nfar = 200\n"]
 
     def read(self, path):
         from flockbrush.lifting.lens import read_camera

@@ -280,10 +280,7 @@ THEIRS = {f"flockbrush.systems.{name}" for name in COMMAND_FILES}
 number = st.one_of(st.floats(-60, 60), st.sampled_from([0.0, -1.0, 1e9]))
 
 
-@given(
-    st.sampled_from(sorted(name for name, kind in COMMANDS.items() if kind.__module__ in THEIRS)),
-    st.data(),
-)
+@given(st.sampled_from(sorted(name for name, kind in COMMANDS.items() if kind.__module__ in THEIRS)), st.data())
 def test_whatever_is_asked_is_done_or_refused_and_nothing_else_happens(name, data):
     simulation = SHARED[0] if SHARED else SHARED.append(scene(boundary="wall")) or SHARED[0]
     words = st.sampled_from(["run", "calm", "", "sheep", "gate", "barn", "cohesion_weight", "?"])
