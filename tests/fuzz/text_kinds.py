@@ -29,7 +29,6 @@ def _problems_in(path):
     except ProblemsError as error:
         data = path.read_bytes()
         lines = data.count(b"\n") + data.count(b"\r") + 1
-        del data
         assert error.problems and all(one.file == str(path) and one.message for one in error.problems)
         assert all(one.line is None or 1 <= one.line <= lines for one in error.problems)
         raise
