@@ -42,6 +42,7 @@ class TrackTables(_Animals):
     """CSV: of Flockbrush, trackdf, Movebank, DeepLabCut, idtracker.ai and TRex."""
 
     ending, share = ".csv", 1.0
+    changes = staticmethod(m.changed_table)
 
     @cached_property
     def sound(self):
@@ -58,9 +59,6 @@ class TrackTables(_Animals):
             table(wide, [(t / 10, *xy[t].ravel()) for t in range(FRAMES)]),
             table("frame,X#wcentroid,Y#wcentroid (cm)".replace(" (cm)", ""), [(t, *xy[t, 0]) for t in range(FRAMES)]),
         ]
-
-    def changed(self, rng, data):
-        return m.changed_table(rng, data)
 
 
 class TrexFiles(_Animals):
