@@ -20,11 +20,11 @@ from flockbrush.engine.files import write_bytes
 from flockbrush.engine.plain_json import json_lines
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.levels.document_changes import EditError
-from flockbrush.levels.files import MemoryFiles, project_folder
+from flockbrush.levels.level_files import MemoryFiles, project_folder
+from flockbrush.levels.level_writer import Document, dump
 from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.map_edits import EditedMap
 from flockbrush.levels.steps import Steps
-from flockbrush.levels.writer import Document, dump
 
 FORMAT = 1  # of the journal
 

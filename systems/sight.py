@@ -372,7 +372,9 @@ def _view_by_looks(i, reach, cosine, depth, widest, cells, desk):
             cones_of_capsules(i, n, cells, desk.near)
         else:
             cones_of_discs(n, dense, desk.near)
-        steps, at, plain = _add_rings(inner, outer, (DENSE_RING if dense else RING) * depth, widest, n, at, plain, dense, desk)
+        steps, at, plain = _add_rings(
+            inner, outer, (DENSE_RING if dense else RING) * depth, widest, n, at, plain, dense, desk
+        )
         for m in range(0 if desk.rings[2] else 1, steps + 1):
             n, found = _look_through(i, m, n, found, widest > 0.0, cells, desk)
         if outer == reach:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flockbrush.cli.commands import opened, stepping
+from flockbrush.cli.level_commands import opened, stepping
 from flockbrush.engine.files import refused
 from flockbrush.engine.recording import resume
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
 from flockbrush.runs.edit_file import EditFile, edits_of, ids_of, ids_text, sentence_of
+from flockbrush.runs.recording_selection import Selection, chosen
 from flockbrush.runs.run_edits import ALWAYS, IN_TIME, Edit, EditedMoments, Past
-from flockbrush.runs.selection import Selection, chosen
 from flockbrush.runs.snapshots import moment_of, words_of
 from flockbrush.runs.terminal import print_json, print_line, say, show, table
 from flockbrush.systems.landscape import Landscape

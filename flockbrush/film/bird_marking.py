@@ -16,7 +16,7 @@ import numpy as np
 
 from flockbrush.behaviours.formation.curves import ALL_UP_TO
 from flockbrush.behaviours.formation.extraction import extract_frame
-from flockbrush.behaviours.formation.marks import HEADINGS, guess_heading, read_marks
+from flockbrush.behaviours.formation.marked_birds import HEADINGS, guess_heading, read_marks
 from flockbrush.engine.files import refused, write_text
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.birds_in_sky import Patch, carry, find_birds, read_pictures

@@ -16,11 +16,11 @@ from flockbrush.learning.ablation import PARTS
 from flockbrush.learning.comparison import ERRORS, TITLES
 from flockbrush.learning.confounding import estimates_of
 from flockbrush.learning.group_size_test import SECONDS
+from flockbrush.learning.html_page import ReportPage
 from flockbrush.learning.learned_brush import sentence
 from flockbrush.learning.learning_charts import ORDER, is_told, panels_of
 from flockbrush.learning.model_choice import add_models
 from flockbrush.learning.model_choice import as_json as models_as_json
-from flockbrush.learning.page import ReportPage
 from flockbrush.learning.report_judgement import add_judgement, judgement_as_json
 from flockbrush.learning.report_parameters import add_parameters
 from flockbrush.learning.result import KEPT, Findings

@@ -17,8 +17,8 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import open_recording, resume
 from flockbrush.runs import run as running
 from flockbrush.runs.edit_file import FIRST, EditFile, edits_of, parse_edits, sentence_of
+from flockbrush.runs.recording_selection import Selection, chosen
 from flockbrush.runs.run_edits import ALWAYS, IN_TIME, Edit, EditedMoments, Past
-from flockbrush.runs.selection import Selection, chosen
 from flockbrush.runs.snapshots import moment_of, words_of
 from flockbrush.systems.landscape import Landscape
 

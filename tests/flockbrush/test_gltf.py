@@ -243,9 +243,9 @@ def test_a_herd_of_nobody_is_a_scene(tmp_path, lived):
 
 
 def test_too_many_animals_for_nodes_are_sent_to_the_crowd(cli, recording, tmp_path, monkeypatch):
-    from flockbrush.output.gltf import nodes
+    from flockbrush.output.gltf import animated_nodes
 
-    monkeypatch.setattr(nodes, "MOST", 10)
+    monkeypatch.setattr(animated_nodes, "MOST", 10)
     done = cli("export", recording, "--to", tmp_path / "a.glb", "--fps", 1)
     assert done.code == 1
     assert "--gltf-mode crowd" in done.err

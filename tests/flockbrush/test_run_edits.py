@@ -13,9 +13,9 @@ from flockbrush.engine.recording import open_recording, resume
 from test_gltf import Scene
 
 from flockbrush.runs.edit_file import beside, edits_of, ids_of, ids_text, parse_edits
+from flockbrush.runs.recording_selection import Selection, chosen
 from flockbrush.runs.run import rebuild, start
 from flockbrush.runs.run_edits import Edit, EditedMoments, Past
-from flockbrush.runs.selection import Selection, chosen
 from flockbrush.runs.snapshots import moment_of, words_of
 
 

@@ -11,8 +11,8 @@ from flockbrush.behaviours.brush import shipped
 from flockbrush.components import BrushBinding
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.state import state_hash
+from flockbrush.levels.level_writer import Document
 from flockbrush.levels.reader import read_level
-from flockbrush.levels.writer import Document
 from flockbrush.systems.commands import AddAnimals, AddObstacle, RemoveAnimals, SetParameter
 from flockbrush.systems.edits import DrawGuide, MarkSpawn
 from flockbrush.systems.palette import Palette

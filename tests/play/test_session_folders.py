@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from crashed_session import crashed, sessions, texts, thrown_away
 from flockbrush.engine.recording import RecordingError
-from flockbrush.levels.writer import Document, dump
+from flockbrush.levels.level_writer import Document, dump
 from small_pasture import by_hand, pasture, straight_run, stroke
 
 from flockbrush.cli.main import called
