@@ -237,6 +237,22 @@ def test_all_of_a_species_turn_about_their_middle(window, exported):
     same_as_exported(window, exported, 0, TICKS)
 
 
+def test_all_of_a_brush_are_those_that_are_shown_with_it(window):
+    session = window.session
+    everybody = sorted(shown(window))
+    worn = set(session.view().brush.tolist())
+    brush = next(name for code, name in enumerate(session.names()[1]) if name and code not in worn)
+    session.edits.select(everybody[:3])
+    window.edit_recorded("look", brush=brush)
+    session.edits.select(everybody[3:5])
+    window.key("delete")
+    made = panel(window)
+    made._select(f"brush {brush}")
+    assert session.edits.selected.tolist() == everybody[:3]
+    made._select("all animals")
+    assert session.edits.selected.tolist() == everybody[:3] + everybody[5:]
+
+
 def test_layers_are_switched_and_removed(window, recording):
     everybody = shown(window)
     window.click(next(iter(everybody.values())))
