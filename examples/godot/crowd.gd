@@ -16,8 +16,13 @@ var seconds := 0.0
 func _ready() -> void:
 	var document := GLTFDocument.new()
 	var state := GLTFState.new()
-	assert(document.append_from_file(path, state) == OK, "cannot read %s" % path)
-	add_child(document.generate_scene(state))  # ground, obstacles, camera, sun
+	if document.append_from_file(path, state) != OK:
+		push_error("cannot read %s" % path)
+		return
+	var scene := document.generate_scene(state)  # ground, obstacles, camera, sun
+	for sun in scene.find_children("*", "DirectionalLight3D"):
+		sun.light_energy /= PI  # glTF counts lux; here 1 lights a white surface white
+	add_child(scene)
 	for node in state.json["nodes"]:
 		if node.get("extras", {}).has("crowd"):
 			about = node["extras"]["crowd"]

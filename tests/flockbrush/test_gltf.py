@@ -3,7 +3,6 @@
 import importlib.util
 import json
 import os
-import shutil
 import struct
 import subprocess
 from dataclasses import replace
@@ -15,6 +14,7 @@ import pytest
 from browser import Browser, chromium
 from flockbrush.components import Heading, Position
 from flockbrush.engine.recording import open_recording, resume
+from godot import node_module
 from processes import other_process
 from scene_in_browser import open_scene
 from test_usd import turning
@@ -314,17 +314,6 @@ def test_the_same_recording_gives_the_same_bytes(cli, recording, tmp_path):
 
 
 # other people's tools ------------------------------------------------------------------
-
-
-def node_module(name):
-    """Folder of a package for node, None where it is not installed; NODE_PATH and the global folder are looked in."""
-    if shutil.which("node") is None:
-        return None
-    places = [Path(place) for place in os.environ.get("NODE_PATH", "").split(os.pathsep) if place]
-    if shutil.which("npm"):
-        told = subprocess.run(["npm", "root", "-g"], capture_output=True, text=True, timeout=60)
-        places.append(Path(told.stdout.strip()))
-    return next((place / name for place in places if (place / name).is_dir()), None)
 
 
 @pytest.mark.tools

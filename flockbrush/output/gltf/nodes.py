@@ -1,4 +1,4 @@
-"""The herd in glTF as animated nodes: an animal has a body with jointed limbs for each species and brush that it has."""
+"""The herd in glTF as animated nodes: an animal has a jointed body for each species and brush that it has."""
 
 from __future__ import annotations
 
