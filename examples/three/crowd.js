@@ -57,7 +57,8 @@ export class Crowd {
         now.turn.slerp(next.turn, share);
       }
       const many = this.poses[this.code(frame, animal, "pose")];
-      many.setMatrixAt(many.count, this.matrix.compose(now.place, now.turn, this.scale.fromArray(about.scales[animal])));
+      this.scale.fromArray(about.scales[about.first_body[animal] + this.code(frame, animal, "body")]);
+      many.setMatrixAt(many.count, this.matrix.compose(now.place, now.turn, this.scale));
       many.setColorAt(many.count++, this.colours[this.code(frame, animal, "brush")]);
     }
     for (const pose of this.poses) pose.instanceMatrix.needsUpdate = pose.instanceColor.needsUpdate = true;

@@ -330,19 +330,20 @@ class Deeds:
         from flockbrush.systems.edits import as_command
 
         select = self.tools["select"]
-        chosen = select.thing if select.thing and select.held() is not None else None
+        held = select.held() if select.thing else None
+        chosen = (select.thing[0], held) if held is not None else None
         if chosen is None and self.tool.at is not None:
-            found = self.things_at([self.tool.at], self.tool.reach(), KINDS)
-            chosen = (found[0][0], found[0][1].id) if found else None
+            chosen = self.thing_under(self.tool.at, KINDS)
         if chosen is None:
             self.notify("first click an object (zone, goal, guide, obstacle) with the Select tool, or point at one")
             return
-        kind, number = chosen
+        kind, thing = chosen
+        number = thing.id
         if not number:
             self.notify(f"this {kind} is not an object of the level", "warning")
             return
         if kind == "key":
-            return self.ask_key(None, select.held() if chosen is select.thing else found[0][1])
+            return self.ask_key(None, thing)
         command = as_command(self.session.simulation.world, kind, number)
         spoken = SPOKEN.get(kind, kind)
         self._open_form(f"{spoken.capitalize()} {command.name!r}", command, f"change the {spoken}", kind.capitalize())

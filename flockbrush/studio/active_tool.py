@@ -314,6 +314,11 @@ class Hand:
         """(kind, object) at any of some points of the ground, topmost first."""
         return lookup.things_at(self.session.simulation, places, reach, kinds)
 
+    def thing_under(self, xy, kinds):
+        """(kind, object) at a point of the ground, else of the smallest area around it; None where there is none."""
+        found = self.things_at([xy], self.tool.reach(), kinds)
+        return found[0] if found else lookup.area_around(self.session.simulation, xy, kinds)
+
     def animal_at(self, xy, reach):
         """Id of the animal nearest to a point of the ground, or None; in the 3D view, of the one under the mouse."""
         if self.canvas.in_space:

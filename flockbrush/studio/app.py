@@ -23,6 +23,7 @@ from flockbrush.studio.control_keys import ControlKeys
 from flockbrush.studio.layout import places
 from flockbrush.studio.legend import Legend, ScaleBar
 from flockbrush.studio.manager import Manager
+from flockbrush.studio.opening_key import OpeningKey
 from flockbrush.studio.settings import load_settings
 from flockbrush.studio.theme import chrome, look, scale_of
 from flockbrush.studio.timebar import TimeBar
@@ -93,7 +94,7 @@ class App(Hand, Deeds, CanvasEvents):
         self._covered = False
         self.toasts, self.thumbnails = Toasts(), Thumbnails(self)
         self.column = None
-        self.control_keys = ControlKeys(self)
+        self.control_keys, self.opening_key = ControlKeys(self), OpeningKey()
         self._open(size)
         self.canvas, self.legend, self.scale_bar = Viewport(self), Legend(self), ScaleBar(self)
         self.empty(brush)
@@ -331,12 +332,23 @@ class App(Hand, Deeds, CanvasEvents):
             self.resize(event.size)
         elif event.type in (pygame.WINDOWFOCUSLOST, pygame.WINDOWLEAVE):
             self._let_go(event)
-        elif not self._is_of_controls(event):
+        elif not self.opening_key.is_its_text(event):
+            self._of_user(event)
+
+    def _of_user(self, event):
+        """Handle an event of mouse or keyboard, or of a control."""
+        asking = self._is_asking()
+        if not self._is_of_controls(event):
             self._of_canvas(event)
+        if event.type == pygame.KEYDOWN and not asking and self._is_asking():
+            self.opening_key.opened(event)
+
+    def _is_asking(self):
+        return self.dialog is not None and self.dialog.alive()
 
     def _is_of_controls(self, event):
         """Whether a dialog, control or panel has used an event."""
-        if self.dialog is not None and self.dialog.alive():
+        if self._is_asking():
             self.manager.process_events(event)
             self.dialog.handle(event)
             return True

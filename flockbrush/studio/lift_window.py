@@ -80,7 +80,6 @@ class LiftWindow(PlainWindow):
     def build(self):
         """Build all controls for the window size."""
         size = self.begin()
-        self._letter = ""  # of the key that has opened the dialog; it comes once more, as text
         foot, wide = px(self.scale, 66), min(px(self.scale, 270), size[0] // 2)
         self.area = pygame.Rect(0, 0, size[0] - wide, max(20, size[1] - foot))
         self.column: ClipColumn | None = None
@@ -283,19 +282,6 @@ class LiftWindow(PlainWindow):
 
     def _file(self):
         return self.show.name
-
-    def _pressed(self, event):
-        super()._pressed(event)
-        self._letter = event.unicode if self.asking else ""
-
-    def _of_dialog(self, event):
-        """Give an event to the dialog, but not the letter of the key that has opened it."""
-        if event.type == pygame.TEXTINPUT and event.text == self._letter:
-            self._letter = ""
-            return
-        if event.type == pygame.KEYUP:
-            self._letter = ""
-        super()._of_dialog(event)
 
     def _key(self, key):
         steps = {"left": -1, "right": 1, "pageup": -10, "pagedown": 10, "home": -len(self.show), "end": len(self.show)}

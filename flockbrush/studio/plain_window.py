@@ -11,6 +11,7 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.render.style import theme_of
 from flockbrush.studio.dialogs import Dialog
 from flockbrush.studio.manager import Manager
+from flockbrush.studio.opening_key import OpeningKey
 from flockbrush.studio.settings import load_settings
 from flockbrush.studio.shortcuts import key_of
 from flockbrush.studio.theme import look, scale_of
@@ -58,7 +59,7 @@ class PlainWindow:
         size = self.screen.get_size()
         self.scale = scale_of(size)
         self.manager = Manager(size, look(self.theme, self.scale))
-        self.dialog = None
+        self.dialog, self._opening_key = None, OpeningKey()
         return size
 
     def run(self, frames=None, stop=lambda: False):
@@ -108,13 +109,16 @@ class PlainWindow:
             self._mouse(event)
 
     def _of_dialog(self, event):
-        """Give an event to the dialog."""
-        self.manager.process_events(event)
-        self.dialog.handle(event)
+        """Give an event to the dialog, but not the letter of the key that opened it."""
+        if not self._opening_key.is_its_text(event):
+            self.manager.process_events(event)
+            self.dialog.handle(event)
 
     def _pressed(self, event):
         """A key went down."""
         self._key(key_of(event))
+        if self.asking:
+            self._opening_key.opened(event)
 
     def _of_controls(self, event) -> bool:
         """Whether a control has taken an event; none wants to hear of movements."""

@@ -72,9 +72,10 @@ class RecordingEdits:
         self.selected = np.setdiff1d(self.selected, one) if animal in self.selected else np.union1d(self.selected, one)
 
     def select_named(self, simulation, column="", name=""):
-        """Select all animals of a species, brush or state at this moment; without a name all there are."""
+        """Select all animals that are shown with a species, brush or state now; without a name all that are shown."""
         selection = Selection(**{column: name}) if column else Selection()
-        self.select(chosen(selection, moment_of(simulation), words_of(simulation)))
+        moment = self.shown(simulation, moment_of(simulation))
+        self.select(chosen(selection, moment, words_of(simulation)))
 
     # changes -----------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""The herd in glTF as animated nodes: an animal is a node with a body for each brush it wears, and jointed limbs."""
+"""The herd in glTF as animated nodes: an animal has a jointed body for each species and brush that it has."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from flockbrush.runs.snapshots import words_of
 
 MOST = 1000  # animals: more need the crowd buffer
 STEPS = 256  # of a cycle: as finely as joints are posed
+HIDDEN = -1  # instead of the number of a body
 SAME = 1e-6  # what changes by less does not move
 
 
@@ -42,40 +43,44 @@ class Herd:
         self.times = document.numbers(times, bounds=True)
         table = records.by_animal()
         for row, animal in enumerate(records.slots):
-            self._animal(animal, records.bodies[row], table[row])
+            self._animal(animal, records.bodies.of[animal], table[row])
         del table
 
-    def _animal(self, animal, body, track):
-        kind, length, width = body
-        look = self.bodies.looks()[kind]
-        node = self.document.node(f"animal {animal}", self.root, extras=self._about(animal, kind, track))
+    def _animal(self, animal, bodies, track):
+        codes = {"species": np.array([body.species for body in bodies])[track["body"]], "brush": track["brush"]}
+        codes |= {name: track[name] for name in self.records.labels}
+        node = self.document.node(f"animal {animal}", self.root, extras={"id": animal} | self._names(codes))
         self._animate(node, "translation", track["place"])
         self._animate(node, "rotation", np.maximum(track["turn"], -TURN))
-        brushes = list(dict.fromkeys(track["brush"].tolist()))
         present = (track["flags"] & PRESENT) != 0
-        joints = self._joints(look, track)
-        for brush in brushes:
-            shown = present & (track["brush"] == brush)
-            inner = self.document.node(self.bodies.brush_name(brush), node, scale=scale_of(length, width))
-            self._appear(inner, shown, scale_of(length, width))
-            self._limbs(inner, look, brush, joints)
+        joints = {kind: self._joints(kind, codes["species"] == kind, track) for kind in np.unique(codes["species"])}
+        scales = [scale_of(body) for body in bodies]
+        for kind, brush in dict.fromkeys(zip(codes["species"].tolist(), codes["brush"].tolist(), strict=True)):
+            shown = present & (codes["species"] == kind) & (codes["brush"] == brush)
+            inner = self.document.node(self.bodies.brush_name(brush), node, scale=scales[track["body"][0]])
+            self._appear(inner, np.where(shown, track["body"].astype(int), HIDDEN), scales)
+            self._limbs(inner, self.bodies.looks()[kind], brush, joints[kind])
 
-    def _about(self, animal, kind, track):
-        """What is told of an animal beside its motion: its names, and when they changed."""
-        told = {"id": animal, "species": self.words["species"][kind]}
-        for name in ("brush", *self.records.labels):
-            told[name] = [[round(frame / self.fps, 4), self.words[name][code]] for frame, code in changes(track[name])]
-        return told
+    def _names(self, codes):
+        """{name: [[second, word]]}: the names of an animal, and when they changed."""
+        return {
+            name: [[round(frame / self.fps, 4), self.words[name][code]] for frame, code in changes(numbers)]
+            for name, numbers in codes.items()
+        }
 
-    def _appear(self, node, shown, scale):
-        """Let a node have no size while it is not shown."""
-        frames = [frame for frame, _ in changes(shown)]
-        if len(frames) == 1 and shown[0]:
-            return
-        self.document.show(node, [(frame, shown[frame]) for frame in frames], self.fps, scale)
+    def _appear(self, node, body, scales):
+        """Give a node the size of the body that is shown in each frame, and none where it is `HIDDEN`."""
+        keys = [(frame, 0.0 if number == HIDDEN else scales[number]) for frame, number in changes(body)]
+        if keys[1:] or body[0] == HIDDEN:
+            self.document.show(node, keys, self.fps)
 
-    def _joints(self, look, track):
-        """{part: (translations, rotations, scales)} of all frames, part -1 the body; each an accessor or a constant."""
+    def _joints(self, kind, worn, track):
+        """{part: (translations, rotations, scales)} of all frames, part -1 the body; each an accessor or a constant.
+
+        While the animal is of another species, the limbs stay as they were before.
+        """
+        look = self.bodies.looks()[kind]
+        track = track[np.maximum(np.maximum.accumulate(np.where(worn, np.arange(len(worn)), -1)), np.argmax(worn))]
         clips = [self.poses[number][1] for number in track["pose"].tolist()]
         steps = np.round(track["phase"] / PHASE * STEPS).astype(int) % STEPS
         frames = [stance(look, clip, step) for clip, step in zip(clips, steps.tolist(), strict=True)]

@@ -78,7 +78,7 @@ class BrushPanel(Panel):
     @property
     def is_simple(self) -> bool:
         """Whether the panel shows a few sliders instead of all parameters."""
-        return self.app.memory.get("brush panel") == "simple"
+        return self.app.memory.get("brush panel", "simple") == "simple"
 
     def _mode_words(self):
         return "Advanced" if self.is_simple else "Simple"
