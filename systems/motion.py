@@ -25,7 +25,7 @@ from flockbrush.systems.contact import move_by_slot
 from flockbrush.systems.fauna import SpeciesList, by_medium
 from flockbrush.systems.flight import FlightLimits, WantedFlight, fly, flyers_of
 from flockbrush.systems.foresight import in_the_way
-from flockbrush.systems.ground_height import height_of_ground
+from flockbrush.systems.ground_height import height_of_ground, round_steep_ground
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import Near
@@ -82,8 +82,12 @@ def _walk(world, rows, max_turn, top):
     reach = float(body[rows].max() + radius[rows].max() + 4.0 * dt * speed[rows].max())
     if near.aloft is not None:
         speed = np.where(near.aloft, 0.0, speed)
-    hills, cells, walls = land.heights if land.relief.size > 3 else None, near.cells, land.walls_within(reach)
-    order, going = move_by_slot(cells, agents[Wish.direction], speed, max_turn, walls, dt, near.ghosts, top, hills)
+    wish, cells, walls = agents[Wish.direction], near.cells, land.walls_within(reach)
+    hills = land.hills_for(world.resource(SpeciesList).table.steepest[agents[Species.index]])
+    if hills is not None:
+        facing, wished, wish = agents[Heading.forward], wish, np.empty_like(wish)
+        over_rows(round_steep_ground, len(wish), agents[Position.xyz], facing, wished, speed * dt, hills, wish)
+    order, going = move_by_slot(cells, wish, speed, max_turn, walls, dt, near.ghosts, top, hills)
     bodies = agents[Position.xyz], agents[Velocity.xyz], agents[Heading.forward]
     over_rows(_go, len(order), order, cells.row, going, dt, land.heights, *bodies)
 

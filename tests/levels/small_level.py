@@ -5,6 +5,7 @@ import json
 from dataclasses import dataclass
 from types import SimpleNamespace
 
+import cv2
 import pytest
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.reader import read_level_files
@@ -58,6 +59,11 @@ def polyline(*points):
 def polygon(*points):
     """The shape of a polygon object."""
     return {"polygon": [{"x": x, "y": y} for x, y in points]}
+
+
+def png(picture):
+    """An array as a PNG file."""
+    return cv2.imencode(".png", picture)[1].tobytes()
 
 
 def herd(**values):
