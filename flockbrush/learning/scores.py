@@ -74,7 +74,7 @@ def _measures(view, rows):
     of_known = share * known / max((share * known).sum(), 1e-12)
     mean = of_known @ heading
     centre = share @ xy
-    nearest, order, part = _neighbours(xy, heading, share, known, view)
+    nearest, order, part = _neighbours(xy, heading, share, known, view, view.trust[rows])
     fine = np.isfinite(speed)
     return {
         "polarization": float(np.hypot(*mean)) if known.any() else np.nan,
@@ -84,7 +84,7 @@ def _measures(view, rows):
         "largest part": part,
         "aspect": _aspect(xy - centre, mean, share),
         "spread": float(np.sqrt(share @ ((xy - centre) ** 2).sum(1))),
-        "density": _crowding(view, xy, weight),
+        "density": _crowding(view, xy, weight, view.trust[rows]),
         "nearest neighbour": nearest,
         "speed": float(share[fine] @ speed[fine] / share[fine].sum()) if fine.any() else np.nan,
     }
@@ -113,26 +113,27 @@ def _extent(values, share):
     return float(values[order[min(high, len(order) - 1)]] - values[order[low]])
 
 
-def _crowding(view, xy, weight):
+def _crowding(view, xy, weight, trust):
     """Animals per BL² about an animal: on cells of at least two BL."""
     side = 2.0 if view.single else max(1, round(2.0 / view.cell)) * view.cell
     at = np.floor((xy - view.middle) / side).astype(np.int64)
     at -= at.min(0)
-    number = np.bincount(at[:, 0] * (at[:, 1].max() + 1) + at[:, 1], weight)
-    return float((number**2).sum() / number.sum() / side**2)
+    cell = at[:, 0] * (at[:, 1].max() + 1) + at[:, 1]
+    number, trusted = np.bincount(cell, weight), np.bincount(cell, weight * trust)
+    return float((number * trusted).sum() / trusted.sum() / side**2)
 
 
-def _neighbours(xy, heading, share, known, view):
+def _neighbours(xy, heading, share, known, view, trust):
     """Mean distance to the nearest neighbour, order nearby, and the share of the largest part."""
     reach, link = (NEAR, LINK) if view.single else (1.5 * view.cell, max(LINK, 1.5 * view.cell))
     if len(xy) < 2:
         return np.nan, np.nan, 1.0
-    nearest, order, part = _neighbour_kernel(np.ascontiguousarray(xy), heading, share, known, reach, link)
+    nearest, order, part = _neighbour_kernel(np.ascontiguousarray(xy), heading, share, known, trust, reach, link)
     return nearest if view.single else np.nan, order, part
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _neighbour_kernel(xy, heading, share, known, reach, link):
+def _neighbour_kernel(xy, heading, share, known, trust, reach, link):
     """All pairs once: who is nearest, whose headings agree within reach, who belongs together by links."""
     n = len(xy)
     least, root = np.full(n, np.inf), np.arange(n)
@@ -161,7 +162,7 @@ def _neighbour_kernel(xy, heading, share, known, reach, link):
         while root[a] != a:
             a = root[a]
         parts[a] += share[i]
-    return np.sqrt(least).mean(), agree / weight if weight > 0.0 else np.nan, parts.max()
+    return (trust * np.sqrt(least)).sum() / trust.sum(), agree / weight if weight > 0.0 else np.nan, parts.max()
 
 
 def neighbour_map(view: HerdView, reach=REACH, rings=8, sectors=8, every=4):
@@ -173,16 +174,17 @@ def neighbour_map(view: HerdView, reach=REACH, rings=8, sectors=8, every=4):
     number, animals = np.zeros((rings, sectors)), 0.0
     for t in range(0, len(view), every):
         rows = view.of(t)
-        _count_neighbours(view.xy[rows], view.heading[rows], view.weight[rows], reach, number)
-        animals += view.weight[rows].sum()
+        weight, counts = view.weight[rows], view.weight[rows] * view.trust[rows]
+        _count_neighbours(view.xy[rows], view.heading[rows], weight, counts, reach, number)
+        animals += counts.sum()
     radius = np.linspace(0, reach, rings + 1)
     area = np.pi * (radius[1:] ** 2 - radius[:-1] ** 2) / sectors
     return number / max(animals, 1e-12) / area[:, None]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _count_neighbours(xy, heading, weight, reach, number):
-    """Add every pair within reach to (rings, sectors), as each of the two sees the other."""
+def _count_neighbours(xy, heading, weight, counts, reach, number):
+    """Add every pair within reach to (rings, sectors), as each of the two, who counts so much, sees the other."""
     rings, sectors = number.shape
     for i in range(len(xy)):
         for j in range(i + 1, len(xy)):
@@ -190,9 +192,9 @@ def _count_neighbours(xy, heading, weight, reach, number):
             far = np.sqrt(x * x + y * y)
             if far > reach:
                 continue
-            ring, both = min(int(far / reach * rings), rings - 1), weight[i] * weight[j]
-            number[ring, _sector(heading[i, 0], heading[i, 1], x, y, sectors)] += both
-            number[ring, _sector(heading[j, 0], heading[j, 1], -x, -y, sectors)] += both
+            ring = min(int(far / reach * rings), rings - 1)
+            number[ring, _sector(heading[i, 0], heading[i, 1], x, y, sectors)] += counts[i] * weight[j]
+            number[ring, _sector(heading[j, 0], heading[j, 1], -x, -y, sectors)] += counts[j] * weight[i]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -34,8 +34,6 @@ SLIDERS = (  # name, what is set, lowest, highest, whether equal steps multiply,
     ("Even speed", "evenness", 0.0, 3.0, False, "{:.2f}", "Weight of a constant mean speed of the flock"),
     ("Separation", "separation", 0.0, 1.0, False, "{:.2f}", "Weight of separation of birds; for the looks only"),
     ("Separation distance", "separation_distance", 0.1, 10.0, True, "{:.2g} m", "Distance below which separation acts"),
-    ("Near", "near", 0.5, 500.0, True, "{:.3g} m", "Smallest distance from the camera"),
-    ("Far", "far", 5.0, 5000.0, True, "{:.4g} m", "Largest distance from the camera"),
 )
 
 
@@ -149,7 +147,7 @@ class LiftWindow(PlainWindow):
         self.solved = column.line("")
 
     def _value(self, key):
-        return getattr(self.wanted if key in ("near", "far") else self.wanted.wish, key)
+        return getattr(self.wanted.wish, key)
 
     def _method(self):
         return "Method: one global solve" if self.wanted.method == METHODS[0] else "Method: Algorithm 3 (COBYLA)"
@@ -385,7 +383,7 @@ class LiftWindow(PlainWindow):
     # wishes -----------------------------------------------------------------------------------
 
     def wish(self, key, value):
-        """Solve anew with another weight or bound: a glance at once, all frames when the hand rests."""
+        """Solve anew with another weight: a glance at once, all frames when the hand rests."""
         self.wanted = self.guarded(lambda: with_wish(self.wanted, **{key: float(value)})) or self.wanted
         if self.wanted.method == METHODS[0]:
             self.solver.ask(self.wanted, glance=True)
@@ -401,8 +399,7 @@ class LiftWindow(PlainWindow):
         """All sliders as they were at first."""
         from flockbrush.lifting.flight_show import Wanted
 
-        lens = self.show.camera
-        self.wanted = Wanted(near=lens.near, far=lens.far)
+        self.wanted = Wanted()
         for slider, (_, key, *_rest) in zip(self.column.sliders, SLIDERS, strict=False):
             slider.set(self._value(key))
         self.method.set_text(self._method())

@@ -7,11 +7,11 @@ import pygame
 import pytest
 
 from flockbrush.cli.main import called
-from flockbrush.lifting.flight_show import Show
+from flockbrush.lifting.flight_show import Show, with_wish
 from tests.flock_in_v import SPAN, geese, seen, written
 from tests.play.window import MODS
 
-from flockbrush.studio.lift_window import SETTLE, LiftWindow  # isort: skip  # the window of the tests has no screen
+from flockbrush.studio.lift_window import SETTLE, SLIDERS, LiftWindow  # isort: skip  # the window of the tests has no screen
 
 
 class Hands(LiftWindow):
@@ -133,12 +133,13 @@ def test_all_frames_are_solved_when_the_hand_rests(window):
     assert SETTLE < 1
 
 
-def test_bounds_in_the_wrong_order_are_told_and_change_nothing(window):
-    before = window.show.flight
-    window.wish("near", 400.0)
-    window.until_solved()
-    assert window.show.flight is before
-    assert any("less than far" in toast.text for toast in window.toasts.log)
+@pytest.mark.parametrize("key", [key for _, key, *_ in SLIDERS])
+def test_every_slider_changes_the_flight(window, key):
+    show, base = window.show, with_wish(window.wanted, separation=0.5, separation_distance=5.0)
+    value = getattr(base.wish, key)
+    assert value > 0
+    other = with_wish(base, **{key: 0.5 * value})
+    assert show.solved(other).depth != pytest.approx(show.solved(base).depth, rel=1e-6)
 
 
 def test_the_flight_is_exported_under_the_name_that_is_typed(window, tmp_path):
