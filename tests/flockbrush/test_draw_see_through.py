@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_draw_space import birds, camera, field, inked, painter, pillar
+from test_draw_space import NOBODY, birds, camera, field, inked, painter, pillar
 
 from flockbrush.render.see_through import opacities
 from flockbrush.render.solid_meshes import CLEAR
@@ -17,10 +17,7 @@ def seen(level, see_through):
     one, herd = painter(level, shadows=False), birds((30, 40, 6.0))
     one.look(LOOK)
     one.see_through = see_through
-    nobody = herd._replace(
-        **{name: value[:0] for name, value in herd._asdict().items() if isinstance(value, np.ndarray)}
-    )
-    return bool(inked(one.frame(herd), one.frame(nobody)).any())
+    return bool(inked(one.frame(herd), one.frame(NOBODY)).any())
 
 
 def test_a_pillar_before_the_herd_is_clear_only_when_the_view_follows():
