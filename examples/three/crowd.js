@@ -53,6 +53,9 @@ export class Crowd {
       const then = Math.min(frame + 1, last);
       if (this.code(then, animal, "flags") & about.flags.present) {
         this.read(then, animal, next);
+        for (const [k, axis] of about.wrap ? ["x", "y"].entries() : []) {  // the short way over the seam of a periodic map
+          next.place[axis] -= Math.round((next.place[axis] - now.place[axis]) / about.wrap[k]) * about.wrap[k];
+        }
         now.place.lerp(next.place, share);
         now.turn.slerp(next.turn, share);
       }

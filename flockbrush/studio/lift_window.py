@@ -300,7 +300,7 @@ class LiftWindow(PlainWindow):
             pass
         elif event.type == pygame.MOUSEBUTTONDOWN and event.button <= 3 and self.area.collidepoint(event.pos):
             if not self.toasts.click(event.pos):
-                moves = event.button != 1 or pygame.key.get_mods() & pygame.KMOD_SHIFT
+                moves = event.button == 3 or pygame.key.get_mods() & pygame.KMOD_SHIFT
                 self._held = ("move" if moves else "turn", event.pos, event.pos, event.button)
         elif event.type == pygame.MOUSEMOTION and self._held is not None:
             self._drag(event.pos)

@@ -14,6 +14,7 @@ import pytest
 from browser import Browser, chromium
 from flockbrush.components import Heading, Position
 from flockbrush.engine.recording import open_recording, resume
+from flockbrush.systems.landscape import Landscape
 from godot import node_module
 from processes import other_process
 from scene_in_browser import open_scene
@@ -283,6 +284,31 @@ def test_sizes_and_species_that_change_are_shown_when_they_change(tmp_path, mode
         assert [name for name, _ in told] == [name for name, _ in expected]
         assert np.allclose([size for _, size in told], [size for _, size in expected], atol=1e-4)
         assert looks == [looks_of(ridge)[moments[f].species[row]] for f in frames]
+
+
+def test_an_animal_takes_the_short_way_over_the_seam_of_a_periodic_map(tmp_path, lived, monkeypatch):
+    monkeypatch.setattr(Landscape, "wrap", property(lambda _: (40.0, 30.0)))
+    moments = []
+    for frame, x in enumerate((38.0, 39.0, 1.0, 2.0)):  # at the third frame it is over the seam
+        moment = turning(n=1, frames=1)[0]
+        y = 29.5 + 0.5 * frame - 30 * (frame > 0)
+        moments.append(replace(moment, time=frame / 24, xyz=np.array([[x, y, 0.0]])))
+    for mode in MODES:
+        made = GltfScene(tmp_path / f"{mode}.glb", lived, 24, gltf_mode=mode)
+        made.open()
+        for moment in moments:
+            made.take(moment)
+        made.close()
+    scene = Scene(tmp_path / "nodes.glb")
+    node = scene.node("animal 1")
+    channel = next(c for c in scene.document["animations"][0]["channels"]
+                   if c["target"] == {"node": node, "path": "translation"})  # fmt: skip
+    sampler = scene.document["animations"][0]["samplers"][channel["sampler"]]
+    times, places = scene.numbers(sampler["input"])[:, 0], scene.numbers(sampler["output"])
+    middles = [np.interp(t, times, places[:, k]) for t in (0.5 / 24, 1.5 / 24, 2.5 / 24) for k in (0, 1)]
+    assert np.allclose(middles, [38.5, 29.75, 40.0, 0.25, 1.5, 0.75], atol=0.06)
+    assert np.allclose([np.interp(frame / 24, times, places[:, 0]) for frame in range(4)], [38, 39, 1, 2], atol=1e-4)
+    assert Scene(tmp_path / "crowd.glb").crowd()[0]["wrap"] == [40.0, 30.0]
 
 
 def test_a_herd_of_nobody_is_a_scene(tmp_path, lived):

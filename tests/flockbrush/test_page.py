@@ -147,10 +147,14 @@ class TestInABrowser:
 
     def test_dragging_orbits_and_the_plan_looks_straight_down(self, shown):
         asked(shown, "p.view('orbit')")
-        before = asked(shown, "p.camera.position.toArray()")
-        shown.drag((500, 300), (700, 320))
-        drawn(shown)
-        assert not np.allclose(before, asked(shown, "p.camera.position.toArray()"))
+        for button in ("left", "middle"):  # the middle one as in the playground
+            before = asked(shown, "[p.camera.position.toArray(), p.orbit.target.toArray()]")
+            shown.drag((500, 300), (700, 320), button)
+            drawn(shown)
+            after = asked(shown, "[p.camera.position.toArray(), p.orbit.target.toArray()]")
+            away = [np.linalg.norm(np.subtract(*pair)) for pair in (before, after)]
+            assert not np.allclose(before[0], after[0]) and np.allclose(before[1], after[1])
+            assert np.isclose(*away, rtol=1e-6)  # as far away as before: it does not zoom
         asked(shown, "p.view('plan')")
         drawn(shown)
         way = asked(shown, "p.camera.getWorldDirection(new THREE.Vector3()).toArray()")

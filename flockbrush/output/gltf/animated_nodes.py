@@ -12,10 +12,12 @@ from flockbrush.output.gltf.records import PHASE, PRESENT, TURN
 from flockbrush.output.joints import posture
 from flockbrush.render.animal_looks import mesh_of
 from flockbrush.runs.snapshots import words_of
+from flockbrush.systems.landscape import Landscape
 
 MOST = 1000  # animals: more need the crowd buffer
 STEPS = 256  # of a cycle: as finely as joints are posed
 HIDDEN = -1  # instead of the number of a body
+AT_ONCE = 1e-3  # s between two keyframes of what jumps
 SAME = 1e-6  # what changes by less does not move
 
 
@@ -34,13 +36,13 @@ class Herd:
             message = f"animated nodes are limited to {MOST} animals, and this run has {len(records.slots)}"
             raise refused("--gltf-mode nodes", f"{message}; use --gltf-mode crowd")
         self.document, self.bodies, self.records, self.fps = document, bodies, records, fps
-        self.words = words_of(bodies.simulation)
+        self.words, self.wrap = words_of(bodies.simulation), bodies.simulation.world.resource(Landscape).wrap
         self.poses = list(bodies.poses)
         self.root = document.node("Herd", world)
         if not records.slots:
             return
-        times = np.arange(records.frames, dtype=np.float32) / np.float32(fps)
-        self.times = document.numbers(times, bounds=True)
+        self.seconds = np.arange(records.frames, dtype=np.float32) / np.float32(fps)
+        self.times = document.numbers(self.seconds, bounds=True)
         table = records.by_animal()
         for row, animal in enumerate(records.slots):
             self._animal(animal, records.bodies.of[animal], table[row])
@@ -50,7 +52,7 @@ class Herd:
         codes = {"species": np.array([body.species for body in bodies])[track["body"]], "brush": track["brush"]}
         codes |= {name: track[name] for name in self.records.labels}
         node = self.document.node(f"animal {animal}", self.root, extras={"id": animal} | self._names(codes))
-        self._animate(node, "translation", track["place"])
+        self._travel(node, np.array(track["place"]))
         self._animate(node, "rotation", np.maximum(track["turn"], -TURN))
         present = (track["flags"] & PRESENT) != 0
         joints = {kind: self._joints(kind, codes["species"] == kind, track) for kind in np.unique(codes["species"])}
@@ -60,6 +62,20 @@ class Herd:
             inner = self.document.node(self.bodies.brush_name(brush), node, scale=scales[track["body"][0]])
             self._appear(inner, np.where(shown, track["body"].astype(int), HIDDEN), scales)
             self._limbs(inner, self.bodies.looks()[kind], brush, joints[kind])
+
+    def _travel(self, node, places):
+        """Keyframes of positions; over the seam of a periodic map an animal leaves the map and returns at once."""
+        over = np.diff(places[:, :2], axis=0)
+        step = np.round(over / self.wrap) * self.wrap if self.wrap is not None else 0 * over
+        jumps = np.flatnonzero(step.any(axis=1))
+        if not len(jumps):
+            return self._animate(node, "translation", places)
+        outside = places[jumps + 1]
+        outside[:, :2] -= step[jumps]
+        seconds = np.insert(self.seconds, jumps + 1, self.seconds[jumps + 1] - np.float32(AT_ONCE))
+        self.document.lists["nodes"][node]["translation"] = places[0].astype(float).tolist()
+        numbers = self.document.numbers(np.insert(places, jumps + 1, outside, axis=0))
+        return self.document.animate(node, "translation", self.document.numbers(seconds, bounds=True), numbers)
 
     def _names(self, codes):
         """{name: [[second, word]]}: the names of an animal, and when they changed."""
