@@ -318,6 +318,9 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
     if first.judgement is None or (first.held is None and len(judged) == 1):
         return first
     first.judgement = combined([f.judgement for f in judged if f.judgement is not None])
+    if wishes.quick and len(wholes) == 1:
+        first.notes = ["Learned from the first part of the clip and tested on the rest: --quick fits no brush to all."]
+        return first
     begins = [(f"part {k + 1}", f.learned.theta, f.learned.extras) for k, f in enumerate(judged)]
     learned = _learned(wholes, herd, wishes, interrupts, False, part=len(judged), of=len(judged), begins=begins)
     again = _found(herd, Fold(wholes, first.held), learned, wishes)
@@ -380,7 +383,7 @@ def _learned(
 
         starts = min(wishes.starts, QUICK_STARTS) if wishes.quick else wishes.starts
         settings = SearchSettings(
-            wishes.seed, starts, use, wishes.beta, budget, begins=begins, device=wishes.device,
+            wishes.seed, starts, use, wishes.beta, budget, begins=begins, device=wishes.device, quick=wishes.quick,
         )  # fmt: skip
         return learn(
             clips, settings, jobs=wishes.jobs, cluster=wishes.crew, say=told, stop=lambda: interrupts.asked > 0,

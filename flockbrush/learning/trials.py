@@ -63,6 +63,9 @@ class SearchSettings:
         Names, numbers and other parameters to begin with, instead of random ones and the shipped brushes.
     device : str
         Of descents on fields alone, which need torch: "cpu", "cuda", or "auto" for a graphics card where there is one.
+    quick : bool
+        Only the random starts are fitted and fewer candidates tried, all with coarse ticks; nobody asks whether they
+        stay what they are.
     """
 
     seed: int = 0
@@ -75,6 +78,7 @@ class SearchSettings:
     brushes: bool = True
     begins: Sequence[tuple] | None = None
     device: str = "auto"
+    quick: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
