@@ -20,7 +20,7 @@ from flockbrush.learning.ablation import ablated
 from flockbrush.learning.comparison import compared
 from flockbrush.learning.folds import ClipFolds, Fold, folds_of, seen_within
 from flockbrush.learning.group_size_test import with_other_numbers
-from flockbrush.learning.herd_views import told_apart
+from flockbrush.learning.herd_views import followed
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.learn_tables import show_findings
 from flockbrush.learning.learned_brush import brush_of, name_of
@@ -173,7 +173,7 @@ def _region_out(out, region):
 
 def _needs_torch(evidences, wishes):
     """Refuse, in plain words, what cannot be done without torch: learning from fields alone."""
-    if all(told_apart(evidence) for evidence in evidences):
+    if all(followed(evidence) for evidence in evidences):
         return
     if importlib.util.find_spec("torch") is None:
         raise refused(
@@ -368,7 +368,8 @@ def _learned(
     """The recipe, with a bar that tells the loss; the ``part``-th time for one brush."""
     if herd.kind != HERD:
         return learned_model(clips, herd.kind, wishes.seed)
-    state, budget = herd.state(part), QUICK_BUDGET if wishes.quick else BUDGET / (1 + of)
+    learnings = of if photo else 1 + of  # all frames are fitted at the end
+    state, budget = herd.state(part), QUICK_BUDGET if wishes.quick else BUDGET / learnings
     if not wishes.resume and not fresh:
         if state.exists():
             say(f"starting again: the state of an interrupted learning in {state} is discarded")
@@ -427,7 +428,6 @@ def _counted(found):
 def _compare(found: Findings, wishes, interrupts, photo):
     """Fill in what simulations say: on the frames held out, against others, with other numbers."""
     frames = found.held if found.held is not None else found.clips[0]
-    frames = replace(frames, sightings=None) if photo else frames  # axes are no headings
     brush = found.compared_brush
     runs = [simulated(frames, brush, seed) for seed in range(1 if wishes.quick else RUNS)]
     found.comparison = compared(frames, runs)

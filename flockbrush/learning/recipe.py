@@ -32,7 +32,7 @@ import numpy as np
 from flockbrush.engine.fingerprint import build_of
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.evolution import Evolution
-from flockbrush.learning.herd_views import told_apart
+from flockbrush.learning.herd_views import followed
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.interaction import idle_ones
 from flockbrush.learning.learned_parameters import Attempt, Learned
@@ -321,8 +321,9 @@ class _Search:
     def _evolve(self, workers):
         """Evolve the best two as long as the budget lasts; the end of each is a new attempt."""
         parents = self.ranked[:2]
+        finalists, dt = self._finals
         staying = 0.0 if self.quick else self.cost_of_keeping * KEEPERS
-        choice = self.cost * 2 * 3 * (FINALISTS + 2 * len(parents)) + staying
+        choice = self.cost * 2 * 3 * (finalists + 2 * len(parents)) * DT / dt + staying
         work = self.cost * GENERATION * DT / COARSE_DT * len(parents)
         generations = int((self.budget - choice) / work)
         for number, parent in enumerate(parents):
@@ -354,11 +355,16 @@ class _Search:
             curve = np.array(worths)
             self._add(Attempt(f"{begin.name}, {text}", begin.seed, begin.first_theta, np.array(theta), extras, curve))
 
+    @property
+    def _finals(self):
+        """(how many of those that are not evolved come into the choice, s to a tick there)."""
+        return (QUICK_FINALISTS, COARSE_DT) if self.quick else (FINALISTS, DT)
+
     def _choose(self, workers):
         """The best on what was held back, of the ranked and the evolved."""
         evolved = [k for k, a in enumerate(self.attempts) if ", evolved" in a.name]
-        most, dt = (QUICK_FINALISTS, COARSE_DT) if self.quick else (FINALISTS, DT)
-        final = [*self.ranked[:most], *self._interacting(workers, evolved)]
+        finalists, dt = self._finals
+        final = [*self.ranked[:finalists], *self._interacting(workers, evolved)]
         seeds = [_seed(self.seed, 5, k) for k in range(3)]
         shown = self._judge(workers, final, seeds, False, "choice", (0, 2 * len(final)), dt)
         held = self._judge(workers, final, seeds, True, "choice", (len(final), 2 * len(final)), dt)
@@ -439,7 +445,7 @@ class _Search:
 
     def _notes(self, best):
         notes = [note for clip in self.given.clips for note in clip.notes]
-        how = "turns of single animals" if all(told_apart(c) for c in self.given.clips) else "fields alone"
+        how = "turns of single animals" if all(followed(c) for c in self.given.clips) else "fields alone"
         notes.append(
             f"learned from {how}; chosen start: {best.name}, {best.score:.2f} standard deviations of the clip away"
         )
