@@ -18,6 +18,7 @@ from flockbrush.engine.files import refused
 from flockbrush.film.cell_statistics import cell_statistics
 from flockbrush.film.missing_animals import missing_places, neighbours_seen
 from flockbrush.film.observations import CannotObserve, Evidence, Fields, Sightings
+from flockbrush.film.several_kinds import speeds_told
 from flockbrush.film.speed_process import SMOOTHED
 from flockbrush.film.speeds import speed_evidence
 from flockbrush.film.track_files import Trajectories
@@ -69,7 +70,7 @@ def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30) -> E
     sightings, velocity = _sightings(pieces, motion, neighbours_seen(motion.xy, missing))
     fields = _fields(tracks, missing, sightings, velocity, grid)
     speed = speed_evidence(fields, sightings, math.nan, motion.window)
-    notes = [*tracks.notes, *_notes(tracks, pieces, motion, length)]
+    notes = [*tracks.notes, *_notes(tracks, pieces, motion, length), *speeds_told(sightings, tracks.fps)]
     evidence = Evidence(
         name=tracks.name, sha256=tracks.sha256, fps=tracks.fps, body_length_px=float(length), length_source="given",
         radius_bl=RADIUS, fields=fields, sightings=sightings, speed=speed, notes=notes,

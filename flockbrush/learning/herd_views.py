@@ -47,6 +47,11 @@ def told_apart(evidence: Evidence) -> bool:
     return evidence.from_tracks or len(seen.xy) >= 0.6 * np.nansum(evidence.fields.count)
 
 
+def followed(evidence: Evidence) -> bool:
+    """Whether most animals are seen one by one, and which way they go."""
+    return told_apart(evidence) and evidence.fields.tells_motion
+
+
 def view_of(evidence: Evidence, single=None) -> HerdView:
     """What is seen of a clip.
 
@@ -60,10 +65,10 @@ def view_of(evidence: Evidence, single=None) -> HerdView:
     seen = evidence.sightings
     if not single or seen is None:
         return _view_of_fields(fields)
-    ones, middle = np.ones(len(seen.xy)), _middle(fields)
-    return HerdView(
-        seen.first, seen.xy, seen.forward, seen.speed, ones, True, middle, fields.cell, trust(seen.neighbours_seen)
-    )
+    ones, middle, heading, speed = np.ones(len(seen.xy)), _middle(fields), seen.forward, seen.speed
+    if not fields.tells_motion:
+        heading, speed = np.zeros_like(heading), np.full_like(speed, np.nan)
+    return HerdView(seen.first, seen.xy, heading, speed, ones, True, middle, fields.cell, trust(seen.neighbours_seen))
 
 
 def view_of_run(run: Run, evidence: Evidence, single=None) -> HerdView:

@@ -16,10 +16,11 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
+from scipy.spatial import cKDTree
 
 from flockbrush.engine.maths import atan2_
 from flockbrush.film.observations import Evidence, Fields
@@ -39,8 +40,10 @@ SHARES = ("polarization", "milling", "milling in the picture", "order nearby", "
 LENGTHS = ("aspect", "spread", "density", "nearest neighbour", "speed")
 MEASURES = SHARES + LENGTHS
 LYING = 270.0  # degrees², of the directions of a photograph: a tenth of chance
-COUNTS = {"directions": 3.0, "polarization": 3.0, "milling": 3.0, "nearest neighbour": 2.0}  # weights; 1 for the others
+# weights; 1 for the others
+COUNTS = {"directions": 3.0, "polarization": 3.0, "milling": 3.0, "nearest neighbour": 2.0, "spacing": 3.0}
 CHANCE = {"polarization": 1.0, "milling": 0.5}  # mean square of n strangers, times n
+SPACING = 0.05  # of the deciles of the distances to the nearest neighbour of a photograph
 KNOWN = 0.5  # of its moments a measure must be told in to count
 LASTING = ("polarization", "milling", "order nearby", "nearest neighbour", "density", "spread")  # what should last
 
@@ -269,6 +272,9 @@ class ClipTarget:
     end: dict[str, float]  # what should last; where a measure still changes, what it comes to
     end_scale: dict[str, float]  # and how far from there it may well go
     directions: float = np.nan  # degrees², of a photograph, where order is not to be seen by motion
+    # (9,) BL, deciles of the distances to the nearest neighbour in a photograph; NaN of a film
+    spacing: np.ndarray = field(default_factory=lambda: np.full(9, np.nan))
+    headed: bool = True  # whether headings are known
 
     @classmethod
     def of(cls, evidence: Evidence, every=None, single=None):
@@ -289,8 +295,10 @@ class ClipTarget:
                 mean[name] = np.nan
         ends = {name: _in_the_end(over_time[name], mean[name], scale[name]) for name in LASTING}
         end, end_scale = ({name: pair[k] for name, pair in ends.items()} for k in (0, 1))
-        around = neighbour_map(view)
-        return cls(over_time, mean, scale, around, every, single, end, end_scale, _directions(evidence.fields))
+        around, headed = neighbour_map(view), evidence.fields.tells_motion
+        spacing = spacings([view.xy[view.of(0)]] if single and not headed else [])
+        directions = _directions(evidence.fields)
+        return cls(over_time, mean, scale, around, every, single, end, end_scale, directions, spacing, headed)
 
 
 def _in_the_end(values, mean, scale):
@@ -305,6 +313,12 @@ def _in_the_end(values, mean, scale):
         return mean, scale
     share = change**2 / (change**2 + scale**2)
     return mean + share * (last - mean), float(np.hypot(scale, share * change))
+
+
+def spacings(looks) -> np.ndarray:
+    """(9,) deciles of the distances to the nearest neighbour of animals at (n, 2) BL at some moments; NaN of none."""
+    far = [cKDTree(xy).query(xy, k=2)[0][:, 1] for xy in looks if len(xy) > 1]
+    return np.quantile(np.concatenate(far), np.arange(1, 10) / 10) if far else np.full(9, np.nan)
 
 
 def _directions(fields):
@@ -345,8 +359,14 @@ def distance(run: Run, evidence: Evidence, target: ClipTarget, lasting=False) ->
         looks = [run.of(t) for t in range(len(run) // 3, len(run), max(1, len(run) // 8))]
         lie = _mean(np.array([mean_variance(evidence.fields, run.xy[r], run.forward[r]) for r in looks]))
         out["directions"] = float(np.nan_to_num(min(abs(lie - target.directions) / LYING, FARTHEST), nan=FARTHEST))
-    around = neighbour_map(view, every=max(4, len(run) // LOOKS))
-    out["neighbours"] = min(map_error(around, target.map) / (2 * FLOOR), FARTHEST)
+    if np.isfinite(target.spacing).all():
+        looks = [view.xy[view.of(t)] for t in range(len(run) // 3, len(run), max(1, len(run) // 8))]
+        off = np.abs(np.log(np.maximum(spacings(looks), 1e-3) / np.maximum(target.spacing, 1e-3)))
+        out["spacing"] = float(np.nan_to_num(min(off.mean() / SPACING, FARTHEST), nan=FARTHEST))
+    around, theirs = neighbour_map(view, every=max(4, len(run) // LOOKS)), target.map
+    if not target.headed:  # then only how far neighbours are is known, and not where
+        around, theirs = around.mean(1, keepdims=True), theirs.mean(1, keepdims=True)
+    out["neighbours"] = min(map_error(around, theirs) / (2 * FLOOR), FARTHEST)
     return out
 
 
