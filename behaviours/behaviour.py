@@ -297,10 +297,11 @@ def _all_dangers(scene: Scene):
 
 def frozen(columns):
     """A named tuple whose arrays are views that cannot be written: one type for the kernels, which compile once."""
-    return type(columns)(*(_read_only(column) if isinstance(column, np.ndarray) else column for column in columns))
+    return type(columns)(*(read_only(column) if isinstance(column, np.ndarray) else column for column in columns))
 
 
-def _read_only(array):
+def read_only(array):
+    """A view of an array that cannot be written."""
     view = array.view()
     view.flags.writeable = False
     return view

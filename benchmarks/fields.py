@@ -24,11 +24,11 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 import cv2  # noqa: E402
 
+from benchmarks.foreign_herds import herd  # noqa: E402
+from benchmarks.herd_film import Camera, shoot  # noqa: E402
 from flockbrush.film import clip_fields as cells  # noqa: E402
 from flockbrush.film import clip_reader as clip  # noqa: E402
 from flockbrush.film import flow, masks, observe, sightings, stabilise  # noqa: E402
-from tests.foreign_herds import herd  # noqa: E402
-from tests.herd_film import Camera, shoot  # noqa: E402
 
 PARTS = {  # name: the functions that do the work
     "decode": [(clip, "_look_through")],

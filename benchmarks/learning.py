@@ -165,9 +165,9 @@ def _found(name, args):
 
 def _evidence(name, args):
     """Return exact or noisy observations of a known herd, and its twelve parameters."""
+    from benchmarks.foreign_herds import Truth
+    from benchmarks.herd_film import evidence_of_truth
     from flockbrush.learning.rollout import BODY, HerdStart, params_of, rollout
-    from tests.foreign_herds import Truth
-    from tests.herd_film import evidence_of_truth
 
     nine, mean, deviation = TRUTHS[name]
     truth, rng = np.array([*nine, *OBSTACLE]), np.random.default_rng(1)

@@ -2,7 +2,7 @@
 
     python benchmarks/learning.py halves [--clips band mill swarm ...] [--write]
 
-The clips show herds of other models from the literature (``tests/herd_film.py``), filmed by a camera that drifts,
+The clips show herds of other models from the literature (``benchmarks/herd_film.py``), filmed by a camera that drifts,
 turns and zooms and observed by ``observe``, and real sheep if ``../shared/data`` exists.  A herd with the learned
 brush starts like the second half.  Its polarization and milling (means over the half and five runs) must agree with
 the clip within two of the clip's own standard deviations or .05, whichever is larger.  Its distance to the clip over
@@ -67,9 +67,9 @@ def run(options):
 
 def evidence_of_clip(name, options, folder):
     """Return the observations of a clip."""
+    from benchmarks.foreign_herds import herd
+    from benchmarks.herd_film import Camera, evidence_of_truth, shoot
     from flockbrush.film.observe import observe
-    from tests.foreign_herds import herd
-    from tests.herd_film import Camera, evidence_of_truth, shoot
 
     if name == "sheep":
         return observe(SHEEP)

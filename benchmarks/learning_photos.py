@@ -72,12 +72,12 @@ def _of_model(model, options):
 def _photograph(model, animals):
     """(the evidence of a photograph, the median distance to the nearest neighbour of the herd in it)."""
     import cv2
+    from tests.foreign_herds import herd
+    from tests.herd_film import Camera, shoot
 
     from flockbrush.film.observe import observe
     from flockbrush.learning.photo import standing
     from flockbrush.learning.scores import spacings
-    from tests.foreign_herds import herd
-    from tests.herd_film import Camera, shoot
 
     truth = herd(model, animals, 1.0, seed=7)
     extent = float(np.ptp(truth.xy[0], axis=0).max()) + 6.0

@@ -96,8 +96,8 @@ def case_of(name, animals, seed=1):
 
 def evidence_of(run, name, radius):
     """Return exact observations of a run."""
-    from tests.foreign_herds import Truth
-    from tests.herd_film import evidence_of_truth
+    from benchmarks.foreign_herds import Truth
+    from benchmarks.herd_film import evidence_of_truth
 
     shape = len(run), -1
     fps = 1.0 / (run.times[1] - run.times[0])

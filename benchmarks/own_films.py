@@ -13,14 +13,81 @@ import argparse
 import sys
 import tempfile
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path.insert(0, str(ROOT))
 
-from own_film import film, seen  # noqa: E402
+from flockbrush.systems.measures import compute_polarization  # noqa: E402
 
 from flockbrush.film.observations import CannotObserve  # noqa: E402
-from flockbrush.runs.run import shipped_levels  # noqa: E402
+from flockbrush.film.observe import observe  # noqa: E402
+from flockbrush.output.export import Exports  # noqa: E402
+from flockbrush.runs.run import shipped_levels, start  # noqa: E402
+
+WALKS = 0.6  # own body lengths that an animal walks in a film; others rest
+
+
+class Herd(NamedTuple):
+    """Means over the frames of a film."""
+
+    polarization: float
+    speed: float  # m/s
+    count: float
+    length: float  # m, the median animal
+
+
+def film(level, path, seconds=1.6, fps=10, warm=1.0, overlays=False):
+    """Film a level from above into ``path``; returns (the simulated herd, pixels per metre)."""
+    simulation = start(level)
+    dt = simulation.clock.dt
+    for _ in range(round(warm / dt)):
+        simulation.tick()
+    moments = []
+    with Exports([path], simulation, fps=fps, overlays=overlays) as exports:
+        kind, sampler = exports._pairs[0]
+        for _ in range(round(seconds / dt)):
+            simulation.tick()
+            for moment in sampler.due():
+                kind.take(moment)
+                moments.append(moment)
+        scale = kind._painter.camera.scale
+    simulation.close()
+    return _truth(moments), scale
+
+
+def _truth(moments):
+    """Means over the animals that walk; animals at rest count as ground, as `docs/fields.md` says."""
+    low, high, long = {}, {}, {}
+    for m in moments:
+        for name, at, length in zip(m.ids.tolist(), m.xyz[:, :2], m.length, strict=True):
+            low[name], high[name] = np.minimum(low.get(name, at), at), np.maximum(high.get(name, at), at)
+            long[name] = length
+    walks = {name for name in low if np.linalg.norm(high[name] - low[name]) > WALKS * long[name]}
+    rows = [(m, np.isin(m.ids, list(walks))) for m in moments]
+    rows = [(m, chosen) for m, chosen in rows if chosen.any()]
+    if not rows:
+        return Herd(np.nan, 0.0, 0.0, np.nan)
+    orders = [compute_polarization(m.forward[chosen]) for m, chosen in rows]
+    speeds = [np.linalg.norm(m.velocity[chosen, :2], axis=1).mean() for m, chosen in rows]
+    length = float(np.median(np.concatenate([m.length[chosen] for m, chosen in rows])))
+    count = float(np.mean([chosen.sum() for _, chosen in rows]))
+    return Herd(float(np.mean(orders)), float(np.mean(speeds)), count, length)
+
+
+def seen(path, scale, **options):
+    """(the observed herd of a film, all observations)."""
+    told = observe(path, **options)
+    worked = np.sqrt(abs(np.linalg.det(told.camera[0, :, :2])))  # px of the pictures worked on, for one of the film's
+    px = told.body_length_px / worked / scale
+    if told.sightings is None:
+        return Herd(np.nan, np.nan, float(told.fields.count.mean()), px), told
+    rows = told.sightings
+    orders = [np.linalg.norm(rows.forward[rows.of(t)].mean(0)) for t in range(len(rows)) if len(rows.xy[rows.of(t)])]
+    speed = float(np.nanmean(rows.speed)) * px
+    return Herd(float(np.mean(orders)), speed, float(np.diff(rows.first).mean()), px), told
 
 
 def main():

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import Camera, shoot
 from flockbrush.cli.field_commands import drawing
 from flockbrush.film.observe import observe
 from flockbrush.render import write_png
-from tests.foreign_herds import herd
-from tests.herd_film import Camera, shoot
 
 HERE = Path(__file__).parent
 FRAME = 12

@@ -12,9 +12,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import Camera, shoot
 from flockbrush.render import write_png
-from tests.foreign_herds import herd
-from tests.herd_film import Camera, shoot
 
 HERE = Path(__file__).parent
 MOMENTS = 2, 4

@@ -1,15 +1,15 @@
 """The state of a world as a hash and as a snapshot.
 
-What counts is the ids and columns of all agents, the plain entities, the id of the next birth,
+The state is the ids and columns of all agents, the plain entities, the id of the next birth,
 and every resource or plain component that keeps this protocol:
 
     state() -> bytes            everything in it that may change while the world runs
-    set_state(data: bytes)      take that back; later ticks must then give the same bits
+    set_state(data: bytes)      restore it; later ticks must then give the same bits
 
-A resource without the two is taken to be a constant of the level, or to be made anew in every
-tick.  One that keeps constants in its state leaves them out of ``hashed_state() -> bytes``.  One
-that must come back with a snapshot, but is no part of what the herd *is*, says ``hashed = False``:
-the queue of commands, which a replay fills differently.
+A resource without the two counts as a constant of the level, or is recomputed in every tick.  A
+resource that keeps constants in its state leaves them out of ``hashed_state() -> bytes``.  A
+resource that a snapshot must restore, but that is not part of the state of the herd, sets
+``hashed = False``: the queue of commands, which a replay fills differently.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from numba import njit
 
 MAGIC = b"FBSTATE1"
 _LENGTH = struct.Struct("<Q")
-_LARGE = 1 << 14  # bytes; from there on it is quicker to boil them down first
+_LARGE = 1 << 14  # bytes; above, reducing them first is faster
 
 
 class StateError(ValueError):
-    """A snapshot that this world cannot take: damaged, or of another kind of world."""
+    """A snapshot that this world cannot load: damaged, or of another kind of world."""
 
 
 def state_hash(world, marks=None):
@@ -37,13 +37,13 @@ def state_hash(world, marks=None):
     Parameters
     ----------
     marks : dict, optional
-        Is filled with a digest of each part of the state, by name.
+        Filled with a digest of each part of the state, by name.
 
     Returns
     -------
     str
         A hash of the next entity id, the agents' ids and columns in order of name, and the
-        states of resources and plain components.  Columns of an optional kind that nobody uses are left out.
+        states of resources and plain components.  Optional columns that are not in use are left out.
     """
     digest = hashlib.blake2b(digest_size=8)
     for name, data in _parts(world, hashed=True):
@@ -65,19 +65,19 @@ def digest_of(arrays):
 
 
 def _mark(data):
-    """The length of bytes, four words of them, and what is left over behind the last whole word."""
+    """The length of bytes, four words of them, and the rest behind the last whole word."""
     array = np.frombuffer(data, np.uint8)
-    array.flags.writeable = False  # as those of bytes are: one kernel for all
+    array.flags.writeable = False  # like those of bytes: one kernel for all
     whole = len(array) & ~7
-    return _LENGTH.pack(len(array)) + _boiled_down(array[:whole].view(np.uint64)).tobytes() + array[whole:].tobytes()
+    return _LENGTH.pack(len(array)) + _reduced(array[:whole].view(np.uint64)).tobytes() + array[whole:].tobytes()
 
 
 @njit(cache=True, nogil=True)
-def _boiled_down(words):
-    """Four words of many, quicker than the memory they come from.
+def _reduced(words):
+    """Reduce many words to four, faster than memory is read.
 
-    Each step is one to one, so columns that differ in a single word never meet again; BLAKE2b
-    does the rest.  A herd has no enemy who would look for more.
+    Each step is one to one, so columns that differ in a single word give different words; BLAKE2b
+    does the rest.  The hash need not resist attacks.
     """
     lanes = np.array([1, 2, 3, 4], np.uint64)
     a, b, c, d = lanes[0], lanes[1], lanes[2], lanes[3]
@@ -98,7 +98,7 @@ def _stir(lane, word):
 
 
 def snapshot(world):
-    """Everything that a world needs to go on from here, as bytes for `restore`.
+    """The whole state of a world as bytes for `restore`.
 
     Taken between two ticks.  Animals marked for deletion are still in it; call ``flush`` first.
     """
@@ -118,9 +118,9 @@ def snapshot_parts(world):
 
 
 def pieces(data):
-    """A snapshot cut where its parts meet, [bytes, ...]: joined they are the snapshot again.
+    """A snapshot cut into its parts, [bytes, ...]; joined, they are the snapshot.
 
-    Two snapshots of one run have as many pieces, and most columns do not change: whoever keeps many keeps those once.
+    Two snapshots of one run have the same number of pieces, and most columns do not change: equal ones are kept once.
     """
     start = len(MAGIC) + _LENGTH.size
     at = start + _LENGTH.unpack(data[len(MAGIC) : start])[0]
@@ -132,7 +132,7 @@ def pieces(data):
 
 
 def restore(world, data):
-    """Put a snapshot into a world of the same kind: the same bits, and the same from then on.
+    """Load a snapshot into a world of the same kind; later ticks give the same bits.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def restore(world, data):
     Raises
     ------
     StateError
-        When the bytes are no snapshot or do not fit this world, which then is as it was.
+        When the bytes are not a snapshot or do not fit this world, which is then unchanged.
     """
     parts = parts_of(world, data)
     next_entity, plain = _plain_of(world, parts.pop("entities"))
@@ -173,7 +173,7 @@ def _fields(world):
 
 
 def _owners(world, plain=None):
-    """(name, object) of everything with a state of its own, in an order that is always the same."""
+    """(name, object) of everything with a state of its own, in a fixed order."""
     for resource in world.resources():
         if hasattr(resource, "state"):
             yield f"resource {type(resource).__name__}", resource
@@ -202,7 +202,7 @@ def _bytes(array):
 
 
 def check_beginning(world, beginning, size):
-    """Make sure, before all of it is in memory, that a snapshot is one of a world like this.
+    """Check, before all of it is in memory, that a snapshot belongs to a world like this.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def check_beginning(world, beginning, size):
 
 
 def _contents(data):
-    """(columns, {part: bytes}, where the parts begin) of what a snapshot begins with."""
+    """(columns, {part: bytes}, offset of the parts) from the beginning of a snapshot."""
     data, start = memoryview(data), len(MAGIC) + _LENGTH.size
     if bytes(data[: len(MAGIC)]) != MAGIC or len(data) < start:
         raise StateError("this is no snapshot of a world")

@@ -1,4 +1,4 @@
-"""Animals in the air: sorted into cubes, and who of them sees whom.
+"""Animals in the air: sorting into cubes, and visibility between them.
 
 *j* is visible to *i* when it is in range and within the cone of the field of
 view, and, unless the brush sees through bodies, the segment from centre to
@@ -52,35 +52,35 @@ class Space(NamedTuple):
 
     @property
     def order(self):
-        """Rows by place: neighbours in turn are neighbours in memory."""
+        """Rows in order of cubes: neighbours in space are neighbours in memory."""
         return self.row[~self.ghost]
 
     @property
     def axes(self):
-        """Where they are, by slot."""
+        """Coordinates by slot."""
         return self.x, self.y, self.z
 
 
 class EyesInSpace(NamedTuple):
-    """How animals see in space, (n,) each, by row."""
+    """Parameters of vision in space, (n,) each, by row."""
 
     range: np.ndarray  # m
     cosine: np.ndarray  # of half the field of view; -1 sees all round
-    through: np.ndarray  # 1 for those who see through bodies and solids
+    through: np.ndarray  # 1 for animals that see through bodies and solids
     radius: np.ndarray  # m, of the ball that hides others
 
 
 def sort_in_space(xyz, forward, rows, reach, wrap=None):
-    """Sort animals into cubes as wide as the farthest of them sees.
+    """Sort animals into cubes as wide as the largest range of vision.
 
     Parameters
     ----------
     xyz, forward : ndarray (n, 3)
         Positions in metres and unit headings.
     rows : ndarray (k,)
-        Who is sorted.
+        The animals that are sorted.
     reach : float
-        The farthest any of them sees, metres.
+        The largest range of vision, metres.
     wrap : (float, float), optional
         Width and height of a periodic map, metres.
 
@@ -95,7 +95,7 @@ def sort_in_space(xyz, forward, rows, reach, wrap=None):
         wrong = np.flatnonzero(~np.isfinite(place).all(1))
         raise ValueError(f"the position of row {rows[wrong[0]]} is not a number: {place[wrong[0]]}")
     side, most = max(reach, 1e-3), max(1 << 14, 4 * len(rows))
-    while np.prod((high - low) // side + 1) > most:  # strays far away would make a map of empty cubes
+    while np.prod((high - low) // side + 1) > most:  # animals far away would need a map of empty cubes
         side *= 1.25
     nx, ny, nz = (int(k) + 1 for k in (high - low) // side)
     start = np.zeros(nx * ny * nz + 1, np.int32)
@@ -107,7 +107,7 @@ def sort_in_space(xyz, forward, rows, reach, wrap=None):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _placed(xyz, rows, reach, width, depth):
-    """Where the rows are, and after them their copies within reach of a wrapped map: (positions, rows, ghosts)."""
+    """Positions of the rows, followed by their copies within reach of a wrapped map: (positions, rows, ghosts)."""
     n, total = len(rows), len(rows)
     if width > 0.0:
         for k in range(n):
@@ -131,13 +131,13 @@ def _placed(xyz, rows, reach, width, depth):
 
 @njit(inline="always")
 def _images(x, width, reach):
-    """How many of x, one width less and one more lie within reach of the map; x itself always counts."""
+    """How many of x, x - width and x + width lie within reach of the map; x itself always counts."""
     return 1 + (-reach < x - width) + (x + width < width + reach)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _box(place):
-    """Lowest and highest corner; not finite when some position is not."""
+    """Lowest and highest corner; not finite if some position is not."""
     low, high, total = np.zeros(3), np.zeros(3), 0.0
     for c in range(3):
         if len(place):
@@ -187,7 +187,7 @@ def _by_slot(order, place, rows, ghosts, forward):
 
 
 def birds_of(space, velocity, species):
-    """What neighbours need to know of those in a `Space`: the table of `behaviours.behaviour.FlockBySlot`."""
+    """State of the animals in a `Space` by slot: the table of `behaviours.behaviour.FlockBySlot`."""
     room = np.empty(8 * len(space.x) + 8)
     at = -room.ctypes.data % 64 // 8
     bird = room[at : at + 8 * len(space.x)].reshape(-1, 8)
@@ -205,7 +205,7 @@ def _write_birds(lo, hi, x, y, z, row, velocity, species, bird):
 
 
 def visible_in_space(space, eyes, solids=None, width=32, scratch=None):
-    """Whom everybody in a `Space` sees.
+    """Lists of the visible neighbours of every animal in a `Space`.
 
     Parameters
     ----------
@@ -213,16 +213,16 @@ def visible_in_space(space, eyes, solids=None, width=32, scratch=None):
         With a reach of at least the largest range.
     eyes : EyesInSpace
     solids : Solids, optional
-        What blocks the view besides.
+        Solids that also block the view.
     width : int
-        First guess of the mean length of the lists; too small a one costs time, and changes nothing.
+        First guess of the mean length of the lists; a guess that is too small costs time, and changes nothing.
     scratch : Scratch, optional
-        Memory for the lists, which then are good until the next call with it.
+        Memory for the lists, which are then valid until the next call with it.
 
     Returns
     -------
     Found
-        Nobody for rows that are not in the space.
+        Empty lists for rows that are not in the space.
     """
     n, m = len(eyes.range), len(space.x)
     solids = no_solids() if solids is None else solids
@@ -238,7 +238,7 @@ def visible_in_space(space, eyes, solids=None, width=32, scratch=None):
 
 @kernel
 def _look(lo, hi, space, eyes, solids, width, seen, begin, count):
-    """The visible of observers lo to hi, into ``seen`` from ``lo * width`` on; ``begin[i] = -1``: no room."""
+    """Write the visible of observers lo to hi into ``seen`` from ``lo * width`` on; ``begin[i] = -1``: no room."""
     mine, runs = np.empty(len(space.x) + 2 * LANES, np.int32), np.empty(18, np.int64)
     _look_about(lo, hi, space, eyes, solids, width, seen, begin, count, (mine, runs))
 
@@ -278,7 +278,7 @@ def _look_about(lo, hi, space, eyes, solids, width, seen, begin, count, room):
 
 @step
 def _cube_of(slot, start, n):
-    """The cube that a slot is in: the last one that begins at or before it."""
+    """The cube of a slot: the last one that begins at or before it."""
     a, b = np.int64(0), np.int64(n)
     while b - a > 1:
         middle = (a + b) // 2
@@ -304,7 +304,7 @@ def _runs_around(cube, nx, ny, nz, start, runs):
 
 @step
 def _in_view(i, among, runs, axes, heading, reach2, cosine, seen):
-    """Slots of those in range and in the cone, sixteen at a time; returns how many."""
+    """Slots in range and in the cone of view, sixteen at a time; returns their number."""
     x, y, z = axes
     fx, fy, fz = heading
     cos2, found = cosine * cosine, 0
@@ -328,14 +328,14 @@ def _in_view(i, among, runs, axes, heading, reach2, cosine, seen):
 
 @njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def _without_hidden(i, n, space, eyes, solids, who):
-    """Strike out who is outside the cone, or hidden by others in range or by solids; returns how many are left."""
+    """Remove slots outside the cone, or hidden by others in range or by solids; returns the number left."""
     xi, yi, zi, fx, fy, fz = space.x[i], space.y[i], space.z[i], space.fx[i], space.fy[i], space.fz[i]
     ox, oy, oz, d2, others = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n, np.int32)
     for k in range(n):
         others[k] = j = who[k]
         ox[k], oy[k], oz[k] = space.x[j] - xi, space.y[j] - yi, space.z[j] - zi
         d2[k] = ox[k] * ox[k] + oy[k] * oy[k] + oz[k] * oz[k]
-    nearest = order_(d2, n)  # who is near hides most
+    nearest = order_(d2, n)  # near animals hide most
     cosine = eyes.cosine[space.row[i]]
     visible, cos2 = 0, cosine * cosine
     for k in range(n):
@@ -357,7 +357,7 @@ def _without_hidden(i, n, space, eyes, solids, who):
 
 @inner_kernel
 def _hidden(k, nearest, who, ox, oy, oz, d2, rows, radius):
-    """Whether the ball of somebody nearer meets the segment to k."""
+    """Whether the ball of a nearer animal meets the segment to k."""
     if d2[k] <= 0.0:
         return False
     for q in nearest:

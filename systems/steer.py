@@ -1,4 +1,4 @@
-"""STEER: one call per brush present; while two brushes blend, both are asked."""
+"""STEER: one call of a model per brush in use; while two brushes blend, both are called."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from flockbrush.systems.senses import Near, ObstaclesInSight, Sight, SightByHidd
 from flockbrush.systems.space import birds_of
 from numba import njit
 
-NOT_MADE = None, None, None  # lists that nobody asks for
+NOT_MADE = None, None, None  # lists that no model needs
 
 
 class NotFinite(ArithmeticError):
@@ -48,7 +48,7 @@ class NotFinite(ArithmeticError):
 
 
 class AskModels(System):
-    """Asks each model for the wishes of the animals it moves."""
+    """Calls each model for the wishes of its animals."""
 
     stage = Stage.STEER
     reads = (
@@ -66,7 +66,7 @@ class AskModels(System):
         self.ask_drives(world, scene)
 
     def ask_models(self, world, scene):
-        """What the models wish, into the columns; the scene with it, for the drives."""
+        """Write the wishes of the models into the columns; returns the scene, for the drives."""
         agents, palette = world.agents, world.resource(Palette)
         binding = agents[BrushBinding.brush]
         blend = agents[BrushBinding.blend]
@@ -89,7 +89,7 @@ class AskModels(System):
 
     @staticmethod
     def ask_drives(world, scene):
-        """Drives on top of what the models wish."""
+        """Apply drives on top of the wishes of the models."""
         palette, binding = world.resource(Palette), world.agents[BrushBinding.brush]
         share = world.agents[Urge.share]
         if share.any():
@@ -135,7 +135,7 @@ def _thrust(agents):
 
 
 def _take(agents, rows, wishes):
-    """What a model in the air wishes, into the columns."""
+    """Write the wishes of a model in the air into the columns."""
     kind = agents[Thrust.kind]
     if wishes.velocity is not None:
         kind[rows], agents[Thrust.velocity][rows] = BY_VELOCITY, wishes.velocity
@@ -146,7 +146,7 @@ def _take(agents, rows, wishes):
 
 
 def _by_brush(brush, rows):
-    """(index, rows) of every brush present; ``brush[k]`` is the one of ``rows[k]``."""
+    """(index, rows) of every brush in use; ``brush[k]`` is the one of ``rows[k]``."""
     present = np.flatnonzero(np.bincount(brush)).tolist()
     return [(index, rows[brush == index]) for index in present]
 
@@ -163,9 +163,9 @@ def _all_by_slot(world):
 
 
 def scene_of(world, lists=True):
-    """What models see now: read-only views of the columns.
+    """The scene that models see: read-only views of the columns.
 
-    Without ``lists`` those of neighbours by row are left out, unless drives or birds on the ground may ask for them.
+    Without ``lists`` the lists of neighbours by row are left out, unless drives or birds on the ground need them.
     """
     agents, clock = world.agents, world.resource(Clock)
     noise, palette = world.resource(Noise), world.resource(Palette)
@@ -173,7 +173,7 @@ def scene_of(world, lists=True):
     cells, species = sight.found.cells, kin(world)
     bodies = bodies_of(world, agents[Speed.drawn])
     near = world.resource(Near)
-    landed = near.aloft is None and palette.flies.any()  # who has just touched down flies by the lists of walkers
+    landed = near.aloft is None and palette.flies.any()  # birds that have just landed fly by the lists of walkers
     lists = lists or landed or bodies is not None
     first, others, offset = sight.lists if lists else NOT_MADE
     xyz = agents[Position.xyz]
@@ -223,7 +223,7 @@ def _by_slot(found, species):
 
 
 def _flock_by_slot(world, species):
-    """What birds know of one another."""
+    """The state of other birds, by slot."""
     found, velocity = world.resource(SightInSpace).found, world.agents[Velocity.xyz]
     return frozen(FlockBySlot(
         found.cells.slot, found.begin, found.count, found.seen, birds_of(found.cells, velocity, species)
@@ -236,7 +236,7 @@ def _noticed(world):
 
 
 def _formation_of(agents, palette):
-    """What birds in line formation know; None where there are none."""
+    """The state of birds in line formation; None if there are none."""
     if not palette.formation.any():
         return None
     ids, entity = agents.ids, agents[FormationPlace.reference]
@@ -255,7 +255,7 @@ def _air_of(world, xyz, near, lists):
     bound, target = agents[Migration.kind], agents[Migration.target]
     if (bound == POINT).any() or land.goals:
         target, bound = target.copy(), bound.copy()
-        if land.goals:  # who has no target of his own goes to his goal, at the height he has
+        if land.goals:  # a bird without a target of its own flies to its goal at its present height
             goal = agents[Destination.goal]
             heads = near.aloft & (bound == NOWHERE) & (goal >= 0)
             target[heads, :2] = np.array([g.xy for g in land.goals])[goal[heads]]
@@ -285,7 +285,7 @@ def _put(lo, hi, rows, wished, wanted, direction, pace):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _mix_thrust(lo, hi, rows, blend, was, kind, acceleration):
-    """As `_mix`, where both brushes say an acceleration."""
+    """As `_mix`, where both brushes wish an acceleration."""
     for k in range(lo, hi):
         i = rows[k]
         b = blend[i]
@@ -297,7 +297,7 @@ def _mix_thrust(lo, hi, rows, blend, was, kind, acceleration):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _mix(lo, hi, rows, blend, was_direction, was_pace, direction, pace):
-    """From the previous brush's wish to the present one's, gently at both ends."""
+    """Interpolate from the previous brush's wish to the present one's, smoothly at both ends."""
     for k in range(lo, hi):
         i = rows[k]
         b = blend[i]

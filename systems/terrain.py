@@ -1,7 +1,7 @@
-"""What is underfoot: brush, speed factor, speed cap, slope and height, for every animal in every tick.
+"""Ground under the animals: brush, speed factor, speed cap, slope and height, for every animal in every tick.
 
-Layers and zones are composed once, when a level is built or painted, into one raster each; then a tick is one look
-at the cell under the animal (`underfoot`).  Colours on the ground end at their cell's edge; height and slope are
+Layers and zones are composed once, when a level is built or painted, into one raster each; a tick then reads the
+cell under the animal (`underfoot`).  Colours on the ground end at their cell's edge; height and slope are
 continuous.
 
 Arrays are ``[iy, ix]``, row 0 in the south; cell ``(iy, ix)`` has its centre at
@@ -26,7 +26,7 @@ BEST_SLOPE = -0.05  # Tobler 1993: a gentle way down is the fastest
 
 
 class Footing(NamedTuple):
-    """What is under each animal, (n,) each unless stated."""
+    """The ground under each animal, (n,) each unless stated."""
 
     factor: np.ndarray  # of speed
     cap: np.ndarray  # m/s
@@ -37,7 +37,7 @@ class Footing(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def underfoot(lo, hi, xyz, cell, surface, brush, heights, footing):
-    """Write rows ``lo`` to ``hi``: what is under each animal.
+    """Write rows ``lo`` to ``hi``: the ground under each animal.
 
     Parameters
     ----------
@@ -78,14 +78,14 @@ def underfoot(lo, hi, xyz, cell, surface, brush, heights, footing):
 
 @njit(cache=True, nogil=True)
 def slope_factor_(rise):
-    """How much slower one goes at this rise per metre of way: Tobler's hiking function [1]_, 1 on the flat.
+    """Factor of the speed at this rise per metre: Tobler's hiking function [1]_, 1 on flat ground.
 
     ``exp(-3.5 (|rise + .05| - .05))``: .5 at a rise of .2, at most 1.19, on a gentle way down.
 
     References
     ----------
     .. [1] Tobler 1993, Three presentations on geographical analysis and modeling, NCGIA Technical Report 93-1, after
-       measurements of people by Imhof 1950.  For animals it stands in until somebody measures them.
+       measurements of people by Imhof 1950.  For animals it is a substitute without measurements.
     """
     return exp_(-STEEPNESS * (abs(rise - BEST_SLOPE) - abs(BEST_SLOPE)))
 
@@ -94,7 +94,7 @@ def slope_factor_(rise):
 
 
 def compose_brushes(layers, zones, shape, cell, palette):
-    """Which brush acts in every cell.
+    """The brush of every cell.
 
     The painted layer of the greatest weight (opacity) wins, the later of two equal ones; a layer of weight 0 is
     hidden.  Zones lie above all layers, later zones above earlier ones.
@@ -176,7 +176,7 @@ def compose_caps(shape, cell, speed_factor=None, factor=None, cap=None, zones=()
 
 
 def compose_blocked(shape, cell, walkable=None, obstacles=()):
-    """Where nobody can stand: ground that is not walkable, and obstacles.
+    """Blocked cells: ground that is not walkable, and obstacles.
 
     A cell is blocked when its centre is inside an obstacle or closer to it than its margin.  Where an obstacle is so
     thin that it passes between two free neighbouring centres (a fence), the nearer of the two is blocked, so that
@@ -312,8 +312,8 @@ def steepest_within(steepness, relief_cell, shape, cell):
 def is_left_of_(x, y, ax, ay, bx, by):
     """Whether a ray from (x, y) to the east crosses the edge a-b.
 
-    The upper end does not belong to the edge, and a-b and b-a give the same answer to the last bit: so two
-    polygons that share an edge never both claim a point beside it, nor both miss it.
+    The upper end does not belong to the edge, and a-b and b-a give the same result to the last bit: so two
+    polygons that share an edge never both contain a point beside it, nor both miss it.
     """
     if (ay > y) == (by > y):
         return False
@@ -327,7 +327,7 @@ def point_in_polygon(x, y, polygon):
     """Whether a point is inside a polygon (k, 2), by crossing number (even-odd).
 
     Of the outline, the western and southern edges belong to the polygon and the eastern and northern ones do not: a
-    tiling of polygons claims every point once.
+    tiling of polygons contains every point once.
     """
     inside = False
     for k in range(len(polygon)):
@@ -344,7 +344,7 @@ def rasterise_polygon(polygon, shape, cell):
 
 @njit(cache=True, nogil=True)
 def rasterise_(polygon, ny, nx, cell):
-    """`rasterise_polygon`, row by row: only edges that cross the row are asked."""
+    """`rasterise_polygon`, row by row: only edges that cross the row are tested."""
     mask = np.zeros((ny, nx), np.bool_)
     for iy in range(ny):
         y = (iy + 0.5) * cell
@@ -354,6 +354,6 @@ def rasterise_(polygon, ny, nx, cell):
                 continue
             for ix in range(nx):
                 if not is_left_of_((ix + 0.5) * cell, y, ax, ay, bx, by):
-                    break  # nor are the cells further east
+                    break  # no cell further east is inside
                 mask[iy, ix] = not mask[iy, ix]
     return mask

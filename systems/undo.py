@@ -1,4 +1,4 @@
-"""Commands that take others back: exactly these animals gone, there again, with their own brushes and goals."""
+"""Commands that undo others: they remove, restore, rebind and change exactly the given animals."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from flockbrush.systems.programs import Programs
 from flockbrush.systems.spawning import Capsules, inside_polygon, nearest_free, overlaps_, touching
 from numba import njit
 
-MOST_AT_ONCE = 10_000  # animals that come back in one command, which must fit into one record
+MOST_AT_ONCE = 10_000  # animals restored by one command, which must fit into one record
 PRESSED = 1e-6  # m that bodies may overlap by rounding
 
 
 def need(fine, message):
-    """ValueError with this message unless all is fine."""
+    """Raise ValueError with this message unless the condition holds."""
     if not fine:
         raise ValueError(message)
 
 
 def goal_index(land, name):
-    """Index of the goal of this name; LookupError with what there is."""
+    """Index of the goal of this name; LookupError that lists the goals."""
     names = [goal.name for goal in land.goals]
     if name not in names:
         raise LookupError(f"there is no goal {name!r}{did_you_mean(name, names)}")
@@ -50,13 +50,13 @@ def goal_index(land, name):
 
 
 def need_entities(entities):
-    """ValueError unless these are ids of animals, each once."""
+    """Raise ValueError unless these are ids of animals without repetition."""
     whole = all(type(e) is int and 0 < e < 2**62 for e in entities)
     need(whole and len(set(entities)) == len(entities), "entities must be different whole numbers above 0")
 
 
 def rows_of(world, entities):
-    """(k,) rows of those of these animals that live."""
+    """(k,) rows of the given animals that are alive."""
     need_entities(entities)
     ids = world.agents.ids
     wanted = np.sort(np.array(entities, np.int64))
@@ -66,7 +66,7 @@ def rows_of(world, entities):
 
 @command
 class RemoveEntities:
-    """Take exactly these animals away; those that are gone already are passed over."""
+    """Remove exactly these animals; ids of dead animals are ignored."""
 
     entities: list
 
@@ -78,7 +78,7 @@ class RemoveEntities:
 
 
 def remove(world, entities):
-    """Take these animals away at once."""
+    """Remove these animals immediately."""
     for entity in entities.tolist():
         world.delete_entity(entity)
     world.flush()
@@ -86,9 +86,9 @@ def remove(world, entities):
 
 @command
 class BringBack:
-    """Have animals again that were taken away, as they were, under their own ids.
+    """Restore removed animals with their old state and ids.
 
-    Who finds another in its place, or a wall, stands beside it.
+    An animal whose place is taken by another animal or a wall is placed beside it.
     """
 
     entities: list
@@ -110,7 +110,7 @@ class BringBack:
         world.become(everybody[order], merged, world.plain_entities(), world.next_entity)
 
     def unpacked(self, agents):
-        """(ids, {field: rows}); ValueError when they are none."""
+        """(ids, {field: rows}); ValueError if the data are invalid."""
         need(self.entities, "there are no animals to restore")
         need_entities(self.entities)
         ids, columns = np.array(self.entities, np.int64), {}
@@ -121,7 +121,7 @@ class BringBack:
 
     @staticmethod
     def fit(world, columns):
-        """What the rows count in must be there still."""
+        """Raise ValueError if a brush, species or program of the rows no longer exists; missing goals become none."""
         brushes, goals = len(world.resource(Palette)), len(world.resource(Landscape).goals)
         for field in (BrushBinding.brush, BrushBinding.previous, BrushBinding.home):
             need(((columns[field] >= 0) & (columns[field] < brushes)).all(), "a brush of these animals is gone")
@@ -132,7 +132,7 @@ class BringBack:
 
 
 def bring_back(world, entities):
-    """Commands that have these animals again, once they are gone."""
+    """Commands that restore these animals after their removal."""
     out = []
     for first in range(0, len(entities), MOST_AT_ONCE):
         some = entities[first : first + MOST_AT_ONCE]
@@ -147,7 +147,7 @@ def _packed(rows):
 
 
 def _unpacked(field, columns, count):
-    """The rows of a field as `_packed` packed them; ValueError."""
+    """The rows of a field that `_packed` packed; ValueError if they are damaged."""
     try:
         data = zlib.decompress(base64.b64decode(columns[repr(field)], validate=True))
         rows = np.frombuffer(data, field.default.dtype).reshape(count, *field.default.shape).copy()
@@ -157,12 +157,12 @@ def _unpacked(field, columns, count):
 
 
 class OfThese:
-    """A command to exactly these animals, undone by giving the columns in ``changes`` back as they were."""
+    """A command to exactly these animals; undo restores the columns in ``changes``."""
 
     changes = tuple[Any, ...]()  # fields of components
 
     def rows(self, world):
-        """(k,) rows of those meant who live."""
+        """(k,) rows of the given animals that are alive."""
         return rows_of(world, self.entities)
 
     def inverse(self, world):
@@ -171,7 +171,7 @@ class OfThese:
 
 @command
 class GiveBrush(OfThese):
-    """Give exactly these animals another brush of their own."""
+    """Give exactly these animals another own brush."""
 
     changes = (BrushBinding.home,)
     brush: str
@@ -188,7 +188,7 @@ class GiveBrush(OfThese):
 
 @command
 class Bind(OfThese):
-    """Bind exactly these animals to a goal by its name; an empty name sets them free."""
+    """Bind exactly these animals to a goal by its name; an empty name unbinds them."""
 
     changes = (Destination.goal,)
     goal: str
@@ -201,14 +201,14 @@ class Bind(OfThese):
 
 @command
 class PutColumns(OfThese):
-    """Give exactly these animals some of their numbers back: where a flock was bound, what wind it felt."""
+    """Restore columns of exactly these animals, such as the destination of a flock or the wind it felt."""
 
     entities: list
     columns: dict  # of a component's field: its rows, packed
 
     @property
     def changes(self):
-        """The fields, in order of name; ValueError for what may not be put back so."""
+        """The fields, in order of name; ValueError for fields that must not be restored this way."""
         known = {repr(f): f for f in _MAY_BE_PUT}
         stray = sorted(set(self.columns) - set(known))
         need(not stray, f"{', '.join(stray)} cannot be put back" + did_you_mean(stray[0] if stray else "", known))
@@ -223,7 +223,7 @@ class PutColumns(OfThese):
 
 
 def need_known_programs(world, columns):
-    """ValueError unless the programs and states in these columns are in the world."""
+    """Raise ValueError unless the programs and states in these columns are in the world."""
     number = columns.get(ProgramState.program)
     if number is None or not (number >= 0).any():
         return
@@ -242,9 +242,9 @@ _MAY_BE_PUT = (
 
 
 def columns_now(world, rows, fields):
-    """Commands that give the animals in these rows back what these fields hold now.
+    """Commands that restore the present values of these fields for the animals in these rows.
 
-    A brush or a goal, each alone in ``fields``, is given back by its name.
+    A brush or a goal, each alone in ``fields``, is restored by its name.
     """
     ids = world.agents.ids[rows]
     named = next(iter(fields), None)
@@ -262,7 +262,7 @@ def columns_now(world, rows, fields):
 
 @command
 class UseBrush:
-    """Bring a brush into the world: its name, and the text of its file.  One of the same name is replaced."""
+    """Add a brush to the world by its name and the text of its file; one of the same name is replaced."""
 
     name: str
     source: str
@@ -274,7 +274,7 @@ class UseBrush:
         return "all"
 
     def brush(self):
-        """The asset; ValueError with what is wrong with it."""
+        """The brush; ValueError that describes its mistakes."""
         try:
             return load_brush(self.source.encode(), f"{self.name}.brush.toml")
         except ProblemsError as error:
@@ -291,7 +291,7 @@ class UseBrush:
 
 
 def brush_now(world, name):
-    """The command, in a list, that has a brush in the palette as it is there now, or not if it is not."""
+    """The command, in a list, that restores the present entry of a brush in the palette, or its absence."""
     palette = world.resource(Palette)
     there = name in palette.index
     return [UseBrush(name, palette.brushes[palette.named(name)].source.decode()) if there else ForgetBrush(name)]
@@ -299,7 +299,7 @@ def brush_now(world, name):
 
 @command
 class ForgetBrush:
-    """Take the newest brush out of the palette again; one that is still about stays in it."""
+    """Remove the newest brush from the palette, unless it is still in use."""
 
     name: str
 
@@ -318,9 +318,9 @@ class ForgetBrush:
 
 @command
 class MixBrush:
-    """Have brushes between every other brush of the model and this one, which zones of part weight give.
+    """Add mixtures of this brush with every other brush of its model, for zones of partial weight.
 
-    ``paths`` are measured ones, {name of the file: its text}; without them all numbers go in a straight line.
+    ``paths`` are measured paths, {name of the file: its text}; without them parameters are interpolated linearly.
     """
 
     name: str
@@ -345,7 +345,7 @@ class MixBrush:
 
 @command
 class UnmixBrush:
-    """Take the brushes between others and this one out of the palette; they stay if an animal or a zone has one."""
+    """Remove the mixtures with this brush from the palette, unless an animal or a zone uses one."""
 
     name: str
     paths: list  # names of the files
@@ -369,7 +369,7 @@ def make_room(world, trapped):
     Raises
     ------
     ValueError
-        When there is none nearby.  Nobody has moved then.
+        When there is none nearby.  No animal has moved then.
     """
     if not trapped.any():
         return
@@ -388,7 +388,7 @@ def make_room(world, trapped):
 
 
 def make_place(world, columns):
-    """Move newcomers, given as columns, who would stand in others or in walls, to the nearest free place."""
+    """Move newcomers, given as columns, that would overlap others or walls to the nearest free place."""
     land, agents = world.resource(Landscape), world.agents
     xyz, forward = columns[Position.xyz], columns[Heading.forward]
     half, radius = columns[Body.axis], columns[Body.radius]
@@ -427,19 +427,19 @@ def _finder(world, reach):
 
 
 def cell_under(land, xyz):
-    """(iy, ix) of the cell under each animal, the nearest one for those off the map."""
+    """(iy, ix) of the cell under each animal; outside the map the nearest cell."""
     ny, nx = land.brush.shape
     return tuple(np.clip(np.floor(xyz[:, k] / land.cell), 0, n - 1).astype(np.int64) for k, n in ((1, ny), (0, nx)))
 
 
 def on_map(land, xyz):
-    """(n,) bool, who is on the map."""
+    """(n,) bool, animals on the map."""
     return (xyz[:, 0] >= 0) & (xyz[:, 1] >= 0) & (xyz[:, 0] < land.width) & (xyz[:, 1] < land.height)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def pressing(xyz, forward, half, radius, others):
-    """(n,) bool, whose body is inside one of the others'."""
+    """(n,) bool, animals whose body overlaps another."""
     out = np.zeros(len(xyz), np.bool_)
     for i in range(len(xyz)):
         x, y, ux, uy = xyz[i, 0], xyz[i, 1], forward[i, 0], forward[i, 1]

@@ -32,6 +32,19 @@ SMOKE = {  # pytest -m smoke: files, and how the names of the tests begin; "" me
 }
 
 
+@pytest.fixture
+def hasty_learning(monkeypatch):
+    """`flockbrush learn` searches from four starts for a second, in one process, and tests the brush in one way."""
+    from flockbrush.learning import learn, recipe
+
+    workers, begins = recipe.Workers, recipe.begins
+    monkeypatch.setattr(recipe, "begins", lambda *how: begins(*how)[::5][:4])
+    monkeypatch.setattr(recipe, "Workers", lambda given, jobs, *rest: workers(given, 1, *rest))
+    monkeypatch.setattr(learn, "QUICK_BUDGET", 1.0)
+    monkeypatch.setattr(learn, "with_other_numbers", lambda *_: [])
+    monkeypatch.setattr(learn, "with_other_starts", lambda *_: [])
+
+
 def _is_smoke(item):
     wanted = SMOKE.get(item.path.name)
     return wanted is not None and item.name.startswith(wanted)

@@ -84,7 +84,7 @@ RUN = [
 
 
 @pytest.mark.parametrize("path", RUN)
-def test_every_block_of_the_page_runs(path, reader, monkeypatch):
+def test_every_block_of_the_page_runs(path, reader, hasty_learning, monkeypatch):
     session = {"__name__": "page"}
     load_overlays()  # as above
     monkeypatch.setattr("flockbrush.render.overlay_registry.OVERLAYS", dict(OVERLAYS))

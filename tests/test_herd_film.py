@@ -5,7 +5,7 @@ import pytest
 from flockbrush.systems.measures import compute_milling, compute_nnd, compute_polarization
 from small_herd import gaps
 
-from tests import foreign_herds, herd_film
+from benchmarks import foreign_herds, herd_film
 
 cv2 = pytest.importorskip("cv2")
 

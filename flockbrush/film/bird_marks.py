@@ -1,4 +1,4 @@
-"""Birds of a film as a person puts them right: who is where, followed on from there, undone, and saved."""
+"""Corrections of the birds of a film: positions set by hand, tracking from there on, undo, and files."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ BLOBS = 4000  # frames whose patches are remembered
 
 @dataclass(frozen=True)
 class Birds:
-    """The birds of all frames; edits give another one."""
+    """The birds of all frames; every edit returns a new object."""
 
     px: np.ndarray  # (F, N, 2); pixels, NaN where a bird is not seen
     ids: tuple[int, ...] = ()
-    # by frame and bird: (x, y, gone), what a person said. Gone: there is no such bird from this frame on.
+    # corrections by frame and bird: (x, y, gone). Gone: the bird is removed from this frame on.
     corrections: dict[int, dict[int, tuple[float, float, bool]]] = field(default_factory=dict)
-    pending: int | None = None  # the first frame that was put right and not followed on from
+    pending: int | None = None  # the first frame that was corrected and not tracked again from
 
     @classmethod
     def none(cls, frames) -> Birds:
-        """No bird in so many frames."""
+        """An object without birds, for so many frames."""
         return cls(np.zeros((frames, 0, 2)))
 
     @classmethod
     def of(cls, tracks: Tracks, frames) -> Birds:
-        """The birds of tracks; what lies outside the film is left out."""
+        """The birds of tracks; positions outside the film are left out."""
         px = np.full((frames, len(tracks.ids), 2), np.nan)
         low, high = max(0, tracks.first), min(frames, tracks.first + len(tracks.px))
         if low < high:
@@ -37,24 +37,24 @@ class Birds:
         return cls(px, tuple(int(bird) for bird in tracks.ids))
 
     def at(self, k) -> dict[int, tuple[float, float]]:
-        """Who is where in a frame."""
+        """{bird: (x, y)} of a frame."""
         row = self.px[k]
         return {self.ids[n]: (float(row[n, 0]), float(row[n, 1])) for n in np.flatnonzero(np.isfinite(row[:, 0]))}
 
     def tail(self, bird, k, frames) -> np.ndarray:
-        """Where a bird was in the frames up to this one, (m, 2)."""
+        """Positions of a bird in the frames up to this one, (m, 2)."""
         path = self.px[max(0, k - frames) : k + 1, self.ids.index(bird)]
         return path[np.isfinite(path[:, 0])]
 
     def sights(self) -> dict[int, int]:
-        """In how many frames each bird is seen."""
+        """{bird: number of frames in which it is seen}."""
         counts = np.isfinite(self.px[..., 0]).sum(0)
         return {bird: int(n) for bird, n in zip(self.ids, counts, strict=True)}
 
     # what a person does ---------------------------------------------------------------------
 
     def put(self, k, bird, x, y) -> Birds:
-        """The bird is there in this frame; a number that nobody has is a new bird."""
+        """Set the position of a bird in this frame; an unused number adds a bird."""
         px, ids = self.px, self.ids
         if bird not in ids:
             px, ids = np.concatenate([px, np.full((len(px), 1, 2), np.nan)], axis=1), (*ids, bird)
@@ -64,12 +64,12 @@ class Birds:
         return self._after(px, ids, k, {bird: (float(x), float(y), False)})
 
     def new(self) -> int:
-        """A number that no bird has or had."""
+        """A number that was never used for a bird."""
         said = (bird for rows in self.corrections.values() for bird in rows)
         return 1 + max((*self.ids, *said), default=0)
 
     def swap(self, k, one, other) -> Birds:
-        """From this frame on the two have each other's numbers."""
+        """Swap the numbers of two birds from this frame on."""
         px, i, j = self.px.copy(), self.ids.index(one), self.ids.index(other)
         px[k:, i], px[k:, j] = self.px[k:, j], self.px[k:, i]
         names = {one: other, other: one}
@@ -82,7 +82,7 @@ class Birds:
         return swapped._after(px, self.ids, k, here)
 
     def lost(self, k) -> dict[int, tuple[float, float]]:
-        """Whose tracks broke off in the `JOIN` frames before frame k, and where; not whom a person took away."""
+        """{bird: last position} of tracks that ended within `JOIN` frames before frame k; not of removed birds."""
         taken = {bird for rows in self.corrections.values() for bird, row in rows.items() if row[2]}
         found = {}
         for n, bird in enumerate(self.ids):
@@ -93,7 +93,7 @@ class Birds:
         return found
 
     def join(self, one, other) -> Birds:
-        """The two are one bird, ``one``: the track of the other begins after that of ``one`` has ended.
+        """Join two tracks to one bird, ``one``: the track of the other begins after that of ``one`` has ended.
 
         Raises
         ------
@@ -115,7 +115,7 @@ class Birds:
         return replace(self, corrections=corrections)._after(px, self.ids, begin, {one: (at[0], at[1], False)})
 
     def remove(self, k, bird) -> Birds:
-        """This is no bird from this frame on; before the first sight of it: it never was one."""
+        """Remove a bird from this frame on; entirely if this frame is before its first sighting."""
         px, n = self.px.copy(), self.ids.index(bird)
         seen = np.flatnonzero(np.isfinite(px[:, n, 0]))
         ahead = seen[seen >= k]
@@ -128,10 +128,10 @@ class Birds:
         }
         rest = replace(self, corrections={f: rows for f, rows in corrections.items() if rows})
         after = rest._after(px, self.ids, int(ahead[0]), {bird: (at[0], at[1], True)})
-        return replace(after, pending=self.pending)  # the others need not be followed anew
+        return replace(after, pending=self.pending)  # the others need not be tracked again
 
     def _after(self, px, ids, k, rows) -> Birds:
-        """The birds with rows of corrections for a frame; birds that are nowhere are left out."""
+        """The birds with the corrections of a frame; birds without any position are left out."""
         corrections = dict(self.corrections)
         if rows:
             corrections[k] = dict(sorted((corrections.get(k, {}) | rows).items()))
@@ -150,23 +150,23 @@ class Birds:
         }
 
     def lead(self, k) -> int:
-        """From which frame a tracker is to be told where the birds were, for it to go on at frame k."""
+        """The first frame whose positions a tracker needs to continue at frame k."""
         gone = [f for f, rows in self.corrections.items() if f < k and any(row[2] for row in rows.values())]
         return max(0, min([k - JOIN, *(f - 1 for f in gone)]))
 
     def tracker(self, k) -> tuple[Tracker, int]:
-        """A tracker that knows where all birds were before frame k, and all corrections; its first frame."""
+        """(a tracker initialised with the positions before frame k and all corrections, its first frame)."""
         first = self.lead(k)
         seeds = {f: [(bird, *at) for bird, at in self.at(f).items()] for f in range(first, k)}
         said = {f: rows for f, rows in self.by_hand().items() if f >= first}
-        seeds = {  # what a person said of a frame comes before what was found in it
+        seeds = {  # corrections of a frame take precedence over detections
             f: [row for row in rows if row[0] not in {other[0] for other in said.get(f, ())}]
             for f, rows in seeds.items()
         }
         return Tracker(seeds, said, first=first, fresh=self.new()), first
 
     def with_tracks(self, k, tracks: Tracks | None) -> Birds:
-        """The same birds before frame k, and those of tracks from there on."""
+        """The same birds before frame k, and the birds of the tracks from frame k on."""
         frames = len(self.px)
         fresh = Birds.none(frames) if tracks is None else Birds.of(tracks, frames)
         said = {bird for f, rows in self.corrections.items() if f >= k for bird in rows}
@@ -178,7 +178,7 @@ class Birds:
         for (
             f,
             rows,
-        ) in self.corrections.items():  # somebody whom the tracker could not follow is still where he was seen
+        ) in self.corrections.items():  # a bird that the tracker lost keeps its corrected position
             for bird, (x, y, gone) in rows.items() if k <= f < frames else ():
                 place = px[f, ids.index(bird)]
                 if not gone and np.isnan(place[0]):
@@ -191,7 +191,7 @@ class Birds:
     # files ------------------------------------------------------------------------------------
 
     def tracks(self) -> Tracks:
-        """The birds as tracks, from the first frame somebody is seen in."""
+        """The birds as tracks, from the first frame that has a bird."""
         rows = np.flatnonzero(np.isfinite(self.px[..., 0]).any(1))
         low, high = (int(rows[0]), int(rows[-1]) + 1) if len(rows) else (0, 0)
         return Tracks(self.px[low:high], np.array(self.ids, int), low)
@@ -213,12 +213,12 @@ class Birds:
 
 
 class Follower:
-    """Follows the birds of a film; patches of frames that were looked at once are remembered.
+    """Tracks the birds of a film; the patches of recent frames are cached.
 
     Parameters
     ----------
     film : Film
-        Nobody else reads it.
+        No other reader may use it.
     """
 
     def __init__(self, film):
@@ -226,12 +226,12 @@ class Follower:
         self._blobs: dict[int, list] = {}
 
     def follow(self, birds: Birds, k, say=lambda share: None) -> Birds:
-        """The birds, followed on from frame k with all corrections; those before k stay as they are.
+        """The birds, tracked again from frame k with all corrections; positions before k stay unchanged.
 
         Parameters
         ----------
         say : callable, optional
-            Told the share that is done; what it raises ends the work.
+            Called with the share that is done; an exception it raises stops the tracking.
         """
         tracker, first = birds.tracker(k)
         for f in range(first, len(self.film)):

@@ -1,6 +1,6 @@
-"""Which patches of a picture make up one bird, and how large a bird is: what explains most as birds of one size.
+"""Which patches of a picture make up one bird, and the usual size of a bird: a fit of birds of one size.
 
-A pale body between dark wings falls into pieces; two birds may nearly touch.  Patches are joined nearest first
+A pale body between dark wings is split into pieces; two birds may nearly touch.  Patches are joined nearest first
 (single linkage), and each join is kept where one bird of the usual size explains it better than its parts do.  The
 usual size is the one that leaves the least unexplained, so neither a moon, a cloud, a branch nor specks decide it.
 """
@@ -16,7 +16,7 @@ from scipy.spatial.distance import cdist
 
 LEAST_AREA = 6  # pixels: below, noise
 GAP, SHORT_GAP = 0.4, 1.2  # of the longer and of the shorter of two pieces: farther apart they are not one bird
-MOST_PIECES = 600  # patches: with more, pieces are not joined, which would take long and be chance
+MOST_PIECES = 600  # patches: with more, pieces are not joined, since that is slow and unreliable
 SOLID = 0.3  # part of its convex hull that a bird fills
 THIN = 12.0  # longer than this for its width: a wire, a twig
 
@@ -35,7 +35,7 @@ class Patch(NamedTuple):
 
     @property
     def whole(self):
-        """Whether its size may speak for that of birds."""
+        """Whether its size is used to estimate the size of birds."""
         return self.shaped and self.inside
 
     def __eq__(self, other):

@@ -1,7 +1,7 @@
-"""Birds on a plain sky, found in pictures and carried from frame to frame.
+"""Detection of birds on a plain sky, and their identities from frame to frame.
 
 A bird is a patch that differs from the sky around it, all of a picture darker or all lighter.  The sky is the picture
-with everything small taken out (a median), so clouds and gradients do not matter.  What is not a bird is left out by
+with small objects removed (a median), so clouds and gradients do not matter.  What is not a bird is left out by
 size, measured against the other birds, by shape, and by being lighter where most are darker (moon, sun).
 """
 
@@ -24,8 +24,8 @@ WINDOWS = (1 / 6, 1 / 3, 2 / 3)  # of the picture's shorter side: the medians th
 SMALL, LARGE = 0.25, 4.0  # of the usual bird's area: outside is no bird
 ALIKE = 1.6  # times the usual span, or one over: about as large as most
 FEW = 0.34  # share of the birds: so few that are lighter, or darker, than the sky while the others are not are no birds
-PURE = 0.85  # of a patch lighter, or darker, than the sky: of one kind (a white bird with a dark head is of none)
-OPPOSITE = 0.7  # difference of those shares between a bird and what is none
+PURE = 0.85  # of a patch lighter, or darker, than the sky: of one kind (a white bird with a dark head is of neither)
+OPPOSITE = 0.7  # difference of those shares between a bird and other objects
 TWO = 1.7  # times the usual span: two birds that touch
 VIDEOS = {".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"}
 
@@ -43,7 +43,7 @@ def away_from_sky(image):
 
 
 def _counts_from(away):
-    """From how many grey levels on a pixel is no sky."""
+    """The grey-level difference above which a pixel is not sky."""
     counts = sum(np.bincount(row, minlength=256) for row in away)
     levels = np.arange(256.0)
     noise = 1.4826 * _quantile(np.abs(levels - _quantile(levels, counts, 0.5)), counts, 0.5)
@@ -60,7 +60,7 @@ def _window(grey, share):
 
 
 def _sky(grey, share):
-    """The picture without everything small: medians in windows of this share of its shorter side."""
+    """The picture without small objects: medians in windows of this share of its shorter side."""
     window = _window(grey, share)
     shrink = max(1, window // 41)  # medians of large windows are slow and no better
     small = cv2.resize(grey, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)
@@ -104,7 +104,7 @@ def find_birds_and_others(image) -> tuple[list[Patch], list[str]]:
 def _sorted_out(grey, sky):
     """(birds, {why not: patches}, usual span).
 
-    What is left out is looked at no more when it is settled from which contrast on something is a bird.
+    Patches that are left out do not count when the contrast threshold of birds is determined.
     """
     away, lighter = cv2.absdiff(grey, sky), grey > sky
     threshold = _counts_from(away)
@@ -147,7 +147,7 @@ def _as_birds(patches):
 
 
 def _sentence(why, patches, usual):
-    """What was left out, where, and what it may be."""
+    """A sentence about patches that were left out: where they are, and what they may be."""
     where = ", ".join(f"{p.x:.0f},{p.y:.0f}" for p in patches[:5]) + ", ..." * (len(patches) > 5)
     were = "was" if len(patches) == 1 else "were"
     if "sky" in why:

@@ -1,4 +1,4 @@
-"""The colour and the length of the animals' bodies, as a person shows them in a film."""
+"""The colour and the length of the animals' bodies, picked by a person in a film."""
 
 from __future__ import annotations
 

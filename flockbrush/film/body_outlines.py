@@ -1,9 +1,9 @@
-"""Single bodies in a mask of animals: where they are and how they lie, also where they touch.
+"""Single bodies in a mask of animals: position and orientation, also of animals that touch.
 
 How large an animal is follows from blobs that hold one animal (`size_of_bodies`).  A blob of that size is a body; one
 that is larger holds several (`bodies_of`): a capsule of the known size is tried at every place and angle, the best ones
 that do not lie on each other are kept, and then every pixel goes to the nearest capsule and every capsule to its
-pixels, some times over (k-means with capsules for means).  Where the picture is given, seams between animals count as
+pixels, several times (k-means with capsules for means).  Where the picture is given, seams between animals count as
 well: the back of an animal differs more from the ground than its flanks.
 
 Lengths are pixels; x right, y down, pixel (0, 0) has its middle at (0.5, 0.5).
@@ -24,12 +24,12 @@ SOLID = 0.88, 0.74  # share of its convex hull that a lone body fills; less wher
 LIKE = 0.35, 0.25, 0.25  # logarithms of area, length and width by which one animal may differ from the usual one
 LEAST_AREA = 6  # px: less is a scrap
 ENOUGH = 6  # lone bodies that are needed to tell the size of one
-ALONG, END = 6, 0.62  # places from the middle of a body to each end, and how far the last part goes, lengths
+ALONG, END = 6, 0.62  # positions from the middle of a body to each end, and the end of the last part, lengths
 
 
 @dataclass(frozen=True)
 class BodySize:
-    """One animal in pixels, the median of those alone."""
+    """Size of one animal in pixels: the median of isolated animals."""
 
     length: float
     width: float
@@ -37,13 +37,13 @@ class BodySize:
     alone: int  # blobs it was measured on
 
 
-# the size of one ----------------------------------------------------------------------------------------------------
+# the size of one animal -----------------------------------------------------------------------------------------------
 
 
 def size_of_bodies(masks) -> BodySize | None:
-    """How large one animal is, from the blobs of some masks that hold one each.
+    """The size of one animal, from the blobs of some masks that hold one animal each.
 
-    Blobs that fill their convex hull may be single animals; the size that most of them share is one animal's.  Scraps
+    Blobs that fill their convex hull may be single animals; their most common size is that of one animal.  Fragments
     are smaller and of all sizes, groups larger and seldom convex.
 
     Parameters
@@ -54,7 +54,7 @@ def size_of_bodies(masks) -> BodySize | None:
     Returns
     -------
     BodySize or None
-        None when too few animals stand alone to tell.
+        None if too few animals are isolated.
     """
     found = [row for mask in masks for row in _blobs(mask)]
     if len(found) < ENOUGH:
@@ -76,7 +76,7 @@ def areas_alone(masks) -> np.ndarray:
 
 
 def _of_those(area, long, wide, chosen):
-    """The size of one from blobs that may be single; None where they are too few, or too small a part of all."""
+    """The size of one animal from blobs that may be single; None if they are too few, or too small a part of all."""
     total = area.sum()
     if chosen.sum() < ENOUGH:
         return None
@@ -89,9 +89,9 @@ def _of_those(area, long, wide, chosen):
 
 
 def _usual(shape, area):
-    """The logarithms of area, length and width that most blobs share: groups of two come in many shapes, one in one.
+    """The most common logarithms of area, length and width: pairs have many shapes, single animals one.
 
-    Scraps are many; they weigh little.
+    Fragments are many; they have little weight.
     """
     some = np.random.default_rng(0).permutation(len(shape))[:1500]
     off = (shape[some, None] - shape[some]) / (0.4 * np.array(LIKE))
@@ -100,7 +100,7 @@ def _usual(shape, area):
 
 
 def _blobs(mask):
-    """[(area, length, width, solidity, whole)] of the blobs of a mask; not whole are those that the border cuts."""
+    """[(area, length, width, solidity, whole)] of the blobs of a mask; a blob cut by the border is not whole."""
     mask = _binary(mask)
     h, w = mask.shape
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
@@ -122,7 +122,7 @@ def _blobs(mask):
 
 
 def _shape(m):
-    """(x, y, length, width) and nothing of the angle, of a capsule with these moments."""
+    """(x, y, length, width) of a capsule with these moments; the angle is not determined."""
     area = m["m00"]
     xx, yy, xy = m["mu20"] / area + 1 / 12, m["mu02"] / area + 1 / 12, m["mu11"] / area
     mean, half = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
@@ -141,7 +141,7 @@ def bodies_of(mask, size: BodySize, picture=None, before: Outlines | None = None
     size : BodySize
         Of one animal, in pixels of this mask.
     picture : (h, w, 3) or (h, w) uint8 ndarray, optional
-        Makes animals that touch easier to tell apart.
+        Helps to separate animals that touch.
     before : Bodies, optional
         Those of the frame before, in pixels of this one: where animals touch, a way to part them that looks much as it
         did is preferred, so that they do not jump to and fro.
@@ -199,4 +199,4 @@ def _measured(labels, chosen, count, alone):
     return of_moments(sums[chosen], alone)
 
 
-# those that touch ---------------------------------------------------------------------------------------------------
+# animals that touch ---------------------------------------------------------------------------------------------------

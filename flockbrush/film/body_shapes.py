@@ -32,7 +32,7 @@ class Outlines:
     length: np.ndarray
     width: np.ndarray
     area: np.ndarray
-    alone: np.ndarray  # (k,) bool; whether nobody touches it
+    alone: np.ndarray  # (k,) bool; whether it touches no other body
     # (k, m); by how much the picture at the end that the axis points to differs from that at the other (see `_ends`);
     # turned about, a body has the same numbers with the other sign. m is 0 where no picture was given.
     ends: np.ndarray = None  # type: ignore[assignment]  # nothing known
@@ -46,7 +46,7 @@ class Outlines:
 
     @staticmethod
     def none() -> Outlines:
-        """Nobody."""
+        """An empty set of outlines."""
         none = np.zeros(0)
         return Outlines(np.zeros((0, 2)), np.zeros((0, 2)), none, none, none, np.zeros(0, bool))
 
@@ -60,7 +60,7 @@ class Outlines:
         )  # fmt: skip
 
     def of(self, chosen) -> Outlines:
-        """Some of them."""
+        """A subset of the outlines."""
         return Outlines(
             *(getattr(self, name)[chosen] for name in ("xy", "axis", "length", "width", "area", "alone", "ends"))
         )

@@ -2,7 +2,8 @@
 
 Frames are numbered from 0 in the order in which they are shown.  Rotation that a camera has noted is obeyed.  A film
 whose frames are unevenly timed is thinned by its time stamps to an even row; frames that repeat the one before are left
-out.  Pictures larger than `WORK` pixels are made smaller.  A cut ends the matter: a herd is learned from one shot.
+out.  Pictures larger than `WORK` pixels are made smaller.  A clip with a cut is refused: a herd is learned from one
+shot.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ _BAD = "is not a readable video or picture"
 
 
 def silent(text: str, done: int, total: int):
-    """Progress that nobody sees."""
+    """A progress function that does nothing."""
 
 
 Say = Callable[[str, int, int], None]  # what is done, how many are done, of how many
@@ -49,7 +50,7 @@ class Clip:
     fps: float  # pictures a second
     numbers: np.ndarray  # (n,) int; frames of the clip that are used
     times: np.ndarray  # (n,); when they are shown, s
-    still: bool = False  # one picture: nothing can be known of motion
+    still: bool = False  # one picture: motion is unknown
     notes: list[str] = field(default_factory=list)
     _kept: dict[int, np.ndarray] = field(default_factory=dict, repr=False)
 
@@ -80,7 +81,7 @@ class Clip:
 
 
 def open_clip(path, frames: tuple[int | None, int | None] | None = None, say: Say = silent, work: int = WORK) -> Clip:
-    """A film or a photograph, looked through once.
+    """Open a film or a photograph, and scan it once.
 
     Parameters
     ----------
@@ -89,7 +90,7 @@ def open_clip(path, frames: tuple[int | None, int | None] | None = None, say: Sa
     frames : (first, last), optional
         Numbers of the frames to use, both included; None is the clip's own end.
     say : callable
-        Is told of progress.
+        Called with the progress.
     work : int
         Pixels of the longer side that pictures are made smaller to.
 
@@ -198,7 +199,7 @@ class _Film:
 
 
 def _of_file(path):
-    """What can be told of a file that is no film."""
+    """An error message for a file that is not a film."""
     with open(path, "rb") as file:
         begin = file.read(16)
     return {"bytes of the file": path.stat().st_size, "it begins with": " ".join(f"{byte:02x}" for byte in begin)}
@@ -210,7 +211,7 @@ def _said(error):
 
 @dataclass
 class _Look:
-    """What one pass over a film found, frame by frame."""
+    """The measurements of one pass over a film, by frame."""
 
     size: tuple[int, int]
     full: tuple[int, int]
@@ -224,7 +225,7 @@ class _Look:
 
     @property
     def repeats(self):
-        """(n,) bool: shows the frame before once more, in a film whose other frames differ."""
+        """(n,) bool: repeats the previous frame, in a film whose other frames differ."""
         usual = np.median(self.change[1:]) if len(self.change) > 1 else 0.0
         same = self.change < min(REPEATED, 0.2 * usual)
         same[0] = False
@@ -261,7 +262,7 @@ def _look_through(name, path, frames, say, work):
 
 
 def _bounds(name, frames):
-    """(first, last or None) of the frames that are asked for."""
+    """(first, last or None) of the requested frames."""
     first, last = frames or (None, None)
     first = 0 if first is None else first
     if first < 0 or (last is not None and last < first):
@@ -272,7 +273,7 @@ def _bounds(name, frames):
 
 
 def _no_frames(total, first, last, damage):
-    """What to say of a film of which nothing is left."""
+    """The error message for a film of which no frame is left."""
     if total == 0:
         return f"has a video stream without a readable frame{f': {damage}' if damage else ''}"
     return f"has frames 0 to {total - 1}, but none in {first}:{'' if last is None else last}"
@@ -339,7 +340,7 @@ def _length(shot):
 
 
 def evenly(numbers, times, repeats):
-    """An even row of frames out of an uneven one.
+    """An evenly timed subset of unevenly timed frames.
 
     Parameters
     ----------
@@ -347,7 +348,7 @@ def evenly(numbers, times, repeats):
     times : (n,) ndarray
         Seconds, rising.
     repeats : (n,) bool ndarray
-        Frames that show the one before once more.
+        Frames that repeat the previous one.
 
     Returns
     -------
@@ -378,7 +379,7 @@ def evenly(numbers, times, repeats):
 
 
 def _nearest(times, moments):
-    """Rows of the times nearest to moments, each once."""
+    """Rows of the times nearest to given moments, each once."""
     after = np.clip(np.searchsorted(times, moments), 1, len(times) - 1)
     nearer = np.where(moments - times[after - 1] < times[after] - moments, after - 1, after)
     return np.unique(nearer)
@@ -388,7 +389,7 @@ def _nearest(times, moments):
 
 
 def work_size(full, work=WORK) -> tuple[int, int]:
-    """Width and height that a picture is worked on in, px."""
+    """Width and height at which a picture is processed, px."""
     return (int(full[0]), int(full[1])) if max(full) <= work else _fit(full, work)
 
 

@@ -1,10 +1,10 @@
-"""Birds that merge in the picture and part again, named anew by how they flew before and how they fly after.
+"""Identities of birds after they merge in the picture and separate, from their motion before and after.
 
-Frame by frame nobody can tell which of two birds of one blob is which.  Afterwards it can be told better: each track is
+Within one frame two birds of one blob cannot be told apart.  The whole track gives more evidence: each track is
 cut into stretches in which its bird is alone in its blob and runs in which it shares one.  Runs of birds that share a
 blob at the same time are one crossing.  A bird of which the place and velocity at the end of the stretch before are
 known goes on as that stretch after the crossing which is the likeliest under a random walk of its velocity [1]_, by
-its size as well.  Names change only where that is likelier by a margin than what was followed.
+its size as well.  Identities change only if that is likelier by a margin than the tracked ones.
 
 .. [1] Bar-Shalom, Y., Li, X. R., Kirubarajan, T. (2001). Estimation with Applications to Tracking and Navigation,
    sections 5.2 (filter) and 6.2 (continuous white noise acceleration).
@@ -19,10 +19,10 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 WINDOW = 15  # frames of a stretch from which place and velocity are estimated
-APART = 3  # frames alone, fewer of which do not part two runs
+APART = 3  # frames alone; fewer do not separate two runs
 LAG = 8  # frames, over which the random walk of velocities is measured
 TAILS = 4.0  # degrees of freedom: likelihoods have the tails of a Student's t
-MARGIN = 6.0  # twice the log likelihood by which another naming must be better
+MARGIN = 6.0  # twice the log likelihood by which another assignment must be better
 BEATS = 6.0  # frames of wing beats, in which sizes are one sample
 JUMP = 60.0  # variances of where a bird should be: farther off it is another
 LONGEST = 60  # frames of a crossing; after longer ones a bird may be anywhere
@@ -30,7 +30,7 @@ NEVER = 1e6
 
 
 class Crossed(NamedTuple):
-    """Tracks as they were followed.
+    """Tracks before crossings are resolved.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Crossed(NamedTuple):
     area : (F, N) ndarray
         px², of the blobs of birds that are alone, else NaN.
     fixed : (F, N) bool ndarray
-        Where a person has said which bird it is.
+        Where the identity was set by hand.
     """
 
     px: np.ndarray
@@ -62,7 +62,7 @@ class _Run:
 
 
 class _State(NamedTuple):
-    """Where a bird is at an end of a stretch."""
+    """State of a bird at an end of a stretch."""
 
     frame: int
     mean: np.ndarray  # (2, 2): place, velocity by x, y; px, px a frame
@@ -104,7 +104,7 @@ class _Walk:
         for k in range(1, len(frames)):
             mean, cov = self.ahead(mean, cov, abs(int(frames[k]) - int(frames[k - 1])))
             off, var = px[k] - mean[0], cov[0, 0] + self.r
-            if off @ off > JUMP * var:  # a person has said that this is another bird
+            if off @ off > JUMP * var:  # set by hand: this is another bird
                 mean, cov = np.array([px[k], sign * self.drift]), np.diag([self.r, self.spread])
                 continue
             gain = cov[:, 0] / var
@@ -150,8 +150,8 @@ def _middle(values):
 def renamed(seen: Crossed) -> np.ndarray:
     """The number of the track to which each place belongs, (F, N) int: columns of ``seen.px``.
 
-    Each frame has each number once.  Where a person has said which bird it is, it stays, and so does what follows; a
-    crossing within which a person has said so stays as it was followed.
+    Each frame has each number once.  An identity set by hand is kept, and so is what follows; a crossing that contains
+    one is left unchanged.
     """
     frames, tracks = seen.blob.shape
     names = np.tile(np.arange(tracks), (frames, 1))
@@ -206,7 +206,7 @@ def _runs(track, alone, there):
 
 
 def _ends(run, seen, alone, walk):
-    """Fill in how the bird flew before and after a run."""
+    """Fill in the states of a bird before and after a run."""
     rows = np.flatnonzero(alone[:, run.track])
     for name, back in (("before", False), ("after", True)):
         side = rows[rows > run.last][:WINDOW] if back else rows[rows < run.first][-WINDOW:]
@@ -216,7 +216,7 @@ def _ends(run, seen, alone, walk):
 
 
 def _name(runs, names, seen, walk):
-    """Name the birds of a crossing anew where that is likelier."""
+    """Reassign the birds of a crossing if that is likelier."""
     come, go = [run for run in runs if run.before], [run for run in runs if run.after]
     cost = np.array([[walk.cost(a.before, b.after) for b in go] for a in come]).reshape(len(come), len(go))
     rows, columns = linear_sum_assignment(cost)
@@ -230,7 +230,7 @@ def _name(runs, names, seen, walk):
     first = min(a.before.frame for a, _ in moved) + 1
     stop = _until(tracks, names, seen, first)
     last = min(stop, max(b.after.frame for _, b in moved))
-    if seen.fixed[first : last + 1, tracks].any():  # a person has said who came out of it
+    if seen.fixed[first : last + 1, tracks].any():  # the identities after it were set by hand
         return
     for f in range(first, last):
         names[f, tracks] = _shared(f, moved, tracks, names[first - 1], seen, walk)
@@ -239,7 +239,7 @@ def _name(runs, names, seen, walk):
 
 
 def _until(tracks, names, seen, first):
-    """The first frame that is not named anew, since a person has said who is who."""
+    """The first frame whose identities were set by hand and are not reassigned."""
     who = sorted({*tracks, *names[first, tracks].tolist()})
     said = np.flatnonzero(seen.fixed[first:, who].any(1))
     turns = np.flatnonzero((names[first:, tracks] != names[first, tracks]).any(1))

@@ -23,7 +23,7 @@ class Landmark(NamedTuple):
 
     @property
     def told(self) -> str:
-        """As the command line wants it: "12:310,205,64,48"."""
+        """The form of the command line: "12:310,205,64,48"."""
         return f"{self.frame}:" + ",".join(str(round(part)) for part in self[1:])
 
 
@@ -41,9 +41,9 @@ def followed(film, landmark, say=lambda share: None) -> np.ndarray:
     Parameters
     ----------
     film : Film
-        Nobody else reads it meanwhile.
+        No other reader may use it meanwhile.
     say : callable, optional
-        Told the share that is done.
+        Called with the share that is done.
     """
     found = np.full((len(film), 4), np.nan)
     found[landmark.frame] = landmark[1:]
@@ -74,7 +74,7 @@ def _small(image, scale):
 
 
 def motion(boxes, a, b) -> np.ndarray | None:
-    """How the picture moved from frame a to frame b, (2, 3), by the middles of landmarks; None where it is not known.
+    """The motion of the picture from frame a to frame b, (2, 3), from the centres of landmarks; None if unknown.
 
     Two or more give shift, turn and size; one gives a shift.
 
@@ -100,10 +100,10 @@ def motion(boxes, a, b) -> np.ndarray | None:
 
 
 def moved(matrix, xy) -> np.ndarray:
-    """Places (..., 2) after a motion (2, 3)."""
+    """Positions (..., 2) after a motion (2, 3)."""
     return np.asarray(xy, float) @ matrix[:, :2].T + matrix[:, 2]
 
 
 def back(matrix) -> np.ndarray:
-    """The motion the other way, (2, 3)."""
+    """The inverse motion, (2, 3)."""
     return cv2.invertAffineTransform(np.asarray(matrix, float))

@@ -1,10 +1,10 @@
 """Which pixels show animals: a table of colours, given by a person or found in what moves over the ground.
 
 Pictures of a clip are first brought to one exposure, that of the ground.  Then (`found_colours`) what differs from the
-ground, the median of the stabilised clip, is counted by colour, and so is what does not; a colour that is at home among
-what moves is an animal's, even while the animal rests.  Shadows move too, but darken the ground without changing its
-hue; they count as ground unless nothing else moves.  In a single picture (`found_in_picture`) animals are what is
-lighter, darker or of another hue than the ground around it, in compact patches of like size.
+ground, the median of the stabilised clip, is counted by colour, and so is what does not; a colour that is common among
+what moves is a colour of animals, even while an animal rests.  Shadows move too, but darken the ground without
+changing its hue; they count as ground if anything else moves.  In a single picture (`found_in_picture`) animals are
+what is lighter, darker or of another hue than the ground around it, in compact patches of like size.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ STILL = 2e-4  # share of the pictures that differs from the ground, below which 
 SHADE = 0.3, 0.92  # a shadow leaves this share of the ground's light
 GHOST = 3.0  # times as common on the still ground as the colour that the ground's picture has there
 PART = 0.3  # share of what moves that is enough to be the animals
-CONTRAST_CHANGE = 0.6, 1.8  # of pictures' contrast against the ground's, beyond the change of light
-EXPOSED = 160  # px, the longer side of the pictures by which exposure is told
+CONTRAST_CHANGE = 0.6, 1.8  # of the pictures' contrast to that of the ground, beyond the change of light
+EXPOSED = 160  # px, the longer side of the pictures that exposure is measured on
 CROWDED = 0.6  # share of the picture; more cannot be animals
 FAR = 60.0  # grey levels (Lab): no colour so far from the one that a person gave is taken
 _CANVAS = 4.0  # the stabilised ground may be this many pictures large, else it is made coarser
@@ -46,13 +46,13 @@ class ClipGround:
 
 @dataclass
 class BodyColours:
-    """Tells animals from ground by colour."""
+    """Separates animals from ground by colour."""
 
     table: np.ndarray  # (LEVELS ** 3,) uint8; 1 for colours of animals, by blue, green, red
     ground: ClipGround | None  # what pictures are brought to the exposure of; None leaves them as they are
     maps: np.ndarray  # (n, 2, 3); of the stabilised clip
     colour: tuple[int, int, int]  # red, green, blue that is most typical of the animals
-    still: bool = False  # whether nothing was seen to move
+    still: bool = False  # whether no motion was seen
     notes: list[str] = field(default_factory=list)
     bright: tuple[int, int, int] | None = None  # red, green, blue of what stands out most of them
     stones: np.ndarray | None = None  # (h, w) uint8 on the ground's picture: see `find_stones`
@@ -86,7 +86,7 @@ class BodyColours:
         """Look for what has colours of animals but belongs to the ground; whether there is any.
 
         See `flockbrush.film.stones`; an animal (``area`` pixels of the first picture) that rests all the while stands
-        out as much as the others, and stays one.  Where hardly any animal moves away nothing is left out.
+        out as much as the others, and is kept.  If hardly any animal moves away, nothing is left out.
         """
         if self.ground is None or self.bright is None:
             return False
@@ -181,7 +181,7 @@ def ground_of(clip, steady: Steady) -> _Samples:
 
 
 def _gain_of_small(picture, ground, known):
-    """As `gain`, at the size at which the exposure of all pictures is told."""
+    """As `gain`, at the size at which the exposure of all pictures is measured."""
     scale = min(1.0, EXPOSED / max(picture.shape[:2]))
     small = [cv2.resize(p, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) for p in (picture, ground)]
     return gain(*small, cv2.resize(known.astype(np.uint8), small[0].shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0)
@@ -208,7 +208,7 @@ def _median(pictures, known):
     filled = pictures.copy()
     for k in range(1, len(filled)):
         filled[k][~known[k]] = filled[k - 1][~known[k]]
-    for k in range(len(filled) - 2, -1, -1):  # what was unknown from the start
+    for k in range(len(filled) - 2, -1, -1):  # pixels unknown in the first pictures
         unknown = ~known[: k + 1].any(0)
         filled[k][unknown] = filled[k + 1][unknown]
     half = len(filled) // 2
@@ -243,7 +243,7 @@ def colours_of(clip, steady: Steady, colour="auto") -> BodyColours:
 
 
 def _check(clip, found, samples, colour):
-    """Refuse colours that are nobody's or everybody's."""
+    """Refuse colours that match no pixel, or most of the picture."""
     share = float(found.table[samples.index[samples.known]].mean())
     seen = {"share of the picture": share, "pictures": {"ground": samples.ground.picture}}
     if share > CROWDED:
@@ -262,7 +262,7 @@ def _check(clip, found, samples, colour):
 
 
 def _given(samples, steady, colour):
-    """Colours near the one that a person gave: nearer than the ground, by the valley between the two."""
+    """Colours near the one that was given: nearer than the ground, separated at the valley between the two."""
     lab = lab_of_table()
     target = cv2.cvtColor(np.uint8([[colour[::-1]]]), cv2.COLOR_BGR2LAB)[0, 0].astype(np.float32)
     away = np.linalg.norm(lab - target, axis=1)
@@ -302,7 +302,7 @@ def found_colours(clip, samples, steady) -> BodyColours:
 
 
 def _ghosts(samples, moving):
-    """(m, h, w) bool: differs because an animal that hardly moves has got into the ground, and is not here now.
+    """(m, h, w) bool: differs because the ground contains an animal that hardly moves and is elsewhere now.
 
     What the picture shows there is common where nothing moves, and what the ground shows is rare.
     """
@@ -312,7 +312,7 @@ def _ghosts(samples, moving):
 
 
 def _without_shadows(moving, shade, lighter):
-    """(what moves and is no shadow, notes): where much of what moves is lighter than the ground, what is darker is."""
+    """(what moves without shadows, notes): if much of it is lighter than the ground, what is darker is shadow."""
     whole = moving.sum()
     if (moving & lighter).sum() > PART * whole:
         bodies = moving & lighter
@@ -352,7 +352,7 @@ def _shaded(colours, ground):
 
 
 def _again(samples, table, moving):
-    """(bodies, elsewhere) with a first table known: animals that rest are bodies too, ghosts of theirs are ground."""
+    """(bodies, elsewhere) given a first table: resting animals are bodies too, their ghosts are ground."""
     index = samples.index
     coloured = table[index].astype(bool)
     return coloured & moving, samples.known & ~coloured
@@ -412,7 +412,7 @@ def _outliers(values):
 
 
 def _like_bodies(mask):
-    """How much of a mask is in compact patches of like size, px."""
+    """Area of a mask in compact patches of similar size, px."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     area = stats[1:, cv2.CC_STAT_AREA].astype(float)
     large = area > max(6.0, 0.05 * area.max(initial=0))

@@ -1,4 +1,4 @@
-"""The size of one animal of a clip: as a person gave it, as those alone show it, or guessed from a crowd."""
+"""The size of one animal of a clip: given by a person, measured on isolated animals, or estimated from a crowd."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from flockbrush.film.body_outlines import BodySize, size_of_bodies
 from flockbrush.film.camera_maps import zoom_of
 from flockbrush.film.observations import CannotObserve
 
-READABLE = 8.0  # px of the clip: shorter ones are told apart badly, and it is said
+READABLE = 8.0  # px of the clip: shorter animals are hard to separate; a note says so
 CAPSULE = 0.366  # area of a body of 1 x 0.4 with round ends, BL² [herd.md]
 LONG = 2.5  # length of a body over its width, where neither is known [herd.md]
 PARTLY = 0.6  # a mask may show so much less, or more, of a body's length than a person measures
 
 
 def size_in(clip, steady, masks, given):
-    """(size of one animal in the masks and a body length, px of the first picture; whether they stand apart; notes)."""
+    """(size of one animal in the masks and a body length, px of the first picture; whether animals separate; notes)."""
     levelled = [_zoomed(mask, zoom_of(steady.maps[k])) for k, mask in masks.items()]
     size = size_of_bodies(levelled)
     apart = size is not None
@@ -40,7 +40,7 @@ def size_in(clip, steady, masks, given):
 
 
 def scaled(size: BodySize, ratio: float) -> BodySize:
-    """The same animal in larger pixels' number."""
+    """The same size at another number of pixels."""
     return replace(size, length=size.length * ratio, width=size.width * ratio, area=size.area * ratio**2)
 
 
@@ -89,7 +89,7 @@ def _lone(mask, width):
 
 
 def too_small(clip, size) -> list[str]:
-    """A note where animals are too short to be told apart."""
+    """A note if animals are too short to be separated."""
     length = size.length / clip.scale
     if length >= READABLE:
         return []

@@ -1,4 +1,4 @@
-"""Pictures and films as they come in: opened only in formats that are listed here, and sized before they are decoded.
+"""Reading pictures and films: only formats listed here are opened, and sizes are checked before decoding.
 
 Every picture and every film that a person names goes through this file.  FFmpeg knows some three hundred formats, and
 a few of them (playlists, concatenations) open further files or the network; only those in `FILMS` are opened.
@@ -38,7 +38,7 @@ def read_picture(path, hint="", flags=cv2.IMREAD_COLOR) -> np.ndarray:
     Parameters
     ----------
     hint : str
-        Said where it is no picture: what would be right.
+        Added to the error if it is not a picture: what would be right.
 
     Raises
     ------
@@ -117,13 +117,13 @@ def check_frame_size(path, width, height):
 
 
 def upright(picture, turned):
-    """The picture as its camera meant it, ``turned`` degrees counter-clockwise from how it is stored."""
+    """The picture upright, ``turned`` degrees counter-clockwise from how it is stored."""
     quarter = round(turned / 90) % 4
     return np.ascontiguousarray(np.rot90(picture, quarter)) if quarter else picture
 
 
 class FilmReader:
-    """The frames of a film one after the other, upright; where a frame is broken, it goes on with the next.
+    """The frames of a film in order, upright; damaged frames are skipped.
 
     Attributes
     ----------
@@ -172,11 +172,11 @@ class FilmReader:
         return picture
 
     def skip(self) -> bool:
-        """Go past the next frame without making a picture of it; False at the end."""
+        """Skip the next frame without decoding its picture; False at the end."""
         return self._next() is not None
 
     def seek(self, seconds):
-        """Go on from a frame at or before this time, as near as the film allows."""
+        """Continue at a frame at or before this time, as near as the film allows."""
         try:
             self._container.seek(round(seconds / float(self._stream.time_base)), stream=self._stream)
         except (av.error.FFmpegError, OSError, ValueError, OverflowError):
@@ -184,7 +184,7 @@ class FilmReader:
         self._frames = self._decoded()
 
     def close(self):
-        """Let the file go."""
+        """Close the file."""
         self._frames = iter(())
         self._container.close()
 

@@ -1,4 +1,4 @@
-"""Where animals that tracks miss may be, and how many of its neighbours are seen of each animal that is there.
+"""Estimated positions of animals missing from tracks, and the share of seen neighbours of each present animal.
 
 Between two sights an animal is taken to go straight.  Before its first sight and after its last it is taken to go on as
 it went, for a short time: after that nobody knows.
@@ -9,21 +9,21 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-NEAREST = 8  # neighbours, seen or missing, that an animal is thought to answer to
+NEAREST = 8  # neighbours, seen or missing, that an animal is assumed to respond to
 ONWARDS = 2.0  # s before the first and after the last sight
 STEPS = 8  # frames by which the velocity of the first and the last sight is measured
 UNSEEN = 0.1  # share of neighbours missing at which an animal counts half.  By trial: tests/behaviours/learning
 
 
 def missing_places(xy, there, fps: float) -> np.ndarray:
-    """(T, A, 2) where animals are thought to be in frames in which they are missing; NaN where they are not missing.
+    """(T, A, 2) estimated positions of animals in frames in which they are missing; NaN where they are not missing.
 
     Parameters
     ----------
     xy : (T, A, 2) ndarray
         Places in a file, NaN where an animal has none.
     there : (T, A) bool ndarray
-        Who is not missing: whose gap was filled is there.
+        Whether the animal is present, or its gap was filled.
     """
     out = np.full(xy.shape, np.nan)
     far, frames = round(ONWARDS * fps), np.arange(len(xy))

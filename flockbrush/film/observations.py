@@ -1,7 +1,7 @@
-"""What a clip tells of a herd: fields on a grid, single animals where they can be told apart, and how fast they go.
+"""Observations of a herd in a clip: fields on a grid, single animals if they can be separated, and their speeds.
 
 Lengths are body lengths (BL), times seconds; x points right and y **up** in the picture.  A file is a compressed npz
-that holds all of it; nothing in it is ever unpickled.
+that holds all of it; it is never unpickled.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from flockbrush.film.speeds import SpeedEvidence, speed_evidence
 
 
 class CannotObserve(ProblemsError):
-    """A clip that tells nothing, or not enough: what was seen and what to try."""
+    """The clip does not show enough; holds what was seen and what to try."""
 
     def __init__(self, clip, message: str, seen: dict | None = None):
         super().__init__([Problem(str(clip), None, None, message)])
-        self.seen = dict(seen or {})  # facts by name as far as they were found; under "pictures", BGR pictures by title
+        self.seen = dict(seen or {})  # measured facts by name; under "pictures", BGR pictures by title
 
 
 @dataclass
@@ -32,16 +32,16 @@ class Fields:
     fps: float  # rows a second
     cell: float  # side of a cell, BL
     origin: np.ndarray  # (2,); lower left corner of cell (0, 0), BL; rows of cells count upwards, columns to the right
-    # (T, ny, nx); animals a BL², on the part of the cell that is in the picture; NaN where nothing of it is
+    # (T, ny, nx); animals per BL², on the part of the cell in the picture; NaN outside the picture
     density: np.ndarray
-    velocity: np.ndarray  # (T, ny, nx, 2); mean velocity of the bodies, BL/s; NaN where nobody is
-    speed_variance: np.ndarray  # (T, ny, nx); of the speeds within the cell, (BL/s)²; NaN where nobody is
-    # (T, ny, nx); of the unsigned angle to the cell's mean velocity, degrees²; chance gives 180²/12 = 2700
+    velocity: np.ndarray  # (T, ny, nx, 2); mean velocity of the bodies, BL/s; NaN without animals
+    speed_variance: np.ndarray  # (T, ny, nx); variance of the speeds within the cell, (BL/s)²; NaN without animals
+    # (T, ny, nx); variance of the unsigned angle to the cell's mean velocity, degrees²; 180²/12 = 2700 by chance
     angular_variance: np.ndarray
     # (T, ny, nx) bool; whether the cell is in the picture, at least half of it: a stabilised picture moves over the
     # ground
     seen: np.ndarray
-    obstacle: np.ndarray  # (ny, nx) bool; where nobody can go
+    obstacle: np.ndarray  # (ny, nx) bool; cells that animals cannot enter
     region: np.ndarray  # (ny, nx) uint8; number of the region, from 0
     count: np.ndarray  # (T,); animals in the picture
     frames: np.ndarray  # (T,) int; their numbers in the clip, from 0
@@ -93,7 +93,7 @@ class Fields:
 
     @property
     def occupied(self) -> np.ndarray:
-        """(T, ny, nx) bool: somebody is there, and is seen to move or stand."""
+        """(T, ny, nx) bool: there are animals, and their motion is known."""
         return np.isfinite(self.velocity[..., 0])
 
     @property
@@ -110,7 +110,7 @@ class Fields:
 
     @cached_property
     def holds_all(self) -> bool:
-        """Whether nobody stands at the border of the picture: then it may be thought larger than it is."""
+        """Whether no animal is at the border of the picture, so that the picture holds the whole herd."""
         density, seen = np.nan_to_num(self.density), self.seen
         inner = np.zeros_like(seen)
         inner[:, 1:-1, 1:-1] = (
@@ -127,7 +127,7 @@ class Fields:
         return row, column, inside
 
     def part(self, chosen) -> Fields:
-        """Some of the frames: a slice."""
+        """A subset of the frames: a slice."""
         return replace(self, **{name: getattr(self, name)[chosen] for name in (*_GRIDS, "velocity", "count", "frames")})
 
     def scaled(self, by: float) -> Fields:
@@ -144,7 +144,7 @@ class Fields:
         )
 
     def save(self, path):
-        """Write the fields alone as npz.
+        """Write only the fields, as npz.
 
         Raises
         ------
@@ -155,7 +155,7 @@ class Fields:
 
     @staticmethod
     def load(path) -> Fields:
-        """The fields of an npz, whether or not there is more in it.
+        """The fields of an npz, which may hold more.
 
         Raises
         ------
@@ -173,15 +173,15 @@ SIGHT_COLUMNS = "xy", "forward", "speed", "turn", "track", "neighbours_seen"  # 
 
 @dataclass
 class Sightings:
-    """Single animals: one row for each animal told apart in a frame, frame by frame."""
+    """Single animals: one row per animal and frame, in order of frames."""
 
     first: np.ndarray  # (T + 1,) int; rows ``first[t]`` to ``first[t + 1]`` belong to frame t
     xy: np.ndarray  # (m, 2); BL
     forward: np.ndarray  # (m, 2); unit vectors along the body, head first
     speed: np.ndarray  # (m,); BL/s; NaN unknown
     turn: np.ndarray  # (m,); rate of turning to the left, rad/s; NaN unknown
-    track: np.ndarray  # (m,) int; the same number in several frames is the same animal; -1: followed by nobody
-    # (m,) share of its nearest neighbours that are seen; 1 where nobody is known to be missing
+    track: np.ndarray  # (m,) int; the same number in several frames is the same animal; -1: not tracked
+    # (m,) share of its nearest neighbours that are seen; 1 if no animal is known to be missing
     neighbours_seen: np.ndarray = field(default_factory=lambda: np.ones(0))
 
     def __post_init__(self):
@@ -212,7 +212,7 @@ class Sightings:
         return replace(self, xy=self.xy * by, speed=self.speed * by)
 
     def part(self, chosen) -> Sightings:
-        """Some of the frames: a slice without a step."""
+        """A subset of the frames: a slice without a step."""
         begin, end, step = chosen.indices(len(self))
         if step != 1:
             raise ValueError("sightings are cut by a slice of frames without a step")
@@ -224,19 +224,19 @@ class Sightings:
 
 @dataclass
 class Evidence:
-    """Everything that was learned of a clip by looking at it."""
+    """All observations of a clip."""
 
     name: str  # of the clip, as the user named it
     sha256: str  # of the clip's file
     fps: float  # frames a second of the fields and sightings
     body_length_px: float  # pixels of the reference picture in one BL
-    length_source: str  # {"given", "blobs"}; whether a person said so, or it was estimated
+    length_source: str  # {"given", "blobs"}; given by a person, or estimated
     radius_bl: float  # half the width of a body over its length
     fields: Fields
-    sightings: Sightings | None = None  # none where bodies do not separate
-    speed: SpeedEvidence | None = None  # none of a single picture
-    notes: list[str] = field(default_factory=list)  # what whoever uses this should know
-    doubt: str = ""  # why nothing can be judged by this, or nothing
+    sightings: Sightings | None = None  # None if bodies do not separate
+    speed: SpeedEvidence | None = None  # None for a single picture
+    notes: list[str] = field(default_factory=list)  # notes for the user
+    doubt: str = ""  # why this cannot be used for a judgement, or ""
     # (h, w, 3) uint8 or None; the ground and the herd as the stabilised frame shows it, BGR
     picture: np.ndarray | None = None
     # (2, 3) or None; from BL (x, y up) to pixels (x, y down) of `picture`: ``to_pixels[:, :2] @ xy + to_pixels[:, 2]``
@@ -254,7 +254,7 @@ class Evidence:
 
     @property
     def from_tracks(self) -> bool:
-        """Whether places came from a file of tracks, and not from pictures."""
+        """Whether positions come from a file of tracks, not from pictures."""
         return self.camera is None and self.picture is not None and not self.still
 
     @property
@@ -265,7 +265,7 @@ class Evidence:
 
     @property
     def still(self) -> bool:
-        """A photograph: nothing is known of motion."""
+        """Whether it is a photograph, without motion."""
         return len(self.fields) == 1
 
     @property
@@ -275,7 +275,7 @@ class Evidence:
         return self.body_length_px / scale
 
     def part(self, chosen: slice) -> Evidence:
-        """Some of the frames, with the speed of those alone: what is held out stays unknown.
+        """A subset of the frames, with the speeds of those frames only, so that held-out frames stay unknown.
 
         Raises
         ------
@@ -329,7 +329,7 @@ class Evidence:
 
     @staticmethod
     def load(path) -> Evidence:
-        """What `save` wrote.
+        """Load the file that `save` wrote.
 
         Raises
         ------

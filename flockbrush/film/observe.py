@@ -1,6 +1,6 @@
-"""Looking at a clip: from a file of a film to everything that can be known of its herd.
+"""Observation of a clip: from the file of a film to all measurements of its herd.
 
-One after the other: open it (`clip`), take the camera's motion out (`stabilise`), find the animals' colours (`masks`),
+In order: open it (`clip`), take the camera's motion out (`stabilise`), find the animals' colours (`masks`),
 the size of one (`bodies`), and then frame by frame the flow of the bodies (`flow`), the fields (`fields`) and the
 single animals (`bodies`, `sightings`).
 """
@@ -36,14 +36,14 @@ from flockbrush.film.speed_process import SMOOTHED
 from flockbrush.film.speeds import speed_evidence
 from flockbrush.film.stabilise import GroundLandmark, follow_landmarks, register
 
-SPECK = 0.3  # of one animal's pixels: less is none
-HERD = 0.1  # share of the pictures that animals cover, above which the ground is followed again without them
+SPECK = 0.3  # of one animal's pixels: smaller patches are not animals
+HERD = 0.1  # share of the pictures that animals cover, above which the ground is tracked again without them
 SIZES = 9  # pictures in which the size of one animal is measured
 FINE, LARGEST = 12.0, 2560  # px: pictures are made no smaller than bodies of that length allow, up to that side
-SMALL = 6.0  # px: shorter bodies are not told apart
+SMALL = 6.0  # px: shorter bodies are not separated
 FEW = 5  # animals
 HARDLY = 0.6  # BL, the way in the clip below which most animals may be taken for ground
-LEAVES, STAYS = 1.0, 0.1  # BL, the way by which a body leaves its place; share that never does, above which it is said
+LEAVES, STAYS = 1.0, 0.1  # BL by which a body leaves its place; share of bodies that stay, above which it is noted
 JUMP, STEADY = 0.5, 0.4  # overlap of the herd with that of the frame before, over the usual; and the least usual one
 AHEAD = 2  # pictures that a second thread prepares
 ROOMLESS = 0.98  # share of the picture that obstacles cannot cover
@@ -52,13 +52,13 @@ SLOW = 3.0  # deviations of the ground's flow: slower bodies have no direction
 
 @dataclass(frozen=True)
 class Glance:
-    """One frame as it is worked on, for whoever wants to draw it."""
+    """One frame during processing, for drawing."""
 
     k: int  # row of the clip
     # picture, mask: ndarray; (h, w, 3) BGR; (h, w), 1 where animals are
     picture: np.ndarray
     mask: np.ndarray
-    # at, move: (n, 2); pixels of bodies, and how many pixels they move in a second, the camera taken out
+    # at, move: (n, 2); pixels of bodies, and their velocity in px/s, without camera motion
     at: np.ndarray
     move: np.ndarray
     bodies: Outlines | None  # in pixels of this picture
@@ -68,7 +68,7 @@ def observe(
     path, *, frames=None, landmarks=(), body_colour="auto", body_length_px=None, grid=30, obstacles=None, regions=None,
     say: Say = silent, show: Callable[[Glance, Watch, dict], None] | None = None,
 ) -> Evidence:  # fmt: skip
-    """What a clip tells of its herd.
+    """Observe the herd of a clip.
 
     Parameters
     ----------
@@ -77,23 +77,23 @@ def observe(
     frames : (int or None, int or None), optional
         First and last frame that are used, both included, counted from 0.
     landmarks : iterable of Landmark or (int, (x, y, w, h))
-        Rectangles on the ground, in pixels of frames of the clip; without any the ground is followed by itself.
+        Rectangles on the ground, in pixels of frames of the clip; without any, the whole ground is tracked.
     body_colour : "auto" or (red, green, blue)
     body_length_px : float, optional
-        Of one animal in the first frame, pixels of the clip; measured on those who stand alone unless given.
+        Of one animal in the first frame, pixels of the clip; default: measured on isolated animals.
     grid : int
         Cells across the longer side of the picture.
     obstacles, regions : path, optional
-        Painted over the first frame: white where nobody can go; a colour for each region, black for none.
+        Painted over the first frame: white where animals cannot go; a colour for each region, black for none.
     say : callable
         (what is done, how many are done, of how many).
     show : callable, optional
-        Is given every frame, to be drawn: (glance, watch, its fields by name).
+        Called with every frame, for drawing: (glance, watch, its fields by name).
 
     Raises
     ------
     CannotObserve
-        When the clip does not tell enough; it has what was seen.
+        When the clip does not show enough; the error holds what was seen.
     ProblemsError
         When a mask cannot be read.
     """
@@ -103,26 +103,26 @@ def observe(
 
 @dataclass
 class Watch:
-    """A clip of which is known how the camera moves, what animals look like and how large they are."""
+    """A clip with known camera motion, animal colours and animal size."""
 
     clip: Clip
     steady: Steady
     colours: BodyColours
     size: BodySize  # of what the mask shows of one animal
-    length: float  # px of the first picture: a body length, as a person gave it or as the mask shows it
-    given: bool  # whether a person told it
+    length: float  # px of the first picture: a body length, given or measured on the mask
+    given: bool  # whether it was given
     grid: ClipGrid
     obstacle: np.ndarray | None  # (h, w) uint8 in pixels of the first picture
     obstacle_cells: np.ndarray | None
     outline: np.ndarray | None  # (k, 5) of the obstacles, BL
     region_cells: np.ndarray | None
     region_colours: np.ndarray | None
-    apart: bool  # whether animals can be told apart
+    apart: bool  # whether animals can be separated
     notes: list[str]
 
     @staticmethod
     def of(path, frames, landmarks, body_colour, body_length_px, grid, obstacles, regions, say) -> Watch:
-        """Look at the whole clip once, as far as that is needed before its frames are measured."""
+        """Scan the whole clip once, as needed before its frames are measured."""
         if not 2 <= int(grid) <= 400:
             raise ValueError(f"a grid must have 2 to 400 cells across, got {grid}")
         clip = open_clip(path, frames, say)
@@ -181,7 +181,7 @@ class Watch:
         )  # fmt: skip
 
     def _check(self, fields, example):
-        """Refuse a clip in which there are no animals to speak of."""
+        """Refuse a clip with hardly any animals."""
         usual = float(np.median(fields.count))
         if usual < 1:
             long = f" of the given {self.length / self.clip.scale:.0f} pixels" if self.given else ""
@@ -213,7 +213,7 @@ class Watch:
 
 
 class _Taken:
-    """The frames of a clip, taken one after the other."""
+    """Processes the frames of a clip in order."""
 
     def __init__(self, watch: Watch, animals: bool):
         self.watch, self.clip, self.maps = watch, watch.clip, watch.steady.maps
@@ -229,7 +229,7 @@ class _Taken:
         self.stays: np.ndarray | None = None  # (h, w) uint8 on the first picture: what has looked like animals so far
 
     def _gap(self):
-        """How many frames apart flow is measured, from some pairs of neighbours."""
+        """The number of frames over which flow is measured, from a sample of neighbouring pairs."""
         n = len(self.clip)
         rows = np.unique(np.linspace(0, n - 2, 5).round().astype(int))
         pictures = dict(self.clip.read([k for row in rows for k in (row, row + 1)]))
@@ -241,7 +241,7 @@ class _Taken:
         return gap_of(np.concatenate(steps), self.watch.size.length, self.clip.fps)
 
     def prepared(self, k, picture):
-        """(mask, what the flow is computed of, the animals if they are told apart) of a picture."""
+        """(mask, input of the flow, the animals if they are separated) of a picture."""
         mask = self._mask(k, picture)
         return mask, self.flow.small(picture, mask), self._found(k, picture, mask)
 
@@ -253,7 +253,7 @@ class _Taken:
         return self.last
 
     def next(self, k, picture, mask, small, bodies):
-        """Take a picture; the glances at all frames that could be measured now."""
+        """Process a picture; returns the glances of all frames that can be measured now."""
         if k > 0:
             self.overlaps.append(self._overlap(k, self.frames[k - 1][2][1], small[1]))
         self.stays = self._stays(k, mask)
@@ -263,21 +263,21 @@ class _Taken:
             self.frames.pop(k - 2 * self.gap - 1, None)
 
     def _overlap(self, k, before, now):
-        """Share of the herd's pixels that were the herd's in the frame before, the camera taken out."""
+        """Share of the herd's pixels that were the herd's in the previous frame, without camera motion."""
         way = after(back(self.maps[k]), self.maps[k - 1])
         way[:, 2] *= self.flow.scale
         before = cv2.warpAffine(before, way, self.flow.size, flags=cv2.INTER_NEAREST)
         return float(cv2.countNonZero(cv2.bitwise_and(before, now)) / max(1, cv2.countNonZero(now)))
 
     def _stays(self, k, mask):
-        """What has looked like animals in every picture so far that shows it."""
+        """Pixels that looked like animals in every picture so far that shows them."""
         if self.stays is None:
             return mask.copy()
         here = cv2.warpAffine(mask, self.maps[k], mask.shape[::-1], flags=cv2.INTER_NEAREST, borderValue=1)
         return self.stays & here
 
     def staying(self):
-        """A note where much of what looks like animals is there all the time."""
+        """A note if much of what looks like animals never moves."""
         first = cv2.countNonZero(self.masks["what looks like animals"])
         share = cv2.countNonZero(self.stays) / max(first, 1)
         if share > STAYS and not self.clip.still:
@@ -288,7 +288,7 @@ class _Taken:
             )
 
     def jumps(self):
-        """Notes on where the whole herd is suddenly elsewhere: a cut over the same ground, or missing frames."""
+        """Notes on frames in which the whole herd jumps: a cut over the same ground, or missing frames."""
         overlaps, numbers = np.array(self.overlaps), self.clip.numbers
         usual = float(np.median(overlaps)) if len(overlaps) else 0.0
         for k in np.flatnonzero(overlaps < JUMP * usual)[:3] + 1 if usual > STEADY else []:
@@ -335,7 +335,7 @@ class _Taken:
         self.moves.append(self._at_bodies(bodies, at, move) @ m[:, :2].T / self.clip.fps)
 
     def _at_bodies(self, bodies, at, move):
-        """(k, 2) how the middle of each body moves, px/s; NaN unknown."""
+        """(k, 2) velocity of the centre of each body, px/s; NaN unknown."""
         w, h = self.flow.size
         where = np.full((h, w), -1)
         x, y = np.clip(np.floor((at + 0.5) * self.flow.scale).astype(int), 0, (w - 1, h - 1)).T
@@ -345,7 +345,7 @@ class _Taken:
         return np.where((row >= 0)[:, None], np.vstack([move, (np.nan, np.nan)])[row], np.nan)
 
     def sightings(self) -> tuple[Sightings | None, SightingNoise]:
-        """(The single animals, where they were told apart; how far off they are)."""
+        """(single animals, if they were separated; their errors)."""
         if self.seen is None:
             return None, UNKNOWN
         moves = None if self.clip.still else self.moves
@@ -353,7 +353,7 @@ class _Taken:
 
 
 def _doubt(way):
-    """A sentence where animals go so little, BL, that those who stand cannot be told from the ground, or none."""
+    """A sentence if animals move so little, BL, that resting ones cannot be separated from the ground; else ""."""
     if way >= HARDLY:
         return ""
     return (
@@ -379,7 +379,7 @@ def ahead(work, items):
 
 
 class _Looks(NamedTuple):
-    """What animals of a clip look like, and how its camera moves; fields as those of `Watch`."""
+    """Animal colours and camera motion of a clip; fields as those of `Watch`."""
 
     steady: Steady
     colours: BodyColours
@@ -414,7 +414,7 @@ def _landmark(mark) -> GroundLandmark:
 
 
 def _steady(clip, landmarks, say):
-    """The maps of the clip; those of a camera that stood are exactly none."""
+    """The maps of the clip; exact identities for a camera that stands still."""
     if clip.still:
         return Steady(np.eye(2, 3)[None], 0.0, False)
     steady = follow_landmarks(clip, landmarks, say) if landmarks else register(clip, None, say)
@@ -424,14 +424,14 @@ def _steady(clip, landmarks, say):
 
 
 def _sampled(clip, colours):
-    """({k: picture}, {k: mask}) of some pictures."""
+    """({k: picture}, {k: mask}) of a sample of pictures."""
     rows = np.unique(np.linspace(0, len(clip) - 1, min(SIZES, len(clip))).round().astype(int))
     pictures = dict(clip.read(rows))
     return pictures, {k: colours.mask(k, picture) for k, picture in pictures.items()}
 
 
 def _plain(pictures, steady, masks):
-    """Notes on a ground by which nobody could tell whether the camera moves."""
+    """Notes on a ground that is too plain to show camera motion."""
     if steady.moved or not is_plain(pictures[min(masks)], masks[min(masks)]):
         return []
     return [

@@ -1,4 +1,4 @@
-"""Clips and tracks as a person names them: looked at, cut in two, and their pictures read again for the report."""
+"""Clips and tracks named by a user: observed, split in two, and their pictures read again for the report."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FEWEST = 8  # frames of a clip of which a part is held out
 
 @dataclass(frozen=True)
 class Looking:
-    """How a clip is to be looked at; what nobody says is found in the clip."""
+    """Options of the observation of a clip; what is not given is found in the clip."""
 
     frames: tuple[int, int] | None = None
     landmarks: tuple = ()
@@ -36,12 +36,12 @@ class Looking:
 
 
 def look_at(clip, how: Looking, show=None) -> Evidence:
-    """What a clip tells, with a bar that moves; ``show`` is given every frame to be drawn.
+    """Observe a clip, with a progress bar; ``show`` is called with every frame, for drawing.
 
     Raises
     ------
     CannotObserve
-        In the words of the clip, with what was seen.
+        With the name of the clip and what was seen.
     """
     name = Path(clip).name
     if is_tracks(clip):
@@ -68,12 +68,12 @@ def look_at(clip, how: Looking, show=None) -> Evidence:
 
 
 def read_tracks_of(path, how: Looking) -> tuple[Trajectories, float]:
-    """(tracks, one body length in their unit), of the frames that are wanted.
+    """(tracks, one body length in their unit), of the selected frames.
 
     Raises
     ------
     ProblemsError
-        When the file cannot be read, or nobody said how long an animal is.
+        When the file cannot be read, or the body length is not given.
     """
     tracks = read_trajectories(path, how.unit, how.fps)
     if how.frames is not None:
@@ -99,17 +99,17 @@ def _look_at_tracks(path, how):
 
 
 def tell_notes(clip, evidence: Evidence):
-    """Tell a person what there is to know of how a clip was seen."""
+    """Print the notes on the observation of a clip."""
     for note in evidence.notes:
         say(f"{clip}: {note}")
 
 
 def looked_apart(clip, how: Looking, whole: Evidence, share: float, rotate=False) -> list[tuple[Evidence, Evidence]]:
-    """[(what is learned from, what is held out)], or none, where there are too few frames.
+    """[(training part, held-out part)]; empty if there are too few frames.
 
-    The first ``share`` of the frames are looked at again as if the clip ended there, so that what is learned from
+    The first ``share`` of the frames are observed again as if the clip ended there, so that the training part
     (camera, colours, size and tracks of the animals) depends on no frame that is held out.  The frames held out keep
-    what was seen of them in the whole clip, in the body lengths of the others.
+    their observations of the whole clip, in the body lengths of the training part.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def looked_apart(clip, how: Looking, whole: Evidence, share: float, rotate=False
 
 
 def _apart(clip, how, whole, chosen, held_out):
-    """(some frames, looked at as if there were no others; the others, in the same body lengths)."""
+    """(some frames, observed as if there were no others; the others, in the same body lengths)."""
     first, last = (int(whole.fields.frames[row]) for row in (chosen.start, chosen.stop - 1))
     marks = tuple(mark for mark in how.landmarks if first <= _frame_of(mark) <= last)
     if how.landmarks and not marks:
@@ -177,7 +177,7 @@ def moving_pictures(clip, evidence: Evidence) -> tuple[Iterator[tuple[int, np.nd
 
 
 def facts_of(clip) -> dict[str, object]:
-    """What a file is, in words: nothing where it cannot be opened."""
+    """A description of a file; empty if it cannot be opened."""
     if is_tracks(clip):
         return {"tracks": str(clip)}
     try:

@@ -1,7 +1,7 @@
-"""Standing and walking: two states of the speed, where a clip shows them, and how animals change from one to the other.
+"""Standing and walking: two states of the speed, if a clip shows them, and the rates of change between them.
 
 An animal that walks stops at a rate, and one that stands starts at another; both rates grow with the share of the
-neighbours that do already what it would change to [1]_.  The rates are those of maximum likelihood: changes over the
+neighbours that are already in the other state [1]_.  The rates are those of maximum likelihood: changes over the
 time in which they could have happened, weighed by the imitation.
 
 References
@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from flockbrush.systems.pace import COMPANY
 
 SHARES = 0.08, 0.95  # of the sights that stand: outside there is one state
-VALLEY = 0.6  # of the lower of the two peaks: a deeper valley parts two states
+VALLEY = 0.6  # of the lower of the two peaks: a deeper valley separates two states
 APART = 0.35  # of the speed of those that walk: the others stand if they are slower
 FEWEST = 12  # changes that are needed
 SHORT = 0.16  # s: shorter states are errors of sighting
@@ -37,13 +37,13 @@ class Pauses:
     # stops, starts: 1/s, of an animal without company in the other state
     stops: float
     starts: float
-    imitation: float  # so many times likelier, of all neighbours that do it already
+    imitation: float  # factor by which it is likelier if all neighbours do it already
     standing: float  # share of the sights
-    changes: int  # on which it rests
+    changes: int  # that it is estimated from
 
 
 def pauses_of(sightings, fps) -> Pauses | None:
-    """The two states of a clip's animals; None where its speeds are of one kind, or change too seldom to tell."""
+    """The two states of a clip's animals; None if its speeds are of one kind, or change too seldom."""
     speed = sightings.speed[np.isfinite(sightings.speed) & (sightings.track >= 0)]
     slow = _valley(speed)
     if slow is None:
@@ -106,7 +106,7 @@ def _states(sightings, slow, least):
 
 
 def _company(sightings, walks):
-    """(m,) share of the neighbours that walk; NaN of nobody."""
+    """(m,) share of the neighbours that walk; NaN without neighbours."""
     share = np.full(len(walks), np.nan)
     for t in range(len(sightings)):
         rows = np.arange(sightings.first[t], sightings.first[t + 1])
@@ -128,7 +128,7 @@ def _pairs(sightings, order):
 
 
 def _fitted(state, share, changed, fps, imitation):
-    """(log likelihood, stops, starts) with so much imitation."""
+    """(log likelihood, stops, starts) for a given imitation."""
     total, rates = 0.0, []
     for now in (1, 0):
         mine = state == now

@@ -1,4 +1,4 @@
-"""Whether the ground of a clip shows enough to follow the camera by, and without the animals on it."""
+"""Whether the ground of a clip has enough texture to track the camera, also without the animals on it."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ ASTRAY = 3.0  # px at the corners of the picture by which the ground with and wi
 
 
 def ground_alone(clip: Clip, animals, maps, frames=8) -> bool:
-    """Whether the first frames are followed in the same way by the ground without the animals.
+    """Whether the first frames give the same camera motion from the ground without the animals.
 
     Raises
     ------
     CannotObserve
-        When the ground without animals is too plain to be followed.
+        When the ground without animals is too plain to be tracked.
     """
     follower = _Follower(animals, min(1.0, SIDE / max(clip.size)))
     corners = np.array([(0, 0), (clip.size[0], 0), (0, clip.size[1]), clip.size], float)

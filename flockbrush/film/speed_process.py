@@ -1,10 +1,10 @@
-"""How the speeds of single animals come and go: mean, spread, and how soon a speed is forgotten.
+"""The random process of the speeds of single animals: mean, variance, and rate of reversion.
 
 The herd model draws speeds from an Ornstein-Uhlenbeck process (paper eq. 6): a deviation from the mean is forgotten at
 the rate θ, so that the covariance of an animal's speeds at two times falls as exp(-θ τ).  It is measured on the tracks
 of a clip.  Errors of single sights do not last: covariances at lags longer than the smoothing of the tracks are free of
 them, and the process goes through those at the rate that fits, but varies no more than the speeds that are seen.  What
-the whole herd does at a time (it speeds up, it slows down) is no animal's own and is taken out.
+the whole herd does at a time (it speeds up, it slows down) is not of single animals and is removed.
 
 References
 ----------
@@ -52,8 +52,8 @@ def speed_process(sightings, fps, smoothed=SMOOTHED) -> SpeedProcess | None:
     ----------
     fps : float
     smoothed : float
-        s over which the speeds are averages (twice `Noise.half`): shorter lags are not used, and what the average hides
-        of the process is reckoned with.
+        s over which the speeds are averages (twice `Noise.half`): shorter lags are not used, and the averaging is
+        accounted for.
     """
     table = _table(sightings)
     if table is None:
@@ -85,7 +85,7 @@ def speed_process(sightings, fps, smoothed=SMOOTHED) -> SpeedProcess | None:
 
 
 def _table(sightings):
-    """Speeds as frames x animals, NaN unknown; None of nobody."""
+    """Speeds as frames x animals, NaN unknown; None without animals."""
     known = (sightings.track >= 0) & np.isfinite(sightings.speed)
     if not known.any():
         return None
@@ -96,7 +96,7 @@ def _table(sightings):
 
 
 def _own(table):
-    """The mean, and what each animal goes faster than the herd at the time."""
+    """The mean, and the difference of each animal's speed from the herd's at the time."""
     here = np.isfinite(table)
     count = here.sum(1)
     mean = np.nansum(table, 1) / np.maximum(count, 1)

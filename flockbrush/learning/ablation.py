@@ -37,7 +37,7 @@ def ablated(
     learn_without : callable
         Learns without a part.
     said : callable
-        Is told what is going on.
+        Called with the progress.
     """
     rows = [_row("full method", whole)]
     for part in parts:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-ENOUGH = 3  # bodies in a cell, and those around it, from which it can be told
+ENOUGH = 3  # bodies in a cell and its neighbours that are needed for an estimate
 RANDOM = 3000.0  # degrees², the paper's target where animals lie at random, and ours where nothing was measured
 
 
@@ -32,7 +32,7 @@ def _variance(forward):
 
 
 def mean_variance(fields, xy, forward) -> float:
-    """The mean of `variance_of_axes` over the cells where it can be told, degrees²; NaN where none is."""
+    """The mean of `variance_of_axes` over the cells where it is known, degrees²; NaN if there are none."""
     cells = variance_of_axes(fields, xy, forward)
     return float(np.nanmean(cells)) if np.isfinite(cells).any() else np.nan
 

@@ -33,8 +33,8 @@ LOOKS = 36  # moments of a clip that are looked at
 SETTLED = 1 / 3  # of the time, that is left out at the beginning
 BLOCKS, RESAMPLED = 5, 200  # of the bootstrap
 DEVIATIONS = 3.0  # of clip and runs together, within which herds are alike: any of a dozen may be off by chance
-STANDS, SLOWEST = 0.15, 0.05  # of the clip's fast animals; BL/s: who is slower stands
-WAVERS = 0.7  # of what as many strangers would have by chance: how far the order of a herd without any wavers
+STANDS, SLOWEST = 0.15, 0.05  # of the clip's fast animals; BL/s: slower animals stand
+WAVERS = 0.7  # of the value of as many independent animals: the fluctuation of the order of a herd without any
 RINGS = 10  # of distance, in which velocities are compared
 FARTHEST = 8.0  # limits: a herd that is farther off is just as wrong
 SPEED_QUANTILES, TURN_QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9), (0.25, 0.5, 0.75, 0.9)
@@ -48,7 +48,7 @@ class BatteryMeasure:
     unit: str
     floor: float  # in the unit
     share: float = 0.0  # of the clip's value, the floor too; whichever is larger
-    lasting: float = 0.0  # the same after 20 s; 0: not asked then
+    lasting: float = 0.0  # the same after 20 s; 0: not compared then
     lasting_share: float = 0.0
 
 
@@ -83,7 +83,7 @@ class ClipMoment:
 
 
 def _looks(first, xy, heading, who, fps, every, span, single=True, velocity=None, counts=(None, None)):
-    """[Look] every so many frames; steps are those of the same animal some frames later.
+    """[Look] at regular frames; steps are those of the same animal some frames later.
 
     ``counts``: weight and trust of each row, if they are not 1.
     """
@@ -110,7 +110,7 @@ def _looks(first, xy, heading, who, fps, every, span, single=True, velocity=None
 
 
 def looks_of(clip: Evidence, every: int, span: float = SPAN[0]) -> list[ClipMoment]:
-    """A clip at every so many frames."""
+    """Looks at a clip at regular frames."""
     if told_apart(clip):
         seen = clip.sightings
         assert seen is not None  # animals are told apart
@@ -122,7 +122,7 @@ def looks_of(clip: Evidence, every: int, span: float = SPAN[0]) -> list[ClipMome
 def looks_of_run(
     run: Run, clip: Evidence, every: int, fps: float | None = None, span: float = SPAN[0]
 ) -> list[ClipMoment]:
-    """A run as it would be seen in that clip, as uncertain as its sightings are."""
+    """Looks at a run as seen in that clip, with the errors of its sightings."""
     fps = clip.fps if fps is None else fps
     if not told_apart(clip):
         from flockbrush.learning.herd_views import _view_of_fields
@@ -133,7 +133,7 @@ def looks_of_run(
 
 
 def seen_run(run: Run, clip: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A run as uncertain as a clip's sightings: first rows of frames (T + 1,), places and heads (m, 2), who (m,)."""
+    """A run with the errors of a clip: first rows of frames (T + 1,), positions and headings (m, 2), ids (m,)."""
     inside = in_picture(run, clip.fields)
     frame = np.repeat(np.arange(len(run)), np.diff(run.first))[inside]
     rng = np.random.default_rng(len(frame))
@@ -268,7 +268,7 @@ class Series:
 
     @classmethod
     def of(cls, looks, yard, seconds) -> Series:
-        """Of the looks at a herd, the first third left out; they span so many seconds."""
+        """From the looks at a herd without the first third; they span ``seconds``."""
         kept = [rows_of(look, yard) for look in looks]
         later = kept[int(SETTLED * len(kept)) :]
         rows = {name: np.array([row[name] for row in later]) for name in kept[0]} if kept else {}
@@ -307,7 +307,7 @@ class BatteryRow:
     herd: float
     off: float
     limit: float
-    by_chance: float = np.nan  # what as many strangers would have
+    by_chance: float = np.nan  # values of as many independent animals
     boot: float = 0.0  # standard error of the clip's value, by the bootstrap
 
     @property
@@ -328,7 +328,7 @@ class Battery:
     clip: Evidence
     every: int  # frames from look to look
     series: Series
-    values: dict[str, np.ndarray]  # of the measures that the clip tells
+    values: dict[str, np.ndarray]  # of the measures that the clip determines
     boot: dict[str, float]  # standard errors of the values
     chance: dict[str, float] = field(default_factory=dict)
 
@@ -342,7 +342,7 @@ class Battery:
         series = Series.of(looks, yard_of(looks, single, span), len(looks) * every / clip.fps)
         values = {name: series.value(name) for name in (*series.rows, "growth")}
         values = {name: value for name, value in values.items() if np.isfinite(value).all()}
-        if not clip.fields.holds_all:  # the herd's own outline is not to be seen
+        if not clip.fields.holds_all:  # the herd's own outline is not visible
             values = {n: v for n, v in values.items() if n not in ("spread", "growth", "correlation length")}
         boot = {name: _bootstrap(series, name, values[name]) for name in values}
         return cls(clip, every, series, values, boot, _by_chance(clip, looks, single))
@@ -365,7 +365,7 @@ class Battery:
         floor = max(kind.floor, kind.share * level)
         if name == "spread":  # headings that are a little off at the start carry animals apart
             floor += self.clip.heading_noise * float(np.abs(self.values.get("speeds", np.zeros(1))).mean())
-        if name in CHANCE:  # few animals in disorder are by chance more or less polarized, for as long as they remember
+        if name in CHANCE:  # few disordered animals are polarized by chance, for as long as their headings persist
             floor = max(floor, WAVERS * self.chance[name] * (1.0 - level**2))
         if name == "correlation length":
             floor = max(floor, 1.5 * float(self.series.yard.rings[1]))
@@ -395,7 +395,7 @@ def _bootstrap(series, name, value):
 
 
 def _by_chance(clip, looks, single):
-    """What as many animals would have that know nothing of each other, as far as that is a number."""
+    """The measures of as many independent animals, where they are known in closed form."""
     count = float(np.nanmedian(clip.fields.count))
     found = {name: float(np.sqrt(of_one / max(count, 1.0))) for name, of_one in CHANCE.items()}
     spread = np.nanmedian([_spread(look) for look in looks]) if looks else np.nan

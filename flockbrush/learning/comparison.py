@@ -48,10 +48,10 @@ TITLES = {
 }
 ERRORS = "density error", "symmetric density error", "velocity error"
 JUDGED = "polarization", "milling"
-MOVING = "polarization", "milling", "milling in the picture", "order nearby", "speed"  # what one picture does not tell
+MOVING = "polarization", "milling", "milling in the picture", "order nearby", "speed"  # not shown by one picture
 DEVIATIONS, LEAST = 2.0, 0.05  # a measure is met within two of the clip's own deviations, or .05
 REACH, BINS, LOOKS = 3.0, 25, 40  # of the map of neighbours: body lengths, cells across, frames at most
-HORIZONS = 0.25, 0.5, 0.75, 1.0  # shares of the time after which errors are told
+HORIZONS = 0.25, 0.5, 0.75, 1.0  # shares of the time at which errors are reported
 SLOTS = 8  # of the curve of speed against density
 
 
@@ -119,7 +119,7 @@ class Comparison:
         )
 
     def verdicts(self) -> list[Verdict]:
-        """Of every measure that the clip tells."""
+        """A verdict for every measure that the clip determines."""
         return [v for v in map(self.verdict, (n for n in SHOWN if n in self.clip)) if np.isfinite(v.clip)]
 
     def at_horizons(self, name, shares=HORIZONS) -> list[tuple[float, float]]:

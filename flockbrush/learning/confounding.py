@@ -19,7 +19,7 @@ WIDEST = 1.0  # the range of a normalised number: a larger error says nothing
 
 @dataclass(frozen=True)
 class Estimate:
-    """One number of the model as the data tell it.
+    """Estimate of one number of the model from the data.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Estimate:
     identifiable : bool
         Whether the data say it at all.
     confounded_with : tuple of str
-        Other numbers whose change it can stand in for, the strongest first.
+        Other numbers that it is confounded with, the strongest first.
     correlation : tuple of float
         Of the errors, one for each of these.
     """
@@ -67,7 +67,7 @@ def estimates_of(learned: Learned) -> list[Estimate]:
 
 
 def _confounded(correlation, k):
-    """[(row, correlation)] of the numbers whose errors go with those of the k-th, the strongest first."""
+    """[(row, correlation)] of the numbers whose errors correlate with those of the k-th, the strongest first."""
     if correlation is None:
         return []
     row = np.asarray(correlation, float)[k]

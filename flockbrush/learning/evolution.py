@@ -49,7 +49,7 @@ class Evolution:
         return folded.copy()
 
     def tell(self, worth):
-        """What each candidate was worth, (size,): less is better."""
+        """The loss of each candidate, (size,)."""
         order = np.argsort(np.asarray(worth), kind="stable")[: len(self.weights)]
         steps = (self.asked[order] - self.mean) / self.step
         move = self.weights @ steps

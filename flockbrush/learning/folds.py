@@ -25,7 +25,7 @@ class Fold:
 
 
 def seen_within(seen: ClipFolds, region) -> ClipFolds | None:
-    """What a clip tells of one region; None where too few animals are there."""
+    """The observations of one region; None if it has too few animals."""
     whole = within(seen.whole, region)
     parts = [tuple(within(part, region) for part in pair) for pair in seen.parts]
     if whole is None or any(training is None for training, _ in parts):

@@ -1,4 +1,4 @@
-"""A brush with other numbers of animals than it was learned from: does the herd stay what it is?"""
+"""A brush with other numbers of animals than it was learned from: does the herd behave the same?"""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOST = 4000  # animals of a run
 
 
 def with_other_numbers(brush: Brush, start: HerdStart, seed=0, factors=FACTORS, seconds=SECONDS) -> list[dict]:
-    """What herds of so many times the animals do on an endless plane, begun as the clip's herd, smaller or larger.
+    """Measures of herds with multiples of the animals on an unbounded plane, started like the clip's herd.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What is seen of a herd at its moments, in a clip or in a simulation."""
+"""Views of a herd by frame, in a clip or in a simulation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flockbrush.learning.rollout import Run
 
 @dataclass
 class HerdView:
-    """What is seen of a herd, frame by frame."""
+    """The observed state of a herd, by frame."""
 
     first: np.ndarray  # (T + 1,) points of frame t are rows first[t]:first[t + 1]
     xy: np.ndarray  # (m, 2) BL
@@ -40,7 +40,7 @@ class HerdView:
 
 
 def told_apart(evidence: Evidence) -> bool:
-    """Whether the animals of a clip are seen one by one, most of them."""
+    """Whether most animals of a clip are separated."""
     seen = evidence.sightings
     if seen is None or not len(seen.xy):
         return False
@@ -53,7 +53,7 @@ def followed(evidence: Evidence) -> bool:
 
 
 def view_of(evidence: Evidence, single=None) -> HerdView:
-    """What is seen of a clip.
+    """The view of a clip.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def view_of(evidence: Evidence, single=None) -> HerdView:
 
 
 def view_of_run(run: Run, evidence: Evidence, single=None) -> HerdView:
-    """What would be seen of a simulated herd in that clip; a longer run is seen through the clip's last frame."""
+    """The view of a simulated herd in that clip; a longer run continues with the clip's last frame."""
     single = told_apart(evidence) if single is None else single
     fields = evidence.fields
     if not single:

@@ -57,7 +57,7 @@ dt { color: var(--muted); } dd { margin: 0; overflow-wrap: anywhere; }
                .beside { grid-template-columns: 1fr 1fr; } .beside.one { grid-template-columns: 1fr; }
                img, tr, pre.short, .checks, dl { break-inside: avoid; } p, h2, caption { break-after: avoid; } }
 """
-# before a sentence that says what was met, what was missed, or what is only told
+# marks before a sentence: limit met, limit missed, information
 MARKS = {True: ("✓", "good"), False: ("✗", "bad"), None: ("·", "quiet")}
 
 
@@ -122,7 +122,7 @@ class ReportPage:
         Parameters
         ----------
         images : sequence of (picture, str)
-            Each with the words for who does not see it.
+            Each with its alternative text.
         caption : str
             Below them all.
         scale : float
@@ -139,7 +139,7 @@ class ReportPage:
         self._parts.append(f'<figure><div class="{kind}">{shown}</div>{below}</figure>')
 
     def lines(self, text: str, folded: str = ""):
-        """A text as it is: commands, files; behind the words ``folded``, if there are any, until asked for."""
+        """A preformatted text: commands, files; collapsed under the title ``folded``, if given."""
         made = f"<pre{_kind('' if text.count(chr(10)) > 30 else 'short')}>{_safe(text)}</pre>"
         self._parts.append(f"<details><summary>{_safe(folded)}</summary>{made}</details>" if folded else made)
 

@@ -68,7 +68,7 @@ def body_of(evidences: list[Evidence]) -> BodySpec:
 
 
 def _nearest(evidence, every=5):
-    """Distances to the nearest neighbour, and the share of animals who lie on another as capsules."""
+    """Distances to the nearest neighbour, and the share of animals whose capsule overlaps another."""
     seen, gaps, lying = evidence.sightings, [], []
     half = max(0.5 - evidence.radius_bl, 0.0)
     for t in range(0, len(seen), every):
@@ -89,7 +89,7 @@ def _nearest(evidence, every=5):
 
 
 def start_of(evidence: Evidence, t=0, seed=0, body=BodySpec()) -> HerdStart:  # noqa: B008  frozen
-    """A herd as it is in frame t: its animals where they are told apart, the others by the fields.
+    """The herd of frame t: its animals where they are separated, the others from the fields.
 
     Animals drawn from fields stand where the density says, apart from one another, and face the way the cell moves,
     scattered as its angular variance says.
@@ -167,7 +167,7 @@ def _apart(cells, fields, others, room, rng):
 
 
 def resized(start: HerdStart, factor: float, seed=0) -> HerdStart:
-    """A herd of so many times the animals, as dense as before and headed as before at each place of its outline."""
+    """A herd with a multiple of the animals, of the same density and the same heading at each place of its outline."""
     n = len(start)
     draw = np.random.default_rng(seed)
     whole, rest = divmod(round(n * factor), n) if n else (0, 0)

@@ -17,7 +17,7 @@ from flockbrush.learning.turns import Turns, likelihood, predicted, thinned
 ROWS = 6000  # turns that are looked at
 SHOWN = 40.0  # twice the logarithm of the likelihood ratio, from which on a clip shows interaction: chi-square of 12
 #               degrees of freedom is beyond it once in 10,000 clips of animals without any
-LEAST = 0.25  # of the turning that neighbours cause in the clip: who has less hardly interacts
+LEAST = 0.25  # of the turning that neighbours cause in the clip: with less, a herd hardly interacts
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Learning brushes from clips, from what a person asked for to the files that come of it."""
+"""Learning brushes from clips: from the options of a user to the written files."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ RIVAL_WORK = 400_000  # animals times frames, above which fewer of the shipped b
 
 @dataclass
 class LearnOptions:
-    """What a person asked for."""
+    """Options of a user."""
 
     clips: list[Path]
     out: Path
@@ -78,7 +78,7 @@ class LearnOptions:
     json: bool = False
     device: str = "auto"
     command: str = ""
-    crew: Cluster | None = None  # `workers`, while they are asked
+    crew: Cluster | None = None  # `workers`, while they are in use
     silent: bool = False  # no tables; the result is for a program
 
 
@@ -105,7 +105,7 @@ def learn_brushes(wishes: LearnOptions) -> list[Findings]:
     ProblemsError
         When a clip or a mask cannot be learned from; a partial report tells what was seen.
     Stopped
-        When somebody interrupted it: the best so far is written.
+        When the user interrupts it: the best so far is written.
     """
     regions = _checked(wishes)
     outputs = [*_brush_files(wishes, regions), *([wishes.report] if wishes.report else [])]
@@ -192,7 +192,7 @@ def _needs_torch(evidences, wishes):
 
 
 def _looked(clip, wishes) -> ClipFolds:
-    """What one clip tells; where it tells nothing, the report says why."""
+    """The observations of one clip; if it shows too little, the report says why."""
     try:
         whole = look_at(clip, wishes.looking)
         alone = len(wishes.clips) == 1  # of several clips each is held out whole
@@ -214,7 +214,7 @@ def _looked(clip, wishes) -> ClipFolds:
 
 
 def _all_seen(clip, seen):
-    """What the file is, and what was seen of it."""
+    """Facts of the file and of its observation."""
     facts = facts_of(clip)
     return facts | seen | {"pictures": facts.get("pictures", {}) | seen.get("pictures", {})}
 
@@ -290,7 +290,7 @@ def _found(herd, fold: Fold, learned, wishes) -> Findings:
 
 
 def _judged(fold: Fold, found: Findings, wishes, interrupts):
-    """What is said of a brush by the frames held out, or by its own where there are none; None when interrupted."""
+    """The judgement of a brush by the held-out frames, or by its own if there are none; None when interrupted."""
     frames = fold.held if fold.held is not None else fold.clips[0]
     beside = not wishes.quick if wishes.beside is None else wishes.beside
     rivals = _rivals(frames, found) if beside else {}
@@ -312,7 +312,7 @@ def _judged(fold: Fold, found: Findings, wishes, interrupts):
 def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Findings:
     """The numbers fitted to all frames, begun with those of the folds, if they do as well; else the first fold's.
 
-    The judgement is that of the folds, whose brushes knew nothing of what they were judged by.
+    The judgement is that of the folds, whose brushes were learned without the frames they are judged by.
     """
     first, wholes = judged[0], [seen.whole for seen in herd.seen]
     if first.judgement is None or (first.held is None and len(judged) == 1):
@@ -365,7 +365,7 @@ def _is_photo(whole):
 def _learned(
     clips, herd, wishes, interrupts, photo, use=USE, fresh=False, part=0, of=1, begins=None,
 ) -> Learned:  # fmt: skip
-    """The recipe, with a bar that tells the loss; the ``part``-th time for one brush."""
+    """Run the recipe with a progress bar that shows the loss; ``part`` counts the runs for one brush."""
     if herd.kind != HERD:
         return learned_model(clips, herd.kind, wishes.seed)
     learnings = of if photo else 1 + of  # all frames are fitted at the end
@@ -477,7 +477,7 @@ def moments_of(clip, frames: Evidence, run: Run, brush, count=MOMENTS) -> list[n
     return made
 
 
-# what a person is told -----------------------------------------------------------------------------
+# messages ----------------------------------------------------------------------------------------
 
 
 def _tell(wishes, found: list[Findings], herds):

@@ -69,7 +69,7 @@ def brush_of(
     figures : dict of str to float
         What was measured, for the provenance.
     length_m : float
-        How long one of the animals is, metres: a film does not tell.
+        Length of one animal, metres: a film does not show it.
     licence : str, optional
         Of the clip.
     colour : "#rrggbb", optional
@@ -141,7 +141,7 @@ def _manner(clip):
 
 
 def order_of(clip: Evidence) -> tuple[float, float]:
-    """(polarization, milling) of a clip, means over the frames; NaN where nobody moves."""
+    """(polarization, milling) of a clip, means over the frames; NaN if no animal moves."""
     found = measures_of(view_of(clip), max(1, len(clip.fields) // 40))
     known = {name: found[name][np.isfinite(found[name])] for name in ("polarization", "milling")}
     means = {name: float(values.mean()) if len(values) else math.nan for name, values in known.items()}

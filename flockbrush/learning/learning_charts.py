@@ -34,7 +34,7 @@ def panels_of(findings: Findings) -> dict[str, list]:
 
 
 def is_told(comparison, name) -> bool:
-    """Whether a clip tells of a measure at all."""
+    """Whether a clip determines a measure."""
     return name in comparison.clip and bool(np.isfinite(comparison.clip[name]).any())
 
 

@@ -1,4 +1,4 @@
-"""What a likelihood of a model is, and which there are: how its numbers are found from the turns of animals.
+"""Likelihoods of models and their registry: estimation of parameters from the turns of animals.
 
 A likelihood is one file in ``flockbrush/learning/likelihoods`` that registers itself::
 
@@ -34,7 +34,7 @@ BETTER = 1e-4  # of the likelihood of a turn: a descent ends when a step gains l
 
 @dataclass(frozen=True)
 class Likelihood:
-    """How one kind of model is found from turns."""
+    """Estimation of one kind of model from turns."""
 
     name: str  # as ``flockbrush learn --model`` names it
     model: str  # of behaviour, as a brush names it
@@ -129,7 +129,7 @@ def searched(turns: Turns, model: Behaviour, numbers, base: Parameters, seed: in
 
 
 def _evolved(loss, centre, seed):
-    """(loss, place) of the best that was asked for."""
+    """(loss, position) of the best candidate."""
     cloud, best = Evolution(centre, FIRST_STEP, SIZE, seed), (loss(np.asarray(centre)), np.asarray(centre))
     for _ in range(GENERATIONS):
         asked = cloud.ask()

@@ -22,7 +22,7 @@ from flockbrush.learning.simulate import simulated
 from flockbrush.learning.turns import FREEDOM, cramer_rao
 from flockbrush.learning.which_model import ModelRow, TurnBlocks, likeliest
 
-SURE = 0.1  # of the range of a number: one that is told is known better
+SURE = 0.1  # of the range of a number: an identifiable one has a smaller error
 WIDER = 1.2  # of what is left over to the wander it makes, as the recipe of the herd takes it
 MOST_WANDER, QUIET = 2.0, 0.02  # rad/√s
 SIZE, GENERATIONS, STEP = 8, 6, 0.2  # of a fit by simulation
@@ -99,7 +99,7 @@ def _as_learned(kind: Likelihood, params, vision, clips, x, information, deviati
     extras = _chance(params, getattr(params, "wander", 0.0))
     correlation, theta, spread = correlation_of(information), x, np.zeros(len(x))
     scales: np.ndarray | None = scales_of(kind.numbers, x)
-    if set(names) <= set(NAMES):  # the herd's twelve, of which those of obstacles stay what is usual
+    if set(names) <= set(NAMES):  # the herd's twelve, of which those of obstacles keep their defaults
         at = [NAMES.index(name) for name in names]
         theta, spread, names = theta_of(params), np.zeros(12), NAMES
         deviation, told, correlation = _spread_out(at, deviation, told, correlation)
@@ -164,7 +164,7 @@ def _simulated_fit(clips, model: Behaviour, seed) -> Learned:
 
 
 def distance_of(battery: Battery, parts, seeds) -> float:
-    """Root mean square of the limits that a herd is off, over the measures that the clip tells."""
+    """Root mean square deviation of a herd, in limits, over the measures that the clip determines."""
     rows = battery.compared([battery.measured(simulated(battery.clip, parts, seed)) for seed in seeds])
     far = [row.far for row in rows]
     return float(np.sqrt(np.mean(np.square(far)))) if far else math.nan

@@ -67,7 +67,7 @@ def _order(simulation, rows):
 
 
 def _density(brush, start):
-    """Animals per BL² where the clip's stand, by the distance to the nearest; as many as bodies leave room for."""
+    """Local animals per BL² of the clip, from distances to the nearest neighbour; at most close packing of bodies."""
     radius = min(brush.body.radius / brush.body.length, 0.5)
     body = 2 * radius * (1 - 2 * radius) + math.pi * radius**2
     gap = float(np.median(compute_nnd(start.xy)))

@@ -20,7 +20,7 @@ from flockbrush.systems.senses import _cosine_of_half, _nearest_points
 from flockbrush.systems.visibility import edges_by_cell, no_edges, visible_neighbours
 
 NO_OWNER = np.zeros(0, np.int32)  # of edges, where there are no walls
-BODILESS = "metric", "hidden_points"  # sights in which bodies hide nobody
+BODILESS = "metric", "hidden_points"  # perceptions without occlusion
 
 
 class Percept(NamedTuple):
@@ -70,7 +70,7 @@ def perceive(
     body, vision : BodySpec, VisionSpec, optional
         The body's radius counts as a share of its length.
     params : Params, optional
-        Of the herd model: who leads.
+        Of the herd model: the rule of leaders.
     walls : Walls, optional
         `flockbrush.learning.rollout.Walls`: solid, and they block the view.
     species : (n,) int ndarray, optional
@@ -114,7 +114,7 @@ def cosine_of(vision) -> float:
 
 
 def _leaders(xyz, forward, species, lists, params):
-    """Who leads by the rule of a run (paper, section 5.1), and where each last saw others."""
+    """Leaders by the rule of a run (paper, section 5.1), and where each animal last saw others."""
     n = len(xyz)
     leader, memory, known = np.zeros(n, np.uint8), xyz[:, :2].copy(), np.zeros(n, np.uint8)
     members = Members(np.arange(n), xyz, np.ones(n), species, np.zeros(n, np.int32))
@@ -141,7 +141,7 @@ def walls_in_sight(xyz, reach, solid, owner):
 
 
 def together(percepts) -> Percept:
-    """Several moments as one herd whose parts do not see one another: a batch."""
+    """Several moments as one batch: a herd whose parts do not see one another."""
     rows = np.cumsum([0] + [p.animals for p in percepts])
     sights = np.cumsum([0] + [len(p.near) for p in percepts])
     points = np.cumsum([0] + [len(p.walls_offset) for p in percepts])

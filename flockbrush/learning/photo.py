@@ -32,7 +32,7 @@ def standing(photo: Evidence, speed: float = SPEED, seconds: float = SECONDS) ->
     photo : Evidence
         Of one frame.
     speed : float
-        How fast the animals go, body lengths a second: the picture does not tell.
+        Speed of the animals, body lengths a second: the picture does not show it.
 
     Returns
     -------

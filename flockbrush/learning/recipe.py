@@ -1,4 +1,4 @@
-"""From what a clip tells to a brush: starts, descents, trials and evolution, and what they leave unsure.
+"""From the observations of a clip to a brush: starts, descents, trials, evolution, and uncertainty.
 
 1. Speed, bodies and the way animals begin follow from the clip directly (`flockbrush.learning.initial_conditions`).
 2. **Starts**: some at random, and the numbers of every shipped brush of the herd model that was not itself learned.
@@ -8,7 +8,7 @@
    (`flockbrush.learning.scores`): once as far as the clip goes, and once well beyond, so that a mill must keep milling
    and not only begin as one.
 5. **Evolution** of the best on the same trials, which also sets what the equations of the paper leave out: wander, how
-   fast animals can turn and how fast they answer.  Nobody wanders by more than the fits of turns leave over.
+   fast animals can turn and how fast they answer.  Wander is capped by the residual of the turn fits.
 6. The choice among the best and the evolved: on the last part of the frames, which neither descent nor evolution was
    shown; and of the first of these, whether they stay what the clip is for 20 s more, and with a quarter and four
    times as many animals.
@@ -61,19 +61,19 @@ from flockbrush.learning.workers import Workers, WorkStopped
 from flockbrush.runs.builds import RUNNING
 from flockbrush.runs.cluster import Cluster
 
-HELD = 0.3  # of the frames, at the end, are shown to nobody before the choice
+HELD = 0.3  # of the frames, at the end, are held back until the choice
 RATE = 280_000  # animal ticks that count as a second
 ALWAYS = 100  # animals whose work a tick costs besides
 GENERATION = 8  # candidates
 REFINED = 2
 CLEARLY = 0.02  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
 FINALISTS, QUICK_FINALISTS = 4, 3
-KEEPERS = 3  # finalists of whom it is asked whether they stay what they are
+KEEPERS = 3  # candidates, re-run for 20 s to test stability
 KEEPING = 0.2  # of the choice
 LEAST_WANDER = 0.05  # rad/√s, that animals may always wander by
-FAINT = 0.1  # of the strongest weight, below which the ranges of a force tell nothing
+FAINT = 0.1  # of the strongest weight, below which the ranges of a force are not identifiable
 AGREEING = 3  # starts, where no turns say how sure a number is
-SURE = 0.1  # of what lies between 0 and 1: a number that is told is known better
+SURE = 0.1  # of the range 0 to 1: an identifiable number has a smaller error
 
 
 # the recipe -------------------------------------------------------------------------------------------
@@ -123,7 +123,7 @@ def learn(
 
 
 def _silent(done, total, loss, text):
-    """Nobody is told."""
+    """A progress function that does nothing."""
 
 
 def _setting(clips, settings):
@@ -225,7 +225,7 @@ class _Search:
             self._limit(workers, turned)
 
     def _limit(self, workers, fitted):
-        """The best fit of each reach of sight, with animals that cannot turn faster than they are seen to."""
+        """The best fit of each view range, with turning limited to the fastest turns seen."""
         best = {}
         for k in sorted(fitted, key=lambda k: self.attempts[k].loss[-1], reverse=True):
             best[self.attempts[k].extras["neighbour_range"]] = self.attempts[k]
@@ -387,7 +387,7 @@ class _Search:
         return [k for k, alone in zip(which, idle, strict=True) if not alone]
 
     def _keepers(self, workers, final):
-        """Of these, too, whether they stay what they are."""
+        """Re-run these candidates for longer, and return them in order of merit with the results."""
         tasks = [
             {
                 "theta": np.round(self.attempts[k].theta, 12).tolist(), "extras": self.attempts[k].extras,
@@ -469,14 +469,14 @@ def _merit(attempt):
 
 
 def forces_of(theta, extras):
-    """(12,) theta with weights as they are at the usual Ω: only the product of the two tells."""
+    """(12,) theta with weights at the default Ω: only the product of the two is identifiable."""
     out = np.array(theta, float)
     out[0:12:3] *= extras.get("sensitivity", 10.0) / 10.0
     return out
 
 
 def told_of(theta, spread, deviation=None):
-    """(12,) bool, which numbers a clip tells: those on which all herds as good agree, and the turns of animals too.
+    """(12,) bool, identifiable numbers: those on which all equally good herds and the turns of animals agree.
 
     A number at its bound is only known to lie there or beyond, and the ranges of a force that is weak beside the
     others, may be none at all, or whose weight is not told, mean nothing.

@@ -27,7 +27,7 @@ ROWS = 6  # horizons in the table
 
 
 def reenact_clip(clip, brush_name, looking: Looking, runs=3, seed=0, export=None, video=None, as_json=False):
-    """Simulate a clip with a brush, print how far it goes along with it, and write what was asked for.
+    """Simulate a clip with a brush, print how well it agrees, and write the requested files.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One clip, several herds: a mask with colours tells which part of the ground each brush is learned from."""
+"""Several herds of one clip: a mask with colours gives the part of the ground each brush is learned from."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def regions_of(path) -> list[Region]:
 
 
 def within(evidence: Evidence, region: Region) -> Evidence | None:
-    """What the clip tells of one region: the rest is out of the picture.  None where too few animals are there."""
+    """The observations of one region; the rest counts as out of the picture.  None if it has too few animals."""
     fields = evidence.fields
     here = fields.region == region.number
     seen = fields.seen & here

@@ -33,9 +33,9 @@ DISTANCES = 32  # on the grid
 FREEDOM = 4.0  # of Student's t
 RESAMPLED = 60
 BLOCK = 5.0  # s of one recording that are drawn together
-CLEAR = 3.0  # standard errors above 0 by which a reaction is told: the distance is chosen, which favours chance
+CLEAR = 3.0  # standard errors above 0 for a reaction to be reported: high, since the distance is chosen
 FEWEST = 100  # turns
-EDGE = 0.9  # of the farthest distance seen: a notice distance beyond it is not told
+EDGE = 0.9  # of the farthest distance seen: a notice distance beyond it is not reported
 
 
 @dataclass(frozen=True)

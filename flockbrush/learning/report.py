@@ -396,7 +396,7 @@ def _again(page, findings):
     page.lines(brush_to_toml(findings.brush), "The brush file")
 
 
-# what can be told when nothing was learned -----------------------------------------------------
+# the report of a failed learning -------------------------------------------------------------
 
 
 def write_partial(folder, clip, message: str, seen: dict, command="") -> Path:

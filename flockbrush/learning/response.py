@@ -30,11 +30,11 @@ from flockbrush.learning.rollout import Run, theta_of
 from flockbrush.learning.turns import predicted, residuals, turns_of
 
 RESPONSE, SCATTER = "response to neighbours", "scatter of turns"
-FORCES = 9  # of the numbers of theta: those of obstacles are not asked
+FORCES = 9  # of the numbers of theta: without those of obstacles
 SPAN = 0.12  # s over which a turn is observed where frames are closer
 LOOKS = 36  # frames of a clip that are looked at
-FEWEST = 100  # turns, below which nothing is said
-FAINTEST = 1e-3  # of the strongest direction in the numbers: what moves turns by less is not told
+FEWEST = 100  # turns that are needed
+FAINTEST = 1e-3  # of the strongest direction in the numbers: weaker directions are not identifiable
 
 
 class Answer(NamedTuple):
@@ -44,7 +44,7 @@ class Answer(NamedTuple):
     pull: np.ndarray  # (9,) rad², their mean products with what is left over
     scatter: float  # rad
     forces: float  # rad, root mean square turn by neighbours
-    turns: float  # how many; of turns that count less, how many others would tell as much
+    turns: float  # effective number of turns, by their weights
 
 
 def response(clip: Evidence, brush, runs: Sequence[Run]) -> list[BatteryRow]:
@@ -86,7 +86,7 @@ def response(clip: Evidence, brush, runs: Sequence[Run]) -> list[BatteryRow]:
 
 
 def _answer(clip, seen, brush):
-    """The `Answer` of what is seen; None of too few turns."""
+    """The `Answer` of the turns; None if they are too few."""
     ahead = max(1, round(SPAN * clip.fps))
     frames = range(0, len(clip.fields) - ahead, max(1, len(clip.fields) // LOOKS))
     same = replace(clip, sightings=_stepped(seen, clip.fps, ahead))
@@ -115,7 +115,7 @@ def _seen(run, clip):
 
 
 def _stepped(seen, fps, ahead):
-    """Sightings whose speeds and turns are differences over so many frames, of the same animal; NaN elsewhere."""
+    """Sightings whose speeds and turns are differences over several frames of the same animal; NaN elsewhere."""
     speed, turn = np.full(len(seen.xy), np.nan), np.full(len(seen.xy), np.nan)
     angle = np.arctan2(seen.forward[:, 1], seen.forward[:, 0])
     for t in range(len(seen) - ahead):

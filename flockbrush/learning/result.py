@@ -1,4 +1,4 @@
-"""Everything that came of learning one brush: what its report tells and its provenance keeps."""
+"""The result of learning one brush: the content of its report and its provenance."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ class Findings:
         return self.judgement.sentence + by
 
     def judged(self) -> list[Verdict]:
-        """What the verdict goes by, as far as the clip tells it."""
+        """The measures of the verdict that the clip determines."""
         if self.comparison is None:
             return []
         return [v for v in map(self.comparison.verdict, JUDGED) if math.isfinite(v.clip)]
@@ -167,7 +167,7 @@ class Findings:
 
 
 def _of_all(sure, count) -> str:
-    """How many of the model's numbers are told."""
+    """A sentence on the number of identifiable parameters."""
     if sure == 0:
         return f"none of the {count} parameters: other values fit equally well, and all are guesses."
     return f"{sure} of {count} parameters{'; the rest are guesses' if sure < count else ''}."

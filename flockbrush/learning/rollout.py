@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from flockbrush.behaviours.behaviour import ByRow, Parameters
+from flockbrush.behaviours.behaviour import ByRow, Parameters, frozen, read_only
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
 from flockbrush.behaviours.models.herd import HerdState, Land, Params, forces_of, herd_kernel, wander_kernel
 from flockbrush.engine.noise import Noise
@@ -122,7 +122,7 @@ class ClipGuide:
         return cls(np.asarray(fields.origin, float), fields.cell, fields.fps, _spread(direction, reach / fields.cell))
 
     def at(self, time, xy):
-        """(n, 2) direction at each place; zero where nobody leads."""
+        """(n, 2) direction at each place; zero without leaders."""
         ny, nx = self.direction.shape[1:3]
         frame = min(int(time * self.fps + 1e-9), len(self.direction) - 1)
         ix, iy = np.floor((xy - self.origin) / self.cell).astype(int).T
@@ -154,7 +154,7 @@ class Gates:
     fps: float
     seen: np.ndarray  # (T, ny, nx) bool: cells inside the picture
     count: np.ndarray  # (T,) animals in the picture
-    entry: list[np.ndarray] = field(default_factory=list)  # by frame: (k, 4) cell ix, iy and heading of who comes in
+    entry: list[np.ndarray] = field(default_factory=list)  # by frame: (k, 4) cell ix, iy and heading of newcomers
 
     @classmethod
     def of(cls, fields):
@@ -175,7 +175,7 @@ class Gates:
         return min(int(time * self.fps + 1e-9), len(self.count) - 1)
 
     def inside(self, time, xy):
-        """(n,) bool, who is in the picture."""
+        """(n,) bool, places in the picture."""
         seen = self.seen[self._frame(time)]
         ix, iy = np.floor((xy - self.origin) / self.cell).astype(int).T
         ok = (ix >= 0) & (iy >= 0) & (ix < seen.shape[1]) & (iy < seen.shape[0])
@@ -344,7 +344,7 @@ class PlaneHerd:
             spread = self.spec.deviation / np.sqrt(2 * self.spec.reversion)
             chance = self.noise.normal("birth speed", self.tick_number, np.asarray(ids) - 1)[:, 0]
             drawn = np.maximum(self.spec.mean + spread * chance, 0.0)
-        elif self.spec.stops > 0.0:  # who hardly moves stands
+        elif self.spec.stops > 0.0:  # animals that hardly move stand
             drawn = np.where(np.asarray(drawn) < STANDS * self.spec.mean, 0.0, drawn)
         flat = np.zeros((n, 1))
         news = {
@@ -358,13 +358,13 @@ class PlaneHerd:
         self._constants(len(self.ids))
 
     def keep(self, rows):
-        """Take out everybody else."""
+        """Remove all other animals."""
         for name in ("ids", "xyz", "forward", "velocity", "drawn", "effort", "target", "leader", "memory", "known"):
             setattr(self, name, getattr(self, name)[rows])
         self._constants(len(self.ids))
 
     def tick(self):
-        """What everybody goes through in a tick, in the order of a level's schedule."""
+        """One tick, in the order of a level's schedule."""
         n, params = len(self.ids), self.params
         if not n:
             self.tick_number += 1
@@ -387,12 +387,12 @@ class PlaneHerd:
         guidance = self.zero if self.guide is None else self.guide.at(self.time, self.xyz[:, :2])
         direction, wish = np.zeros((n, 3)), np.empty((n, 3))
         memory = self.memory - self.xyz[:, :2]
-        herd = HerdState(self.forward, self.length, self.none, self.leader, memory, self.known)
-        land = Land(walls_first, walls_offset, guidance, self.zero)
-        herd_kernel(0, n, rows, self.dt, herd, ByRow(*lists), land, self.forces, direction)
+        herd = frozen(HerdState(self.forward, self.length, self.none, self.leader, memory, self.known))
+        land = frozen(Land(walls_first, walls_offset, guidance, self.zero))
+        herd_kernel(0, n, rows, self.dt, herd, frozen(ByRow(*lists)), land, self.forces, direction)
         if params.wander > 0.0:
             key = self.noise.key("wander", self.tick_number)
-            wander_kernel(0, n, rows, self.ids, key, params.wander * np.sqrt(self.dt), direction)
+            wander_kernel(0, n, rows, read_only(self.ids), key, params.wander * np.sqrt(self.dt), direction)
         wish[rows] = direction
         return wish
 
@@ -461,7 +461,7 @@ def _look(herd):
 
 
 def _pass_gates(herd, gates, time):
-    """Who left the picture is taken out; as many come in as the clip has more."""
+    """Remove animals that left the picture; add as many as the clip has more."""
     inside = gates.inside(time, herd.xyz[:, :2])
     if not inside.all():
         herd.keep(inside)
@@ -476,7 +476,7 @@ def _pass_gates(herd, gates, time):
 
 
 def _free(xy, others, room):
-    """(k,) bool, who can be put down touching nobody, one after the other."""
+    """(k,) bool, places on which an animal touches no other, filled in order."""
     taken, free = list(others), np.zeros(len(xy), bool)
     for k, place in enumerate(xy):
         if not len(taken) or np.min(np.hypot(*(np.array(taken) - place).T)) > room:

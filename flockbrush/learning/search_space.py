@@ -9,7 +9,7 @@ from flockbrush.learning.herd_views import followed
 from flockbrush.learning.rollout import LEAST, params_of, theta_of
 from flockbrush.learning.trials import SIGHTS
 
-WEAK = 0.15  # weights below it are made larger, and Ω smaller: only their product tells, and weights end at 1e-3
+WEAK = 0.15  # smaller weights are enlarged, and Ω reduced: only the product is identifiable, and weights end at 1e-3
 LIMITS = 0.8, 0.9, 0.96, 0.99  # of all turns are slower than a limit of turning that is tried
 EXTRAS = {"wander": (0.01, 3.0), "max_turn": (0.4, 20.0), "sensitivity": (0.05, 100.0)}  # freed, on a logarithmic scale
 

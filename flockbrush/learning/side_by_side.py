@@ -21,7 +21,7 @@ FADE = 1.5  # s of trails behind the simulated animals
 GAP = 8  # pixels between two pictures
 LETTERS = 16, 1 / 30  # pixels of what is written above them, at least; of a picture's width
 STRIP = 1.8  # times the letters, the room for it
-BAR = 10  # times the letters, the bar that tells what a body length is
+BAR = 10  # times the letters, the scale bar
 
 
 class ComparisonGround:
@@ -141,7 +141,7 @@ class ComparisonGround:
         return np.pad(image, [(0, even - image.shape[0]), (0, 0), (0, 0)], constant_values=255)
 
     def _bar(self, canvas, at, letters):
-        """How long so many body lengths are, ending at ``at``."""
+        """A scale bar of several body lengths, ending at ``at``."""
         length = nice(0.16 * self.size[0] / self.scale)
         across = length * self.scale
         words = f"{length:g} body length" + ("" if length == 1 else "s")

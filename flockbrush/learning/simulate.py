@@ -28,7 +28,7 @@ def simulated(evidence: Evidence, brush, seed=0, unsure=False) -> Run:
     Raises
     ------
     ValueError
-        When nobody is there in the first frame.
+        When the first frame has no animals.
     """
     fields = evidence.fields
     start = start_of(evidence, 0, seed, brush.body)

@@ -1,4 +1,4 @@
-"""Down the errors of the paper: parameters from the fields of a clip, where its animals cannot be told apart.
+"""Gradient descent on the errors of the paper: parameters from the fields of a clip whose animals are not separated.
 
 A herd is begun as the clip begins and walks along with it.  In every frame the errors of its next headings (eqs. 7 and
 8, `flockbrush.learning.torch_losses`) say how the parameters should change, and they do, while the herd goes on:
@@ -50,13 +50,13 @@ TOO_FAR = 1.0  # sum of |ρ' - ρ| over the sum of ρ, above which animals are p
 BROAD = 4.0  # BL over which densities are compared for that
 SHARE = 0.1  # of the animals, put elsewhere in a frame at most.  By trial
 PATIENCE = 3  # passes through the clips without a better mean error before it ends
-ALIGNMENT = slice(6, 9)  # of theta: what disorder speaks of (section 6.1)
-PHOTO = 64  # ticks that a herd of a photograph is let go before it begins anew
+ALIGNMENT = slice(6, 9)  # of theta: the numbers that disorder depends on (section 6.1)
+PHOTO = 64  # ticks that a herd of a photograph runs before it is restarted
 
 
 @dataclass
 class Descent:
-    """What a descent found.
+    """Result of a descent.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ class FollowedClip:
     beta : float
         Eq. 11.
     speed : SpeedSpec, optional
-        Of the animals; as the clip says unless told.
+        Of the animals; default: that of the clip.
     body, vision : BodySpec, VisionSpec
     extras : mapping
         Other parameters of the herd model.
@@ -179,7 +179,7 @@ class FollowedClip:
         )  # fmt: skip
 
     def _errors(self, herd, theta, t):
-        """Eqs. 7 and 8 of the next headings, and their slopes; disorder speaks of alignment alone."""
+        """Eqs. 7 and 8 of the next headings, and their slopes; disorder depends on alignment alone."""
         params, xy = herd.params, herd.xyz[:, :2]
         percept = perceive(xy, herd.forward[:, :2], self.body, self.vision, params, walls=self.around.walls)
         sight = sight_of(percept, params.neighbour_range, self.device)
@@ -239,6 +239,6 @@ def _speed_of(clip):
 
 
 def _with_disorder(still):
-    """The fields of a photograph: what nobody can see there is the paper's disorder, and no velocity."""
+    """The fields of a photograph: disorder as in the paper, and no velocity."""
     variance = np.where(np.isfinite(still.angular_variance), still.angular_variance, ALONE)
     return replace(still, angular_variance=variance)

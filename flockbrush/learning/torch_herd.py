@@ -42,7 +42,7 @@ class TorchPercept(NamedTuple):
 
 
 def device_of(name=None):
-    """Where to compute: a CUDA device when there is one, unless told."""
+    """The device for computing; default: a CUDA device if there is one."""
     if name is None or name == "auto":
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
     return torch.device(name)

@@ -1,4 +1,4 @@
-"""What is tried on clips: descents, herds that are run and compared with what was seen, and whether they stay so.
+"""Trials on clips: descents, and herds that are simulated, compared with the clip and tested for stability.
 
 Each is a task of its own, of numbers that JSON can hold, so that processes can share them and work that was done can be
 kept (`flockbrush.learning.workers`).
@@ -25,14 +25,14 @@ USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section
 WHERE_DENSITY_COUNTS = ("aspect", "spread", "density", "nearest neighbour", "largest part", "neighbours", "spacing")
 WHERE_ORDER_COUNTS = ("order nearby", "directions")
 FEWEST = 24  # frames, with fewer nothing is held back
-BEGINS = 0.0, 0.25, 0.5  # of the frames seen, where trials begin
+BEGINS = 0.0, 0.25, 0.5  # of the frames that are used, at which trials begin
 BEYOND = (10.0, 16.0)  # s, a herd is run on after the clip: four times its length, within
 DESCENT = 120  # steps on fields
 FEW, MANY = 3000, 12_000  # turns that a descent looks at, first and last
 SPANS = 0.1, 0.2  # s over which a turn is taken: short is sharp, long is less disturbed by noise
 COARSE_DT = 1 / 16  # s to a tick in the search; the choice is made with that of a level
 STAY = 20.0  # s
-OTHER_NUMBERS = 0.25, 4.0  # times as many animals
+OTHER_NUMBERS = 0.25, 4.0  # factors of the number of animals
 LOST = 4.0  # deviations from what it was, from which on a herd is just another one
 TOO_MANY = 1000  # animals: larger herds are not tried
 SIGHTS = 4.0, 8.0  # BL
@@ -95,7 +95,7 @@ class Setting:
     device: str = "auto"  # of descents on fields: cpu, cuda, or a graphics card where there is one
 
     def vision(self, extras):
-        """What animals see, as far as they answer to it."""
+        """What animals see, as far as they respond to it."""
         return VisionSpec(range=extras.get("neighbour_range", SIGHTS[0]), occlusion="occlusion" in self.use)
 
     @property
@@ -127,14 +127,14 @@ def _free(given):
 
 
 def _descend_on_turns(given, theta, extras, rows, span):
-    """As `descend`; None where nobody's turns can be told, as in a region so narrow that all may see beyond it."""
+    """As `descend`; None if no turns are known, as in a region so narrow that all animals may see beyond it."""
     from flockbrush.learning.turns import fit_turns, thinned
 
     turns, params, free = _turns(given, extras, span), params_of(theta, extras), _free(given)
     if turns is None or not len(turns.ticks):
         return None
     fit = fit_turns(thinned(turns, rows), theta, params, free=free, tolerance=1e-5)
-    unsaid = free & ~np.isfinite(fit.deviation)  # where no obstacle is seen, what is usual
+    unsaid = free & ~np.isfinite(fit.deviation)  # defaults where no obstacle is seen
     return {
         "theta": np.where(unsaid, theta_of(Params()), fit.theta).tolist(), "extras": extras, "loss": fit.loss.tolist(),
         "deviation": np.minimum(fit.deviation, 1e6).tolist(),
@@ -144,7 +144,7 @@ def _descend_on_turns(given, theta, extras, rows, span):
 
 
 def certainty(given: Setting, theta, extras) -> tuple[np.ndarray, np.ndarray] | None:
-    """(deviation (12,), correlation (12, 12)) of numbers as they are, by the turns; None where nobody's are told."""
+    """(deviation (12,), correlation (12, 12)) of the given numbers, from the turns; None without turns."""
     from flockbrush.learning.turns import fit_turns, thinned
 
     if not all(followed(clip) for clip in given.seen):
@@ -157,7 +157,7 @@ def certainty(given: Setting, theta, extras) -> tuple[np.ndarray, np.ndarray] | 
 
 
 def interaction(given: Setting, theta, extras):
-    """What forces with these numbers cause of the turns of the clips: as `Interaction`; {} where nobody's are told."""
+    """The part of the turns that forces with these numbers explain: an `Interaction` as dict; {} without turns."""
     if not all(followed(clip) for clip in given.seen):
         return {}
     turns = _turns(given, extras, SPANS[1])
@@ -271,7 +271,7 @@ def keep(given: Setting, theta, extras, seed):
                 fps=LOOKS / STAY, seed=seed,
             )  # fmt: skip
             parts = _not_ignored(given, order_off(run, clip, target))
-            if parts:  # a photograph tells neither order nor turning
+            if parts:  # a photograph shows neither order nor turning
                 measured.setdefault(f"{factor:g} times as many", []).append(_strayed(parts))
     figures = {name: float(np.mean(values)) for name, values in measured.items()}
     others = [value for name, value in figures.items() if name != "as many"]
@@ -285,7 +285,7 @@ def _strayed(parts):
 
 
 def simulate(clip: Evidence, params, speed, body, vision, seed=0, frame=0, seconds=None, dt=DT, looks=None):
-    """A herd with these numbers, begun as a frame of the clip; as far as the clip goes unless told.
+    """A herd with these numbers, started like a frame of the clip; default: to the end of the clip.
 
     Seen as often as the clip, or about ``looks`` times where nobody comes and goes between.
     """

@@ -1,4 +1,4 @@
-"""How animals turn, against how the herd model says they would: the sharpest thing a clip tells about its parameters.
+"""Observed turns of animals against those predicted by the herd model: the most precise evidence on its parameters.
 
 Animals that are seen one by one show by how much they turn from a frame to a later one.  The model says it, too: some
 ticks of it, with the neighbours where they were seen (teacher forcing), each body turned aside by those it touches and
@@ -36,12 +36,12 @@ PAIRS = 1_500_000  # visible neighbours that are looked at in a step, at most; o
 
 
 class Turns(NamedTuple):
-    """Turns that were seen, and all that the model needs to say them."""
+    """Observed turns, and all that the model needs to predict them."""
 
     percept: Percept  # of all frames together
     velocity: np.ndarray  # (n, 2) BL/s
     spin: np.ndarray  # (n,) rad/s, 0 where unknown
-    rows: np.ndarray  # (k,) of the percept: who was seen to turn and does not lead
+    rows: np.ndarray  # (k,) of the percept: animals with an observed turn that do not lead
     ticks: np.ndarray  # (k,) between the two looks; need not be whole
     turn: np.ndarray  # (k,) rad, counter-clockwise
     weight: np.ndarray  # (k,) 1, or less for whoever says less
@@ -69,12 +69,12 @@ class TurnFit:
 def turns_of(
     evidence, body=BODY, vision=VISION, params=None, *, span=SPAN, pairs=PAIRS, dt=DT, frames=None
 ) -> Turns | None:  # fmt: skip
-    """The turns in a clip; None where no animals were told apart.
+    """The turns in a clip; None if its animals are not separated.
 
     Parameters
     ----------
     body : BodySpec
-        Who touches whom; the radius counts as a share of the length.
+        For contacts; the radius counts as a share of the length.
     vision : VisionSpec
     params : Params, optional
         Of the herd model: range and the rule of who leads, who does not follow the forces and is left out.
@@ -134,7 +134,7 @@ def _look(seen, t, body, vision, walls, params):
 
 
 def _at_liberty(percept, rows, turn, half, radius, enough=40.0):
-    """(k,) weights: 0 for who is held fast by bodies that touch it and could not turn, if there are others.
+    """(k,) weights: 0 for animals that touching bodies keep from turning, if there are others.
 
     A disc turns on the spot, but one that does not turn at all is wedged.
     """
@@ -146,7 +146,7 @@ def _at_liberty(percept, rows, turn, half, radius, enough=40.0):
 
 
 def _seen_turns(seen, t, ahead, fps):
-    """By how much each animal of a frame turns, rad, and in how many seconds; NaN where nobody knows."""
+    """Turn of each animal of a frame, rad, and its duration, s; NaN if unknown."""
     here, there = seen.of(t), seen.of(min(t + ahead, len(seen) - 1))
     turn, seconds = seen.turn[here] * ahead / fps, np.full(here.stop - here.start, ahead / fps)
     track, later = seen.track[here], seen.track[there]
@@ -212,9 +212,9 @@ def fit_turns(
     params : Params, optional
         What theta has not (see `predicted`).
     free : (12,) bool array_like, optional
-        Which numbers may change; the others stay, as in an ablation.
+        Free numbers; the others are fixed, as in an ablation.
     steps : int
-        At most so many.
+        Upper limit.
     tolerance : float
         Ends when a step betters the likelihood of a turn by less.
     say : callable, optional
@@ -297,12 +297,12 @@ def best_fit(
             break
     best = min(last, key=lambda fit: fit.loss[-1])
     unsaid = ~np.isfinite(best.deviation) & (np.ones(12, bool) if free is None else np.asarray(free, bool))
-    theta = np.where(unsaid, theta_of(Params()), best.theta)  # where no wall is seen, what is usual
+    theta = np.where(unsaid, theta_of(Params()), best.theta)  # defaults where no wall is seen
     return replace(best, theta=theta, interrupted=any(fit.interrupted for fit in last))
 
 
 def thinned(turns: Turns, rows) -> Turns:
-    """At most so many of the turns, evenly."""
+    """An even subset of at most so many turns."""
     if len(turns.rows) <= rows:
         return turns
     some = np.linspace(0, len(turns.rows) - 1, rows).astype(int)
@@ -363,7 +363,7 @@ def _judged(turns, foretold, spread):
 
 
 def _step(theta, now, free, damping):
-    """One damped step, within the bounds: a number at its bound that would leave it stays."""
+    """One damped step within the bounds; a number at its bound that would leave it is fixed."""
     moving = free & ~((theta <= LEAST) & (now.pull <= 0)) & ~((theta >= MOST) & (now.pull >= 0))
     out = theta.copy()
     scale = np.diag(now.information)
@@ -376,7 +376,7 @@ def _step(theta, now, free, damping):
         move = np.zeros(12)
         move[moving] = np.linalg.solve(system, now.pull[moving])
         trial = theta + move
-        # those who hit a bound stop there, and the others move as if they were fixed
+        # numbers that reach a bound stop there; the others move as if these were fixed
         out = np.clip(trial, LEAST, MOST)
         hit = moving & (out != trial) & ((theta <= LEAST) | (theta >= MOST))
         if not hit.any():

@@ -24,10 +24,10 @@ from flockbrush.learning.simulate import shaken, simulated
 
 RUNS, RIVAL_RUNS, LONG_RUNS = 6, 2, 2
 ALONE, MEASURED, FPS = 20.0, 10.0, 4.0  # s a herd is left alone, of which the end is measured; looks a second
-LEAST_TOLD = 3  # measures, below which a clip tells nothing
+LEAST_TOLD = 3  # measures that a clip must determine
 NEARER = 0.7  # of a brush's distance: a rival is nearer below it
 FEWEST, SHORTEST = 5, 0.8  # animals; s
-GROWS = 1.5  # the largest exponent by which the spread of a clip is thought to go on growing
+GROWS = 1.5  # the largest exponent by which the spread of a clip is assumed to grow on
 STILL, ONWARDS = "nobody moves", "all animals keep their velocity"
 RANDOM = "random numbers"
 
@@ -52,13 +52,13 @@ class Contender:
 
 @dataclass
 class Judgement:
-    """What is said of a brush."""
+    """The judgement of a brush."""
 
     kind: str  # {"like", "partly", "rival", "untold"}
     sentence: str
     brush: Contender
     rivals: list[Contender]  # the nearest first
-    told: list[str]  # measures that the clip tells
+    told: list[str]  # measures that the clip determines
     seconds: float = 0.0  # of the clip that judged
     count: float = 0.0  # animals in it
     doubt: str = ""  # why that clip can judge nothing
@@ -197,7 +197,7 @@ def judge(
     brush : Brush or Learned
         Anything with ``params``, ``speed``, ``body`` and ``vision``.
     rivals : mapping of str to the same
-        Besides those that are always there: nobody moves, everybody goes on, random numbers.
+        Besides those that are always used: no motion, constant velocities, random parameters.
     say : callable, optional
         (how many are done, of how many).
     """
@@ -217,7 +217,7 @@ def judge(
 
 
 def concluded(mine: Contender, rivals: list[Contender], seconds: float, count: float, doubt="") -> Judgement:
-    """The judgement of what was compared, on so many seconds of so many animals, unless there is a doubt."""
+    """The judgement of a comparison, for its duration and number of animals, unless there is a doubt."""
     told = [row.name for row in mine.rows if not row.met or any(r.missed([row.name]) for r in rivals)]
     rivals = sorted(rivals, key=lambda r: r.distance(told))
     kind, sentence = _said(mine, rivals, told, seconds, count)

@@ -29,13 +29,13 @@ from flockbrush.learning.turns import Turns, all_turns, seen_otherwise, turns_of
 HERD = "herd"
 SPAN = 0.15  # s over which a step is taken
 BLOCK, BLOCKS = 1.0, (4, 16)  # s, about; of each clip
-FEWEST_BLOCKS = 6  # in all, below which nothing is told apart
+FEWEST_BLOCKS = 6  # in all that are needed to distinguish models
 TURNS = 2500  # that are looked at in all
-REFERENCE = VisionSpec(range=8.0), Params(neighbour_range=8.0)  # who leads by this sight follows no forces: left out
-ERRORS = 3.0  # standard errors between two models that are told apart,
+REFERENCE = VisionSpec(range=8.0), Params(neighbour_range=8.0)  # leaders by this perception follow no forces: left out
+ERRORS = 3.0  # standard errors between two models that are distinguished,
 LEAST = 0.01  # and so much of the logarithm of the likelihood of a step
-NOISIEST = 0.2  # rad: turns with more noise tell nothing, as of animals that push each other about
-CLEAR = 1.5  # times the noise of headings: turns that are smaller tell nothing
+NOISIEST = 0.2  # rad: turns with more noise are not used, as of animals that push each other
+CLEAR = 1.5  # times the noise of headings: smaller turns are not used
 
 
 @dataclass
@@ -53,9 +53,9 @@ class ModelRow:
     # best itself
     behind: float = 0.0
     behind_error: float = 0.0
-    told_apart: bool = False  # whether the blocks tell it from the best
+    told_apart: bool = False  # whether it is distinguished from the best
     spread: float = math.nan  # of what is left over, rad
-    # of its simulated herds from the frames held out, in limits of the battery; NaN where that was not asked
+    # of its simulated herds from the frames held out, in limits of the battery; NaN if that was not computed
     distance: float = math.nan
     blocks: np.ndarray = field(default_factory=lambda: np.zeros(0))
     halves: list[Any] = field(default_factory=list)  # parameters by the fold they were fitted without
@@ -73,21 +73,21 @@ class ModelComparison:
     rows: list[ModelRow]
     straight: float  # the score of going straight on
     blocks: int
-    reason: str = ""  # why nothing is told apart; "" where something is
+    reason: str = ""  # why no models are distinguished; "" if some are
 
     @property
     def equal(self) -> list[str]:
-        """Names of the best and of all that are not told from it."""
+        """Names of the best and of all that cannot be distinguished from it."""
         return [row.name for row in self.rows if not row.told_apart]
 
     @property
     def chosen(self) -> ModelRow:
-        """The best; the herd where it is not told from the best."""
+        """The best; the herd if it cannot be distinguished from the best."""
         return next((row for row in self.rows if row.name == HERD and not row.told_apart), self.rows[0])
 
     @property
     def sentence(self) -> str:
-        """Which is told apart, and which is not."""
+        """A sentence on which models are distinguished, and which are not."""
         best, names = self.rows[0], self.equal
         if self.reason:
             return f"The models cannot be distinguished on this clip: {self.reason}."
@@ -134,7 +134,7 @@ def compare_models(
     clips : sequence of Evidence
         Whole herds on open ground, whose animals are told apart (`problem_of`).
     names : sequence of str, optional
-        Of likelihoods; all unless told.
+        Of likelihoods; default: all.
     seed : int
         Of the searches.
     say : callable, optional
@@ -247,7 +247,7 @@ def _ranked(rows, blocks) -> ModelComparison:
 
 
 def _reason(rows, blocks, every, straight) -> str:
-    """Why nothing can be told; "" where something may."""
+    """Why the models cannot be compared; "" if they can."""
     usual = float(np.sqrt(np.average(every.turn**2, weights=np.maximum(every.weight, 1e-12))))
     if len(blocks.frames) < FEWEST_BLOCKS:
         return f"it has {len(blocks.frames)} blocks of {BLOCK:g} s, but {FEWEST_BLOCKS} are needed"

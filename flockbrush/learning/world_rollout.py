@@ -25,7 +25,7 @@ def _by_params() -> dict[type, str]:
 
 
 def model_of(params) -> Behaviour:
-    """The model whose parameters these are."""
+    """The model of these parameters."""
     return behaviours()[_by_params()[type(params)]]
 
 
@@ -35,7 +35,7 @@ def needs_world(params, vision) -> bool:
 
 
 def brush_of_parts(params, speed, body, vision) -> Brush:
-    """A brush of these parts whose animals are one metre long: metres are body lengths then."""
+    """A brush of these parts with animals one metre long, so that metres are body lengths."""
     return Brush(
         name="rollout", model=model_of(params).name, params=params, speed=speed, vision=vision,
         body=BodySpec(length=1.0, radius=min(body.radius / body.length, 0.5), contact=body.contact),

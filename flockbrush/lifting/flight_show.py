@@ -1,4 +1,4 @@
-"""A flight to be looked at: read or lifted, solved anew as wishes change, exported, made into a formation brush.
+"""A flight for viewing: read or lifted, solved again when settings change, exported, made into a formation brush.
 
 Nothing here draws, and nothing knows of windows; `flockbrush.studio.lift_window` shows it.
 """
@@ -23,8 +23,8 @@ from flockbrush.lifting.lift_thesis import lift_by_thesis
 from flockbrush.render.gaits import BEAT, FASTEST_BEAT
 
 GLANCE = 5  # while a slider is dragged every so manieth frame is solved
-SPANS = 2.5  # wingspans from bird to bird, taken for usual where nobody has said how large they are
-USUAL_SPAN = (0.15, 2.5)  # m: nobody is taken to be smaller or larger
+SPANS = 2.5  # wingspans from bird to bird, assumed if their size is not given
+USUAL_SPAN = (0.15, 2.5)  # m: limits of the assumed wingspan
 SLENDER = 0.62  # body length over wingspan
 ENDINGS = (".csv", ".parquet", ".usdc", ".usda")
 METHODS = ("smooth", "cobyla")
@@ -268,7 +268,7 @@ class Show:
         return found
 
     def formation_level(self, k, path) -> Path:
-        """Write a brush as `formation_brush`, and beside it a level in which so many birds fly with it; that level.
+        """Write a brush as `formation_brush` and a level in which birds fly with it; returns the level's path.
 
         The brush goes into the folder ``brushes`` there, where levels look for brushes.
         """
@@ -293,7 +293,7 @@ class Show:
         return sky.save(folder / f"{name}.tmj")
 
     def formation_brush(self, k, path, like="geese") -> str:
-        """Write a brush whose birds fly as those of frame k; what was made, in words.  The caller has claimed the file.
+        """Write a brush of the formation of frame k; returns a sentence about it.  The caller has claimed the file.
 
         Raises
         ------
@@ -317,7 +317,7 @@ class _AsRun:
             name=source.name, files={source.name: content}, width=0.0, height=0.0, boundary="open"
         )
         self.origin, self.clock, self.world = {"seed": 0}, SimpleNamespace(dt=1 / show.flight.fps), self
-        self.next_entity = 1  # nobody was born here, so there are no groups
+        self.next_entity = 1  # no births, so there are no groups
 
     def resource(self, kind):
         """Names of species and of brushes: one species, and no brush; it flies. Of all else there is nothing."""
@@ -396,7 +396,7 @@ class Solver:
         def work():
             try:
                 job.flight = self.show.solved(wanted, glance)
-            except Exception as error:  # noqa: BLE001  told where somebody looks
+            except Exception as error:  # noqa: BLE001  shown in the window
                 job.error = error
             job.seconds = time.perf_counter() - job.began
 

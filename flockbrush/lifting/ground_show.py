@@ -14,8 +14,8 @@ from flockbrush.lifting.flight_show import Show
 from flockbrush.lifting.flight_table import read_flight, table_header
 from flockbrush.lifting.lift_solver import LiftedFlight
 
-FLAT = 0.01  # m: who is never higher walks
-UNSIZED = 1.0  # m that a body length is drawn as where tracks do not tell it
+FLAT = 0.01  # m: animals that are never higher walk
+UNSIZED = 1.0  # m: the drawn body length if the tracks do not give one
 
 
 class GroundShow(Show):
@@ -61,7 +61,7 @@ def _flat(evidence, length):
 def open_show(path, camera=None, looking: Looking | None = None) -> Show:
     """What a file of tracks shows: a flight, birds lifted by a camera, or animals on the ground.
 
-    A table of Flockbrush in which nobody leaves the ground is shown as animals on the ground.
+    A table of Flockbrush in which no animal leaves the ground is shown as animals on the ground.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def open_show(path, camera=None, looking: Looking | None = None) -> Show:
 
 
 def _on_ground(path):
-    """Whether nobody of a table of flights is ever above the ground."""
+    """Whether no animal of a table of flights is ever above the ground."""
     try:
         return bool(np.nanmax(np.abs(read_flight(path).xyz[..., 2])) < FLAT)
     except ProblemsError:

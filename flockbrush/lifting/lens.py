@@ -35,7 +35,7 @@ class Camera(BaseModel):
     @field_validator("*", mode="before")
     @classmethod
     def _is_number(cls, value):
-        """TOML tells numbers from texts and from true and false; so does the camera."""
+        """Whether a value of TOML is a number; true and false are not."""
         if isinstance(value, bool | str):
             raise PydanticCustomError("number_type", "must be a number")
         return value

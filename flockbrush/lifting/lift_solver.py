@@ -30,10 +30,10 @@ from flockbrush.lifting.motion_prior import Manner, compute_manner
 from flockbrush.lifting.order_confidence import order_confidence
 
 EVENNESS = 10.0  # of speeding up over turning, for the whole flock.  By trial: 1 to 30 will do for boids and pigeons
-FLOCK = 8.0  # of alignment and cohesion over what the picture tells of them.  By trial: 4 to 16
+FLOCK = 8.0  # of alignment and cohesion over their values in the picture.  By trial: 4 to 16
 VOLUME = 2.0  # what a pixel sees grows with depth to this
 STEPS, SETTLED = 16, 2e-3  # of Newton's method at most; the largest relative change of a depth at which it ends
-TOSS = 0.6  # share of pairs expected in the right order, below which it is said
+TOSS = 0.6  # share of pairs expected in the right order, below which there is a note
 EVEN = "all birds are placed at one distance, so that their mean speed is the one in the camera file"
 COARSE = 0.1  # the same, for a look while a slider is dragged
 WISHES = {"smoothness": 1e6, "flock": 1e6, "evenness": 1e6, "separation": 1.0, "separation_distance": 1e3}  # at most
@@ -41,7 +41,7 @@ MOST = 150_000_000  # numbers in the banded system: 1.2 GB
 
 
 class LiftError(ValueError):
-    """Tracks that cannot be lifted, in a sentence for whoever asked."""
+    """Tracks that cannot be lifted; the message is for the user."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class LiftedFlight:
 
 @dataclass
 class PreparedTracks:
-    """Tracks made ready for lifting: what stays the same whatever is wished."""
+    """Tracks prepared for lifting: everything that does not depend on the settings."""
 
     px: np.ndarray  # (F, N, 2); smoothed, gaps bridged; NaN where a bird is not there
     rays: np.ndarray  # (F, N, 3); unit vectors
@@ -277,7 +277,7 @@ class _System:
         return int(wide)
 
     def filled(self, depth):
-        """(F, N) of one depth, NaN where nobody is."""
+        """(F, N) of one depth, NaN where there is no bird."""
         return np.where(self.there, depth, np.nan)
 
     def empty(self):
@@ -395,7 +395,7 @@ def _apart(system, bands, depth, wish, rounds=4):
     stiff[:, 0] += system.volume / found**2
     pull = banded_product(stiff, found)
     weight = float(np.median(stiff[:, 0])) * wish.separation
-    behind = np.sign(np.nan_to_num(depth[:, :, None] - depth[:, None]).sum(0))  # who is behind whom, all the time
+    behind = np.sign(np.nan_to_num(depth[:, :, None] - depth[:, None]).sum(0))  # order in depth of every pair
     behind += np.triu(behind == 0) - np.tril(behind == 0).astype(float)
     crowded: set = set()
     for _ in range(rounds):

@@ -22,7 +22,7 @@ from scipy.linalg import cholesky_banded
 from scipy.optimize import minimize
 
 LAG = 0.25  # s between the places compared: what is faster is smoothed noise
-USUAL = (2.0, 0.3)  # 1/s^2, 1/s^4: where too little is seen to tell; those of boids at a polarization of .99
+USUAL = (2.0, 0.3)  # 1/s^2, 1/s^4: defaults if too little is seen; those of boids at a polarization of .99
 BOUNDS = ((1e-3, 100.0), (1e-6, 1000.0))  # of the two weights
 TURNING = (1e-3, 1.0)  # the bounds of the third
 
@@ -82,7 +82,7 @@ def _spread(rays, there, lag, steps):
 
 
 def _turning(rays, there, lag, spread):
-    """Weight of the middle's acceleration, from what is seen of it across the line of sight.
+    """Weight of the centre's acceleration, from its motion across the line of sight.
 
     Of a straight flight at even speed a camera sees an acceleration along its way alone: minus twice the relative speed
     away, times the speed across.  That is taken out, the relative speed as a line in time.
@@ -111,7 +111,7 @@ def _turning(rays, there, lag, spread):
 
 
 def _log_determinant(weights, length, step):
-    """Of the matrix of the three terms along one path of so many places."""
+    """Log determinant of the matrix of the three terms along one path of given length."""
     alignment, cohesion, _ = weights
     bands = np.zeros((3, length))
     for weight, steps in ((cohesion, (1,)), (alignment / step**2, (-1, 1)), (1 / step**4, (1, -2, 1))):

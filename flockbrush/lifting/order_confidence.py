@@ -18,18 +18,18 @@ from scipy.special import ndtr
 SHARPNESS = 0.22  # of the probabilities.  By trial on 24 tight flocks of 5 and 10 birds of `benchmarks/lift.py depth`
 MOMENTS = 3  # frames in which pairs are looked at
 BIRDS = 12  # in a frame
-MOST = 40_000_000  # numbers in the banded system, above which nobody is asked
+MOST = 40_000_000  # numbers in the banded system, above which it is not computed
 
 
 def order_confidence(bands, depth, number, there) -> float:
-    """Share of the pairs of birds whose order in depth is expected to be right, .5 to 1; NaN where it is not known.
+    """Share of the pairs of birds whose order in depth is expected to be right, .5 to 1; NaN if unknown.
 
     Parameters
     ----------
     bands : (n, wide) ndarray
         Upper half of the curvature of the cost at these depths, as in `flockbrush.lifting.banded`.
     depth, number, there : (F, N) ndarray
-        Depths, rows of the system, and who is there.
+        Depths, rows of the system, and which birds are present.
     """
     if bands.size > MOST or not there.sum(1).max(initial=0) > 1:
         return float("nan")

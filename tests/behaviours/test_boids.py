@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.models.boids import URGES, Given, Params, WishColumns, handed_out, rule_of
 from flockbrush.components import Body, Heading, Position, Velocity
-from flockbrush.engine import parallel
-from flockbrush.engine.parallel import set_threads
 from flockbrush.engine.raster import Raster
-from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.systems.commands import Migrate
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.measures import compute_largest_part, compute_polarization
@@ -16,17 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 from small_flock import BOIDS, only, wishes_of
-from small_herd import (
-    boids,
-    box,
-    brush,
-    meadow,
-    obstacle,
-    put,
-    put_aloft,
-    room_in_the_air,
-    spawn,
-)
+from small_herd import boids, box, brush, meadow, obstacle, put, put_aloft, room_in_the_air, spawn
 
 
 def flock(n=150, side=8.0, seed=1, heading=None, things=None, **parameters):
@@ -373,72 +360,6 @@ def test_a_flock_is_split_by_a_tower_and_joins_again():
     assert parts[0] == 1.0
     assert parts[split] < 0.9
     assert max(parts[split:]) == 1.0
-
-
-# the same bits --------------------------------------------------------------------------------------
-
-
-def lively(shuffle_seed=None):
-    """Sheep, elephants' size of sheep, sparrows with occlusion, a falcon, things that move."""
-    sheep = brush("sheep", mean=1.5, speed={"deviation": 0.2})
-    sparrow = brush(
-        "sparrow", "boids", 40.0, {"length": 0.15, "radius": 0.035, "contact": "disc"},
-        {"range": 30.0, "field_of_view": 300.0}, speed={"deviation": 3.0}, height=4.0,
-    )  # fmt: skip
-    falcon = boids("falcon", 30.0, "raptor")
-    hoop = obstacle(box(20, 10, 21, 30), "hoop")
-    hoop.z_min, hoop.z_max, hoop.shape = 6.0, 8.0, "box"
-    pole = obstacle(box(26, 18, 28, 20), "pole")
-    pole.shape = "cylinder"
-    simulation = meadow(sheep, sparrow, falcon, boundary="wall", obstacles=[hoop, pole], shuffle_seed=shuffle_seed)
-    rng = np.random.default_rng(6)
-    put(simulation, rng.uniform(3, 37, (20, 2)), np.arange(20.0), brush="sheep", species="sheep")
-    put_aloft(simulation, rng.uniform(3, 12, (40, 3)), brush="sparrow", species="sparrow")
-    put_aloft(simulation, (35, 35, 15), (-1, -1, 0), brush="falcon", species="falcon")
-    simulation.submit(Migrate(30.0, 20.0, 5.0, species="sparrow"), 5)
-    simulation.submit(Migrate(10.0, 30.0, 5.0, seconds=1.0, species="sparrow"), 20)
-    simulation.submit(Migrate(20.0, 20.0, 5.0, species="falcon"), 10)
-    return simulation
-
-
-@pytest.mark.parametrize("shuffle", range(2))
-def test_the_order_inside_a_stage_does_not_matter_to_a_flock(shuffle):
-    plain, shuffled = lively(), lively(shuffle)
-    plain.run(60)
-    shuffled.run(60)
-    assert state_hash(plain.world) == state_hash(shuffled.world)
-
-
-def test_the_number_of_threads_changes_no_bit_of_a_flock(monkeypatch):
-    monkeypatch.setattr(parallel, "WORTH", 0)
-    monkeypatch.setattr(parallel, "SMALL", 8)
-    monkeypatch.setattr(parallel, "PROBE", 4)
-    before = set_threads(1)
-    try:
-        one = lively()
-        one.run(50)
-        set_threads(3)
-        many = lively()
-        many.run(50)
-    finally:
-        set_threads(before)
-    assert state_hash(one.world) == state_hash(many.world)
-
-
-def test_a_flock_goes_on_from_a_snapshot():
-    simulation, fresh = lively(), lively()
-    simulation.run(30)
-    restore(fresh.world, snapshot(simulation.world))
-    simulation.run(30)
-    fresh.run(30)
-    assert state_hash(fresh.world) == state_hash(simulation.world)
-
-
-def test_every_system_writes_only_what_it_says_with_birds_about():
-    simulation = lively()
-    for _ in range(12):
-        assert simulation.schedule.undeclared_writes(simulation.world) == []
-        simulation.clock.tick += 1
 
 
 def test_a_flock_is_born_between_its_altitude_and_so_much_higher():

@@ -6,18 +6,7 @@ from flockbrush.components import Position, Velocity
 from flockbrush.systems.commands import Migrate, MoveObstacle
 from flockbrush.systems.landscape import Landscape
 from small_flock import only, wishes_of
-from small_herd import (
-    boids,
-    box,
-    brush,
-    gaps_to_solid,
-    meadow,
-    obstacle,
-    put,
-    put_aloft,
-    room_in_the_air,
-    spawn,
-)
+from small_herd import boids, box, brush, gaps_to_solid, meadow, obstacle, put, put_aloft, room_in_the_air, spawn
 
 LENGTH = 0.2
 

@@ -283,41 +283,6 @@ def test_a_random_program_reads_back_the_same(seed):
         assert plain(read_condition(plain(trigger.when))[0]) == plain(trigger.when)
 
 
-@pytest.mark.parametrize("seed", range(60))
-def test_a_damaged_program_is_a_program_or_problems_and_nothing_else(seed):
-    rng = random.Random(1000 + seed)
-    for _ in range(10):
-        text = random_program(rng)
-        for _ in range(rng.randint(1, 3)):
-            text = damaged(rng, text)
-        loaded(text)
-
-
-def damaged(rng, text):
-    """A text with something left out, doubled, moved, or put in another's place."""
-    lines = text.splitlines() or [""]
-    k, m = rng.randrange(len(lines)), rng.randrange(len(lines))
-    action = rng.randrange(6)
-    if action == 0:
-        del lines[k]
-    elif action == 1:
-        lines.insert(m, lines[k])
-    elif action == 2:
-        lines[k], lines[m] = lines[m], lines[k]
-    elif action == 3 and "=" in lines[k]:  # another value for a name
-        key = lines[k].split("=", 1)[0]
-        odd = ["3", "-1", "true", '""', '"x"', "[]", "{}", "[1, 2]", '"9..1 s"', "nan", "1e400", "9" * 30, '"\\u0000"']
-        lines[k] = f"{key}= {rng.choice(odd)}"
-    elif action == 4 and lines[k]:  # a letter
-        at = rng.randrange(len(lines[k]))
-        lines[k] = lines[k][:at] + rng.choice("abc{}[]\"'=,.0 \\\u0000é") + lines[k][at + rng.randint(0, 1) :]
-    else:
-        words = lines[k].split(" ")
-        words[rng.randrange(len(words))] = rng.choice(["sees", "to", "from", "when", "any", "not", "then", "="])
-        lines[k] = " ".join(words)
-    return "\n".join(lines)
-
-
 @pytest.mark.parametrize("seed", range(12))
 def test_a_random_program_runs(seed):
     """It goes on for half a second, finite, everybody in a state that there is, and twice the same."""

@@ -3,25 +3,17 @@
 import json
 import os
 import signal
-import struct
 import subprocess
 import sys
-import zlib
 
+import crafted
 import numpy as np
 import pytest
 from flockbrush.components.agent import Position
 from flockbrush.engine import recording as module
 from flockbrush.engine import recording_format
 from flockbrush.engine.clock import Clock
-from flockbrush.engine.recording import (
-    Recorder,
-    Recording,
-    RecordingError,
-    first_difference,
-    open_recording,
-    resume,
-)
+from flockbrush.engine.recording import Recorder, Recording, RecordingError, first_difference, open_recording, resume
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from small_meadow import Whistle, meadow, submit
@@ -200,16 +192,8 @@ def test_a_missing_file_and_a_folder_are_refused(tmp_path):
         Recording.create(tmp_path, HEADER, {})
 
 
-def crafted(kind, data, claimed=None, packed=True):
-    """A record with a right checksum whatever its content."""
-    stored = zlib.compress(data) if packed else data
-    size = len(data) if claimed is None else claimed
-    head = recording_format.RECORD.pack(kind, packed, 0, len(stored), size, 1, 0)[:-4]
-    return head + struct.pack("<I", zlib.crc32(stored, zlib.crc32(head))) + stored
-
-
 def beginning(header):
-    return recording_format.beginning(1) + crafted(b"H", json.dumps(header).encode())
+    return recording_format.beginning(1) + crafted.record(b"H", 1, json.dumps(header).encode())
 
 
 @pytest.mark.parametrize(
@@ -227,7 +211,7 @@ def test_a_forged_header_is_refused(tmp_path, header):
 
 def test_a_forged_asset_is_refused(tmp_path):
     header = {"seed": 1, "dt": 1, "assets": {"x": {"bytes": 1, "sha256": "00" * 32}}}
-    (tmp_path / "run.fbr").write_bytes(beginning(header) + crafted(b"A", b"x\0y"))
+    (tmp_path / "run.fbr").write_bytes(beginning(header) + crafted.record(b"A", 1, b"x\0y"))
     with pytest.raises(RecordingError, match="does not match its hash in the header"):
         open_recording(tmp_path / "run.fbr")
 
@@ -236,7 +220,7 @@ def test_a_bomb_is_not_let_off(tmp_path, monkeypatch):
     """A few thousand bytes that unpack to many more than they say, or than is allowed."""
     start = beginning({"seed": 1, "dt": 1, "assets": {}})
     for claimed in (10, 1 << 31):
-        (tmp_path / "run.fbr").write_bytes(start + crafted(b"C", b" " * 5_000_000, claimed))
+        (tmp_path / "run.fbr").write_bytes(start + crafted.record(b"C", 1, b" " * 5_000_000, claimed))
         run = open_recording(tmp_path / "run.fbr")
         assert run.truncated and "are ignored" in run.notice
 
@@ -244,7 +228,7 @@ def test_a_bomb_is_not_let_off(tmp_path, monkeypatch):
 @pytest.mark.parametrize("text", ['["Fly", {}]', "[1, 2]", "{}", '["Whistle", {"metres": "far"}]', "[" * 9000, "\\"])
 def test_a_forged_command_is_refused(tmp_path, text):
     (tmp_path / "run.fbr").write_bytes(
-        beginning({"seed": 1, "dt": 1, "assets": {}}) + crafted(b"C", text.encode(), packed=False)
+        beginning({"seed": 1, "dt": 1, "assets": {}}) + crafted.record(b"C", 1, text.encode(), pack=False)
     )
     with pytest.raises(RecordingError, match="tick 1"):
         _ = open_recording(tmp_path / "run.fbr").commands
@@ -252,7 +236,7 @@ def test_a_forged_command_is_refused(tmp_path, text):
 
 def test_a_forged_snapshot_is_refused(tmp_path):
     start = beginning({"seed": 1, "dt": 1, "assets": {}})
-    (tmp_path / "run.fbr").write_bytes(start + crafted(b"K", b"no snapshot at all"))
+    (tmp_path / "run.fbr").write_bytes(start + crafted.record(b"K", 1, b"no snapshot at all"))
     run, (world, _) = open_recording(tmp_path / "run.fbr"), meadow()
     before = module.state_hash(world)
     with pytest.raises(RecordingError, match="snapshot of tick 1"):
@@ -262,7 +246,9 @@ def test_a_forged_snapshot_is_refused(tmp_path):
 
 def test_a_kind_of_record_that_comes_later_is_passed_over(tmp_path):
     start = beginning({"seed": 1, "dt": 1, "assets": {}})
-    (tmp_path / "run.fbr").write_bytes(start + crafted(b"Z", b"?") + crafted(b"S", b"12345678") + crafted(b"E", b""))
+    (tmp_path / "run.fbr").write_bytes(
+        start + crafted.record(b"Z", 1, b"?") + crafted.record(b"S", 1, b"12345678") + crafted.record(b"E", 1, b"")
+    )
     run = open_recording(tmp_path / "run.fbr")
     assert (list(run.hashes), run.truncated) == ([1], False)
 

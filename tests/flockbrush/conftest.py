@@ -3,8 +3,11 @@
 from types import SimpleNamespace
 
 import pytest
+from flockbrush.engine.recording import open_recording, resume
 from pens import pen
 from processes import other_process
+
+from flockbrush.runs.run import rebuild
 
 
 @pytest.fixture
@@ -40,6 +43,27 @@ def shared(tmp_path_factory):
 def level(shared):
     """The path of a pen with 24 sheep."""
     return pen(shared)
+
+
+@pytest.fixture(scope="session")
+def command():
+    """``command("export", path, ...)`` in this process, for fixtures that tests share; it must succeed."""
+    from flockbrush.cli.main import called
+
+    def run(*arguments):
+        assert called([str(argument) for argument in arguments]) == 0
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def lived(recording):
+    """The simulation at the end of the recording (tick 40, 1.25 s)."""
+    run = open_recording(recording)
+    simulation = rebuild(run)
+    resume(run, simulation.world)
+    simulation.run(40)
+    return simulation
 
 
 @pytest.fixture(scope="session")

@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 from flockbrush.behaviours.brush import VisionSpec, shipped
 
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import Camera, evidence_of_truth, shoot
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.learned_parameters import Attempt, Learned
 from flockbrush.learning.recipe import SearchSettings
 from flockbrush.learning.rollout import theta_of
-from tests.foreign_herds import herd
-from tests.herd_film import Camera, evidence_of_truth, shoot
 
 FILMS = {}  # by path
 

@@ -5,7 +5,6 @@ import json
 import shutil
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from clusters import dask_cluster
@@ -13,8 +12,8 @@ from flockbrush.engine.commands import COMMANDS
 from flockbrush.engine.fingerprint import Build
 from flockbrush.engine.recording import open_recording
 from processes import HOUSE, environment, other_process
+from small_sweep import FLOCKS, here, sweep_file
 from test_replaying import copied
-from test_sweep import FLOCKS, sweep_file
 
 from flockbrush.runs.builds import OURS, build_of_run, build_of_sweep, build_of_worker, differences
 from flockbrush.runs.cluster import MixedCode, OtherCode, work_as
@@ -70,8 +69,13 @@ def sweep(tmp_path):
     return read_sweep(sweep_file(tmp_path, FEW))
 
 
-def here():
-    return ThreadPoolExecutor(2)
+SWEEP = """
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from flockbrush.studies.sweep import sweep_to
+from flockbrush.studies.sweep_file import read_sweep
+sweep_to(read_sweep(sys.argv[1]), sys.argv[2], lambda: ThreadPoolExecutor(2), 2)
+"""
 
 
 # recordings --------------------------------------------------------------------------------
@@ -178,7 +182,7 @@ def test_a_journal_begins_with_its_build(sweep, tmp_path):
 
 def test_a_sweep_does_not_go_on_with_the_runs_of_other_code(edited, tmp_path):
     file, out = sweep_file(tmp_path, FEW), tmp_path / "out"
-    assert other_process("sweep", file, "--out", out, "--jobs", 1).returncode == 0
+    subprocess.run([sys.executable, "-c", SWEEP, file, out], env=environment(), timeout=300, check=True)
     before = (out / JOURNAL).read_bytes()
     done = other_process("sweep", file, "--out", out, "--jobs", 1, "--resume", cwd=tmp_path, PYTHONPATH=edited)
     assert done.returncode == 1
@@ -196,7 +200,8 @@ def test_a_sweep_does_not_go_on_with_runs_of_nobody_knows_what(cli, sweep, tmp_p
     assert "its 8 runs were made by unknown code; choose another --out" in told
 
 
-def test_other_libraries_are_named_and_another_processor_is_not(cli, sweep, tmp_path):
+def test_other_libraries_are_named_and_another_processor_is_not(cli, sweep, tmp_path, monkeypatch):
+    monkeypatch.setattr("flockbrush.studies.sweep_report.write_files", lambda *what: [])  # pictures take seconds
     out = tmp_path / "out"
     sweep_to(sweep, out, here, 2)
     path = out / JOURNAL

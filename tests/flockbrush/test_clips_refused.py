@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from clip_film import film, song
 
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import STILL, shoot
 from flockbrush.cli.field_commands import _says
-from tests.foreign_herds import herd
-from tests.herd_film import STILL, shoot
 
 SIZE = (160, 120)
 
@@ -59,12 +59,7 @@ REFUSED = [
         "inside the picture of 240 x 180",
         False,
     ),
-    (
-        "plain.mp4",
-        ("--landmark", "0:10,10,40,40", "--landmark", "9:90,50,40,40"),
-        "has no corners to track",
-        True,
-    ),
+    ("plain.mp4", ("--landmark", "0:10,10,40,40", "--landmark", "9:90,50,40,40"), "has no corners to track", True),
     ("folder.mp4", (), "is a folder, not a clip", False),
     ("missing.mp4", (), "there is no such file", False),
 ]

@@ -7,14 +7,14 @@ import pytest
 from flockbrush.engine.problems import ProblemsError
 
 import flockbrush
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import evidence_of_truth
 from flockbrush.learning import learn as learning
 from flockbrush.learning.learn import BrushTask, LearnOptions, _compare, _refitted, _refuse_strangers
 from flockbrush.learning.learned_parameters import Learned
 from flockbrush.learning.result import Findings
 from flockbrush.learning.rollout import theta_of
 from flockbrush.learning.verdict import judge
-from tests.foreign_herds import herd
-from tests.herd_film import evidence_of_truth
 
 
 @pytest.fixture(scope="module")

@@ -13,16 +13,14 @@ import numpy as np
 import pytest
 from browser import Browser, chromium
 from flockbrush.components import Heading, Position
-from flockbrush.engine.recording import open_recording, resume
 from flockbrush.systems.landscape import Landscape
 from godot import node_module
-from processes import other_process
 from scene_in_browser import open_scene
 from test_usd import turning
 
 from flockbrush.output.formats.gltf_scene import GltfScene
 from flockbrush.render.gaits import looks_of
-from flockbrush.runs.run import rebuild, start
+from flockbrush.runs.run import start
 from flockbrush.runs.run_edits import rows_of
 from flockbrush.runs.snapshots import moment_of, words_of
 
@@ -108,23 +106,12 @@ def y_up(xyz):
 
 
 @pytest.fixture(scope="module")
-def scenes(shared, recording):
+def scenes(shared, recording, command):
     """{mode: path} of the recording as glTF, at 16 frames a second."""
     paths = {mode: shared / f"pen-{mode}.glb" for mode in MODES}
     for mode, path in paths.items():
-        done = other_process("export", recording, "--to", path, "--gltf-mode", mode)
-        assert done.returncode == 0, done.stderr
+        command("export", recording, "--to", path, "--gltf-mode", mode)
     return paths
-
-
-@pytest.fixture(scope="module")
-def lived(recording):
-    """The simulation at the last moment of those exports (tick 40, 1.25 s)."""
-    run = open_recording(recording)
-    simulation = rebuild(run)
-    resume(run, simulation.world)
-    simulation.run(40)
-    return simulation
 
 
 def test_every_animal_is_a_node_where_it_was_and_looks_where_it_looked(scenes, lived):
@@ -331,12 +318,6 @@ def test_too_many_animals_for_nodes_are_sent_to_the_crowd(cli, recording, tmp_pa
     assert done.code == 1
     assert "--gltf-mode crowd" in done.err
     assert list(tmp_path.iterdir()) == []
-
-
-def test_the_same_recording_gives_the_same_bytes(cli, recording, tmp_path):
-    for name in ("a.glb", "b.glb"):
-        assert cli("export", recording, "--to", tmp_path / name, "--fps", 4).code == 0
-    assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()
 
 
 # other people's tools ------------------------------------------------------------------

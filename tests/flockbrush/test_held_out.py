@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks import herd_film
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import Camera, Look, shoot
 from flockbrush.film.observations import SIGHT_COLUMNS
 from flockbrush.film.open_clip import Looking, look_at, looked_apart
 from flockbrush.learning.recipe import SearchSettings, learn
-from tests import herd_film
-from tests.foreign_herds import herd
-from tests.herd_film import Camera, Look, shoot
 
 FRAMES = 40
 

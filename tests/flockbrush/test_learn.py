@@ -307,12 +307,7 @@ def test_a_brush_of_birds_cannot_do_a_clip_again(cli, films, quick):
 
 
 @pytest.mark.slow
-def test_a_small_film_is_looked_at_learned_and_done_again(cli, films, tmp_path, monkeypatch):
-    import flockbrush.learning.learn
-
-    monkeypatch.setattr(flockbrush.learning.learn, "QUICK_BUDGET", 1.0)
-    monkeypatch.setattr(flockbrush.learning.learn, "with_other_numbers", lambda *_: [])
-    monkeypatch.setattr(flockbrush.learning.learn, "with_other_starts", lambda *_: [])
+def test_a_small_film_is_looked_at_learned_and_done_again(cli, films, hasty_learning, tmp_path):
     out = tmp_path / "lambs.brush.toml"
     done = cli("learn", films / "one.mp4", "--out", out, "--quick", "--jobs", 1, "--json")
     assert done.code == 0, done.err

@@ -21,8 +21,14 @@ def digest_of(given, number):
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory):
-    with dask_cluster(PYTHONPATH=str(Path(__file__).parent)) as (found, _):
+def begun():
+    """The processes of a cluster, the scheduler first, which the last test that needs it kills."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def address(begun):
+    with dask_cluster(begun=begun, PYTHONPATH=str(Path(__file__).parent)) as (found, _):
         yield found
 
 
@@ -33,7 +39,7 @@ def test_workers_of_a_cluster_do_what_is_done_here(address):
 
 
 @pytest.mark.slow
-def test_a_cluster_learns_the_brush_that_one_process_learns(address):
+def test_a_cluster_learns_the_brush_that_one_process_learns(address, hasty_learning):
     length = flockbrush.shipped().get("march").body.length
     how = {"unit": "m", "fps": 16, "body_length": length, "quick": True, "starts": 1, "name": "marchers"}
     tracks = herd_tracks(6, 2.0)
@@ -48,9 +54,8 @@ def test_a_worker_of_other_code_ends_the_learning(address, monkeypatch):
             far.map(digest_of, [{"number": 0}])
 
 
-def test_a_scheduler_that_dies_is_told_and_what_was_done_is_kept(tmp_path):
-    begun, here = [], str(Path(__file__).parent)
-    with dask_cluster(1, begun=begun, PYTHONPATH=here) as (found, _), cluster(found) as crew:
+def test_a_scheduler_that_dies_is_told_and_what_was_done_is_kept(tmp_path, address, begun):
+    with cluster(address) as crew:
         with Workers(np.arange(5.0), path=tmp_path / "kept", cluster=crew) as far:
             far.map(digest_of, [{"number": 0}])
             begun[0].kill()

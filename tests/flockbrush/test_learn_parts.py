@@ -14,6 +14,8 @@ from flockbrush.behaviours.brush_writer import brush_to_toml
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.systems.measures import compute_nnd
 
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import Camera, evidence_of_truth
 from flockbrush.cli.learning_commands import command_line
 from flockbrush.film.observations import SIGHT_COLUMNS
 from flockbrush.learning.axis_variance import RANDOM, variance_told
@@ -31,8 +33,6 @@ from flockbrush.learning.rollout import HerdStart
 from flockbrush.learning.side_by_side import ComparisonGround
 from flockbrush.learning.simulate import simulated
 from flockbrush.learning.verdict import judge
-from tests.foreign_herds import herd
-from tests.herd_film import Camera, evidence_of_truth
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from own_film import film, seen
 
+from benchmarks.own_films import film, seen
 from flockbrush.film.body_outlines import BodySize
 from flockbrush.film.clip_reader import silent
 from flockbrush.film.ground_lines import lines_and_faces, without_lines

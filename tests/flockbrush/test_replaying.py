@@ -59,9 +59,8 @@ def test_a_crowd_that_threads_share_verifies_on_any_number_of_them(cli, crowd, t
     assert (report["verified"], report["threads"], report["agents"]) == (True, threads, 5000)
 
 
-@pytest.mark.parametrize("seed", ["1", "4242"])
-def test_a_recording_verifies_in_another_process_with_other_hashes_of_strings(recording, seed):
-    done = other_process("replay", recording, "--verify", PYTHONHASHSEED=seed)
+def test_a_recording_verifies_in_another_process_with_other_hashes_of_strings_and_one_thread(recording):
+    done = other_process("replay", recording, "--verify", PYTHONHASHSEED="1", FLOCKBRUSH_THREADS="1")
     assert done.returncode == 0, done.stderr + done.stdout
 
 
@@ -78,7 +77,7 @@ def test_a_recording_needs_no_file_but_itself(cli, tmp_path):
     path = pen(tmp_path / "elsewhere")
     cli("run", path, "--ticks", 20, "--record", tmp_path / "a.flock")
     shutil.rmtree(tmp_path / "elsewhere")
-    done = other_process("replay", "a.flock", "--verify", cwd=tmp_path)
+    done = other_process("replay", "a.flock", "--verify", cwd=tmp_path, PYTHONHASHSEED="4242")
     assert done.returncode == 0, done.stderr
 
 
@@ -248,10 +247,6 @@ def test_a_recording_of_other_versions_says_so(cli, recording, tmp_path, monkeyp
     done = cli("replay", path, "--verify")
     assert done.code == 0
     assert "recorded with numpy 9.9 (here " in done.err
-
-
-def test_another_threads_variable_changes_nothing(recording):
-    assert other_process("replay", recording, "--verify", FLOCKBRUSH_THREADS="1").returncode == 0
 
 
 def test_the_state_of_a_replay_is_the_state_of_the_run(cli, level, recording):

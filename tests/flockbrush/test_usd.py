@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from blender import WITHOUT_BLENDER, blender_python
 from flockbrush.components import Heading, Position
-from flockbrush.engine.recording import open_recording, resume
-from processes import other_process
 
 from flockbrush.render.canvas import smooth
-from flockbrush.runs.run import rebuild, start
+from flockbrush.runs.run import start
 from flockbrush.runs.run_edits import rows_of
 from flockbrush.runs.snapshots import Moment, words_of
 
@@ -23,12 +21,11 @@ MODES = ("instancer", "xforms", "skel")
 
 
 @pytest.fixture(scope="module")
-def scenes(shared, recording):
+def scenes(shared, recording, command):
     """{mode: path} of the recording as USD."""
     paths = {mode: shared / f"pen-{mode}.usdc" for mode in MODES}
     for mode, path in paths.items():
-        done = other_process("export", recording, "--to", path, "--fps", 16, "--usd-mode", mode)
-        assert done.returncode == 0, done.stderr
+        command("export", recording, "--to", path, "--fps", 16, "--usd-mode", mode)
     return paths
 
 
@@ -37,16 +34,6 @@ def stages(scenes):
     from pxr import Usd
 
     return {mode: Usd.Stage.Open(str(path)) for mode, path in scenes.items()}
-
-
-@pytest.fixture(scope="module")
-def lived(recording):
-    """The simulation at the last moment of those exports (tick 40)."""
-    run = open_recording(recording)
-    simulation = rebuild(run)
-    resume(run, simulation.world)
-    simulation.run(40)
-    return simulation
 
 
 def herd_at(stage, frame):

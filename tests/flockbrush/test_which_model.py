@@ -58,10 +58,7 @@ def test_nothing_is_told_of_too_little_or_of_noise():
 
 def test_one_tick_on_the_herd_turns_as_its_own_kernel_says():
     """Against the formulas that fits of the herd go by, bodies that touch included."""
-    clip, params = (
-        evidence_of(tracks("herd")),
-        TRUTHS["herd"].params.model_copy(update={"neighbour_range": 20.0}),
-    )
+    clip, params = (evidence_of(tracks("herd")), TRUTHS["herd"].params.model_copy(update={"neighbour_range": 20.0}))
     vision = VisionSpec(range=8.0)
     turns = thinned(turns_of(clip, vision=vision, params=params, frames=range(0, 150, 10)), 300)
     turns = turns._replace(spin=np.zeros_like(turns.spin))  # whom it touches is not turned on there

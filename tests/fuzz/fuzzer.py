@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 HERE = Path(__file__).parent
-for folder in (HERE.parents[1], HERE, HERE.parent, HERE.parent / "flockbrush"):  # the first has the package itself
+for folder in (HERE.parents[1], HERE, HERE.parent, HERE.parent / "flockbrush", HERE.parent / "levels"):  # package first
     if str(folder) not in sys.path:
         sys.path.append(str(folder))
 

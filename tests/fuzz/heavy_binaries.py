@@ -4,7 +4,7 @@ import json
 import struct
 import zipfile
 import zlib
-from itertools import chain, repeat
+from itertools import repeat
 
 import crafted
 import numpy as np
@@ -24,17 +24,6 @@ def picture_of_claims(path, kind):
 
 
 @heavy("pictures")
-def picture_of_16000_by_16000(path, kind):
-    path.write_bytes(crafted.plain_png(16000, 16000))
-
-
-@heavy("pictures")
-def largest_picture(path, kind):
-    side = side_of(limits.PICTURE_PIXELS)
-    path.write_bytes(crafted.plain_png(side, side, depth=8, colour=2, lines=side // 2))
-
-
-@heavy("pictures")
 def largest_picture_of_four_long_channels(path, kind):
     side = side_of(limits.PICTURE_PIXELS)
     path.write_bytes(crafted.plain_png(side, side, depth=16, colour=6, lines=side - 1))
@@ -49,22 +38,9 @@ def largest_jpeg_cut_off(path, kind):
     path.write_bytes(packed.tobytes()[: -len(packed) // 8])
 
 
-@heavy("pictures")
-def largest_bitmap_cut_off(path, kind):
-    import cv2
-
-    packed = cv2.imencode(".bmp", np.zeros((5700, 5700, 3), np.uint8))[1].tobytes()
-    path.write_bytes(packed[:-1000])
-
-
 @heavy("heights")
 def height_picture_cut_off(path, kind):
     path.write_bytes(crafted.plain_png(4096, 4096, depth=16, lines=4000))
-
-
-@heavy("heights")
-def height_picture_too_large(path, kind):
-    path.write_bytes(crafted.plain_png(30000, 30000, depth=16, lines=2))
 
 
 @heavy("films")
@@ -98,38 +74,7 @@ def fields_of_zeros(path, kind):
                 file.write(bytes(1 << 20))
 
 
-@heavy("fieldfiles")
-def fields_of_claims(path, kind):
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as new, new.open("velocity.npy", "w") as file:
-        np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": (10**6, 10**6)})
-        file.write(bytes(100))
-
-
 # levels ----------------------------------------------------------------------------------------
-
-
-@heavy("levels")
-def level_of_line_ends(path, kind):
-    filled(path, b"\n", size=60 * 10**6)
-
-
-@heavy("levels")
-def level_of_lists(path, kind):
-    filled(path, b"[],", b'{"layers":[', b"0]}", size=66 * 10**6)
-
-
-@heavy("levels")
-def level_of_numbers(path, kind):
-    filled(path, b"1,", b'{"layers":[{"data":[', b"0]}]}", size=66 * 10**6)
-
-
-@heavy("levels")
-def level_of_keys(path, kind):
-    with open(path, "wb") as file:
-        file.write(b"{")
-        for start in range(0, 5_000_000, 50_000):
-            file.write(b"".join(b'"%x":%d,' % (k, k) for k in range(start, start + 50_000)))
-        file.write(b'"a":1}')
 
 
 @heavy("levels")
@@ -160,15 +105,6 @@ def level_of_large_layers(path, kind):
     path.write_text(json.dumps(document).replace('"CELLS"', f"[{cells}]"))
 
 
-@heavy("levels")
-def level_of_objects(path, kind):
-    document = json.loads(kind.sound[0])
-    objects = next(layer for layer in document["layers"] if layer["type"] == "objectgroup")
-    one = objects["objects"][0]
-    objects["objects"] = [one | {"id": 1000 + k} for k in range(limits.OBJECTS + 5)]
-    path.write_text(json.dumps(document))
-
-
 @heavy("tilesets")
 def tileset_of_tiles(path, kind):
     sound = [data for data in kind.sound if b'"tiles"' in data] or kind.sound
@@ -183,23 +119,13 @@ def tileset_of_tiles(path, kind):
 HEADER = {"seed": 1, "dt": 1 / 32, "assets": {}, "packages": {}, "level": "a.tmj", "agents": None}
 
 
-def recording(path, records, header=HEADER, sound=None):
-    """Write a recording of records that are made as they are written; with the assets of a sound one if given."""
-    records = chain(
-        [(b"H", 0, json.dumps(header).encode())] if sound is None else [r for r in sound if r[0] in (b"H", b"A")],
-        records,
-    )
-    with open(path, "wb") as file:
-        file.write(crafted.recording_of([]))
-        for one in records:
-            file.write(crafted.record(*one))
-
-
-def many_records(path, kind, letter, data):
-    """Write a recording of as many records of one kind as there is room for, each of another tick."""
+@heavy("recordings")
+def recording_of_small_commands(path, kind):
+    """As many commands as there is room for, each of another tick."""
+    data = b'["B",{}]'
     head = [r for r in crafted.records_of(kind.sound[0]) if r[0] in (b"H", b"A")]
     start = crafted.recording_of([*head, (b"S", 0, b"12345678")])
-    begin = recording_format.RECORD.pack(letter, False, 0, len(data), len(data), 0, 0)[:-12]
+    begin = recording_format.RECORD.pack(b"C", False, 0, len(data), len(data), 0, 0)[:-12]
     with open(path, "wb") as file:
         file.write(start)
         for first in range(0, (MOST - len(start)) // (len(data) + recording_format.RECORD.size) - 1000, 1000):
@@ -208,32 +134,10 @@ def many_records(path, kind, letter, data):
 
 
 @heavy("recordings")
-def recording_of_hashes(path, kind):
-    many_records(path, kind, b"S", b"12345678")
-
-
-@heavy("recordings")
-def recording_of_snapshots(path, kind):
-    many_records(path, kind, b"K", b"1")
-
-
-@heavy("recordings")
-def recording_of_small_commands(path, kind):
-    many_records(path, kind, b"C", b'["B",{}]')
-
-
-@heavy("recordings")
 def recording_of_lists(path, kind):
-    sound = crafted.records_of(kind.sound[0])
+    head = [r for r in crafted.records_of(kind.sound[0]) if r[0] in (b"H", b"A")]
     text = b'["Paint",{"cells":[' + b"[]," * 900_000 + b"[]]}]"
-    recording(path, repeat((b"C", 1, text), 60), sound=sound)
-
-
-@heavy("recordings")
-def recording_of_texts(path, kind):
-    sound = crafted.records_of(kind.sound[0])
-    text = b'["Paint",{"brush":"' + b"x" * (15 << 20) + b'"}]'
-    recording(path, repeat((b"C", 1, text), 30), sound=sound)
+    path.write_bytes(crafted.recording_of([*head, *repeat((b"C", 1, text), 60)]))
 
 
 @heavy("recordings")
@@ -250,19 +154,3 @@ def recording_of_a_large_asset(path, kind):
     data = bytes(limits.RECORDING_ASSETS_BYTES - 100)
     records = crafted.with_true_assets([(b"H", 0, json.dumps(HEADER).encode()), (b"A", 0, b"a.tmj\0" + data)])
     path.write_bytes(crafted.recording_of(records))
-
-
-@heavy("recordings")
-def recording_of_a_large_snapshot(path, kind):
-    sound = crafted.records_of(kind.sound[0])
-    real = next(content for k, _, content in sound if k == b"K")
-    stream = zlib.compressobj(1)
-    zeros = bytes(1 << 20)
-    packed = stream.compress(real) + b"".join(stream.compress(zeros) for _ in range(1000)) + stream.flush()
-    del zeros
-    head = [r for r in sound if r[0] in (b"H", b"A")]
-    size = len(real) + 1000 * (1 << 20)
-    start = recording_format.RECORD.pack(b"K", True, 0, len(packed), size, 0, 0)[:-4]
-    odd = start + struct.pack("<I", zlib.crc32(packed, zlib.crc32(start))) + packed
-    data = crafted.recording_of([*head, (b"S", 0, b"12345678")]) + odd
-    path.write_bytes(data + b"x" * (len(data) % 2 == 0))

@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).parent
-for folder in (HERE.parents[1], HERE, HERE.parent, HERE.parent / "flockbrush"):
+for folder in (HERE.parents[1], HERE, HERE.parent, HERE.parent / "flockbrush", HERE.parent / "levels"):
     if str(folder) not in sys.path:
         sys.path.append(str(folder))
 
@@ -22,19 +22,7 @@ from kinds import kinds
 
 FRESH = 140.0  # MiB of a process that has imported all this and read nothing
 
-CHOSEN = (  # those that the suite reads; some that take a minute of reading are left to be read by hand
-    "largest_picture_of_four_long_channels", "largest_jpeg_cut_off", "picture_of_claims", "height_picture_cut_off",
-    "film_of_large_frames", "fields_of_zeros", "level_of_line_ends", "level_of_numbers", "level_of_large_layers",
-    "level_of_packed_tiles", "tileset_of_tiles", "recording_of_small_commands", "recording_of_lists",
-    "recording_of_large_headers", "recording_of_a_large_asset", "brush_of_tables", "species_of_lists",
-    "program_of_lists", "sweep_of_all_seeds", "sweep_of_many_combinations", "camera_of_lists", "journal_of_rows",
-    "tracks_of_names", "flight_of_mistakes",
-    "marks_of_rows_and_a_mistake", "formation_of_lists", "session_of_lists", "journal_of_edits",
-    "journal_of_edits_in_one_line", "trials_of_lists", "settings_of_lists",
-    "tracktable_of_long_names", "trex_file_of_zeros", "track_array_of_the_most", "parquet_of_long_names",
-    "netcdf_of_a_large_block", "sleap_of_many_parts",
-)  # fmt: skip
-WORST = tuple(name for name in CHOSEN if MAKERS[name][0] in kinds(""))
+WORST = tuple(name for name, (kind, _) in MAKERS.items() if kind in kinds(""))
 
 
 # measured --------------------------------------------------------------------------------------

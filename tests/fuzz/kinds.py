@@ -192,20 +192,35 @@ class Recordings(Kind):
 class Levels(Kind):
     """Levels with their tilesets, brushes and species, read and built."""
 
-    ending, share = ".tmj", 1.5
+    ending, share = ".tmj", 8.0
 
     @cached_property
     def sound(self):
         from pens import pen
+        from small_level import rich
 
         self.folder.mkdir(parents=True, exist_ok=True)
-        return [pen(self.folder, sheep=8).read_bytes()]
+        files = rich()
+        texts = [json.dumps(files).encode(), json.dumps(files["small.tmj"], indent=1).encode()]
+        return [pen(self.folder, sheep=8).read_bytes(), *2 * texts]
 
     def changed(self, rng, data):
         return m.changed_json(rng, data)
 
     def read(self, path):
+        from small_level import survives, tileset
+
         from flockbrush.runs.run import start
+
+        data = path.read_bytes()
+        if b"small.tmj" in data or b"kinds.tsj" in data:  # one of everything, which is read and not built
+            try:
+                files = {name: json.dumps(part).encode() for name, part in json.loads(data).items()}
+                files = files if "small.tmj" in files else {"small.tmj": data}
+            except (ValueError, AttributeError):
+                files = {"small.tmj": data}
+            survives({"kinds.tsj": json.dumps(tileset()).encode()} | files)
+            return
 
         simulation = start(path)
         simulation.tick()

@@ -1,6 +1,7 @@
 """Brushes, species, programs, sweeps, cameras, journals, tracks, flights, marks, formations."""
 
 import json
+from contextlib import contextmanager
 from functools import cached_property
 
 import mutations as m
@@ -20,16 +21,30 @@ class _Toml(Kind):
         return m.changed_toml(rng, data)
 
 
+@contextmanager
+def _problems_in(path):
+    """Problems of a file name it, say something, and where they name a line it is one of the file."""
+    lines = len(path.read_bytes().splitlines()) + 1
+    try:
+        yield
+    except ProblemsError as error:
+        assert error.problems and all(one.file == str(path) and one.message for one in error.problems)
+        assert all(one.line is None or 1 <= one.line <= lines for one in error.problems)
+        raise
+
+
 class Brushes(_Toml):
     """Brushes."""
 
-    ending, places = ".brush.toml", "behaviours/brushes/*.brush.toml"
+    ending, share, places = ".brush.toml", 4.0, "behaviours/brushes/*.brush.toml"
 
     def read(self, path):
         from flockbrush.behaviours.brush import load_brush
         from flockbrush.behaviours.brush_writer import brush_to_toml
 
-        brush_to_toml(load_brush(path))
+        with _problems_in(path):
+            brush = load_brush(path)
+        assert load_brush(brush_to_toml(brush).encode(), str(path)) == brush
 
 
 class Species(_Toml):
@@ -46,12 +61,13 @@ class Species(_Toml):
 class Programs(_Toml):
     """Programs of states and triggers."""
 
-    ending, places = ".program.toml", "behaviours/programs/*.program.toml"
+    ending, share, places = ".program.toml", 2.0, "behaviours/programs/*.program.toml"
 
     def read(self, path):
         from flockbrush.behaviours.program import load_program
 
-        load_program(path)
+        with _problems_in(path):
+            load_program(path)
 
 
 class Sweeps(_Toml):
@@ -75,9 +91,7 @@ class Cameras(_Toml):
 
     @cached_property
     def sound(self):
-        return [
-            b"width = 1280\nheight = 720\nhorizontal_fov_deg = 60\nfps = 30\nmean_speed = 9\nnear = 5\nfar = 200\n",
-        ]
+        return [b"width = 1280\nheight = 720\nhorizontal_fov_deg = 60\nfps = 30\nmean_speed = 9\nnear = 5\nfar = 200\n"]
 
     def read(self, path):
         from flockbrush.lifting.lens import read_camera

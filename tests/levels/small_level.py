@@ -2,6 +2,8 @@
 
 import copy
 import json
+import math
+import time
 from dataclasses import dataclass
 from types import SimpleNamespace
 
@@ -9,6 +11,7 @@ import cv2
 import pytest
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.reader import read_level_files
+from flockbrush.levels.schema import Level
 
 GRASS, WALL, MARCH, SLOW, PLAIN = 1, 2, 3, 4, 5
 
@@ -144,3 +147,44 @@ def problem(document, files=None, indent=1):
     found = problems(document, files, indent)
     assert len(found) == 1, found
     return found[0]
+
+
+def rich():
+    """A level with one of everything, and its tileset: {name: document}."""
+    point = {"point": True}
+    layers = [
+        tiles(),
+        {"type": "group", "name": "g", "layers": [tiles("brush", [MARCH] * 100, opacity=0.5)], "offsetx": 16},
+        tiles("speed", [SLOW] * 100),
+        objects("spawns", herd()),
+        objects(
+            "obstacles",
+            thing(2, "Obstacle", 16, 16, 16, 16, extra={"rotation": 30, "ellipse": True}, margin=0.5),
+            thing(3, "Obstacle", 140, 16, extra=polygon((0, 0), (10, 0), (10, 10))),
+            thing(4, "", 16, 160, 8, 8, extra={"gid": 1}),
+        ),
+        objects("guides", thing(5, "Guide", 16, 144, extra=polyline((0, 0), (128, -64)), goal="fold")),
+        objects("goals", thing(6, "Goal", 80, 80, name="fold", extra=point, on_arrive="stay")),
+        objects("zones", thing(7, "Zone", 0, 0, 50, 50, brush="graze", factor=0.5)),
+        objects("script", thing(8, "Key", 0, 0, extra=point, at=1.0, command="Gust", strength=2.0)),
+        objects("measure", thing(9, "Line", 0, 0, extra=polyline((0, 0), (9, 9))), thing(10, "Area", 0, 0, 9, 9)),
+        objects("exits", thing(11, "Exit", 0, 0, 9, 9)),
+    ]
+    document = level(*layers, tilesets=[{"firstgid": 1, "source": "kinds.tsj"}])
+    return {"small.tmj": document, "kinds.tsj": tileset()}
+
+
+def survives(files, seconds=60.0):
+    """A level as it is read, or None with problems of one line each; in good time, also on a busy machine."""
+    start = time.perf_counter()
+    try:
+        result = read_level_files(files, library=Shelf(), commands={"Gust": Gust})
+    except ProblemsError as error:
+        assert error.problems
+        assert all("\n" not in str(p) and len(str(p)) < 2000 for p in error.problems)
+        result = None
+    else:
+        assert isinstance(result, Level)
+        assert all(math.isfinite(v) for s in result.spawns for v in s.polygon.ravel())
+    assert time.perf_counter() - start < seconds
+    return result

@@ -18,21 +18,8 @@ from flockbrush.levels.editor import Editor
 from flockbrush.levels.level_writer import Document, dump
 from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.reader import read_level
-from flockbrush.systems.commands import (
-    AddAnimals,
-    AddObstacle,
-    SetParameter,
-)
-from flockbrush.systems.edits import (
-    DrawGuide,
-    MarkSpawn,
-    Paint,
-    PlaceExit,
-    PlaceGoal,
-    RemoveThing,
-    UseBrush,
-    fill,
-)
+from flockbrush.systems.commands import AddAnimals, AddObstacle, SetParameter
+from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing, UseBrush, fill
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.life import Nursery
 from small_level import GRASS, MARCH, herd, objects, polygon, properties, thing, tiles

@@ -5,20 +5,7 @@ import math
 import numpy as np
 import pytest
 from flockbrush.levels.geometry import signed_area
-from small_level import (
-    GRASS,
-    WALL,
-    herd,
-    level,
-    objects,
-    polygon,
-    polyline,
-    problem,
-    read,
-    thing,
-    tiles,
-    with_objects,
-)
+from small_level import GRASS, WALL, herd, level, objects, polygon, polyline, problem, read, thing, tiles, with_objects
 
 
 class TestShapes:
@@ -105,8 +92,7 @@ class TestShapes:
         )
 
     @pytest.mark.parametrize(
-        "shape",
-        [{}, polygon((0, 0), (32, 32)), polygon((0, 0), (16, 16), (32, 32)), {"ellipse": True}, {"width": 32}],
+        "shape", [{}, polygon((0, 0), (32, 32)), polygon((0, 0), (16, 16), (32, 32)), {"ellipse": True}, {"width": 32}]
     )
     def test_a_shape_without_area_is_refused(self, shape):
         assert "its area is zero; enlarge or delete it" in problem(

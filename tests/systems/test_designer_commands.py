@@ -5,6 +5,7 @@ import typing
 
 import numpy as np
 import pytest
+from edited_scene import land_of
 from flockbrush.components import Body, BrushBinding, Destination, Heading, Position, Species, Vision
 from flockbrush.engine.commands import COMMANDS, CommandError, Commands, from_record, to_json
 from flockbrush.engine.problems import ProblemsError
@@ -23,7 +24,6 @@ from flockbrush.systems.commands import (
     SetParameter,
     SwitchBrush,
 )
-from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.life import inside_polygon
 from flockbrush.systems.palette import Palette
 from hypothesis import given
@@ -50,10 +50,6 @@ def do(simulation, *commands):
         simulation.submit(command)
     simulation.tick()
     return simulation
-
-
-def land_of(simulation):
-    return simulation.world.resource(Landscape)
 
 
 # what they do -----------------------------------------------------------------------------
@@ -284,10 +280,7 @@ THEIRS = {f"flockbrush.systems.{name}" for name in COMMAND_FILES}
 number = st.one_of(st.floats(-60, 60), st.sampled_from([0.0, -1.0, 1e9]))
 
 
-@given(
-    st.sampled_from(sorted(name for name, kind in COMMANDS.items() if kind.__module__ in THEIRS)),
-    st.data(),
-)
+@given(st.sampled_from(sorted(name for name, kind in COMMANDS.items() if kind.__module__ in THEIRS)), st.data())
 def test_whatever_is_asked_is_done_or_refused_and_nothing_else_happens(name, data):
     simulation = SHARED[0] if SHARED else SHARED.append(scene(boundary="wall")) or SHARED[0]
     words = st.sampled_from(["run", "calm", "", "sheep", "gate", "barn", "cohesion_weight", "?"])

@@ -4,17 +4,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from edited_scene import (
-    CALM,
-    NEW,
-    RUN,
-    SQUARE,
-    do,
-    land_of,
-    nobody_in_walls,
-    scene,
-    settled,
-)
+from edited_scene import CALM, NEW, RUN, SQUARE, do, land_of, nobody_in_walls, scene, settled
 from flockbrush.components import Destination, Position
 from flockbrush.engine.commands import CommandError, to_json
 from flockbrush.levels.schema import Zone

@@ -4,20 +4,8 @@ import pytest
 from edited_scene import SQUARE, do, scene
 from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.state import state_hash
-from flockbrush.systems.commands import (
-    AddObstacle,
-    PaintCells,
-    RemoveObstacle,
-)
-from flockbrush.systems.edits import (
-    DrawGuide,
-    MarkSpawn,
-    Paint,
-    PlaceExit,
-    PlaceGoal,
-    RemoveThing,
-    UseBrush,
-)
+from flockbrush.systems.commands import AddObstacle, PaintCells, RemoveObstacle
+from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing, UseBrush
 from small_herd import box
 
 BAD = [

@@ -2,17 +2,7 @@
 
 import numpy as np
 import pytest
-from edited_scene import (
-    CALM,
-    NEW,
-    RUN,
-    SQUARE,
-    do,
-    land_of,
-    nobody_in_walls,
-    scene,
-    settled,
-)
+from edited_scene import CALM, NEW, RUN, SQUARE, do, land_of, nobody_in_walls, scene, settled
 from flockbrush.behaviours.brush_writer import brush_to_toml
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import CommandError, Commands

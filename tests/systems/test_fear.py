@@ -6,7 +6,6 @@ from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.species import SpeciesLibrary, load_species, shipped_species
 from flockbrush.components import Alarm, Heading, Individual, Position, Speed, Urge, Velocity
 from flockbrush.engine.raster import Raster
-from flockbrush.engine.state import state_hash
 from flockbrush.systems.commands import AddAnimals
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
@@ -172,9 +171,3 @@ def test_a_wolf_on_the_meadow_frightens_grazers_and_marchers():
     assert (agents[Alarm.level][:60] > 0).mean() > 0.8
     assert (agents[Alarm.level][60:140] > 0).mean() > 0.8
     assert speeds(simulation)[:60].mean() > 3.0  # grazing they go a third of a metre in a second
-
-
-def test_fear_repeats_itself():
-    one, other = herd_and_wolf(), herd_and_wolf()
-    one.run(50), other.run(50)
-    assert state_hash(one.world) == state_hash(other.world)

@@ -171,13 +171,6 @@ def test_who_takes_another_brush_forgets_its_place():
     assert np.hypot(*a[Heading.forward][:, :2].T) == pytest.approx(1.0)
 
 
-def test_the_same_flight_again_bit_for_bit():
-    one, other = flock(), flock()
-    one.run(100)
-    other.run(100)
-    assert state_hash(one.world) == state_hash(other.world)
-
-
 @pytest.mark.parametrize("birds", [1, 2, 3])
 def test_one_two_and_three_geese_fly(birds):
     simulation = flock(birds=birds)

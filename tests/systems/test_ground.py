@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from flockbrush.components import BrushBinding, Ground, Vision, Wish
+from flockbrush.components import BrushBinding, Vision, Wish
 from flockbrush.levels.schema import BrushLayer, Zone
 from flockbrush.systems.commands import PaintBrush, SwitchBrush
-from small_herd import box, forward_of, level, meadow, put, straight, xy_of
+from small_herd import box, forward_of, meadow, put, straight, xy_of
 
 DT = 1 / 32
 HOME = straight("home", mean=2.0)
@@ -113,19 +113,3 @@ def test_the_direction_wished_changes_little_by_little():
         simulation.tick()
         assert (before * simulation.agents[Wish.direction]).sum(1).min() > 0.99
     assert forward_of(simulation)[0] == pytest.approx((1, 0))
-
-
-def test_the_heavier_layer_wins_and_a_hidden_one_counts_for_nothing():
-    light, heavy, hidden = painted(0, 40, "home", 0.3), painted(0, 40, "other", 0.9), painted(0, 40, "home", 0.0)
-    simulation = walker(brush_layers=[heavy, light, hidden])
-    simulation.tick()
-    assert binding(simulation)[0] == 1
-
-
-def test_off_the_map_the_nearest_cell_counts():
-    simulation = meadow(HOME, OTHER, brush_layers=[painted(38, 40)])
-    put(simulation, [(45, 20), (-5, 20)], 0.0, brush="home")
-    simulation.tick()
-    assert simulation.agents[BrushBinding.brush].tolist() == [1, 0]
-    assert np.isinf(simulation.agents[Ground.cap]).all()
-    assert level().boundary == "open"

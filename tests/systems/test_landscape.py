@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from edited_scene import land_of
 from flockbrush.components import Heading
 from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.levels import terrain_kinds
@@ -10,16 +11,11 @@ from flockbrush.levels.schema import Goal, Key
 from flockbrush.levels.terrain_kinds import Terrain, TerrainKind, terrain_property
 from flockbrush.systems.commands import AddAnimals, AddObstacle, MoveGoal, PaintBrush, PaintCap, PaintCells
 from flockbrush.systems.ground_edges import outline_edges
-from flockbrush.systems.landscape import Landscape
 from hypothesis import given
 from hypothesis import strategies as st
 from small_herd import Shelf, box, brush, level, meadow, obstacle, put, spawn, straight
 
 WALK = straight("walk")
-
-
-def land_of(simulation):
-    return simulation.world.resource(Landscape)
 
 
 @given(st.lists(st.lists(st.booleans(), min_size=5, max_size=5), min_size=1, max_size=6))

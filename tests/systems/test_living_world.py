@@ -8,18 +8,15 @@ import pytest
 from flockbrush.behaviours import behaviour as registry
 from flockbrush.behaviours.behaviour import Parameters, Wishes, quantity
 from flockbrush.components import AGENT, BrushBinding, Heading, Position, Species, Speed, Velocity, Wish
-from flockbrush.engine import parallel
-from flockbrush.engine.parallel import set_threads
 from flockbrush.engine.schedule import Ambiguity, Schedule
 from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.levels.build import build, plane, systems
 from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.reader import read_level
-from flockbrush.levels.schema import Exit, Goal, Zone
-from flockbrush.systems.commands import AddAnimals, AddObstacle, PaintBrush, SwitchBrush
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.steer import AskModels, NotFinite
-from small_herd import Shelf, box, brush, gaps_of, meadow, obstacle, put, room_in_the_air, spawn, straight, xy_of
+from small_herd import Shelf, brush, gaps_of, meadow, put, room_in_the_air, straight, xy_of
+from test_laws import lively
 
 from flockbrush import levels
 
@@ -39,72 +36,12 @@ def shipped(name, agents=None, **more):
     return build(level, agents=agents, library=library, **more)
 
 
-def lively(seed=5, shuffle_seed=None):
-    """A small world in which everything happens: births, exits, goals, zones, prey, a wolf, commands."""
-    deer = brush("deer", "flee", mean=1.0, speed={"deviation": 0.3, "by_density": ((0.0, 1.0), (0.5, 0.5))})
-    wolf = brush("wolf", "hunt", mean=1.4, speed={"deviation": 0.2}, vision={"range": 20.0}, body={"length": 1.5})
-    march = brush("march", mean=2.0, transition=1.0, speed={"deviation": 0.1})
-    simulation = meadow(
-        deer, march, wolf,
-        boundary="wall", seed=seed, shuffle_seed=shuffle_seed,
-        obstacles=[obstacle(box(18, 18, 22, 20))],
-        goals=[
-            Goal(1, "there", np.array([35.0, 35.0]), 2.0, "next", "gate"),
-            Goal(2, "gate", np.array([5.0, 35.0]), 2.0, "despawn", ""),
-        ],
-        zones=[Zone(1, "field", box(20, 22, 30, 40), "march", np.inf, 0.7, 1.0)],
-        exits=[Exit(1, "hole", box(0, 18, 2, 22))],
-        spawns=[
-            spawn(box(5, 5, 15, 15), "deer", 20, None, "deer", 1),
-            spawn(box(24, 3, 36, 8), "march", 12, 1.6, "sheep", 2, start=0.3, rate=8.0),
-            spawn(box(35, 10, 38, 13), "wolf", 1, None, "wolf", 3),
-        ],
-    )  # fmt: skip
-    simulation.submit(PaintBrush("march", 10.0, 20.0, 4.0), 10)
-    simulation.submit(AddObstacle("log", [[28.0, 12.0], [30.0, 12.0], [29.0, 15.0]]), 20)
-    simulation.submit(AddAnimals("deer", 30.0, 30.0, 3.0, 3, "deer"), 30)
-    simulation.submit(SwitchBrush("march", "deer", 10.0, 10.0, 4.0), 40)
-    return simulation
-
-
 # the same bits ----------------------------------------------------------------------------
-
-
-def test_the_same_seed_gives_the_same_bits_and_another_seed_others():
-    one, two, other = lively(), lively(), lively(seed=6)
-    for simulation in (one, two, other):
-        simulation.run(60)
-    assert state_hash(one.world) == state_hash(two.world) != state_hash(other.world)
-
-
-@pytest.mark.parametrize("shuffle", range(3))
-def test_the_order_inside_a_stage_does_not_matter(shuffle):
-    plain, shuffled = lively(), lively(shuffle_seed=shuffle)
-    plain.run(60)
-    shuffled.run(60)
-    assert state_hash(plain.world) == state_hash(shuffled.world)
 
 
 def test_some_shuffles_do_change_the_order():
     orders = {tuple(type(s).__name__ for s in Schedule(systems(), seed).systems) for seed in range(8)}
     assert len(orders) > 1
-
-
-@pytest.mark.parametrize("threads", [2, 3])
-def test_the_number_of_threads_changes_no_bit(threads, monkeypatch):
-    monkeypatch.setattr(parallel, "WORTH", 0)
-    monkeypatch.setattr(parallel, "SMALL", 8)
-    monkeypatch.setattr(parallel, "PROBE", 4)
-    before = set_threads(1)
-    try:
-        one = lively()
-        one.run(50)
-        set_threads(threads)
-        many = lively()
-        many.run(50)
-    finally:
-        set_threads(before)
-    assert state_hash(one.world) == state_hash(many.world)
 
 
 def test_worlds_in_one_process_do_not_disturb_one_another():
@@ -122,13 +59,6 @@ def test_no_systems_of_one_stage_touch_the_same_thing():
     assert Schedule(systems()).ambiguities() == []
     with pytest.raises(Ambiguity):
         Schedule([*systems(), AskModels()])
-
-
-def test_every_system_writes_only_what_it_says():
-    simulation = lively()
-    for _ in range(50):
-        assert simulation.schedule.undeclared_writes(simulation.world) == []
-        simulation.clock.tick += 1
 
 
 def test_a_system_that_lies_is_found():
@@ -156,19 +86,6 @@ def test_taking_an_animal_away_leaves_the_chance_of_others(agents):
 
 
 # snapshots -----------------------------------------------------------------------------------
-
-
-def test_a_lively_world_goes_on_from_a_snapshot():
-    simulation = lively()
-    for moment in (0, 25, 25):
-        simulation.run(moment)
-        kept = snapshot(simulation.world)
-        fresh = lively()
-        restore(fresh.world, kept)
-        assert state_hash(fresh.world) == state_hash(simulation.world)
-        simulation.run(20)
-        fresh.run(20)
-        assert state_hash(fresh.world) == state_hash(simulation.world)
 
 
 @pytest.mark.parametrize("name", NAMES)

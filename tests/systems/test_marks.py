@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from edited_scene import do, land_of
 from flockbrush.components import BrushBinding
 from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.levels.build import build
 from flockbrush.levels.schema import Zone
 from flockbrush.systems.edits import RemoveThing, as_command
-from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone, PlaceKey
 from flockbrush.systems.marks import Key
 from flockbrush.systems.named_regions import in_region
@@ -23,14 +23,6 @@ HERE = box(8, 8, 20, 20)
 def field(**things):
     spawns = [spawn(box(9, 9, 19, 19), "calm", 12, heading=0.0), spawn(box(1, 1, 2, 2), "run", 0, id=2)]
     return build(level(boundary="wall", spawns=spawns, **things), library=Shelf(CALM, RUN))
-
-
-def do(simulation, *commands):
-    return simulation.world.resource(Commands).perform(simulation.world, commands)
-
-
-def land_of(simulation):
-    return simulation.world.resource(Landscape)
 
 
 def brushes(simulation):

@@ -87,12 +87,7 @@ def test_each_wall_of_the_map_and_the_shore_are_felt_as_one_obstacle_each():
     walkable = np.ones(shape, bool)
     walkable[0:4, 4:6] = False
     kinds = np.zeros(shape, np.int16)
-    ground = Terrain(
-        {**Terrain.blank(shape).values, "walkable": walkable},
-        kinds,
-        ["x"],
-        ["#000000"],
-    )
+    ground = Terrain({**Terrain.blank(shape).values, "walkable": walkable}, kinds, ["x"], ["#000000"])
     simulation = meadow(WALK, boundary="wall", terrain=ground)
     put(simulation, [(2.0, 1.5)], 0.0)
     simulation.tick()

@@ -135,12 +135,7 @@ def test_nobody_is_born_in_the_water():
     walkable = np.ones(shape, bool)
     walkable[:, 20:] = False
     kinds = np.zeros(shape, np.int16)
-    ground = Terrain(
-        {**Terrain.blank(shape).values, "walkable": walkable},
-        kinds,
-        ["x"],
-        ["#000000"],
-    )
+    ground = Terrain({**Terrain.blank(shape).values, "walkable": walkable}, kinds, ["x"], ["#000000"])
     simulation = meadow(WALK, terrain=ground, spawns=[spawn(box(15, 5, 25, 35), "walk", 40)])
     assert (xy_of(simulation)[:, 0] < 20).all()
 

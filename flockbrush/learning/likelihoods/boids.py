@@ -1,4 +1,4 @@
-"""Boids of Reynolds 1987 held to the ground: found by a search, since what is handed out by priority has kinks."""
+"""Boids of Reynolds 1987 held to the ground: found by a search, since allocation by priority is not smooth."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from flockbrush.learning.rollout import LEAST, MOST, NAMES, params_of, theta_of
 from flockbrush.learning.turns import best_fit, fit_turns, thinned
 
 TURNS, FEW, STARTS, STEPS = 1000, 300, 2, 15
-ALSO = "march", "swarm", "ants-mill"  # shipped brushes whose numbers the search begins with, too
+ALSO = "march", "swarm", "ants-mill"  # shipped brushes whose numbers are also starts of the search
 VIEWS = tuple(
     VisionSpec(range=reach, occlusion=seen == "exact", sight=seen) for seen in ("exact", "metric") for reach in (4, 8)
 )
@@ -19,7 +19,7 @@ NUMBERS = {name: (LEAST, MOST) for name in NAMES if not name.startswith("obstacl
 
 
 def fitted(turns, vision, seed, begin=None):
-    """The likeliest twelve numbers; those of obstacles stay what is usual."""
+    """The likeliest twelve numbers; those of obstacles keep their defaults."""
     base = Params(neighbour_range=min(vision.range, 20.0))
     free, some = np.array([name in NUMBERS for name in NAMES]), thinned(turns, TURNS)
     if begin is not None:

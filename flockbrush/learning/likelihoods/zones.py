@@ -1,4 +1,4 @@
-"""The zones of Couzin et al. 2002: found by a search, since whether somebody is in a zone has no derivative."""
+"""The zones of Couzin et al. 2002: found by a search, since membership in a zone has no derivative."""
 
 from __future__ import annotations
 

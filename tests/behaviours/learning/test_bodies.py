@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
+from benchmarks import foreign_herds, herd_film
 from flockbrush.film.body_outlines import BodySize, bodies_of, size_of_bodies
 from flockbrush.film.body_shapes import Outlines, capsule
-from tests import foreign_herds, herd_film
 
 SHEEP = Path(__file__).parents[4] / "shared/data/aerial_sheep"
 

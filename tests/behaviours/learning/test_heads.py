@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from benchmarks import foreign_herds, herd_film
 from flockbrush.film.body_outlines import bodies_of, size_of_bodies
 from flockbrush.film.body_shapes import Outlines
 from flockbrush.film.heads import by_looks
 from flockbrush.film.sightings import sightings_of
-from tests import foreign_herds, herd_film
 
 FPS, FRAMES = 25, 40
 TO_BL = np.array([[0.1, 0.0, 0.0], [0.0, -0.1, 40.0]])  # 10 px to a body length

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from benchmarks.foreign_herds import Truth
+from benchmarks.herd_film import evidence_of_truth
 from flockbrush.learning import recipe
 from flockbrush.learning.interaction import LEAST, SHOWN, idle_ones, interaction_of
 from flockbrush.learning.rollout import theta_of
 from flockbrush.learning.turns import turns_of
 from tests.behaviours.learning.test_recipe import swarm_of_graze
-from tests.foreign_herds import Truth
-from tests.herd_film import evidence_of_truth
 
 EXTRAS = {"neighbour_range": 4.0}
 

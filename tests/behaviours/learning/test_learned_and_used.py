@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
 
+from benchmarks import foreign_herds, herd_film
 from flockbrush.film.observations import Sightings
 from flockbrush.film.speed_process import speed_process
 from flockbrush.film.speeds import crowding_of, speed_evidence
 from flockbrush.learning.herd_views import view_of_run
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.rollout import HerdStart, PlaneHerd, Run, params_of, rollout
-from tests import foreign_herds, herd_film
 
 ALONE = params_of(np.full(12, 1e-3), {"wander": 0.0, "leader_neighbours": -1})
 

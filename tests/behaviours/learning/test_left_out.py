@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import evidence_of_truth
 from flockbrush.learning import trials
 from flockbrush.learning.recipe import SearchSettings, _setting
 from flockbrush.learning.trials import USE, attempt, descend
-from tests.foreign_herds import herd
-from tests.herd_film import evidence_of_truth
 
 THETA, EXTRAS = np.full(12, 0.4), {"neighbour_range": 8.0}
 

@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 from flockbrush.engine.problems import ProblemsError
 
+from benchmarks import herd_film
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import STILL, Camera, shoot
 from flockbrush.film.camera_maps import Steady, after, back, fitted, moved_by, smoothed
 from flockbrush.film.clip_fields import grid_over, moments, painted, read_colours
 from flockbrush.film.clip_reader import open_clip
@@ -13,9 +16,6 @@ from flockbrush.film.masks import colours_of
 from flockbrush.film.observations import CannotObserve, Evidence
 from flockbrush.film.observe import observe
 from flockbrush.film.stabilise import GroundLandmark, _Follower, follow_landmarks, register
-from tests import herd_film
-from tests.foreign_herds import herd
-from tests.herd_film import STILL, Camera, shoot
 
 SIZE = (480, 360)
 

@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import evidence_of_truth
 from flockbrush.film.clip_fields import grid_over, outlined, painted
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.rollout import Walls
 from flockbrush.learning.side_by_side import ComparisonGround
-from tests.foreign_herds import herd
-from tests.herd_film import evidence_of_truth
 
 BODY = 12.0  # px
 MIDDLE, RADIUS = np.array([150.0, 90.0]), 40.0

@@ -6,13 +6,13 @@ from flockbrush.behaviours.brush import BodySpec, SpeedSpec, shipped
 from flockbrush.components import Heading, Position, Speed
 from flockbrush.levels.build import plane
 
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import evidence_of_truth
 from flockbrush.film.observations import Sightings
 from flockbrush.film.pauses import pauses_of
 from flockbrush.film.speeds import speed_evidence
 from flockbrush.learning.initial_conditions import speed_of
 from flockbrush.learning.rollout import HerdStart, PlaneHerd, params_of, rollout
-from tests.foreign_herds import herd
-from tests.herd_film import evidence_of_truth
 
 GRAZERS = SpeedSpec(mean=1.0, deviation=0.2, reversion=2.0, stops=0.6, starts=0.3, imitation=2.0)
 ALONE = params_of(np.full(12, 1e-3), {"wander": 0.0, "leader_neighbours": -1})

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from tests.foreign_herds import Truth
+from tests.herd_film import evidence_of_truth
 
 from flockbrush.learning.herd_views import followed, told_apart, view_of
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.photo import standing
 from flockbrush.learning.rollout import Run
 from flockbrush.learning.scores import ClipTarget, distance, measures_of, spacings
-from tests.foreign_herds import Truth
-from tests.herd_film import evidence_of_truth
 
 N = 64
 

@@ -9,6 +9,8 @@ from flockbrush.components import Heading, Position
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.build import plane
 
+from benchmarks.foreign_herds import Truth, herd
+from benchmarks.herd_film import evidence_of_truth
 from flockbrush.learning import workers
 from flockbrush.learning.evolution import Evolution
 from flockbrush.learning.initial_conditions import body_of, speed_of, start_of
@@ -18,8 +20,6 @@ from flockbrush.learning.rollout import HerdStart, params_of, rollout, theta_of
 from flockbrush.learning.search_space import Code
 from flockbrush.learning.trials import attempt, forget, keep, simulate
 from flockbrush.learning.workers import Workers, WorkStopped
-from tests.foreign_herds import Truth, herd
-from tests.herd_film import evidence_of_truth
 
 FEW = SearchSettings(seed=1, budget_s=0.5, starts=2, brushes=False)
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.brush import shipped
 
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import evidence_of_truth
 from flockbrush.learning import response as module
 from flockbrush.learning.response import RESPONSE, SCATTER, response
 from flockbrush.learning.rollout import theta_of
 from flockbrush.learning.simulate import simulated
 from flockbrush.learning.turns import predicted, residuals, turns_of
-from tests.foreign_herds import herd
-from tests.herd_film import evidence_of_truth
 
 TRUTH = shipped().get("column")
 

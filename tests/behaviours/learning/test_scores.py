@@ -5,6 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.foreign_herds import Truth
+from benchmarks.herd_film import evidence_of_truth
 from flockbrush.learning.herd_views import fields_of, told_apart, view_of, view_of_run
 from flockbrush.learning.rollout import Run
 from flockbrush.learning.scores import (
@@ -18,8 +20,6 @@ from flockbrush.learning.scores import (
     total,
     velocity_errors,
 )
-from tests.foreign_herds import Truth
-from tests.herd_film import evidence_of_truth
 
 FPS = 10.0
 

@@ -3,11 +3,11 @@
 import cv2
 import numpy as np
 import pytest
+from tests.foreign_herds import herd
+from tests.herd_film import evidence_of_truth
 
 from flockbrush.film.body_outlines import areas_alone
 from flockbrush.film.several_kinds import sizes_told, speeds_told, two_groups
-from tests.foreign_herds import herd
-from tests.herd_film import evidence_of_truth
 
 
 @pytest.mark.parametrize("share", [0.15, 0.5, 0.85])

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from benchmarks import foreign_herds
+from benchmarks.foreign_herds import Truth
+from benchmarks.herd_film import evidence_of_truth
 from flockbrush.film.speed_process import speed_process
-from tests import foreign_herds
-from tests.foreign_herds import Truth
-from tests.herd_film import evidence_of_truth
 
 
 def walkers(mean=2.0, deviation=0.5, reversion=1.0, count=80, seconds=8.0, fps=25, common=0.0, seed=0):

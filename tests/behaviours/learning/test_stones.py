@@ -6,14 +6,14 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks import herd_film
+from benchmarks.foreign_herds import Truth, herd
+from benchmarks.herd_film import LOOKS, STILL, Camera, shoot
 from flockbrush.film.clip_reader import open_clip
 from flockbrush.film.masks import _without_shadows
 from flockbrush.film.observations import CannotObserve
 from flockbrush.film.observe import observe
 from flockbrush.film.plain_ground import ground_alone
-from tests import herd_film
-from tests.foreign_herds import Truth, herd
-from tests.herd_film import LOOKS, STILL, Camera, shoot
 
 HERD, RESTING = 24, 6
 

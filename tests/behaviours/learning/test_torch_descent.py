@@ -9,9 +9,9 @@ torch = pytest.importorskip("torch")
 
 from flockbrush.behaviours.brush import SpeedSpec
 
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import evidence_of_truth
 from flockbrush.learning.torch_descent import STEP, FollowedClip, descend, fixed_step
-from tests.foreign_herds import herd
-from tests.herd_film import evidence_of_truth
 
 SPEED = SpeedSpec(mean=3.0, deviation=0.2)
 

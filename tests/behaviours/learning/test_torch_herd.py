@@ -5,7 +5,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from flockbrush.behaviours.behaviour import ByRow
+from flockbrush.behaviours.behaviour import ByRow, frozen
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
 from flockbrush.behaviours.models.herd import HerdState, Land, Params, forces_of, herd_kernel
 from torch_turns import contacts_of, turned
@@ -34,9 +34,9 @@ def by_kernel(percept: Percept, params):
     n = percept.animals
     rows = np.arange(n, dtype=np.int32)
     forward, direction = np.column_stack([percept.forward, np.zeros(n)]), np.zeros((n, 3))
-    herd = HerdState(forward, np.ones(n), percept.species, percept.leader, percept.memory, percept.known)
-    seen = ByRow(percept.first, percept.near, percept.offset)
-    land = Land(percept.walls_first, percept.walls_offset, percept.guidance, np.zeros((n, 2)))
+    herd = frozen(HerdState(forward, np.ones(n), percept.species, percept.leader, percept.memory, percept.known))
+    seen = frozen(ByRow(percept.first, percept.near, percept.offset))
+    land = frozen(Land(percept.walls_first, percept.walls_offset, percept.guidance, np.zeros((n, 2))))
     herd_kernel(0, n, rows, DT, herd, seen, land, forces_of(params), direction)
     return direction[:, :2]
 

@@ -5,6 +5,8 @@ import pytest
 from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.models.herd import Params
 
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import evidence_of_truth
 from flockbrush.learning.perceive import perceive
 from flockbrush.learning.rollout import Walls, theta_of
 from flockbrush.learning.turn_kernels import _limited
@@ -19,8 +21,6 @@ from flockbrush.learning.turns import (
     thinned,
     turns_of,
 )
-from tests.foreign_herds import herd
-from tests.herd_film import evidence_of_truth
 
 WALLS = Walls(np.array([(2, 2, 3, 2), (3, 2, 3, 3), (3, 3, 2, 3), (2, 3, 2, 2)], float), np.zeros(4, np.int32))
 

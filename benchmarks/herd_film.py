@@ -1,8 +1,8 @@
 """Herds filmed from above, with the truth beside the film.
 
-`shoot` films a `Truth` (`tests.foreign_herds`) with a camera that drifts, turns and zooms, over textured ground, with
-noise and compression, and gives a `Film`: the file, and where every animal is in every frame.  `evidence_of_truth` is
-what a perfect observer would know.
+`shoot` films a `Truth` (`benchmarks.foreign_herds`) with a camera that drifts, turns and zooms, over textured ground,
+with noise and compression, and gives a `Film`: the file, and where every animal is in every frame.
+`evidence_of_truth` is what a perfect observer would know.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmarks.foreign_herds import HALF, RADIUS, Truth, units
 from flockbrush.render.picture_files import STEADY
-from tests.foreign_herds import HALF, RADIUS, Truth, units
 
 FINE = 6  # points to a pixel, along each side, that decide how much of it a body covers
 
