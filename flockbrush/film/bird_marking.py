@@ -20,7 +20,7 @@ from flockbrush.behaviours.formation.marks import HEADINGS, guess_heading, read_
 from flockbrush.engine.files import refused, write_text
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.birds_in_sky import Patch, carry, find_birds, read_pictures
-from flockbrush.levels.steps import Steps
+from flockbrush.levels.steps import StateStack
 
 REACH = 2.0  # wingspans that a bird may leave the flock's movement from one frame to the next
 NEAR = 0.6  # wingspans: a mark so near to a bird that was found is on it
@@ -58,14 +58,6 @@ class MarkingState(NamedTuple):
     touched: frozenset
 
 
-class MarkingStep(NamedTuple):
-    """What undo takes back: its name, where it happened, and how things were before."""
-
-    label: str
-    k: int
-    before: MarkingState
-
-
 @dataclass
 class MarkedFrame:
     """A picture, and what was found in it."""
@@ -99,7 +91,7 @@ def read_frames(paths, every=1, say=lambda done: None) -> list[MarkedFrame]:
     return frames
 
 
-class Album(Steps):
+class Album(StateStack):
     """The marks of all frames.
 
     Parameters
@@ -116,15 +108,12 @@ class Album(Steps):
     """
 
     def __init__(self, frames, wingspan=None):
-        super().__init__()
         self.frames = frames
         spans = [patch.span for frame in frames for patch in frame.found]
         usual = float(np.median(spans)) if spans else UNKNOWN_SPAN * min(frames[0].size)
         self.wingspan = float(wingspan or usual)
         first = {k: Mark(patch.x, patch.y) for k, patch in enumerate(frames[0].found)}
-        self.state = MarkingState((first,) + ({},) * (len(frames) - 1), frozenset())
-        self._carry_from(0)
-        self._saved = self.state
+        super().__init__(self._carried_on(MarkingState((first,) + ({},) * (len(frames) - 1), frozenset()), 0))
         self._shapes: dict = {}
 
     def __len__(self):
@@ -133,11 +122,6 @@ class Album(Steps):
     def birds(self, k) -> dict[int, Mark]:
         """The birds of frame k by number."""
         return {bird: mark for bird, mark in self.state.frames[k].items() if not mark.gone}
-
-    @property
-    def dirty(self):
-        """Whether there are corrections that are not saved."""
-        return self.state != self._saved
 
     def partly(self) -> dict[int, int]:
         """In how many frames those birds are that are not in all of them."""
@@ -177,28 +161,9 @@ class Album(Steps):
         here[one], here[other] = here[other], here[one]
         self._edit(f"birds {one} and {other} swapped", k, here)
 
-    def undo(self) -> tuple[str, int] | None:
-        """Take the last correction back; what it was, and in which frame."""
-        return self._step(self._done, self._undone)
-
-    def redo(self) -> tuple[str, int] | None:
-        """Do again what was taken back."""
-        return self._step(self._undone, self._done)
-
-    def _step(self, source, target):
-        if not source:
-            return None
-        label, k, state = source.pop()
-        target.append(MarkingStep(label, k, self.state))
-        self.state = state
-        return label, k
-
     def _edit(self, label, k, marks):
-        self._done.append(MarkingStep(label, k, self.state))
-        self._undone.clear()
         frames = (*self.state.frames[:k], dict(sorted(marks.items())), *self.state.frames[k + 1 :])
-        self.state = MarkingState(frames, self.state.touched | {k})
-        self._carry_from(k)
+        self.replace(label, k, self._carried_on(MarkingState(frames, self.state.touched | {k}), k))
 
     def _inside(self, k, x, y):
         wide, tall = self.frames[k].size
@@ -224,15 +189,15 @@ class Album(Steps):
 
     # carrying on ------------------------------------------------------------------------
 
-    def _carry_from(self, k):
-        """Work out the frames after frame k that nobody has touched, up to the first that somebody has."""
-        frames = list(self.state.frames)
+    def _carried_on(self, state, k):
+        """A state with the frames after frame k that nobody has touched, up to the first that somebody has."""
+        frames = list(state.frames)
         for j in range(k + 1, len(frames)):
-            if j in self.state.touched:
+            if j in state.touched:
                 break
             fresh = 1 + max((bird for marks in frames for bird in marks), default=-1)
             frames[j] = self._carried(frames[j - 1], self.frames[j], frames[j], fresh)
-        self.state = self.state._replace(frames=tuple(frames))
+        return state._replace(frames=tuple(frames))
 
     def _carried(self, before, frame, was, fresh):
         """The marks of a frame, from those of the frame before and what was found; new birds keep their number."""
@@ -334,7 +299,7 @@ class Album(Steps):
         if not set(self.birds(0)) - set(partly):
             raise refused(path, "was not written: at least one bird must be marked in every frame")
         write_text(path, self.text())
-        self._saved = self.state
+        self.saved = self.state
 
     def load(self, path):
         """Take up marks that were saved before; all their frames are then as a person left them.
@@ -362,8 +327,8 @@ class Album(Steps):
             frames[k] = dict(sorted((bird, self._on_found(k, mark)) for bird, mark in here.items()))
         self.state = MarkingState(tuple(frames), frozenset(touched))
         for k in sorted(touched):
-            self._carry_from(k)
-        self._saved = self.state
+            self.state = self._carried_on(self.state, k)
+        self.saved = self.state
 
     def _on_found(self, k, mark):
         """Whether a mark that was read is that of a bird that was found."""

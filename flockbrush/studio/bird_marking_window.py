@@ -10,15 +10,13 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton, UIHorizontalSlider, UIPanel
 
-from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.bird_marking import Album, Mark
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.style import rgb
 from flockbrush.render.text import words as written
-from flockbrush.studio.dialogs import Dialog
-from flockbrush.studio.plain_window import PlainWindow
 from flockbrush.studio.theme import chrome, px
 from flockbrush.studio.widgets import NO_MARGINS, icon_button, words
+from flockbrush.studio.window import Window
 
 HINT = "Click: add   Right click: remove   Drag a bird: move   Drag a number onto another bird: swap   Wheel: zoom"
 WAYS = ("auto", "up", "right", "down", "left")
@@ -50,7 +48,7 @@ class PictureView:
             self.shift[:] = 0
 
 
-class Marking(PlainWindow):
+class Marking(Window):
     """The window on an album.
 
     Parameters
@@ -93,7 +91,7 @@ class Marking(PlainWindow):
     def _build_top(self, rect):
         back = UIPanel(rect, 1, self.manager, margins=NO_MARGINS, object_id="@bar")
         side, pad = px(self.scale, 32), px(self.scale, 5)
-        x, self.buttons = pad, {}
+        x = pad
         for picture, tip, do in (
             ("undo", "Undo (Ctrl+Z)", self.undo), ("redo", "Redo (Ctrl+Shift+Z)", self.redo),
             ("save", "Save the marks (Ctrl+S)", self.save), ("fit", "Show the whole picture (0)", self.fit),
@@ -144,8 +142,10 @@ class Marking(PlainWindow):
             can = {self.undo: self.album.undo_label, self.redo: self.album.redo_label}.get(do, True)
             if bool(can) != button.is_enabled:
                 (button.enable if can else button.disable)()
-        star = " *" if self.album.dirty else ""
-        pygame.display.set_caption(f"{self.out}{star} – Marking – Flockbrush")
+        pygame.display.set_caption(self.title())
+
+    def title(self):
+        return f"{self.out}{' *' if self.album.dirty else ''} – Marking – Flockbrush"
 
     # one frame ---------------------------------------------------------------------------
 
@@ -239,34 +239,25 @@ class Marking(PlainWindow):
 
     # what a person does ---------------------------------------------------------------------
 
-    def _file(self):
-        return self.out
-
     def _key(self, key):
         step = {"left": -1, "right": 1, "pageup": -10, "pagedown": 10, "home": -len(self.album), "end": len(self.album)}
         does = {
             "ctrl+z": self.undo, "ctrl+shift+z": self.redo, "ctrl+y": self.redo, "ctrl+s": self.save, "0": self.fit,
-            "h": self.turn, "ctrl+q": self.ask_to_quit, "escape": self._let_go,
+            "h": self.turn, "ctrl+q": self.ask_to_quit, "escape": self.let_go,
         }  # fmt: skip
         if key in step:
             self.go(self.k + step[key])
         elif key in does:
             does[key]()
 
-    def _mouse(self, event):
-        if event.type == pygame_gui.UI_HORIZONTAL_SLIDER_MOVED and event.ui_element is self.slider:
-            self.go(round(event.value), slide=False)
-        elif event.type == pygame.MOUSEBUTTONDOWN and self.area.collidepoint(event.pos):
-            if not self.toasts.click(event.pos):
-                self._press(self._inside(event.pos), event.button)
-        elif event.type == pygame.MOUSEMOTION and self._held is not None:
-            self._drag(self._inside(event.pos))
-        elif event.type == pygame.MOUSEBUTTONUP and self._held is not None and event.button == self._held[4]:
-            self._drag(self._inside(event.pos))
-            self._release()
-        elif event.type == pygame.MOUSEWHEEL:
-            at = self._inside(pygame.mouse.get_pos())
-            self.view.wheel(event.y, at, self.album.frames[self.k].size, self.area)
+    def _of_parts(self, event):
+        if event.type != pygame_gui.UI_HORIZONTAL_SLIDER_MOVED or event.ui_element is not self.slider:
+            return False
+        self.go(round(event.value), slide=False)
+        return True
+
+    def _wheel(self, notches, at):
+        self.view.wheel(notches, at, self.album.frames[self.k].size, self.area)
 
     def _press(self, at, button):
         bird, number = self.bird_at(at), self._number_at(at)
@@ -304,8 +295,8 @@ class Marking(PlainWindow):
             what = "view"
         self._held = what, bird, start, at, button
 
-    def _release(self):
-        what, bird, _, at, _ = self._held
+    def _release(self, at):
+        what, bird = self._held[:2]
         far, self._held = self._far(), None
         if what == "sky":
             self._add(self._place(at))
@@ -320,9 +311,6 @@ class Marking(PlainWindow):
         wide, tall = self.album.frames[self.k].size
         if 0 <= place[0] < wide and 0 <= place[1] < tall:
             self.album.add(self.k, *place)
-
-    def _let_go(self):
-        self._held = None
 
     def go(self, k, slide=True):
         """Show another frame."""
@@ -354,24 +342,22 @@ class Marking(PlainWindow):
     def _after(self, step, how):
         self._held = None
         if step is not None:
-            self.go(step[1])
-            self.toasts.say(f"{step[0]}: {how}")
+            self.go(step.where)
+            self.toasts.say(f"{step.label}: {how}")
 
     def save(self) -> bool:
         """Write the marks; returns whether it worked."""
-        try:
-            self.album.save(self.out)
-        except ProblemsError as error:
-            self.toasts.say(error, "error")
-            return False
-        except OSError as error:
-            self.toasts.say(f"{self.out} was not written: {error.strerror or error}", "error")
+        if self.guarded(self._write) is None:
             return False
         count = len(set(self.album.birds(0)) - set(self.album.partly()))
         frames = f" in {len(self.album)} frames" if len(self.album) > 1 else ""
         self.toasts.say(f"{count} birds{frames} saved in {self.out}")
         self._tell_partly()
         return True
+
+    def _write(self):
+        self.album.save(self.out)
+        return self.out
 
     def _tell_partly(self):
         """Tell which birds are not marked in all frames; they are not saved."""
@@ -382,14 +368,14 @@ class Marking(PlainWindow):
             said = f"Dashed birds are not marked in all {len(self.album)} frames and will not be saved: {some}{more}"
             self.toasts.say(said, "warning")
 
-    def ask_to_quit(self):
-        """Close the window; ask first if there are unsaved marks."""
-        if not self.album.dirty:
-            self.quit()
-            return
-        answers = [("Save", self._save_and_quit), ("Discard changes", self.quit), ("Cancel", None)]
-        self.dialog = Dialog(self, "Quit", f"{self.out} has unsaved corrections.", answers)
+    @property
+    def unsaved(self):
+        """A sentence about corrections that are not saved, "" when all are."""
+        return f"{self.out} has unsaved corrections." if self.album.dirty else ""
 
-    def _save_and_quit(self):
-        if self.save():
-            self.quit()
+    def leave(self, keep=False):
+        """Unsaved corrections are saved if they are to be kept."""
+        if not keep or not self.album.dirty:
+            return ""
+        self.album.save(self.out)
+        return f"{self.out}: corrections were saved before the program ended"
