@@ -315,6 +315,7 @@ class RemoveThing(OfThing):
 
     kind: str
     id: int
+    name: str = ""  # of one whose id is 0, which is in no level file
 
     def check(self, world):
         need(self.kind in KINDS, f"there is no {self.kind!r} to remove{did_you_mean(self.kind, list(KINDS))}")
@@ -330,7 +331,9 @@ class RemoveThing(OfThing):
 
     def there(self, world):
         """Index of the thing, or None."""
-        return next((k for k, thing in enumerate(_things(world, self.kind, self.id)) if thing.id == self.id), None)
+        things = _things(world, self.kind, self.id)
+        same = (thing.id == self.id and self.name in ("", thing.name) for thing in things)
+        return next((k for k, mine in enumerate(same) if mine), None)
 
     def ground_box(self, world):
         if self.kind not in ("obstacle", "exit", "spawn"):
@@ -380,7 +383,7 @@ def as_command(world, kind, number):
 
 def away_by_id(kind):
     """How a thing of a kind is taken away."""
-    return lambda thing, at, n: RemoveThing(kind, thing.id)
+    return lambda thing, at, n: RemoveThing(kind, thing.id, "" if thing.id else thing.name)
 
 
 def _draw_guide(g, at):

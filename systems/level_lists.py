@@ -42,8 +42,9 @@ class TouchedThings(NamedTuple):
         for n, (was, now) in enumerate(zip(before, lists_of(world, self.kind), strict=True)):
             stays = {id(thing) for thing in was} & {id(thing) for thing in now}
             gone = [(k, thing) for k, thing in enumerate(was) if id(thing) not in stays]
-            changed = {thing.id for _, thing in gone if thing.id}
-            new = [(k, thing) for k, thing in enumerate(now) if id(thing) not in stays and thing.id not in changed]
+            changed = {thing.id or thing.name for _, thing in gone}
+            added = [(k, thing) for k, thing in enumerate(now) if id(thing) not in stays]
+            new = [(k, thing) for k, thing in added if (thing.id or thing.name) not in changed]
             out += [known.away(thing, k, n) for k, thing in reversed(new)]
             for k, thing in gone:
                 put = known.put(thing, k)

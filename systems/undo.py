@@ -74,7 +74,7 @@ class TouchedAnimals(NamedTuple):
 
     def back(self, world, taken):
         first, ids, again = taken
-        returned = np.setdiff1d(world.agents.ids, ids).tolist()
+        returned = np.setdiff1d(world.agents.ids, ids, assume_unique=True).tolist()
         new = sorted({*returned, *range(first, world.next_entity)})
         return [*([RemoveEntities(new)] if new else []), *again]
 
