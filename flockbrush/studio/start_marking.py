@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from flockbrush.engine.files import claimed
-from flockbrush.film.bird_marking import Album, name_for, read_frames
+from flockbrush.film.picture_marks import PictureBook, PictureFilm
 from flockbrush.runs.terminal import USAGE, Interrupts, compiling, progress, say
 from flockbrush.studio.start import missing_display, size_of, stay
 
@@ -23,16 +25,14 @@ def mark_birds(paths, out=None, every=1, theme=None, size="1280x720", frames=Non
     ProblemsError
         When a picture or the marks cannot be read, or could not be written.
     """
-    place, out = size_of(size), out or name_for(paths)
+    place, out = size_of(size), out or Path(f"{Path(paths[0]).stem}.marks.csv")
     with claimed([out], paths), Interrupts() as interrupts, compiling():
         with progress("detecting birds", len(paths)) as moved:
-            album = Album(read_frames(paths, every, moved))
-        if out.exists():
-            album.load(out)
+            book = PictureBook(PictureFilm(paths, every, moved), out)
         if missing_display():
             say(NO_SCREEN)
             return USAGE
-        from flockbrush.studio.bird_marking_window import Marking
+        from flockbrush.studio.film.clip_window import ClipWindow
 
-        stay(Marking(album, out, place, theme), interrupts, frames)
+        stay(ClipWindow(book, place, theme), interrupts, frames)
     return 0

@@ -10,17 +10,19 @@ import pygame
 from pygame_gui.elements import UIButton, UIPanel
 
 from flockbrush.film.clip_document import Book
+from flockbrush.film.clip_frames import Film, Sky
 from flockbrush.film.clip_jobs import ClipJob
 from flockbrush.render.canvas import Canvas
-from flockbrush.studio.bird_marking_window import PictureView
 from flockbrush.studio.film.bird_tool import BirdsMode
 from flockbrush.studio.film.body_tool import BodyMode
 from flockbrush.studio.film.clip_column import ClipColumn, chosen
 from flockbrush.studio.film.clip_look import LookMode
+from flockbrush.studio.film.formation_tool import FormationMode
 from flockbrush.studio.film.frame_strip import FilmBar
 from flockbrush.studio.film.landmark_tool import LandmarksMode
 from flockbrush.studio.film.lifting import Lifting
 from flockbrush.studio.film.mask_tool import PaintMode
+from flockbrush.studio.film.picture_view import PictureView
 from flockbrush.studio.film.sketch_tool import SketchMode
 from flockbrush.studio.theme import chrome, px
 from flockbrush.studio.widgets import NO_MARGINS, icon_button
@@ -28,6 +30,7 @@ from flockbrush.studio.window import Window
 
 MODES = (LookMode, LandmarksMode, PaintMode, BodyMode, BirdsMode, SketchMode)
 OF_THE_SKY = (LookMode, SketchMode)  # where there is no film
+OF_PICTURES = (FormationMode,)
 
 
 class ClipWindow(Window):
@@ -56,7 +59,9 @@ class ClipWindow(Window):
         self.lifting = Lifting(self, camera)
         self._shown: tuple = ()
         self._late = 0.0  # s that playing is ahead of the frame shown
-        self.modes = [kind(self) for kind in (MODES if self.film.path is not None else OF_THE_SKY)]
+        filmed = isinstance(self.film, Film)
+        kinds = MODES if filmed else OF_THE_SKY if isinstance(self.film, Sky) else OF_PICTURES
+        self.modes = [kind(self) for kind in kinds]
         self.mode = next((one for one in self.modes if one.name == mode), self.modes[0])
         self.open(size)
 
@@ -248,8 +253,9 @@ class ClipWindow(Window):
         does = {
             "ctrl+z": self.undo, "ctrl+shift+z": self.redo, "ctrl+y": self.redo, "ctrl+s": self.save, "0": self.fit,
             "space": self.toggle_play, "ctrl+q": self.ask_to_quit, "escape": self.let_go, "ctrl+c": self.copy_line,
-            "i": self.use_from, "o": self.use_to,
         }  # fmt: skip
+        if isinstance(self.film, Film):
+            does |= {"i": self.use_from, "o": self.use_to}
         if self.mode.key(key):
             pass
         elif key in step:
@@ -384,5 +390,4 @@ class ClipWindow(Window):
         self.mode.leave()
         if not keep or not self.book.dirty:
             return ""
-        self.book.save()
-        return f"{self.book.place('marks.toml')}: marks were saved before the program ended"
+        return f"{', '.join(map(str, self.book.save()))}: marks were saved before the program ended"

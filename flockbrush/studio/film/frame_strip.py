@@ -52,7 +52,7 @@ class FilmBar:
         if wanted != self._icon:
             self._icon = wanted
             set_icon(app, self.play, wanted)
-        self.clock.say(f"frame {app.k} of {len(app.film) - 1}   {app.film.time(app.k):.2f} s")
+        self.clock.say(app.film.caption(app.k))
         job = app.jobs_said()
         self.hint.say(job or app.mode.hint)
 
