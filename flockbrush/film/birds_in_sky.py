@@ -222,6 +222,11 @@ class Mark(NamedTuple):
     gone: bool = False  # a person has said that this is no bird; it is followed so that it does not come back
 
 
+def is_found(x, y, patches):
+    """Whether a mark is exactly on one of the birds that were found, as far as files keep it."""
+    return any(abs(patch.x - x) < 0.1 and abs(patch.y - y) < 0.1 for patch in patches)
+
+
 class PictureTracker:
     """Follows the birds of a few pictures, as `flockbrush.film.tracking.Tracker` does those of films.
 
@@ -266,7 +271,7 @@ class PictureTracker:
 
     def _as_told(self, now, found):
         """The birds of a picture that a person knows, and what is followed though it is no bird."""
-        places = {bird: Mark(x, y, self._on(x, y, found)) for bird, x, y in self.seeds[self.frame]}
+        places = {bird: Mark(x, y, is_found(x, y, found)) for bird, x, y in self.seeds[self.frame]}
         told = {bird: mark for bird, mark in now.items() if mark.gone and not self._on(*mark[:2], places.values())}
         if self.frame in self.corrected:
             taken = [*places.values(), *told.values()]

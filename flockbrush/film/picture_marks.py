@@ -18,7 +18,7 @@ from flockbrush.behaviours.formation.marks import HEADINGS, guess_heading, read_
 from flockbrush.engine.files import refused, write_text
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.bird_marks import Birds, PictureFollower
-from flockbrush.film.birds_in_sky import find_birds, read_pictures
+from flockbrush.film.birds_in_sky import find_birds, is_found, read_pictures
 from flockbrush.film.clip_document import Book
 
 UNKNOWN_SPAN = 1 / 30  # of the picture's shorter side, where no bird was found
@@ -182,12 +182,9 @@ class PictureBook(Book):
 
     def _by(self, k, bird, x, y):
         """Who says that a bird is there: "hand", "found" or "carried"."""
-        if self._is_found(k, x, y):
+        if is_found(x, y, self.film.found[k]):
             return "found"
         return "hand" if bird in self.state.birds.corrections.get(k, {}) else "carried"
-
-    def _is_found(self, k, x, y):
-        return any(abs(p.x - x) < 0.1 and abs(p.y - y) < 0.1 for p in self.film.found[k])
 
     def save(self) -> list[Path]:
         """Write the marks, whole or not at all.

@@ -59,6 +59,23 @@ def test_a_bird_that_is_removed_does_not_come_back_in_later_frames(tmp_path, ope
     assert window.book.state.birds.partly() == {2: 1}
 
 
+def test_a_bird_that_is_removed_is_gone_from_later_frames_that_were_corrected(tmp_path, open_window):
+    window = open_window(film(tmp_path))
+    window.key("end")
+    window.click((30, 260))
+    window.key("home")
+    window.click(V[2], button=3)
+    assert [2 in places(window, k) for k in range(4)] == [False] * 4
+    assert [len(places(window, k)) for k in range(4)] == [8, 8, 8, 9]
+
+
+def test_a_mark_beside_another_bird_is_carried_on(tmp_path, open_window):
+    window = open_window(film(tmp_path))
+    x, y = V[3]
+    window.book.do("add", "formation", 0, birds=window.book.state.birds.put(0, 9, x, y + 10))
+    assert [places(window, k)[9] for k in range(4)] == [(x + 3 * k, y + 10 + 2 * k) for k in range(4)]
+
+
 def test_a_bird_that_is_dragged_is_there_and_goes_on_from_there(tmp_path, open_window):
     window = open_window(film(tmp_path))
     window.drag(V[0], (60, 120))
