@@ -446,7 +446,7 @@ class LiftWindow(Window):
         level = self.show.formation_level(self.k, path)
         brush = level.name.removesuffix(".tmj")
         options = StartOptions(str(level), brush, theme=self.theme.name)
-        self.open_over(opening_of(options, self.screen.get_size(), self))
+        self.open_over(opening_of(options, self.screen.get_size()))
 
 
 def _thirds(count):

@@ -10,6 +10,7 @@ from flockbrush.studio.theme import chrome, font, px, scale_of
 from flockbrush.studio.window import Window
 
 PATIENCE = 1.5  # s after which it is told why this takes so long
+OPENING = "Opening the level …", "Compiling kernels (only at the first start) …"
 FEW = 8  # animals of the herd that tries all kernels
 
 
@@ -24,19 +25,17 @@ class Opening(Window):
         What takes long.
     then : callable
         Called with the result of the work and the size of the window; returns the window to show.
-    over : Window, optional
-        It shows a message when something goes wrong, which is raised otherwise.
-    doing : str
-        What the window says.
+    doing : (str, str)
+        What the window says, and what it says after some time.
     """
 
     smallest = 1, 1
     rate = 30
     counted = False
 
-    def __init__(self, title, size, theme, work, then, over=None, doing="Opening the level …"):
+    def __init__(self, title, size, theme, work, then, doing=OPENING):
         super().__init__(theme)
-        self.name, self.work, self.then, self.over, self.doing = title, work, then, over, doing
+        self.name, self.work, self.then, self.doing = title, work, then, doing
         self.seconds, self.result, self.error = 0.0, None, None
         self.open(size)
         self._thread = threading.Thread(target=self._do, name="opening", daemon=True)
@@ -60,15 +59,9 @@ class Opening(Window):
             self.draw(self.seconds)
         elif self.running:
             self.quit()
-            if self.over is None:
-                self._finish()
-            else:
-                self.over.guarded(self._finish)
-
-    def _finish(self):
-        if self.error is not None:
-            raise self.error
-        self.open_over(self.then(self.result, self.screen.get_size()))
+            if self.error is not None:
+                raise self.error
+            self.open_over(self.then(self.result, self.screen.get_size()))
 
     def _is_of_controls(self, event):
         """There are no controls, and nothing to be done by hand."""
@@ -80,7 +73,7 @@ class Opening(Window):
         scale = scale_of(screen.get_size())
         width, height = screen.get_size()
         screen.fill(c.panel)
-        why = "Compiling kernels (only at the first start) …" if seconds > PATIENCE else self.doing
+        why = self.doing[seconds > PATIENCE]
         for text, size, colour, y in ((self.name, 24, c.ink, -30), (why, 14, c.muted, 8)):
             words = font(px(scale, size), size > 20).render(text, True, colour)
             screen.blit(

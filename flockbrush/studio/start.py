@@ -71,13 +71,13 @@ def stay(window, interrupts, frames=None):
     interrupts.check()
 
 
-def opening_of(wishes, size, over=None):
-    """The window that reads a level or a recording and then shows the playground, over another window if given."""
+def opening_of(wishes, size):
+    """The window that reads a level or a recording and then shows the playground."""
     from flockbrush.studio.opening import Opening
 
     return Opening(
         Path(wishes.level).stem, size, wishes.theme, lambda: _open(wishes),
-        lambda session, size: _playground(session, wishes, size), over,
+        lambda session, size: _playground(session, wishes, size),
     )  # fmt: skip
 
 

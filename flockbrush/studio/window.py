@@ -111,14 +111,18 @@ class Window:
     def run(self, frames=None, stop=lambda: False):
         """Run the main loop until the window is closed, for some frames, or until `stop()`.
 
-        A window that is opened over this one runs until it is closed; then this one goes on.
+        A window that is opened over this one runs until it is closed, or fails; then this one goes on.
         """
         clock, shown, ended_well = pygame.time.Clock(), [self], False
         self.started()
         try:
             while shown and frames != 0 and not stop():
                 top = shown[-1]
-                top.frame(min(clock.tick(top.rate) / 1000, 0.25))
+                dt = min(clock.tick(top.rate) / 1000, 0.25)
+                if len(shown) > 1:
+                    shown[-2].guarded(top.frame_or_quit, dt)
+                else:
+                    top.frame(dt)
                 frames = None if frames is None else frames - top.counted
                 self._next_window(shown, top)
             ended_well = not stop()
@@ -146,6 +150,14 @@ class Window:
     def frame(self, dt):
         """Run one frame, `dt` seconds after the last one, without waiting."""
         raise NotImplementedError
+
+    def frame_or_quit(self, dt):
+        """Run one frame; if it fails, the window is closed."""
+        try:
+            self.frame(dt)
+        except Exception:
+            self.quit()
+            raise
 
     def open_over(self, window):
         """Show another window in place of this one until it is closed."""
@@ -198,7 +210,7 @@ class Window:
         try:
             return do(*arguments)
         except Exception as error:
-            if debugging():
+            if debugging() and not isinstance(error, (ProblemsError, OSError)):
                 raise
             self.notify(said(error), "error")
         return None

@@ -252,12 +252,18 @@ def test_a_window_opened_over_another_gives_way_to_it_again():
     below.close()
 
 
-def test_what_cannot_be_opened_over_a_window_is_a_message_there():
+def test_what_fails_over_a_window_is_a_message_there(monkeypatch):
+    monkeypatch.delenv("FLOCKBRUSH_DEBUG", raising=False)
     window = Shown((400, 300), 4)
-    opening = Opening("x", (400, 300), "light", lambda: [].remove(1), Shown, over=window)
+    opening = Opening("x", (400, 300), "light", lambda: [].remove(1), Shown)
     window.open_over(opening)
     window.run()
     assert "list.remove" in window.toasts.log[-1].text and window.left == 0
+    window, above = Shown((400, 300), 4), Shown((400, 300), 9)
+    window.open_over(above)
+    above.events = lambda: 1 / 0
+    window.run()
+    assert "ZeroDivisionError" in window.toasts.log[-1].text and (window.left, above.kept) == (0, False)
     opening = Opening("x", (400, 300), "light", lambda: [].remove(1), Shown)
     with pytest.raises(ValueError, match="list.remove"):
         opening.run()

@@ -69,6 +69,6 @@ class Lifting:
         window.open_over(
             Opening(
                 tracks.name, size, theme, lambda: open_show(tracks, camera),
-                lambda show, size: LiftWindow(show, size, theme), window, "Lifting the flock …",
+                lambda show, size: LiftWindow(show, size, theme), ("Lifting the flock …",) * 2,
             )
         )  # fmt: skip
