@@ -12,7 +12,6 @@ from flockbrush.engine.commands import from_record
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.render.style import THEMES, theme_of
-from flockbrush.studio.dialogs import Dialog
 from flockbrush.studio.forms import Form, FormRow, blank, changed, live_commands, number, rows_of, said
 from flockbrush.studio.help import Help
 from flockbrush.studio.tools.world_tools import KINDS, SPOKEN, free_name
@@ -403,36 +402,18 @@ class Deeds:
 
     def ask_text(self, title, question, default, on_ok):
         """Ask for a text and call a function with it."""
-        self.open_dialog(Dialog(self, title, question, [("OK", on_ok), ("Cancel", None)], default))
+        self.ask(title, question, [("OK", on_ok), ("Cancel", None)], default)
 
-    def ask(self, title, question, answers):
-        """Ask a question with some answers (text, function or None); the first is the default."""
-        self.open_dialog(Dialog(self, title, question, answers))
-
-    def open_dialog(self, dialog):
-        """Show a dialog in place of the one that is open."""
-        self.let_go()
-        if self.dialog is not None and self.dialog.alive():
-            self.dialog.kill()
-        self.dialog = dialog
-
-    def ask_to_quit(self):
-        """Close the window; ask first if there are unsaved changes."""
-        if not self.session.dirty:
-            self.quit()
-            return
-        answers = [("Save", self._save_and_quit), ("Discard changes", self.quit), ("Cancel", None)]
-        self.ask("Quit", f"{self.level_name()} has unsaved changes.", answers)
+    @property
+    def unsaved(self):
+        """A sentence about what is not saved, "" when everything is."""
+        return f"{self.level_name()} has unsaved changes." if self.session.dirty else ""
 
     def _save_and_quit(self):
         if self.session.lent:
             self.save_as(then=self.quit)
         elif self._save(None):
             self.quit()
-
-    def quit(self):
-        """Close the window after this frame."""
-        self.running = False
 
 
 def stamp():

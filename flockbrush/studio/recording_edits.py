@@ -108,13 +108,12 @@ class RecordingEdits:
     @property
     def undo_label(self):
         """What undo takes back, or None."""
-        layer = self.file.layer(self.file.order[-1]) if self.file.order else None
-        return None if layer is None else sentence_of(layer.edits[-1])
+        return self.file.undo_label
 
     @property
     def redo_label(self):
         """What redo makes again, or None."""
-        return sentence_of(self.file.undone[-1][1]) if self.file.undone else None
+        return self.file.redo_label
 
     def switch(self, name, on):
         """Switch a layer on or off."""

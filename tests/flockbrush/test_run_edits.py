@@ -365,7 +365,7 @@ def test_a_file_comes_back_as_it_was_written(cli, run):
     file.save()
     assert file.path.read_bytes() == text
     again = edits_of(run)
-    assert (again.layers, again.order, again.undone) == (file.layers, file.order, file.undone)
+    assert (again.layers, again.done, again.undone) == (file.layers, file.done, file.undone)
 
 
 # exports ------------------------------------------------------------------------------------

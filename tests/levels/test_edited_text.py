@@ -82,7 +82,7 @@ def back_and_forth(edit):
     while edit.redo_label:
         edit.redo()
     end = edit.text()
-    steps = len(edit._done)
+    steps = len(edit.done)
     while edit.undo_label:
         edit.undo()
     for _ in range(steps):

@@ -11,6 +11,7 @@ from flockbrush.lifting.flight_show import Show, with_wish
 from tests.flock_in_v import SPAN, geese, seen, written
 from tests.play.window import MODS
 
+from flockbrush.studio.app import App  # isort: skip
 from flockbrush.studio.lift_window import SETTLE, SLIDERS, LiftWindow  # isort: skip  # the window of the tests has no screen
 
 
@@ -159,15 +160,17 @@ def test_a_name_with_a_wrong_ending_is_told(window, tmp_path):
     assert any("the file extension of a flight" in toast.text for toast in window.toasts.log)
 
 
-def test_the_birds_of_a_frame_become_a_brush_and_a_level(window, tmp_path, monkeypatch):
+def test_the_birds_of_a_frame_become_a_brush_and_a_level_that_is_played_in_its_place(window, tmp_path, monkeypatch):
     window.step(25)
-    monkeypatch.setattr(window, "command", lambda level: ["true"])
+    played = []
+    monkeypatch.setattr(App, "frame", lambda app, dt: (played.append((app.level_name(), app.brush)), app.quit()))
     window.key("b")
     dialog = window.dialog
     assert dialog.entry.get_text().endswith("tracks-v.brush.toml")
     dialog.answer(list(dialog.answers)[1])
     assert (tmp_path / "tracks-v.tmj").is_file() and (tmp_path / "brushes" / "tracks-v.brush.toml").is_file()
-    window.frame(1 / 30)
+    window.run(frames=3)
+    assert played == [("tracks-v", "tracks-v")] and window.running
 
 
 def test_a_flight_that_was_only_read_is_shown_without_sliders_of_the_solve(window, tmp_path):

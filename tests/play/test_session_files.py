@@ -130,7 +130,7 @@ def test_undo_goes_on_where_the_herd_cannot_follow(session, monkeypatch):
     session.do("rock", [rock(session.editor.new_id())])
     before = session.editor.text()
     session.do("guide", [DrawGuide(session.editor.new_id(), "way", [[2, 2], [9, 2]])])
-    monkeypatch.setattr(session.editor._done[-1], "back", [RemoveAnimals(6, 8, 1, "cow")])
+    monkeypatch.setattr(session.editor.done[-1], "back", [RemoveAnimals(6, 8, 1, "cow")])
     assert session.undo() and session.editor.text() == before
     assert "undone in the level, but not in the running herd: there is no species 'cow'" in texts(session)[0]
 
