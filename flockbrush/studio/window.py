@@ -62,6 +62,7 @@ class Window:
         self.buttons: dict = {}
         self._held: tuple | None = None  # what the mouse holds
         self._letter = ""  # of the key that has opened the dialog; it comes once more, as text
+        self.failed = False  # whether it was closed by an exception
         self._over: Window | None = None  # to be opened over this one
 
     # making the window -------------------------------------------------------------
@@ -137,7 +138,7 @@ class Window:
         if not top.running:
             shown.pop()
             if top is not self:
-                top.leave_saying()
+                top.leave_saying(keep=top.failed)
         if over is not None:
             shown.append(over)
             over.started()
@@ -152,10 +153,11 @@ class Window:
         raise NotImplementedError
 
     def frame_or_quit(self, dt):
-        """Run one frame; if it fails, the window is closed."""
+        """Run one frame; if it fails, the window is closed, and unsaved changes are kept."""
         try:
             self.frame(dt)
         except Exception:
+            self.failed = True
             self.quit()
             raise
 
