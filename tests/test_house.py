@@ -299,6 +299,17 @@ def test_the_name_of_a_class_has_one_meaning():
     }
 
 
+def test_there_is_one_main_loop_one_undo_stack_and_no_inverse_of_a_command():
+    sources = {named(path): path.read_text(encoding="utf-8") for path in files(*ROOMS)}
+
+    def having(*words):
+        return {file for file, source in sources.items() if any(word in source for word in words)}
+
+    assert having("pygame.event.get", "pygame.time.Clock") == {"flockbrush/studio/window.py"}
+    assert having("undone.append", "undone.pop") <= {"flockbrush/runs/edit_file.py"}  # which reads them from a file
+    assert having("def inverse(") == set()
+
+
 COMPILERS = (
     "njit",
     "cache",

@@ -56,6 +56,7 @@ def play_level(wishes: StartOptions) -> int:
             say(NO_SCREEN.format(error))
             return USAGE
         stay(opening, interrupts, wishes.frames)
+        interrupts.check()
     return 0
 
 
@@ -68,7 +69,6 @@ def stay(window, interrupts, frames=None):
         ended_well = not interrupts.asked
     finally:
         window.close(keep=not ended_well)
-    interrupts.check()
 
 
 def opening_of(wishes, size):

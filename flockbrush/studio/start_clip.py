@@ -69,6 +69,7 @@ def mark_clip(clip, out=None, tracks=None, camera=None, mode=None, theme=None, s
             _tell_next(book, camera)
         finally:
             film.close()
+        interrupts.check()
     return 0
 
 

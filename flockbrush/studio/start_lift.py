@@ -39,4 +39,5 @@ def show_flight(path, camera=None, theme=None, size="1280x720", frames=None, loo
         from flockbrush.studio.lift_window import LiftWindow
 
         stay(LiftWindow(show, place, theme), interrupts, frames)
+        interrupts.check()
     return 0

@@ -35,4 +35,5 @@ def mark_birds(paths, out=None, every=1, theme=None, size="1280x720", frames=Non
         from flockbrush.studio.film.clip_window import ClipWindow
 
         stay(ClipWindow(book, place, theme), interrupts, frames)
+        interrupts.check()
     return 0

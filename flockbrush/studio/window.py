@@ -63,6 +63,7 @@ class Window:
         self.buttons: dict = {}
         self._held: tuple | None = None  # what the mouse holds
         self._opening_key = OpeningKey()
+        self.failed = False  # whether it was closed by an exception
         self._over: Window | None = None  # to be opened over this one
 
     # making the window -------------------------------------------------------------
@@ -138,7 +139,7 @@ class Window:
         if not top.running:
             shown.pop()
             if top is not self:
-                top.leave_saying()
+                top.leave_saying(keep=top.failed)
         if over is not None:
             shown.append(over)
             over.started()
@@ -153,10 +154,11 @@ class Window:
         raise NotImplementedError
 
     def frame_or_quit(self, dt):
-        """Run one frame; if it fails, the window is closed."""
+        """Run one frame; if it fails, the window is closed, and unsaved changes are kept."""
         try:
             self.frame(dt)
         except Exception:
+            self.failed = True
             self.quit()
             raise
 

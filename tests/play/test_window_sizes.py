@@ -263,7 +263,7 @@ def test_what_fails_over_a_window_is_a_message_there(monkeypatch):
     window.open_over(above)
     above.events = lambda: 1 / 0
     window.run()
-    assert "ZeroDivisionError" in window.toasts.log[-1].text and (window.left, above.kept) == (0, False)
+    assert "ZeroDivisionError" in window.toasts.log[-1].text and (window.left, above.kept) == (0, True)
     opening = Opening("x", (400, 300), "light", lambda: [].remove(1), Shown)
     with pytest.raises(ValueError, match="list.remove"):
         opening.run()
