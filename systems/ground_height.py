@@ -109,23 +109,33 @@ def shorten_on_slopes(order, x, y, step, most, hills, cut):
 
 
 @njit(cache=True, nogil=True)
-def round_steep_ground(lo, hi, xyz, forward, wish, ahead, hills, turned):
-    """Turn wishes (n, 3) that lead onto too steep ground, ``ahead`` (n,) m away, to the nearest way that does not.
+def round_steep_ground(hills, i, x, y, dx, dy, fx, fy):
+    """(dx, dy), or where it leads row i onto too steep ground, the nearest step as long that does not, else none.
 
-    Of two that are as near, to the one on the side to which the animal faces.
+    Of two that are as near, the one on the side to which the animal faces, (fx, fy).
     """
+    steepest = hills.steepest[i]
+    if not is_too_steep(hills, x, y, dx, dy, steepest):
+        return dx, dy
+    side = 1.0 if dx * fy - dy * fx >= 0.0 else -1.0
+    for k in range(2, 2 * TURNS + 2):
+        sine, cosine = sincos_((side if k % 2 == 0 else -side) * TURN * (k // 2))
+        ex, ey = cosine * dx - sine * dy, sine * dx + cosine * dy
+        if not is_too_steep(hills, x, y, ex, ey, steepest):
+            return ex, ey
+    return 0.0, 0.0
+
+
+@njit(cache=True, nogil=True)
+def turn_from_steep_ground(lo, hi, xyz, forward, wish, ahead, hills, turned):
+    """Write wishes (n, 3), turned where they lead onto too steep ground, ``ahead`` (n,) m away."""
     for i in range(lo, hi):
-        x, y, gx, gy, steepest = xyz[i, 0], xyz[i, 1], wish[i, 0], wish[i, 1], hills.steepest[i]
-        turned[i, 0], turned[i, 1], turned[i, 2] = gx, gy, wish[i, 2]
-        if ahead[i] <= 0.0 or not is_too_steep(hills, x, y, ahead[i] * gx, ahead[i] * gy, steepest):
-            continue
-        side = 1.0 if gx * forward[i, 1] - gy * forward[i, 0] >= 0.0 else -1.0
-        for k in range(2, 2 * TURNS + 2):
-            sine, cosine = sincos_((side if k % 2 == 0 else -side) * TURN * (k // 2))
-            wx, wy = cosine * gx - sine * gy, sine * gx + cosine * gy
-            if not is_too_steep(hills, x, y, ahead[i] * wx, ahead[i] * wy, steepest):
-                turned[i, 0], turned[i, 1] = wx, wy
-                break
+        far = ahead[i]
+        turned[i, 0], turned[i, 1], turned[i, 2] = wish[i, 0], wish[i, 1], wish[i, 2]
+        dx, dy = far * wish[i, 0], far * wish[i, 1]
+        ex, ey = round_steep_ground(hills, i, xyz[i, 0], xyz[i, 1], dx, dy, forward[i, 0], forward[i, 1])
+        if (ex != dx or ey != dy) and (ex != 0.0 or ey != 0.0):
+            turned[i, 0], turned[i, 1] = ex / far, ey / far
 
 
 @njit(cache=True, nogil=True)

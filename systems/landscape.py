@@ -178,8 +178,8 @@ class Landscape:
         return steepness_of(self.relief[..., 0], self.relief_cell)
 
     def hills_for(self, steepest):
-        """`Hills` for animals that walk up to these slopes (n,); None where the ground is level."""
-        return Hills(self.heights, self.steepness, steepest) if self.hilly else None
+        """`Hills` for animals that walk up to these slopes (n,)."""
+        return Hills(self.heights, self.steepness, steepest)
 
     @functools.cached_property
     def hilly(self):
