@@ -145,6 +145,7 @@ def test_a_brush_that_another_program_is_learning_is_left_to_it(cli, films, quic
 
     import flockbrush.learning.learn as learning
 
+    monkeypatch.setattr(learning, "write_report", lambda *_: None)  # its charts take seconds
     out, report = tmp_path / "lambs.brush.toml", tmp_path / "report"
     meanwhile = []
 

@@ -10,6 +10,9 @@ from heavy import MAKERS, MOST, filled, heavy
 FILLED = {  # name: kind of file, its bytes, and what is written again and again, before and after
     "flight_of_mistakes": ("flights", MOST, b"0,bird,1,1,high\n", b"frame,id,x,y,z\n"),
     "formation_of_lists": ("formations", 16 << 20, b"[],", b"[", b"0]"),
+    "species_too_long": ("species", MOST, b"a = 1\n"),  # all texts of this form are read in one way
+    "program_too_long": ("programs", MOST, b"a = 1\n"),
+    "camera_too_long": ("cameras", MOST, b"a = 1\n"),
     "session_of_lists": ("sessions", MOST, b"[],", b"[", b"0]"),
     "trials_of_lists": ("trials", MOST, b"[],", b"[", b"0]"),
     "settings_of_lists": ("settings", MOST, b"[],", b"[", b"0]"),
@@ -26,13 +29,6 @@ for _name, (_kind, _size, *_parts) in FILLED.items():
 def brush_of_tables(path, kind):
     text = "".join(f"[t{k}]\na={{b=[[],[]]}}\n" for k in range(45_000))
     path.write_bytes(kind.sound[0] + text.encode()[: (1 << 20) - len(kind.sound[0]) - 1000])
-
-
-def of_lists(path, kind):
-    path.write_bytes(kind.sound[0] + b"\nzz=[" + b"[]," * 340_000 + b"[]]\n")
-
-
-MAKERS |= {f"{kind}_of_lists": (kind, of_lists) for kind in ("species", "programs", "cameras")}
 
 
 def sweep_with(kind, **values):
@@ -59,12 +55,10 @@ def sweep_of_many_combinations(path, kind):
 
 @heavy("journals")
 def journal_of_rows(path, kind):
-    head, row = kind.sound[0].splitlines()[:2]
-    row = json.loads(row)
-    with open(path, "wb") as file:
-        file.write(head + b"\n")
-        while file.tell() < MOST - 1000:
-            file.write(b"".join(json.dumps(row | {"seed": k}).encode() + b"\n" for k in range(1000)))
+    """Runs of as many seeds as there is room for in a third of the file; in memory each takes more than in it."""
+    head, row = kind.sound[0].decode().splitlines()[:2]
+    before, after = json.dumps(json.loads(row) | {"seed": "SEED"}).split('"SEED"')
+    table(path, f"{head}\n".encode(), 10**7, lambda k: f"{before}{k}{after}\n", MOST // 3)
 
 
 def table(path, head, count, row, size=MOST):
